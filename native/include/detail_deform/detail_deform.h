@@ -1,0 +1,197 @@
+/* SPDX-License-Identifier: GPL-3.0-or-later */
+
+/* Detail Deform: detail-preserving surface deformation, after
+ *
+ *   M. Botsch, R. Sumner, M. Pauly, M. Gross: Deformation Transfer for Detail-Preserving Surface
+ *   Editing. Vision, Modeling and Visualization 2006.
+ *
+ * Equation numbers below are the paper's. This header is the whole interface and its documentation.
+ *
+ * Use
+ *   A triangle mesh and a role for each vertex (free, fixed, or moved by handle k) are *bound* once;
+ *   the bound deformer then turns handle matrices into vertex positions, many times a second:
+ *
+ *     dd_bind* bind;
+ *     dd_deformer* deformer;
+ *     dd_bind_start(positions, 3 * n, triangles, 3 * m, roles, n, handle_count, NULL, &bind);
+ *     while (dd_bind_poll(bind, &progress) == DD_OK && progress.state == DD_BIND_RUNNING) ...wait...
+ *     dd_bind_finish(bind, &deformer);
+ *     dd_bind_free(bind);
+ *     dd_deformer_update(deformer, matrices, 12 * handle_count, NULL, out, 3 * n);
+ *     dd_deformer_free(deformer);
+ *
+ * Errors
+ *   Functions that can fail return a dd_status. On anything but DD_OK, dd_last_message() gives one
+ *   sentence that says what is wrong, where, and what to do. Outputs are written only on DD_OK.
+ *   No C++ exception leaves the library and no input makes it abort.
+ *
+ * Ownership
+ *   All arrays belong to the caller and are only read or written during the call (dd_bind_start
+ *   copies its inputs). Every array comes with its number of elements, which is checked.
+ *   A dd_bind and a dd_deformer belong to the caller and are released by their _free function.
+ *
+ * Threads
+ *   Different objects may be used by different threads at the same time. One object is used by one
+ *   thread at a time; an update that finds its deformer busy returns DD_ERROR_BUSY.
+ *   A bind works in a thread of its own, which never calls back.
+ *
+ * Units
+ *   Lengths are in the caller's unit throughout; the result does not depend on that unit.
+ */
+#ifndef DETAIL_DEFORM_H
+#define DETAIL_DEFORM_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(_WIN32)
+#if defined(DD_BUILDING)
+#define DD_API __declspec(dllexport)
+#else
+#define DD_API __declspec(dllimport)
+#endif
+#elif defined(__GNUC__)
+#define DD_API __attribute__((visibility("default")))
+#else
+#define DD_API
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Grows whenever a caller built against an older header would be misunderstood. */
+#define DD_ABI_VERSION 1
+
+/* What a call returns. The values are fixed for good; new ones are only added. */
+enum dd_status {
+  DD_OK = 0,
+  DD_ERROR_ARGUMENT = 1,  /* a null pointer, wrong array size, unknown option value */
+  DD_ERROR_MESH = 2,      /* the mesh itself can't be used: names the vertex or triangle */
+  DD_ERROR_REGION = 3,    /* nothing free, nothing to hold it, an empty handle */
+  DD_ERROR_NUMERIC = 4,   /* a system could not be factored, or a result is not finite */
+  DD_ERROR_MEMORY = 5,
+  DD_ERROR_CANCELLED = 6, /* dd_bind_cancel was called */
+  DD_ERROR_BUSY = 7,      /* another thread is using this object */
+  DD_ERROR_INTERNAL = 8
+};
+
+/* Roles of vertices: a handle's number (0, 1, ...) or one of these. */
+enum dd_role { DD_ROLE_FREE = -1, DD_ROLE_FIXED = -2 };
+
+/* Geometry on which the bi-Laplacian that deforms the base surface is built. */
+enum dd_base_metric {
+  DD_METRIC_SURFACE = 0, /* the surface S: rigid and affine motions are exact, one factor */
+  DD_METRIC_BASE = 1     /* the base surface B, as the paper's text has it */
+};
+
+enum dd_output {
+  DD_OUTPUT_POSITIONS = 0,
+  DD_OUTPUT_OFFSETS = 1 /* deformed minus rest position */
+};
+
+enum dd_bind_state { DD_BIND_RUNNING = 0, DD_BIND_DONE = 1, DD_BIND_FAILED = 2 };
+
+typedef struct dd_bind dd_bind;         /* a bind under way */
+typedef struct dd_deformer dd_deformer; /* a bound surface */
+
+/* Options of a bind. Set struct_size to sizeof(dd_bind_options) and the rest to what is wanted;
+ * zero is every field's default. A null pointer stands for all defaults. */
+typedef struct dd_bind_options {
+  uint32_t struct_size;
+  int32_t base_metric;     /* dd_base_metric */
+  double metric_smoothing; /* >= 0, in mean edge lengths: fairing of S before the bi-Laplacian is
+                              built on it (only with DD_METRIC_SURFACE) */
+} dd_bind_options;
+
+/* Options of one update; a null pointer stands for {rotation_only = 1, DD_OUTPUT_POSITIONS}. */
+typedef struct dd_update_options {
+  uint32_t struct_size;
+  int32_t rotation_only; /* 1: S_j is replaced by its rotation (polar decomposition); 0: S_j whole */
+  int32_t output;        /* dd_output */
+} dd_update_options;
+
+typedef struct dd_bind_progress {
+  uint32_t struct_size; /* set by the caller */
+  int32_t state;        /* dd_bind_state */
+  double fraction;      /* 0 .. 1, never falls */
+  const char* stage;    /* what is being done, static text */
+} dd_bind_progress;
+
+/* Facts about a bound surface. Indices are -1 where there is none. */
+typedef struct dd_deformer_info {
+  uint32_t struct_size; /* set by the caller */
+  int32_t vertex_count;
+  int32_t triangle_count;
+  int32_t handle_count;
+  int32_t free_count;            /* vertices that are solved for */
+  int32_t resting_count;         /* vertices in the region that no handle reaches: they stay at rest */
+  int32_t resting_part_count;    /* loose parts these belong to, parts without faces not counted */
+  int32_t resting_example;       /* one of them */
+  int32_t loose_count;           /* free vertices without a face: they stay at rest */
+  int32_t loose_example;         /* one of them */
+  int32_t degenerate_count;      /* triangles without a usable area, given a tiny one */
+  int32_t degenerate_example;    /* one of them */
+  int32_t borrowed_count;        /* triangles whose base has no area: they turn with a neighbour */
+  double bind_seconds;
+  double bytes;                  /* memory held by the bound deformer */
+} dd_deformer_info;
+
+/* The ABI of the library that was loaded; compare with DD_ABI_VERSION before anything else. */
+DD_API int32_t dd_abi_version(void);
+
+/* The library's version, "major.minor.patch". Static text. */
+DD_API const char* dd_version(void);
+
+/* The instruction set the per-frame kernels use on this machine: "avx2" or "baseline". */
+DD_API const char* dd_instruction_set(void);
+
+/* One sentence about the last call of this thread that did not return DD_OK. Valid until the
+ * thread's next call. UTF-8. */
+DD_API const char* dd_last_message(void);
+
+/* Starts to bind in a thread of the library and returns at once.
+ *   positions       position_count = 3 n floats, x y z of each vertex: the surface S
+ *   triangles       triangle_index_count = 3 m vertex numbers, counter-clockwise seen from outside
+ *   roles           role_count = n values: dd_role or a handle number below handle_count
+ *   handle_count    >= 1; each handle has at least one vertex
+ * What can be seen to be wrong at once is refused here, the rest at dd_bind_finish. */
+DD_API int32_t dd_bind_start(const float* positions, size_t position_count,
+                             const int32_t* triangles, size_t triangle_index_count,
+                             const int32_t* roles, size_t role_count, int32_t handle_count,
+                             const dd_bind_options* options, dd_bind** bind);
+
+/* How far a bind is; doesn't wait. */
+DD_API int32_t dd_bind_poll(dd_bind* bind, dd_bind_progress* progress);
+
+/* Asks a bind to stop at its next stage; doesn't wait. dd_bind_finish then returns
+ * DD_ERROR_CANCELLED, unless the bind was complete already. */
+DD_API int32_t dd_bind_cancel(dd_bind* bind);
+
+/* Waits for a bind to end. On DD_OK the deformer is the caller's; a second call returns
+ * DD_ERROR_ARGUMENT. The dd_bind itself is still to be released. */
+DD_API int32_t dd_bind_finish(dd_bind* bind, dd_deformer** deformer);
+
+/* Releases a bind; one that still runs is cancelled and waited for. Null is allowed. */
+DD_API void dd_bind_free(dd_bind* bind);
+
+/* One frame: B' from the handles, its deformation gradients S_j (15), their rotations, and
+ * L p' = div(S_j^T) (14) for the free vertices.
+ *   matrices   matrix_value_count = 12 x handle_count doubles: for each handle a row-major 3x4
+ *              affine matrix that takes the rest place of its vertices to the present one
+ *   out        out_count = 3 n floats, positions or offsets of all vertices
+ * Not finite matrices are refused, and so is a result that is not finite or leaves float range. */
+DD_API int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices,
+                                  size_t matrix_value_count, const dd_update_options* options,
+                                  float* out, size_t out_count);
+
+DD_API int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info);
+
+/* Releases a deformer. Null is allowed. */
+DD_API void dd_deformer_free(dd_deformer* deformer);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include "bending_system.h"
+
+namespace dd {
+
+/// Base surface B: constrained vertices stay where they are on S, the free ones take L M⁻¹ L q = 0
+/// (§6, "Base Surface Computation"). positions: S, n×3. Returns q, n×3.
+Positions base_surface(const BendingSystem& bending, const Region& region,
+                       const Positions& positions);
+
+/// S after one step of implicit fairing, (M + tL) x = M p with t = (edge_lengths · mean edge)²:
+/// the geometry on which the bi-Laplacian is built when its metric is to be smoothed.
+Positions faired_surface(const Mesh& mesh, const TriangleMetric& metric, double edge_lengths);
+
+}  // namespace dd

@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The C ABI: handles, argument checks, exceptions turned into status. Nothing else.
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <new>
+#include <string>
+#include <thread>
+
+#include "deformer.h"
+#include "detail_deform/detail_deform.h"
+#include "kernels.h"
+
+namespace {
+
+// A plain array: it needs no destructor at thread exit, which the library might not live to see.
+thread_local char last_message[1024] = "";
+
+void remember(const char* sentence) {
+  std::snprintf(last_message, sizeof last_message, "%s", sentence);
+}
+
+/// Runs the body of a C function; whatever it throws becomes a status and a sentence.
+template <class Body>
+int32_t guarded(Body&& body) noexcept {
+  try {
+    body();
+    return DD_OK;
+  } catch (const dd::Error& error) {
+    remember(error.what());
+    return static_cast<int32_t>(error.status());
+  } catch (const std::bad_alloc&) {
+    remember("There is not enough memory for a mesh of this size.");
+    return DD_ERROR_MEMORY;
+  } catch (const std::exception& error) {
+    remember(error.what());
+    return DD_ERROR_INTERNAL;
+  } catch (...) {
+    remember("An unknown error occurred.");
+    return DD_ERROR_INTERNAL;
+  }
+}
+
+void require(bool condition, const std::string& sentence) {
+  if (!condition) throw dd::Error(dd::Status::argument, sentence);
+}
+
+void require_size(const char* name, size_t given, size_t wanted) {
+  require(given == wanted, std::string(name) + " has " + std::to_string(given) + " elements, not " +
+                               std::to_string(wanted) + ".");
+}
+
+/// Reads a caller's struct: as many bytes as both sides know, the rest stays at its default.
+template <class Struct>
+Struct read_struct(const char* name, const Struct* given, Struct defaults) {
+  if (!given) return defaults;
+  require(given->struct_size >= sizeof(uint32_t) && given->struct_size <= 4096,
+          std::string(name) + ".struct_size is not set.");
+  std::memcpy(&defaults, given, std::min<size_t>(given->struct_size, sizeof(Struct)));
+  return defaults;
+}
+
+/// Fills a caller's struct with as many bytes as it has room for.
+template <class Struct>
+void write_struct(const char* name, Struct* target, Struct values) {
+  require(target, std::string(name) + " is null.");
+  const uint32_t room = target->struct_size;
+  require(room >= sizeof(uint32_t) && room <= 4096,
+          std::string(name) + ".struct_size is not set.");
+  values.struct_size = room;
+  std::memcpy(target, &values, std::min<size_t>(room, sizeof(Struct)));
+}
+
+dd::Mesh read_mesh(const float* positions, size_t position_count, const int32_t* triangles,
+                   size_t index_count) {
+  require(positions || position_count == 0, "positions is null.");
+  require(triangles || index_count == 0, "triangles is null.");
+  require(position_count % 3 == 0, "positions has " + std::to_string(position_count) +
+                                       " elements, which is not three a vertex.");
+  require(index_count % 3 == 0, "triangles has " + std::to_string(index_count) +
+                                    " elements, which is not three a triangle.");
+  const size_t limit = static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 16;
+  require(position_count / 3 < limit && index_count / 3 < limit,
+          "The mesh has more vertices or triangles than this library can number.");
+  using FloatRows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
+  using IntRows = Eigen::Matrix<int32_t, Eigen::Dynamic, 3, Eigen::RowMajor>;
+  return {Eigen::Map<const FloatRows>(positions, static_cast<Eigen::Index>(position_count / 3), 3)
+              .cast<double>(),
+          Eigen::Map<const IntRows>(triangles, static_cast<Eigen::Index>(index_count / 3), 3)};
+}
+
+dd::BindOptions read_options(const dd_bind_options* given) {
+  const dd_bind_options options = read_struct("options", given, dd_bind_options{});
+  require(options.base_metric == DD_METRIC_SURFACE || options.base_metric == DD_METRIC_BASE,
+          "options.base_metric is " + std::to_string(options.base_metric) + ", which is no metric.");
+  require(options.metric_smoothing >= 0 && std::isfinite(options.metric_smoothing),
+          "options.metric_smoothing must be zero or more.");
+  return {static_cast<dd::BaseMetric>(options.base_metric), options.metric_smoothing};
+}
+
+}  // namespace
+
+struct dd_deformer {
+  explicit dd_deformer(dd::Deformer bound) : deformer(std::move(bound)) {}
+  dd::Deformer deformer;
+  double bind_seconds = 0;
+  std::atomic<bool> busy{false};
+};
+
+struct dd_bind {
+  std::thread worker;
+  std::atomic<double> fraction{0};
+  std::atomic<const char*> stage{"Checking the mesh"};
+  std::atomic<bool> cancelled{false};
+  std::atomic<int32_t> state{DD_BIND_RUNNING};
+
+  // Written by the worker before state leaves DD_BIND_RUNNING, read after.
+  int32_t status = DD_OK;
+  std::string message;
+  std::unique_ptr<dd_deformer> result;
+
+  ~dd_bind() {
+    cancelled = true;
+    if (worker.joinable()) worker.join();
+  }
+};
+
+namespace {
+
+void run_bind(dd_bind& bind, dd::Mesh mesh, const std::vector<int>& roles, int32_t handle_count,
+              const dd::BindOptions& options) noexcept {
+  bind.status = guarded([&] {
+    const auto start = std::chrono::steady_clock::now();
+    bind.result = std::make_unique<dd_deformer>(
+        dd::Deformer(std::move(mesh), roles, handle_count, options,
+                     [&bind](double fraction, const char* stage) {
+                       bind.fraction = fraction;
+                       bind.stage = stage;
+                       return !bind.cancelled || fraction >= 1;
+                     }));
+    bind.result->bind_seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  });
+  if (bind.status != DD_OK) {
+    try {
+      bind.message = last_message;
+    } catch (...) {
+      bind.message.clear();
+    }
+  }
+  bind.state = bind.status == DD_OK ? DD_BIND_DONE : DD_BIND_FAILED;
+}
+
+/// Marks a deformer as in use for the length of a call.
+class InUse {
+ public:
+  explicit InUse(std::atomic<bool>& flag) : flag_(flag) {
+    if (flag_.exchange(true))
+      throw dd::Error(dd::Status::busy, "This deformer is in use by another thread.");
+  }
+  ~InUse() { flag_ = false; }
+  InUse(const InUse&) = delete;
+  InUse& operator=(const InUse&) = delete;
+
+ private:
+  std::atomic<bool>& flag_;
+};
+
+}  // namespace
+
+extern "C" {
+
+int32_t dd_abi_version(void) { return DD_ABI_VERSION; }
+
+const char* dd_version(void) { return DD_VERSION; }
+
+const char* dd_instruction_set(void) { return dd::kernels().name; }
+
+const char* dd_last_message(void) { return last_message; }
+
+int32_t dd_bind_start(const float* positions, size_t position_count, const int32_t* triangles,
+                      size_t triangle_index_count, const int32_t* roles, size_t role_count,
+                      int32_t handle_count, const dd_bind_options* options, dd_bind** bind) {
+  return guarded([&] {
+    require(bind, "bind is null.");
+    require(roles || role_count == 0, "roles is null.");
+    dd::Mesh mesh = read_mesh(positions, position_count, triangles, triangle_index_count);
+    require_size("roles", role_count, position_count / 3);
+    const dd::BindOptions bind_options = read_options(options);
+    auto job = std::make_unique<dd_bind>();
+    dd_bind& started = *job;
+    started.worker = std::thread([&started, mesh = std::move(mesh),
+                                  copy = std::vector<int>(roles, roles + role_count), handle_count,
+                                  bind_options]() mutable {
+      run_bind(started, std::move(mesh), copy, handle_count, bind_options);
+    });
+    *bind = job.release();
+  });
+}
+
+int32_t dd_bind_poll(dd_bind* bind, dd_bind_progress* progress) {
+  return guarded([&] {
+    require(bind, "bind is null.");
+    dd_bind_progress now{};
+    now.state = bind->state;
+    now.fraction = bind->fraction;
+    now.stage = bind->stage;
+    write_struct("progress", progress, now);
+  });
+}
+
+int32_t dd_bind_cancel(dd_bind* bind) {
+  return guarded([&] {
+    require(bind, "bind is null.");
+    bind->cancelled = true;
+  });
+}
+
+int32_t dd_bind_finish(dd_bind* bind, dd_deformer** deformer) {
+  return guarded([&] {
+    require(bind, "bind is null.");
+    require(deformer, "deformer is null.");
+    if (bind->worker.joinable()) bind->worker.join();
+    if (bind->status != DD_OK)
+      throw dd::Error(static_cast<dd::Status>(bind->status), bind->message);
+    require(bind->result != nullptr, "The deformer of this bind was taken already.");
+    *deformer = bind->result.release();
+  });
+}
+
+void dd_bind_free(dd_bind* bind) { delete bind; }
+
+int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices,
+                           size_t matrix_value_count, const dd_update_options* options, float* out,
+                           size_t out_count) {
+  return guarded([&] {
+    require(deformer, "deformer is null.");
+    require(matrices, "matrices is null.");
+    require(out, "out is null.");
+    const InUse in_use(deformer->busy);
+    dd::Deformer& bound = deformer->deformer;
+    require_size("matrices", matrix_value_count,
+                 12 * static_cast<size_t>(bound.region().handle_count));
+    require_size("out", out_count, 3 * static_cast<size_t>(bound.mesh().vertex_count()));
+    const dd_update_options how =
+        read_struct("options", options, dd_update_options{sizeof(dd_update_options), 1, 0});
+    require(how.rotation_only == 0 || how.rotation_only == 1,
+            "options.rotation_only must be 0 or 1.");
+    require(how.output == DD_OUTPUT_POSITIONS || how.output == DD_OUTPUT_OFFSETS,
+            "options.output is " + std::to_string(how.output) + ", which is no output.");
+
+    const dd::Positions& offsets = bound.update(matrices, how.rotation_only == 1);
+    const dd::Positions& rest = bound.mesh().positions;
+    const double largest = std::max(offsets.cwiseAbs().maxCoeff(), rest.cwiseAbs().maxCoeff());
+    if (!(largest < 0.5 * std::numeric_limits<float>::max()))
+      throw dd::Error(dd::Status::numeric,
+                      "The handles' matrices are too large: the deformed surface leaves the range "
+                      "of single precision.");
+    using FloatRows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
+    Eigen::Map<FloatRows> result(out, offsets.rows(), 3);
+    if (how.output == DD_OUTPUT_OFFSETS)
+      result = offsets.cast<float>();
+    else
+      result = (rest + offsets).cast<float>();
+  });
+}
+
+int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info) {
+  return guarded([&] {
+    require(deformer, "deformer is null.");
+    const dd::Deformer& bound = deformer->deformer;
+    const dd::Region& region = bound.region();
+    const auto& degenerate = bound.degenerate_triangles();
+    dd_deformer_info facts{};
+    facts.vertex_count = bound.mesh().vertex_count();
+    facts.triangle_count = bound.mesh().triangle_count();
+    facts.handle_count = region.handle_count;
+    facts.free_count = region.free_count();
+    facts.resting_count = region.resting_count;
+    facts.resting_part_count = region.resting_part_count;
+    facts.resting_example = region.resting_example;
+    facts.loose_count = region.loose_count;
+    facts.loose_example = region.loose_example;
+    facts.degenerate_count = static_cast<int32_t>(degenerate.size());
+    facts.degenerate_example = degenerate.empty() ? -1 : degenerate.front();
+    facts.borrowed_count = bound.borrowed_count();
+    facts.bind_seconds = deformer->bind_seconds;
+    facts.bytes = bound.bytes();
+    write_struct("info", info, facts);
+  });
+}
+
+void dd_deformer_free(dd_deformer* deformer) { delete deformer; }
+
+}  // extern "C"

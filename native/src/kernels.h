@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <cstdint>
+
+namespace dd {
+
+/// Triangles that go through the gradient pass together, one in each lane of the vector unit.
+constexpr int kLanes = 8;
+
+/// kLanes triangles, structure of arrays. A source is a row of the base positions; a target is a
+/// row of the right-hand side. Unused lanes have zero flux.
+struct TriangleBlock {
+  int32_t source[3][kLanes];  ///< corners of the triangle whose motion from B to B' gives S_j
+  int32_t target[3][kLanes];  ///< where the divergence of its corners is added
+  double inverse_length[kLanes];   ///< with edges e1, e2 of the source triangle at rest:
+  double shear[kLanes];            ///<   1/|e1|, (e1·e2)/(|e1|·|e1×e2|), |e1|/|e1×e2|
+  double inverse_height[kLanes];   ///<   (the inverse of [e1 e2] in the triangle's own frame)
+  double flux[2][3][kLanes];  ///< corner_divergence of corners 0 and 1 in the rest frame of the source
+};
+
+/// The loops of a frame, compiled once for each instruction set. Rows are of 4 doubles (x y z and
+/// one unused), all pointers to plain arrays: no Eigen or standard template may be instantiated in
+/// these files, because the linker could then keep the wide version for everyone.
+struct Kernels {
+  const char* name;
+
+  /// rows ← (L D Lᵀ)⁻¹ rows. L: unit lower triangular, compressed by columns without its diagonal.
+  void (*solve_factor)(int size, const int* column_starts, const int* row_of, const double* values,
+                       const double* inverse_pivots, double* rows);
+
+  /// out[r] = rest[r] + Σ_k weights[r][k] · coefficients[k], for row_count rows of 4.
+  void (*blend)(int row_count, int term_count, const double* weights, const double* coefficients,
+                const double* rest, double* out);
+
+  /// For each triangle: S_j by (15) from its source corners in base, only its rotation if asked,
+  /// and S_j · flux added to the rows of its target corners.
+  void (*gradient_pass)(int block_count, const TriangleBlock* blocks, const double* base,
+                        bool rotation_only, double* right_hand_side);
+};
+
+/// The widest set that this machine can run.
+const Kernels& kernels();
+
+extern const Kernels kBaselineKernels;
+#ifdef DD_HAVE_AVX2_KERNELS
+extern const Kernels kAvx2Kernels;
+/// Whether this machine has AVX2 and FMA, and its system saves the registers.
+bool machine_has_avx2();
+#endif
+
+}  // namespace dd

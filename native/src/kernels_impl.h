@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The kernels themselves, included once for each instruction set. See kernels.h for why nothing
+// here may come from Eigen or the standard library's templates.
+#include <math.h>
+
+#include "kernels.h"
+
+namespace dd {
+
+namespace {
+
+/// A row of four: the compiler makes one or two vector registers of it.
+struct Row {
+  double v[4];
+};
+
+inline Row load(const double* p) {
+  Row r;
+  for (int c = 0; c < 4; ++c) r.v[c] = p[c];
+  return r;
+}
+
+inline void store(double* p, const Row& r) {
+  for (int c = 0; c < 4; ++c) p[c] = r.v[c];
+}
+
+inline void add_scaled(Row& r, double factor, const Row& x) {
+  for (int c = 0; c < 4; ++c) r.v[c] += factor * x.v[c];
+}
+
+void solve_factor(int size, const int* column_starts, const int* row_of, const double* values,
+                  const double* inverse_pivots, double* rows) {
+  for (int j = 0; j < size; ++j) {
+    const Row x = load(rows + 4 * static_cast<int64_t>(j));
+    for (int64_t k = column_starts[j]; k < column_starts[j + 1]; ++k) {
+      double* target = rows + 4 * static_cast<int64_t>(row_of[k]);
+      Row y = load(target);
+      add_scaled(y, -values[k], x);
+      store(target, y);
+    }
+  }
+  for (int j = size - 1; j >= 0; --j) {
+    double* own = rows + 4 * static_cast<int64_t>(j);
+    const Row x = load(own);
+    // Two sums, so that one multiply-add doesn't wait for the last.
+    Row even = {{0, 0, 0, 0}}, odd = {{0, 0, 0, 0}};
+    add_scaled(even, inverse_pivots[j], x);
+    int64_t k = column_starts[j];
+    const int64_t end = column_starts[j + 1];
+    for (; k + 1 < end; k += 2) {
+      add_scaled(even, -values[k], load(rows + 4 * static_cast<int64_t>(row_of[k])));
+      add_scaled(odd, -values[k + 1], load(rows + 4 * static_cast<int64_t>(row_of[k + 1])));
+    }
+    if (k < end) add_scaled(even, -values[k], load(rows + 4 * static_cast<int64_t>(row_of[k])));
+    for (int c = 0; c < 4; ++c) even.v[c] += odd.v[c];
+    store(own, even);
+  }
+}
+
+void blend(int row_count, int term_count, const double* weights, const double* coefficients,
+           const double* rest, double* out) {
+  for (int64_t r = 0; r < row_count; ++r) {
+    Row sum = load(rest + 4 * r);
+    const double* w = weights + r * term_count;
+    for (int k = 0; k < term_count; ++k) add_scaled(sum, w[k], load(coefficients + 4 * k));
+    store(out + 4 * r, sum);
+  }
+}
+
+/// Below this a squared length counts as zero: its direction then becomes the zero vector, and
+/// whatever a triangle collapsed to stays finite.
+constexpr double kTiny = 1e-280;
+
+inline double guarded_inverse_sqrt(double x) { return 1.0 / sqrt(x > kTiny ? x : kTiny); }
+
+void gradient_pass(int block_count, const TriangleBlock* blocks, const double* base,
+                   bool rotation_only, double* right_hand_side) {
+  for (int b = 0; b < block_count; ++b) {
+    const TriangleBlock& block = blocks[b];
+    double e1[3][kLanes], e2[3][kLanes];
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const double* p0 = base + 4 * static_cast<int64_t>(block.source[0][lane]);
+      const double* p1 = base + 4 * static_cast<int64_t>(block.source[1][lane]);
+      const double* p2 = base + 4 * static_cast<int64_t>(block.source[2][lane]);
+      for (int c = 0; c < 3; ++c) {
+        e1[c][lane] = p1[c] - p0[c];
+        e2[c][lane] = p2[c] - p0[c];
+      }
+    }
+
+    // S_j takes the rest frame (t1, t2, n) of the triangle to the present one (t1', t2', n') and
+    // in between shears the plane by the upper triangular 2×2 matrix [a s; 0 d]. The rotation in
+    // its polar decomposition is that of the 2×2 matrix, in closed form, with determinant +1.
+    double flux[2][3][kLanes];
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const double x1 = e1[0][lane], y1 = e1[1][lane], z1 = e1[2][lane];
+      const double x2 = e2[0][lane], y2 = e2[1][lane], z2 = e2[2][lane];
+      const double l2 = x1 * x1 + y1 * y1 + z1 * z1;
+      const double inv_l = guarded_inverse_sqrt(l2);
+      const double tx = x1 * inv_l, ty = y1 * inv_l, tz = z1 * inv_l;
+      const double cx = y1 * z2 - z1 * y2, cy = z1 * x2 - x1 * z2, cz = x1 * y2 - y1 * x2;
+      const double n2 = cx * cx + cy * cy + cz * cz;
+      const double inv_n = guarded_inverse_sqrt(n2);
+      const double nx = cx * inv_n, ny = cy * inv_n, nz = cz * inv_n;
+      const double bx = ny * tz - nz * ty, by = nz * tx - nx * tz, bz = nx * ty - ny * tx;
+
+      const double length = l2 * inv_l, height = n2 * inv_n * inv_l;
+      const double along = tx * x2 + ty * y2 + tz * z2;
+      double a = length * block.inverse_length[lane];
+      double s = along * block.inverse_height[lane] - length * block.shear[lane];
+      double d = height * block.inverse_height[lane];
+      double q = 0;
+      if (rotation_only) {
+        const double cosine = a + d;
+        const double scale = guarded_inverse_sqrt(cosine * cosine + s * s);
+        a = d = cosine * scale;
+        s *= scale;
+        q = -s;
+      }
+      for (int corner = 0; corner < 2; ++corner) {
+        const double u = block.flux[corner][0][lane], v = block.flux[corner][1][lane],
+                     w = block.flux[corner][2][lane];
+        const double f = a * u + s * v, g = q * u + d * v;
+        flux[corner][0][lane] = tx * f + bx * g + nx * w;
+        flux[corner][1][lane] = ty * f + by * g + ny * w;
+        flux[corner][2][lane] = tz * f + bz * g + nz * w;
+      }
+    }
+
+    for (int lane = 0; lane < kLanes; ++lane) {
+      double* r0 = right_hand_side + 4 * static_cast<int64_t>(block.target[0][lane]);
+      double* r1 = right_hand_side + 4 * static_cast<int64_t>(block.target[1][lane]);
+      double* r2 = right_hand_side + 4 * static_cast<int64_t>(block.target[2][lane]);
+      for (int c = 0; c < 3; ++c) {
+        r0[c] += flux[0][c][lane];
+        r1[c] += flux[1][c][lane];
+        r2[c] -= flux[0][c][lane] + flux[1][c][lane];
+      }
+    }
+  }
+}
+
+}  // namespace
+
+extern const Kernels DD_KERNEL_SET;
+const Kernels DD_KERNEL_SET = {DD_KERNEL_NAME, solve_factor, blend, gradient_pass};
+
+}  // namespace dd

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "types.h"
+
+namespace dd {
+
+/// A triangle soup: every edge may have any number of triangles, vertices may have none.
+struct Mesh {
+  Positions positions;
+  Triangles triangles;
+
+  int vertex_count() const { return static_cast<int>(positions.rows()); }
+  int triangle_count() const { return static_cast<int>(triangles.rows()); }
+};
+
+/// Throws Error(mesh) naming the first vertex or triangle that makes the mesh unusable: nothing in
+/// it, coordinates that are not finite, vertex numbers out of range or twice in a triangle, no extent.
+void validate(const Mesh& mesh);
+
+/// Length of the bounding box's diagonal.
+double bounding_box_diagonal(const Positions& positions);
+
+/// Loose parts: for each vertex the number of its part, connected through triangles. A vertex
+/// without a triangle is a part by itself.
+struct Components {
+  std::vector<int> of_vertex;
+  int count = 0;
+};
+Components connected_components(const Mesh& mesh);
+
+}  // namespace dd

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+
+#include "error.h"
+
+namespace dd {
+
+/// Told of each stage of a bind before it starts: the fraction done and what comes next (static
+/// text). Returning false cancels.
+using Progress = std::function<bool(double fraction, const char* stage)>;
+
+inline void report(const Progress& progress, double fraction, const char* stage) {
+  if (progress && !progress(fraction, stage))
+    throw Error(Status::cancelled, "The bind was cancelled.");
+}
+
+}  // namespace dd

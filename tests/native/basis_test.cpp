@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "basis.h"
+
+#include <Eigen/Dense>
+
+#include "base_surface.h"
+#include "catch.h"
+#include "dense_reference.h"
+#include "meshes.h"
+
+using namespace dd;
+
+namespace {
+
+struct Bound {
+  Mesh mesh = test::rough_sphere(3, 0.1);
+  std::vector<int> roles;
+  TriangleMetric metric;
+  Region region;
+  Bound() {
+    roles = test::roles_by_height(mesh, -0.6, 0.75);
+    for (Index v = 0; v < mesh.positions.rows(); ++v)
+      if (mesh.positions(v, 0) > 0.9) roles[v] = 1;
+    metric = triangle_metric(mesh.positions, mesh.triangles);
+    region = split_region(mesh, roles, 2);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("the base solves L M⁻¹ L q = 0 and keeps constrained vertices") {
+  const Bound b;
+  const int n = b.mesh.vertex_count();
+  const BendingSystem bending(b.metric, b.mesh.triangles, b.region);
+  const Positions q = base_surface(bending, b.region, b.mesh.positions);
+  const SparseMatrix L = cotangent_laplacian(b.metric, b.mesh.triangles, n);
+  const Eigen::VectorXd inverse_masses =
+      mixed_voronoi_masses(b.metric, b.mesh.triangles, n).cwiseInverse();
+  const RowMatrix residual = L * RowMatrix(inverse_masses.asDiagonal() * RowMatrix(L * q));
+  const RowMatrix size = L * RowMatrix(inverse_masses.asDiagonal() * RowMatrix(L * b.mesh.positions));
+  for (int v = 0; v < n; ++v) {
+    if (b.region.row[v] >= 0)
+      CHECK(residual.row(v).norm() < 1e-9 * size.norm());
+    else
+      CHECK(q.row(v) == b.mesh.positions.row(v));
+  }
+
+  const auto dense = test::dense_operators(b.mesh.positions, b.mesh.triangles);
+  const Positions expected = test::dense_solve(dense.L * dense.M.inverse() * dense.L, b.mesh.positions,
+                                               b.roles, Eigen::MatrixXd::Zero(n, 3));
+  CHECK(test::largest_difference(q, expected) < 1e-9);
+}
+
+TEST_CASE("basis functions give the bi-Laplacian's own solution (T-basis = direct solve)") {
+  const Bound b;
+  const BendingSystem bending(b.metric, b.mesh.triangles, b.region);
+  const HandleBasis basis = handle_basis(bending, b.region, b.mesh.positions);
+  REQUIRE(basis.weights.cols() == 8);
+
+  std::srand(9);
+  test::Affine handles[2] = {test::Affine::Random(), test::Affine::Random()};
+  RowMatrix delta = RowMatrix::Zero(b.mesh.vertex_count(), 3), coefficients(8, 3);
+  for (int h = 0; h < 2; ++h) {
+    const Eigen::Matrix3d change = handles[h].leftCols<3>() - Eigen::Matrix3d::Identity();
+    coefficients.middleRows<3>(4 * h) = change.transpose();
+    coefficients.row(4 * h + 3) =
+        (change * basis.centres.row(h).transpose() + handles[h].col(3)).transpose();
+  }
+  for (int v : b.region.handle_vertices)
+    delta.row(v) = test::transformed(handles[b.region.role[v]], b.mesh.positions.row(v)) -
+                   b.mesh.positions.row(v);
+  const RowMatrix direct = bending.extend(delta);
+  CHECK((basis.weights * coefficients - direct).cwiseAbs().maxCoeff() < 1e-9);
+}
+
+TEST_CASE("a handle's functions are 1 and its coordinates when everything constrained is in it") {
+  Bound b;
+  for (int& role : b.roles) role = role == kFree ? kFree : 0;
+  b.region = split_region(b.mesh, b.roles, 1);
+  const BendingSystem bending(b.metric, b.mesh.triangles, b.region);
+  const HandleBasis basis = handle_basis(bending, b.region, b.mesh.positions);
+  const Positions q = base_surface(bending, b.region, b.mesh.positions);
+  for (int r = 0; r < b.region.free_count(); ++r) {
+    CHECK(basis.weights(r, 3) == Approx(1).epsilon(1e-9));
+    const Eigen::RowVector3d arm = q.row(b.region.free[r]) - basis.centres.row(0);
+    CHECK((basis.weights.row(r).head<3>() - arm).norm() < 1e-9);
+  }
+}

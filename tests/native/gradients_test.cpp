@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "gradients.h"
+
+#include <Eigen/Dense>
+#include <numeric>
+
+#include "catch.h"
+#include "dense_reference.h"
+#include "meshes.h"
+#include "operators.h"
+
+using namespace dd;
+
+namespace {
+
+/// The pass over all triangles of S with every vertex free, as n×3.
+Positions divergence_by_pass(const Mesh& surface, const Positions& base, const Positions& deformed,
+                             bool rotation_only) {
+  const int n = surface.vertex_count();
+  const auto metric = triangle_metric(surface.positions, surface.triangles);
+  std::vector<int> all(static_cast<size_t>(surface.triangle_count())), rows(static_cast<size_t>(n));
+  std::iota(all.begin(), all.end(), 0);
+  std::iota(rows.begin(), rows.end(), 0);
+  const GradientPass pass(base, surface.triangles,
+                          corner_divergence(metric, surface.positions, surface.triangles), all,
+                          gradient_sources(base, surface.triangles, 1), rows, rows, n);
+  RowMatrix base_rows = RowMatrix::Zero(n, 4), right = RowMatrix::Zero(n + 1, 4);
+  base_rows.leftCols<3>() = deformed;
+  pass.add_to(right.data(), base_rows.data(), rotation_only);
+  return right.topLeftCorner(n, 3);
+}
+
+/// A smooth base with a strong, uneven deformation.
+struct Pair {
+  Mesh surface = test::rough_sphere(2, 0.3);
+  Positions base, deformed;
+  Pair() {
+    base = surface.positions.rowwise().normalized() * 0.9;
+    deformed = base;
+    for (Index v = 0; v < base.rows(); ++v) {
+      const double x = base(v, 0), y = base(v, 1), z = base(v, 2);
+      deformed.row(v) << x + 0.5 * y * y, 1.4 * y - 0.8 * z * x, 0.7 * z + 0.6 * x * y;
+    }
+  }
+};
+
+}  // namespace
+
+TEST_CASE("S_j is (15), its rotation the polar one: both against inverse and SVD") {
+  const Pair pair;
+  const auto& t = pair.surface.triangles;
+  const auto metric = triangle_metric(pair.surface.positions, t);
+  const SparseMatrix div = divergence(gradient(pair.surface.positions, t), metric);
+  for (bool rotation_only : {false, true}) {
+    Eigen::MatrixXd gradients(3 * t.rows(), 3);
+    for (Index j = 0; j < t.rows(); ++j) {
+      Eigen::Matrix3d S = test::deformation_gradient(pair.base, pair.deformed, t, j);
+      REQUIRE(S.determinant() > 0);
+      if (rotation_only) S = test::polar_rotation(S);
+      gradients.middleRows<3>(3 * j) = S.transpose();
+    }
+    const Eigen::MatrixXd expected = div * gradients;
+    const Positions result =
+        divergence_by_pass(pair.surface, pair.base, pair.deformed, rotation_only);
+    CHECK((result - expected).norm() < 1e-12 * expected.norm());
+  }
+}
+
+TEST_CASE("triangles of the base without area turn with a neighbour") {
+  Pair pair;
+  const Triangles& t = pair.surface.triangles;
+  // Draw a vertex's whole fan together: its triangles lose all area, some of it in a point.
+  std::vector<int> fan;
+  for (Index j = 0; j < t.rows(); ++j)
+    for (int k = 0; k < 3; ++k)
+      if (t(j, k) == 20) fan.push_back(int(j));
+  for (int j : {fan[0], fan[1]})
+    for (int k = 0; k < 3; ++k) pair.base.row(t(j, k)) = pair.base.row(20);
+  const GradientSources sources = gradient_sources(pair.base, t, 1);
+  CHECK(sources.borrowed_count >= int(2));
+  for (Index j = 0; j < t.rows(); ++j) {
+    const int source = sources.of_triangle[j];
+    REQUIRE(source >= 0);
+    CHECK(sources.of_triangle[source] == source);
+  }
+
+  const test::Affine motion = test::rotation_about(1.1, {1, 2, 3}, {0, 0, 0}, {3, 2, 1});
+  const Positions moved = test::transformed(motion, pair.base);
+  const Positions rest = divergence_by_pass(pair.surface, pair.base, pair.base, true);
+  const Positions turned = divergence_by_pass(pair.surface, pair.base, moved, true);
+  CHECK((turned - rest * motion.leftCols<3>().transpose()).norm() < 1e-9 * rest.norm());
+}
+
+TEST_CASE("a part without any area keeps S_j = I: it has no source") {
+  const Mesh part = test::sphere(1);
+  Mesh both = test::appended(part, part);
+  both.positions.bottomRows(part.vertex_count()).setConstant(4);
+  const GradientSources sources = gradient_sources(both.positions, both.triangles, 1);
+  CHECK(sources.borrowed_count == part.triangle_count());
+  for (int j = 0; j < both.triangle_count(); ++j)
+    CHECK(sources.of_triangle[j] == (j < part.triangle_count() ? j : -1));
+}
+
+TEST_CASE("a base that collapses to a plane, a line or a point gives finite gradients") {
+  const Pair pair;
+  for (int kept : {0, 1, 2}) {
+    Positions flat = pair.deformed;
+    flat.rightCols(3 - kept).setZero();
+    for (bool rotation_only : {false, true})
+      CHECK(divergence_by_pass(pair.surface, pair.base, flat, rotation_only).allFinite());
+  }
+}
