@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Lets a library linked on a new glibc load on an old one (Blender itself asks for 2.28).
+//
+// The static libstdc++ and libgcc inside the library refer to five functions whose newest versions
+// are younger. Four were only moved from libpthread into libc, so their first versions do; the
+// linker's --wrap sends every reference here. _dl_find_object is a faster dl_iterate_phdr, which
+// exceptions are looked up with.
+#include <dlfcn.h>
+#include <elf.h>
+#include <link.h>
+#include <pthread.h>
+
+extern "C" {
+
+#define DD_FIRST_VERSION(name) __asm__(".symver first_" #name "," #name "@GLIBC_2.2.5")
+DD_FIRST_VERSION(pthread_create);
+DD_FIRST_VERSION(pthread_join);
+DD_FIRST_VERSION(pthread_once);
+DD_FIRST_VERSION(__pthread_key_create);
+#undef DD_FIRST_VERSION
+
+int first_pthread_create(pthread_t*, const pthread_attr_t*, void* (*)(void*), void*);
+int first_pthread_join(pthread_t, void**);
+int first_pthread_once(pthread_once_t*, void (*)());
+int first___pthread_key_create(pthread_key_t*, void (*)(void*));
+
+int __wrap_pthread_create(pthread_t* thread, const pthread_attr_t* attributes,
+                          void* (*start)(void*), void* argument) {
+  return first_pthread_create(thread, attributes, start, argument);
+}
+int __wrap_pthread_join(pthread_t thread, void** result) {
+  return first_pthread_join(thread, result);
+}
+int __wrap_pthread_once(pthread_once_t* once, void (*routine)()) {
+  return first_pthread_once(once, routine);
+}
+int __wrap___pthread_key_create(pthread_key_t* key, void (*destroy)(void*)) {
+  return first___pthread_key_create(key, destroy);
+}
+
+// libstdc++ skips atomic operations while this is not zero.
+char __libc_single_threaded = 0;
+}
+
+namespace {
+
+/// The layout of glibc's struct dl_find_object (2.35) on x86-64.
+struct FoundObject {
+  unsigned long long flags;
+  void* map_start;
+  void* map_end;
+  struct link_map* link_map;
+  void* eh_frame;
+};
+
+struct Search {
+  ElfW(Addr) address;
+  FoundObject* found;
+};
+
+int look_into(dl_phdr_info* object, size_t, void* data) {
+  const Search& search = *static_cast<Search*>(data);
+  const ElfW(Phdr)* covering = nullptr;
+  const ElfW(Phdr)* eh_frame = nullptr;
+  for (int i = 0; i < object->dlpi_phnum; ++i) {
+    const ElfW(Phdr)& part = object->dlpi_phdr[i];
+    const ElfW(Addr) start = object->dlpi_addr + part.p_vaddr;
+    if (part.p_type == PT_LOAD && search.address >= start && search.address < start + part.p_memsz)
+      covering = &part;
+    if (part.p_type == PT_GNU_EH_FRAME) eh_frame = &part;
+  }
+  if (!covering) return 0;
+  if (!eh_frame) return -1;
+  char* base = reinterpret_cast<char*>(object->dlpi_addr);
+  *search.found = {0, base + covering->p_vaddr, base + covering->p_vaddr + covering->p_memsz,
+                   nullptr, base + eh_frame->p_vaddr};
+  return 1;
+}
+
+}  // namespace
+
+extern "C" int __wrap__dl_find_object(void* address, FoundObject* result) {
+  Search search = {reinterpret_cast<ElfW(Addr)>(address), result};
+  return dl_iterate_phdr(look_into, &search) == 1 ? 0 : -1;
+}
