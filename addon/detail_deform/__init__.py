@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Detail Deform: pull a bumpy surface by a few empties; its bumps turn with it and keep their shape."""
+
+bl_info = {
+    'name': "Detail Deform",
+    'author': "The Detail Deform developers",
+    'version': (0, 1, 0),
+    'blender': (3, 4, 0),
+    'location': "Properties > Modifiers > Detail Deform",
+    'description': "Deform surfaces by empties; bumps, scales and thorns turn with them instead of shearing",
+    'category': "Mesh",
+}
+
+
+def _parts():
+    from . import handlers, operators, panels, properties
+    return properties, operators, panels, handlers
+
+
+def register():
+    for part in _parts():
+        part.register()
+
+
+def unregister():
+    for part in reversed(_parts()):
+        part.unregister()

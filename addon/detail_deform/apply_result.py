@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The shown deformation made part of the mesh, for good."""
+
+import numpy as np
+
+from . import mesh_data, node_group
+
+SHAPE_KEY_NAME = 'Detail Deform'
+
+
+def apply(ob, mode):
+    """mode: 'MESH' moves the vertices (of every shape key too, so that keys keep their effect);
+    'SHAPE_KEY' adds a key. As far as the modifier's Factor shows the deformation."""
+    mesh = ob.data
+    modifier = node_group.find_modifier(ob)
+    offsets = mesh_data.read_offsets(mesh) * (node_group.factor(modifier) if modifier else 1.0)
+    if mode == 'SHAPE_KEY':
+        _add_key(ob, offsets)
+        return
+    _move(mesh.vertices, offsets)
+    if mesh.shape_keys:
+        for key in mesh.shape_keys.key_blocks:
+            _move(key.data, offsets)
+    mesh.update()
+
+
+def _move(points, offsets):
+    values = np.empty(offsets.size, np.float32)
+    points.foreach_get('co', values)
+    points.foreach_set('co', values + offsets.ravel())
+
+
+def _add_key(ob, offsets):
+    if not ob.data.shape_keys:
+        ob.shape_key_add(name="Basis", from_mix=False)
+    key = ob.shape_key_add(name=SHAPE_KEY_NAME, from_mix=False)
+    _move(key.data, offsets)
+    key.value = 1.0

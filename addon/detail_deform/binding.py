@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The life of a binding: made, followed, noticed when it no longer fits, restored, undone."""
+
+import time
+
+import bpy
+
+from . import deformers, handle_matrices, mesh_data, native, node_group
+from .mesh_data import MeshProblem
+
+_POLL_SECONDS = 0.1
+
+
+# What is bound, and to which content
+
+def _handle_groups(settings):
+    return [(h.name, h.vertex_group) for h in handle_matrices.enabled_handles(settings)]
+
+
+def _options(settings):
+    smoothing = settings.metric_smoothing if settings.base_metric == 'SURFACE' else 0.0
+    return {'base_metric': settings.base_metric, 'metric_smoothing': smoothing}
+
+
+def _signature(shape, roles, settings):
+    options = _options(settings)
+    return '.'.join([*shape, mesh_data.roles_signature(roles), options['base_metric'],
+                     f"{options['metric_smoothing']:g}"])
+
+
+def _roles(ob):
+    return mesh_data.roles(ob, ob.detail_deform.region, _handle_groups(ob.detail_deform))
+
+
+def bound_objects(objects):
+    """Those with a binding, whether its deformer is at hand or not."""
+    return [ob for ob in objects if ob.type == 'MESH' and ob.detail_deform.signature]
+
+
+def check_content(ob):
+    """Compares mesh, groups and options with what was bound, and notes what differs.
+
+    By content: swapped vertices and re-painted weights count, a mesh that is as it was does not.
+    """
+    settings = ob.detail_deform
+    if ob.type != 'MESH' or not settings.signature or ob.mode == 'EDIT':
+        return
+    stale = _difference(ob)
+    if settings.stale != stale:
+        settings.stale = stale
+
+
+def _difference(ob):
+    settings = ob.detail_deform
+    positions, topology, roles, *options = settings.signature.split('.', 3)
+    shape = mesh_data.shape_signature(ob.data)
+    if shape[1] != topology:
+        return "The mesh's vertices or faces were changed since Bind."
+    if shape[0] != positions:
+        return "The mesh's vertices were moved since Bind."
+    try:
+        current = _signature(shape, _roles(ob), settings).split('.', 3)
+    except MeshProblem as problem:
+        return str(problem)
+    if current[2] != roles:
+        return "The region, the handles or their vertex groups were changed since Bind."
+    return "" if current[3:] == options else "Settings that need a new Bind were changed."
+
+
+# Following the handles
+
+def refresh(ob, depsgraph, force=False):
+    """Brings the object's offsets up to date with its empties. Does nothing when no empty moved.
+
+    Never raises for what the user can cause: the sentence goes to the status.
+    """
+    settings = ob.detail_deform
+    if ob.type != 'MESH' or not settings.signature or settings.stale or ob.mode == 'EDIT':
+        return
+    try:
+        mesh_data.check_object(ob)
+        bound = deformers.find(settings.signature) or _restore(ob, depsgraph)
+        if bound is not None:
+            _follow(ob, bound, depsgraph, force)
+            _note(settings, "")
+    except (MeshProblem, native.NativeError) as problem:
+        _note(settings, str(problem))
+
+
+def _note(settings, problem):
+    if settings.problem != problem:
+        settings.problem = problem
+
+
+def _follow(ob, bound, depsgraph, force):
+    start = time.perf_counter()
+    settings = ob.detail_deform
+    motions = handle_matrices.motions(settings, handle_matrices.local_places(ob, depsgraph))
+    shown = (motions.tobytes(), settings.rotation_only)
+    if not force and bound.shown.get(ob.name) == shown:
+        return
+    mesh_data.write_offsets(ob.data, bound.deformer.offsets(motions, settings.rotation_only))
+    bound.shown[ob.name] = shown
+    bound.update_ms = 1e3 * (time.perf_counter() - start)
+
+
+def _restore(ob, depsgraph):
+    """Binds again what the file or an undone step says was bound, at the stored rest places.
+
+    Returns None while that goes on in the background."""
+    settings = ob.detail_deform
+    signature = settings.signature
+    native.library()
+    if not deformers.bind_under_way(signature):
+        check_content(ob)
+        if settings.stale:
+            return None
+        _start(ob, signature, _roles(ob))
+    # A render must not show a frame that isn't finished, and without a window nothing polls.
+    if bpy.app.background or depsgraph.mode == 'RENDER':
+        return deformers.finish(signature)
+    return None
+
+
+# Binding and unbinding
+
+def _start(ob, signature, roles):
+    settings = ob.detail_deform
+    deformers.start(signature, mesh_data.positions(ob.data), mesh_data.triangles(ob.data), roles,
+                    len(handle_matrices.enabled_handles(settings)), **_options(settings))
+    if not bpy.app.background and not bpy.app.timers.is_registered(_poll):
+        bpy.app.timers.register(_poll, first_interval=_POLL_SECONDS)
+
+
+def bind(ob, depsgraph, wait, keep_rest):
+    """Starts to bind the object's region to its handles, and with wait also finishes.
+
+    keep_rest: the empties' rest places stay those of the last Bind, so that a pose survives a
+    change of the mesh; handles that have none yet get their present place.
+    Raises MeshProblem or native.NativeError; the object then has no binding.
+    """
+    mesh_data.check_object(ob)
+    native.library()
+    settings = ob.detail_deform
+    roles = _roles(ob)
+    places = handle_matrices.local_places(ob, depsgraph)
+    _forget(settings)
+    handle_matrices.store_rest(settings, places, only_new=keep_rest)
+    handle_matrices.motions(settings, places)  # refuses places that can't be inverted
+
+    signature = _signature(mesh_data.shape_signature(ob.data), roles, settings)
+    _start(ob, signature, roles)
+    settings.signature = signature
+    node_group.ensure_modifier(ob)
+    if wait:
+        try:
+            deformers.finish(signature)
+        except native.NativeError:
+            settings.signature = ""
+            raise
+        _bind_finished(ob, depsgraph)
+
+
+def _bind_finished(ob, depsgraph):
+    check_content(ob)
+    refresh(ob, depsgraph, force=True)
+    deformers.drop_unused({o.detail_deform.signature for o in bound_objects(bpy.data.objects)})
+
+
+def _forget(settings):
+    settings.signature = settings.stale = settings.problem = ""
+
+
+def cancel(ob):
+    """Stops a bind under way; the timer then takes back what it began."""
+    bind_under_way = deformers.bind_under_way(ob.detail_deform.signature)
+    if bind_under_way:
+        bind_under_way.cancel()
+
+
+def unbind(ob):
+    """Forgets the binding; the mesh shows its rest shape."""
+    cancel(ob)
+    _forget(ob.detail_deform)
+    mesh_data.remove_offsets(ob.data)
+
+
+def _poll():
+    """Timer: finishes binds that are ready. Returns the seconds to the next call, None to end."""
+    for signature in deformers.binds_under_way():
+        running, _, _ = deformers.bind_under_way(signature).progress()
+        if running:
+            continue
+        owners = [ob for ob in bound_objects(bpy.data.objects) if ob.detail_deform.signature == signature]
+        try:
+            deformers.finish(signature)
+        except native.NativeError as error:
+            for ob in owners:
+                _forget(ob.detail_deform)
+                ob.detail_deform.problem = str(error)
+            continue
+        for ob in owners:
+            _bind_finished(ob, bpy.context.evaluated_depsgraph_get())
+    redraw_panels()
+    return _POLL_SECONDS if deformers.binds_under_way() else None
+
+
+def stop_polling():
+    if bpy.app.timers.is_registered(_poll):
+        bpy.app.timers.unregister(_poll)
+
+
+def redraw_panels():
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in {'PROPERTIES', 'VIEW_3D'}:
+                area.tag_redraw()
+
+
+# What can be read
+
+def is_bound(ob):
+    settings = ob.detail_deform
+    return bool(settings.signature and not settings.stale and deformers.find(settings.signature))
+
+
+def bind_ms(ob):
+    bound = deformers.find(ob.detail_deform.signature)
+    return bound.bind_ms if bound else 0.0
+
+
+def update_ms(ob):
+    bound = deformers.find(ob.detail_deform.signature)
+    return bound.update_ms if bound else 0.0
+
+
+def status(ob):
+    """One or more sentences; the first says how things stand."""
+    settings = ob.detail_deform
+    under_way = deformers.bind_under_way(settings.signature)
+    if under_way:
+        _, fraction, stage = under_way.progress()
+        return f"Binding, {100 * fraction:.0f}%: {stage}."
+    if settings.stale:
+        return f"{settings.stale} Re-bind to go on."
+    if settings.problem:
+        return settings.problem
+    if not settings.signature:
+        return "Not bound."
+    bound = deformers.find(settings.signature)
+    if bound is None:
+        return "Bound; the handles will be followed again after the next update."
+    return ' '.join([_summary(bound.deformer.info), *_remarks(ob, bound.deformer.info)])
+
+
+def _count(number, one, many):
+    return f"{number:,} {one if number == 1 else many}"
+
+
+def _summary(info):
+    return (f"Bound: {_count(info.handle_count, 'handle', 'handles')} "
+            f"{'moves' if info.handle_count == 1 else 'move'} "
+            f"{_count(info.free_count, 'free vertex', 'free vertices')}.")
+
+
+def _remarks(ob, info):
+    """What the user may not expect of this mesh."""
+    if node_group.find_modifier(ob) is None:
+        yield "Its modifier was removed, so nothing is shown: bind again to add it."
+    if info.resting_count:
+        yield (f"{_count(info.resting_part_count, 'loose part', 'loose parts')} of the region "
+               f"({_count(info.resting_count, 'vertex', 'vertices')}, for one vertex "
+               f"{info.resting_example}) stay at rest: no handle is on them.")
+    if info.loose_count:
+        yield (f"{_count(info.loose_count, 'vertex', 'vertices')} without faces (for one "
+               f"{info.loose_example}) stay at rest.")
+    if info.degenerate_count:
+        yield (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
+               f"(for one {info.degenerate_example}).")

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From empties to the 3×4 matrices that the library takes."""
+
+import numpy as np
+
+from .mesh_data import MeshProblem
+
+
+def enabled_handles(settings):
+    return [handle for handle in settings.handles if handle.enabled]
+
+
+def _evaluated_world(ob, depsgraph, what):
+    evaluated = ob.evaluated_get(depsgraph)
+    if not evaluated.is_evaluated:
+        raise MeshProblem(f"{what} '{ob.name}' is not evaluated in this view layer: it was removed from "
+                          "the scene, or it or its collection is disabled or excluded. Enable it, or "
+                          "choose another one.")
+    return np.array(evaluated.matrix_world, np.float64)
+
+
+def _inverse(matrix, sentence):
+    # A scale of 1e-6 is a legal, if odd, unit; one of zero leaves nothing to divide by.
+    if abs(np.linalg.det(matrix[:3, :3])) < 1e-30:
+        raise MeshProblem(sentence)
+    return np.linalg.inv(matrix)
+
+
+def local_places(ob, depsgraph):
+    """(h, 4, 4) float32: the place of each enabled handle's empty in the object's own space,
+    evaluated. Raises MeshProblem naming the handle."""
+    to_local = _inverse(_evaluated_world(ob, depsgraph, "Object"),
+                        f"'{ob.name}' has a scale of zero: give it a size.")
+    handles = enabled_handles(ob.detail_deform)
+    places = np.empty((len(handles), 4, 4), np.float32)
+    for number, handle in enumerate(handles):
+        if handle.target is None:
+            raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
+                              "an empty to move it with.")
+        places[number] = to_local @ _evaluated_world(handle.target, depsgraph,
+                                                     f"Handle '{handle.name}': empty")
+    return places
+
+
+def motions(settings, places):
+    """(h, 3, 4) float64: rest to present of each enabled handle, in the object's own space.
+
+    Both places are relative to the object (as for Blender's Hook modifier): what moves the object
+    together with its empties moves no vertex. They are single precision on both sides, so that an
+    empty that did not move gives the identity to the last digit.
+    """
+    result = np.empty((len(places), 3, 4))
+    for number, handle in enumerate(enabled_handles(settings)):
+        rest = np.array(handle.rest_matrix, np.float64).reshape(4, 4)
+        inverse = _inverse(rest, f"Handle '{handle.name}': its empty had a scale of zero when it was "
+                                 "bound. Give it a size and bind again.")
+        result[number] = (places[number].astype(np.float64) @ inverse)[:3]
+    return result
+
+
+def has_rest(handle):
+    return any(handle.rest_matrix)
+
+
+def store_rest(settings, places, only_new):
+    """Takes the present places as rest; only_new: for handles that have none yet."""
+    for handle, place in zip(enabled_handles(settings), places):
+        if not (only_new and has_rest(handle)):
+            handle.rest_matrix = place.ravel().tolist()

@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The C library: found, loaded, checked. The only file that knows it."""
+
+import ctypes
+import os
+import sys
+import threading
+
+import numpy as np
+
+ABI_VERSION = 1
+ROLE_FREE = -1
+ROLE_FIXED = -2
+METRICS = {'SURFACE': 0, 'BASE': 1}
+
+_ERROR_CANCELLED = 6
+_BIND_RUNNING = 0
+_OUTPUT_OFFSETS = 1
+
+
+class NativeError(Exception):
+    """A sentence for the user. cancelled: the user asked for it."""
+
+    def __init__(self, sentence, cancelled=False):
+        super().__init__(sentence)
+        self.cancelled = cancelled
+
+
+class _BindOptions(ctypes.Structure):
+    _fields_ = [('struct_size', ctypes.c_uint32), ('base_metric', ctypes.c_int32),
+                ('metric_smoothing', ctypes.c_double)]
+
+
+class _UpdateOptions(ctypes.Structure):
+    _fields_ = [('struct_size', ctypes.c_uint32), ('rotation_only', ctypes.c_int32),
+                ('output', ctypes.c_int32)]
+
+
+class _BindProgress(ctypes.Structure):
+    _fields_ = [('struct_size', ctypes.c_uint32), ('state', ctypes.c_int32),
+                ('fraction', ctypes.c_double), ('stage', ctypes.c_char_p)]
+
+
+class Info(ctypes.Structure):
+    """Facts about a bound surface: dd_deformer_info."""
+    _fields_ = [('struct_size', ctypes.c_uint32)] + [
+        (name, ctypes.c_int32) for name in (
+            'vertex_count', 'triangle_count', 'handle_count', 'free_count', 'resting_count',
+            'resting_part_count', 'resting_example', 'loose_count', 'loose_example',
+            'degenerate_count', 'degenerate_example', 'borrowed_count')] + [
+        ('bind_seconds', ctypes.c_double), ('bytes', ctypes.c_double)]
+
+
+def library_path():
+    """Where the library is looked for: beside the add-on unless the environment says otherwise."""
+    override = os.environ.get('DETAIL_DEFORM_LIBRARY')
+    if override:
+        return override
+    name = {'win32': 'detail_deform.dll', 'darwin': 'libdetail_deform.dylib'}.get(
+        sys.platform, 'libdetail_deform.so')
+    return os.path.join(os.path.dirname(os.path.abspath(__file__)), 'lib', name)
+
+
+_FLOATS = np.ctypeslib.ndpointer(np.float32, flags='C_CONTIGUOUS')
+_DOUBLES = np.ctypeslib.ndpointer(np.float64, flags='C_CONTIGUOUS')
+_INTS = np.ctypeslib.ndpointer(np.int32, flags='C_CONTIGUOUS')
+_library = None
+_loading = threading.Lock()
+
+
+def library():
+    """The loaded library. Raises NativeError with what is missing or does not fit."""
+    global _library
+    with _loading:
+        if _library is None:
+            _library = _load(library_path())
+    return _library
+
+
+def _load(path):
+    if not os.path.exists(path):
+        raise NativeError(f"The Detail Deform library is missing: there is no file {path}. "
+                          "Install the add-on's zip for this operating system, or build the project.")
+    try:
+        lib = ctypes.CDLL(path)
+        lib.dd_abi_version.restype = ctypes.c_int32
+        version = lib.dd_abi_version()
+    except (OSError, AttributeError) as error:
+        raise NativeError(f"The Detail Deform library can't be loaded: {error}. "
+                          "Install the add-on's zip for this operating system.") from error
+    if version != ABI_VERSION:
+        raise NativeError(f"The Detail Deform library {path} is of another version (interface "
+                          f"{version}, the add-on needs {ABI_VERSION}). Install the add-on's zip "
+                          "again and restart Blender.")
+    for name in ('dd_version', 'dd_instruction_set', 'dd_last_message'):
+        getattr(lib, name).restype = ctypes.c_char_p
+        getattr(lib, name).argtypes = []
+    size, handle = ctypes.c_size_t, ctypes.c_void_p
+    signatures = {
+        'dd_bind_start': [_FLOATS, size, _INTS, size, _INTS, size, ctypes.c_int32,
+                          ctypes.POINTER(_BindOptions), ctypes.POINTER(handle)],
+        'dd_bind_poll': [handle, ctypes.POINTER(_BindProgress)],
+        'dd_bind_cancel': [handle],
+        'dd_bind_finish': [handle, ctypes.POINTER(handle)],
+        'dd_bind_free': [handle],
+        'dd_deformer_update': [handle, _DOUBLES, size, ctypes.POINTER(_UpdateOptions), _FLOATS, size],
+        'dd_deformer_get_info': [handle, ctypes.POINTER(Info)],
+        'dd_deformer_free': [handle],
+    }
+    for name, argtypes in signatures.items():
+        function = getattr(lib, name)
+        function.argtypes = argtypes
+        function.restype = None if name.endswith('_free') else ctypes.c_int32
+    return lib
+
+
+def version():
+    return library().dd_version().decode()
+
+
+def instruction_set():
+    """'avx2' or 'baseline': what the per-frame kernels use on this machine."""
+    return library().dd_instruction_set().decode()
+
+
+def _check(status):
+    if status != 0:
+        raise NativeError(library().dd_last_message().decode('utf-8', 'replace'),
+                          cancelled=status == _ERROR_CANCELLED)
+
+
+class Bind:
+    """A bind under way in a thread of the library."""
+
+    def __init__(self, positions, triangles, roles, handle_count, base_metric='SURFACE',
+                 metric_smoothing=0.0):
+        """positions: (n, 3) float32; triangles: (m, 3) int32; roles: (n,) int32, ROLE_FREE,
+        ROLE_FIXED or a handle number below handle_count. All are copied."""
+        lib = library()
+        self._handle = ctypes.c_void_p()
+        options = _BindOptions(ctypes.sizeof(_BindOptions), METRICS[base_metric], metric_smoothing)
+        positions = np.ascontiguousarray(positions, np.float32)
+        triangles = np.ascontiguousarray(triangles, np.int32)
+        roles = np.ascontiguousarray(roles, np.int32)
+        _check(lib.dd_bind_start(positions, positions.size, triangles, triangles.size, roles,
+                                 roles.size, handle_count, options, self._handle))
+
+    def progress(self):
+        """(running, fraction, stage)"""
+        progress = _BindProgress(ctypes.sizeof(_BindProgress))
+        _check(library().dd_bind_poll(self._handle, progress))
+        return progress.state == _BIND_RUNNING, progress.fraction, progress.stage.decode()
+
+    def cancel(self):
+        _check(library().dd_bind_cancel(self._handle))
+
+    def finish(self):
+        """Waits; the Deformer, or NativeError. The bind is over either way."""
+        deformer = ctypes.c_void_p()
+        try:
+            _check(library().dd_bind_finish(self._handle, deformer))
+        finally:
+            self.close()
+        return Deformer(deformer)
+
+    def close(self):
+        """Ends the bind without a result: cancels it when it still runs."""
+        handle, self._handle = self._handle, None
+        if handle:
+            library().dd_bind_free(handle)
+
+    def __del__(self):
+        if getattr(self, '_handle', None):
+            self.close()
+
+
+class Deformer:
+    """A bound surface. One update at a time: renders come from another thread than the window."""
+
+    def __init__(self, handle):
+        self._handle = handle
+        self._lock = threading.Lock()
+        info = Info(ctypes.sizeof(Info))
+        _check(library().dd_deformer_get_info(handle, info))
+        self.info = info
+        self._offsets = np.zeros(3 * info.vertex_count, np.float32)
+
+    def offsets(self, matrices, rotation_only=True):
+        """matrices: (h, 3, 4) float64, rest to present, object space. Calls are serialized.
+        Returns (3 n,) float32, deformed minus rest; the array is reused by the next call."""
+        matrices = np.ascontiguousarray(matrices, np.float64)
+        options = _UpdateOptions(ctypes.sizeof(_UpdateOptions), rotation_only, _OUTPUT_OFFSETS)
+        with self._lock:
+            _check(library().dd_deformer_update(self._handle, matrices, matrices.size, options,
+                                                self._offsets, self._offsets.size))
+        return self._offsets
+
+    def close(self):
+        with self._lock:
+            handle, self._handle = self._handle, None
+            if handle:
+                library().dd_deformer_free(handle)
+
+    def __del__(self):
+        if getattr(self, '_handle', None):
+            self.close()

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Geometry Nodes modifier that shows the result: position + Factor × offset attribute."""
+
+import bpy
+
+from . import mesh_data
+
+NAME = 'Detail Deform'
+_MARK = 'detail_deform_nodes'
+
+
+def _new_interface(group):
+    if hasattr(group, 'interface'):  # 4.0 on
+        geometry, factor = 'NodeSocketGeometry', 'NodeSocketFloat'
+        group.interface.new_socket('Geometry', in_out='INPUT', socket_type=geometry)
+        group.interface.new_socket('Geometry', in_out='OUTPUT', socket_type=geometry)
+        return group.interface.new_socket('Factor', in_out='INPUT', socket_type=factor)
+    group.inputs.new('NodeSocketGeometry', 'Geometry')
+    group.outputs.new('NodeSocketGeometry', 'Geometry')
+    return group.inputs.new('NodeSocketFloat', 'Factor')
+
+
+def _make_group():
+    group = bpy.data.node_groups.new(NAME, 'GeometryNodeTree')
+    group[_MARK] = 1
+    factor = _new_interface(group)
+    factor.default_value = 1.0
+    factor.min_value = 0.0
+    factor.max_value = 1.0
+    factor.description = "How much of the deformation is shown: 0 is the rest shape, 1 the result"
+
+    def node(kind, x, y):
+        made = group.nodes.new(kind)
+        made.location = (x, y)
+        return made
+
+    source, target = node('NodeGroupInput', -600, 0), node('NodeGroupOutput', 200, 0)
+    attribute = node('GeometryNodeInputNamedAttribute', -600, -200)
+    attribute.data_type = 'FLOAT_VECTOR'
+    attribute.inputs['Name'].default_value = mesh_data.OFFSET_ATTRIBUTE
+    scale = node('ShaderNodeVectorMath', -300, -150)
+    scale.operation = 'SCALE'
+    move = node('GeometryNodeSetPosition', 0, 0)
+    vector = next(s for s in attribute.outputs if s.name == 'Attribute' and s.type == 'VECTOR')
+    link = group.links.new
+    link(vector, scale.inputs[0])
+    link(source.outputs['Factor'], scale.inputs['Scale'])
+    link(source.outputs['Geometry'], move.inputs['Geometry'])
+    link(scale.outputs[0], move.inputs['Offset'])
+    link(move.outputs['Geometry'], target.inputs['Geometry'])
+    return group
+
+
+def find_modifier(ob):
+    for modifier in ob.modifiers:
+        if modifier.type == 'NODES' and modifier.node_group and _MARK in modifier.node_group:
+            return modifier
+    return None
+
+
+def ensure_modifier(ob):
+    """The object's modifier, added at the end of the stack when there is none."""
+    modifier = find_modifier(ob)
+    if modifier is None:
+        group = next((g for g in bpy.data.node_groups if _MARK in g and not g.library), None)
+        modifier = ob.modifiers.new(NAME, 'NODES')
+        modifier.node_group = group or _make_group()
+        modifier.show_expanded = False
+    return modifier
+
+
+def remove_modifier(ob):
+    """Removes the modifier, and the node group when nobody else uses it."""
+    modifier = find_modifier(ob)
+    if modifier is None:
+        return
+    group = modifier.node_group
+    ob.modifiers.remove(modifier)
+    if group.users == 0:
+        bpy.data.node_groups.remove(group)
+
+
+def _factor_socket(group):
+    sockets = (group.interface.items_tree if hasattr(group, 'interface') else group.inputs)
+    return next(s for s in sockets if s.name == 'Factor' and getattr(s, 'in_out', 'INPUT') == 'INPUT')
+
+
+def factor(modifier):
+    """The modifier's Factor; 1 when it is driven by an attribute."""
+    socket = _factor_socket(modifier.node_group)
+    inputs = getattr(getattr(modifier, 'properties', None), 'inputs', None)
+    if inputs is not None:  # 5.2 on
+        return float(getattr(inputs, socket.identifier).value)
+    return float(modifier.get(socket.identifier, socket.default_value))

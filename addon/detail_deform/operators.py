@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the user can do; scripts call these as bpy.ops.object.detail_deform_..."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+
+from . import apply_result, binding, handle_setup, mesh_data, native, node_group
+
+
+class _MeshOperator:
+    """Undo, a poll message, and a report for every sentence the user should see."""
+    bl_options = {'REGISTER', 'UNDO'}
+
+    @classmethod
+    def poll(cls, context):
+        ob = context.active_object
+        if ob is None or ob.type != 'MESH':
+            cls.poll_message_set("Select a mesh object")
+            return False
+        return cls.poll_object(ob)
+
+    @classmethod
+    def poll_object(cls, ob):
+        return True
+
+    def execute(self, context):
+        try:
+            return self.run(context, context.active_object) or {'FINISHED'}
+        except (mesh_data.MeshProblem, native.NativeError) as problem:
+            self.report({'ERROR'}, str(problem))
+            return {'CANCELLED'}
+
+
+class OBJECT_OT_detail_deform_add(_MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_add'
+    bl_label = "Add Detail Deform"
+    bl_description = "Add the modifier that shows the deformation. The mesh itself stays as it is"
+
+    @classmethod
+    def poll_object(cls, ob):
+        if node_group.find_modifier(ob):
+            cls.poll_message_set("The object has Detail Deform already")
+            return False
+        return True
+
+    def run(self, context, ob):
+        mesh_data.check_object(ob)
+        node_group.ensure_modifier(ob)
+
+
+class OBJECT_OT_detail_deform_remove(_MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_remove'
+    bl_label = "Remove Detail Deform"
+    bl_description = ("Leave the object as it was found: remove the modifier, the stored deformation, "
+                      "all settings, and the vertex groups and empties that were made for handles")
+
+    def run(self, context, ob):
+        mesh_data.check_object(ob)
+        binding.unbind(ob)
+        node_group.remove_modifier(ob)
+        for index in reversed(range(len(ob.detail_deform.handles))):
+            handle_setup.remove_handle(ob, index)
+        ob.property_unset('detail_deform')
+
+
+class OBJECT_OT_detail_deform_handle_add(_MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_handle_add'
+    bl_label = "Add Handle"
+    bl_description = ("Add a handle with a new empty at the middle of its vertices. In Edit Mode it takes "
+                      "the selected vertices, else those of the given vertex group")
+
+    vertex_group: StringProperty(
+        name="Vertex Group", description="Group of the handle's vertices, outside Edit Mode; the active group when empty")
+
+    def run(self, context, ob):
+        handle_setup.add_handle(context, ob, self.vertex_group)
+
+
+class OBJECT_OT_detail_deform_handle_remove(_MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_handle_remove'
+    bl_label = "Remove Handle"
+    bl_description = "Remove a handle, and the vertex group and the empty if they were made for it"
+
+    index: IntProperty(name="Index", default=-1, min=-1,
+                       description="Number of the handle; the active one when -1")
+
+    @classmethod
+    def poll_object(cls, ob):
+        if not ob.detail_deform.handles:
+            cls.poll_message_set("There is no handle")
+            return False
+        return True
+
+    def run(self, context, ob):
+        settings = ob.detail_deform
+        index = settings.handle_index if self.index < 0 else self.index
+        if index >= len(settings.handles):
+            raise mesh_data.MeshProblem(f"There is no handle {index}.")
+        handle_setup.remove_handle(ob, index)
+        settings.handle_index = max(0, min(index, len(settings.handles) - 1))
+        binding.check_content(ob)
+
+
+class OBJECT_OT_detail_deform_bind(_MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_bind'
+    bl_label = "Bind"
+    bl_description = ("Attach the region to its handles: the empties' present places are the rest. From "
+                      "then on the surface follows them")
+
+    wait: BoolProperty(
+        name="Wait", default=False, options={'SKIP_SAVE'},
+        description="Return when the surface is bound, instead of binding in the background")
+    keep_rest: BoolProperty(
+        name="Keep Rest", default=False, options={'SKIP_SAVE'},
+        description="Keep the rest places of the last Bind, so that the present pose stays")
+
+    def run(self, context, ob):
+        wait = self.wait or bpy.app.background
+        binding.bind(ob, context.evaluated_depsgraph_get(), wait, self.keep_rest)
+        if ob.detail_deform.problem:
+            self.report({'WARNING'}, ob.detail_deform.problem)
+
+
+class OBJECT_OT_detail_deform_bind_cancel(_MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_bind_cancel'
+    bl_label = "Cancel Bind"
+    bl_description = "Stop the bind that is under way"
+    bl_options = {'REGISTER'}
+
+    def run(self, context, ob):
+        binding.cancel(ob)
+
+
+class OBJECT_OT_detail_deform_unbind(_MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_unbind'
+    bl_label = "Unbind"
+    bl_description = "Detach the surface from its handles and show its rest shape. Settings stay"
+
+    def run(self, context, ob):
+        mesh_data.check_object(ob)
+        binding.unbind(ob)
+
+
+class OBJECT_OT_detail_deform_update(_MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_update'
+    bl_label = "Update"
+    bl_description = "Bring the surface up to date with its handles now"
+
+    def run(self, context, ob):
+        settings = ob.detail_deform
+        if not settings.signature:
+            raise mesh_data.MeshProblem(f"'{ob.name}' is not bound: press Bind first.")
+        binding.check_content(ob)
+        binding.refresh(ob, context.evaluated_depsgraph_get(), force=True)
+        if settings.stale or settings.problem:
+            raise mesh_data.MeshProblem(binding.status(ob))
+
+
+class OBJECT_OT_detail_deform_apply(_MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_apply'
+    bl_label = "Apply Detail Deform"
+    bl_description = "Make what is shown part of the mesh, and detach it from its handles"
+
+    mode: EnumProperty(
+        name="As", default='MESH',
+        items=[('MESH', "Mesh", "Move the mesh's vertices, and those of its shape keys with them"),
+               ('SHAPE_KEY', "Shape Key", "Add a shape key that holds the deformation, at full value")])
+
+    @classmethod
+    def poll_object(cls, ob):
+        if mesh_data.OFFSET_ATTRIBUTE not in ob.data.attributes:
+            cls.poll_message_set("There is no deformation to apply: bind and move a handle first")
+            return False
+        return True
+
+    def run(self, context, ob):
+        mesh_data.check_object(ob)
+        apply_result.apply(ob, self.mode)
+        binding.unbind(ob)
+        node_group.remove_modifier(ob)
+
+
+CLASSES = (OBJECT_OT_detail_deform_add, OBJECT_OT_detail_deform_remove,
+           OBJECT_OT_detail_deform_handle_add, OBJECT_OT_detail_deform_handle_remove,
+           OBJECT_OT_detail_deform_bind, OBJECT_OT_detail_deform_bind_cancel,
+           OBJECT_OT_detail_deform_unbind, OBJECT_OT_detail_deform_update,
+           OBJECT_OT_detail_deform_apply)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister():
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel in Properties > Modifiers."""
+
+import textwrap
+
+import bpy
+
+from . import deformers
+
+
+class OBJECT_UL_detail_deform_handles(bpy.types.UIList):
+    def draw_item(self, context, layout, data, item, icon, active_data, active_propname, index=0):
+        row = layout.row(align=True)
+        row.active = item.enabled
+        row.prop(item, 'name', text="", emboss=False, icon='EMPTY_AXIS')
+        row.prop(item, 'enabled', text="")
+
+
+def _draw_text(layout, context, text, icon):
+    """Wraps a sentence to the panel's width; labels don't."""
+    scale = context.preferences.system.ui_scale
+    width = max(20, int(context.region.width / (7 * scale)) - 6)
+    column = layout.column(align=True)
+    for number, line in enumerate(textwrap.wrap(text, width)):
+        column.label(text=line, icon=icon if number == 0 else 'BLANK1')
+
+
+class OBJECT_PT_detail_deform(bpy.types.Panel):
+    bl_label = "Detail Deform"
+    bl_space_type = 'PROPERTIES'
+    bl_region_type = 'WINDOW'
+    bl_context = 'modifier'
+    bl_options = {'DEFAULT_CLOSED'}
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and context.object.type == 'MESH'
+
+    def draw(self, context):
+        layout = self.layout
+        ob = context.object
+        settings = ob.detail_deform
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        self.draw_state(context, layout, settings)
+
+        layout.prop_search(settings, 'region', ob, 'vertex_groups')
+        layout.label(text="Handles")
+        row = layout.row()
+        row.template_list('OBJECT_UL_detail_deform_handles', "", settings, 'handles', settings,
+                          'handle_index', rows=3)
+        buttons = row.column(align=True)
+        buttons.operator('object.detail_deform_handle_add', text="", icon='ADD')
+        buttons.operator('object.detail_deform_handle_remove', text="", icon='REMOVE')
+        if 0 <= settings.handle_index < len(settings.handles):
+            handle = settings.handles[settings.handle_index]
+            column = layout.column()
+            column.prop_search(handle, 'vertex_group', ob, 'vertex_groups')
+            column.prop(handle, 'target')
+
+        column = layout.column(heading="Details")
+        column.prop(settings, 'rotation_only')
+        column = layout.column()
+        column.prop(settings, 'base_metric')
+        smoothing = column.column()
+        smoothing.active = settings.base_metric == 'SURFACE'
+        smoothing.prop(settings, 'metric_smoothing')
+
+        layout.separator()
+        row = layout.row(align=True)
+        row.operator_menu_enum('object.detail_deform_apply', 'mode', text="Apply")
+        row.operator('object.detail_deform_remove', text="Remove", icon='X')
+
+    def draw_state(self, context, layout, settings):
+        wrong = settings.stale or settings.problem
+        under_way = deformers.bind_under_way(settings.signature)
+        box = layout.box()
+        icon = ('ERROR' if wrong else 'SORTTIME' if under_way else
+                'LINKED' if settings.is_bound else 'UNLINKED')
+        _draw_text(box, context, settings.status, icon)
+        if settings.is_bound and not wrong:
+            box.label(text=f"Bind {settings.bind_ms:.0f} ms, update {settings.update_ms:.1f} ms", icon='TIME')
+
+        row = layout.row(align=True)
+        if under_way:
+            row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
+            return
+        if settings.signature:
+            if settings.stale:
+                row.operator('object.detail_deform_bind', text="Re-bind", icon='FILE_REFRESH').keep_rest = True
+            row.operator('object.detail_deform_unbind', icon='UNLINKED')
+            if not settings.stale:
+                row.operator('object.detail_deform_update', text="", icon='FILE_REFRESH')
+                row.prop(settings, 'live', toggle=True)
+        else:
+            row.operator('object.detail_deform_bind', icon='LINKED').keep_rest = False
+
+
+def _draw_add_entry(self, context):
+    self.layout.operator('object.detail_deform_add', text="Detail Deform", icon='MOD_MESHDEFORM')
+
+
+CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_PT_detail_deform)
+
+
+def _add_menu():
+    # 4.2 on; before, the modifier menu can't be added to and the panel is the way in.
+    return getattr(bpy.types, 'OBJECT_MT_modifier_add_deform', None)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    if _add_menu():
+        _add_menu().append(_draw_add_entry)
+
+
+def unregister():
+    if _add_menu():
+        _add_menu().remove(_draw_add_entry)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,160 @@
+# shellcheck shell=bash
+# SPDX-License-Identifier: GPL-3.0-or-later
+#
+# Gets what a build, the demo and the tests need, and only what is missing. Sourced from the
+# repository root; every function says what it does and returns non-zero, with a sentence on
+# stderr, when it can't. Each step is followed by "|| return" because a function called in a
+# condition ("if prepare_blender") runs without set -e.
+
+dd_say() { printf '==> %s\n' "$*"; }
+dd_complain() { printf '%s\n' "$*" >&2; }
+
+dd_as_root() {
+    if [ "$(id -u)" = 0 ]; then "$@"; else sudo -n "$@"; fi
+}
+
+dd_install() {
+    if ! command -v apt-get >/dev/null || ! dd_as_root true 2>/dev/null; then
+        dd_complain "Please install these packages and run this again: $*"
+        return 1
+    fi
+    if [ -z "${DD_APT_UPDATED:-}" ]; then
+        dd_say "apt-get update"
+        dd_as_root apt-get update -qq || return
+        DD_APT_UPDATED=1
+    fi
+    dd_say "apt-get install $*"
+    dd_as_root env DEBIAN_FRONTEND=noninteractive \
+        apt-get install -y -qq --no-install-recommends "$@" >/dev/null || {
+        dd_complain "apt-get could not install: $*"
+        return 1
+    }
+}
+
+# dd_need CHECK PACKAGE...: install the packages unless CHECK (a command's name, or a function
+# that returns zero) says that they are there.
+dd_need() {
+    local check=$1
+    shift
+    if declare -F "$check" >/dev/null; then
+        "$check" && return 0
+    elif command -v "$check" >/dev/null; then
+        return 0
+    fi
+    dd_install "$@"
+}
+
+# Libraries have no command to look for. Without dpkg, CMake names what it misses.
+dd_need_packages() {
+    local package missing=()
+    command -v dpkg-query >/dev/null || return 0
+    for package in "$@"; do
+        # shellcheck disable=SC2016  # the format is dpkg's, not the shell's
+        dpkg-query -W -f='${Status}\n' "$package" 2>/dev/null | grep -q 'ok installed' ||
+            missing+=("$package")
+    done
+    [ ${#missing[@]} = 0 ] || dd_install "${missing[@]}"
+}
+
+# dd_at_least VERSION WANTED
+dd_at_least() {
+    [ "$(printf '%s\n' "$2" "$1" | sort -V | sed -n 1p)" = "$2" ]
+}
+
+dd_has_cmake() {
+    command -v cmake >/dev/null &&
+        dd_at_least "$(cmake --version | sed -n '1s/[^0-9]*//p')" 3.25
+}
+
+prepare_build() {
+    dd_need dd_has_cmake cmake || return
+    if ! dd_has_cmake; then
+        dd_complain "CMake 3.25 or newer is needed and this system's is older: pip install cmake"
+        return 1
+    fi
+    dd_need ninja ninja-build || return
+    dd_need c++ g++ || return
+    dd_need_packages libeigen3-dev catch2
+}
+
+# build_preset NAME: release also stages the library into addon/detail_deform/lib/.
+build_preset() {
+    dd_say "Building preset $1"
+    cmake --preset "$1" >/dev/null || return
+    cmake --build --preset "$1"
+}
+
+dd_blender_has_numpy() {
+    blender --background --factory-startup --python-exit-code 1 \
+        --python-expr 'import numpy' >/dev/null 2>&1
+}
+
+prepare_blender() {
+    local version
+    dd_need blender blender || return
+    version=$(blender --version 2>/dev/null | sed -n 's/^Blender \([0-9.]*\).*/\1/p')
+    if ! dd_at_least "${version:-0}" 3.4; then
+        dd_complain "Blender 3.4 or newer is needed; the one on PATH is ${version:-of no known version}."
+        return 1
+    fi
+    # Workbench draws without a screen or graphics card through these.
+    dd_need_packages libegl1 libgl1-mesa-dri || return
+    # Debian's Blender uses the system's Python and finds only what that has.
+    dd_need dd_blender_has_numpy python3-numpy
+}
+
+dd_python_is() {
+    [ "$("$2" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)" = "$1" ]
+}
+
+# Path of a Python of that minor version. Each candidate is run: a pyenv shim may exist and fail.
+dd_find_python() {
+    local candidate
+    for candidate in "$(command -v "python$1")" \
+        "$(command -v uv >/dev/null && uv python find "$1" 2>/dev/null)" \
+        "${PYENV_ROOT:-$HOME/.pyenv}/versions/$1".*/bin/python3; do
+        if [ -x "$candidate" ] && dd_python_is "$1" "$candidate"; then
+            printf '%s\n' "$candidate"
+            return 0
+        fi
+    done
+    return 1
+}
+
+dd_wheel_ready() {
+    [ -x "$1/bin/python" ] && "$1/bin/python" - "$2" >/dev/null 2>&1 <<'PYTHON'
+import sys
+from importlib.metadata import version
+assert version("bpy") == sys.argv[1] and version("numpy") and version("pytest")
+PYTHON
+}
+
+# prepare_wheel PYTHON BPY, as in "prepare_wheel 3.11 4.5.15": Blender as a Python module in
+# build/venv-bpy-BPY.
+prepare_wheel() {
+    local venv="build/venv-bpy-$2" python
+    if ! dd_wheel_ready "$venv" "$2"; then
+        if ! python=$(dd_find_python "$1"); then
+            dd_complain "bpy $2 needs Python $1, which is not on this machine."
+            return 1
+        fi
+        if ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
+            dd_install "python$1-venv" || return
+        fi
+        dd_say "Installing bpy $2 into $venv (a few hundred megabytes)"
+        "$python" -m venv "$venv" || return
+        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-input \
+            "bpy==$2" numpy pytest || {
+            dd_complain "pip could not install bpy $2."
+            return 1
+        }
+    fi
+    "$venv/bin/python" -c 'import bpy' >/dev/null 2>&1 && return 0
+    # The wheel is linked to the window system's libraries though it opens no window.
+    dd_need_packages libegl1 libgl1 libgl1-mesa-dri libice6 libsm6 libx11-6 libxfixes3 libxi6 \
+        libxkbcommon0 libxrender1 libxxf86vm1 || return
+    "$venv/bin/python" -c 'import bpy' >/dev/null || {
+        dd_complain "bpy $2 is installed in $venv but does not start."
+        return 1
+    }
+}
