@@ -1,0 +1,36 @@
+# Target addon_zip: the add-on as users install it, with the library of this platform inside.
+# One zip serves Blender 3.4 (legacy, by bl_info) and 4.2 on (extension, by the manifest).
+file(READ ${PROJECT_SOURCE_DIR}/addon/detail_deform/blender_manifest.toml dd_manifest)
+string(REGEX MATCH "\nversion = \"([0-9.]+)\"" dd_found "${dd_manifest}")
+if(NOT CMAKE_MATCH_1 STREQUAL PROJECT_VERSION)
+  message(FATAL_ERROR "blender_manifest.toml has version ${CMAKE_MATCH_1}, CMakeLists.txt ${PROJECT_VERSION}.")
+endif()
+
+# Blender's names of platforms.
+string(TOLOWER "${CMAKE_SYSTEM_PROCESSOR}" dd_processor)
+if(dd_processor MATCHES "^(aarch64|arm64)$")
+  set(dd_processor arm64)
+else()
+  set(dd_processor x64)
+endif()
+if(WIN32)
+  set(dd_platform windows-${dd_processor})
+elseif(APPLE)
+  set(dd_platform macos-${dd_processor})
+else()
+  set(dd_platform linux-${dd_processor})
+endif()
+set(dd_zip ${CMAKE_BINARY_DIR}/detail_deform-${PROJECT_VERSION}-${dd_platform}.zip)
+
+add_custom_target(addon_zip
+  COMMAND ${CMAKE_COMMAND}
+    -D SOURCE=${PROJECT_SOURCE_DIR}/addon/detail_deform
+    -D LIBRARY=$<TARGET_FILE:detail_deform>
+    -D LICENSE=${PROJECT_SOURCE_DIR}/LICENSE
+    -D STAGE=${CMAKE_BINARY_DIR}/package
+    -D PLATFORM=${dd_platform}
+    -D ZIP=${dd_zip}
+    -P ${PROJECT_SOURCE_DIR}/addon/make_zip.cmake
+  DEPENDS detail_deform
+  COMMENT "Packing ${dd_zip}"
+  VERBATIM)

@@ -1,0 +1,14 @@
+# Stages the add-on in a folder of its own, for one platform, and zips it.
+file(REMOVE_RECURSE ${STAGE} ${ZIP})
+set(target ${STAGE}/detail_deform)
+file(GLOB sources ${SOURCE}/*.py)
+file(COPY ${sources} ${LICENSE} DESTINATION ${target})
+file(COPY ${LIBRARY} DESTINATION ${target}/lib)
+
+# A zip holds the library of one platform and must not offer itself to others.
+file(READ ${SOURCE}/blender_manifest.toml manifest)
+string(REGEX REPLACE "platforms = [^\n]*" "platforms = [\"${PLATFORM}\"]" manifest "${manifest}")
+file(WRITE ${target}/blender_manifest.toml "${manifest}")
+
+execute_process(COMMAND ${CMAKE_COMMAND} -E tar cf ${ZIP} --format=zip detail_deform
+  WORKING_DIRECTORY ${STAGE} COMMAND_ERROR_IS_FATAL ANY)

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The C ABI through the add-on's own ctypes layer, without Blender."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ADDON = Path(__file__).resolve().parents[2] / 'addon' / 'detail_deform'
+
+
+@pytest.fixture(scope='session')
+def native():
+    spec = importlib.util.spec_from_file_location('detail_deform_native', ADDON / 'native.py')
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+class Strip:
+    """A wavy strip of n × 8 vertices: fixed on the left, handle 0 on the right."""
+
+    def __init__(self, n=24):
+        i, j = np.meshgrid(np.arange(n), np.arange(8), indexing='ij')
+        self.positions = np.stack([i, j, 0.5 * np.sin(2.1 * i) * np.cos(1.7 * j)], -1).reshape(-1, 3)
+        self.positions = self.positions.astype(np.float32)
+        corner = (i * 8 + j)[:-1, :-1].ravel()
+        self.triangles = np.stack([corner, corner + 8, corner + 9, corner, corner + 9, corner + 1],
+                                  -1).reshape(-1, 3).astype(np.int32)
+        self.roles = np.full(n * 8, -1, np.int32)
+        self.roles[i.ravel() < 2] = -2
+        self.roles[i.ravel() >= n - 2] = 0
+
+
+@pytest.fixture
+def strip():
+    return Strip()

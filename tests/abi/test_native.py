@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import ctypes
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from conftest import ADDON, Strip
+
+IDENTITY = np.eye(4)[None, :3]
+
+
+def bound(native, mesh, handles=1, **options):
+    return native.Bind(mesh.positions, mesh.triangles, mesh.roles, handles, **options).finish()
+
+
+def rotation(angle, shift):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[[c, 0, s, shift[0]], [0, 1, 0, shift[1]], [-s, 0, c, shift[2]]]])
+
+
+def test_version_and_instruction_set(native):
+    assert native.library().dd_abi_version() == native.ABI_VERSION
+    assert native.version().count('.') == 2
+    assert native.instruction_set() in ('avx2', 'baseline')
+
+
+def test_wide_kernels_are_chosen_where_the_machine_has_them(native):
+    try:
+        flags = open('/proc/cpuinfo').read()
+    except OSError:
+        pytest.skip("no /proc/cpuinfo to compare with")
+    wide = ' avx2 ' in flags and ' fma ' in flags
+    assert native.instruction_set() == ('avx2' if wide else 'baseline')
+
+
+def test_identity_gives_exactly_nothing(native, strip):
+    offsets = bound(native, strip).offsets(IDENTITY)
+    assert np.abs(offsets).max() <= 1e-9 * np.ptp(strip.positions)
+
+
+def test_handles_move_and_fixed_stay(native, strip):
+    motion = rotation(0.4, (0.5, 1, 3))
+    offsets = bound(native, strip).offsets(motion).reshape(-1, 3)
+    assert (offsets[strip.roles == -2] == 0).all()
+    members = strip.positions[strip.roles == 0].astype(float)
+    expected = members @ motion[0, :, :3].T + motion[0, :, 3] - members
+    assert np.allclose(offsets[strip.roles == 0], expected, atol=1e-5)
+    assert np.abs(offsets[strip.roles == -1]).max() > 0.5
+
+
+@pytest.mark.parametrize('options', [{}, {'metric_smoothing': 2.0}])
+@pytest.mark.parametrize('rotation_only', [True, False])
+def test_everything_held_by_one_handle_moves_rigidly(native, strip, options, rotation_only):
+    strip.roles[strip.roles == -2] = 0
+    motion = rotation(0.9, (1, -2, 3))
+    offsets = bound(native, strip, **options).offsets(motion, rotation_only).reshape(-1, 3)
+    p = strip.positions.astype(float)
+    assert np.allclose(p + offsets, p @ motion[0, :, :3].T + motion[0, :, 3], atol=1e-5)
+
+
+def test_metrics_differ(native, strip):
+    motion = rotation(0.9, (1, -2, 3))
+    results = [bound(native, strip, base_metric=metric).offsets(motion).copy()
+               for metric in ('SURFACE', 'BASE')]
+    assert np.abs(results[0] - results[1]).max() > 1e-3
+
+
+def test_positions_output_is_rest_plus_offsets(native, strip):
+    lib = native.library()
+    deformer = bound(native, strip)
+    motion = rotation(0.3, (0, 0, 2))
+    offsets = deformer.offsets(motion).copy()
+    positions = np.zeros_like(offsets)
+    assert lib.dd_deformer_update(deformer._handle, motion, 12, None, positions, positions.size) == 0
+    assert np.allclose(positions, strip.positions.ravel() + offsets, atol=1e-6)
+
+
+def test_info(native, strip):
+    info = bound(native, strip).info
+    assert (info.vertex_count, info.triangle_count) == (len(strip.positions), len(strip.triangles))
+    assert info.handle_count == 1
+    assert info.free_count == (strip.roles == -1).sum()
+    assert (info.resting_example, info.loose_example, info.degenerate_example) == (-1, -1, -1)
+    assert info.bind_seconds > 0 and info.bytes > 1000
+
+
+def test_progress_rises_and_ends(native):
+    bind = native.Bind(*(lambda m: (m.positions, m.triangles, m.roles))(Strip(3000)), 1)
+    fractions, running = [], True
+    while running:
+        running, fraction, stage = bind.progress()
+        fractions.append(fraction)
+        assert stage
+    assert fractions == sorted(fractions) and fractions[-1] == 1
+    bind.finish()
+
+
+def test_cancel(native):
+    mesh = Strip(12000)
+    bind = native.Bind(mesh.positions, mesh.triangles, mesh.roles, 1)
+    bind.cancel()
+    with pytest.raises(native.NativeError, match='cancelled') as caught:
+        bind.finish()
+    assert caught.value.cancelled
+
+
+def test_a_bind_dropped_while_it_runs_is_cleaned_up(native):
+    mesh = Strip(4000)
+    for _ in range(3):
+        native.Bind(mesh.positions, mesh.triangles, mesh.roles, 1).close()
+    del mesh
+    unfinished = native.Bind(*(lambda m: (m.positions, m.triangles, m.roles))(Strip(4000)), 1)
+    del unfinished
+
+
+@pytest.mark.parametrize('change, sentence', [
+    (lambda m: m.positions.__setitem__((7, 1), np.nan), 'Vertex 7 .*not a finite number'),
+    (lambda m: m.triangles.__setitem__((3, 0), 9999), 'Triangle 3 refers to vertex 9999'),
+    (lambda m: m.triangles.__setitem__((3, 0), -1), 'Triangle 3 refers to vertex -1'),
+    (lambda m: m.triangles.__setitem__((3, 0), m.triangles[3, 1]), 'Triangle 3 uses one vertex twice'),
+    (lambda m: m.positions.fill(1), 'at one point'),
+    (lambda m: m.roles.fill(-1), 'Handle 0 has no vertices'),
+    (lambda m: m.roles.fill(0), 'No vertex is free'),
+    (lambda m: m.roles.__setitem__(5, 4), 'Vertex 5 has the role 4'),
+    (lambda m: setattr(m, 'triangles', m.triangles[:0]), 'no faces'),
+    (lambda m: (setattr(m, 'positions', m.positions[:0]), setattr(m, 'roles', m.roles[:0]),
+                setattr(m, 'triangles', m.triangles[:0])), 'no vertices'),
+    (lambda m: setattr(m, 'roles', m.roles[:-1]), 'roles has 191 elements, not 192'),
+    (lambda m: setattr(m, 'positions', m.positions.ravel()[:-1]), 'not three a vertex'),
+])
+def test_bad_input_gets_a_sentence(native, strip, change, sentence):
+    change(strip)
+    with pytest.raises(native.NativeError, match=sentence):
+        bound(native, strip)
+
+
+@pytest.mark.parametrize('options', [{'metric_smoothing': -1.0}, {'metric_smoothing': float('nan')}])
+def test_bad_options(native, strip, options):
+    with pytest.raises(native.NativeError, match='metric_smoothing'):
+        bound(native, strip, **options)
+
+
+def test_no_handles(native, strip):
+    with pytest.raises(native.NativeError, match='no handle'):
+        bound(native, strip, handles=0)
+
+
+def test_bad_matrices(native, strip):
+    deformer = bound(native, strip)
+    with pytest.raises(native.NativeError, match='matrices has 24 elements, not 12'):
+        deformer.offsets(np.concatenate([IDENTITY, IDENTITY]))
+    bad = IDENTITY.copy()
+    bad[0, 1, 1] = np.inf
+    with pytest.raises(native.NativeError, match='handle 0 is not finite'):
+        deformer.offsets(bad)
+    bad[0, 1, 1] = 1e39
+    with pytest.raises(native.NativeError, match='too large'):
+        deformer.offsets(bad)
+    assert np.isfinite(deformer.offsets(IDENTITY)).all()
+
+
+def test_null_pointers_and_unset_sizes_are_refused(native, strip):
+    lib = native.library()
+    deformer, handle = bound(native, strip), ctypes.c_void_p()
+    out = np.zeros(strip.positions.size, np.float32)
+    argument_error = 1
+    calls = [
+        lib.dd_bind_poll(None, native._BindProgress(ctypes.sizeof(native._BindProgress))),
+        lib.dd_bind_cancel(None),
+        lib.dd_bind_finish(None, handle),
+        lib.dd_deformer_get_info(deformer._handle, None),
+        lib.dd_deformer_get_info(deformer._handle, native.Info()),  # struct_size 0
+        lib.dd_deformer_get_info(None, native.Info(ctypes.sizeof(native.Info))),
+        lib.dd_deformer_update(None, IDENTITY.copy(), 12, None, out, out.size),
+        lib.dd_deformer_update(deformer._handle, IDENTITY.copy(), 12, None, out, out.size - 3),
+        lib.dd_deformer_update(deformer._handle, IDENTITY.copy(), 12,
+                               native._UpdateOptions(12, 2, 0), out, out.size),
+        lib.dd_deformer_update(deformer._handle, IDENTITY.copy(), 12,
+                               native._UpdateOptions(12, 1, 7), out, out.size),
+    ]
+    assert calls == [argument_error] * len(calls)
+    assert lib.dd_last_message().decode().endswith('which is no output.')
+    assert (out == 0).all()
+    lib.dd_bind_free(None)
+    lib.dd_deformer_free(None)
+
+
+def test_a_second_finish_is_refused(native, strip):
+    lib = native.library()
+    bind = native.Bind(strip.positions, strip.triangles, strip.roles, 1)
+    first, second = ctypes.c_void_p(), ctypes.c_void_p()
+    assert lib.dd_bind_finish(bind._handle, first) == 0
+    assert lib.dd_bind_finish(bind._handle, second) == 1
+    assert not second and b'taken already' in lib.dd_last_message()
+    lib.dd_deformer_free(first)
+
+
+def test_structs_of_older_and_newer_callers_are_understood(native, strip):
+    lib, deformer = native.library(), bound(native, strip)
+
+    class OldInfo(ctypes.Structure):
+        _fields_ = [('struct_size', ctypes.c_uint32), ('vertex_count', ctypes.c_int32),
+                    ('guard', ctypes.c_int32)]
+
+    old = OldInfo(8, 0, 77)
+    lib.dd_deformer_get_info.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
+    assert lib.dd_deformer_get_info(deformer._handle, ctypes.byref(old)) == 0
+    assert (old.vertex_count, old.guard) == (len(strip.positions), 77)
+    lib.dd_deformer_get_info.argtypes = [ctypes.c_void_p, ctypes.POINTER(native.Info)]
+
+
+def test_messages_belong_to_their_thread(native, strip):
+    lib = native.library()
+    with pytest.raises(native.NativeError):
+        bound(native, strip, handles=0)
+    mine = lib.dd_last_message()
+    others = []
+
+    def other():
+        lib.dd_bind_cancel(None)
+        others.append(lib.dd_last_message())
+
+    thread = threading.Thread(target=other)
+    thread.start()
+    thread.join()
+    assert b'bind is null' in others[0] and lib.dd_last_message() == mine
+
+
+def test_one_deformer_is_used_by_one_thread_at_a_time(native):
+    mesh = Strip(4000)
+    lib, deformer = native.library(), bound(native, mesh)
+    statuses = []
+
+    def update():
+        out = np.zeros(mesh.positions.size, np.float32)
+        for _ in range(40):
+            statuses.append(lib.dd_deformer_update(deformer._handle, IDENTITY.copy(), 12, None, out, out.size))
+
+    threads = [threading.Thread(target=update) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert set(statuses) == {0, 7}  # 7: busy; never a crash, never anything else
+
+
+def test_different_deformers_at_once_give_what_they_give_alone(native):
+    meshes = [Strip(n) for n in (300, 500, 700)]
+    deformers = [bound(native, mesh) for mesh in meshes]
+    motion = rotation(0.5, (0, 0, 4))
+    alone = [deformer.offsets(motion).copy() for deformer in deformers]
+    together = [None] * 3
+
+    def run(k):
+        for _ in range(50):
+            together[k] = deformers[k].offsets(motion).copy()
+
+    threads = [threading.Thread(target=run, args=(k,)) for k in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for k in range(3):
+        assert (alone[k] == together[k]).all()
+
+
+def load_elsewhere(path):
+    """native.version() in a fresh Python with DETAIL_DEFORM_LIBRARY set."""
+    program = ("import importlib.util as u; s = u.spec_from_file_location('n', %r); "
+               "n = u.module_from_spec(s); s.loader.exec_module(n)\n"
+               "try: print(n.version())\nexcept n.NativeError as e: print('refused:', e)"
+               % str(ADDON / 'native.py'))
+    return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
+                          env={'DETAIL_DEFORM_LIBRARY': str(path), 'PATH': '/usr/bin:/bin'}).stdout
+
+
+def test_the_environment_overrides_the_library(native):
+    assert load_elsewhere(native.library_path()).strip() == native.version()
+
+
+def test_missing_or_foreign_library(native, tmp_path):
+    assert 'refused: The Detail Deform library is missing' in load_elsewhere(tmp_path / 'none.so')
+    text = tmp_path / 'text.so'
+    text.write_text("not a library")
+    assert "can't be loaded" in load_elsewhere(text)
+
+
+def test_a_library_of_another_version_is_refused(tmp_path):
+    source = tmp_path / 'other.c'
+    source.write_text("int dd_abi_version(void) { return 99; }")
+    other = tmp_path / 'other.so'
+    built = subprocess.run(['cc', '-shared', '-fPIC', '-o', str(other), str(source)])
+    if built.returncode:
+        pytest.skip("no C compiler")
+    answer = load_elsewhere(other)
+    assert 'of another version' in answer and '99' in answer

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+import importlib
+import os
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+FIXTURES = REPOSITORY / 'blend_fixtures'
+
+
+@pytest.fixture
+def module():
+    """The add-on's package, as installed."""
+    return sys.modules[os.environ['DD_TEST_MODULE']]
+
+
+@pytest.fixture
+def part(module):
+    """part('binding'): a module of the installed add-on."""
+    return lambda name: importlib.import_module(f'{module.__name__}.{name}')
+
+
+@pytest.fixture(autouse=True)
+def empty_scene():
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+
+
+@pytest.fixture(autouse=True)
+def nothing_printed_to_the_console(capfd):
+    """No Python exception may reach the console, whatever a test does."""
+    yield
+    out, err = capfd.readouterr()
+    assert 'Traceback' not in out + err, out + err
+
+
+def update():
+    bpy.context.view_layer.update()
+
+
+def evaluated(ob):
+    """(n, 3) positions of the object after its modifiers, in its own space."""
+    mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    values = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get('co', values)
+    return values.reshape(-1, 3).astype(float)
+
+
+def own(ob):
+    """(n, 3) positions stored in the object's mesh."""
+    values = np.empty(3 * len(ob.data.vertices), np.float32)
+    ob.data.vertices.foreach_get('co', values)
+    return values.reshape(-1, 3).astype(float)
+
+
+def activate(ob):
+    for other in bpy.context.view_layer.objects:
+        other.select_set(other == ob)
+    bpy.context.view_layer.objects.active = ob
+    return ob
+
+
+def group(ob, name, members):
+    made = ob.vertex_groups.new(name=name)
+    made.add([int(v) for v in members], 1.0, 'REPLACE')
+    return made
+
+
+def add_empty(name, location, parent=None):
+    empty = bpy.data.objects.new(name, None)
+    bpy.context.scene.collection.objects.link(empty)
+    empty.location = location
+    empty.parent = parent
+    return empty
+
+
+def add_handle(ob, vertex_group, target):
+    handle = ob.detail_deform.handles.add()
+    handle.name = vertex_group
+    handle.vertex_group = vertex_group
+    handle.target = target
+    return handle
+
+
+def wavy(n=25):
+    """Positions of a wavy n × n grid over the unit square."""
+    x, y = np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n), indexing='ij')
+    return np.stack([x, y, 0.03 * np.sin(40 * x) * np.cos(31 * y)], -1).reshape(-1, 3)
+
+
+def make_strip(n=25, name="Strip", scale=1.0, world=Matrix()):
+    """A wavy quad grid: fixed on the left, group and empty "right" on the right side."""
+    columns = np.repeat(np.arange(n), n)
+    faces = [(i * n + j, (i + 1) * n + j, (i + 1) * n + j + 1, i * n + j + 1)
+             for i in range(n - 1) for j in range(n - 1)]
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata((scale * wavy(n)).tolist(), [], faces)
+    ob = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    ob.matrix_world = world
+    group(ob, 'region', np.flatnonzero(columns >= 3))
+    group(ob, 'right', np.flatnonzero(columns >= n - 3))
+    empty = add_empty("Right", (world @ Matrix.Translation((scale, 0.5 * scale, 0))).translation)
+    ob.detail_deform.region = 'region'
+    add_handle(ob, 'right', empty)
+    update()
+    return activate(ob)
+
+
+def bind(ob, **options):
+    activate(ob)
+    assert bpy.ops.object.detail_deform_bind(wait=True, **options) == {'FINISHED'}
+    assert ob.detail_deform.is_bound, ob.detail_deform.status
+    return ob
+
+
+def members(ob, name):
+    index = ob.vertex_groups[name].index
+    return np.array([any(g.group == index and g.weight > 0.5 for g in v.groups)
+                     for v in ob.data.vertices])
+
+
+def refusal(operator, **arguments):
+    """The sentence with which an operator refuses."""
+    with pytest.raises(RuntimeError) as caught:
+        operator(**arguments)
+    return str(caught.value)
+
+
+def open_fixture(name):
+    bpy.ops.wm.open_mainfile(filepath=str(FIXTURES / f'{name}.blend'), load_ui=False)
+    return activate(next(ob for ob in bpy.data.objects if ob.type == 'MESH'))

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What was installed is the zip, whole and by itself."""
+import glob
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import pytest
+
+from conftest import bind, evaluated, make_strip, own, update
+
+EVENTS = ('depsgraph_update_post', 'frame_change_post', 'undo_post', 'redo_post', 'load_post')
+
+
+def test_the_installed_zip_is_what_runs(module, part):
+    resources = Path(os.environ['BLENDER_USER_RESOURCES']).resolve()
+    assert resources in Path(module.__file__).resolve().parents
+    native = part('native')
+    assert resources in Path(native.library_path()).resolve().parents
+    bind(make_strip(9))
+    maps = open('/proc/self/maps').read() if os.path.exists('/proc/self/maps') else native.library_path()
+    assert native.library_path() in maps
+
+
+def our_handlers(module):
+    return [f for event in EVENTS for f in getattr(bpy.app.handlers, event)
+            if getattr(f, '__module__', '').startswith(module.__name__)]
+
+
+def test_unregister_leaves_nothing_and_register_brings_all_back(module):
+    assert len(our_handlers(module)) == len(EVENTS)
+    module.unregister()
+    try:
+        assert our_handlers(module) == []
+        assert not hasattr(bpy.types.Object, 'detail_deform')
+        assert not hasattr(bpy.types, 'OBJECT_PT_detail_deform')
+        assert 'detail_deform_bind' not in dir(bpy.ops.object)
+    finally:
+        module.register()
+    assert len(our_handlers(module)) == len(EVENTS)
+
+
+def test_bindings_come_back_after_disabling_and_enabling(module):
+    ob = bind(make_strip())
+    ob.detail_deform.handles[0].target.location.z += 0.4
+    update()
+    posed = evaluated(ob)
+    module.unregister()
+    module.register()
+    assert not ob.detail_deform.is_bound
+    ob.detail_deform.handles[0].target.location.z += 0.1
+    update()
+    assert ob.detail_deform.is_bound
+    ob.detail_deform.handles[0].target.location.z -= 0.1
+    update()
+    assert abs(evaluated(ob) - posed).max() < 1e-6
+    assert abs(posed - own(ob)).max() > 0.3
+
+
+@pytest.mark.skipif(bpy.app.version < (4, 2, 0), reason="extensions came with 4.2")
+def test_blenders_own_validator_accepts_the_zip():
+    scripts = glob.glob(os.path.join(bpy.utils.resource_path('LOCAL'), 'scripts', 'addons_core', 'bl_pkg',
+                                     'cli', 'blender_ext.py'))
+    assert scripts
+    # A module has no executable of its own; its interpreter is Python itself.
+    python = sys.executable
+    checked = subprocess.run([python, scripts[0], 'validate', os.environ['DD_TEST_ZIP']],
+                             capture_output=True, text=True)
+    assert checked.returncode == 0, checked.stdout + checked.stderr
