@@ -12,10 +12,13 @@ def enabled_handles(settings):
 
 def _evaluated_world(ob, depsgraph, what):
     evaluated = ob.evaluated_get(depsgraph)
-    if not evaluated.is_evaluated:
-        raise MeshProblem(f"{what} '{ob.name}' is not evaluated in this view layer: it was removed from "
-                          "the scene, or it or its collection is disabled or excluded. Enable it, or "
-                          "choose another one.")
+    # Being pointed to is enough to be evaluated, but outside the scene the place means nothing. The
+    # first test is quick and nearly always enough; the second goes through all objects.
+    in_scene = (ob.visible_get(view_layer=depsgraph.view_layer)
+                or any(other == ob for other in depsgraph.scene.objects))
+    if not in_scene or not evaluated.is_evaluated:
+        raise MeshProblem(f"{what} '{ob.name}' is not in this scene, or is disabled or excluded so that "
+                          "its place is not known: bring it back, or choose another one.")
     return np.array(evaluated.matrix_world, np.float64)
 
 

@@ -3,11 +3,18 @@
 
 #include <cmath>
 #include <numeric>
+#include <sstream>
 #include <string>
 
 #include "error.h"
 
 namespace dd {
+
+namespace {
+
+constexpr double kFarthest = 1e30;  // single precision ends at 3.4e38, with squares far before
+
+}  // namespace
 
 void validate(const Mesh& mesh) {
   const int n = mesh.vertex_count();
@@ -19,6 +26,13 @@ void validate(const Mesh& mesh) {
       throw Error(Status::mesh, "Vertex " + std::to_string(v) +
                                     " has a coordinate that is not a finite number: delete or move "
                                     "that vertex.");
+    const double largest = mesh.positions.row(v).cwiseAbs().maxCoeff();
+    if (largest > kFarthest) {
+      std::ostringstream sentence;
+      sentence << "Vertex " << v << " has a coordinate of " << largest
+               << ", which is too far away to compute with: delete or move that vertex.";
+      throw Error(Status::mesh, sentence.str());
+    }
   }
   for (int t = 0; t < mesh.triangle_count(); ++t) {
     const auto corners = mesh.triangles.row(t);

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import ctypes
+import os
 import subprocess
 import sys
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -275,7 +275,7 @@ def load_elsewhere(path):
                "try: print(n.version())\nexcept n.NativeError as e: print('refused:', e)"
                % str(ADDON / 'native.py'))
     return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
-                          env={'DETAIL_DEFORM_LIBRARY': str(path), 'PATH': '/usr/bin:/bin'}).stdout
+                          env={**os.environ, 'DETAIL_DEFORM_LIBRARY': str(path)}).stdout
 
 
 def test_the_environment_overrides_the_library(native):

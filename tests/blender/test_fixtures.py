@@ -25,7 +25,7 @@ def normals(positions, tris):
 def intersecting_pairs(positions, tris):
     """Pairs of triangles that meet without sharing a vertex, by Blender's own tree."""
     tree = BVHTree.FromPolygons(positions.tolist(), tris.tolist(), all_triangles=True)
-    pairs = np.array(tree.overlap(tree)).reshape(-1, 2)
+    pairs = np.array(tree.overlap(tree), int).reshape(-1, 2)
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]
     a, b = tris[pairs[:, 0]], tris[pairs[:, 1]]
     return int((~(a[:, :, None] == b[:, None, :]).any(axis=(1, 2))).sum())

@@ -38,6 +38,8 @@ TEST_CASE("a mesh is refused with the vertex or triangle named") {
     mesh.positions(7, 1) = 0;
     mesh.positions(9, 2) = std::numeric_limits<double>::infinity();
     CHECK_THAT(refusal(mesh), contains("Vertex 9 "));
+    mesh.positions(9, 2) = -1e31;
+    CHECK_THAT(refusal(mesh), contains("Vertex 9 ") && contains("1e+31"));
   }
   SECTION("vertex numbers") {
     const int n = mesh.vertex_count();

@@ -1,0 +1,113 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: GPL-3.0-or-later
+#
+# Gets what is missing, builds, and runs every test: the core and the C ABI, the same under the
+# sanitizers, and the add-on's zip in each Blender that can be had. One summary line at the end.
+#
+# tests/run.sh [--quick]     --quick: no sanitizers, Debian's Blender only
+set -uo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+# shellcheck source=tests/prepare.sh
+source tests/prepare.sh
+
+quick=false
+[ "${1:-}" = --quick ] && quick=true
+passed=0 failed=0 skipped=0
+failures=() notes=()
+
+# step NAME COMMAND...: runs it, shows its output, counts it.
+step() {
+    local name=$1
+    shift
+    dd_say "$name"
+    if "$@"; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        failures+=("$name")
+    fi
+}
+
+skip() {
+    skipped=$((skipped + 1))
+    notes+=("skipped: $1")
+}
+
+# Counting by suites hides how many tests ran: each runner prints its own line above.
+finish() {
+    echo
+    [ ${#notes[@]} = 0 ] || printf '%s\n' "${notes[@]}"
+    [ ${#failures[@]} = 0 ] || printf 'FAILED: %s\n' "${failures[@]}"
+    echo "suites: $passed passed, $failed failed, $skipped skipped"
+    [ "$failed" = 0 ]
+    exit
+}
+
+abi_tests() {
+    "$python" -m pytest -q -p no:cacheprovider tests/abi
+}
+
+sanitized_abi_tests() {
+    # Python itself is not built for the sanitizers: they come in ahead of it, and its own leaks
+    # at exit are not ours.
+    LD_PRELOAD="$(c++ -print-file-name=libasan.so) $(c++ -print-file-name=libubsan.so)" \
+        ASAN_OPTIONS=detect_leaks=0 DETAIL_DEFORM_LIBRARY=$PWD/build/sanitize/native/libdetail_deform.so \
+        "$python" -m pytest -q -p no:cacheprovider tests/abi
+}
+
+# blender_suite COMMAND...: tests the zip in that Blender, which gets user folders of its own.
+blender_suite() {
+    local resources status
+    resources=$(mktemp -d)
+    BLENDER_USER_RESOURCES=$resources "$@" "$zip"
+    status=$?
+    rm -rf "$resources"
+    return $status
+}
+
+prepare_build || { failures+=("getting what the build needs"); failed=1; finish; }
+dd_need_packages ccache python3-numpy python3-pytest || true
+python=python3
+for candidate in /usr/bin/python3 python3; do
+    if "$candidate" -c 'import numpy, pytest' 2>/dev/null; then
+        python=$candidate
+        break
+    fi
+done
+
+step "build (release)" build_preset release
+[ "$failed" = 0 ] || finish
+step "core and library (ctest)" ctest --preset release -j 2 --output-on-failure
+step "C ABI (ctypes)" abi_tests
+step "zip" cmake --build --preset release --target addon_zip
+zip=$(ls build/release/detail_deform-*.zip)
+
+if $quick; then
+    skip "sanitizers (--quick)"
+else
+    step "build (sanitize)" build_preset sanitize
+    step "core under sanitizers (ctest)" ctest --preset sanitize -j 2 --output-on-failure
+    step "C ABI under sanitizers (ctypes)" sanitized_abi_tests
+fi
+
+# Debian's Blender runs the system's Python and finds its pytest.
+if prepare_blender && dd_need_packages python3-pytest; then
+    step "add-on in $(blender --version | head -n 1)" \
+        blender_suite blender --background --factory-startup --python tests/blender/run.py --
+else
+    skip "Debian's Blender: it could not be had"
+fi
+if $quick; then
+    skip "bpy wheels (--quick)"
+else
+    for wheel in "3.11 4.5.15" "3.13 5.2.3"; do
+        # shellcheck disable=SC2086  # two words on purpose
+        if prepare_wheel $wheel; then
+            step "add-on in bpy ${wheel#* }" \
+                blender_suite "build/venv-bpy-${wheel#* }/bin/python" tests/blender/run.py --
+        else
+            skip "bpy ${wheel#* }: Python ${wheel% *} is not on this machine"
+        fi
+    done
+fi
+finish
