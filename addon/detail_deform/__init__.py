@@ -13,6 +13,11 @@ bl_info = {
 
 
 def _parts():
+    try:
+        import numpy  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise RuntimeError("Detail Deform needs numpy, which Blender's own builds bring along and this "
+                           "one does not: install the system's package python3-numpy.") from error
     from . import handlers, operators, panels, properties
     return properties, operators, panels, handlers
 

@@ -10,10 +10,13 @@ from . import deformers
 
 class OBJECT_UL_detail_deform_handles(bpy.types.UIList):
     def draw_item(self, context, layout, data, item, icon, active_data, active_propname, index=0):
-        row = layout.row(align=True)
-        row.active = item.enabled
-        row.prop(item, 'name', text="", emboss=False, icon='EMPTY_AXIS')
-        row.prop(item, 'enabled', text="")
+        row = layout.row()
+        row.use_property_split = False
+        name = row.row()
+        name.active = item.enabled
+        name.prop(item, 'name', text="", emboss=False, icon='EMPTY_AXIS')
+        row.prop(item, 'enabled', text="", emboss=False,
+                 icon='CHECKBOX_HLT' if item.enabled else 'CHECKBOX_DEHLT')
 
 
 def _draw_text(layout, context, text, icon):
@@ -21,6 +24,7 @@ def _draw_text(layout, context, text, icon):
     scale = context.preferences.system.ui_scale
     width = max(20, int(context.region.width / (7 * scale)) - 6)
     column = layout.column(align=True)
+    column.scale_y = 0.8
     for number, line in enumerate(textwrap.wrap(text, width)):
         column.label(text=line, icon=icon if number == 0 else 'BLANK1')
 
@@ -58,9 +62,8 @@ class OBJECT_PT_detail_deform(bpy.types.Panel):
             column.prop_search(handle, 'vertex_group', ob, 'vertex_groups')
             column.prop(handle, 'target')
 
-        column = layout.column(heading="Details")
-        column.prop(settings, 'rotation_only')
         column = layout.column()
+        column.prop(settings, 'rotation_only')
         column.prop(settings, 'base_metric')
         smoothing = column.column()
         smoothing.active = settings.base_metric == 'SURFACE'
@@ -79,9 +82,10 @@ class OBJECT_PT_detail_deform(bpy.types.Panel):
                 'LINKED' if settings.is_bound else 'UNLINKED')
         _draw_text(box, context, settings.status, icon)
         if settings.is_bound and not wrong:
-            box.label(text=f"Bind {settings.bind_ms:.0f} ms, update {settings.update_ms:.1f} ms", icon='TIME')
+            _draw_text(box, context, f"Bind {settings.bind_ms:.0f} ms, update {settings.update_ms:.1f} ms", 'TIME')
 
         row = layout.row(align=True)
+        row.use_property_split = False
         if under_way:
             row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
             return

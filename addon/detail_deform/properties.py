@@ -48,12 +48,12 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         name="Rotation Only", default=True, update=_look_changed,
         description="Details only turn with the surface and keep their size. Off: they are stretched and sheared with it too")
     base_metric: EnumProperty(
-        name="Base Metric", update=_input_changed,
-        items=[('SURFACE', "Surface", "Stiffness measured on the surface itself: exact when all handles move together, fast to bind"),
-               ('BASE', "Base", "Stiffness measured on the smooth base surface, as in the paper: sensitive where the base has tiny triangles")],
+        name="Stiffness", update=_input_changed,
+        items=[('SURFACE', "From Surface", "Stiffness measured on the surface itself: exact when all handles move together, fast to bind"),
+               ('BASE', "From Base", "Stiffness measured on the smooth base surface, as in the paper: sensitive where the base has tiny triangles")],
         description="Where the stiffness of the base surface is measured. Takes effect at the next Bind")
     metric_smoothing: FloatProperty(
-        name="Metric Smoothing", default=0.0, min=0.0, soft_max=4.0, max=100.0, update=_input_changed,
+        name="Smoothing", default=0.0, min=0.0, soft_max=4.0, max=100.0, update=_input_changed,
         description="Measure the stiffness on a slightly smoothed copy of the surface, in mean edge lengths: evens out the pull where the relief is strong. Takes effect at the next Bind")
     live: BoolProperty(
         name="Live", default=True,
