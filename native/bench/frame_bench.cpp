@@ -49,9 +49,8 @@ int main(int argc, char** argv) {
   const auto roles = dd::test::strip_roles(side, side, side * 23 / 201, side * 178 / 201);
 
   std::unique_ptr<dd::Deformer> deformer;
-  const double bind = once([&] {
-    deformer = std::make_unique<dd::Deformer>(mesh, roles, 1, dd::BindOptions{});
-  });
+  const double bind =
+      once([&] { deformer = std::make_unique<dd::Deformer>(mesh, roles, 1, dd::BindOptions{}); });
   const dd::Region& region = deformer->region();
   std::printf("%d vertices, %d triangles, %d unknowns, kernels: %s\n", mesh.vertex_count(),
               mesh.triangle_count(), region.free_count(), dd::kernels().name);
@@ -78,8 +77,10 @@ int main(int argc, char** argv) {
 #ifdef DD_HAVE_CHOLMOD
   Eigen::CholmodSupernodalLLT<dd::SparseMatrix> supernodal(poisson);
   Eigen::CholmodSimplicialLDLT<dd::SparseMatrix> simplicial(poisson);
-  contenders.push_back({"CHOLMOD supernodal solve", [&] { solution = supernodal.solve(right); }, {}});
-  contenders.push_back({"CHOLMOD simplicial solve", [&] { solution = simplicial.solve(right); }, {}});
+  contenders.push_back(
+      {"CHOLMOD supernodal solve", [&] { solution = supernodal.solve(right); }, {}});
+  contenders.push_back(
+      {"CHOLMOD simplicial solve", [&] { solution = simplicial.solve(right); }, {}});
 #else
   std::printf("CHOLMOD was not found: no comparison with it (install libsuitesparse-dev).\n");
 #endif

@@ -38,8 +38,8 @@ RowMatrix free_rows(const RowMatrix& values, const Region& region) {
   return rows;
 }
 
-SparseMatrix bi_laplacian_block(const SparseMatrix& laplacian, const Eigen::VectorXd& inverse_masses,
-                                const Region& region) {
+SparseMatrix bi_laplacian_block(const SparseMatrix& laplacian,
+                                const Eigen::VectorXd& inverse_masses, const Region& region) {
   const SparseMatrix columns = free_columns(laplacian, region);
   return SparseMatrix(columns.transpose() * inverse_masses.asDiagonal() * columns);
 }
@@ -50,8 +50,8 @@ BendingSystem::BendingSystem(const TriangleMetric& metric, const Triangles& tria
                              const Region& region)
     : region_(region),
       laplacian_(cotangent_laplacian(metric, triangles, static_cast<int>(region.role.size()))),
-      inverse_masses_(
-          mixed_voronoi_masses(metric, triangles, static_cast<int>(region.role.size())).cwiseInverse()),
+      inverse_masses_(mixed_voronoi_masses(metric, triangles, static_cast<int>(region.role.size()))
+                          .cwiseInverse()),
       factor_(factor_free_block(bi_laplacian_block(laplacian_, inverse_masses_, region), region)) {}
 
 RowMatrix BendingSystem::extend(const RowMatrix& values) const {

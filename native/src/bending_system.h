@@ -7,8 +7,9 @@
 
 namespace dd {
 
-/// The bi-Laplacian K = L M⁻¹ L on the free vertices, factored once: solutions of K x = 0 with given
-/// values at the constrained vertices, the smoothest (thin-plate) functions that take them on.
+/// The bi-Laplacian K = L M⁻¹ L on the free vertices, factored once: solutions of K x = 0 with
+/// given values at the constrained vertices, the smoothest (thin-plate) functions that take them
+/// on.
 class BendingSystem {
  public:
   /// metric and triangles: the geometry that K is built on. n: number of vertices.

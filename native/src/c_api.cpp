@@ -69,8 +69,7 @@ template <class Struct>
 void write_struct(const char* name, Struct* target, Struct values) {
   require(target, std::string(name) + " is null.");
   const uint32_t room = target->struct_size;
-  require(room >= sizeof(uint32_t) && room <= 4096,
-          std::string(name) + ".struct_size is not set.");
+  require(room >= sizeof(uint32_t) && room <= 4096, std::string(name) + ".struct_size is not set.");
   values.struct_size = room;
   std::memcpy(target, &values, std::min<size_t>(room, sizeof(Struct)));
 }
@@ -95,8 +94,9 @@ dd::Mesh read_mesh(const float* positions, size_t position_count, const int32_t*
 
 dd::BindOptions read_options(const dd_bind_options* given) {
   const dd_bind_options options = read_struct("options", given, dd_bind_options{});
-  require(options.base_metric == DD_METRIC_SURFACE || options.base_metric == DD_METRIC_BASE,
-          "options.base_metric is " + std::to_string(options.base_metric) + ", which is no metric.");
+  require(
+      options.base_metric == DD_METRIC_SURFACE || options.base_metric == DD_METRIC_BASE,
+      "options.base_metric is " + std::to_string(options.base_metric) + ", which is no metric.");
   require(options.metric_smoothing >= 0 && std::isfinite(options.metric_smoothing),
           "options.metric_smoothing must be zero or more.");
   return {static_cast<dd::BaseMetric>(options.base_metric), options.metric_smoothing};
@@ -135,13 +135,12 @@ void run_bind(dd_bind& bind, dd::Mesh mesh, const std::vector<int>& roles, int32
               const dd::BindOptions& options) noexcept {
   bind.status = guarded([&] {
     const auto start = std::chrono::steady_clock::now();
-    bind.result = std::make_unique<dd_deformer>(
-        dd::Deformer(std::move(mesh), roles, handle_count, options,
-                     [&bind](double fraction, const char* stage) {
-                       bind.fraction = fraction;
-                       bind.stage = stage;
-                       return !bind.cancelled || fraction >= 1;
-                     }));
+    bind.result = std::make_unique<dd_deformer>(dd::Deformer(
+        std::move(mesh), roles, handle_count, options, [&bind](double fraction, const char* stage) {
+          bind.fraction = fraction;
+          bind.stage = stage;
+          return !bind.cancelled || fraction >= 1;
+        }));
     bind.result->bind_seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   });
@@ -234,9 +233,8 @@ int32_t dd_bind_finish(dd_bind* bind, dd_deformer** deformer) {
 
 void dd_bind_free(dd_bind* bind) { delete bind; }
 
-int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices,
-                           size_t matrix_value_count, const dd_update_options* options, float* out,
-                           size_t out_count) {
+int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices, size_t matrix_value_count,
+                           const dd_update_options* options, float* out, size_t out_count) {
   return guarded([&] {
     require(deformer, "deformer is null.");
     require(matrices, "matrices is null.");

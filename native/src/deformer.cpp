@@ -75,7 +75,8 @@ const Positions& Deformer::update(const double* matrices, bool rotation_only) {
   for (Index k = 0; k < handle_offsets_.rows(); ++k) {
     const int v = region_.handle_vertices[k], h = region_.role[v];
     const Eigen::RowVector3d arm = (mesh_.positions.row(v) - handle_centres_.row(h)) / scale_;
-    handle_offsets_.row(k) = arm * coefficients_.middleRows<3>(4 * h) + coefficients_.row(4 * h + 3);
+    handle_offsets_.row(k) =
+        arm * coefficients_.middleRows<3>(4 * h) + coefficients_.row(4 * h + 3);
     offsets_.row(v) = scale_ * handle_offsets_.row(k).head<3>();
   }
   transfer_->update(coefficients_.data(), handle_offsets_.data(), rotation_only);

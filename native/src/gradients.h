@@ -27,7 +27,8 @@ class GradientPass {
   GradientPass() = default;
   /// base: B at rest, n×3. corner_flux: corner_divergence() of S, 3m×3. active: triangles to visit.
   /// source_row: n, the row of a vertex in the base positions given to add_to.
-  /// target_row: n, the row of a vertex in the right-hand side (constrained ones share a spare row).
+  /// target_row: n, the row of a vertex in the right-hand side (constrained ones share a spare
+  /// row).
   GradientPass(const Positions& base, const Triangles& triangles, const Positions& corner_flux,
                const std::vector<int>& active, const GradientSources& sources,
                const std::vector<int>& source_row, const std::vector<int>& target_row,

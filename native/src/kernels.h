@@ -11,12 +11,13 @@ constexpr int kLanes = 8;
 /// kLanes triangles, structure of arrays. A source is a row of the base positions; a target is a
 /// row of the right-hand side. Unused lanes have zero flux.
 struct TriangleBlock {
-  int32_t source[3][kLanes];  ///< corners of the triangle whose motion from B to B' gives S_j
-  int32_t target[3][kLanes];  ///< where the divergence of its corners is added
-  double inverse_length[kLanes];   ///< with edges e1, e2 of the source triangle at rest:
-  double shear[kLanes];            ///<   1/|e1|, (e1·e2)/(|e1|·|e1×e2|), |e1|/|e1×e2|
-  double inverse_height[kLanes];   ///<   (the inverse of [e1 e2] in the triangle's own frame)
-  double flux[2][3][kLanes];  ///< corner_divergence of corners 0 and 1 in the rest frame of the source
+  int32_t source[3][kLanes];      ///< corners of the triangle whose motion from B to B' gives S_j
+  int32_t target[3][kLanes];      ///< where the divergence of its corners is added
+  double inverse_length[kLanes];  ///< with edges e1, e2 of the source triangle at rest:
+  double shear[kLanes];           ///<   1/|e1|, (e1·e2)/(|e1|·|e1×e2|), |e1|/|e1×e2|
+  double inverse_height[kLanes];  ///<   (the inverse of [e1 e2] in the triangle's own frame)
+  double flux[2][3]
+             [kLanes];  ///< corner_divergence of corners 0 and 1 in the rest frame of the source
 };
 
 /// The loops of a frame, compiled once for each instruction set. Rows are of 4 doubles (x y z and

@@ -43,8 +43,8 @@ void validate(const Mesh& mesh) {
                                       std::to_string(n) + ": validate the mesh.");
     }
     if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0])
-      throw Error(Status::mesh, "Triangle " + std::to_string(t) +
-                                    " uses one vertex twice: validate the mesh.");
+      throw Error(Status::mesh,
+                  "Triangle " + std::to_string(t) + " uses one vertex twice: validate the mesh.");
   }
   if (!(bounding_box_diagonal(mesh.positions) > 0))
     throw Error(Status::mesh, "All vertices are at one point: the mesh has no surface to deform.");

@@ -17,7 +17,8 @@ struct Mesh {
 };
 
 /// Throws Error(mesh) naming the first vertex or triangle that makes the mesh unusable: nothing in
-/// it, coordinates that are not finite or beyond 1e30, vertex numbers out of range or twice in a triangle, no extent.
+/// it, coordinates that are not finite or beyond 1e30, vertex numbers out of range or twice in a
+/// triangle, no extent.
 void validate(const Mesh& mesh);
 
 /// Length of the bounding box's diagonal.

@@ -2,7 +2,6 @@
 #include "operators.h"
 
 #include <Eigen/Geometry>
-
 #include <array>
 #include <cmath>
 #include <limits>
@@ -98,7 +97,8 @@ Eigen::VectorXd mixed_voronoi_masses(const TriangleMetric& metric, const Triangl
         masses[t(j, k)] += area * (k == obtuse ? 0.5 : 0.25);
         continue;
       }
-      // Voronoi part of corner k: (|ab|² cot γ + |ac|² cot β) / 8, with |ab|² = 2 area (cot α + cot β).
+      // Voronoi part of corner k: (|ab|² cot γ + |ac|² cot β) / 8, with |ab|² = 2 area (cot α + cot
+      // β).
       const double alpha = cot[k], beta = cot[(k + 1) % 3], gamma = cot[(k + 2) % 3];
       masses[t(j, k)] += 0.25 * area * ((alpha + beta) * gamma + (alpha + gamma) * beta);
     }
@@ -116,11 +116,11 @@ SparseMatrix gradient(const Positions& p, const Triangles& t) {
     // Lift the layout back by a frame of the triangle's plane, or of any plane through its line.
     const Eigen::Vector3d e = (p.row(t(j, l.second)) - p.row(t(j, l.first))).transpose();
     const Eigen::Vector3d arm = (p.row(t(j, l.apex)) - p.row(t(j, l.first))).transpose();
-    const Eigen::Vector3d x = e.norm() > 0 ? Eigen::Vector3d(e.normalized())
-                                           : Eigen::Vector3d::UnitX();
+    const Eigen::Vector3d x =
+        e.norm() > 0 ? Eigen::Vector3d(e.normalized()) : Eigen::Vector3d::UnitX();
     const Eigen::Vector3d off = arm - x * x.dot(arm);
-    const Eigen::Vector3d y = off.norm() > 0 ? Eigen::Vector3d(off.normalized())
-                                             : Eigen::Vector3d(x.unitOrthogonal());
+    const Eigen::Vector3d y =
+        off.norm() > 0 ? Eigen::Vector3d(off.normalized()) : Eigen::Vector3d(x.unitOrthogonal());
     std::array<Eigen::Vector3d, 3> grad;
     grad[l.apex] = y / l.height;
     grad[l.second] = x / l.base - y * (l.foot / (l.base * l.height));

@@ -21,7 +21,8 @@ struct TriangleMetric {
 };
 TriangleMetric triangle_metric(const Positions& positions, const Triangles& triangles);
 
-/// Cotangent Laplacian L = GᵀDG (4), (5): n×n, positive semi-definite, rows sum to zero, scale-free.
+/// Cotangent Laplacian L = GᵀDG (4), (5): n×n, positive semi-definite, rows sum to zero,
+/// scale-free.
 SparseMatrix cotangent_laplacian(const TriangleMetric& metric, const Triangles& triangles, int n);
 
 /// Lumped masses: mixed Voronoi areas (Meyer et al. 2003), n values that sum to the surface's area.

@@ -71,12 +71,12 @@ Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_
     }
   }
   if (region.free.empty())
-    throw Error(Status::region,
-                "No handle can move any vertex of the region: the handles are on other loose parts "
-                "of the mesh than the region (vertex " +
-                    std::to_string(region.resting_count ? region.resting_example
-                                                        : region.loose_example) +
-                    ", for one). Put a handle on the part that should deform.");
+    throw Error(
+        Status::region,
+        "No handle can move any vertex of the region: the handles are on other loose parts "
+        "of the mesh than the region (vertex " +
+            std::to_string(region.resting_count ? region.resting_example : region.loose_example) +
+            ", for one). Put a handle on the part that should deform.");
   return region;
 }
 

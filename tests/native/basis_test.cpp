@@ -37,7 +37,8 @@ TEST_CASE("the base solves L M⁻¹ L q = 0 and keeps constrained vertices") {
   const Eigen::VectorXd inverse_masses =
       mixed_voronoi_masses(b.metric, b.mesh.triangles, n).cwiseInverse();
   const RowMatrix residual = L * RowMatrix(inverse_masses.asDiagonal() * RowMatrix(L * q));
-  const RowMatrix size = L * RowMatrix(inverse_masses.asDiagonal() * RowMatrix(L * b.mesh.positions));
+  const RowMatrix size =
+      L * RowMatrix(inverse_masses.asDiagonal() * RowMatrix(L * b.mesh.positions));
   for (int v = 0; v < n; ++v) {
     if (b.region.row[v] >= 0)
       CHECK(residual.row(v).norm() < 1e-9 * size.norm());
@@ -46,8 +47,9 @@ TEST_CASE("the base solves L M⁻¹ L q = 0 and keeps constrained vertices") {
   }
 
   const auto dense = test::dense_operators(b.mesh.positions, b.mesh.triangles);
-  const Positions expected = test::dense_solve(dense.L * dense.M.inverse() * dense.L, b.mesh.positions,
-                                               b.roles, Eigen::MatrixXd::Zero(n, 3));
+  const Positions expected =
+      test::dense_solve(dense.L * dense.M.inverse() * dense.L, b.mesh.positions, b.roles,
+                        Eigen::MatrixXd::Zero(n, 3));
   CHECK(test::largest_difference(q, expected) < 1e-9);
 }
 

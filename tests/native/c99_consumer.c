@@ -42,7 +42,8 @@ int main(void) {
     return 1;
   if (!check(dd_bind_finish(bind, &deformer), "dd_bind_finish")) return 1;
   dd_bind_free(bind);
-  if (!check(dd_deformer_update(deformer, lift, 12, NULL, out, 3 * kVertices), "dd_deformer_update"))
+  if (!check(dd_deformer_update(deformer, lift, 12, NULL, out, 3 * kVertices),
+             "dd_deformer_update"))
     return 1;
   if (!check(dd_deformer_get_info(deformer, &info), "dd_deformer_get_info")) return 1;
   dd_deformer_free(deformer);

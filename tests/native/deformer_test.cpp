@@ -13,9 +13,11 @@ using test::Affine;
 
 namespace {
 
-Positions surface(Deformer& deformer, const std::vector<Affine>& handles, bool rotation_only = true) {
+Positions surface(Deformer& deformer, const std::vector<Affine>& handles,
+                  bool rotation_only = true) {
   std::vector<double> matrices;
-  for (const Affine& matrix : handles) matrices.insert(matrices.end(), matrix.data(), matrix.data() + 12);
+  for (const Affine& matrix : handles)
+    matrices.insert(matrices.end(), matrix.data(), matrix.data() + 12);
   return deformer.mesh().positions + deformer.update(matrices.data(), rotation_only);
 }
 
@@ -53,8 +55,8 @@ double mean_normal_error(const Mesh& mesh, const Region& region, const Positions
   int count = 0;
   for (Index j = 0; j < mesh.triangles.rows(); ++j) {
     if (region.row[mesh.triangles(j, 0)] < 0) continue;
-    const Eigen::Matrix3d R = test::polar_rotation(
-        test::deformation_gradient(base, base_deformed, mesh.triangles, j));
+    const Eigen::Matrix3d R =
+        test::polar_rotation(test::deformation_gradient(base, base_deformed, mesh.triangles, j));
     const double cosine = test::triangle_normal(deformed, mesh.triangles, j)
                               .dot(R * test::triangle_normal(mesh.positions, mesh.triangles, j));
     sum += std::acos(std::min(1.0, cosine));
@@ -71,7 +73,8 @@ TEST_CASE("resting handles give the rest shape") {
     Deformer deformer(plane.mesh, plane.roles, 1, {metric, 0});
     for (bool rotation_only : {true, false})
       CHECK(test::largest_difference(surface(deformer, {test::identity()}, rotation_only),
-                                     plane.mesh.positions) < 1e-9 * deformer.mesh().positions.norm());
+                                     plane.mesh.positions) <
+            1e-9 * deformer.mesh().positions.norm());
   }
 }
 
@@ -86,8 +89,8 @@ TEST_CASE("the whole method equals the dense solve") {
   for (BaseMetric metric : {BaseMetric::surface, BaseMetric::base}) {
     Deformer deformer(mesh, roles, 2, {metric, 0});
     for (bool rotation_only : {true, false}) {
-      const auto dense = test::dense_transfer(mesh, roles, handles, metric == BaseMetric::base,
-                                              rotation_only);
+      const auto dense =
+          test::dense_transfer(mesh, roles, handles, metric == BaseMetric::base, rotation_only);
       const Positions result = surface(deformer, handles, rotation_only);
       CHECK(test::largest_difference(result, dense.surface) < 1e-9);
       CHECK(test::largest_difference(deformer.base(), dense.base) < 1e-9);
@@ -120,8 +123,8 @@ TEST_CASE("an affine motion of every constrained vertex moves the base affinely"
   const Affine motion = test::identity() + 0.4 * Affine::Random();
   Deformer deformer(plane.mesh, roles, 2, {});
   surface(deformer, {motion, motion});
-  CHECK(test::largest_difference(deformer.deformed_base(), test::transformed(motion, deformer.base())) <
-        1e-9);
+  CHECK(test::largest_difference(deformer.deformed_base(),
+                                 test::transformed(motion, deformer.base())) < 1e-9);
 }
 
 TEST_CASE("unit, place and numbering of the mesh change nothing but rounding") {
@@ -148,7 +151,8 @@ TEST_CASE("unit, place and numbering of the mesh change nothing but rounding") {
     Affine moved_motion = motion;
     moved_motion.col(3) += far.transpose() - motion.leftCols<3>() * far.transpose();
     Deformer deformer(moved, roles, 1, {});
-    CHECK(test::largest_difference(surface(deformer, {moved_motion}).rowwise() - far, expected) < 1e-9);
+    CHECK(test::largest_difference(surface(deformer, {moved_motion}).rowwise() - far, expected) <
+          1e-9);
   }
   SECTION("numbering of vertices and triangles") {
     std::vector<int> new_of_old(roles.size());
@@ -210,8 +214,8 @@ TEST_CASE("one vertex can hold a whole closed surface: its rotation alone moves 
   Affine shift = test::identity();
   shift.col(3) << 1, 2, 3;
   Deformer deformer(mesh, roles, 1, {});
-  CHECK(test::largest_difference(surface(deformer, {shift}), test::transformed(shift, mesh.positions)) <
-        1e-8);
+  CHECK(test::largest_difference(surface(deformer, {shift}),
+                                 test::transformed(shift, mesh.positions)) < 1e-8);
 }
 
 TEST_CASE("real meshes' faults are survived: loose, doubled, folded, many-sheeted, degenerate") {
@@ -219,8 +223,8 @@ TEST_CASE("real meshes' faults are survived: loose, doubled, folded, many-sheete
   const int side = 31;
   const Index n = mesh.positions.rows(), m = mesh.triangles.rows();
   mesh.positions.conservativeResize(n + 4, 3);
-  mesh.positions.row(n) << 0.5, 0.5, 0.4;                 // fin on an inner edge
-  mesh.positions.row(n + 1) << 1, 1, 0.5;                  // loose vertex
+  mesh.positions.row(n) << 0.5, 0.5, 0.4;                          // fin on an inner edge
+  mesh.positions.row(n + 1) << 1, 1, 0.5;                          // loose vertex
   mesh.positions.row(n + 2) = mesh.positions.row(15 * side + 15);  // doubled vertex
   mesh.positions.row(n + 3) << 0.25, 0.25, 0;
   mesh.triangles.conservativeResize(m + 5, 3);
@@ -282,10 +286,19 @@ TEST_CASE("matrices that are not finite are refused and named") {
   Deformer deformer(plane.mesh, roles, 2, {});
   Affine bad = test::identity();
   bad(1, 2) = std::numeric_limits<double>::quiet_NaN();
-  CHECK_THAT(refusal([&] { surface(deformer, {test::identity(), bad}); }, Status::argument),
+  CHECK_THAT(refusal(
+                 [&] {
+                   surface(deformer, {test::identity(), bad});
+                 },
+                 Status::argument),
              contains("handle 1"));
   bad(1, 2) = 1e308;
-  CHECK_THAT(refusal([&] { surface(deformer, {bad, bad}); }, Status::numeric), contains("too large"));
+  CHECK_THAT(refusal(
+                 [&] {
+                   surface(deformer, {bad, bad});
+                 },
+                 Status::numeric),
+             contains("too large"));
   CHECK(surface(deformer, {kLift, kLift}).allFinite());
 }
 

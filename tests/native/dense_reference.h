@@ -31,7 +31,8 @@ inline DenseOperators dense_operators(const Positions& p, const Triangles& t) {
     const double area = 0.5 * (x[1] - x[0]).cross(x[2] - x[0]).norm();
     double angle[3];
     for (int k = 0; k < 3; ++k)
-      angle[k] = std::acos((x[(k + 1) % 3] - x[k]).normalized().dot((x[(k + 2) % 3] - x[k]).normalized()));
+      angle[k] =
+          std::acos((x[(k + 1) % 3] - x[k]).normalized().dot((x[(k + 2) % 3] - x[k]).normalized()));
     for (int k = 0; k < 3; ++k) {
       const int a = t(j, (k + 1) % 3), b = t(j, (k + 2) % 3);
       const double w = 0.5 / std::tan(angle[k]);
@@ -41,11 +42,14 @@ inline DenseOperators dense_operators(const Positions& p, const Triangles& t) {
       const double to_next = (x[(k + 1) % 3] - x[k]).squaredNorm();
       const double to_last = (x[(k + 2) % 3] - x[k]).squaredNorm();
       op.M(t(j, k), t(j, k)) +=
-          any_obtuse ? (angle[k] > pi / 2 ? area / 2 : area / 4)
-                     : (to_next / std::tan(angle[(k + 2) % 3]) + to_last / std::tan(angle[(k + 1) % 3])) / 8;
+          any_obtuse
+              ? (angle[k] > pi / 2 ? area / 2 : area / 4)
+              : (to_next / std::tan(angle[(k + 2) % 3]) + to_last / std::tan(angle[(k + 1) % 3])) /
+                    8;
     }
     Eigen::Matrix3d system, right;  // (13)'s 3×3 system
-    system << (x[0] - x[2]).transpose(), (x[1] - x[2]).transpose(), triangle_normal(p, t, j).transpose();
+    system << (x[0] - x[2]).transpose(), (x[1] - x[2]).transpose(),
+        triangle_normal(p, t, j).transpose();
     right << 1, 0, -1, 0, 1, -1, 0, 0, 0;
     const Eigen::Matrix3d gradients = system.inverse() * right;
     for (int k = 0; k < 3; ++k) op.G.block<3, 1>(3 * j, t(j, k)) += gradients.col(k);
@@ -71,8 +75,8 @@ inline Eigen::Matrix3d deformation_gradient(const Positions& q, const Positions&
                                             const Triangles& t, Index j) {
   const auto columns = [&](const Positions& x) {
     Eigen::Matrix3d c;
-    c << (x.row(t(j, 0)) - x.row(t(j, 2))).transpose(), (x.row(t(j, 1)) - x.row(t(j, 2))).transpose(),
-        triangle_normal(x, t, j);
+    c << (x.row(t(j, 0)) - x.row(t(j, 2))).transpose(),
+        (x.row(t(j, 1)) - x.row(t(j, 2))).transpose(), triangle_normal(x, t, j);
     return c;
   };
   return columns(q_new) * columns(q).inverse();
@@ -107,8 +111,7 @@ inline DenseResult dense_transfer(const Mesh& mesh, const std::vector<int>& role
 
   Positions delta = zero;
   for (Index v = 0; v < p.rows(); ++v)
-    if (roles[v] >= 0)
-      delta.row(v) = transformed(handles[roles[v]], p.row(v)) - p.row(v);
+    if (roles[v] >= 0) delta.row(v) = transformed(handles[roles[v]], p.row(v)) - p.row(v);
   if (on_base) {
     const DenseOperators on_b = dense_operators(result.base, mesh.triangles);
     const Eigen::MatrixXd K_b = on_b.L * on_b.M.inverse() * on_b.L;

@@ -44,8 +44,10 @@ TEST_CASE("all instruction sets compute the same") {
     }
     const auto values = numbers(rows_of.size()), pivots = numbers(size);
     auto a = numbers(4 * size), b = a;
-    kBaselineKernels.solve_factor(size, starts.data(), rows_of.data(), values.data(), pivots.data(), a.data());
-    kAvx2Kernels.solve_factor(size, starts.data(), rows_of.data(), values.data(), pivots.data(), b.data());
+    kBaselineKernels.solve_factor(size, starts.data(), rows_of.data(), values.data(), pivots.data(),
+                                  a.data());
+    kAvx2Kernels.solve_factor(size, starts.data(), rows_of.data(), values.data(), pivots.data(),
+                              b.data());
     CHECK(close(a, b));
   }
   SECTION("blend") {

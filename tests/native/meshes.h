@@ -87,7 +87,8 @@ inline Mesh sphere(int levels) {
     }
     mesh.triangles = split;
     mesh.positions.resize(static_cast<Index>(points.size()), 3);
-    for (size_t v = 0; v < points.size(); ++v) mesh.positions.row(static_cast<Index>(v)) = points[v];
+    for (size_t v = 0; v < points.size(); ++v)
+      mesh.positions.row(static_cast<Index>(v)) = points[v];
   }
   return mesh;
 }

@@ -41,8 +41,8 @@ TEST_CASE("parts that no handle reaches rest, and are counted") {
   mesh.positions.bottomRows(2).setOnes();
   const int n = one.vertex_count();
   std::vector<int> roles(static_cast<size_t>(mesh.vertex_count()), kFree);
-  roles[0] = 0;            // part 0: a handle, nothing fixed
-  roles[n + 3] = kFixed;   // part 1: held, but no handle
+  roles[0] = 0;                                        // part 0: a handle, nothing fixed
+  roles[n + 3] = kFixed;                               // part 1: held, but no handle
   const Region region = split_region(mesh, roles, 1);  // part 2: neither
   CHECK(region.free_count() == n - 1);
   CHECK(region.resting_count == 2 * n - 1);

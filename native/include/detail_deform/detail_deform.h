@@ -8,17 +8,15 @@
  * Equation numbers below are the paper's. This header is the whole interface and its documentation.
  *
  * Use
- *   A triangle mesh and a role for each vertex (free, fixed, or moved by handle k) are *bound* once;
- *   the bound deformer then turns handle matrices into vertex positions, many times a second:
+ *   A triangle mesh and a role for each vertex (free, fixed, or moved by handle k) are *bound*
+ * once; the bound deformer then turns handle matrices into vertex positions, many times a second:
  *
  *     dd_bind* bind;
  *     dd_deformer* deformer;
  *     dd_bind_start(positions, 3 * n, triangles, 3 * m, roles, n, handle_count, NULL, &bind);
- *     while (dd_bind_poll(bind, &progress) == DD_OK && progress.state == DD_BIND_RUNNING) ...wait...
- *     dd_bind_finish(bind, &deformer);
- *     dd_bind_free(bind);
- *     dd_deformer_update(deformer, matrices, 12 * handle_count, NULL, out, 3 * n);
- *     dd_deformer_free(deformer);
+ *     while (dd_bind_poll(bind, &progress) == DD_OK && progress.state == DD_BIND_RUNNING)
+ * ...wait... dd_bind_finish(bind, &deformer); dd_bind_free(bind); dd_deformer_update(deformer,
+ * matrices, 12 * handle_count, NULL, out, 3 * n); dd_deformer_free(deformer);
  *
  * Errors
  *   Functions that can fail return a dd_status. On anything but DD_OK, dd_last_message() gives one
@@ -66,10 +64,10 @@ extern "C" {
 /* What a call returns. The values are fixed for good; new ones are only added. */
 enum dd_status {
   DD_OK = 0,
-  DD_ERROR_ARGUMENT = 1,  /* a null pointer, wrong array size, unknown option value */
-  DD_ERROR_MESH = 2,      /* the mesh itself can't be used: names the vertex or triangle */
-  DD_ERROR_REGION = 3,    /* nothing free, nothing to hold it, an empty handle */
-  DD_ERROR_NUMERIC = 4,   /* a system could not be factored, or a result is not finite */
+  DD_ERROR_ARGUMENT = 1, /* a null pointer, wrong array size, unknown option value */
+  DD_ERROR_MESH = 2,     /* the mesh itself can't be used: names the vertex or triangle */
+  DD_ERROR_REGION = 3,   /* nothing free, nothing to hold it, an empty handle */
+  DD_ERROR_NUMERIC = 4,  /* a system could not be factored, or a result is not finite */
   DD_ERROR_MEMORY = 5,
   DD_ERROR_CANCELLED = 6, /* dd_bind_cancel was called */
   DD_ERROR_BUSY = 7,      /* another thread is using this object */
@@ -107,8 +105,9 @@ typedef struct dd_bind_options {
 /* Options of one update; a null pointer stands for {rotation_only = 1, DD_OUTPUT_POSITIONS}. */
 typedef struct dd_update_options {
   uint32_t struct_size;
-  int32_t rotation_only; /* 1: S_j is replaced by its rotation (polar decomposition); 0: S_j whole */
-  int32_t output;        /* dd_output */
+  int32_t
+      rotation_only; /* 1: S_j is replaced by its rotation (polar decomposition); 0: S_j whole */
+  int32_t output;    /* dd_output */
 } dd_update_options;
 
 typedef struct dd_bind_progress {
@@ -124,17 +123,17 @@ typedef struct dd_deformer_info {
   int32_t vertex_count;
   int32_t triangle_count;
   int32_t handle_count;
-  int32_t free_count;            /* vertices that are solved for */
-  int32_t resting_count;         /* vertices in the region that no handle reaches: they stay at rest */
-  int32_t resting_part_count;    /* loose parts these belong to, parts without faces not counted */
-  int32_t resting_example;       /* one of them */
-  int32_t loose_count;           /* free vertices without a face: they stay at rest */
-  int32_t loose_example;         /* one of them */
-  int32_t degenerate_count;      /* triangles without a usable area, given a tiny one */
-  int32_t degenerate_example;    /* one of them */
-  int32_t borrowed_count;        /* triangles whose base has no area: they turn with a neighbour */
+  int32_t free_count;         /* vertices that are solved for */
+  int32_t resting_count;      /* vertices in the region that no handle reaches: they stay at rest */
+  int32_t resting_part_count; /* loose parts these belong to, parts without faces not counted */
+  int32_t resting_example;    /* one of them */
+  int32_t loose_count;        /* free vertices without a face: they stay at rest */
+  int32_t loose_example;      /* one of them */
+  int32_t degenerate_count;   /* triangles without a usable area, given a tiny one */
+  int32_t degenerate_example; /* one of them */
+  int32_t borrowed_count;     /* triangles whose base has no area: they turn with a neighbour */
   double bind_seconds;
-  double bytes;                  /* memory held by the bound deformer */
+  double bytes; /* memory held by the bound deformer */
 } dd_deformer_info;
 
 /* The ABI of the library that was loaded; compare with DD_ABI_VERSION before anything else. */

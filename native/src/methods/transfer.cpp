@@ -43,7 +43,8 @@ Transfer::Transfer(const Input& in) : poisson_(poisson_factor(in)) {
   for (int r = 0; r < free_rows; ++r)
     base_row[vertex_of_row_[r]] = target_row[vertex_of_row_[r]] = r;
   const std::vector<int> active = triangles_with_free_corner(in.mesh, region);
-  const GradientSources sources = gradient_sources(in.base, t, bounding_box_diagonal(in.mesh.positions));
+  const GradientSources sources =
+      gradient_sources(in.base, t, bounding_box_diagonal(in.mesh.positions));
   const Positions flux = corner_divergence(in.metric, in.mesh.positions, t);
   rest_divergence_ = Rows::Zero(free_rows + 1, 4);
   for (int j : active) {
@@ -68,16 +69,14 @@ Transfer::Transfer(const Input& in) : poisson_(poisson_factor(in)) {
   rows_ = Rows::Zero(free_rows + 1, 4);
 
   weights_.resize(free_rows, in.basis.weights.cols());
-  for (int r = 0; r < free_rows; ++r)
-    weights_.row(r) = in.basis.weights.row(poisson_.order()[r]);
+  for (int r = 0; r < free_rows; ++r) weights_.row(r) = in.basis.weights.row(poisson_.order()[r]);
 
   const SparseMatrix laplacian = cotangent_laplacian(in.metric, t, in.mesh.vertex_count());
   for (int k = 0; k < static_cast<int>(region.handle_vertices.size()); ++k) {
     const int v = region.handle_vertices[k];
     if (base_row[v] >= 0) handle_rows_.push_back({base_row[v], k});
     for (SparseMatrix::InnerIterator it(laplacian, v); it; ++it)
-      if (region.row[it.row()] >= 0)
-        boundary_.push_back({target_row[it.row()], k, it.value()});
+      if (region.row[it.row()] >= 0) boundary_.push_back({target_row[it.row()], k, it.value()});
   }
 }
 
