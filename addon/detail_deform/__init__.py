@@ -25,8 +25,15 @@ def _parts():
 def register():
     for part in _parts():
         part.register()
+    import bpy
+    if getattr(bpy.app, 'module', False):
+        # As a Python module, Blender 4.2 crashes and 4.5 hangs at exit unless all is taken back.
+        import atexit
+        atexit.register(unregister)
 
 
 def unregister():
+    import atexit
+    atexit.unregister(unregister)
     for part in reversed(_parts()):
         part.unregister()

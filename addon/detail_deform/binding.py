@@ -152,7 +152,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     _start(ob, signature, roles)
     settings.signature = signature
     node_group.ensure_modifier(ob)
-    if wait:
+    if wait or deformers.find(signature):
         try:
             deformers.finish(signature)
         except native.NativeError:

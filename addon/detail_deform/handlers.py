@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Blender's events: a handle moved, the frame changed, a mesh was edited, a step was undone."""
 
-import atexit
-
 import bpy
 from bpy.app.handlers import persistent
 
@@ -42,12 +40,9 @@ _HANDLERS = (('depsgraph_update_post', _depsgraph_updated), ('frame_change_post'
 def register():
     for name, function in _HANDLERS:
         getattr(bpy.app.handlers, name).append(function)
-    # As a Python module, Blender does not survive handlers that are left at exit.
-    atexit.register(unregister)
 
 
 def unregister():
-    atexit.unregister(unregister)
     for name, function in _HANDLERS:
         handlers = getattr(bpy.app.handlers, name)
         if function in handlers:

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What happens to a binding when the mesh, its groups or the file change."""
+import time
+
 import bpy
 import numpy as np
 import pytest
@@ -296,3 +298,42 @@ def test_a_linked_duplicate_is_reported_not_fought_over():
     right(ob).location.z += 0.1
     update()
     assert ob.detail_deform.is_bound and "Bound" in ob.detail_deform.status
+
+
+def finish_in_background(binding, deformers):
+    """What the window's timer does, called by hand: background Blender has none."""
+    for _ in range(2000):
+        if binding._poll() is None:
+            return
+        time.sleep(0.01)
+    raise AssertionError("the bind did not end")
+
+
+def test_a_bind_in_the_background_ends_with_the_surface_bound(part):
+    binding, deformers = part('binding'), part('deformers')
+    ob = make_strip(37)  # of a size that no other test has bound already
+    binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
+    assert deformers.binds_under_way() and "Binding" in ob.detail_deform.status
+    assert not ob.detail_deform.is_bound
+    finish_in_background(binding, deformers)
+    assert ob.detail_deform.is_bound
+    right(ob).location.z += 0.4
+    update()
+    assert np.abs(evaluated(ob) - own(ob)).max() > 0.39
+
+
+def test_a_bind_in_the_background_notices_what_happens_meanwhile(part):
+    binding, deformers = part('binding'), part('deformers')
+    changed, deleted, unbound, cancelled = (make_strip(n, name=str(n)) for n in (31, 32, 33, 61))
+    for ob in (changed, deleted, unbound, cancelled):
+        binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
+    swap_positions(changed)
+    bpy.data.objects.remove(deleted)
+    binding.unbind(unbound)
+    activate(cancelled)
+    bpy.ops.object.detail_deform_bind_cancel()
+    finish_in_background(binding, deformers)
+    assert "vertices were moved" in changed.detail_deform.status
+    assert unbound.detail_deform.status == "Not bound."
+    # A cancel may come too late; then the surface is simply bound.
+    assert cancelled.detail_deform.status == "The bind was cancelled." or cancelled.detail_deform.is_bound

@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from conftest import bind, evaluated, make_strip, own, update
+from conftest import FIXTURES, bind, evaluated, make_strip, own, update
 
 EVENTS = ('depsgraph_update_post', 'frame_change_post', 'undo_post', 'redo_post', 'load_post')
 
@@ -69,3 +69,18 @@ def test_blenders_own_validator_accepts_the_zip():
     checked = subprocess.run([python, scripts[0], 'validate', os.environ['DD_TEST_ZIP']],
                              capture_output=True, text=True)
     assert checked.returncode == 0, checked.stdout + checked.stderr
+
+
+@pytest.mark.skipif(not getattr(bpy.app, 'module', False), reason="Blender as a Python module only")
+def test_a_script_that_only_registers_ends(module):
+    script = ("import sys; sys.path.insert(0, sys.argv[1])\n"
+              "import bpy, detail_deform\n"
+              "detail_deform.register()\n"
+              "bpy.ops.wm.open_mainfile(filepath=sys.argv[2])\n"
+              "bpy.context.view_layer.objects.active = bpy.data.objects['Tentacle']\n"
+              "bpy.ops.object.detail_deform_bind(wait=True)\n"
+              "print(bpy.data.objects['Tentacle'].detail_deform.status)\n")
+    ended = subprocess.run([sys.executable, '-c', script, str(Path(module.__file__).parents[1]),
+                            str(FIXTURES / 'animated.blend')],
+                           capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 0 and 'Bound' in ended.stdout, ended.stdout[-2000:] + ended.stderr[-2000:]

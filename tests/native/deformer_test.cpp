@@ -185,9 +185,11 @@ TEST_CASE("Fig. 1: details turn with the base where variational minimization alo
   const auto error = [&](const Positions& p) {
     return mean_normal_error(plane.mesh, deformer.region(), base, base_deformed, p);
   };
-  CHECK(error(plane.mesh.positions + 0 * result) > 10);  // the measure sees that the base turned
-  CHECK(error(result) < 4);
-  CHECK(error(variational) > 1.5 * error(result));
+  const double turned = error(result), sheared = error(variational);
+  INFO("mean angle: transfer " << turned << ", variational minimization " << sheared);
+  CHECK(error(plane.mesh.positions) > 10);  // the measure sees that the base turned
+  CHECK(turned < 4);
+  CHECK(sheared > 2 * turned);
 }
 
 TEST_CASE("handle vertices follow their matrix, fixed ones stay, whatever the handle's size") {

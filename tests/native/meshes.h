@@ -42,7 +42,7 @@ inline Mesh bumpy_plane(int side, int bumps = 12) {
     const double dx = x - (std::floor(x / spacing) + 0.5) * spacing;
     const double dy = y - (std::floor(y / spacing) + 0.5) * spacing;
     const double r2 = (dx * dx + dy * dy) / (radius * radius);
-    return r2 < 1 ? 0.5 * radius * (1 - r2) * (1 - r2) : 0.0;
+    return r2 < 1 ? radius * (1 - r2) * (1 - r2) : 0.0;
   });
 }
 
