@@ -73,8 +73,11 @@ constexpr double kTiny = 1e-280;
 
 inline double guarded_inverse_sqrt(double x) { return 1.0 / sqrt(x > kTiny ? x : kTiny); }
 
-void gradient_pass(int block_count, const TriangleBlock* blocks, const double* base,
-                   bool rotation_only, double* right_hand_side) {
+/// RotationOnly is known to the compiler, which can make vector code of the lanes only without a
+/// branch in them.
+template <bool RotationOnly>
+void gradient_pass_as(int block_count, const TriangleBlock* blocks, const double* base,
+                      double* right_hand_side) {
   for (int b = 0; b < block_count; ++b) {
     const TriangleBlock& block = blocks[b];
     double e1[3][kLanes], e2[3][kLanes];
@@ -110,7 +113,7 @@ void gradient_pass(int block_count, const TriangleBlock* blocks, const double* b
       double s = along * block.inverse_height[lane] - length * block.shear[lane];
       double d = height * block.inverse_height[lane];
       double q = 0;
-      if (rotation_only) {
+      if (RotationOnly) {
         const double cosine = a + d;
         const double scale = guarded_inverse_sqrt(cosine * cosine + s * s);
         a = d = cosine * scale;
@@ -138,6 +141,12 @@ void gradient_pass(int block_count, const TriangleBlock* blocks, const double* b
       }
     }
   }
+}
+
+void gradient_pass(int block_count, const TriangleBlock* blocks, const double* base,
+                   bool rotation_only, double* right_hand_side) {
+  (rotation_only ? gradient_pass_as<true> : gradient_pass_as<false>)(block_count, blocks, base,
+                                                                     right_hand_side);
 }
 
 }  // namespace
