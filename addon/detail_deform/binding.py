@@ -162,7 +162,6 @@ def bind(ob, depsgraph, wait, keep_rest):
 
 
 def _bind_finished(ob, depsgraph):
-    check_content(ob)
     refresh(ob, depsgraph, force=True)
     deformers.drop_unused({o.detail_deform.signature for o in bound_objects(bpy.data.objects)})
 
@@ -200,6 +199,7 @@ def _poll():
                 ob.detail_deform.problem = str(error)
             continue
         for ob in owners:
+            check_content(ob)  # it may have been edited meanwhile
             _bind_finished(ob, bpy.context.evaluated_depsgraph_get())
     redraw_panels()
     return _POLL_SECONDS if deformers.binds_under_way() else None

@@ -6,6 +6,32 @@ from bpy.app.handlers import persistent
 
 from . import binding, deformers
 
+# A paint stroke edits the mesh at every dab: comparing waits until the brush has paused so long.
+_PAUSE_SECONDS = 0.5
+_painted = set()
+
+
+def _check_painted():
+    for ob in binding.bound_objects(bpy.data.objects):
+        if ob.name in _painted:
+            binding.check_content(ob)
+    _painted.clear()
+    binding.redraw_panels()
+
+
+def _forget_painted():
+    if bpy.app.timers.is_registered(_check_painted):
+        bpy.app.timers.unregister(_check_painted)
+
+
+def _edited(ob):
+    if ob.mode == 'OBJECT' or bpy.app.background:
+        binding.check_content(ob)
+        return
+    _painted.add(ob.name)
+    _forget_painted()
+    bpy.app.timers.register(_check_painted, first_interval=_PAUSE_SECONDS)
+
 
 def _refresh_scene(scene, depsgraph):
     for ob in binding.bound_objects(scene.objects):
@@ -18,7 +44,7 @@ def _depsgraph_updated(scene, depsgraph):
     edited = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
     for ob in binding.bound_objects(scene.objects):
         if ob in edited or ob.data in edited:
-            binding.check_content(ob)
+            _edited(ob)
     _refresh_scene(scene, depsgraph)
 
 
@@ -47,5 +73,6 @@ def unregister():
         handlers = getattr(bpy.app.handlers, name)
         if function in handlers:
             handlers.remove(function)
+    _forget_painted()
     binding.stop_polling()
     deformers.clear()
