@@ -239,6 +239,8 @@ def status(ob):
     settings = ob.detail_deform
     under_way = deformers.bind_under_way(settings.signature)
     if under_way:
+        if under_way.cancelled:
+            return "Cancelling."
         _, fraction, stage = under_way.progress()
         return f"Binding, {100 * fraction:.0f}%: {stage}."
     if settings.stale:

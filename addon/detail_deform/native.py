@@ -137,6 +137,7 @@ class Bind:
         """positions: (n, 3) float32; triangles: (m, 3) int32; roles: (n,) int32, ROLE_FREE,
         ROLE_FIXED or a handle number below handle_count. All are copied."""
         lib = library()
+        self.cancelled = False
         self._handle = ctypes.c_void_p()
         options = _BindOptions(ctypes.sizeof(_BindOptions), METRICS[base_metric], metric_smoothing)
         positions = np.ascontiguousarray(positions, np.float32)
@@ -152,6 +153,8 @@ class Bind:
         return progress.state == _BIND_RUNNING, progress.fraction, progress.stage.decode()
 
     def cancel(self):
+        """Takes effect at the bind's next stage."""
+        self.cancelled = True
         _check(library().dd_bind_cancel(self._handle))
 
     def finish(self):

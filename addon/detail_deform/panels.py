@@ -87,6 +87,7 @@ class OBJECT_PT_detail_deform(bpy.types.Panel):
         row = layout.row(align=True)
         row.use_property_split = False
         if under_way:
+            row.enabled = not under_way.cancelled
             row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
             return
         if settings.signature:

@@ -56,11 +56,8 @@ int main(int argc, char** argv) {
               mesh.triangle_count(), region.free_count(), dd::kernels().name);
   std::printf("bind %.0f ms, %.1f MB held\n\n", bind, deformer->bytes() / 1e6);
 
-  const auto metric = dd::triangle_metric(mesh.positions, mesh.triangles);
-  const dd::SparseMatrix laplacian =
-      dd::cotangent_laplacian(metric, mesh.triangles, mesh.vertex_count());
-  const dd::SparseMatrix rows = dd::free_columns(laplacian, region).transpose();
-  const dd::SparseMatrix poisson = dd::free_columns(rows, region);
+  const dd::SurfaceOperators operators = dd::surface_operators(mesh.positions, mesh.triangles);
+  const dd::SparseMatrix poisson = dd::free_block(operators.laplacian, region);
   const Eigen::MatrixXd right = Eigen::MatrixXd::Random(region.free_count(), 3);
 
   dd::test::Affine lift = dd::test::identity();

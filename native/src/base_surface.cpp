@@ -11,14 +11,12 @@ Positions base_surface(const BendingSystem& bending, const Region& region,
   return base;
 }
 
-Positions faired_surface(const Mesh& mesh, const TriangleMetric& metric, double edge_lengths) {
-  const int n = mesh.vertex_count();
+Positions faired_surface(const Mesh& mesh, const SurfaceOperators& operators, double edge_lengths) {
   const double step = edge_lengths * mean_edge_length(mesh.positions, mesh.triangles);
-  const Eigen::VectorXd masses = mixed_voronoi_masses(metric, mesh.triangles, n);
-  SparseMatrix system = cotangent_laplacian(metric, mesh.triangles, n) * (step * step);
+  SparseMatrix system = operators.laplacian * (step * step);
   // Loose vertices have no entry in L: the mass alone keeps them where they are.
-  system += SparseMatrix(masses.asDiagonal());
-  return SparseCholesky(system).solve(masses.asDiagonal() * mesh.positions);
+  system += SparseMatrix(operators.masses.asDiagonal());
+  return SparseCholesky(system).solve(operators.masses.asDiagonal() * mesh.positions);
 }
 
 }  // namespace dd

@@ -12,6 +12,6 @@ Positions base_surface(const BendingSystem& bending, const Region& region,
 
 /// S after one step of implicit fairing, (M + tL) x = M p with t = (edge_lengths · mean edge)²:
 /// the geometry on which the bi-Laplacian is built when its metric is to be smoothed.
-Positions faired_surface(const Mesh& mesh, const TriangleMetric& metric, double edge_lengths);
+Positions faired_surface(const Mesh& mesh, const SurfaceOperators& operators, double edge_lengths);
 
 }  // namespace dd

@@ -18,6 +18,11 @@ SparseMatrix free_columns(const SparseMatrix& matrix, const Region& region) {
   return columns;
 }
 
+SparseMatrix free_block(const SparseMatrix& matrix, const Region& region) {
+  const SparseMatrix rows = free_columns(matrix, region).transpose();
+  return free_columns(rows, region);
+}
+
 SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region) {
   try {
     return SparseCholesky(block);
@@ -38,21 +43,23 @@ RowMatrix free_rows(const RowMatrix& values, const Region& region) {
   return rows;
 }
 
-SparseMatrix bi_laplacian_block(const SparseMatrix& laplacian,
-                                const Eigen::VectorXd& inverse_masses, const Region& region) {
-  const SparseMatrix columns = free_columns(laplacian, region);
-  return SparseMatrix(columns.transpose() * inverse_masses.asDiagonal() * columns);
+SparseMatrix bi_laplacian_block(const SurfaceOperators& operators, const Region& region) {
+  const SparseMatrix columns = free_columns(operators.laplacian, region);
+  return SparseMatrix(columns.transpose() * operators.masses.cwiseInverse().asDiagonal() * columns);
 }
 
 }  // namespace
 
-BendingSystem::BendingSystem(const TriangleMetric& metric, const Triangles& triangles,
-                             const Region& region)
-    : region_(region),
-      laplacian_(cotangent_laplacian(metric, triangles, static_cast<int>(region.role.size()))),
-      inverse_masses_(mixed_voronoi_masses(metric, triangles, static_cast<int>(region.role.size()))
-                          .cwiseInverse()),
-      factor_(factor_free_block(bi_laplacian_block(laplacian_, inverse_masses_, region), region)) {}
+BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& region)
+    : operators_(operators),
+      region_(region),
+      factor_(factor_free_block(bi_laplacian_block(operators, region), region)) {}
+
+RowMatrix BendingSystem::apply(const RowMatrix& values) const {
+  const RowMatrix curvature =
+      operators_.masses.cwiseInverse().asDiagonal() * RowMatrix(operators_.laplacian * values);
+  return operators_.laplacian * curvature;
+}
 
 RowMatrix BendingSystem::extend(const RowMatrix& values) const {
   RowMatrix x = values;
@@ -60,9 +67,7 @@ RowMatrix BendingSystem::extend(const RowMatrix& values) const {
   // The second round is iterative refinement: where triangles are thin, K spans many magnitudes
   // and its factor loses digits that the product L (M⁻¹ (L x)) still has.
   for (int round = 0; round < 2; ++round) {
-    const RowMatrix residual =
-        laplacian_ * RowMatrix(inverse_masses_.asDiagonal() * RowMatrix(laplacian_ * x));
-    const RowMatrix correction = factor_.solve(free_rows(-residual, region_));
+    const RowMatrix correction = factor_.solve(free_rows(-apply(x), region_));
     for (int r = 0; r < region_.free_count(); ++r) x.row(region_.free[r]) += correction.row(r);
   }
   return free_rows(x, region_);

@@ -2,6 +2,7 @@
 #include "deformer.h"
 
 #include <cmath>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -25,31 +26,30 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
   scale_ = bounding_box_diagonal(mesh_.positions);
   centre_ = 0.5 * (mesh_.positions.colwise().maxCoeff() + mesh_.positions.colwise().minCoeff());
   const Mesh unit = {(mesh_.positions.rowwise() - centre_) / scale_, mesh_.triangles};
-  TriangleMetric metric = triangle_metric(unit.positions, unit.triangles);
+  const SurfaceOperators on_surface = surface_operators(unit.positions, unit.triangles);
 
+  // The geometry that the bi-Laplacian is built on, where it isn't S itself.
+  std::optional<SurfaceOperators> elsewhere;
+  if (options.base_metric == BaseMetric::surface && options.metric_smoothing > 0)
+    elsewhere = surface_operators(faired_surface(unit, on_surface, options.metric_smoothing),
+                                  unit.triangles);
   report(progress, 0.1, "Factoring the bi-Laplacian");
-  auto bending = [&] {
-    if (options.base_metric == BaseMetric::surface && options.metric_smoothing > 0) {
-      const Positions faired = faired_surface(unit, metric, options.metric_smoothing);
-      return std::make_unique<BendingSystem>(triangle_metric(faired, unit.triangles),
-                                             unit.triangles, region_);
-    }
-    return std::make_unique<BendingSystem>(metric, unit.triangles, region_);
-  }();
+  auto bending = std::make_unique<BendingSystem>(elsewhere ? *elsewhere : on_surface, region_);
   report(progress, 0.5, "Computing the base surface");
   base_ = base_surface(*bending, region_, unit.positions);
   if (options.base_metric == BaseMetric::base) {
     report(progress, 0.55, "Factoring the bi-Laplacian of the base");
-    bending = std::make_unique<BendingSystem>(triangle_metric(base_, unit.triangles),
-                                              unit.triangles, region_);
+    bending.reset();
+    elsewhere = surface_operators(base_, unit.triangles);
+    bending = std::make_unique<BendingSystem>(*elsewhere, region_);
   }
   report(progress, 0.75, "Computing the handles' basis functions");
   const HandleBasis basis = handle_basis(*bending, region_, unit.positions);
   bending.reset();
 
   report(progress, 0.85, "Factoring the Poisson system");
-  transfer_ = std::make_unique<Transfer>(Transfer::Input{unit, region_, metric, base_, basis});
-  degenerate_ = std::move(metric.degenerate);
+  transfer_ = std::make_unique<Transfer>(Transfer::Input{unit, region_, on_surface, base_, basis});
+  degenerate_ = on_surface.metric.degenerate;
 
   handle_centres_ = from_unit(basis.centres);
   coefficients_ = RowMatrix::Zero(4 * handle_count, 4);

@@ -107,6 +107,15 @@ Eigen::VectorXd mixed_voronoi_masses(const TriangleMetric& metric, const Triangl
   return masses.cwiseMax(floor);
 }
 
+SurfaceOperators surface_operators(const Positions& p, const Triangles& t) {
+  const int n = static_cast<int>(p.rows());
+  SurfaceOperators operators;
+  operators.metric = triangle_metric(p, t);
+  operators.laplacian = cotangent_laplacian(operators.metric, t, n);
+  operators.masses = mixed_voronoi_masses(operators.metric, t, n);
+  return operators;
+}
+
 SparseMatrix gradient(const Positions& p, const Triangles& t) {
   const Index m = t.rows();
   std::vector<Eigen::Triplet<double>> entries;

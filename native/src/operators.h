@@ -30,6 +30,14 @@ SparseMatrix cotangent_laplacian(const TriangleMetric& metric, const Triangles& 
 Eigen::VectorXd mixed_voronoi_masses(const TriangleMetric& metric, const Triangles& triangles,
                                      int n);
 
+/// What every method needs of one geometry, made once.
+struct SurfaceOperators {
+  TriangleMetric metric;
+  SparseMatrix laplacian;
+  Eigen::VectorXd masses;
+};
+SurfaceOperators surface_operators(const Positions& positions, const Triangles& triangles);
+
 /// Gradient operator G (3), 3m×n: rows 3j..3j+2 hold (∇φ₁, ∇φ₂, ∇φ₃) of triangle j as in (13).
 SparseMatrix gradient(const Positions& positions, const Triangles& triangles);
 

@@ -15,13 +15,13 @@ namespace {
 struct Bound {
   Mesh mesh = test::rough_sphere(3, 0.1);
   std::vector<int> roles;
-  TriangleMetric metric;
+  SurfaceOperators operators;
   Region region;
   Bound() {
     roles = test::roles_by_height(mesh, -0.6, 0.75);
     for (Index v = 0; v < mesh.positions.rows(); ++v)
       if (mesh.positions(v, 0) > 0.9) roles[v] = 1;
-    metric = triangle_metric(mesh.positions, mesh.triangles);
+    operators = surface_operators(mesh.positions, mesh.triangles);
     region = split_region(mesh, roles, 2);
   }
 };
@@ -31,11 +31,10 @@ struct Bound {
 TEST_CASE("the base solves L M⁻¹ L q = 0 and keeps constrained vertices") {
   const Bound b;
   const int n = b.mesh.vertex_count();
-  const BendingSystem bending(b.metric, b.mesh.triangles, b.region);
+  const BendingSystem bending(b.operators, b.region);
   const Positions q = base_surface(bending, b.region, b.mesh.positions);
-  const SparseMatrix L = cotangent_laplacian(b.metric, b.mesh.triangles, n);
-  const Eigen::VectorXd inverse_masses =
-      mixed_voronoi_masses(b.metric, b.mesh.triangles, n).cwiseInverse();
+  const SparseMatrix& L = b.operators.laplacian;
+  const Eigen::VectorXd inverse_masses = b.operators.masses.cwiseInverse();
   const RowMatrix residual = L * RowMatrix(inverse_masses.asDiagonal() * RowMatrix(L * q));
   const RowMatrix size =
       L * RowMatrix(inverse_masses.asDiagonal() * RowMatrix(L * b.mesh.positions));
@@ -55,7 +54,7 @@ TEST_CASE("the base solves L M⁻¹ L q = 0 and keeps constrained vertices") {
 
 TEST_CASE("basis functions give the bi-Laplacian's own solution (T-basis = direct solve)") {
   const Bound b;
-  const BendingSystem bending(b.metric, b.mesh.triangles, b.region);
+  const BendingSystem bending(b.operators, b.region);
   const HandleBasis basis = handle_basis(bending, b.region, b.mesh.positions);
   REQUIRE(basis.weights.cols() == 8);
 
@@ -79,7 +78,7 @@ TEST_CASE("a handle's functions are 1 and its coordinates when everything constr
   Bound b;
   for (int& role : b.roles) role = role == kFree ? kFree : 0;
   b.region = split_region(b.mesh, b.roles, 1);
-  const BendingSystem bending(b.metric, b.mesh.triangles, b.region);
+  const BendingSystem bending(b.operators, b.region);
   const HandleBasis basis = handle_basis(bending, b.region, b.mesh.positions);
   const Positions q = base_surface(bending, b.region, b.mesh.positions);
   for (int r = 0; r < b.region.free_count(); ++r) {

@@ -9,13 +9,6 @@ namespace dd {
 
 namespace {
 
-SparseCholesky poisson_factor(const Transfer::Input& in) {
-  const SparseMatrix laplacian =
-      cotangent_laplacian(in.metric, in.mesh.triangles, in.mesh.vertex_count());
-  const SparseMatrix rows = free_columns(laplacian, in.region).transpose();
-  return factor_free_block(free_columns(rows, in.region), in.region);
-}
-
 std::vector<int> triangles_with_free_corner(const Mesh& mesh, const Region& region) {
   std::vector<int> active;
   for (int j = 0; j < mesh.triangle_count(); ++j)
@@ -29,7 +22,8 @@ std::vector<int> triangles_with_free_corner(const Mesh& mesh, const Region& regi
 
 }  // namespace
 
-Transfer::Transfer(const Input& in) : poisson_(poisson_factor(in)) {
+Transfer::Transfer(const Input& in)
+    : poisson_(factor_free_block(free_block(in.operators.laplacian, in.region), in.region)) {
   const Region& region = in.region;
   const Triangles& t = in.mesh.triangles;
   const int free_rows = region.free_count(), spare_row = free_rows;
@@ -45,7 +39,7 @@ Transfer::Transfer(const Input& in) : poisson_(poisson_factor(in)) {
   const std::vector<int> active = triangles_with_free_corner(in.mesh, region);
   const GradientSources sources =
       gradient_sources(in.base, t, bounding_box_diagonal(in.mesh.positions));
-  const Positions flux = corner_divergence(in.metric, in.mesh.positions, t);
+  const Positions flux = corner_divergence(in.operators.metric, in.mesh.positions, t);
   rest_divergence_ = Rows::Zero(free_rows + 1, 4);
   for (int j : active) {
     const int source = sources.of_triangle[j];
@@ -71,11 +65,10 @@ Transfer::Transfer(const Input& in) : poisson_(poisson_factor(in)) {
   weights_.resize(free_rows, in.basis.weights.cols());
   for (int r = 0; r < free_rows; ++r) weights_.row(r) = in.basis.weights.row(poisson_.order()[r]);
 
-  const SparseMatrix laplacian = cotangent_laplacian(in.metric, t, in.mesh.vertex_count());
   for (int k = 0; k < static_cast<int>(region.handle_vertices.size()); ++k) {
     const int v = region.handle_vertices[k];
     if (base_row[v] >= 0) handle_rows_.push_back({base_row[v], k});
-    for (SparseMatrix::InnerIterator it(laplacian, v); it; ++it)
+    for (SparseMatrix::InnerIterator it(in.operators.laplacian, v); it; ++it)
       if (region.row[it.row()] >= 0) boundary_.push_back({target_row[it.row()], k, it.value()});
   }
 }

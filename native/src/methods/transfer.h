@@ -20,8 +20,8 @@ class Transfer {
   struct Input {
     const Mesh& mesh;
     const Region& region;
-    const TriangleMetric& metric;  ///< of S
-    const Positions& base;         ///< B at rest
+    const SurfaceOperators& operators;  ///< of S
+    const Positions& base;              ///< B at rest
     const HandleBasis& basis;
   };
   explicit Transfer(const Input& input);
