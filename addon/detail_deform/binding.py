@@ -271,11 +271,12 @@ def _remarks(ob, info):
         yield "Its modifier was removed, so nothing is shown: bind again to add it."
     if info.resting_count:
         yield (f"{_count(info.resting_part_count, 'loose part', 'loose parts')} of the region "
-               f"({_count(info.resting_count, 'vertex', 'vertices')}, for one vertex "
-               f"{info.resting_example}) stay at rest: no handle is on them.")
+               f"({_count(info.resting_count, 'vertex', 'vertices')}, such as vertex "
+               f"{info.resting_example}) {'stays' if info.resting_part_count == 1 else 'stay'} at rest: "
+               f"no handle is on {'it' if info.resting_part_count == 1 else 'them'}.")
     if info.loose_count:
-        yield (f"{_count(info.loose_count, 'vertex', 'vertices')} without faces (for one "
-               f"{info.loose_example}) stay at rest.")
+        yield (f"{_count(info.loose_count, 'vertex', 'vertices')} without faces (such as vertex "
+               f"{info.loose_example}) {'stays' if info.loose_count == 1 else 'stay'} at rest.")
     if info.degenerate_count:
         yield (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
-               f"(for one {info.degenerate_example}).")
+               f"(such as triangle {info.degenerate_example}).")

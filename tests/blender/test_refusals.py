@@ -149,7 +149,7 @@ def test_nothing_fixed_and_no_handle_in_a_part():
     ob, first = extended([(3, 0, 0), (4, 0, 0), (3, 1, 0)], [(625, 626, 627)])
     bind(ob)
     status = ob.detail_deform.status
-    assert "1 loose part of the region (3 vertices, for one vertex 625)" in status
+    assert "1 loose part of the region (3 vertices, such as vertex 625) stays at rest" in status
     rest = own(ob)
     moved = lift(ob) - rest
     assert np.abs(moved[first:]).max() == 0
@@ -212,7 +212,7 @@ def test_no_vertices_and_no_faces():
 def test_loose_vertices_and_edges_stay_and_are_reported():
     ob, first = extended([(0.5, 0.5, 1), (0.6, 0.5, 1), (0.5, 0.5, 2)], edges=[(625, 626)])
     bind(ob)
-    assert "3 vertices without faces (for one 625) stay at rest" in ob.detail_deform.status
+    assert "3 vertices without faces (such as vertex 625) stay at rest" in ob.detail_deform.status
     moved = lift(ob) - own(ob)
     assert np.abs(moved[first:]).max() == 0 and np.isfinite(moved).all()
 
