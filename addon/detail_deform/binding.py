@@ -9,6 +9,7 @@ from . import deformers, handle_matrices, mesh_data, native, node_group
 from .mesh_data import MeshProblem
 
 _POLL_SECONDS = 0.1
+_TOPOLOGY_CHANGED = "The mesh's vertices or faces were changed since Bind."
 
 
 # What is bound, and to which content
@@ -55,7 +56,7 @@ def _difference(ob):
     positions, topology, roles, *options = settings.signature.split('.', 3)
     shape = mesh_data.shape_signature(ob.data)
     if shape[1] != topology:
-        return "The mesh's vertices or faces were changed since Bind."
+        return _TOPOLOGY_CHANGED
     if shape[0] != positions:
         return "The mesh's vertices were moved since Bind."
     try:
@@ -79,6 +80,7 @@ def refresh(ob, depsgraph, force=False):
         return
     try:
         mesh_data.check_object(ob)
+        mesh_data.check_groups(ob, settings.region, _handle_groups(settings))
         bound = deformers.find(settings.signature) or _restore(ob, depsgraph)
         if bound is not None:
             _follow(ob, bound, depsgraph, force)
@@ -95,6 +97,9 @@ def _note(settings, problem):
 def _follow(ob, bound, depsgraph, force):
     start = time.perf_counter()
     settings = ob.detail_deform
+    if bound.deformer.info.vertex_count != len(ob.data.vertices):
+        settings.stale = _TOPOLOGY_CHANGED
+        return
     motions = handle_matrices.motions(settings, handle_matrices.local_places(ob, depsgraph))
     shown = (motions.tobytes(), settings.rotation_only)
     if not force and bound.shown.get(ob.name) == shown:
@@ -118,7 +123,7 @@ def _restore(ob, depsgraph):
         _start(ob, signature, _roles(ob))
     # A render must not show a frame that isn't finished, and without a window nothing polls.
     if bpy.app.background or depsgraph.mode == 'RENDER':
-        return deformers.finish(signature)
+        return _finish(signature)
     return None
 
 
@@ -153,12 +158,23 @@ def bind(ob, depsgraph, wait, keep_rest):
     settings.signature = signature
     node_group.ensure_modifier(ob)
     if wait or deformers.find(signature):
-        try:
-            deformers.finish(signature)
-        except native.NativeError:
-            settings.signature = ""
-            raise
+        _finish(signature)
         _bind_finished(ob, depsgraph)
+
+
+def _owners(signature):
+    return [ob for ob in bound_objects(bpy.data.objects) if ob.detail_deform.signature == signature]
+
+
+def _finish(signature):
+    """Waits for a bind. When it fails, its objects are unbound and hold the sentence."""
+    try:
+        return deformers.finish(signature)
+    except native.NativeError as error:
+        for ob in _owners(signature):
+            _forget(ob.detail_deform)
+            ob.detail_deform.problem = str(error)
+        raise
 
 
 def _bind_finished(ob, depsgraph):
@@ -170,35 +186,32 @@ def _forget(settings):
     settings.signature = settings.stale = settings.problem = ""
 
 
-def cancel(ob):
+def cancel(signature):
     """Stops a bind under way; the timer then takes back what it began."""
-    bind_under_way = deformers.bind_under_way(ob.detail_deform.signature)
-    if bind_under_way:
-        bind_under_way.cancel()
+    under_way = deformers.bind_under_way(signature)
+    if under_way:
+        under_way.cancel()
 
 
 def unbind(ob):
     """Forgets the binding; the mesh shows its rest shape."""
-    cancel(ob)
+    signature = ob.detail_deform.signature
     _forget(ob.detail_deform)
+    if not _owners(signature):
+        cancel(signature)
     mesh_data.remove_offsets(ob.data)
 
 
 def _poll():
     """Timer: finishes binds that are ready. Returns the seconds to the next call, None to end."""
     for signature in deformers.binds_under_way():
-        running, _, _ = deformers.bind_under_way(signature).progress()
-        if running:
+        if deformers.is_running(signature):
             continue
-        owners = [ob for ob in bound_objects(bpy.data.objects) if ob.detail_deform.signature == signature]
         try:
-            deformers.finish(signature)
-        except native.NativeError as error:
-            for ob in owners:
-                _forget(ob.detail_deform)
-                ob.detail_deform.problem = str(error)
+            _finish(signature)
+        except native.NativeError:
             continue
-        for ob in owners:
+        for ob in _owners(signature):
             check_content(ob)  # it may have been edited meanwhile
             _bind_finished(ob, bpy.context.evaluated_depsgraph_get())
     redraw_panels()

@@ -6,6 +6,8 @@ options), which the object stores. So nothing here points into Blender's data: u
 and reloading find the same deformer again, or none.
 """
 
+import threading
+
 from . import native
 
 # Deformers that no object asks for any more are kept for undo, up to this many.
@@ -25,6 +27,8 @@ class Bound:
 
 _bound = {}
 _binds = {}
+_ending = []  # cancelled binds whose place was taken: they end when their stage does
+_finishing = threading.Lock()  # a render may wait for the same bind as the window
 
 
 def find(signature):
@@ -41,17 +45,28 @@ def binds_under_way():
 
 def start(signature, *arguments, **options):
     """Starts native.Bind(*arguments, **options) unless the deformer is there or on its way."""
-    if signature not in _bound and signature not in _binds:
-        _binds[signature] = native.Bind(*arguments, **options)
+    present = _binds.get(signature)
+    if signature in _bound or (present and not present.cancelled):
+        return
+    if present:
+        _ending.append(present)
+    _binds[signature] = native.Bind(*arguments, **options)
+
+
+def is_running(signature):
+    """Whether the bind is still at work; also lets go of cancelled ones that are not."""
+    _ending[:] = [bind for bind in _ending if bind.progress()[0]]
+    bind = _binds.get(signature)
+    return bind is not None and bind.progress()[0]
 
 
 def finish(signature):
     """Waits for the bind and keeps its deformer. Raises native.NativeError."""
-    if signature in _bound:
+    with _finishing:
+        if signature not in _bound:
+            deformer = _binds.pop(signature).finish()
+            _bound[signature] = Bound(deformer, 1e3 * deformer.info.bind_seconds)
         return _bound[signature]
-    deformer = _binds.pop(signature).finish()
-    _bound[signature] = Bound(deformer, 1e3 * deformer.info.bind_seconds)
-    return _bound[signature]
 
 
 def drop_unused(signatures):
@@ -68,7 +83,8 @@ def forget_shown():
 
 
 def clear():
-    for bind in _binds.values():
+    for bind in [*_binds.values(), *_ending]:
         bind.close()
     _binds.clear()
+    _ending.clear()
     _bound.clear()

@@ -6,31 +6,32 @@ from bpy.app.handlers import persistent
 
 from . import binding, deformers
 
-# A paint stroke edits the mesh at every dab: comparing waits until the brush has paused so long.
-_PAUSE_SECONDS = 0.5
-_painted = set()
+# A paint stroke tags the mesh at every dab, a dragged slider of a shape key at every step: in the
+# window comparing waits until that has paused for so long.
+_PAUSE_SECONDS = 0.3
+_to_compare = set()
 
 
-def _check_painted():
+def _compare():
     for ob in binding.bound_objects(bpy.data.objects):
-        if ob.name in _painted:
+        if ob.name in _to_compare:
             binding.check_content(ob)
-    _painted.clear()
+    _to_compare.clear()
     binding.redraw_panels()
 
 
-def _forget_painted():
-    if bpy.app.timers.is_registered(_check_painted):
-        bpy.app.timers.unregister(_check_painted)
+def _forget_to_compare():
+    if bpy.app.timers.is_registered(_compare):
+        bpy.app.timers.unregister(_compare)
 
 
 def _edited(ob):
-    if ob.mode == 'OBJECT' or bpy.app.background:
+    if bpy.app.background:
         binding.check_content(ob)
         return
-    _painted.add(ob.name)
-    _forget_painted()
-    bpy.app.timers.register(_check_painted, first_interval=_PAUSE_SECONDS)
+    _to_compare.add(ob.name)
+    _forget_to_compare()
+    bpy.app.timers.register(_compare, first_interval=_PAUSE_SECONDS)
 
 
 def _refresh_scene(scene, depsgraph):
@@ -43,7 +44,7 @@ def _refresh_scene(scene, depsgraph):
 def _depsgraph_updated(scene, depsgraph):
     edited = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
     for ob in binding.bound_objects(scene.objects):
-        if ob in edited or ob.data in edited:
+        if ob.data in edited:  # the object alone is tagged by whatever its modifiers depend on
             _edited(ob)
     _refresh_scene(scene, depsgraph)
 
@@ -73,6 +74,6 @@ def unregister():
         handlers = getattr(bpy.app.handlers, name)
         if function in handlers:
             handlers.remove(function)
-    _forget_painted()
+    _forget_to_compare()
     binding.stop_polling()
     deformers.clear()

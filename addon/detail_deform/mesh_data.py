@@ -76,14 +76,10 @@ def group_weights(ob, names):
     return weights
 
 
-def roles(ob, region, handles):
-    """(n,) int32 roles for native.Bind.
+def check_groups(ob, region, handles):
+    """Raises MeshProblem when the region or a handle refers to no group of the object.
 
-    region: group name, '' for the whole mesh. handles: [(handle name, group name)].
-    A vertex is in a group when its weight is over 0.5; in two handles it belongs to the one with
-    the larger weight; outside the region and every handle it is fixed.
-    Raises MeshProblem naming the group or handle.
-    """
+    region: group name, '' for the whole mesh. handles: [(handle name, group name)]."""
     for what, group in [("The region", region)] * bool(region) + [
             (f"Handle '{name}'", group) for name, group in handles]:
         if not group:
@@ -91,6 +87,16 @@ def roles(ob, region, handles):
         if group not in ob.vertex_groups:
             raise MeshProblem(f"{what} refers to the vertex group '{group}', which '{ob.name}' does "
                               "not have: choose another group.")
+
+
+def roles(ob, region, handles):
+    """(n,) int32 roles for native.Bind; arguments as of check_groups.
+
+    A vertex is in a group when its weight is over 0.5; in two handles it belongs to the one with
+    the larger weight; outside the region and every handle it is fixed.
+    Raises MeshProblem naming the group or handle.
+    """
+    check_groups(ob, region, handles)
     weights = group_weights(ob, [group for _, group in handles] + [region] * bool(region))
     result = np.full(len(ob.data.vertices), native.ROLE_FREE, np.int32)
     if region:

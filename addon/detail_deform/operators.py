@@ -128,7 +128,7 @@ class OBJECT_OT_detail_deform_bind_cancel(_MeshOperator, bpy.types.Operator):
     bl_options = {'REGISTER'}
 
     def run(self, context, ob):
-        binding.cancel(ob)
+        binding.cancel(ob.detail_deform.signature)
 
 
 class OBJECT_OT_detail_deform_unbind(_MeshOperator, bpy.types.Operator):

@@ -140,9 +140,11 @@ def test_settings_that_need_a_new_bind_say_so():
 
 def test_a_deleted_group_or_handle_is_named():
     ob = posed()
-    ob.vertex_groups.remove(ob.vertex_groups['right'])
-    touch(ob)
-    assert "'right'" in ob.detail_deform.status and not ob.detail_deform.is_bound
+    ob.vertex_groups.remove(ob.vertex_groups['right'])  # tags nothing in Blender
+    right(ob).location.z += 0.1
+    update()
+    assert "'right'" in ob.detail_deform.status
+    assert np.abs(evaluated(ob) - own(ob)).max() < 0.41
 
     second = bind(make_strip(name="Second"))
     bpy.ops.object.detail_deform_handle_remove()
@@ -337,3 +339,27 @@ def test_a_bind_in_the_background_notices_what_happens_meanwhile(part):
     assert unbound.detail_deform.status == "Not bound."
     # A cancel may come too late; then the surface is simply bound.
     assert cancelled.detail_deform.status == "The bind was cancelled." or cancelled.detail_deform.is_bound
+
+
+def test_a_new_bind_right_after_unbinding_is_not_taken_for_the_old_one(part):
+    binding, deformers = part('binding'), part('deformers')
+    ob = make_strip(83)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    for _ in range(3):
+        binding.bind(ob, depsgraph, wait=False, keep_rest=False)
+        binding.unbind(ob)
+    binding.bind(ob, depsgraph, wait=False, keep_rest=False)
+    finish_in_background(binding, deformers)
+    assert ob.detail_deform.is_bound, ob.detail_deform.status
+
+
+def test_a_mesh_replaced_between_frames_is_not_written_to():
+    ob = posed()
+    ob.data = bpy.data.meshes.new('Other')
+    ob.data.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    ob.vertex_groups.clear()
+    group(ob, 'region', [0, 1, 2])
+    group(ob, 'right', [2])
+    right(ob).location.z += 1
+    bpy.context.scene.frame_set(7)
+    assert "vertices or faces were changed" in ob.detail_deform.status
