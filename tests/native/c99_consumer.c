@@ -5,6 +5,20 @@
 
 #include "detail_deform/detail_deform.h"
 
+/* These values are in other people's compiled programs. */
+typedef char pinned_status[DD_OK == 0 && DD_ERROR_ARGUMENT == 1 && DD_ERROR_MESH == 2 &&
+                                   DD_ERROR_REGION == 3 && DD_ERROR_NUMERIC == 4 &&
+                                   DD_ERROR_MEMORY == 5 && DD_ERROR_CANCELLED == 6 &&
+                                   DD_ERROR_BUSY == 7 && DD_ERROR_INTERNAL == 8
+                               ? 1
+                               : -1];
+typedef char pinned_options[DD_ROLE_FREE == -1 && DD_ROLE_FIXED == -2 && DD_METRIC_SURFACE == 0 &&
+                                    DD_METRIC_BASE == 1 && DD_OUTPUT_POSITIONS == 0 &&
+                                    DD_OUTPUT_OFFSETS == 1 && DD_BIND_RUNNING == 0 &&
+                                    DD_BIND_DONE == 1 && DD_BIND_FAILED == 2
+                                ? 1
+                                : -1];
+
 enum { kColumns = 6, kVertices = 2 * kColumns, kTriangles = 2 * (kColumns - 1) };
 
 static int check(int32_t status, const char* call) {
