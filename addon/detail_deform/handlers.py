@@ -34,24 +34,27 @@ def _edited(ob):
     bpy.app.timers.register(_compare, first_interval=_PAUSE_SECONDS)
 
 
-def _refresh_scene(scene, depsgraph):
-    for ob in binding.bound_objects(scene.objects):
+def _refresh(objects, depsgraph):
+    for ob in objects:
         if ob.detail_deform.live:
             binding.refresh(ob, depsgraph)
 
 
 @persistent
 def _depsgraph_updated(scene, depsgraph):
+    objects = binding.bound_objects(scene.objects)
+    if not objects:
+        return
     edited = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
-    for ob in binding.bound_objects(scene.objects):
+    for ob in objects:
         if ob.data in edited:  # the object alone is tagged by whatever its modifiers depend on
             _edited(ob)
-    _refresh_scene(scene, depsgraph)
+    _refresh(objects, depsgraph)
 
 
 @persistent
 def _frame_changed(scene, depsgraph):
-    _refresh_scene(scene, depsgraph)
+    _refresh(binding.bound_objects(scene.objects), depsgraph)
 
 
 @persistent
