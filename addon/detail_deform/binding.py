@@ -134,7 +134,8 @@ def _start(ob, signature, roles):
     deformers.start(signature, mesh_data.positions(ob.data), mesh_data.triangles(ob.data), roles,
                     len(handle_matrices.enabled_handles(settings)), **_options(settings))
     if not bpy.app.background and not bpy.app.timers.is_registered(_poll):
-        bpy.app.timers.register(_poll, first_interval=_POLL_SECONDS)
+        # Persistent: a file opened meanwhile must not leave the bind without anyone to finish it.
+        bpy.app.timers.register(_poll, first_interval=_POLL_SECONDS, persistent=True)
 
 
 def bind(ob, depsgraph, wait, keep_rest):
