@@ -318,7 +318,6 @@ def facing(direction):
 def empty(name, location, rotation, size):
     ob = bpy.data.objects.new(name, None)
     ob.empty_display_type, ob.empty_display_size = "ARROWS", size
-    # Only the viewport draws empties. hide_render stays off: it would freeze them in renders.
     ob.show_in_front = ob.show_name = True
     ob.matrix_world = Matrix.Translation(location) @ rotation.to_4x4()
     bpy.context.collection.objects.link(ob)

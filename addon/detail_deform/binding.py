@@ -5,7 +5,7 @@ import time
 
 import bpy
 
-from . import deformers, handle_matrices, mesh_data, native, node_group
+from . import deformers, dependency, handle_matrices, mesh_data, native, node_group
 from .mesh_data import MeshProblem
 
 _POLL_SECONDS = 0.1
@@ -157,10 +157,18 @@ def bind(ob, depsgraph, wait, keep_rest):
     signature = _signature(mesh_data.shape_signature(ob.data), roles, settings)
     _start(ob, signature, roles)
     settings.signature = signature
+    targets_changed(ob)
     node_group.ensure_modifier(ob)
     if wait or deformers.find(signature):
         _finish(signature)
         _bind_finished(ob, depsgraph)
+
+
+def targets_changed(ob):
+    """To be told when a handle of a bound object gets another empty."""
+    if ob.detail_deform.signature:
+        dependency.depend_on(ob, [h.target for h in handle_matrices.enabled_handles(ob.detail_deform)
+                                  if h.target])
 
 
 def _owners(signature):
@@ -200,6 +208,7 @@ def unbind(ob):
     _forget(ob.detail_deform)
     if not _owners(signature):
         cancel(signature)
+    dependency.release(ob)
     mesh_data.remove_offsets(ob.data)
 
 

@@ -12,6 +12,10 @@ def _input_changed(self, context):
     binding.check_content(self.id_data)
 
 
+def _target_changed(self, context):
+    binding.targets_changed(self.id_data)
+
+
 def _look_changed(self, context):
     binding.refresh(self.id_data, context.evaluated_depsgraph_get())
 
@@ -23,6 +27,7 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
         description="Vertex group that moves as one piece with the empty: the vertices with a weight over 0.5")
     target: PointerProperty(
         name="Empty", type=bpy.types.Object, poll=lambda self, ob: ob.type == 'EMPTY',
+        update=_target_changed,
         description="Empty that moves, turns and scales these vertices; it may be animated, parented or constrained")
     enabled: BoolProperty(
         name="Enabled", default=True, update=_input_changed,
@@ -77,6 +82,9 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     signature: StringProperty(options={'HIDDEN'})
     stale: StringProperty(options={'HIDDEN'})
     problem: StringProperty(options={'HIDDEN'})
+    dependency: FloatProperty(
+        name="Dependency", options={'HIDDEN', 'ANIMATABLE'},
+        description="Its driver keeps the empties evaluated where they are hidden; the value is of no use")
 
 
 CLASSES = (DetailDeformHandle, DetailDeformSettings)

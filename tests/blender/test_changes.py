@@ -187,7 +187,7 @@ def snapshot(ob):
             sorted(a.name for a in mesh.attributes if not a.name.startswith('.')), [m.name for m in ob.modifiers],
             [g.name for g in ob.vertex_groups],
             [[(g.group, g.weight) for g in v.groups] for v in mesh.vertices],
-            sorted(o.name for o in bpy.data.objects), len(bpy.data.node_groups), len(bpy.data.meshes))
+            sorted(o.name for o in bpy.data.objects), ob.animation_data, len(bpy.data.node_groups), len(bpy.data.meshes))
 
 
 def test_remove_leaves_the_object_as_it_was_found():

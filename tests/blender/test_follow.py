@@ -135,6 +135,80 @@ def test_renders_show_the_frame_they_render(tmp_path):
     assert np.abs(second - third).mean() > 1e-3
 
 
+def hide_nothing(empty):
+    pass
+
+
+def hide_in_renders(empty):
+    empty.hide_render = True
+
+
+def hide_collection_in_renders(empty):
+    collection = bpy.data.collections.new('Rig')
+    bpy.context.scene.collection.children.link(collection)
+    collection.objects.link(empty)
+    bpy.context.scene.collection.objects.unlink(empty)
+    collection.hide_render = True
+
+
+@pytest.mark.parametrize('hide', [hide_nothing, hide_in_renders, hide_collection_in_renders])
+def test_renders_follow_empties_that_are_hidden_in_them(hide, tmp_path):
+    ob = make_strip()
+    empty = right(ob)
+    for frame, z in ((1, 0.0), (3, 0.6)):
+        empty.location.z = z
+        empty.keyframe_insert('location', frame=frame)
+    hide(empty)
+    scene = bpy.context.scene
+    scene.frame_set(1)
+    bind(ob)
+    camera = bpy.data.objects.new('Camera', bpy.data.cameras.new('Camera'))
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.render.engine = 'BLENDER_WORKBENCH'
+    scene.render.resolution_x, scene.render.resolution_y = 16, 12
+    scene.frame_start, scene.frame_end = 1, 3
+    scene.render.filepath = str(tmp_path / 'frame_')
+    heights = {}
+
+    def look(scene, depsgraph):
+        offsets = np.empty(3 * len(ob.data.vertices), np.float32)
+        ob.data.attributes['detail_deform_offset'].data.foreach_get('vector', offsets)
+        if depsgraph.mode == 'RENDER':
+            heights[scene.frame_current] = offsets.max()
+
+    bpy.app.handlers.frame_change_post.append(look)
+    try:
+        bpy.ops.render.render(animation=True)
+    finally:
+        bpy.app.handlers.frame_change_post.remove(look)
+    assert heights[1] == pytest.approx(0, abs=1e-6) and heights[3] == pytest.approx(0.6, abs=1e-5)
+
+
+def test_empties_parented_to_the_object_make_no_dependency_cycle(capfd):
+    ob = make_strip()
+    bpy.ops.object.detail_deform_handle_remove()
+    bpy.ops.object.detail_deform_handle_add(vertex_group='right')
+    bind(ob)
+    assert right(ob).parent == ob
+    lifted = lift(ob)
+    ob.location = (3, 2, 1)
+    update()
+    assert np.abs(evaluated(ob) - lifted).max() < 1e-6
+    assert 'cycle' not in ''.join(capfd.readouterr()).lower()
+
+
+def test_another_empty_can_take_over_a_handle():
+    ob = make_strip()
+    bind(ob)
+    other = add_empty('Other', right(ob).location)
+    ob.detail_deform.handles[0].target = other
+    update()
+    assert np.abs(lift(ob) - own(ob)).max() > 0.39
+    driver = ob.animation_data.drivers[0].driver
+    assert [v.targets[0].id for v in driver.variables] == [other]
+
+
 def test_no_work_without_a_move(part):
     ob = make_strip()
     bind(ob)

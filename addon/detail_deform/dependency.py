@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Keeps the empties of a bound object evaluated wherever they are hidden.
+
+A render leaves out objects that are disabled in renders, or whose collection is, as those of a rig
+often are; nothing then moves them from frame to frame. A driver is something that the object visibly
+needs, so Blender evaluates what it reads. Its value is of no use.
+"""
+
+_PROPERTY = 'dependency'
+
+
+def depend_on(ob, targets):
+    """Makes the object need these objects' places, and no others as before."""
+    release(ob)
+    driver = ob.detail_deform.driver_add(_PROPERTY).driver
+    driver.type = 'SUM'
+    for target in targets:
+        variable = driver.variables.new()
+        variable.type = 'TRANSFORMS'
+        variable.targets[0].id = target
+        variable.targets[0].transform_type = 'LOC_X'
+
+
+def release(ob):
+    """Leaves the object's animation data as it would be without the driver."""
+    animation = ob.animation_data
+    if animation is None or animation.drivers.find(f'detail_deform.{_PROPERTY}') is None:
+        return
+    ob.detail_deform.driver_remove(_PROPERTY)
+    if not (animation.drivers or animation.action or animation.nla_tracks):
+        ob.animation_data_clear()
