@@ -32,7 +32,7 @@ Transfer::Transfer(const Input& in)
   for (int r : poisson_.order()) vertex_of_row_.push_back(region.free[r]);
 
   // Rows of the base: the free ones as in the factor, then every other vertex that is read.
-  vertex_of_base_row_ = vertex_of_row_;
+  std::vector<int> vertex_of_base_row = vertex_of_row_;
   std::vector<int> base_row(region.role.size(), -1), target_row(region.role.size(), spare_row);
   for (int r = 0; r < free_rows; ++r)
     base_row[vertex_of_row_[r]] = target_row[vertex_of_row_[r]] = r;
@@ -49,16 +49,16 @@ Transfer::Transfer(const Input& in)
       rest_divergence_.row(target_row[t(j, k)]).head<3>() += flux.row(3 * Index(j) + k);
       int& row = base_row[t(source, k)];
       if (row >= 0) continue;
-      row = static_cast<int>(vertex_of_base_row_.size());
-      vertex_of_base_row_.push_back(t(source, k));
+      row = static_cast<int>(vertex_of_base_row.size());
+      vertex_of_base_row.push_back(t(source, k));
     }
   }
   pass_ = GradientPass(in.base, t, flux, active, sources, base_row, target_row, spare_row);
 
-  const Index base_rows = static_cast<Index>(vertex_of_base_row_.size());
+  const Index base_rows = static_cast<Index>(vertex_of_base_row.size());
   rest_base_ = Rows::Zero(base_rows, 4);
   for (Index r = 0; r < base_rows; ++r)
-    rest_base_.row(r).head<3>() = in.base.row(vertex_of_base_row_[r]);
+    rest_base_.row(r).head<3>() = in.base.row(vertex_of_base_row[r]);
   base_ = rest_base_;
   rows_ = Rows::Zero(free_rows + 1, 4);
 

@@ -53,13 +53,12 @@ class Transfer {
 
   SparseCholesky poisson_;
   std::vector<int> vertex_of_row_;
-  std::vector<int> vertex_of_base_row_;  // free rows first, then constrained ones
   std::vector<HandleRow> handle_rows_;   // constrained base rows that move
   std::vector<BoundaryEntry> boundary_;  // L between free and handle vertices
   RowMatrix weights_;
-  Rows rest_base_, base_;
-  Rows rest_divergence_;  // L p, free rows
-  Rows rows_;             // right-hand side, then solution; one spare row
+  Rows rest_base_, base_;  // the free rows, then those of other vertices that are read
+  Rows rest_divergence_;   // L p, free rows
+  Rows rows_;              // right-hand side, then solution; one spare row
   int borrowed_count_ = 0;
   GradientPass pass_;
 };
