@@ -10,7 +10,7 @@ namespace dd {
 namespace {
 
 constexpr double kShortest = 1e-9;  // of the surface's size
-constexpr double kFlattest = 1e-6;  // height over longest edge
+constexpr double kFlattest = 1e-2;  // height over longest edge
 
 bool has_area(const Positions& p, const Triangles& t, Index j, double shortest) {
   const Eigen::Vector3d a = p.row(t(j, 0)), b = p.row(t(j, 1)), c = p.row(t(j, 2));
@@ -18,18 +18,48 @@ bool has_area(const Positions& p, const Triangles& t, Index j, double shortest) 
   return longest > shortest && (b - a).cross(c - a).norm() > kFlattest * longest * longest;
 }
 
-/// Directed half-edges sorted by their undirected edge, so that triangles of one edge are together.
-std::vector<std::array<int, 3>> edges_with_triangles(const Triangles& t) {
-  std::vector<std::array<int, 3>> edges;
-  edges.reserve(static_cast<size_t>(t.size()));
+/// What joins triangles: for each corner k of a triangle the edge after it, or the corner itself.
+enum class Join { edges, vertices };
+
+/// Breadth first from the triangles that have a source into those joined to them that have none.
+/// Every edge or vertex is passed through once; triangles are visited in order, so that the result
+/// depends on nothing but the mesh.
+void spread(std::vector<int>& source_of, const Triangles& t, Join join) {
+  std::vector<std::array<int, 3>> joints;  // low vertex, high vertex, 3 × triangle + corner
+  joints.reserve(static_cast<size_t>(t.size()));
   for (Index j = 0; j < t.rows(); ++j) {
     for (int k = 0; k < 3; ++k) {
-      const auto [low, high] = std::minmax(t(j, k), t(j, (k + 1) % 3));
-      edges.push_back({low, high, static_cast<int>(j)});
+      const auto [low, high] = std::minmax(t(j, k), t(j, join == Join::edges ? (k + 1) % 3 : k));
+      joints.push_back({low, high, static_cast<int>(3 * j + k)});
     }
   }
-  std::sort(edges.begin(), edges.end());
-  return edges;
+  std::sort(joints.begin(), joints.end());
+  std::vector<int> starts, joint_of(joints.size());
+  for (size_t i = 0; i < joints.size(); ++i) {
+    if (i == 0 || joints[i][0] != joints[i - 1][0] || joints[i][1] != joints[i - 1][1])
+      starts.push_back(static_cast<int>(i));
+    joint_of[joints[i][2]] = static_cast<int>(starts.size()) - 1;
+  }
+  starts.push_back(static_cast<int>(joints.size()));
+
+  std::vector<int> queue;
+  for (Index j = 0; j < t.rows(); ++j)
+    if (source_of[j] >= 0) queue.push_back(static_cast<int>(j));
+  std::vector<char> passed(starts.size(), 0);
+  for (size_t head = 0; head < queue.size(); ++head) {
+    const int j = queue[head];
+    for (int k = 0; k < 3; ++k) {
+      const int joint = joint_of[3 * static_cast<size_t>(j) + static_cast<size_t>(k)];
+      if (passed[joint]) continue;
+      passed[joint] = 1;
+      for (int i = starts[joint]; i < starts[joint + 1]; ++i) {
+        const int other = joints[i][2] / 3;
+        if (source_of[other] >= 0) continue;
+        source_of[other] = source_of[j];
+        queue.push_back(other);
+      }
+    }
+  }
 }
 
 }  // namespace
@@ -46,28 +76,8 @@ GradientSources gradient_sources(const Positions& base, const Triangles& t, doub
       ++sources.borrowed_count;
   }
   if (sources.borrowed_count == 0) return sources;
-
-  // Waves from the sound triangles into the others. Each wave reads the state before it, and edges
-  // are visited in order, so the result does not depend on anything but the mesh.
-  const auto edges = edges_with_triangles(t);
-  for (bool spread = true; spread;) {
-    spread = false;
-    const std::vector<int> before = sources.of_triangle;
-    for (size_t i = 0; i < edges.size();) {
-      size_t end = i;
-      int found = -1;
-      for (; end < edges.size() && edges[end][0] == edges[i][0] && edges[end][1] == edges[i][1];
-           ++end)
-        if (found < 0) found = before[edges[end][2]];
-      for (; i < end; ++i) {
-        int& source = sources.of_triangle[edges[i][2]];
-        if (found >= 0 && source < 0) {
-          source = found;
-          spread = true;
-        }
-      }
-    }
-  }
+  spread(sources.of_triangle, t, Join::edges);
+  spread(sources.of_triangle, t, Join::vertices);
   return sources;
 }
 

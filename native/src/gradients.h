@@ -10,9 +10,10 @@ namespace dd {
 
 /// For each triangle of the base the one whose motion from B to B' gives its S_j (15): itself, or,
 /// where it has no area to speak of and (15) has no inverse, the nearest triangle across shared
-/// edges that has. -1 where a whole part has none: its S_j is the identity.
+/// edges, or else vertices, that has. -1 where a whole part has none: its S_j is the identity.
 ///
-/// "No area": longest edge under 1e-9 of size, or height over it under 1e-6 of it. Chosen over
+/// "No area": longest edge under 1e-9 of size, or height over it under 1e-2 of it: a
+/// flatter one turns the rounding of B into a rotation. Chosen over
 /// clamping because a neighbour's S_j is still exact for rigid and affine motions of the base.
 /// size: of the surface S, whose base may have collapsed.
 struct GradientSources {

@@ -12,6 +12,8 @@ namespace {
 void check_roles(const Mesh& mesh, const std::vector<int>& roles, int handle_count) {
   if (handle_count < 1)
     throw Error(Status::region, "There is no handle: add at least one that moves some vertices.");
+  if (handle_count > mesh.vertex_count())
+    throw Error(Status::region, "There are more handles than vertices.");
   std::vector<char> used(static_cast<size_t>(handle_count), 0);
   bool any_free = false;
   for (int v = 0; v < mesh.vertex_count(); ++v) {

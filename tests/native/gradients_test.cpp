@@ -101,6 +101,17 @@ TEST_CASE("a part without any area keeps S_j = I: it has no source") {
     CHECK(sources.of_triangle[j] == (j < part.triangle_count() ? j : -1));
 }
 
+TEST_CASE("a collapsed part that hangs on one vertex turns with what it hangs on") {
+  const Mesh part = test::sphere(1);
+  Mesh both = test::appended(part, part);
+  both.positions.bottomRows(part.vertex_count()).rowwise() = Eigen::RowVector3d(1, 0, 0);
+  const int first = part.vertex_count();
+  for (Index k = 0; k < both.triangles.size(); ++k)
+    if (both.triangles.data()[k] == first) both.triangles.data()[k] = 0;  // (1, 0, 0) in both
+  for (int source : gradient_sources(both.positions, both.triangles, 1).of_triangle)
+    CHECK((source >= 0 && source < part.triangle_count()));
+}
+
 TEST_CASE("a base that collapses to a plane, a line or a point gives finite gradients") {
   const Pair pair;
   for (int kept : {0, 1, 2}) {

@@ -43,8 +43,8 @@ Transfer::Transfer(const Input& in)
   rest_divergence_ = Rows::Zero(free_rows + 1, 4);
   for (int j : active) {
     const int source = sources.of_triangle[j];
-    if (source < 0) continue;  // S_j = I: what it would add is what it would take away
     borrowed_count_ += source != j;
+    if (source < 0) continue;  // S_j = I: what it would add is what it would take away
     for (int k = 0; k < 3; ++k) {
       rest_divergence_.row(target_row[t(j, k)]).head<3>() += flux.row(3 * Index(j) + k);
       int& row = base_row[t(source, k)];
