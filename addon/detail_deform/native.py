@@ -8,10 +8,12 @@ import threading
 
 import numpy as np
 
-ABI_VERSION = 1
+ABI_VERSION = 2
 ROLE_FREE = -1
 ROLE_FIXED = -2
 METRICS = {'SURFACE': 0, 'BASE': 1}
+METHODS = {'TRANSFER': 0, 'VARIATIONAL': 1, 'GRADIENT': 3}
+SHOWN = {'RESULT': 0, 'BASE': 1}
 
 _ERROR_CANCELLED = 6
 _BIND_RUNNING = 0
@@ -28,12 +30,13 @@ class NativeError(Exception):
 
 class _BindOptions(ctypes.Structure):
     _fields_ = [('struct_size', ctypes.c_uint32), ('base_metric', ctypes.c_int32),
-                ('metric_smoothing', ctypes.c_double)]
+                ('metric_smoothing', ctypes.c_double), ('smoothness', ctypes.c_int32)]
 
 
 class _UpdateOptions(ctypes.Structure):
     _fields_ = [('struct_size', ctypes.c_uint32), ('rotation_only', ctypes.c_int32),
-                ('output', ctypes.c_int32)]
+                ('output', ctypes.c_int32), ('method', ctypes.c_int32), ('refine', ctypes.c_int32),
+                ('shown', ctypes.c_int32)]
 
 
 class _BindProgress(ctypes.Structure):
@@ -133,13 +136,15 @@ class Bind:
     """A bind under way in a thread of the library."""
 
     def __init__(self, positions, triangles, roles, handle_count, base_metric='SURFACE',
-                 metric_smoothing=0.0):
+                 metric_smoothing=0.0, smoothness=2):
         """positions: (n, 3) float32; triangles: (m, 3) int32; roles: (n,) int32, ROLE_FREE,
-        ROLE_FIXED or a handle number below handle_count. All are copied."""
+        ROLE_FIXED or a handle number below handle_count. All are copied. Options as in
+        dd_bind_options, base_metric by its name in METRICS."""
         lib = library()
         self.cancelled = False
         self._handle = ctypes.c_void_p()
-        options = _BindOptions(ctypes.sizeof(_BindOptions), METRICS[base_metric], metric_smoothing)
+        options = _BindOptions(ctypes.sizeof(_BindOptions), METRICS[base_metric],
+                               metric_smoothing, smoothness)
         positions = np.ascontiguousarray(positions, np.float32)
         triangles = np.ascontiguousarray(triangles, np.int32)
         roles = np.ascontiguousarray(roles, np.int32)
@@ -188,11 +193,13 @@ class Deformer:
         self.info = info
         self._offsets = np.zeros(3 * info.vertex_count, np.float32)
 
-    def offsets(self, matrices, rotation_only=True):
-        """matrices: (h, 3, 4) float64, rest to present, object space. Calls are serialized.
+    def offsets(self, matrices, rotation_only=True, method='TRANSFER', refine=0, shown='RESULT'):
+        """matrices: (h, 3, 4) float64, rest to present, object space. Options as in
+        dd_update_options, by the names in METHODS and SHOWN. Calls are serialized.
         Returns (3 n,) float32, deformed minus rest; the array is reused by the next call."""
         matrices = np.ascontiguousarray(matrices, np.float64)
-        options = _UpdateOptions(ctypes.sizeof(_UpdateOptions), rotation_only, _OUTPUT_OFFSETS)
+        options = _UpdateOptions(ctypes.sizeof(_UpdateOptions), rotation_only, _OUTPUT_OFFSETS,
+                                 METHODS[method], refine, SHOWN[shown])
         with self._lock:
             _check(library().dd_deformer_update(self._handle, matrices, matrices.size, options,
                                                 self._offsets, self._offsets.size))

@@ -16,8 +16,9 @@
 #include <Eigen/CholmodSupport>
 #endif
 
-#include "bending_system.h"
 #include "deformer.h"
+#include "free_block.h"
+#include "kernels.h"
 #include "meshes.h"
 
 namespace {
@@ -67,8 +68,14 @@ int main(int argc, char** argv) {
   Eigen::SimplicialLDLT<dd::SparseMatrix> eigen(poisson);
   Eigen::MatrixXd solution;
 
+  dd::UpdateOptions refined, refined_once_more;
+  refined.of_method.refine = 4;
+  refined_once_more.of_method.refine = 5;
+
   std::vector<Contender> contenders = {
-      {"update, handles to positions", [&] { deformer->update(lift.data(), true); }, {}},
+      {"update, handles to positions", [&] { deformer->update(lift.data(), {}); }, {}},
+      {"  with 4 refinements", [&] { deformer->update(lift.data(), refined); }, {}},
+      {"  with 5 refinements", [&] { deformer->update(lift.data(), refined_once_more); }, {}},
       {"  its solve alone", [&] { own.solve_in_order(panel.data()); }, {}},
       {"Eigen SimplicialLDLT solve", [&] { solution = eigen.solve(right); }, {}}};
 #ifdef DD_HAVE_CHOLMOD

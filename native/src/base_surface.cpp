@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "base_surface.h"
 
+#include "free_block.h"
+
 namespace dd {
 
 Positions base_surface(const BendingSystem& bending, const Region& region,
@@ -16,7 +18,11 @@ Positions faired_surface(const Mesh& mesh, const SurfaceOperators& operators, do
   SparseMatrix system = operators.laplacian * (step * step);
   // Loose vertices have no entry in L: the mass alone keeps them where they are.
   system += SparseMatrix(operators.masses.asDiagonal());
-  return SparseCholesky(system).solve(operators.masses.asDiagonal() * mesh.positions);
+  try {
+    return SparseCholesky(system).solve(operators.masses.asDiagonal() * mesh.positions);
+  } catch (const SingularMatrix& singular) {
+    throw UnsolvableSurface(singular.row());
+  }
 }
 
 }  // namespace dd

@@ -5,13 +5,13 @@
 
 namespace dd {
 
-/// Base surface B: constrained vertices stay where they are on S, the free ones take L M⁻¹ L q = 0
-/// (§6, "Base Surface Computation"). positions: S, n×3. Returns q, n×3.
+/// Base surface B: constrained vertices stay where they are on S, the free ones take K q = 0 (§6,
+/// "Base Surface Computation", there with K = L M⁻¹ L). positions: S, n×3. Returns q, n×3.
 Positions base_surface(const BendingSystem& bending, const Region& region,
                        const Positions& positions);
 
 /// S after one step of implicit fairing, (M + tL) x = M p with t = (edge_lengths · mean edge)²:
-/// the geometry on which the bi-Laplacian is built when its metric is to be smoothed.
+/// the geometry on which K is built when its metric is to be smoothed. Throws UnsolvableSurface.
 Positions faired_surface(const Mesh& mesh, const SurfaceOperators& operators, double edge_lengths);
 
 }  // namespace dd

@@ -4,7 +4,8 @@
 namespace dd {
 
 HandleBasis handle_basis(const BendingSystem& bending, const Region& region,
-                         const Positions& positions) {
+                         const Positions& positions, const RowOrder& order,
+                         const std::function<void(double)>& progress) {
   HandleBasis basis;
   basis.centres = Positions::Zero(region.handle_count, 3);
   Eigen::VectorXd counts = Eigen::VectorXd::Zero(region.handle_count);
@@ -20,7 +21,10 @@ HandleBasis handle_basis(const BendingSystem& bending, const Region& region,
     RowMatrix values = RowMatrix::Zero(positions.rows(), 4);
     for (int v : region.handle_vertices)
       if (region.role[v] == h) values.row(v) = handle_coordinates(positions, v, basis.centres, h);
-    basis.weights.middleCols(4 * h, 4) = bending.extend(values);
+    const RowMatrix extended = bending.extend(values);
+    for (int r = 0; r < region.free_count(); ++r)
+      basis.weights.row(order.row_of_vertex[region.free[r]]).segment<4>(4 * h) = extended.row(r);
+    if (progress) progress((h + 1.0) / region.handle_count);
   }
   return basis;
 }

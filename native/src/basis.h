@@ -2,6 +2,8 @@
 #pragma once
 
 #include "bending_system.h"
+#include "poisson_system.h"
+#include "progress.h"
 
 namespace dd {
 
@@ -14,10 +16,12 @@ namespace dd {
 /// (about its centre, for accuracy) and of 1, zero at all other constrained vertices.
 struct HandleBasis {
   Positions centres;  ///< h×3, mean of each handle's vertices
-  RowMatrix weights;  ///< F×4h, rows as in Region::free
+  RowMatrix weights;  ///< F×4h, rows as in the given order
 };
+/// progress is told how far it is, from 0 to 1.
 HandleBasis handle_basis(const BendingSystem& bending, const Region& region,
-                         const Positions& positions);
+                         const Positions& positions, const RowOrder& order,
+                         const std::function<void(double)>& progress = {});
 
 /// The 4 values of one handle's functions at one of its own vertices: (x − o, 1).
 inline Eigen::RowVector4d handle_coordinates(const Positions& positions, int vertex,

@@ -1,41 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "bending_system.h"
 
-#include <string>
+#include "free_block.h"
 
 namespace dd {
 
-SparseMatrix free_columns(const SparseMatrix& matrix, const Region& region) {
-  SparseMatrix columns(matrix.rows(), region.free_count());
-  Eigen::VectorXi sizes(region.free_count());
-  for (int r = 0; r < region.free_count(); ++r)
-    sizes[r] = static_cast<int>(matrix.col(region.free[r]).nonZeros());
-  columns.reserve(sizes);
-  for (int r = 0; r < region.free_count(); ++r)
-    for (SparseMatrix::InnerIterator it(matrix, region.free[r]); it; ++it)
-      columns.insert(it.row(), r) = it.value();
-  columns.makeCompressed();
-  return columns;
-}
-
-SparseMatrix free_block(const SparseMatrix& matrix, const Region& region) {
-  const SparseMatrix rows = free_columns(matrix, region).transpose();
-  return free_columns(rows, region);
-}
-
-SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region) {
-  try {
-    return SparseCholesky(block);
-  } catch (const SingularMatrix& singular) {
-    throw Error(Status::numeric,
-                "The surface can't be solved for near vertex " +
-                    std::to_string(region.free[singular.row()]) +
-                    ": its triangles are degenerate or nothing holds them. Merge doubled vertices "
-                    "and dissolve degenerate faces there, or leave that part out of the region.");
-  }
-}
-
 namespace {
+
+constexpr int kLeastRounds = 2, kMostRounds = 12;
+constexpr double kSettled = 1e-11, kUseless = 1e-6;  // of the largest value
 
 RowMatrix free_rows(const RowMatrix& values, const Region& region) {
   RowMatrix rows(region.free_count(), values.cols());
@@ -43,32 +16,52 @@ RowMatrix free_rows(const RowMatrix& values, const Region& region) {
   return rows;
 }
 
-SparseMatrix bi_laplacian_block(const SurfaceOperators& operators, const Region& region) {
+SparseMatrix free_block_of_energy(const SurfaceOperators& operators, const Region& region,
+                                  Smoothness smoothness) {
+  if (smoothness == Smoothness::membrane) return free_block(operators.laplacian, region);
   const SparseMatrix columns = free_columns(operators.laplacian, region);
-  return SparseMatrix(columns.transpose() * operators.masses.cwiseInverse().asDiagonal() * columns);
+  const SparseMatrix curvature = operators.masses.cwiseInverse().asDiagonal() * columns;
+  if (smoothness == Smoothness::thin_plate) return SparseMatrix(columns.transpose() * curvature);
+  const SparseMatrix variation = operators.laplacian * curvature;
+  return SparseMatrix(curvature.transpose() * variation);
 }
 
 }  // namespace
 
-BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& region)
+BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& region,
+                             Smoothness smoothness)
     : operators_(operators),
       region_(region),
-      factor_(factor_free_block(bi_laplacian_block(operators, region), region)) {}
+      smoothness_(smoothness),
+      factor_(factor_free_block(free_block_of_energy(operators, region, smoothness), region)) {}
 
 RowMatrix BendingSystem::apply(const RowMatrix& values) const {
-  const RowMatrix curvature =
-      operators_.masses.cwiseInverse().asDiagonal() * RowMatrix(operators_.laplacian * values);
-  return operators_.laplacian * curvature;
+  RowMatrix result = operators_.laplacian * values;
+  for (int order = 1; order < static_cast<int>(smoothness_); ++order)
+    result = operators_.laplacian *
+             RowMatrix(operators_.masses.cwiseInverse().asDiagonal() * result);
+  return result;
 }
 
 RowMatrix BendingSystem::extend(const RowMatrix& values) const {
   RowMatrix x = values;
   for (int v : region_.free) x.row(v).setZero();
-  // The second round is iterative refinement: where triangles are thin, K spans many magnitudes
-  // and its factor loses digits that the product L (M⁻¹ (L x)) still has.
-  for (int round = 0; round < 2; ++round) {
+  // Iterative refinement: where triangles are thin or the region is long, K spans many magnitudes
+  // and its factor loses digits that the product L (M⁻¹ (L x)) still has. The first correction is
+  // the solution itself; what the last one still changes tells how far it can be trusted.
+  double last = 0;
+  for (int round = 0;; ++round) {
     const RowMatrix correction = factor_.solve(free_rows(-apply(x), region_));
     for (int r = 0; r < region_.free_count(); ++r) x.row(region_.free[r]) += correction.row(r);
+    const double change = correction.cwiseAbs().maxCoeff(), size = x.cwiseAbs().maxCoeff();
+    if (round + 1 >= kLeastRounds && change <= kSettled * size) break;
+    const bool converges = round == 0 || change < 0.5 * last;
+    last = change;
+    if (round + 1 < kLeastRounds || (round + 1 < kMostRounds && converges)) continue;
+    if (change <= kUseless * size) break;
+    Index row = 0, column = 0;
+    correction.cwiseAbs().maxCoeff(&row, &column);
+    throw UnsolvableSurface(region_.free[row]);
   }
   return free_rows(x, region_);
 }

@@ -99,13 +99,40 @@ dd::BindOptions read_options(const dd_bind_options* given) {
       "options.base_metric is " + std::to_string(options.base_metric) + ", which is no metric.");
   require(options.metric_smoothing >= 0 && std::isfinite(options.metric_smoothing),
           "options.metric_smoothing must be zero or more.");
-  return {static_cast<dd::BaseMetric>(options.base_metric), options.metric_smoothing};
+  require(options.smoothness >= DD_SMOOTHNESS_DEFAULT &&
+              options.smoothness <= DD_SMOOTHNESS_CURVATURE_VARIATION,
+          "options.smoothness is " + std::to_string(options.smoothness) + ", not 1, 2 or 3.");
+  const int smoothness = options.smoothness == DD_SMOOTHNESS_DEFAULT ? DD_SMOOTHNESS_THIN_PLATE
+                                                                     : options.smoothness;
+  return {static_cast<dd::BaseMetric>(options.base_metric), options.metric_smoothing,
+          static_cast<dd::Smoothness>(smoothness)};
+}
+
+dd_update_options read_options(const dd_update_options* given) {
+  const dd_update_options options = read_struct(
+      "options", given,
+      dd_update_options{sizeof(dd_update_options), 1, DD_OUTPUT_POSITIONS, DD_METHOD_TRANSFER, 4,
+                        DD_SHOWN_RESULT});
+  require(options.rotation_only == 0 || options.rotation_only == 1,
+          "options.rotation_only must be 0 or 1.");
+  require(options.output == DD_OUTPUT_POSITIONS || options.output == DD_OUTPUT_OFFSETS,
+          "options.output is " + std::to_string(options.output) + ", which is no output.");
+  require(options.method == DD_METHOD_TRANSFER || options.method == DD_METHOD_VARIATIONAL ||
+              options.method == DD_METHOD_GRADIENT,
+          "options.method is " + std::to_string(options.method) + ", which is no method.");
+  require(options.refine >= 0 && options.refine <= 10000,
+          "options.refine is " + std::to_string(options.refine) + ", not between 0 and 10000.");
+  require(options.shown == DD_SHOWN_RESULT || options.shown == DD_SHOWN_BASE,
+          "options.shown is " + std::to_string(options.shown) + ", not result or base.");
+  return options;
 }
 
 }  // namespace
 
 struct dd_deformer {
-  explicit dd_deformer(dd::Deformer bound) : deformer(std::move(bound)) {}
+  template <class... Arguments>
+  explicit dd_deformer(Arguments&&... arguments)
+      : deformer(std::forward<Arguments>(arguments)...) {}
   dd::Deformer deformer;
   double bind_seconds = 0;
   std::atomic<bool> busy{false};
@@ -135,12 +162,12 @@ void run_bind(dd_bind& bind, dd::Mesh mesh, const std::vector<int>& roles, int32
               const dd::BindOptions& options) noexcept {
   bind.status = guarded([&] {
     const auto start = std::chrono::steady_clock::now();
-    bind.result = std::make_unique<dd_deformer>(dd::Deformer(
+    bind.result = std::make_unique<dd_deformer>(
         std::move(mesh), roles, handle_count, options, [&bind](double fraction, const char* stage) {
           bind.fraction = fraction;
           bind.stage = stage;
           return !bind.cancelled || fraction >= 1;
-        }));
+        });
     bind.result->bind_seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   });
@@ -244,14 +271,11 @@ int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices, size_t
     require_size("matrices", matrix_value_count,
                  12 * static_cast<size_t>(bound.region().handle_count));
     require_size("out", out_count, 3 * static_cast<size_t>(bound.mesh().vertex_count()));
-    const dd_update_options how =
-        read_struct("options", options, dd_update_options{sizeof(dd_update_options), 1, 0});
-    require(how.rotation_only == 0 || how.rotation_only == 1,
-            "options.rotation_only must be 0 or 1.");
-    require(how.output == DD_OUTPUT_POSITIONS || how.output == DD_OUTPUT_OFFSETS,
-            "options.output is " + std::to_string(how.output) + ", which is no output.");
-
-    const dd::Positions& offsets = bound.update(matrices, how.rotation_only == 1);
+    const dd_update_options how = read_options(options);
+    const dd::Positions& offsets = bound.update(
+        matrices, {static_cast<dd::MethodKind>(how.method),
+                   {how.rotation_only == 1, how.refine},
+                   static_cast<dd::Shown>(how.shown)});
     const dd::Positions& rest = bound.mesh().positions;
     const double largest = std::max(offsets.cwiseAbs().maxCoeff(), rest.cwiseAbs().maxCoeff());
     if (!(largest < 0.5 * std::numeric_limits<float>::max()))

@@ -4,16 +4,20 @@
 #include <memory>
 #include <vector>
 
-#include "methods/transfer.h"
-#include "progress.h"
+#include "methods/method.h"
 
 namespace dd {
 
-enum class BaseMetric { surface = 0, base = 1 };
+/// What an update shows.
+enum class Shown {
+  result = 0,
+  base = 1  ///< B' in place of S'
+};
 
-struct BindOptions {
-  BaseMetric base_metric = BaseMetric::surface;
-  double metric_smoothing = 0;  ///< mean edge lengths; with BaseMetric::surface only
+struct UpdateOptions {
+  MethodKind method = MethodKind::transfer;
+  MethodOptions of_method;
+  Shown shown = Shown::result;
 };
 
 /// A surface with its region bound: all that is factored once, and the update that isn't.
@@ -22,25 +26,33 @@ class Deformer {
   /// mesh and roles as for validate() and split_region(). Throws Error.
   Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count, const BindOptions& options,
            const Progress& progress = {});
+  ~Deformer();
+  Deformer(const Deformer&) = delete;
+  Deformer& operator=(const Deformer&) = delete;
 
   /// matrices: handle_count row-major 3×4 affine matrices, rest to present, in the mesh's units.
   /// Returns the displacement of every vertex, n×3, in the mesh's units; valid until the next call.
+  /// The first update by a method prepares it, which may take longer.
   /// Throws Error(argument) naming the handle when a matrix is not finite, Error(numeric) when the
   /// result isn't.
-  const Positions& update(const double* matrices, bool rotation_only);
+  const Positions& update(const double* matrices, const UpdateOptions& options);
 
   const Mesh& mesh() const { return mesh_; }
   const Region& region() const { return region_; }
-  const std::vector<int>& degenerate_triangles() const { return degenerate_; }
-  int borrowed_count() const { return transfer_->borrowed_count(); }
+  const std::vector<int>& degenerate_triangles() const { return bound_->operators.metric.degenerate; }
+  int borrowed_count() const;
   double bytes() const;
 
   /// B at rest and as of the last update, n×3, in the mesh's units.
-  Positions base() const { return from_unit(base_); }
+  Positions base() const;
   Positions deformed_base() const;
 
  private:
-  Positions from_unit(const Positions& unit) const;
+  void take_matrices(const double* matrices);
+  Method& method(MethodKind kind);
+  /// Rows in the order of the Poisson system, in the unit box, as n×3 vectors or positions outside.
+  void scale_to_mesh(const Rows& rows, Positions& vectors) const;
+  Positions place_in_mesh(const Rows& rows) const;
 
   Mesh mesh_;
   Region region_;
@@ -48,13 +60,12 @@ class Deformer {
   // anywhere depends on the user's unit or on how far from the origin the mesh was modelled.
   double scale_ = 1;
   Eigen::RowVector3d centre_ = Eigen::RowVector3d::Zero();
-  std::vector<int> degenerate_;
-  Positions base_;            // unit box
-  Positions handle_centres_;  // the mesh's units
-  std::unique_ptr<Transfer> transfer_;
+  std::unique_ptr<BoundSurface> bound_;
+  std::unique_ptr<Method> methods_[5];  // by MethodKind
 
-  RowMatrix coefficients_;    // 4h×4
-  RowMatrix handle_offsets_;  // one row of 4 for each of Region::handle_vertices, unit box
+  RowMatrix coefficients_;  // 4h×4, unit box
+  std::vector<Eigen::Matrix3d> linear_;
+  Rows rest_, rest_base_, base_, moved_;  // in BoundSurface::order(), unit box
   Positions offsets_;
 };
 

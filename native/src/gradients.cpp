@@ -81,41 +81,46 @@ GradientSources gradient_sources(const Positions& base, const Triangles& t, doub
   return sources;
 }
 
+RestFrame::RestFrame(const Positions& p, const Triangles& t, Index j) {
+  const Eigen::Vector3d p0 = p.row(t(j, 0));
+  const Eigen::Vector3d e1 = p.row(t(j, 1)).transpose() - p0;
+  const Eigen::Vector3d e2 = p.row(t(j, 2)).transpose() - p0;
+  const Eigen::Vector3d cross = e1.cross(e2);
+  const double length = e1.norm(), double_area = cross.norm();
+  inverse_length = 1 / length;
+  shear = e1.dot(e2) / (length * double_area);
+  inverse_height = length / double_area;
+  axes.col(0) = e1 / length;
+  axes.col(2) = cross / double_area;
+  axes.col(1) = axes.col(2).cross(axes.col(0));
+}
+
 GradientPass::GradientPass(const Positions& base, const Triangles& t, const Positions& corner_flux,
                            const std::vector<int>& active, const GradientSources& sources,
-                           const std::vector<int>& source_row, const std::vector<int>& target_row,
-                           int spare_row) {
+                           const RowOrder& order) {
   blocks_.resize((active.size() + kLanes - 1) / kLanes);
   for (size_t b = 0; b < blocks_.size(); ++b) {
     TriangleBlock& block = blocks_[b];
     block = {};
     for (int lane = 0; lane < kLanes; ++lane) {
-      for (int k = 0; k < 3; ++k) block.target[k][lane] = spare_row;
+      for (int k = 0; k < 3; ++k) block.target[k][lane] = order.free_count;
       const size_t i = b * kLanes + static_cast<size_t>(lane);
       if (i >= active.size()) continue;
       const int j = active[i], source = sources.of_triangle[j];
       if (source < 0) continue;
 
       const auto corner = t.row(source);
-      const Eigen::Vector3d p0 = base.row(corner[0]);
-      const Eigen::Vector3d e1 = base.row(corner[1]).transpose() - p0;
-      const Eigen::Vector3d e2 = base.row(corner[2]).transpose() - p0;
-      const Eigen::Vector3d cross = e1.cross(e2);
-      const double length = e1.norm(), double_area = cross.norm();
-      block.inverse_length[lane] = 1 / length;
-      block.shear[lane] = e1.dot(e2) / (length * double_area);
-      block.inverse_height[lane] = length / double_area;
-      Eigen::Matrix3d frame;
-      frame.col(0) = e1 / length;
-      frame.col(2) = cross / double_area;
-      frame.col(1) = frame.col(2).cross(frame.col(0));
+      const RestFrame frame(base, t, source);
+      block.inverse_length[lane] = frame.inverse_length;
+      block.shear[lane] = frame.shear;
+      block.inverse_height[lane] = frame.inverse_height;
       for (int k = 0; k < 3; ++k) {
-        block.source[k][lane] = source_row[corner[k]];
-        block.target[k][lane] = target_row[t(j, k)];
+        block.source[k][lane] = order.row_of_vertex[corner[k]];
+        block.target[k][lane] = order.target_of_vertex(t(j, k));
       }
       for (int k = 0; k < 2; ++k) {
         const Eigen::Vector3d flux =
-            frame.transpose() * corner_flux.row(3 * static_cast<Index>(j) + k).transpose();
+            frame.axes.transpose() * corner_flux.row(3 * static_cast<Index>(j) + k).transpose();
         for (int c = 0; c < 3; ++c) block.flux[k][c][lane] = flux[c];
       }
     }

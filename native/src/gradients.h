@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "kernels.h"
-#include "mesh.h"
+#include "poisson_system.h"
 
 namespace dd {
 
@@ -22,20 +22,26 @@ struct GradientSources {
 };
 GradientSources gradient_sources(const Positions& base, const Triangles& triangles, double size);
 
+/// A triangle at rest as the passes take it: with edges e1, e2 from its first corner the inverse of
+/// [e1 e2] in its own frame, and that frame's axes e1/|e1|, n × e1/|e1|, n as columns.
+struct RestFrame {
+  RestFrame(const Positions& positions, const Triangles& triangles, Index triangle);
+  double inverse_length, shear, inverse_height;
+  Eigen::Matrix3d axes;
+};
+
 /// A pass over triangles that turns base positions into the right-hand side div(S_jᵀ) of (14).
 class GradientPass {
  public:
   GradientPass() = default;
-  /// base: B at rest, n×3. corner_flux: corner_divergence() of S, 3m×3. active: triangles to visit.
-  /// source_row: n, the row of a vertex in the base positions given to add_to.
-  /// target_row: n, the row of a vertex in the right-hand side (constrained ones share a spare
-  /// row).
+  /// base: B at rest, n×3. corner_flux: corner_divergence() of S, 3m×3. active: triangles to visit;
+  /// those without a source are left out.
   GradientPass(const Positions& base, const Triangles& triangles, const Positions& corner_flux,
                const std::vector<int>& active, const GradientSources& sources,
-               const std::vector<int>& source_row, const std::vector<int>& target_row,
-               int spare_row);
+               const RowOrder& order);
 
-  /// Adds S_j · flux of each triangle's corners. base, right_hand_side: rows of 4 doubles.
+  /// Adds S_j · flux of each triangle's corners. right_hand_side, base: rows of 4 doubles in the
+  /// given order, the former as of PoissonSystem::start().
   void add_to(double* right_hand_side, const double* base, bool rotation_only) const;
 
   double bytes() const { return static_cast<double>(blocks_.size() * sizeof(TriangleBlock)); }

@@ -20,6 +20,19 @@ struct TriangleBlock {
              [kLanes];  ///< corner_divergence of corners 0 and 1 in the rest frame of the source
 };
 
+/// kLanes triangles whose rotation from rest to now is asked for, structure of arrays.
+struct RotationBlock {
+  int32_t source[3][kLanes];  ///< rows of the positions
+  double inverse_length[kLanes], shear[kLanes], inverse_height[kLanes];  ///< as in TriangleBlock
+  double from_rest[4][kLanes];  ///< quaternion x y z w that takes the rest frame to the world's
+};
+
+/// kLanes triangles that are turned by a quaternion each. Unused lanes have zero flux.
+struct TurnBlock {
+  int32_t target[3][kLanes];
+  double flux[2][3][kLanes];  ///< corner_divergence of corners 0 and 1
+};
+
 /// The loops of a frame, compiled once for each instruction set. Rows are of 4 doubles (x y z and
 /// one unused), all pointers to plain arrays: no Eigen or standard template may be instantiated in
 /// these files, because the linker could then keep the wide version for everyone.
@@ -38,6 +51,19 @@ struct Kernels {
   /// and S_j · flux added to the rows of its target corners.
   void (*gradient_pass)(int block_count, const TriangleBlock* blocks, const double* base,
                         bool rotation_only, double* right_hand_side);
+
+  /// The rotation of each triangle as a unit quaternion x y z w, kLanes rows of 4 a block.
+  void (*rotation_pass)(int block_count, const RotationBlock* blocks, const double* positions,
+                        double* quaternions);
+
+  /// out[i] = the normalized Σ_k weights[k] · ± in[index[k]], k from starts[i] to starts[i + 1], with
+  /// signs that agree with the first: the mean of rotations.
+  void (*mean_rotations)(int count, const int* starts, const int* index, const double* weights,
+                         const double* in, double* out);
+
+  /// Adds each triangle's flux, turned by its quaternion, to the rows of its corners.
+  void (*turn_pass)(int block_count, const TurnBlock* blocks, const double* quaternions,
+                    double* right_hand_side);
 };
 
 /// The widest set that this machine can run.

@@ -73,6 +73,39 @@ constexpr double kTiny = 1e-280;
 
 inline double guarded_inverse_sqrt(double x) { return 1.0 / sqrt(x > kTiny ? x : kTiny); }
 
+/// Two edges of each lane's triangle, from its first corner.
+struct Edges {
+  double first[3][kLanes], second[3][kLanes];
+};
+
+inline void gather_edges(const int32_t (&source)[3][kLanes], const double* positions,
+                         Edges& edges) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const double* p0 = positions + 4 * static_cast<int64_t>(source[0][lane]);
+    const double* p1 = positions + 4 * static_cast<int64_t>(source[1][lane]);
+    const double* p2 = positions + 4 * static_cast<int64_t>(source[2][lane]);
+    for (int c = 0; c < 3; ++c) {
+      edges.first[c][lane] = p1[c] - p0[c];
+      edges.second[c][lane] = p2[c] - p0[c];
+    }
+  }
+}
+
+/// Adds the flux of corners 0 and 1 to their rows and takes both from that of corner 2.
+inline void scatter(const int32_t (&target)[3][kLanes], const double (&flux)[2][3][kLanes],
+                    double* right_hand_side) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    double* r0 = right_hand_side + 4 * static_cast<int64_t>(target[0][lane]);
+    double* r1 = right_hand_side + 4 * static_cast<int64_t>(target[1][lane]);
+    double* r2 = right_hand_side + 4 * static_cast<int64_t>(target[2][lane]);
+    for (int c = 0; c < 3; ++c) {
+      r0[c] += flux[0][c][lane];
+      r1[c] += flux[1][c][lane];
+      r2[c] -= flux[0][c][lane] + flux[1][c][lane];
+    }
+  }
+}
+
 /// RotationOnly is known to the compiler, which can make vector code of the lanes only without a
 /// branch in them.
 template <bool RotationOnly>
@@ -80,24 +113,17 @@ void gradient_pass_as(int block_count, const TriangleBlock* blocks, const double
                       double* right_hand_side) {
   for (int b = 0; b < block_count; ++b) {
     const TriangleBlock& block = blocks[b];
-    double e1[3][kLanes], e2[3][kLanes];
-    for (int lane = 0; lane < kLanes; ++lane) {
-      const double* p0 = base + 4 * static_cast<int64_t>(block.source[0][lane]);
-      const double* p1 = base + 4 * static_cast<int64_t>(block.source[1][lane]);
-      const double* p2 = base + 4 * static_cast<int64_t>(block.source[2][lane]);
-      for (int c = 0; c < 3; ++c) {
-        e1[c][lane] = p1[c] - p0[c];
-        e2[c][lane] = p2[c] - p0[c];
-      }
-    }
+    Edges edges;
+    gather_edges(block.source, base, edges);
 
     // S_j takes the rest frame (t1, t2, n) of the triangle to the present one (t1', t2', n') and
     // in between shears the plane by the upper triangular 2×2 matrix [a s; 0 d]. The rotation in
     // its polar decomposition is that of the 2×2 matrix, in closed form, with determinant +1.
     double flux[2][3][kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
-      const double x1 = e1[0][lane], y1 = e1[1][lane], z1 = e1[2][lane];
-      const double x2 = e2[0][lane], y2 = e2[1][lane], z2 = e2[2][lane];
+      const double x1 = edges.first[0][lane], y1 = edges.first[1][lane], z1 = edges.first[2][lane];
+      const double x2 = edges.second[0][lane], y2 = edges.second[1][lane],
+                   z2 = edges.second[2][lane];
       const double l2 = x1 * x1 + y1 * y1 + z1 * z1;
       const double inv_l = guarded_inverse_sqrt(l2);
       const double tx = x1 * inv_l, ty = y1 * inv_l, tz = z1 * inv_l;
@@ -130,16 +156,7 @@ void gradient_pass_as(int block_count, const TriangleBlock* blocks, const double
       }
     }
 
-    for (int lane = 0; lane < kLanes; ++lane) {
-      double* r0 = right_hand_side + 4 * static_cast<int64_t>(block.target[0][lane]);
-      double* r1 = right_hand_side + 4 * static_cast<int64_t>(block.target[1][lane]);
-      double* r2 = right_hand_side + 4 * static_cast<int64_t>(block.target[2][lane]);
-      for (int c = 0; c < 3; ++c) {
-        r0[c] += flux[0][c][lane];
-        r1[c] += flux[1][c][lane];
-        r2[c] -= flux[0][c][lane] + flux[1][c][lane];
-      }
-    }
+    scatter(block.target, flux, right_hand_side);
   }
 }
 
@@ -149,9 +166,116 @@ void gradient_pass(int block_count, const TriangleBlock* blocks, const double* b
                                                                      right_hand_side);
 }
 
+void rotation_pass(int block_count, const RotationBlock* blocks, const double* positions,
+                   double* quaternions) {
+  for (int b = 0; b < block_count; ++b) {
+    const RotationBlock& block = blocks[b];
+    Edges edges;
+    gather_edges(block.source, positions, edges);
+    double q[4][kLanes];
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const double x1 = edges.first[0][lane], y1 = edges.first[1][lane], z1 = edges.first[2][lane];
+      const double x2 = edges.second[0][lane], y2 = edges.second[1][lane],
+                   z2 = edges.second[2][lane];
+      const double l2 = x1 * x1 + y1 * y1 + z1 * z1;
+      const double inv_l = guarded_inverse_sqrt(l2);
+      const double tx = x1 * inv_l, ty = y1 * inv_l, tz = z1 * inv_l;
+      const double cx = y1 * z2 - z1 * y2, cy = z1 * x2 - x1 * z2, cz = x1 * y2 - y1 * x2;
+      const double n2 = cx * cx + cy * cy + cz * cz;
+      const double inv_n = guarded_inverse_sqrt(n2);
+      const double nx = cx * inv_n, ny = cy * inv_n, nz = cz * inv_n;
+      const double bx = ny * tz - nz * ty, by = nz * tx - nx * tz, bz = nx * ty - ny * tx;
+
+      // The frame turned within its plane, as the 2×2 matrix [a s; 0 d] of gradient_pass asks.
+      const double length = l2 * inv_l, height = n2 * inv_n * inv_l;
+      const double a = length * block.inverse_length[lane];
+      const double s = (tx * x2 + ty * y2 + tz * z2) * block.inverse_height[lane] -
+                       length * block.shear[lane];
+      const double d = height * block.inverse_height[lane];
+      const double scale = guarded_inverse_sqrt((a + d) * (a + d) + s * s);
+      const double cosine = (a + d) * scale, sine = -s * scale;
+      const double ux = cosine * tx + sine * bx, uy = cosine * ty + sine * by,
+                   uz = cosine * tz + sine * bz;
+      const double vx = cosine * bx - sine * tx, vy = cosine * by - sine * ty,
+                   vz = cosine * bz - sine * tz;
+
+      // Four times the products of each quaternion component with all; the largest square is safe
+      // to divide by.
+      const double ww = 1 + ux + vy + nz, xx = 1 + ux - vy - nz, yy = 1 - ux + vy - nz,
+                   zz = 1 - ux - vy + nz;
+      const double wx = vz - ny, wy = nx - uz, wz = uy - vx;
+      const double xy = uy + vx, xz = uz + nx, yz = vz + ny;
+      const bool w_or_x = ww + xx > yy + zz;  // w² + x² > 1/2, or else y² + z² is
+      const bool second = w_or_x ? xx > ww : zz > yy;
+      const double px = w_or_x ? (second ? xx : wx) : (second ? xz : xy);
+      const double py = w_or_x ? (second ? xy : wy) : (second ? yz : yy);
+      const double pz = w_or_x ? (second ? xz : wz) : (second ? zz : yz);
+      const double pw = w_or_x ? (second ? wx : ww) : (second ? wz : wy);
+      const double unit = guarded_inverse_sqrt(px * px + py * py + pz * pz + pw * pw);
+
+      // now · from_rest
+      const double rx = block.from_rest[0][lane], ry = block.from_rest[1][lane],
+                   rz = block.from_rest[2][lane], rw = block.from_rest[3][lane];
+      q[0][lane] = unit * (pw * rx + px * rw + py * rz - pz * ry);
+      q[1][lane] = unit * (pw * ry - px * rz + py * rw + pz * rx);
+      q[2][lane] = unit * (pw * rz + px * ry - py * rx + pz * rw);
+      q[3][lane] = unit * (pw * rw - px * rx - py * ry - pz * rz);
+    }
+    double* out = quaternions + 4 * kLanes * static_cast<int64_t>(b);
+    for (int lane = 0; lane < kLanes; ++lane)
+      for (int c = 0; c < 4; ++c) out[4 * lane + c] = q[c][lane];
+  }
+}
+
+void mean_rotations(int count, const int* starts, const int* index, const double* weights,
+                    const double* in, double* out) {
+  for (int i = 0; i < count; ++i) {
+    const int begin = starts[i], end = starts[i + 1];
+    const Row first = load(in + 4 * static_cast<int64_t>(index[begin]));
+    Row sum = {{0, 0, 0, 0}};
+    for (int k = begin; k < end; ++k) {
+      const Row q = load(in + 4 * static_cast<int64_t>(index[k]));
+      const double cosine = (q.v[0] * first.v[0] + q.v[1] * first.v[1]) +
+                            (q.v[2] * first.v[2] + q.v[3] * first.v[3]);
+      add_scaled(sum, cosine < 0 ? -weights[k] : weights[k], q);
+    }
+    const double scale = guarded_inverse_sqrt((sum.v[0] * sum.v[0] + sum.v[1] * sum.v[1]) +
+                                              (sum.v[2] * sum.v[2] + sum.v[3] * sum.v[3]));
+    for (int c = 0; c < 4; ++c) sum.v[c] *= scale;
+    store(out + 4 * static_cast<int64_t>(i), sum);
+  }
+}
+
+void turn_pass(int block_count, const TurnBlock* blocks, const double* quaternions,
+               double* right_hand_side) {
+  for (int b = 0; b < block_count; ++b) {
+    const TurnBlock& block = blocks[b];
+    const double* in = quaternions + 4 * kLanes * static_cast<int64_t>(b);
+    double q[4][kLanes];
+    for (int lane = 0; lane < kLanes; ++lane)
+      for (int c = 0; c < 4; ++c) q[c][lane] = in[4 * lane + c];
+    double flux[2][3][kLanes];
+    for (int corner = 0; corner < 2; ++corner) {
+      for (int lane = 0; lane < kLanes; ++lane) {
+        const double x = q[0][lane], y = q[1][lane], z = q[2][lane], w = q[3][lane];
+        const double fx = block.flux[corner][0][lane], fy = block.flux[corner][1][lane],
+                     fz = block.flux[corner][2][lane];
+        const double cx = 2 * (y * fz - z * fy), cy = 2 * (z * fx - x * fz),
+                     cz = 2 * (x * fy - y * fx);
+        flux[corner][0][lane] = fx + w * cx + (y * cz - z * cy);
+        flux[corner][1][lane] = fy + w * cy + (z * cx - x * cz);
+        flux[corner][2][lane] = fz + w * cz + (x * cy - y * cx);
+      }
+    }
+    scatter(block.target, flux, right_hand_side);
+  }
+}
+
 }  // namespace
 
 extern const Kernels DD_KERNEL_SET;
-const Kernels DD_KERNEL_SET = {DD_KERNEL_NAME, solve_factor, blend, gradient_pass};
+const Kernels DD_KERNEL_SET = {DD_KERNEL_NAME, solve_factor, blend,
+                                     gradient_pass,  rotation_pass, mean_rotations,
+                                     turn_pass};
 
 }  // namespace dd

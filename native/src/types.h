@@ -14,6 +14,8 @@ using Triangles = Eigen::Matrix<int, Eigen::Dynamic, 3, Eigen::RowMajor>;
 using CornerValues = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 using SparseMatrix = Eigen::SparseMatrix<double>;
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+/// What a frame works on: x y z and one unused, so that a row is one or two vector registers.
+using Rows = Eigen::Matrix<double, Eigen::Dynamic, 4, Eigen::RowMajor>;
 using Eigen::Index;
 
 }  // namespace dd

@@ -14,11 +14,18 @@ using test::Affine;
 namespace {
 
 Positions surface(Deformer& deformer, const std::vector<Affine>& handles,
-                  bool rotation_only = true) {
+                  const UpdateOptions& options) {
   std::vector<double> matrices;
   for (const Affine& matrix : handles)
     matrices.insert(matrices.end(), matrix.data(), matrix.data() + 12);
-  return deformer.mesh().positions + deformer.update(matrices.data(), rotation_only);
+  return deformer.mesh().positions + deformer.update(matrices.data(), options);
+}
+
+/// By the paper's linear method.
+Positions surface(Deformer& deformer, const std::vector<Affine>& handles,
+                  bool rotation_only = true) {
+  return surface(deformer, handles,
+                 {MethodKind::transfer, {rotation_only, 0}, Shown::result});
 }
 
 std::string refusal(const std::function<void()>& body, Status expected) {

@@ -18,12 +18,16 @@ Positions divergence_by_pass(const Mesh& surface, const Positions& base, const P
                              bool rotation_only) {
   const int n = surface.vertex_count();
   const auto metric = triangle_metric(surface.positions, surface.triangles);
-  std::vector<int> all(static_cast<size_t>(surface.triangle_count())), rows(static_cast<size_t>(n));
+  std::vector<int> all(static_cast<size_t>(surface.triangle_count()));
   std::iota(all.begin(), all.end(), 0);
-  std::iota(rows.begin(), rows.end(), 0);
+  RowOrder order;
+  order.vertex_of_row.resize(static_cast<size_t>(n));
+  std::iota(order.vertex_of_row.begin(), order.vertex_of_row.end(), 0);
+  order.row_of_vertex = order.vertex_of_row;
+  order.free_count = order.held_begin = order.fixed_begin = n;
   const GradientPass pass(base, surface.triangles,
                           corner_divergence(metric, surface.positions, surface.triangles), all,
-                          gradient_sources(base, surface.triangles, 1), rows, rows, n);
+                          gradient_sources(base, surface.triangles, 1), order);
   RowMatrix base_rows = RowMatrix::Zero(n, 4), right = RowMatrix::Zero(n + 1, 4);
   base_rows.leftCols<3>() = deformed;
   pass.add_to(right.data(), base_rows.data(), rotation_only);

@@ -8,15 +8,18 @@
  * Equation numbers below are the paper's. This header is the whole interface and its documentation.
  *
  * Use
- *   A triangle mesh and a role for each vertex (free, fixed, or moved by handle k) are *bound*
- * once; the bound deformer then turns handle matrices into vertex positions, many times a second:
+ *   A triangle mesh and a role for each vertex (free, fixed, or moved by handle k) are *bound* once;
+ *   the bound deformer then turns handle matrices into vertex positions, many times a second:
  *
  *     dd_bind* bind;
  *     dd_deformer* deformer;
  *     dd_bind_start(positions, 3 * n, triangles, 3 * m, roles, n, handle_count, NULL, &bind);
  *     while (dd_bind_poll(bind, &progress) == DD_OK && progress.state == DD_BIND_RUNNING)
- * ...wait... dd_bind_finish(bind, &deformer); dd_bind_free(bind); dd_deformer_update(deformer,
- * matrices, 12 * handle_count, NULL, out, 3 * n); dd_deformer_free(deformer);
+ *       ...show the progress, wait a little...
+ *     dd_bind_finish(bind, &deformer);
+ *     dd_bind_free(bind);
+ *     dd_deformer_update(deformer, matrices, 12 * handle_count, NULL, out, 3 * n);
+ *     dd_deformer_free(deformer);
  *
  * Errors
  *   Functions that can fail return a dd_status. On anything but DD_OK, dd_last_message() gives one
@@ -59,7 +62,7 @@ extern "C" {
 #endif
 
 /* Grows whenever a caller built against an older header would be misunderstood. */
-#define DD_ABI_VERSION 1
+#define DD_ABI_VERSION 2
 
 /* What a call returns. The values are fixed for good; new ones are only added. */
 enum dd_status {
@@ -77,10 +80,32 @@ enum dd_status {
 /* Roles of vertices: a handle's number (0, 1, ...) or one of these. */
 enum dd_role { DD_ROLE_FREE = -1, DD_ROLE_FIXED = -2 };
 
-/* Geometry on which the bi-Laplacian that deforms the base surface is built. */
+/* How the surface follows its handles. */
+enum dd_method {
+  DD_METHOD_TRANSFER = 0,    /* the paper's: a smooth base bends, details turn with it */
+  DD_METHOD_VARIATIONAL = 1, /* the smoothest displacement: details are moved, not turned */
+  DD_METHOD_GRADIENT = 3     /* the handles' rotation and scale spread over the surface; what a
+                                handle is merely moved by turns nothing */
+};
+
+/* Geometry on which the energy that deforms the base surface is built. */
 enum dd_base_metric {
   DD_METRIC_SURFACE = 0, /* the surface S: rigid and affine motions are exact, one factor */
   DD_METRIC_BASE = 1     /* the base surface B, as the paper's text has it */
+};
+
+/* Order of that energy: what the base keeps small, and how it meets its border. */
+enum dd_smoothness {
+  DD_SMOOTHNESS_DEFAULT = 0,            /* thin plate */
+  DD_SMOOTHNESS_MEMBRANE = 1,           /* area; meets its border with a crease */
+  DD_SMOOTHNESS_THIN_PLATE = 2,         /* curvature; the paper's */
+  DD_SMOOTHNESS_CURVATURE_VARIATION = 3 /* change of curvature */
+};
+
+/* What an update returns of the surface. */
+enum dd_shown {
+  DD_SHOWN_RESULT = 0, /* S' */
+  DD_SHOWN_BASE = 1    /* B' in its place */
 };
 
 enum dd_output {
@@ -98,16 +123,23 @@ typedef struct dd_deformer dd_deformer; /* a bound surface */
 typedef struct dd_bind_options {
   uint32_t struct_size;
   int32_t base_metric;     /* dd_base_metric */
-  double metric_smoothing; /* >= 0, in mean edge lengths: fairing of S before the bi-Laplacian is
-                              built on it (only with DD_METRIC_SURFACE) */
+  double metric_smoothing; /* >= 0, in mean edge lengths: fairing of S before the energy is built on
+                              it (only with DD_METRIC_SURFACE); sensible up to 4 */
+  int32_t smoothness;      /* dd_smoothness */
 } dd_bind_options;
 
-/* Options of one update; a null pointer stands for {rotation_only = 1, DD_OUTPUT_POSITIONS}. */
+/* Options of one update. A null pointer stands for the paper's method with rotations only, refined
+ * by 4 iterations, as positions: {sizeof(dd_update_options), 1, 0, 0, 4, 0}. */
 typedef struct dd_update_options {
   uint32_t struct_size;
-  int32_t
-      rotation_only; /* 1: S_j is replaced by its rotation (polar decomposition); 0: S_j whole */
-  int32_t output;    /* dd_output */
+  int32_t rotation_only; /* 1: S_j is replaced by its rotation (polar decomposition); 0: S_j whole.
+                            Of no meaning to DD_METHOD_VARIATIONAL */
+  int32_t output;        /* dd_output */
+  int32_t method;        /* dd_method */
+  int32_t refine;        /* >= 0: iterations on top of DD_METHOD_TRANSFER with rotation_only, each of
+                            which takes the rotations anew from S to S', smooths them over the
+                            surface and solves (14) again; 0: the paper's linear result */
+  int32_t shown;         /* dd_shown */
 } dd_update_options;
 
 typedef struct dd_bind_progress {
@@ -131,7 +163,8 @@ typedef struct dd_deformer_info {
   int32_t loose_example;      /* one of them */
   int32_t degenerate_count;   /* triangles without a usable area, given a tiny one */
   int32_t degenerate_example; /* one of them */
-  int32_t borrowed_count;     /* triangles whose base has no area: they turn with a neighbour */
+  int32_t borrowed_count;     /* triangles whose base has no area: they turn with a neighbour or with
+                                 their handle; 0 before the first update by DD_METHOD_TRANSFER */
   double bind_seconds;
   double bytes; /* memory held by the bound deformer */
 } dd_deformer_info;
@@ -174,8 +207,9 @@ DD_API int32_t dd_bind_finish(dd_bind* bind, dd_deformer** deformer);
 /* Releases a bind; one that still runs is cancelled and waited for. Null is allowed. */
 DD_API void dd_bind_free(dd_bind* bind);
 
-/* One frame: B' from the handles, its deformation gradients S_j (15), their rotations, and
- * L p' = div(S_j^T) (14) for the free vertices.
+/* One frame. By DD_METHOD_TRANSFER: B' from the handles, its deformation gradients S_j (15), their
+ * rotations, and L p' = div(S_j^T) (14) for the free vertices. The first update by a method prepares
+ * it, which takes about as long as ten of its updates.
  *   matrices   matrix_value_count = 12 x handle_count doubles: for each handle a row-major 3x4
  *              affine matrix that takes the rest place of its vertices to the present one
  *   out        out_count = 3 n floats, positions or offsets of all vertices

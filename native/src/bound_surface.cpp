@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "bound_surface.h"
+
+#include <cstdio>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "base_surface.h"
+#include "free_block.h"
+
+namespace dd {
+
+namespace {
+
+/// Runs a stage that works on another geometry than S: what fails there is not the mesh's fault.
+template <class Stage>
+auto blaming(const std::string& what, const std::string& remedy, const Stage& stage) {
+  try {
+    return stage();
+  } catch (const UnsolvableSurface& error) {
+    throw Error(Status::numeric,
+                what + " near vertex " + std::to_string(error.vertex()) + ": " + remedy);
+  }
+}
+
+std::string edge_lengths(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g", value);
+  return text;
+}
+
+}  // namespace
+
+BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOptions& options,
+                           const Progress& progress)
+    : mesh(std::move(surface)),
+      region(its_region),
+      operators(surface_operators(mesh.positions, mesh.triangles)),
+      poisson((report(progress, 0.05, "Factoring the Poisson system"), mesh), region, operators) {
+  const auto extend_handles = [&](const BendingSystem& bending, double begin, double end) {
+    return handle_basis(bending, region, mesh.positions, order(), [&](double done) {
+      report(progress, begin + done * (end - begin), "Computing the handles' basis functions");
+    });
+  };
+  const auto solve_on = [&](const SurfaceOperators& metric, double begin) {
+    report(progress, begin, "Factoring the base surface's energy");
+    BendingSystem bending(metric, region, options.smoothness);
+    report(progress, begin + 0.2, "Computing the base surface");
+    base = base_surface(bending, region, mesh.positions);
+    (options.base_metric == BaseMetric::base ? surface_basis : basis) =
+        extend_handles(bending, begin + 0.25, begin + 0.4);
+  };
+
+  if (options.base_metric == BaseMetric::surface && options.metric_smoothing > 0) {
+    blaming("The surface smoothed by " + edge_lengths(options.metric_smoothing) +
+                " edge lengths can't be solved for",
+            "lower the smoothing.", [&] {
+              const SurfaceOperators faired = surface_operators(
+                  faired_surface(mesh, operators, options.metric_smoothing), mesh.triangles);
+              solve_on(faired, 0.15);
+            });
+  } else {
+    solve_on(operators, 0.15);
+  }
+  if (options.base_metric == BaseMetric::base) {
+    blaming("The base surface collapses",
+            "its stiffness can't be measured there. Measure it on the surface (SURFACE), or hold "
+            "that part by one more handle.",
+            [&] {
+              report(progress, 0.6, "Factoring the energy on the base");
+              const SurfaceOperators on_base = surface_operators(base, mesh.triangles);
+              const BendingSystem bending(on_base, region, options.smoothness);
+              basis = extend_handles(bending, 0.8, 1);
+            });
+  }
+}
+
+double BoundSurface::bytes() const {
+  const auto doubles = mesh.positions.size() + base.size() + basis.weights.size() +
+                       surface_basis.weights.size() + operators.metric.cotangents.size() +
+                       operators.metric.areas.size() + operators.masses.size();
+  const auto ints = mesh.triangles.size();
+  return static_cast<double>(doubles) * sizeof(double) + static_cast<double>(ints) * sizeof(int) +
+         static_cast<double>(operators.laplacian.nonZeros()) * (sizeof(double) + sizeof(int)) +
+         poisson.bytes();
+}
+
+Rows in_order(const Positions& positions, const RowOrder& order) {
+  Rows rows = Rows::Zero(order.count(), 4);
+  for (int r = 0; r < order.count(); ++r)
+    rows.row(r).head<3>() = positions.row(order.vertex_of_row[r]);
+  return rows;
+}
+
+}  // namespace dd

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include "basis.h"
+#include "poisson_system.h"
+#include "progress.h"
+
+namespace dd {
+
+/// The geometry on which the energy that deforms the base is built.
+enum class BaseMetric { surface = 0, base = 1 };
+
+struct BindOptions {
+  BaseMetric base_metric = BaseMetric::surface;
+  double metric_smoothing = 0;  ///< mean edge lengths; with BaseMetric::surface only
+  Smoothness smoothness = Smoothness::thin_plate;
+};
+
+/// All that a bind makes once and the methods share.
+struct BoundSurface {
+  /// mesh: S, validated, in a box of about unit size, on which tolerances rely.
+  /// Throws Error; progress from 0 to 1.
+  BoundSurface(Mesh mesh, const Region& region, const BindOptions& options,
+               const Progress& progress);
+
+  Mesh mesh;
+  const Region& region;
+  SurfaceOperators operators;  ///< of S
+  PoissonSystem poisson;
+  Positions base;     ///< B at rest, n×3
+  HandleBasis basis;  ///< of B, rows in Poisson order
+  /// Of S itself where that differs from B's: with BaseMetric::base. Same centres as basis.
+  HandleBasis surface_basis;
+
+  const RowOrder& order() const { return poisson.order(); }
+  double bytes() const;
+};
+
+/// n×3 positions as rows of 4 in the given order.
+Rows in_order(const Positions& positions, const RowOrder& order);
+
+}  // namespace dd

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "free_block.h"
+
+#include <string>
+
+namespace dd {
+
+SparseMatrix free_columns(const SparseMatrix& matrix, const Region& region) {
+  SparseMatrix columns(matrix.rows(), region.free_count());
+  Eigen::VectorXi sizes(region.free_count());
+  for (int r = 0; r < region.free_count(); ++r)
+    sizes[r] = static_cast<int>(matrix.col(region.free[r]).nonZeros());
+  columns.reserve(sizes);
+  for (int r = 0; r < region.free_count(); ++r)
+    for (SparseMatrix::InnerIterator it(matrix, region.free[r]); it; ++it)
+      columns.insert(it.row(), r) = it.value();
+  columns.makeCompressed();
+  return columns;
+}
+
+SparseMatrix free_block(const SparseMatrix& matrix, const Region& region) {
+  const SparseMatrix rows = free_columns(matrix, region).transpose();
+  return free_columns(rows, region);
+}
+
+UnsolvableSurface::UnsolvableSurface(int vertex)
+    : Error(Status::numeric,
+            "The surface can't be solved for near vertex " + std::to_string(vertex) +
+                ": its triangles are degenerate or nothing holds them. Merge doubled vertices and "
+                "dissolve degenerate faces there, or leave that part out of the region."),
+      vertex_(vertex) {}
+
+SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region) {
+  try {
+    return SparseCholesky(block);
+  } catch (const SingularMatrix& singular) {
+    throw UnsolvableSurface(region.free[singular.row()]);
+  }
+}
+
+}  // namespace dd

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include "region.h"
+#include "sparse_cholesky.h"
+
+namespace dd {
+
+/// The columns of a matrix that belong to free vertices: F of its n.
+SparseMatrix free_columns(const SparseMatrix& matrix, const Region& region);
+
+/// The rows and columns of a symmetric n×n matrix that belong to free vertices: F×F.
+SparseMatrix free_block(const SparseMatrix& matrix, const Region& region);
+
+/// The refusal of a surface that can't be solved for near that vertex.
+class UnsolvableSurface : public Error {
+ public:
+  explicit UnsolvableSurface(int vertex);
+  int vertex() const { return vertex_; }
+
+ private:
+  int vertex_;
+};
+
+/// Factors a free×free block. Throws UnsolvableSurface when it is singular.
+SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region);
+
+}  // namespace dd

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "gradient_editing.h"
+
+#include <Eigen/Geometry>
+
+#include "../rotations.h"
+
+namespace dd {
+
+namespace {
+
+Eigen::Vector3d logarithm(const Eigen::Matrix3d& rotation) {
+  const Eigen::AngleAxisd turn(rotation);
+  return turn.angle() * turn.axis();
+}
+
+Eigen::Matrix3d exponential(const Eigen::Vector3d& turn) {
+  const double angle = turn.norm();
+  if (angle == 0) return Eigen::Matrix3d::Identity();
+  return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
+}
+
+}  // namespace
+
+GradientEditing::GradientEditing(BoundSurface& bound) : bound_(bound) {
+  const Triangles& t = bound.mesh.triangles;
+  const RowOrder& order = bound.order();
+  const std::vector<int>& active = bound.poisson.active_triangles();
+  const int handle_count = bound.region.handle_count;
+
+  const Positions flux = corner_divergence(bound.operators.metric, bound.mesh.positions, t);
+  flux_.resize(3 * static_cast<Index>(active.size()), 3);
+  weights_ = RowMatrix::Zero(static_cast<Index>(active.size()), handle_count);
+  for (size_t i = 0; i < active.size(); ++i)
+    flux_.middleRows<3>(3 * Index(i)) = flux.middleRows<3>(3 * Index(active[i]));
+
+  // Three handles a solve: a right-hand side of the Poisson system has three columns.
+  for (int first = 0; first < handle_count; first += 3) {
+    Rows values = Rows::Zero(order.count(), 4);
+    for (int r = order.held_begin; r < order.fixed_begin; ++r) {
+      const int column = bound.region.role[order.vertex_of_row[r]] - first;
+      if (column >= 0 && column < 3) values(r, column) = 1;
+    }
+    bound.poisson.extend(values);
+    for (size_t i = 0; i < active.size(); ++i)
+      for (int column = 0; column < std::min(3, handle_count - first); ++column)
+        for (int k = 0; k < 3; ++k)
+          weights_(Index(i), first + column) +=
+              values(order.row_of_vertex[t(active[i], k)], column) / 3;
+  }
+}
+
+void GradientEditing::update(const Frame& frame, const MethodOptions& options) {
+  const Triangles& t = bound_.mesh.triangles;
+  const RowOrder& order = bound_.order();
+  const std::vector<int>& active = bound_.poisson.active_triangles();
+  const Index handle_count = weights_.cols();
+
+  RowMatrix turns(handle_count, 3), stretches(handle_count, 9);
+  for (Index h = 0; h < handle_count; ++h) {
+    const Eigen::Matrix3d R = polar_rotation(frame.linear[h]);
+    turns.row(h) = logarithm(R);
+    const Eigen::Matrix3d change = R.transpose() * frame.linear[h] - Eigen::Matrix3d::Identity();
+    stretches.row(h) = change.reshaped().transpose();
+  }
+  const RowMatrix turn_of = weights_ * turns;
+  const RowMatrix stretch_of =
+      options.rotation_only ? RowMatrix() : RowMatrix(weights_ * stretches);
+
+  double* rows = bound_.poisson.start(frame.offsets);
+  for (size_t i = 0; i < active.size(); ++i) {
+    Eigen::Matrix3d S = exponential(turn_of.row(Index(i)));
+    if (!options.rotation_only)
+      S += S * Eigen::Map<const Eigen::Matrix3d>(stretch_of.row(Index(i)).data());
+    const Eigen::Matrix3d turned = S * flux_.middleRows<3>(3 * Index(i)).transpose();
+    for (int k = 0; k < 3; ++k)
+      Eigen::Map<Eigen::Vector3d>(rows + 4 * Index(order.target_of_vertex(t(active[i], k)))) +=
+          turned.col(k);
+  }
+  bound_.poisson.solve(frame.offsets);
+}
+
+double GradientEditing::bytes() const {
+  return static_cast<double>((flux_.size() + weights_.size()) * Index(sizeof(double)));
+}
+
+}  // namespace dd

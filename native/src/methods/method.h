@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "../bound_surface.h"
+
+namespace dd {
+
+/// How the surface follows its handles. The values are those of dd_method in the public header.
+enum class MethodKind { transfer = 0, variational = 1, normal = 2, gradient = 3, volumes = 4 };
+
+struct MethodOptions {
+  bool rotation_only = true;  ///< S_j reduced to its rotation
+  int refine = 0;             ///< iterations after the linear result; with rotation_only
+};
+
+/// One update on its way through a method.
+struct Frame {
+  /// For each handle the 4×3 block of HandleBasis (last column 0), and its linear part A.
+  const RowMatrix& coefficients;
+  const std::vector<Eigen::Matrix3d>& linear;
+  const Rows& base;  ///< B', all rows in BoundSurface::order()
+  Rows& offsets;     ///< displacement of S: in those of the handles' vertices, out the free ones'
+};
+
+/// A method over the shared operators and factors; made when it is first asked for.
+class Method {
+ public:
+  virtual ~Method() = default;
+  /// Sets the free rows of frame.offsets.
+  virtual void update(const Frame& frame, const MethodOptions& options) = 0;
+  virtual double bytes() const = 0;
+};
+
+}  // namespace dd

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+
+namespace dd {
+
+/// The rotation R nearest to A, the one of its polar decomposition A = R U where A keeps
+/// orientation; its determinant is +1 whatever A is.
+Eigen::Matrix3d polar_rotation(const Eigen::Matrix3d& A);
+
+}  // namespace dd

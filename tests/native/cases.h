@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The four deformations that surveys compare methods by (Botsch and Sorkine 2008), on meshes of our
+// own: a bumpy plane lifted, a cylinder bent by 120°, a bar twisted by 135°, a branch of a cactus
+// bent by 70°.
+#pragma once
+
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "meshes.h"
+
+namespace dd::test {
+
+struct Case {
+  std::string name;
+  Mesh mesh;
+  std::vector<int> roles;
+  Affine motion;  // of its one handle
+};
+
+/// A closed tube about the z axis from z = 0 to 1: rings × sides vertices and a cap's centre at each
+/// end. place(u, v) gives the vertex at height u in [0, 1] and angle v in radians.
+template <class Place>
+Mesh tube(int rings, int sides, Place place) {
+  Mesh mesh;
+  mesh.positions.resize(rings * sides + 2, 3);
+  for (int i = 0; i < rings; ++i)
+    for (int j = 0; j < sides; ++j)
+      mesh.positions.row(i * sides + j) =
+          place(i / double(rings - 1), 2 * std::acos(-1.0) * j / sides);
+  const int bottom = rings * sides, top = bottom + 1;
+  for (int end : {0, 1})
+    mesh.positions.row(end ? top : bottom) =
+        mesh.positions.middleRows(end ? (rings - 1) * sides : 0, sides).colwise().mean();
+  mesh.triangles.resize(2 * (rings - 1) * sides + 2 * sides, 3);
+  int t = 0;
+  for (int j = 0; j < sides; ++j) {
+    const int next = (j + 1) % sides;
+    for (int i = 0; i + 1 < rings; ++i) {
+      const int a = i * sides, b = a + sides;
+      mesh.triangles.row(t++) << a + j, a + next, b + next;
+      mesh.triangles.row(t++) << a + j, b + next, b + j;
+    }
+    mesh.triangles.row(t++) << bottom, next, j;
+    mesh.triangles.row(t++) << top, (rings - 1) * sides + j, (rings - 1) * sides + next;
+  }
+  return mesh;
+}
+
+/// Roles along z, heights as fractions of the mesh's.
+inline std::vector<int> ends_held(const Mesh& mesh, double fixed_below, double handle_above) {
+  const double low = mesh.positions.col(2).minCoeff();
+  const double height = mesh.positions.col(2).maxCoeff() - low;
+  return roles_by_height(mesh, low + fixed_below * height, low + handle_above * height);
+}
+
+/// Takes what is above z = top to where it would be if the axis from z = bottom to top were bent to
+/// an arc of that angle towards +x, keeping its length.
+inline Affine bend(double angle, double bottom, double top) {
+  const double radius = (top - bottom) / angle;
+  const Eigen::Vector3d end(radius * (1 - std::cos(angle)), 0, bottom + radius * std::sin(angle));
+  const Eigen::Vector3d pivot(0, 0, top);
+  return rotation_about(angle, {0, 1, 0}, pivot, end - pivot);
+}
+
+inline double radians(double degrees) { return degrees * std::acos(-1.0) / 180; }
+
+inline Case lifted_plane(int side = 101) {
+  const int held = side * 23 / 201;
+  Affine lift = identity();
+  lift(2, 3) = 0.4;
+  return {"plane lifted", bumpy_plane(side), strip_roles(side, side, held, side - held), lift};
+}
+
+inline Case bent_cylinder(double degrees = 120) {
+  Case made;
+  made.name = "cylinder bent " + std::to_string(int(degrees));
+  made.mesh = tube(81, 60, [](double u, double v) {
+    return Eigen::RowVector3d(0.2 * std::cos(v), 0.2 * std::sin(v), 1.6 * u);
+  });
+  made.roles = ends_held(made.mesh, 0.1, 0.9);
+  made.motion = bend(radians(degrees), 0.16, 1.44);
+  return made;
+}
+
+inline Case twisted_bar(double degrees = 135) {
+  Case made;
+  made.name = "bar twisted " + std::to_string(int(degrees));
+  made.mesh = tube(61, 96, [](double u, double v) {
+    // The angle runs along the square, so that the corners are vertices.
+    const double s = 4 * v / std::acos(-1.0), side = std::floor(s / 2);  // 0 to 8
+    const double along = s - 2 * side - 1;                               // -1 to 1
+    const Eigen::Rotation2Dd turn(side * std::acos(-1.0) / 2);
+    const Eigen::Vector2d corner = turn * Eigen::Vector2d(0.2, 0.2 * along);
+    return Eigen::RowVector3d(corner.x(), corner.y(), 1.2 * u);
+  });
+  made.roles = ends_held(made.mesh, 0.1, 0.9);
+  made.motion = rotation_about(radians(degrees), {0, 0, 1}, {0, 0, 0}, {0, 0, 0});
+  return made;
+}
+
+/// A ribbed, tapering branch with rows of spines, closed by a round tip.
+inline Case bent_cactus(double degrees = 70) {
+  Case made;
+  made.name = "cactus bent " + std::to_string(int(degrees));
+  const double pi = std::acos(-1.0);
+  made.mesh = tube(101, 72, [pi](double u, double v) {
+    const double profile = 0.16 * (1 - 0.35 * u) * std::sqrt(1 - std::pow(u, 12) * 0.96);
+    const double rib = std::pow(std::cos(4.5 * v), 2);
+    const double spine = std::pow(std::max(0.0, std::cos(9 * v)), 3) *
+                         std::pow(std::max(0.0, std::cos(2 * pi * 10 * u)), 3);
+    const double radius = profile * (0.85 + 0.25 * rib + 0.3 * spine * (u > 0.03 && u < 0.97));
+    return Eigen::RowVector3d(radius * std::cos(v), radius * std::sin(v), 1.5 * u);
+  });
+  made.roles = ends_held(made.mesh, 0.12, 0.85);
+  made.motion = bend(radians(degrees), 0.18, 1.275);
+  return made;
+}
+
+inline std::vector<Case> survey_cases() {
+  return {lifted_plane(), bent_cylinder(), twisted_bar(), bent_cactus()};
+}
+
+}  // namespace dd::test
