@@ -8,6 +8,9 @@ namespace dd {
 namespace {
 
 constexpr int kLeastRounds = 2, kMostRounds = 12;
+// A long strip that is held at one end has tiny pivots and may be sound: whether a solution is good
+// shows in extend().
+constexpr double kSmallestPivot = 1e-17;
 constexpr double kSettled = 1e-11, kUseless = 1e-6;  // of the largest value
 
 RowMatrix free_rows(const RowMatrix& values, const Region& region) {
@@ -33,13 +36,14 @@ BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& re
     : operators_(operators),
       region_(region),
       smoothness_(smoothness),
-      factor_(factor_free_block(free_block_of_energy(operators, region, smoothness), region)) {}
+      factor_(factor_free_block(free_block_of_energy(operators, region, smoothness), region,
+                                kSmallestPivot)) {}
 
 RowMatrix BendingSystem::apply(const RowMatrix& values) const {
   RowMatrix result = operators_.laplacian * values;
   for (int order = 1; order < static_cast<int>(smoothness_); ++order)
-    result = operators_.laplacian *
-             RowMatrix(operators_.masses.cwiseInverse().asDiagonal() * result);
+    result =
+        operators_.laplacian * RowMatrix(operators_.masses.cwiseInverse().asDiagonal() * result);
   return result;
 }
 

@@ -24,15 +24,18 @@ SparseMatrix free_block(const SparseMatrix& matrix, const Region& region) {
 }
 
 UnsolvableSurface::UnsolvableSurface(int vertex)
-    : Error(Status::numeric,
-            "The surface can't be solved for near vertex " + std::to_string(vertex) +
-                ": its triangles are degenerate or nothing holds them. Merge doubled vertices and "
-                "dissolve degenerate faces there, or leave that part out of the region."),
+    : Error(
+          Status::numeric,
+          "The surface can't be solved for near vertex " + std::to_string(vertex) +
+              ": its triangles are degenerate, or too far from what holds them. Merge doubled "
+              "vertices and dissolve degenerate faces there, add a handle, or leave that part out "
+              "of the region."),
       vertex_(vertex) {}
 
-SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region) {
+SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region,
+                                 double smallest_pivot) {
   try {
-    return SparseCholesky(block);
+    return SparseCholesky(block, smallest_pivot);
   } catch (const SingularMatrix& singular) {
     throw UnsolvableSurface(region.free[singular.row()]);
   }

@@ -22,7 +22,8 @@ class UnsolvableSurface : public Error {
   int vertex_;
 };
 
-/// Factors a free×free block. Throws UnsolvableSurface when it is singular.
-SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region);
+/// Factors a free×free block. Throws UnsolvableSurface where SparseCholesky finds it singular.
+SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region,
+                                 double smallest_pivot = 1e-14);
 
 }  // namespace dd

@@ -14,21 +14,19 @@ SingularMatrix::SingularMatrix(int row)
             "The system has no unique solution at row " + std::to_string(row) + "."),
       row_(row) {}
 
-SparseCholesky::SparseCholesky(const SparseMatrix& A) {
+SparseCholesky::SparseCholesky(const SparseMatrix& A, double smallest_pivot) {
   ldlt_.compute(A);
   const Index n = A.rows();
   order_.resize(static_cast<size_t>(n));
   const auto& old_of_new = ldlt_.permutationPinv().indices();
   for (Index k = 0; k < n; ++k) order_[k] = old_of_new.size() ? old_of_new[k] : static_cast<int>(k);
 
-  // A pivot that cancelled down to rounding of its own diagonal entry means a singular matrix,
-  // whatever sign the rounding left it. Eigen stops at a pivot of exactly zero. Less than that is
-  // left to who uses the solutions: a long strip that is held at one end has small pivots and is sound.
+  // Eigen stops at a pivot of exactly zero only.
   inverse_pivots_.resize(static_cast<size_t>(n));
   const Eigen::VectorXd pivots = ldlt_.vectorD();
   for (Index k = 0; k < n; ++k) {
     const double diagonal = A.coeff(order_[k], order_[k]);
-    if (!std::isfinite(pivots[k]) || !(pivots[k] > 1e-14 * diagonal))
+    if (!std::isfinite(pivots[k]) || !(pivots[k] > smallest_pivot * diagonal))
       throw SingularMatrix(order_[k]);
     inverse_pivots_[k] = 1 / pivots[k];
   }

@@ -26,8 +26,9 @@ class SingularMatrix : public Error {
 class SparseCholesky {
  public:
   /// Factors A (both triangles or the lower one stored).
-  /// Throws SingularMatrix.
-  explicit SparseCholesky(const SparseMatrix& A);
+  /// Throws SingularMatrix at a pivot of less than smallest_pivot times its diagonal entry: that
+  /// far it cancelled. Rounding leaves up to some 1e-15 of it in a singular matrix.
+  explicit SparseCholesky(const SparseMatrix& A, double smallest_pivot = 1e-14);
 
   int size() const { return static_cast<int>(order_.size()); }
   /// order()[k] is the row of A that stands at place k of the factor.

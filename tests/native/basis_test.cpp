@@ -6,6 +6,7 @@
 #include "base_surface.h"
 #include "catch.h"
 #include "dense_reference.h"
+#include "free_block.h"
 #include "meshes.h"
 
 using namespace dd;
@@ -64,7 +65,8 @@ TEST_CASE("the base solves L M⁻¹ L q = 0 and keeps constrained vertices") {
 TEST_CASE("basis functions give the bi-Laplacian's own solution (T-basis = direct solve)") {
   const Bound b;
   const BendingSystem bending(b.operators, b.region);
-  const HandleBasis basis = handle_basis(bending, b.region, b.mesh.positions, plain_order(b.region));
+  const HandleBasis basis =
+      handle_basis(bending, b.region, b.mesh.positions, plain_order(b.region));
   REQUIRE(basis.weights.cols() == 8);
 
   std::srand(9);
@@ -88,11 +90,63 @@ TEST_CASE("a handle's functions are 1 and its coordinates when everything constr
   for (int& role : b.roles) role = role == kFree ? kFree : 0;
   b.region = split_region(b.mesh, b.roles, 1);
   const BendingSystem bending(b.operators, b.region);
-  const HandleBasis basis = handle_basis(bending, b.region, b.mesh.positions, plain_order(b.region));
+  const HandleBasis basis =
+      handle_basis(bending, b.region, b.mesh.positions, plain_order(b.region));
   const Positions q = base_surface(bending, b.region, b.mesh.positions);
   for (int r = 0; r < b.region.free_count(); ++r) {
     CHECK(basis.weights(r, 3) == Approx(1).epsilon(1e-9));
     const Eigen::RowVector3d arm = q.row(b.region.free[r]) - basis.centres.row(0);
     CHECK((basis.weights.row(r).head<3>() - arm).norm() < 1e-9);
   }
+}
+
+TEST_CASE("each order of smoothness solves its own energy") {
+  const Bound b;
+  const auto dense = test::dense_operators(b.mesh.positions, b.mesh.triangles);
+  const Eigen::MatrixXd step = dense.M.inverse() * dense.L;
+  const Eigen::MatrixXd none = Eigen::MatrixXd::Zero(b.mesh.vertex_count(), 3);
+  Eigen::MatrixXd energy = dense.L;
+  for (Smoothness smoothness :
+       {Smoothness::membrane, Smoothness::thin_plate, Smoothness::curvature_variation}) {
+    const BendingSystem bending(b.operators, b.region, smoothness);
+    const Positions q = base_surface(bending, b.region, b.mesh.positions);
+    const Positions expected = test::dense_solve(energy, b.mesh.positions, b.roles, none);
+    CHECK(test::largest_difference(q, expected) < 1e-8);
+    energy = energy * step;
+  }
+}
+
+TEST_CASE("a border's slope and curvature are continued as far as the order says") {
+  // Over a flat grid, values of a polynomial in x outside the region: the solution between is the
+  // spline of the order, exact for polynomials below twice the order.
+  const int side = 41;
+  const Mesh flat = test::grid(side, side, [](double, double) { return 0.0; });
+  // Free between two strips; at the upper and lower border the natural conditions rule.
+  const Region region = split_region(flat, test::strip_roles(side, side, 12, side - 12), 1);
+  const auto operators = surface_operators(flat.positions, flat.triangles);
+  double last = 1;
+  for (Smoothness smoothness :
+       {Smoothness::membrane, Smoothness::thin_plate, Smoothness::curvature_variation}) {
+    RowMatrix values = flat.positions.col(0).array().pow(4).matrix();
+    const RowMatrix free = BendingSystem(operators, region, smoothness).extend(values);
+    double worst = 0;
+    for (int r = 0; r < region.free_count(); ++r)
+      worst = std::max(worst, std::abs(free(r, 0) - values(region.free[r], 0)));
+    CHECK(worst < 0.5 * last);
+    last = worst;
+  }
+}
+
+TEST_CASE("a long strip that is held at one end keeps its digits, or is refused beyond them") {
+  const auto extended = [](int length) {
+    Mesh ribbon = test::grid(length, 2, [](double, double) { return 0.0; });
+    ribbon.positions.col(0) *= length - 1;
+    const Region region = split_region(ribbon, test::strip_roles(length, 2, 0, length - 3), 1);
+    const auto operators = surface_operators(ribbon.positions, ribbon.triangles);
+    return BendingSystem(operators, region).extend(RowMatrix::Ones(ribbon.vertex_count(), 1));
+  };
+  // A constant is its own extension.
+  CHECK((extended(5000).array() - 1).abs().maxCoeff() < 1e-9);
+  // The pivots of its energy fall with the cube of the length, below the rounding of double.
+  CHECK_THROWS_AS(extended(40000), UnsolvableSurface);
 }

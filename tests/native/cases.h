@@ -19,8 +19,8 @@ struct Case {
   Affine motion;  // of its one handle
 };
 
-/// A closed tube about the z axis from z = 0 to 1: rings × sides vertices and a cap's centre at each
-/// end. place(u, v) gives the vertex at height u in [0, 1] and angle v in radians.
+/// A closed tube about the z axis from z = 0 to 1: rings × sides vertices and a cap's centre at
+/// each end. place(u, v) gives the vertex at height u in [0, 1] and angle v in radians.
 template <class Place>
 Mesh tube(int rings, int sides, Place place) {
   Mesh mesh;
@@ -55,21 +55,17 @@ inline std::vector<int> ends_held(const Mesh& mesh, double fixed_below, double h
   return roles_by_height(mesh, low + fixed_below * height, low + handle_above * height);
 }
 
-/// Takes what is above z = top to where it would be if the axis from z = bottom to top were bent to
-/// an arc of that angle towards +x, keeping its length.
-inline Affine bend(double angle, double bottom, double top) {
-  const double radius = (top - bottom) / angle;
-  const Eigen::Vector3d end(radius * (1 - std::cos(angle)), 0, bottom + radius * std::sin(angle));
-  const Eigen::Vector3d pivot(0, 0, top);
-  return rotation_about(angle, {0, 1, 0}, pivot, end - pivot);
-}
-
 inline double radians(double degrees) { return degrees * std::acos(-1.0) / 180; }
+
+/// Turns the upper end towards +x about a point beside the middle.
+inline Affine bend(double degrees, double x, double z) {
+  return rotation_about(radians(degrees), {0, 1, 0}, {x, 0, z}, {0, 0, 0});
+}
 
 inline Case lifted_plane(int side = 101) {
   const int held = side * 23 / 201;
   Affine lift = identity();
-  lift(2, 3) = 0.4;
+  lift(2, 3) = 0.2;
   return {"plane lifted", bumpy_plane(side), strip_roles(side, side, held, side - held), lift};
 }
 
@@ -77,10 +73,10 @@ inline Case bent_cylinder(double degrees = 120) {
   Case made;
   made.name = "cylinder bent " + std::to_string(int(degrees));
   made.mesh = tube(81, 60, [](double u, double v) {
-    return Eigen::RowVector3d(0.2 * std::cos(v), 0.2 * std::sin(v), 1.6 * u);
+    return Eigen::RowVector3d(0.08 * std::cos(v), 0.08 * std::sin(v), 1.6 * u);
   });
   made.roles = ends_held(made.mesh, 0.1, 0.9);
-  made.motion = bend(radians(degrees), 0.16, 1.44);
+  made.motion = bend(degrees, 0.3, 0.8);
   return made;
 }
 
@@ -92,7 +88,7 @@ inline Case twisted_bar(double degrees = 135) {
     const double s = 4 * v / std::acos(-1.0), side = std::floor(s / 2);  // 0 to 8
     const double along = s - 2 * side - 1;                               // -1 to 1
     const Eigen::Rotation2Dd turn(side * std::acos(-1.0) / 2);
-    const Eigen::Vector2d corner = turn * Eigen::Vector2d(0.2, 0.2 * along);
+    const Eigen::Vector2d corner = turn * Eigen::Vector2d(0.07, 0.07 * along);
     return Eigen::RowVector3d(corner.x(), corner.y(), 1.2 * u);
   });
   made.roles = ends_held(made.mesh, 0.1, 0.9);
@@ -106,7 +102,7 @@ inline Case bent_cactus(double degrees = 70) {
   made.name = "cactus bent " + std::to_string(int(degrees));
   const double pi = std::acos(-1.0);
   made.mesh = tube(101, 72, [pi](double u, double v) {
-    const double profile = 0.16 * (1 - 0.35 * u) * std::sqrt(1 - std::pow(u, 12) * 0.96);
+    const double profile = 0.08 * (1 - 0.35 * u) * std::sqrt(1 - std::pow(u, 12) * 0.96);
     const double rib = std::pow(std::cos(4.5 * v), 2);
     const double spine = std::pow(std::max(0.0, std::cos(9 * v)), 3) *
                          std::pow(std::max(0.0, std::cos(2 * pi * 10 * u)), 3);
@@ -114,7 +110,7 @@ inline Case bent_cactus(double degrees = 70) {
     return Eigen::RowVector3d(radius * std::cos(v), radius * std::sin(v), 1.5 * u);
   });
   made.roles = ends_held(made.mesh, 0.12, 0.85);
-  made.motion = bend(radians(degrees), 0.18, 1.275);
+  made.motion = bend(degrees, 0.03, 0.7);
   return made;
 }
 

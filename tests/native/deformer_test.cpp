@@ -5,38 +5,16 @@
 #include <limits>
 
 #include "catch.h"
+#include "deform.h"
 #include "dense_reference.h"
 #include "meshes.h"
 
 using namespace dd;
 using test::Affine;
+using test::refusal;
+using test::surface;
 
 namespace {
-
-Positions surface(Deformer& deformer, const std::vector<Affine>& handles,
-                  const UpdateOptions& options) {
-  std::vector<double> matrices;
-  for (const Affine& matrix : handles)
-    matrices.insert(matrices.end(), matrix.data(), matrix.data() + 12);
-  return deformer.mesh().positions + deformer.update(matrices.data(), options);
-}
-
-/// By the paper's linear method.
-Positions surface(Deformer& deformer, const std::vector<Affine>& handles,
-                  bool rotation_only = true) {
-  return surface(deformer, handles,
-                 {MethodKind::transfer, {rotation_only, 0}, Shown::result});
-}
-
-std::string refusal(const std::function<void()>& body, Status expected) {
-  try {
-    body();
-  } catch (const Error& error) {
-    CHECK(error.status() == expected);
-    return error.what();
-  }
-  return "accepted";
-}
 
 /// Fig. 1's plane: fixed on the left, one handle on the right.
 struct Plane {
@@ -81,7 +59,7 @@ TEST_CASE("resting handles give the rest shape") {
     for (bool rotation_only : {true, false})
       CHECK(test::largest_difference(surface(deformer, {test::identity()}, rotation_only),
                                      plane.mesh.positions) <
-            1e-9 * deformer.mesh().positions.norm());
+            1e-9 * bounding_box_diagonal(plane.mesh.positions));
   }
 }
 
@@ -119,7 +97,7 @@ TEST_CASE("a rigid motion of every constrained vertex moves the mesh rigidly") {
   }
   // The paper's own metric is known to miss this by far: PAPER's finding stays visible.
   Deformer deformer(plane.mesh, roles, 2, {BaseMetric::base, 0});
-  CHECK(test::largest_difference(surface(deformer, {motion, motion}), expected) > 1e-6);
+  CHECK(test::largest_difference(surface(deformer, {motion, motion}), expected) > 1e-2);
 }
 
 TEST_CASE("an affine motion of every constrained vertex moves the base affinely") {

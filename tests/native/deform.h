@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A deformer's update in terms of the tests' own types.
+#pragma once
+
+#include <functional>
+
+#include "catch.h"
+#include "deformer.h"
+#include "meshes.h"
+
+namespace dd::test {
+
+inline UpdateOptions by(MethodKind method, bool rotation_only = true, int refine = 0) {
+  return {method, {rotation_only, refine}, Shown::result};
+}
+
+/// The deformed positions.
+inline Positions surface(Deformer& deformer, const std::vector<Affine>& handles,
+                         const UpdateOptions& options) {
+  std::vector<double> matrices;
+  for (const Affine& matrix : handles)
+    matrices.insert(matrices.end(), matrix.data(), matrix.data() + 12);
+  return deformer.mesh().positions + deformer.update(matrices.data(), options);
+}
+
+/// By the paper's linear method.
+inline Positions surface(Deformer& deformer, const std::vector<Affine>& handles,
+                         bool rotation_only = true) {
+  return surface(deformer, handles, by(MethodKind::transfer, rotation_only));
+}
+
+/// The sentence with which body is refused.
+inline std::string refusal(const std::function<void()>& body, Status expected) {
+  try {
+    body();
+  } catch (const Error& error) {
+    CHECK(error.status() == expected);
+    return error.what();
+  }
+  return "accepted";
+}
+
+/// All constrained vertices in one handle.
+inline std::vector<int> held_by_one(std::vector<int> roles) {
+  for (int& role : roles) role = role == kFree ? kFree : 0;
+  return roles;
+}
+
+}  // namespace dd::test
