@@ -18,6 +18,8 @@ std::vector<Row> rows() {
   using dd::MethodKind;
   const auto shown = dd::Shown::result;
   return {{"VarMin", {MethodKind::variational, {true, 0}, shown}},
+          {"normal displacements", {MethodKind::normal, {}, shown}},
+          {"  3 levels", {MethodKind::normal, {true, 0, 3}, shown}},
           {"gradient", {MethodKind::gradient, {true, 0}, shown}},
           {"transfer, whole S", {MethodKind::transfer, {false, 0}, shown}},
           {"transfer, rotations", {MethodKind::transfer, {true, 0}, shown}},

@@ -14,4 +14,10 @@ Positions base_surface(const BendingSystem& bending, const Region& region,
 /// the geometry on which K is built when its metric is to be smoothed. Throws UnsolvableSurface.
 Positions faired_surface(const Mesh& mesh, const SurfaceOperators& operators, double edge_lengths);
 
+/// S smoothed over a length, towards the membrane that its constrained vertices span: two steps of
+/// implicit fairing, (M + length² L) x = M p on the free vertices, constrained ones stay.
+/// Throws UnsolvableSurface.
+Positions smoothed_surface(const Positions& positions, const SurfaceOperators& operators,
+                           const Region& region, double length);
+
 }  // namespace dd

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "methods/gradient_editing.h"
+#include "methods/normal_displacement.h"
 #include "methods/transfer.h"
 #include "methods/variational.h"
 
@@ -57,7 +58,7 @@ const Positions& Deformer::update(const double* matrices, const UpdateOptions& o
   if (options.shown == Shown::base)
     moved_ = base_ - rest_;
   else
-    method(options.method).update({coefficients_, linear_, base_, moved_}, options.of_method);
+    method(options).update({coefficients_, linear_, base_, moved_}, options.of_method);
   scale_to_mesh(moved_, offsets_);
   return offsets_;
 }
@@ -78,22 +79,24 @@ void Deformer::take_matrices(const double* matrices) {
   }
 }
 
-Method& Deformer::method(MethodKind kind) {
-  std::unique_ptr<Method>& made = methods_[static_cast<int>(kind)];
-  if (!made) {
-    switch (kind) {
-      case MethodKind::transfer:
-        made = std::make_unique<Transfer>(*bound_);
-        break;
-      case MethodKind::variational:
-        made = std::make_unique<Variational>(*bound_);
-        break;
-      case MethodKind::gradient:
-        made = std::make_unique<GradientEditing>(*bound_);
-        break;
-      default:
-        throw Error(Status::argument, "There is no such method.");
-    }
+Method& Deformer::method(const UpdateOptions& options) {
+  std::unique_ptr<Method>& made = methods_[static_cast<int>(options.method)];
+  switch (options.method) {
+    case MethodKind::transfer:
+      if (!made) made = std::make_unique<Transfer>(*bound_);
+      break;
+    case MethodKind::variational:
+      if (!made) made = std::make_unique<Variational>(*bound_);
+      break;
+    case MethodKind::gradient:
+      if (!made) made = std::make_unique<GradientEditing>(*bound_);
+      break;
+    case MethodKind::normal:
+      if (!made || static_cast<NormalDisplacement&>(*made).levels() != options.of_method.levels)
+        made = std::make_unique<NormalDisplacement>(*bound_, options.of_method.levels);
+      break;
+    default:
+      throw Error(Status::argument, "There is no such method.");
   }
   return *made;
 }
@@ -123,6 +126,11 @@ Positions Deformer::deformed_base() const { return place_in_mesh(base_); }
 int Deformer::borrowed_count() const {
   const auto& made = methods_[static_cast<int>(MethodKind::transfer)];
   return made ? static_cast<const Transfer&>(*made).borrowed_count() : 0;
+}
+
+const NormalDisplacement* Deformer::normal_displacement() const {
+  return static_cast<const NormalDisplacement*>(
+      methods_[static_cast<int>(MethodKind::normal)].get());
 }
 
 double Deformer::bytes() const {

@@ -8,6 +8,8 @@
 
 namespace dd {
 
+class NormalDisplacement;
+
 /// What an update shows.
 enum class Shown {
   result = 0,
@@ -41,6 +43,8 @@ class Deformer {
   const Region& region() const { return region_; }
   const std::vector<int>& degenerate_triangles() const { return bound_->operators.metric.degenerate; }
   int borrowed_count() const;
+  /// Null before the first update by that method.
+  const NormalDisplacement* normal_displacement() const;
   double bytes() const;
 
   /// B at rest and as of the last update, n×3, in the mesh's units.
@@ -49,7 +53,8 @@ class Deformer {
 
  private:
   void take_matrices(const double* matrices);
-  Method& method(MethodKind kind);
+  /// The method, prepared when it isn't yet.
+  Method& method(const UpdateOptions& options);
   /// Rows in the order of the Poisson system, in the unit box, as n×3 vectors or positions outside.
   void scale_to_mesh(const Rows& rows, Positions& vectors) const;
   Positions place_in_mesh(const Rows& rows) const;

@@ -6,6 +6,7 @@
 #include "deform.h"
 #include "dense_reference.h"
 #include "measures.h"
+#include "methods/normal_displacement.h"
 #include "rotations.h"
 
 using namespace dd;
@@ -193,4 +194,79 @@ TEST_CASE("what fails on another geometry than the mesh's is not blamed on the m
     return test::refusal([&] { Deformer(plane.mesh, plane.roles, 1, options); }, Status::numeric);
   };
   CHECK_THAT(blame({BaseMetric::surface, 1e9}), contains("lower the smoothing"));
+}
+
+TEST_CASE("NORMAL reconstructs S at rest at every level count, and follows rigid motions") {
+  const auto plane = test::lifted_plane(61);
+  const Ball ball;
+  const Affine motion = test::rotation_about(0.7, {1, 2, 0.5}, {0.2, 0, 0}, {0.3, -1, 2});
+  for (int levels : {1, 2, 3, 5}) {
+    UpdateOptions options = by(MethodKind::normal);
+    options.of_method.levels = levels;
+    Deformer deformer(plane.mesh, test::held_by_one(plane.roles), 1, {});
+    CHECK(test::largest_difference(surface(deformer, {test::identity()}, options),
+                                   plane.mesh.positions) < 1e-9);
+    CHECK(test::largest_difference(surface(deformer, {motion}, options),
+                                   test::transformed(motion, plane.mesh.positions)) < 1e-9);
+    CHECK(deformer.normal_displacement()->unrepresented_count() == 0);
+    // Random relief is no height field everywhere: the other way must be as exact.
+    Deformer rough(ball.mesh, ball.roles, 2, {});
+    CHECK(test::largest_difference(
+              surface(rough, {test::identity(), test::identity()}, options),
+              ball.mesh.positions) < 1e-9);
+  }
+}
+
+TEST_CASE("NORMAL: over a plane the heights are those of the relief, a known solution when bent") {
+  // B is the plane z = 0 outside the bumps' reach: a lift that is affine in x leaves it a plane,
+  // turned and stretched, and each vertex stands its own height above it along the new normal.
+  const int side = 41;
+  const double slope = 0.5;
+  const Mesh mesh = test::grid(side, side, [](double x, double y) {
+    const double bump = std::max(0.0, 1 - 12 * ((x - 0.5) * (x - 0.5) + (y - 0.5) * (y - 0.5)));
+    return 0.2 * bump * bump;
+  });
+  std::vector<int> roles(static_cast<size_t>(side * side), kFree);
+  for (int i = 0; i < side; ++i)
+    for (int j = 0; j < side; ++j)
+      if (std::min({i, j, side - 1 - i, side - 1 - j}) < 3) roles[i * side + j] = 0;
+  Affine shear = test::identity();
+  shear(2, 0) = slope;
+  Deformer deformer(mesh, roles, 1, {});
+  const Positions result = surface(deformer, {shear}, by(MethodKind::normal));
+  const Eigen::RowVector3d normal = Eigen::RowVector3d(-slope, 0, 1).normalized();
+  for (int v = 0; v < mesh.vertex_count(); ++v) {
+    if (roles[v] != kFree) continue;
+    const Eigen::RowVector3d p = mesh.positions.row(v);
+    const Eigen::RowVector3d foot(p[0], p[1], slope * p[0]);
+    CHECK((result.row(v) - (foot + p[2] * normal)).norm() < 1e-9);
+  }
+}
+
+TEST_CASE("NORMAL counts what is no height field over the base") {
+  // A ball on a neck overhangs the plane it stands on.
+  Mesh mesh = test::grid(41, 41, [](double, double) { return 0.0; });
+  for (int v = 0; v < mesh.vertex_count(); ++v) {
+    const Eigen::RowVector2d from(mesh.positions(v, 0) - 0.5, mesh.positions(v, 1) - 0.5);
+    const double r = from.norm() / 0.3;
+    if (r >= 1) continue;
+    // Profile of a mushroom: the radius first shrinks, then swells, then closes.
+    const double s = 1 - r, radius = s < 0.4 ? 0.3 - 0.55 * s : 0.08 + 0.17 * std::sin((s - 0.4) / 0.6 * std::acos(-1.0));
+    const Eigen::RowVector2d direction = r > 0 ? Eigen::RowVector2d(from / from.norm()) : Eigen::RowVector2d(1, 0);
+    const double scale = r > 0 ? radius * std::min(1.0, r / 0.1) : 0;
+    mesh.positions.row(v) << 0.5 + direction[0] * scale, 0.5 + direction[1] * scale, 0.4 * s;
+  }
+  std::vector<int> roles(41 * 41, kFree);
+  for (int i = 0; i < 41; ++i)
+    for (int j = 0; j < 41; ++j)
+      if (std::min({i, j, 40 - i, 40 - j}) < 3) roles[i * 41 + j] = i < 20 ? kFixed : 0;
+  Deformer deformer(mesh, roles, 1, {});
+  CHECK(test::largest_difference(surface(deformer, {test::identity()}, by(MethodKind::normal)),
+                                 mesh.positions) < 1e-9);
+  const NormalDisplacement& normal = *deformer.normal_displacement();
+  CHECK(normal.unrepresented_count() > 20);
+  CHECK(mesh.positions(normal.unrepresented_example(), 2) > 0);
+  Affine lift = test::identity();
+  lift(2, 3) = 0.3;
+  CHECK(surface(deformer, {lift}, by(MethodKind::normal)).allFinite());
 }

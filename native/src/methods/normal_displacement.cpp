@@ -1,0 +1,330 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "normal_displacement.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <queue>
+#include <utility>
+
+#include "../base_surface.h"
+
+namespace dd {
+
+namespace {
+
+using Eigen::Vector3d;
+
+Vector3d vector(const Rows& rows, int row) { return rows.row(row).head<3>(); }
+
+/// The rows of the vertices that a method may read: those of triangles with a free corner, and the
+/// triangles around them, which their normals need.
+Triangles triangles_near_free(const BoundSurface& bound) {
+  const Triangles& t = bound.mesh.triangles;
+  std::vector<char> near(bound.region.role.size(), 0);
+  for (int j : bound.poisson.active_triangles())
+    for (int k = 0; k < 3; ++k) near[t(j, k)] = 1;
+  std::vector<int> chosen;
+  for (int j = 0; j < bound.mesh.triangle_count(); ++j)
+    if (near[t(j, 0)] || near[t(j, 1)] || near[t(j, 2)]) chosen.push_back(j);
+  Triangles rows(static_cast<Index>(chosen.size()), 3);
+  for (size_t i = 0; i < chosen.size(); ++i)
+    for (int k = 0; k < 3; ++k)
+      rows(Index(i), k) = bound.order().row_of_vertex[t(chosen[i], k)];
+  return rows;
+}
+
+/// A point over a triangle: corner weights w₁, w₂ (w₀ the rest) and the height along the normal.
+struct Foot {
+  double w1, w2, height;
+  Vector3d normal;
+  Eigen::Matrix3d jacobian;  // of b + h n(b)
+  Vector3d place;
+};
+
+struct Prism {
+  Vector3d q0, q1, q2, n0, n1, n2;
+
+  Foot at(double w1, double w2, double height) const {
+    Foot foot;
+    foot.w1 = w1, foot.w2 = w2, foot.height = height;
+    const Vector3d n = n0 + w1 * (n1 - n0) + w2 * (n2 - n0);
+    const double length = n.norm();
+    foot.normal = n / length;
+    const auto turn = [&](const Vector3d& change) {
+      return Vector3d((change - foot.normal * foot.normal.dot(change)) / length);
+    };
+    foot.jacobian.col(0) = q1 - q0 + height * turn(n1 - n0);
+    foot.jacobian.col(1) = q2 - q0 + height * turn(n2 - n0);
+    foot.jacobian.col(2) = foot.normal;
+    foot.place = q0 + w1 * (q1 - q0) + w2 * (q2 - q0) + height * foot.normal;
+    return foot;
+  }
+};
+
+/// The prism's foot of a point by Newton's method; false when it is far outside, doesn't settle, or
+/// settles where the prism is turned inside out (beyond the centre of curvature).
+bool find_foot(const Prism& prism, const Vector3d& point, Foot& foot) {
+  constexpr double kFar = 10;
+  const Vector3d e1 = prism.q1 - prism.q0, e2 = prism.q2 - prism.q0, cross = e1.cross(e2);
+  const double squared = cross.squaredNorm();
+  if (!(squared > 1e-60)) return false;
+  const Vector3d arm = point - prism.q0;
+  foot = prism.at(arm.cross(e2).dot(cross) / squared, e1.cross(arm).dot(cross) / squared,
+                  arm.dot(cross) / std::sqrt(squared));
+  for (int step = 0; step < 20; ++step) {
+    if (!(std::abs(foot.w1) + std::abs(foot.w2) < kFar)) return false;
+    const Vector3d change = foot.jacobian.inverse() * (point - foot.place);
+    if (!change.allFinite()) return false;
+    foot = prism.at(foot.w1 + change[0], foot.w2 + change[1], foot.height + change[2]);
+    if (change.cwiseAbs().sum() < 1e-14) break;
+  }
+  return (point - foot.place).norm() < 1e-12 && foot.jacobian.determinant() > 0;
+}
+
+/// S_level of k: S smoothed over a length that grows from an edge's to the region's.
+Positions intermediate(const BoundSurface& bound, int level, int levels) {
+  const double edge = mean_edge_length(bound.mesh.positions, bound.mesh.triangles);
+  double area = 0;
+  for (int v : bound.region.free) area += bound.operators.masses[v];
+  const double growth = std::max(std::sqrt(area) / edge, 1.0);
+  return smoothed_surface(bound.mesh.positions, bound.operators, bound.region,
+                          edge * std::pow(growth, double(level) / levels));
+}
+
+}  // namespace
+
+NormalDisplacement::NormalDisplacement(const BoundSurface& bound, int level_count)
+    : bound_(bound),
+      triangles_(triangles_near_free(bound)),
+      rest_(in_order(bound.mesh.positions, bound.order())) {
+  fan_begin_.assign(static_cast<size_t>(bound.order().count()) + 1, 0);
+  for (Index k = 0; k < triangles_.size(); ++k) ++fan_begin_[triangles_.data()[k] + 1];
+  for (size_t r = 1; r < fan_begin_.size(); ++r) fan_begin_[r] += fan_begin_[r - 1];
+  fan_.resize(static_cast<size_t>(triangles_.size()));
+  std::vector<int> filled(fan_begin_.begin(), fan_begin_.end() - 1);
+  for (Index k = 0; k < triangles_.size(); ++k)
+    fan_[filled[triangles_.data()[k]]++] = static_cast<int>(k / 3);
+
+  find_borders();
+  Rows fine = rest_;
+  for (int level = 1; level <= level_count; ++level) {
+    const Rows coarse =
+        in_order(level < level_count ? intermediate(bound, level, level_count) : bound.base,
+                 bound.order());
+    decompose(fine, coarse);
+    fine = coarse;
+  }
+}
+
+void NormalDisplacement::find_borders() {
+  std::map<std::pair<int, int>, int> triangles_at;
+  const auto edge = [&](Index j, int k) {
+    return std::pair<int, int>(std::minmax(triangles_(j, (k + 1) % 3), triangles_(j, (k + 2) % 3)));
+  };
+  for (Index j = 0; j < triangles_.rows(); ++j)
+    for (int k = 0; k < 3; ++k) ++triangles_at[edge(j, k)];
+
+  tangent_.resize(rest_.rows());
+  for (Index j = 0; j < triangles_.rows(); ++j)
+    for (int k = 0; k < 3; ++k) {
+      on_border_.push_back(triangles_at[edge(j, k)] == 1);
+      if (!on_border_.back()) continue;
+      const int from = triangles_(j, (k + 1) % 3), to = triangles_(j, (k + 2) % 3);
+      tangent_[from].to = to;
+      tangent_[to].from = from;
+    }
+  for (Index k = 0; k < triangles_.size(); ++k) {
+    // Away from borders any neighbour gives a direction; at their ends the vertex itself.
+    const int row = triangles_.data()[k];
+    Edge& tangent = tangent_[row];
+    if (tangent.from < 0 && tangent.to < 0) tangent.to = triangles_(k / 3, (k + 1) % 3);
+    if (tangent.from < 0) tangent.from = row;
+    if (tangent.to < 0) tangent.to = row;
+  }
+}
+
+NormalDisplacement::Carrier NormalDisplacement::carrier(const Rows& positions) const {
+  Carrier result = {positions, Rows::Zero(positions.rows(), 4)};
+  for (Index j = 0; j < triangles_.rows(); ++j) {
+    const int a = triangles_(j, 0), b = triangles_(j, 1), c = triangles_(j, 2);
+    const Vector3d first = vector(positions, a);
+    const Vector3d cross = (vector(positions, b) - first).cross(vector(positions, c) - first);
+    for (int r : {a, b, c}) result.normals.row(r).head<3>() += cross;
+  }
+  for (Index r = 0; r < positions.rows(); ++r) {
+    const double length = result.normals.row(r).norm();
+    if (length > 1e-150) result.normals.row(r) /= length;
+  }
+  return result;
+}
+
+Eigen::Matrix3d NormalDisplacement::frame_at(const Carrier& carrier,
+                                             const Displacement& displacement) const {
+  Vector3d normal = Vector3d::Zero(), tangent = Vector3d::Zero();
+  for (int k = 0; k < 3; ++k) {
+    const Edge& along = tangent_[displacement.corner[k]];
+    normal += displacement.weight[k] * vector(carrier.normals, displacement.corner[k]);
+    tangent += displacement.weight[k] * (vector(carrier.positions, along.to) -
+                                         vector(carrier.positions, along.from)).normalized();
+  }
+  Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
+  if (normal.norm() < 1e-9) return frame;
+  frame.col(2) = normal.normalized();
+  tangent -= frame.col(2) * frame.col(2).dot(tangent);
+  // Without a direction of its own any will do for offsets along the normal.
+  frame.col(0) = tangent.norm() > 1e-9 ? Vector3d(tangent.normalized())
+                                       : Vector3d(frame.col(2).unitOrthogonal());
+  frame.col(1) = frame.col(2).cross(frame.col(0));
+  return frame;
+}
+
+Eigen::Vector3d NormalDisplacement::displaced(const Carrier& carrier,
+                                              const Displacement& displacement) const {
+  Vector3d place = Vector3d::Zero(), normal = Vector3d::Zero();
+  for (int k = 0; k < 3; ++k) {
+    place += displacement.weight[k] * vector(carrier.positions, displacement.corner[k]);
+    normal += displacement.weight[k] * vector(carrier.normals, displacement.corner[k]);
+  }
+  if (!displacement.along_normal) return place + frame_at(carrier, displacement) * displacement.offset;
+  const double length = normal.norm();
+  return length > 1e-150 ? Vector3d(place + displacement.offset[2] / length * normal) : place;
+}
+
+bool NormalDisplacement::project(const Vector3d& point, int row, const Carrier& carrier,
+                                 Displacement& found) {
+  constexpr int kMostTriangles = 400;
+  constexpr double kSlack = 1e-9;
+  // From the row's own triangles towards the point: the first prism that holds it.
+  std::priority_queue<std::pair<double, int>, std::vector<std::pair<double, int>>, std::greater<>>
+      queue;
+  const auto add_fan = [&](int corner) {
+    for (int i = fan_begin_[corner]; i < fan_begin_[corner + 1]; ++i) {
+      if (seen_for_[fan_[i]] == row) continue;
+      seen_for_[fan_[i]] = row;
+      const auto corners = triangles_.row(fan_[i]);
+      const Vector3d centre = (vector(carrier.positions, corners[0]) +
+                               vector(carrier.positions, corners[1]) +
+                               vector(carrier.positions, corners[2])) /
+                              3;
+      queue.emplace((centre - point).squaredNorm(), fan_[i]);
+    }
+  };
+  add_fan(row);
+  double closest = std::numeric_limits<double>::infinity();
+  bool over_border = false;
+  for (int looked_at = 0; looked_at < kMostTriangles && !queue.empty(); ++looked_at) {
+    const int triangle = queue.top().second;
+    queue.pop();
+    const auto corner = triangles_.row(triangle);
+    const Prism prism = {vector(carrier.positions, corner[0]), vector(carrier.positions, corner[1]),
+                         vector(carrier.positions, corner[2]), vector(carrier.normals, corner[0]),
+                         vector(carrier.normals, corner[1]),   vector(carrier.normals, corner[2])};
+    Foot foot;
+    if (find_foot(prism, point, foot)) {
+      const double weight[3] = {1 - foot.w1 - foot.w2, foot.w1, foot.w2};
+      if (weight[0] >= -kSlack && weight[1] >= -kSlack && weight[2] >= -kSlack) {
+        found.along_normal = true;
+        for (int k = 0; k < 3; ++k) {
+          found.corner[k] = corner[k];
+          found.weight[k] = weight[k];
+        }
+        found.offset = {0, 0, foot.height};
+        return true;
+      }
+    }
+    for (int k = 0; k < 3; ++k) {
+      add_fan(corner[k]);
+      if (!on_border_[3 * size_t(triangle) + size_t(k)]) continue;
+      const int from = corner[(k + 1) % 3], to = corner[(k + 2) % 3];
+      const Vector3d start = vector(carrier.positions, from);
+      const Vector3d edge = vector(carrier.positions, to) - start, arm = point - start;
+      const double along = edge.squaredNorm() > 0 ? arm.dot(edge) / edge.squaredNorm() : 0;
+      const double clamped = std::clamp(along, 0.0, 1.0);
+      const double distance = (arm - clamped * edge).norm();
+      const Vector3d inwards = vector(carrier.positions, corner[k]) - start - clamped * edge;
+      // Past the border, not beside it over the triangle.
+      if (distance >= closest) continue;
+      closest = distance;
+      over_border = (arm - clamped * edge).dot(inwards) <= 0;
+      found.along_normal = false;
+      found.corner[0] = from, found.corner[1] = found.corner[2] = to;
+      found.weight[0] = 1 - clamped, found.weight[1] = clamped, found.weight[2] = 0;
+    }
+  }
+  return over_border;
+}
+
+bool NormalDisplacement::folds(const Carrier& carrier, const Level& level, int triangle) const {
+  Vector3d foot[3], normal = Vector3d::Zero();
+  for (int k = 0; k < 3; ++k) {
+    const int r = triangles_(triangle, k);
+    if (r >= bound_.order().free_count) {
+      foot[k] = vector(carrier.positions, r);
+      normal += vector(carrier.normals, r);
+      continue;
+    }
+    if (!level[r].along_normal) return false;  // beyond the border, or counted as it is
+    foot[k].setZero();
+    for (int c = 0; c < 3; ++c) {
+      foot[k] += level[r].weight[c] * vector(carrier.positions, level[r].corner[c]);
+      normal += level[r].weight[c] * vector(carrier.normals, level[r].corner[c]);
+    }
+  }
+  return (foot[1] - foot[0]).cross(foot[2] - foot[0]).dot(normal) < 0;
+}
+
+void NormalDisplacement::decompose(const Rows& fine, const Rows& coarse) {
+  const int free_count = bound_.order().free_count;
+  const Carrier onto = carrier(coarse);
+  seen_for_.assign(static_cast<size_t>(triangles_.rows()), -1);
+  std::vector<char> failed(static_cast<size_t>(free_count), 0);
+  Level level(static_cast<size_t>(free_count));
+  for (int r = 0; r < free_count; ++r) {
+    Displacement& displacement = level[r];
+    if (!project(vector(fine, r), r, onto, displacement)) {
+      failed[r] = 1;
+      displacement = {{r, r, r}, {1, 0, 0}, Vector3d::Zero(), false};
+    }
+    if (displacement.along_normal) continue;
+    Vector3d foot = Vector3d::Zero();
+    for (int k = 0; k < 3; ++k)
+      foot += displacement.weight[k] * vector(coarse, displacement.corner[k]);
+    displacement.offset =
+        frame_at(onto, displacement).transpose() * (vector(fine, r) - foot);
+  }
+  for (int j = 0; j < static_cast<int>(triangles_.rows()); ++j) {
+    if (!folds(onto, level, j)) continue;
+    for (int k = 0; k < 3; ++k)
+      if (triangles_(j, k) < free_count) failed[triangles_(j, k)] = 1;
+  }
+  for (int r = 0; r < free_count; ++r)
+    if (failed[r] && unrepresented_count_++ == 0)
+      unrepresented_example_ = bound_.order().vertex_of_row[r];
+  levels_.push_back(std::move(level));
+}
+
+void NormalDisplacement::update(const Frame& frame, const MethodOptions&) {
+  Rows surface = frame.base;
+  for (auto level = levels_.rbegin(); level != levels_.rend(); ++level) {
+    const Rows coarse = surface;
+    const Carrier onto = carrier(coarse);
+    for (int r = 0; r < static_cast<int>(level->size()); ++r)
+      surface.row(r).head<3>() = displaced(onto, (*level)[r]).transpose();
+  }
+  const int free_count = bound_.order().free_count;
+  frame.offsets.topRows(free_count) = surface.topRows(free_count) - rest_.topRows(free_count);
+}
+
+double NormalDisplacement::bytes() const {
+  double sum = static_cast<double>(rest_.size()) * sizeof(double) +
+               static_cast<double>(triangles_.size() + Index(fan_.size() + fan_begin_.size())) *
+                   sizeof(int);
+  for (const Level& level : levels_) sum += static_cast<double>(level.size() * sizeof(Displacement));
+  return sum;
+}
+
+}  // namespace dd
