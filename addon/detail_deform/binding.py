@@ -9,6 +9,7 @@ from . import deformers, dependency, handle_matrices, mesh_data, native, node_gr
 from .mesh_data import MeshProblem
 
 _POLL_SECONDS = 0.1
+_SMOOTHNESS = {'1': 1, '2': 2, '3': 3}
 _TOPOLOGY_CHANGED = "The mesh's vertices or faces were changed since Bind."
 
 
@@ -20,13 +21,27 @@ def _handle_groups(settings):
 
 def _options(settings):
     smoothing = settings.metric_smoothing if settings.base_metric == 'SURFACE' else 0.0
-    return {'base_metric': settings.base_metric, 'metric_smoothing': smoothing}
+    return {'base_metric': settings.base_metric, 'metric_smoothing': smoothing,
+            'smoothness': _SMOOTHNESS[settings.smoothness]}
+
+
+def _look(settings):
+    """Arguments of Deformer.offsets: what can change without a new bind. Those that don't matter
+    to the method keep their default, so that changing them costs nothing."""
+    look = {'method': settings.method, 'shown': settings.output}
+    if settings.method in {'TRANSFER', 'GRADIENT'}:
+        look['rotation_only'] = settings.rotation_only
+    if settings.method == 'TRANSFER' and settings.rotation_only:
+        look['refine'] = settings.refine
+    if settings.method == 'NORMAL':
+        look['levels'] = settings.levels
+    return look
 
 
 def _signature(shape, roles, settings):
     options = _options(settings)
     return '.'.join([*shape, mesh_data.roles_signature(roles), options['base_metric'],
-                     f"{options['metric_smoothing']:g}"])
+                     f"{options['metric_smoothing']:g}", str(options['smoothness'])])
 
 
 def _roles(ob):
@@ -101,11 +116,15 @@ def _follow(ob, bound, depsgraph, force):
         settings.stale = _TOPOLOGY_CHANGED
         return
     motions = handle_matrices.motions(settings, handle_matrices.local_places(ob, depsgraph))
-    shown = (motions.tobytes(), settings.rotation_only)
+    look = _look(settings)
+    shown = (motions.tobytes(), look)
     if not force and bound.shown.get(ob.name) == shown:
         return
-    mesh_data.write_offsets(ob.data, bound.deformer.offsets(motions, settings.rotation_only))
+    mesh_data.write_offsets(ob.data, bound.deformer.offsets(motions, **look))
     bound.shown[ob.name] = shown
+    bound.only_moved[ob.name] = [
+        handle.name for handle, motion in zip(handle_matrices.enabled_handles(settings), motions)
+        if handle_matrices.only_moves(motion)]
     bound.update_ms = 1e3 * (time.perf_counter() - start)
 
 
@@ -275,7 +294,7 @@ def status(ob):
     bound = deformers.find(settings.signature)
     if bound is None:
         return "Bound; the handles will be followed again after the next update."
-    return ' '.join([_summary(bound.deformer.info), *_remarks(ob, bound.deformer.info)])
+    return ' '.join([_summary(bound.deformer.info), *_remarks(ob, bound)])
 
 
 def _count(number, one, many):
@@ -288,8 +307,13 @@ def _summary(info):
             f"{_count(info.free_count, 'free vertex', 'free vertices')}.")
 
 
-def _remarks(ob, info):
-    """What the user may not expect of this mesh."""
+def _names(names):
+    return ', '.join(f"'{name}'" for name in names)
+
+
+def _remarks(ob, bound):
+    """What the user may not expect of this mesh, or of this method."""
+    info = bound.deformer.info
     if node_group.find_modifier(ob) is None:
         yield "Its modifier was removed, so nothing is shown: bind again to add it."
     if info.resting_count:
@@ -303,3 +327,13 @@ def _remarks(ob, info):
     if info.degenerate_count:
         yield (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
                f"(such as triangle {info.degenerate_example}).")
+    settings = ob.detail_deform
+    if settings.method == 'NORMAL' and info.unrepresented_count:
+        yield (f"{_count(info.unrepresented_count, 'vertex', 'vertices')} (such as vertex "
+               f"{info.unrepresented_example}) {'overhangs' if info.unrepresented_count == 1 else 'overhang'} "
+               "the base, where normal displacements fail: use Detail Transfer, or a smaller region.")
+    if settings.method == 'GRADIENT':
+        moved = bound.only_moved.get(ob.name, ())
+        if moved:
+            yield (f"Gradient editing turns nothing where a handle is only moved, as {_names(moved)} "
+                   f"{'is' if len(moved) == 1 else 'are'}: turn the empty too, or use Detail Transfer.")

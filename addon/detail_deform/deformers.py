@@ -23,6 +23,8 @@ class Bound:
         self.update_ms = 0.0
         # By object name: the handles and options whose result the object's mesh holds.
         self.shown = {}
+        # By object name: the handles that are moved without being turned or scaled.
+        self.only_moved = {}
 
 
 _bound = {}

@@ -61,6 +61,11 @@ def motions(settings, places):
     return result
 
 
+def only_moves(motion):
+    """Whether a (3, 4) motion is a translation, to what single precision leaves of one."""
+    return bool(np.abs(motion[:, :3] - np.eye(3)).max() < 1e-5 and np.abs(motion[:, 3]).max() > 0)
+
+
 def has_rest(handle):
     return any(handle.rest_matrix)
 

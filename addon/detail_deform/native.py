@@ -12,7 +12,7 @@ ABI_VERSION = 2
 ROLE_FREE = -1
 ROLE_FIXED = -2
 METRICS = {'SURFACE': 0, 'BASE': 1}
-METHODS = {'TRANSFER': 0, 'VARIATIONAL': 1, 'GRADIENT': 3}
+METHODS = {'TRANSFER': 0, 'VARIATIONAL': 1, 'NORMAL': 2, 'GRADIENT': 3}
 SHOWN = {'RESULT': 0, 'BASE': 1}
 
 _ERROR_CANCELLED = 6
@@ -36,7 +36,7 @@ class _BindOptions(ctypes.Structure):
 class _UpdateOptions(ctypes.Structure):
     _fields_ = [('struct_size', ctypes.c_uint32), ('rotation_only', ctypes.c_int32),
                 ('output', ctypes.c_int32), ('method', ctypes.c_int32), ('refine', ctypes.c_int32),
-                ('shown', ctypes.c_int32)]
+                ('shown', ctypes.c_int32), ('levels', ctypes.c_int32)]
 
 
 class _BindProgress(ctypes.Structure):
@@ -50,7 +50,8 @@ class Info(ctypes.Structure):
         (name, ctypes.c_int32) for name in (
             'vertex_count', 'triangle_count', 'handle_count', 'free_count', 'resting_count',
             'resting_part_count', 'resting_example', 'loose_count', 'loose_example',
-            'degenerate_count', 'degenerate_example', 'borrowed_count')] + [
+            'degenerate_count', 'degenerate_example', 'borrowed_count', 'unrepresented_count',
+            'unrepresented_example')] + [
         ('bind_seconds', ctypes.c_double), ('bytes', ctypes.c_double)]
 
 
@@ -188,21 +189,27 @@ class Deformer:
     def __init__(self, handle):
         self._handle = handle
         self._lock = threading.Lock()
-        info = Info(ctypes.sizeof(Info))
-        _check(library().dd_deformer_get_info(handle, info))
-        self.info = info
-        self._offsets = np.zeros(3 * info.vertex_count, np.float32)
+        self.info = self._read_info()
+        self._offsets = np.zeros(3 * self.info.vertex_count, np.float32)
 
-    def offsets(self, matrices, rotation_only=True, method='TRANSFER', refine=0, shown='RESULT'):
+    def _read_info(self):
+        info = Info(ctypes.sizeof(Info))
+        _check(library().dd_deformer_get_info(self._handle, info))
+        return info
+
+    def offsets(self, matrices, rotation_only=True, method='TRANSFER', refine=4, shown='RESULT',
+                levels=1):
         """matrices: (h, 3, 4) float64, rest to present, object space. Options as in
         dd_update_options, by the names in METHODS and SHOWN. Calls are serialized.
-        Returns (3 n,) float32, deformed minus rest; the array is reused by the next call."""
+        Returns (3 n,) float32, deformed minus rest; the array is reused by the next call. info is
+        brought up to date: methods are prepared when they are first used."""
         matrices = np.ascontiguousarray(matrices, np.float64)
         options = _UpdateOptions(ctypes.sizeof(_UpdateOptions), rotation_only, _OUTPUT_OFFSETS,
-                                 METHODS[method], refine, SHOWN[shown])
+                                 METHODS[method], refine, SHOWN[shown], levels)
         with self._lock:
             _check(library().dd_deformer_update(self._handle, matrices, matrices.size, options,
                                                 self._offsets, self._offsets.size))
+            self.info = self._read_info()
         return self._offsets
 
     def close(self):

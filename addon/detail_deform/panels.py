@@ -63,11 +63,16 @@ class OBJECT_PT_detail_deform(bpy.types.Panel):
             column.prop(handle, 'target')
 
         column = layout.column()
-        column.prop(settings, 'rotation_only')
-        column.prop(settings, 'base_metric')
-        smoothing = column.column()
-        smoothing.active = settings.base_metric == 'SURFACE'
-        smoothing.prop(settings, 'metric_smoothing')
+        column.prop(settings, 'method')
+        if settings.method in {'TRANSFER', 'GRADIENT'}:
+            column.prop(settings, 'rotation_only')
+        if settings.method == 'TRANSFER':
+            refine = column.column()
+            refine.active = settings.rotation_only
+            refine.prop(settings, 'refine')
+        if settings.method == 'NORMAL':
+            column.prop(settings, 'levels')
+        column.prop(settings, 'output')
 
         layout.separator()
         row = layout.row(align=True)
@@ -101,11 +106,34 @@ class OBJECT_PT_detail_deform(bpy.types.Panel):
             row.operator('object.detail_deform_bind', icon='LINKED').keep_rest = False
 
 
+class OBJECT_PT_detail_deform_base(bpy.types.Panel):
+    bl_label = "Base Surface"
+    bl_parent_id = 'OBJECT_PT_detail_deform'
+    bl_space_type = 'PROPERTIES'
+    bl_region_type = 'WINDOW'
+    bl_context = 'modifier'
+    bl_options = {'DEFAULT_CLOSED'}
+
+    def draw(self, context):
+        layout = self.layout
+        settings = context.object.detail_deform
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        # Gradient editing has no base.
+        layout.active = settings.method != 'GRADIENT' or settings.output == 'BASE'
+        column = layout.column()
+        column.prop(settings, 'smoothness')
+        column.prop(settings, 'base_metric')
+        smoothing = column.column()
+        smoothing.active = settings.base_metric == 'SURFACE'
+        smoothing.prop(settings, 'metric_smoothing')
+
+
 def _draw_add_entry(self, context):
     self.layout.operator('object.detail_deform_add', text="Detail Deform", icon='MOD_MESHDEFORM')
 
 
-CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_PT_detail_deform)
+CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_PT_detail_deform, OBJECT_PT_detail_deform_base)
 
 
 def _add_menu():

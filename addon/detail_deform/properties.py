@@ -46,19 +46,39 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     handles: CollectionProperty(type=DetailDeformHandle)
     handle_index: IntProperty(name="Active Handle", options={'HIDDEN'})
     method: EnumProperty(
-        name="Method",
-        items=[('TRANSFER', "Detail Transfer", "A smooth base surface is deformed, and details turn with it (Botsch, Sumner, Pauly, Gross 2006)")],
-        description="How the surface follows its handles")
+        name="Method", update=_look_changed,
+        items=[('TRANSFER', "Detail Transfer", "A smooth base surface bends, and details turn with it (Botsch, Sumner, Pauly, Gross 2006). The best choice nearly always"),
+               ('VARIATIONAL', "Smooth Displacement", "The smoothest displacement that follows the handles: details are moved but not turned, so they shear (variational minimization)"),
+               ('NORMAL', "Normal Displacement", "A smooth base surface bends, and details stand on it along its normals: fails where they overhang, and self-intersects in tight bends"),
+               ('GRADIENT', "Gradient Editing", "The handles' rotation and scale spread over the surface; a handle that is only moved turns nothing (differential coordinates)")],
+        description="How the surface follows its handles. Switching needs no new Bind")
     rotation_only: BoolProperty(
         name="Rotation Only", default=True, update=_look_changed,
         description="Details only turn with the surface and keep their size. Off: they are stretched and sheared with it too")
+    refine: IntProperty(
+        name="Refine", default=4, min=0, soft_max=16, max=1000, update=_look_changed,
+        description="Passes that take the turn of the details from the result and solve again: less stretch and shrinking in large bends. Each costs about as much as three updates without. 0: the paper's linear result")
+    levels: IntProperty(
+        name="Levels", default=1, min=1, max=20, soft_max=5, update=_look_changed,
+        description="Surfaces between the detailed and the smooth one, each displaced from the next smoother one: shorter displacements, which intersect later")
+    output: EnumProperty(
+        name="Show", update=_look_changed,
+        items=[('RESULT', "Result", "The deformed surface"),
+               ('BASE', "Base", "The smooth base surface in its place, to see where it bulges")],
+        description="What the modifier shows")
+    smoothness: EnumProperty(
+        name="Smoothness", default='2', update=_input_changed,
+        items=[('1', "Membrane", "Least area: the base meets its border with a crease, bulges least"),
+               ('2', "Thin Plate", "Least curvature: the base continues the slope of its border"),
+               ('3', "Curvature Variation", "Least change of curvature: the base continues its border's curvature too, bulges most")],
+        description="What the smooth base surface keeps small. Takes effect at the next Bind")
     base_metric: EnumProperty(
         name="Stiffness", update=_input_changed,
         items=[('SURFACE', "From Surface", "Stiffness measured on the surface itself: exact when all handles move together, fast to bind"),
                ('BASE', "From Base", "Stiffness measured on the smooth base surface, as in the paper: sensitive where the base has tiny triangles")],
         description="Where the stiffness of the base surface is measured. Takes effect at the next Bind")
     metric_smoothing: FloatProperty(
-        name="Smoothing", default=0.0, min=0.0, soft_max=4.0, max=100.0, update=_input_changed,
+        name="Smoothing", default=0.0, min=0.0, soft_max=4.0, max=6.0, update=_input_changed,
         description="Measure the stiffness on a slightly smoothed copy of the surface, in mean edge lengths: evens out the pull where the relief is strong. Takes effect at the next Bind")
     live: BoolProperty(
         name="Live", default=True,

@@ -14,6 +14,7 @@
 #include "deformer.h"
 #include "detail_deform/detail_deform.h"
 #include "kernels.h"
+#include "methods/normal_displacement.h"
 
 namespace {
 
@@ -102,28 +103,30 @@ dd::BindOptions read_options(const dd_bind_options* given) {
   require(options.smoothness >= DD_SMOOTHNESS_DEFAULT &&
               options.smoothness <= DD_SMOOTHNESS_CURVATURE_VARIATION,
           "options.smoothness is " + std::to_string(options.smoothness) + ", not 1, 2 or 3.");
-  const int smoothness = options.smoothness == DD_SMOOTHNESS_DEFAULT ? DD_SMOOTHNESS_THIN_PLATE
-                                                                     : options.smoothness;
+  const int smoothness =
+      options.smoothness == DD_SMOOTHNESS_DEFAULT ? DD_SMOOTHNESS_THIN_PLATE : options.smoothness;
   return {static_cast<dd::BaseMetric>(options.base_metric), options.metric_smoothing,
           static_cast<dd::Smoothness>(smoothness)};
 }
 
 dd_update_options read_options(const dd_update_options* given) {
-  const dd_update_options options = read_struct(
-      "options", given,
-      dd_update_options{sizeof(dd_update_options), 1, DD_OUTPUT_POSITIONS, DD_METHOD_TRANSFER, 4,
-                        DD_SHOWN_RESULT});
+  dd_update_options options =
+      read_struct("options", given,
+                  dd_update_options{sizeof(dd_update_options), 1, DD_OUTPUT_POSITIONS,
+                                    DD_METHOD_TRANSFER, 4, DD_SHOWN_RESULT, 1});
   require(options.rotation_only == 0 || options.rotation_only == 1,
           "options.rotation_only must be 0 or 1.");
   require(options.output == DD_OUTPUT_POSITIONS || options.output == DD_OUTPUT_OFFSETS,
           "options.output is " + std::to_string(options.output) + ", which is no output.");
-  require(options.method == DD_METHOD_TRANSFER || options.method == DD_METHOD_VARIATIONAL ||
-              options.method == DD_METHOD_GRADIENT,
+  require(options.method >= DD_METHOD_TRANSFER && options.method <= DD_METHOD_GRADIENT,
           "options.method is " + std::to_string(options.method) + ", which is no method.");
   require(options.refine >= 0 && options.refine <= 10000,
           "options.refine is " + std::to_string(options.refine) + ", not between 0 and 10000.");
   require(options.shown == DD_SHOWN_RESULT || options.shown == DD_SHOWN_BASE,
           "options.shown is " + std::to_string(options.shown) + ", not result or base.");
+  require(options.levels >= 0 && options.levels <= 20,
+          "options.levels is " + std::to_string(options.levels) + ", not between 1 and 20.");
+  if (options.levels == 0) options.levels = 1;
   return options;
 }
 
@@ -162,12 +165,12 @@ void run_bind(dd_bind& bind, dd::Mesh mesh, const std::vector<int>& roles, int32
               const dd::BindOptions& options) noexcept {
   bind.status = guarded([&] {
     const auto start = std::chrono::steady_clock::now();
-    bind.result = std::make_unique<dd_deformer>(
-        std::move(mesh), roles, handle_count, options, [&bind](double fraction, const char* stage) {
-          bind.fraction = fraction;
-          bind.stage = stage;
-          return !bind.cancelled || fraction >= 1;
-        });
+    bind.result = std::make_unique<dd_deformer>(std::move(mesh), roles, handle_count, options,
+                                                [&bind](double fraction, const char* stage) {
+                                                  bind.fraction = fraction;
+                                                  bind.stage = stage;
+                                                  return !bind.cancelled || fraction >= 1;
+                                                });
     bind.result->bind_seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   });
@@ -272,10 +275,10 @@ int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices, size_t
                  12 * static_cast<size_t>(bound.region().handle_count));
     require_size("out", out_count, 3 * static_cast<size_t>(bound.mesh().vertex_count()));
     const dd_update_options how = read_options(options);
-    const dd::Positions& offsets = bound.update(
-        matrices, {static_cast<dd::MethodKind>(how.method),
-                   {how.rotation_only == 1, how.refine},
-                   static_cast<dd::Shown>(how.shown)});
+    const dd::Positions& offsets =
+        bound.update(matrices, {static_cast<dd::MethodKind>(how.method),
+                                {how.rotation_only == 1, how.refine, how.levels},
+                                static_cast<dd::Shown>(how.shown)});
     const dd::Positions& rest = bound.mesh().positions;
     const double largest = std::max(offsets.cwiseAbs().maxCoeff(), rest.cwiseAbs().maxCoeff());
     if (!(largest < 0.5 * std::numeric_limits<float>::max()))
@@ -310,6 +313,9 @@ int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info
     facts.degenerate_count = static_cast<int32_t>(degenerate.size());
     facts.degenerate_example = degenerate.empty() ? -1 : degenerate.front();
     facts.borrowed_count = bound.borrowed_count();
+    const dd::NormalDisplacement* normal = bound.normal_displacement();
+    facts.unrepresented_count = normal ? normal->unrepresented_count() : 0;
+    facts.unrepresented_example = normal ? normal->unrepresented_example() : -1;
     facts.bind_seconds = deformer->bind_seconds;
     facts.bytes = bound.bytes();
     write_struct("info", info, facts);

@@ -23,8 +23,7 @@ Mesh validated(Mesh mesh) {
 
 Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
                    const BindOptions& options, const Progress& progress)
-    : mesh_(validated(std::move(mesh))),
-      region_(split_region(mesh_, roles, handle_count)) {
+    : mesh_(validated(std::move(mesh))), region_(split_region(mesh_, roles, handle_count)) {
   report(progress, 0.02, "Building operators");
   scale_ = bounding_box_diagonal(mesh_.positions);
   centre_ = 0.5 * (mesh_.positions.colwise().maxCoeff() + mesh_.positions.colwise().minCoeff());

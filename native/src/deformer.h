@@ -41,7 +41,9 @@ class Deformer {
 
   const Mesh& mesh() const { return mesh_; }
   const Region& region() const { return region_; }
-  const std::vector<int>& degenerate_triangles() const { return bound_->operators.metric.degenerate; }
+  const std::vector<int>& degenerate_triangles() const {
+    return bound_->operators.metric.degenerate;
+  }
   int borrowed_count() const;
   /// Null before the first update by that method.
   const NormalDisplacement* normal_displacement() const;

@@ -57,10 +57,9 @@ class BoxTree {
     Index axis = 0;
     nodes_[number].box.sizes().maxCoeff(&axis);
     const int middle = begin + (end - begin) / 2;
-    std::nth_element(order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
-                     [&](int a, int b) {
-                       return boxes_[a].center()[axis] < boxes_[b].center()[axis];
-                     });
+    std::nth_element(
+        order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
+        [&](int a, int b) { return boxes_[a].center()[axis] < boxes_[b].center()[axis]; });
     const int left = build(begin, middle), right = build(middle, end);
     nodes_[number].left = left;
     nodes_[number].right = right;

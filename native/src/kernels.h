@@ -22,7 +22,7 @@ struct TriangleBlock {
 
 /// kLanes triangles whose rotation from rest to now is asked for, structure of arrays.
 struct RotationBlock {
-  int32_t source[3][kLanes];  ///< rows of the positions
+  int32_t source[3][kLanes];                                             ///< rows of the positions
   double inverse_length[kLanes], shear[kLanes], inverse_height[kLanes];  ///< as in TriangleBlock
   double from_rest[4][kLanes];  ///< quaternion x y z w that takes the rest frame to the world's
 };
@@ -56,8 +56,8 @@ struct Kernels {
   void (*rotation_pass)(int block_count, const RotationBlock* blocks, const double* positions,
                         double* quaternions);
 
-  /// out[i] = the normalized Σ_k weights[k] · ± in[index[k]], k from starts[i] to starts[i + 1], with
-  /// signs that agree with the first: the mean of rotations.
+  /// out[i] = the normalized Σ_k weights[k] · ± in[index[k]], k from starts[i] to starts[i + 1],
+  /// with signs that agree with the first: the mean of rotations.
   void (*mean_rotations)(int count, const int* starts, const int* index, const double* weights,
                          const double* in, double* out);
 

@@ -189,8 +189,8 @@ void rotation_pass(int block_count, const RotationBlock* blocks, const double* p
       // The frame turned within its plane, as the 2×2 matrix [a s; 0 d] of gradient_pass asks.
       const double length = l2 * inv_l, height = n2 * inv_n * inv_l;
       const double a = length * block.inverse_length[lane];
-      const double s = (tx * x2 + ty * y2 + tz * z2) * block.inverse_height[lane] -
-                       length * block.shear[lane];
+      const double s =
+          (tx * x2 + ty * y2 + tz * z2) * block.inverse_height[lane] - length * block.shear[lane];
       const double d = height * block.inverse_height[lane];
       const double scale = guarded_inverse_sqrt((a + d) * (a + d) + s * s);
       const double cosine = (a + d) * scale, sine = -s * scale;
@@ -235,8 +235,8 @@ void mean_rotations(int count, const int* starts, const int* index, const double
     Row sum = {{0, 0, 0, 0}};
     for (int k = begin; k < end; ++k) {
       const Row q = load(in + 4 * static_cast<int64_t>(index[k]));
-      const double cosine = (q.v[0] * first.v[0] + q.v[1] * first.v[1]) +
-                            (q.v[2] * first.v[2] + q.v[3] * first.v[3]);
+      const double cosine =
+          (q.v[0] * first.v[0] + q.v[1] * first.v[1]) + (q.v[2] * first.v[2] + q.v[3] * first.v[3]);
       add_scaled(sum, cosine < 0 ? -weights[k] : weights[k], q);
     }
     const double scale = guarded_inverse_sqrt((sum.v[0] * sum.v[0] + sum.v[1] * sum.v[1]) +
@@ -274,8 +274,7 @@ void turn_pass(int block_count, const TurnBlock* blocks, const double* quaternio
 }  // namespace
 
 extern const Kernels DD_KERNEL_SET;
-const Kernels DD_KERNEL_SET = {DD_KERNEL_NAME, solve_factor, blend,
-                                     gradient_pass,  rotation_pass, mean_rotations,
-                                     turn_pass};
+const Kernels DD_KERNEL_SET = {DD_KERNEL_NAME, solve_factor,   blend,    gradient_pass,
+                               rotation_pass,  mean_rotations, turn_pass};
 
 }  // namespace dd

@@ -37,7 +37,8 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
   const Positions flux = corner_divergence(operators.metric, mesh.positions, t);
   for (int j : active_)
     for (int k = 0; k < 3; ++k)
-      rest_divergence_.row(order_.target_of_vertex(t(j, k))).head<3>() += flux.row(3 * Index(j) + k);
+      rest_divergence_.row(order_.target_of_vertex(t(j, k))).head<3>() +=
+          flux.row(3 * Index(j) + k);
 
   for (int r = order_.held_begin; r < order_.fixed_begin; ++r)
     for (SparseMatrix::InnerIterator it(operators.laplacian, order_.vertex_of_row[r]); it; ++it)

@@ -51,8 +51,8 @@ Refinement::Refinement(BoundSurface& bound) : bound_(bound) {
       vertices.push_back(t(active[i], k));
     }
   }
-  const GradientSources sources = gradient_sources(bound.mesh.positions, t,
-                                                   bounding_box_diagonal(bound.mesh.positions));
+  const GradientSources sources =
+      gradient_sources(bound.mesh.positions, t, bounding_box_diagonal(bound.mesh.positions));
   moving_ = rotation_blocks(bound, active, sources);
   const int first_rim = kLanes * static_cast<int>(moving_.size());
   for (int j = 0; j < m; ++j) {
@@ -131,8 +131,8 @@ void Refinement::run(int iterations, Rows& offsets) {
 }
 
 double Refinement::bytes() const {
-  const auto rows = rest_.size() + positions_.size() + triangle_rotations_.size() +
-                    vertex_rotations_.size();
+  const auto rows =
+      rest_.size() + positions_.size() + triangle_rotations_.size() + vertex_rotations_.size();
   return static_cast<double>((moving_.size() + held_.size()) * sizeof(RotationBlock) +
                              turns_.size() * sizeof(TurnBlock)) +
          of_vertices_.bytes() + of_triangles_.bytes() +

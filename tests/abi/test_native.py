@@ -299,3 +299,52 @@ def test_a_library_of_another_version_is_refused(tmp_path):
     subprocess.run(['cc', '-shared', '-fPIC', '-o', str(other), str(source)], check=True)
     answer = load_elsewhere(other)
     assert 'of another version' in answer and '99' in answer
+
+
+METHODS = ('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT')
+
+
+def test_methods_differ_and_switch_on_one_deformer(native, strip):
+    motion = rotation(0.8, (0.5, 0, 3))
+    deformer = bound(native, strip)
+    results = {method: deformer.offsets(motion, method=method).copy() for method in METHODS}
+    for method, offsets in results.items():
+        assert np.isfinite(offsets).all()
+        assert (offsets == deformer.offsets(motion, method=method)).all()
+        assert (offsets == bound(native, strip).offsets(motion, method=method)).all()
+        for other in METHODS:
+            assert method == other or np.abs(offsets - results[other]).max() > 1e-3, (method, other)
+        assert np.abs(deformer.offsets(IDENTITY, method=method)).max() <= 1e-5
+
+
+def test_refine_shown_levels_and_smoothness_do_something(native, strip):
+    motion = rotation(0.8, (0.5, 0, 3))
+    deformer = bound(native, strip)
+    plain = deformer.offsets(motion, refine=0).copy()
+    assert np.abs(deformer.offsets(motion, refine=2) - plain).max() > 1e-3
+    base = deformer.offsets(IDENTITY, shown='BASE').reshape(-1, 3)
+    assert np.abs(base[strip.roles == -1]).max() > 0.1 and (base[strip.roles != -1] == 0).all()
+    one = deformer.offsets(motion, method='NORMAL').copy()
+    assert np.abs(deformer.offsets(motion, method='NORMAL', levels=3) - one).max() > 1e-4
+    for smoothness in (1, 3):
+        other = bound(native, strip, smoothness=smoothness).offsets(IDENTITY, shown='BASE')
+        assert np.abs(other.reshape(-1, 3) - base).max() > 1e-3
+
+
+@pytest.mark.parametrize('field, value, named', [
+    ('method', 7, 'method'), ('method', -1, 'method'), ('refine', -1, 'refine'),
+    ('refine', 10**6, 'refine'), ('shown', 2, 'shown'), ('levels', 21, 'levels'),
+    ('levels', -1, 'levels')])
+def test_unknown_update_options_are_refused(native, strip, field, value, named):
+    deformer = bound(native, strip)
+    options = native._UpdateOptions(ctypes.sizeof(native._UpdateOptions), 1, 0, 0, 0, 0, 1)
+    setattr(options, field, value)
+    out = np.zeros(strip.positions.size, np.float32)
+    motion = np.ascontiguousarray(IDENTITY)
+    status = native.library().dd_deformer_update(deformer._handle, motion, 12, options, out, out.size)
+    assert status == 1 and f'options.{named}' in native.library().dd_last_message().decode()
+
+
+def test_unknown_smoothness_is_refused(native, strip):
+    with pytest.raises(native.NativeError, match='smoothness'):
+        bound(native, strip, smoothness=4)

@@ -211,9 +211,8 @@ TEST_CASE("NORMAL reconstructs S at rest at every level count, and follows rigid
     CHECK(deformer.normal_displacement()->unrepresented_count() == 0);
     // Random relief is no height field everywhere: the other way must be as exact.
     Deformer rough(ball.mesh, ball.roles, 2, {});
-    CHECK(test::largest_difference(
-              surface(rough, {test::identity(), test::identity()}, options),
-              ball.mesh.positions) < 1e-9);
+    CHECK(test::largest_difference(surface(rough, {test::identity(), test::identity()}, options),
+                                   ball.mesh.positions) < 1e-9);
   }
 }
 
@@ -251,8 +250,11 @@ TEST_CASE("NORMAL counts what is no height field over the base") {
     const double r = from.norm() / 0.3;
     if (r >= 1) continue;
     // Profile of a mushroom: the radius first shrinks, then swells, then closes.
-    const double s = 1 - r, radius = s < 0.4 ? 0.3 - 0.55 * s : 0.08 + 0.17 * std::sin((s - 0.4) / 0.6 * std::acos(-1.0));
-    const Eigen::RowVector2d direction = r > 0 ? Eigen::RowVector2d(from / from.norm()) : Eigen::RowVector2d(1, 0);
+    const double s = 1 - r,
+                 radius = s < 0.4 ? 0.3 - 0.55 * s
+                                  : 0.08 + 0.17 * std::sin((s - 0.4) / 0.6 * std::acos(-1.0));
+    const Eigen::RowVector2d direction =
+        r > 0 ? Eigen::RowVector2d(from / from.norm()) : Eigen::RowVector2d(1, 0);
     const double scale = r > 0 ? radius * std::min(1.0, r / 0.1) : 0;
     mesh.positions.row(v) << 0.5 + direction[0] * scale, 0.5 + direction[1] * scale, 0.4 * s;
   }

@@ -8,8 +8,8 @@
  * Equation numbers below are the paper's. This header is the whole interface and its documentation.
  *
  * Use
- *   A triangle mesh and a role for each vertex (free, fixed, or moved by handle k) are *bound* once;
- *   the bound deformer then turns handle matrices into vertex positions, many times a second:
+ *   A triangle mesh and a role for each vertex (free, fixed, or moved by handle k) are bound once;
+ *   the deformer then turns handle matrices into vertex positions, many times a second:
  *
  *     dd_bind* bind;
  *     dd_deformer* deformer;
@@ -84,6 +84,7 @@ enum dd_role { DD_ROLE_FREE = -1, DD_ROLE_FIXED = -2 };
 enum dd_method {
   DD_METHOD_TRANSFER = 0,    /* the paper's: a smooth base bends, details turn with it */
   DD_METHOD_VARIATIONAL = 1, /* the smoothest displacement: details are moved, not turned */
+  DD_METHOD_NORMAL = 2,      /* a smooth base bends, details stand on it along its normals */
   DD_METHOD_GRADIENT = 3     /* the handles' rotation and scale spread over the surface; what a
                                 handle is merely moved by turns nothing */
 };
@@ -129,17 +130,19 @@ typedef struct dd_bind_options {
 } dd_bind_options;
 
 /* Options of one update. A null pointer stands for the paper's method with rotations only, refined
- * by 4 iterations, as positions: {sizeof(dd_update_options), 1, 0, 0, 4, 0}. */
+ * by 4 iterations, as positions: {sizeof(dd_update_options), 1, 0, 0, 4, 0, 1}. */
 typedef struct dd_update_options {
   uint32_t struct_size;
   int32_t rotation_only; /* 1: S_j is replaced by its rotation (polar decomposition); 0: S_j whole.
                             Of no meaning to DD_METHOD_VARIATIONAL */
   int32_t output;        /* dd_output */
   int32_t method;        /* dd_method */
-  int32_t refine;        /* >= 0: iterations on top of DD_METHOD_TRANSFER with rotation_only, each of
-                            which takes the rotations anew from S to S', smooths them over the
-                            surface and solves (14) again; 0: the paper's linear result */
-  int32_t shown;         /* dd_shown */
+  int32_t refine; /* >= 0: iterations on top of DD_METHOD_TRANSFER with rotation_only, each of
+                     which takes the rotations anew from S to S', smooths them over the
+                     surface and solves (14) again; 0: the paper's linear result */
+  int32_t shown;  /* dd_shown */
+  int32_t levels; /* of DD_METHOD_NORMAL, >= 1: surfaces from S to B, each displaced from the
+                     next smoother one; 0 stands for 1 */
 } dd_update_options;
 
 typedef struct dd_bind_progress {
@@ -163,8 +166,12 @@ typedef struct dd_deformer_info {
   int32_t loose_example;      /* one of them */
   int32_t degenerate_count;   /* triangles without a usable area, given a tiny one */
   int32_t degenerate_example; /* one of them */
-  int32_t borrowed_count;     /* triangles whose base has no area: they turn with a neighbour or with
-                                 their handle; 0 before the first update by DD_METHOD_TRANSFER */
+  int32_t borrowed_count; /* triangles whose base has no area: they turn with a neighbour or with
+                             their handle; 0 before the first update by DD_METHOD_TRANSFER */
+  int32_t unrepresented_count;   /* vertices where S is no height field over the next smoother
+                                    surface, summed over the levels of DD_METHOD_NORMAL: there it
+                                    fails; 0 before its first update */
+  int32_t unrepresented_example; /* one of them */
   double bind_seconds;
   double bytes; /* memory held by the bound deformer */
 } dd_deformer_info;
@@ -208,12 +215,12 @@ DD_API int32_t dd_bind_finish(dd_bind* bind, dd_deformer** deformer);
 DD_API void dd_bind_free(dd_bind* bind);
 
 /* One frame. By DD_METHOD_TRANSFER: B' from the handles, its deformation gradients S_j (15), their
- * rotations, and L p' = div(S_j^T) (14) for the free vertices. The first update by a method prepares
- * it, which takes about as long as ten of its updates.
- *   matrices   matrix_value_count = 12 x handle_count doubles: for each handle a row-major 3x4
- *              affine matrix that takes the rest place of its vertices to the present one
- *   out        out_count = 3 n floats, positions or offsets of all vertices
- * Not finite matrices are refused, and so is a result that is not finite or leaves float range. */
+ * rotations, and L p' = div(S_j^T) (14) for the free vertices. The first update by a method
+ * prepares it, which takes about as long as ten of its updates. matrices   matrix_value_count = 12
+ * x handle_count doubles: for each handle a row-major 3x4 affine matrix that takes the rest place
+ * of its vertices to the present one out        out_count = 3 n floats, positions or offsets of all
+ * vertices Not finite matrices are refused, and so is a result that is not finite or leaves float
+ * range. */
 DD_API int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices,
                                   size_t matrix_value_count, const dd_update_options* options,
                                   float* out, size_t out_count);

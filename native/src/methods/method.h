@@ -12,8 +12,8 @@ enum class MethodKind { transfer = 0, variational = 1, normal = 2, gradient = 3,
 
 struct MethodOptions {
   bool rotation_only = true;  ///< S_j reduced to its rotation
-  int refine = 0;             ///< of transfer: iterations after its linear result; with rotation_only
-  int levels = 1;             ///< of normal displacements: surfaces that each is displaced from the next
+  int refine = 0;  ///< of transfer: iterations after its linear result; with rotation_only
+  int levels = 1;  ///< of normal displacements: surfaces that each is displaced from the next
 };
 
 /// One update on its way through a method.

@@ -32,8 +32,7 @@ Triangles triangles_near_free(const BoundSurface& bound) {
     if (near[t(j, 0)] || near[t(j, 1)] || near[t(j, 2)]) chosen.push_back(j);
   Triangles rows(static_cast<Index>(chosen.size()), 3);
   for (size_t i = 0; i < chosen.size(); ++i)
-    for (int k = 0; k < 3; ++k)
-      rows(Index(i), k) = bound.order().row_of_vertex[t(chosen[i], k)];
+    for (int k = 0; k < 3; ++k) rows(Index(i), k) = bound.order().row_of_vertex[t(chosen[i], k)];
   return rows;
 }
 
@@ -112,9 +111,8 @@ NormalDisplacement::NormalDisplacement(const BoundSurface& bound, int level_coun
   find_borders();
   Rows fine = rest_;
   for (int level = 1; level <= level_count; ++level) {
-    const Rows coarse =
-        in_order(level < level_count ? intermediate(bound, level, level_count) : bound.base,
-                 bound.order());
+    const Rows coarse = in_order(
+        level < level_count ? intermediate(bound, level, level_count) : bound.base, bound.order());
     decompose(fine, coarse);
     fine = coarse;
   }
@@ -168,8 +166,9 @@ Eigen::Matrix3d NormalDisplacement::frame_at(const Carrier& carrier,
   for (int k = 0; k < 3; ++k) {
     const Edge& along = tangent_[displacement.corner[k]];
     normal += displacement.weight[k] * vector(carrier.normals, displacement.corner[k]);
-    tangent += displacement.weight[k] * (vector(carrier.positions, along.to) -
-                                         vector(carrier.positions, along.from)).normalized();
+    tangent +=
+        displacement.weight[k] *
+        (vector(carrier.positions, along.to) - vector(carrier.positions, along.from)).normalized();
   }
   Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
   if (normal.norm() < 1e-9) return frame;
@@ -189,7 +188,8 @@ Eigen::Vector3d NormalDisplacement::displaced(const Carrier& carrier,
     place += displacement.weight[k] * vector(carrier.positions, displacement.corner[k]);
     normal += displacement.weight[k] * vector(carrier.normals, displacement.corner[k]);
   }
-  if (!displacement.along_normal) return place + frame_at(carrier, displacement) * displacement.offset;
+  if (!displacement.along_normal)
+    return place + frame_at(carrier, displacement) * displacement.offset;
   const double length = normal.norm();
   return length > 1e-150 ? Vector3d(place + displacement.offset[2] / length * normal) : place;
 }
@@ -206,10 +206,10 @@ bool NormalDisplacement::project(const Vector3d& point, int row, const Carrier& 
       if (seen_for_[fan_[i]] == row) continue;
       seen_for_[fan_[i]] = row;
       const auto corners = triangles_.row(fan_[i]);
-      const Vector3d centre = (vector(carrier.positions, corners[0]) +
-                               vector(carrier.positions, corners[1]) +
-                               vector(carrier.positions, corners[2])) /
-                              3;
+      const Vector3d centre =
+          (vector(carrier.positions, corners[0]) + vector(carrier.positions, corners[1]) +
+           vector(carrier.positions, corners[2])) /
+          3;
       queue.emplace((centre - point).squaredNorm(), fan_[i]);
     }
   };
@@ -293,8 +293,7 @@ void NormalDisplacement::decompose(const Rows& fine, const Rows& coarse) {
     Vector3d foot = Vector3d::Zero();
     for (int k = 0; k < 3; ++k)
       foot += displacement.weight[k] * vector(coarse, displacement.corner[k]);
-    displacement.offset =
-        frame_at(onto, displacement).transpose() * (vector(fine, r) - foot);
+    displacement.offset = frame_at(onto, displacement).transpose() * (vector(fine, r) - foot);
   }
   for (int j = 0; j < static_cast<int>(triangles_.rows()); ++j) {
     if (!folds(onto, level, j)) continue;
@@ -320,10 +319,11 @@ void NormalDisplacement::update(const Frame& frame, const MethodOptions&) {
 }
 
 double NormalDisplacement::bytes() const {
-  double sum = static_cast<double>(rest_.size()) * sizeof(double) +
-               static_cast<double>(triangles_.size() + Index(fan_.size() + fan_begin_.size())) *
-                   sizeof(int);
-  for (const Level& level : levels_) sum += static_cast<double>(level.size() * sizeof(Displacement));
+  double sum =
+      static_cast<double>(rest_.size()) * sizeof(double) +
+      static_cast<double>(triangles_.size() + Index(fan_.size() + fan_begin_.size())) * sizeof(int);
+  for (const Level& level : levels_)
+    sum += static_cast<double>(level.size() * sizeof(Displacement));
   return sum;
 }
 

@@ -12,14 +12,14 @@ namespace dd {
 ///   p = b + h · n(b)
 ///
 /// b a point on B's triangles with interpolated vertex normals, found by projection. B moves to B',
-/// and S' takes the same b and h there. With several levels S₀ = S, S₁, ..., S_k = B each surface is
-/// smoother than the last, and displaced from the next.
+/// and S' takes the same b and h there. With several levels S₀ = S, S₁, ..., S_k = B each surface
+/// is smoother than the last, and displaced from the next.
 ///
-/// The smooth surface draws in open borders of S: what then lies beyond hangs on the closest point b
-/// of the border with p = b + F(b) d, F the frame of normal and border. A vertex without any b near
-/// it hangs on its own vertex of the next surface in that manner. There S is not a height field, and
-/// the representation fails; so it does where S folds back over the next surface and several
-/// vertices share one b. These vertices are counted.
+/// The smooth surface draws in open borders of S: what then lies beyond hangs on the closest point
+/// b of the border with p = b + F(b) d, F the frame of normal and border. A vertex without any b
+/// near it hangs on its own vertex of the next surface in that manner. There S is not a height
+/// field, and the representation fails; so it does where S folds back over the next surface and
+/// several vertices share one b. These vertices are counted.
 class NormalDisplacement : public Method {
  public:
   /// levels: k ≥ 1.
@@ -33,7 +33,8 @@ class NormalDisplacement : public Method {
   int unrepresented_example() const { return unrepresented_example_; }
 
  private:
-  /// Of one free vertex: b = Σ weight · corner, and p − b in the frame there: tangent, across, normal.
+  /// Of one free vertex: b = Σ weight · corner, and p − b in the frame there: tangent, across,
+  /// normal.
   struct Displacement {
     int corner[3];
     double weight[3];
@@ -62,10 +63,10 @@ class NormalDisplacement : public Method {
   const BoundSurface& bound_;
   Triangles triangles_;               // with rows for corners: all near the free vertices
   std::vector<int> fan_begin_, fan_;  // triangles of each row
-  std::vector<char> on_border_;       // of each triangle's corner: whether the edge opposite to it is
-  std::vector<Edge> tangent_;         // of each row: along the border, or to a neighbour
-  std::vector<Level> levels_;         // from S₀ over S₁ to S_(k−1) over B
-  std::vector<int> seen_for_;         // of each triangle: the row whose projection looked at it last
+  std::vector<char> on_border_;  // of each triangle's corner: whether the edge opposite to it is
+  std::vector<Edge> tangent_;    // of each row: along the border, or to a neighbour
+  std::vector<Level> levels_;    // from S₀ over S₁ to S_(k−1) over B
+  std::vector<int> seen_for_;    // of each triangle: the row whose projection looked at it last
   Rows rest_;
   int unrepresented_count_ = 0, unrepresented_example_ = -1;
 };

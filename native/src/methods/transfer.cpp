@@ -60,8 +60,9 @@ void Transfer::add_carried(const Frame& frame, bool rotation_only, double* rows)
   if (rotation_only)
     for (Eigen::Matrix3d& gradient : gradients) gradient = polar_rotation(gradient);
   for (const Carried& carried : carried_) {
-    const Eigen::Matrix3d turned =
-        carried.handle < 0 ? carried.flux : Eigen::Matrix3d(gradients[carried.handle] * carried.flux);
+    const Eigen::Matrix3d turned = carried.handle < 0
+                                       ? carried.flux
+                                       : Eigen::Matrix3d(gradients[carried.handle] * carried.flux);
     for (int k = 0; k < 3; ++k)
       Eigen::Map<Eigen::Vector3d>(rows + 4 * Index(carried.target[k])) += turned.col(k);
   }
