@@ -4,12 +4,13 @@
 import time
 
 import bpy
+import numpy as np
 
-from . import deformers, dependency, handle_matrices, mesh_data, native, node_group
+from . import (deformers, dependency, handle_matrices, mesh_data, native, node_group,
+               outside_base)
 from .mesh_data import MeshProblem
 
 _POLL_SECONDS = 0.1
-_SMOOTHNESS = {'1': 1, '2': 2, '3': 3}
 _TOPOLOGY_CHANGED = "The mesh's vertices or faces were changed since Bind."
 
 
@@ -19,10 +20,14 @@ def _handle_groups(settings):
     return [(h.name, h.vertex_group) for h in handle_matrices.enabled_handles(settings)]
 
 
-def _options(settings):
+def _options(ob):
+    """Of native.Bind: what a binding depends on beside mesh and roles."""
+    settings = ob.detail_deform
+    if settings.base == 'OBJECT':
+        return {'base': outside_base.rest_positions(ob)}
     smoothing = settings.metric_smoothing if settings.base_metric == 'SURFACE' else 0.0
     return {'base_metric': settings.base_metric, 'metric_smoothing': smoothing,
-            'smoothness': _SMOOTHNESS[settings.smoothness]}
+            'smoothness': int(settings.smoothness)}
 
 
 def _look(settings):
@@ -38,14 +43,16 @@ def _look(settings):
     return look
 
 
-def _signature(shape, roles, settings):
-    options = _options(settings)
-    return '.'.join([*shape, mesh_data.roles_signature(roles), options['base_metric'],
-                     f"{options['metric_smoothing']:g}", str(options['smoothness'])])
+def _signature(ob, shape, roles):
+    return '.'.join([*shape, mesh_data.signature(roles), *(
+        mesh_data.signature(value) if name == 'base' else f"{value:g}" if name == 'metric_smoothing'
+        else str(value) for name, value in _options(ob).items())])
 
 
 def _roles(ob):
-    return mesh_data.roles(ob, ob.detail_deform.region, _handle_groups(ob.detail_deform))
+    settings = ob.detail_deform
+    return mesh_data.roles(ob, settings.region, _handle_groups(settings),
+                           need_handles=settings.base == 'COMPUTED')
 
 
 def bound_objects(objects):
@@ -75,12 +82,16 @@ def _difference(ob):
     if shape[0] != positions:
         return "The mesh's vertices were moved since Bind."
     try:
-        current = _signature(shape, _roles(ob), settings).split('.', 3)
+        current = _signature(ob, shape, _roles(ob)).split('.', 3)
     except MeshProblem as problem:
         return str(problem)
     if current[2] != roles:
         return "The region, the handles or their vertex groups were changed since Bind."
-    return "" if current[3:] == options else "Settings that need a new Bind were changed."
+    if current[3:] == options:
+        return ""
+    if settings.base == 'OBJECT':
+        return "The base object, its mesh or its choice was changed since Bind."
+    return "Settings that need a new Bind were changed."
 
 
 # Following the handles
@@ -117,7 +128,10 @@ def _follow(ob, bound, depsgraph, force):
         return
     motions = handle_matrices.motions(settings, handle_matrices.local_places(ob, depsgraph))
     look = _look(settings)
-    shown = (motions.tobytes(), look)
+    shown = (motions.tobytes(), dict(look))
+    if settings.base == 'OBJECT':
+        look['base'] = outside_base.deformed_positions(ob, depsgraph)
+        shown += (look['base'].tobytes(),)
     if not force and bound.shown.get(ob.name) == shown:
         return
     mesh_data.write_offsets(ob.data, bound.deformer.offsets(motions, **look))
@@ -151,7 +165,7 @@ def _restore(ob, depsgraph):
 def _start(ob, signature, roles):
     settings = ob.detail_deform
     deformers.start(signature, mesh_data.positions(ob.data), mesh_data.triangles(ob.data), roles,
-                    len(handle_matrices.enabled_handles(settings)), **_options(settings))
+                    len(handle_matrices.enabled_handles(settings)), **_options(ob))
     if not bpy.app.background and not bpy.app.timers.is_registered(_poll):
         # Persistent: a file opened meanwhile must not leave the bind without anyone to finish it.
         bpy.app.timers.register(_poll, first_interval=_POLL_SECONDS, persistent=True)
@@ -170,24 +184,30 @@ def bind(ob, depsgraph, wait, keep_rest):
     roles = _roles(ob)
     places = handle_matrices.local_places(ob, depsgraph)
     _forget(settings)
+    if settings.base == 'OBJECT':
+        outside_base.store_rest(ob, depsgraph, only_new=keep_rest)
     handle_matrices.store_rest(settings, places, only_new=keep_rest)
     handle_matrices.motions(settings, places)  # refuses places that can't be inverted
 
-    signature = _signature(mesh_data.shape_signature(ob.data), roles, settings)
+    signature = _signature(ob, mesh_data.shape_signature(ob.data), roles)
     _start(ob, signature, roles)
     settings.signature = signature
-    targets_changed(ob)
     node_group.ensure_modifier(ob)
+    targets_changed(ob)
     if wait or deformers.find(signature):
         _finish(signature)
         _bind_finished(ob, depsgraph)
 
 
 def targets_changed(ob):
-    """To be told when a handle of a bound object gets another empty."""
-    if ob.detail_deform.signature:
-        dependency.depend_on(ob, [h.target for h in handle_matrices.enabled_handles(ob.detail_deform)
-                                  if h.target])
+    """To be told when a handle of a bound object gets another empty, or the object another base."""
+    settings = ob.detail_deform
+    if not settings.signature:
+        return
+    modifier = node_group.find_modifier(ob)
+    if modifier:
+        node_group.set_base(modifier, settings.base_object if settings.base == 'OBJECT' else None)
+    dependency.depend_on(ob, [h.target for h in handle_matrices.enabled_handles(settings) if h.target])
 
 
 def _owners(signature):
@@ -228,6 +248,9 @@ def unbind(ob):
     if not _owners(signature):
         cancel(signature)
     dependency.release(ob)
+    modifier = node_group.find_modifier(ob)
+    if modifier:
+        node_group.set_base(modifier, None)
     mesh_data.remove_offsets(ob.data)
 
 
@@ -257,6 +280,19 @@ def redraw_panels():
         for area in window.screen.areas:
             if area.type in {'PROPERTIES', 'VIEW_3D'}:
                 area.tag_redraw()
+
+
+def make_base_object(ob):
+    """The computed base as an object, which becomes the base at the next Bind."""
+    settings = ob.detail_deform
+    bound = deformers.find(settings.signature)
+    if bound is None or settings.stale or settings.base == 'OBJECT':
+        raise MeshProblem("Bind with a computed base first: that is what becomes an object.")
+    rest = np.repeat(np.eye(4)[None, :3], bound.deformer.info.handle_count, axis=0)
+    offsets = bound.deformer.offsets(rest, shown='BASE').reshape(-1, 3)
+    bound.shown.pop(ob.name, None)
+    settings.base_object = outside_base.make(ob, mesh_data.positions(ob.data) + offsets)
+    settings.base = 'OBJECT'
 
 
 # What can be read
@@ -294,16 +330,20 @@ def status(ob):
     bound = deformers.find(settings.signature)
     if bound is None:
         return "Bound; the handles will be followed again after the next update."
-    return ' '.join([_summary(bound.deformer.info), *_remarks(ob, bound)])
+    return ' '.join([_summary(settings, bound.deformer.info), *_remarks(ob, bound)])
 
 
 def _count(number, one, many):
     return f"{number:,} {one if number == 1 else many}"
 
 
-def _summary(info):
-    return (f"Bound: {_count(info.handle_count, 'handle', 'handles')} "
-            f"{'moves' if info.handle_count == 1 else 'move'} "
+def _summary(settings, info):
+    movers = [_count(info.handle_count, 'handle', 'handles')] * bool(info.handle_count)
+    base = settings.base_object if settings.base == 'OBJECT' else None
+    if base:
+        movers.insert(0, f"base '{base.name}'")
+    one = len(movers) == 1 and (base or info.handle_count == 1)
+    return (f"Bound: {' and '.join(movers)} {'moves' if one else 'move'} "
             f"{_count(info.free_count, 'free vertex', 'free vertices')}.")
 
 

@@ -10,7 +10,7 @@ def enabled_handles(settings):
     return [handle for handle in settings.handles if handle.enabled]
 
 
-def _evaluated_world(ob, depsgraph, what):
+def evaluated_world(ob, depsgraph, what):
     evaluated = ob.evaluated_get(depsgraph)
     # Being pointed to is enough to be evaluated, but outside the scene the place means nothing. The
     # first test is quick and nearly always enough; the second goes through all objects.
@@ -22,25 +22,30 @@ def _evaluated_world(ob, depsgraph, what):
     return np.array(evaluated.matrix_world, np.float64)
 
 
-def _inverse(matrix, sentence):
+def inverse_or_refuse(matrix, sentence):
     # A scale of 1e-6 is a legal, if odd, unit; one of zero leaves nothing to divide by.
     if abs(np.linalg.det(matrix[:3, :3])) < 1e-30:
         raise MeshProblem(sentence)
     return np.linalg.inv(matrix)
 
 
+def world_to_local(ob, depsgraph):
+    """(4, 4): the inverse of the object's evaluated world matrix."""
+    return inverse_or_refuse(evaluated_world(ob, depsgraph, "Object"),
+                             f"'{ob.name}' has a scale of zero: give it a size.")
+
+
 def local_places(ob, depsgraph):
     """(h, 4, 4) float32: the place of each enabled handle's empty in the object's own space,
     evaluated. Raises MeshProblem naming the handle."""
-    to_local = _inverse(_evaluated_world(ob, depsgraph, "Object"),
-                        f"'{ob.name}' has a scale of zero: give it a size.")
+    to_local = world_to_local(ob, depsgraph)
     handles = enabled_handles(ob.detail_deform)
     places = np.empty((len(handles), 4, 4), np.float32)
     for number, handle in enumerate(handles):
         if handle.target is None:
             raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
                               "an empty to move it with.")
-        places[number] = to_local @ _evaluated_world(handle.target, depsgraph,
+        places[number] = to_local @ evaluated_world(handle.target, depsgraph,
                                                      f"Handle '{handle.name}': empty")
     return places
 
@@ -55,7 +60,7 @@ def motions(settings, places):
     result = np.empty((len(places), 3, 4))
     for number, handle in enumerate(enabled_handles(settings)):
         rest = np.array(handle.rest_matrix, np.float64).reshape(4, 4)
-        inverse = _inverse(rest, f"Handle '{handle.name}': its empty had a scale of zero when it was "
+        inverse = inverse_or_refuse(rest, f"Handle '{handle.name}': its empty had a scale of zero when it was "
                                  "bound. Give it a size and bind again.")
         result[number] = (places[number].astype(np.float64) @ inverse)[:3]
     return result

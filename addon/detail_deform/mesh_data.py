@@ -89,8 +89,8 @@ def check_groups(ob, region, handles):
                               "not have: choose another group.")
 
 
-def roles(ob, region, handles):
-    """(n,) int32 roles for native.Bind; arguments as of check_groups.
+def roles(ob, region, handles, need_handles=True):
+    """(n,) int32 roles for native.Bind; region and handles as of check_groups.
 
     A vertex is in a group when its weight is over 0.5; in two handles it belongs to the one with
     the larger weight; outside the region and every handle it is fixed.
@@ -106,7 +106,9 @@ def roles(ob, region, handles):
                               f"{MEMBER_WEIGHT}: assign the vertices that may deform.")
         result[~inside] = native.ROLE_FIXED
     if not handles:
-        raise MeshProblem("There is no handle: add one for the vertices to pull.")
+        if need_handles:
+            raise MeshProblem("There is no handle: add one for the vertices to pull.")
+        return result
     of_handles = weights[:len(handles)]
     members = of_handles > MEMBER_WEIGHT
     winner = np.where(members, of_handles, 0).argmax(axis=0)
@@ -132,13 +134,18 @@ def _digest(*arrays):
     return state.hexdigest()
 
 
+def topology_signature(mesh):
+    return _digest(*_faces(mesh))
+
+
 def shape_signature(mesh):
     """[positions, topology] as short texts: equal texts, equal content."""
-    return [_digest(positions(mesh)), _digest(*_faces(mesh))]
+    return [_digest(positions(mesh)), topology_signature(mesh)]
 
 
-def roles_signature(role_values):
-    return _digest(role_values)
+def signature(array):
+    """A short text: equal texts, equal content."""
+    return _digest(array)
 
 
 def write_offsets(mesh, offsets):

@@ -30,13 +30,15 @@ class NativeError(Exception):
 
 class _BindOptions(ctypes.Structure):
     _fields_ = [('struct_size', ctypes.c_uint32), ('base_metric', ctypes.c_int32),
-                ('metric_smoothing', ctypes.c_double), ('smoothness', ctypes.c_int32)]
+                ('metric_smoothing', ctypes.c_double), ('smoothness', ctypes.c_int32),
+                ('base', ctypes.c_void_p), ('base_count', ctypes.c_size_t)]
 
 
 class _UpdateOptions(ctypes.Structure):
     _fields_ = [('struct_size', ctypes.c_uint32), ('rotation_only', ctypes.c_int32),
                 ('output', ctypes.c_int32), ('method', ctypes.c_int32), ('refine', ctypes.c_int32),
-                ('shown', ctypes.c_int32), ('levels', ctypes.c_int32)]
+                ('shown', ctypes.c_int32), ('levels', ctypes.c_int32), ('base', ctypes.c_void_p),
+                ('base_count', ctypes.c_size_t)]
 
 
 class _BindProgress(ctypes.Structure):
@@ -127,6 +129,11 @@ def instruction_set():
     return library().dd_instruction_set().decode()
 
 
+def _pointer(array):
+    """Address and number of elements of a contiguous float32 array, which must stay alive; or of None."""
+    return (None, 0) if array is None else (array.ctypes.data, array.size)
+
+
 def _check(status):
     if status != 0:
         raise NativeError(library().dd_last_message().decode('utf-8', 'replace'),
@@ -137,15 +144,16 @@ class Bind:
     """A bind under way in a thread of the library."""
 
     def __init__(self, positions, triangles, roles, handle_count, base_metric='SURFACE',
-                 metric_smoothing=0.0, smoothness=2):
+                 metric_smoothing=0.0, smoothness=2, base=None):
         """positions: (n, 3) float32; triangles: (m, 3) int32; roles: (n,) int32, ROLE_FREE,
         ROLE_FIXED or a handle number below handle_count. All are copied. Options as in
-        dd_bind_options, base_metric by its name in METRICS."""
+        dd_bind_options, base_metric by its name in METRICS, base (n, 3) float32 or None."""
         lib = library()
         self.cancelled = False
         self._handle = ctypes.c_void_p()
+        base = None if base is None else np.ascontiguousarray(base, np.float32)
         options = _BindOptions(ctypes.sizeof(_BindOptions), METRICS[base_metric],
-                               metric_smoothing, smoothness)
+                               metric_smoothing, smoothness, *_pointer(base))
         positions = np.ascontiguousarray(positions, np.float32)
         triangles = np.ascontiguousarray(triangles, np.int32)
         roles = np.ascontiguousarray(roles, np.int32)
@@ -198,14 +206,16 @@ class Deformer:
         return info
 
     def offsets(self, matrices, rotation_only=True, method='TRANSFER', refine=4, shown='RESULT',
-                levels=1):
+                levels=1, base=None):
         """matrices: (h, 3, 4) float64, rest to present, object space. Options as in
-        dd_update_options, by the names in METHODS and SHOWN. Calls are serialized.
+        dd_update_options, by the names in METHODS and SHOWN, base (n, 3) float32 where the bind was
+        given one. Calls are serialized.
         Returns (3 n,) float32, deformed minus rest; the array is reused by the next call. info is
         brought up to date: methods are prepared when they are first used."""
         matrices = np.ascontiguousarray(matrices, np.float64)
+        base = None if base is None else np.ascontiguousarray(base, np.float32)
         options = _UpdateOptions(ctypes.sizeof(_UpdateOptions), rotation_only, _OUTPUT_OFFSETS,
-                                 METHODS[method], refine, SHOWN[shown], levels)
+                                 METHODS[method], refine, SHOWN[shown], levels, *_pointer(base))
         with self._lock:
             _check(library().dd_deformer_update(self._handle, matrices, matrices.size, options,
                                                 self._offsets, self._offsets.size))

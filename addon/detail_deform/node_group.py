@@ -10,14 +10,19 @@ _MARK = 'detail_deform_nodes'
 
 
 def _new_interface(group):
+    """Sockets of the group; returns that of Factor. Nothing uses Base: a modifier that has an object
+    there needs that object's geometry, so Blender evaluates it even where it is hidden."""
+    inputs = (('Geometry', 'NodeSocketGeometry'), ('Factor', 'NodeSocketFloat'),
+              ('Base', 'NodeSocketObject'))
     if hasattr(group, 'interface'):  # 4.0 on
-        geometry, factor = 'NodeSocketGeometry', 'NodeSocketFloat'
-        group.interface.new_socket('Geometry', in_out='INPUT', socket_type=geometry)
-        group.interface.new_socket('Geometry', in_out='OUTPUT', socket_type=geometry)
-        return group.interface.new_socket('Factor', in_out='INPUT', socket_type=factor)
-    group.inputs.new('NodeSocketGeometry', 'Geometry')
-    group.outputs.new('NodeSocketGeometry', 'Geometry')
-    return group.inputs.new('NodeSocketFloat', 'Factor')
+        made = {name: group.interface.new_socket(name, in_out='INPUT', socket_type=kind)
+                for name, kind in inputs}
+        group.interface.new_socket('Geometry', in_out='OUTPUT', socket_type='NodeSocketGeometry')
+    else:
+        made = {name: group.inputs.new(kind, name) for name, kind in inputs}
+        group.outputs.new('NodeSocketGeometry', 'Geometry')
+    made['Base'].description = "The base object, if there is one: set by Bind"
+    return made['Factor']
 
 
 def _make_group():
@@ -80,15 +85,30 @@ def remove_modifier(ob):
         bpy.data.node_groups.remove(group)
 
 
-def _factor_socket(group):
+def _socket(group, name):
     sockets = (group.interface.items_tree if hasattr(group, 'interface') else group.inputs)
-    return next(s for s in sockets if s.name == 'Factor' and getattr(s, 'in_out', 'INPUT') == 'INPUT')
+    return next(s for s in sockets if s.name == name and getattr(s, 'in_out', 'INPUT') == 'INPUT')
 
 
 def factor(modifier):
     """The modifier's Factor; 1 when it is driven by an attribute."""
-    socket = _factor_socket(modifier.node_group)
+    socket = _socket(modifier.node_group, 'Factor')
     inputs = getattr(getattr(modifier, 'properties', None), 'inputs', None)
     if inputs is not None:  # 5.2 on
         return float(getattr(inputs, socket.identifier).value)
     return float(modifier.get(socket.identifier, socket.default_value))
+
+
+def set_base(modifier, base):
+    """Makes the modifier need this object's geometry, or none."""
+    identifier = _socket(modifier.node_group, 'Base').identifier
+    inputs = getattr(getattr(modifier, 'properties', None), 'inputs', None)
+    if inputs is not None:  # 5.2 on
+        getattr(inputs, identifier).value = base
+    elif base is None:
+        if identifier in modifier:
+            del modifier[identifier]
+    else:
+        modifier[identifier] = base
+    # Setting the value alone doesn't tell Blender that the object now depends on another one.
+    modifier.node_group = modifier.node_group

@@ -180,11 +180,28 @@ class OBJECT_OT_detail_deform_apply(_MeshOperator, bpy.types.Operator):
         node_group.remove_modifier(ob)
 
 
+class OBJECT_OT_detail_deform_base_make(_MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_base_make'
+    bl_label = "Make Base Object"
+    bl_description = ("Make the computed base surface an object of its own, with the vertex groups of this "
+                      "one: rig or deform it in any way, and the details follow after the next Bind")
+
+    @classmethod
+    def poll_object(cls, ob):
+        if ob.detail_deform.base == 'OBJECT' and ob.detail_deform.base_object:
+            cls.poll_message_set("There is a base object already")
+            return False
+        return True
+
+    def run(self, context, ob):
+        binding.make_base_object(ob)
+
+
 CLASSES = (OBJECT_OT_detail_deform_add, OBJECT_OT_detail_deform_remove,
            OBJECT_OT_detail_deform_handle_add, OBJECT_OT_detail_deform_handle_remove,
            OBJECT_OT_detail_deform_bind, OBJECT_OT_detail_deform_bind_cancel,
            OBJECT_OT_detail_deform_unbind, OBJECT_OT_detail_deform_update,
-           OBJECT_OT_detail_deform_apply)
+           OBJECT_OT_detail_deform_apply, OBJECT_OT_detail_deform_base_make)
 
 
 def register():

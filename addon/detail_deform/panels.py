@@ -122,11 +122,16 @@ class OBJECT_PT_detail_deform_base(bpy.types.Panel):
         # Gradient editing has no base.
         layout.active = settings.method != 'GRADIENT' or settings.output == 'BASE'
         column = layout.column()
+        column.prop(settings, 'base')
+        if settings.base == 'OBJECT':
+            column.prop(settings, 'base_object')
+            return
         column.prop(settings, 'smoothness')
         column.prop(settings, 'base_metric')
         smoothing = column.column()
         smoothing.active = settings.base_metric == 'SURFACE'
         smoothing.prop(settings, 'metric_smoothing')
+        layout.operator('object.detail_deform_base_make', icon='MOD_SMOOTH')
 
 
 def _draw_add_entry(self, context):

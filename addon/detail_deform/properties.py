@@ -16,6 +16,11 @@ def _target_changed(self, context):
     binding.targets_changed(self.id_data)
 
 
+def _base_changed(self, context):
+    binding.check_content(self.id_data)
+    binding.targets_changed(self.id_data)
+
+
 def _look_changed(self, context):
     binding.refresh(self.id_data, context.evaluated_depsgraph_get())
 
@@ -66,6 +71,18 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         items=[('RESULT', "Result", "The deformed surface"),
                ('BASE', "Base", "The smooth base surface in its place, to see where it bulges")],
         description="What the modifier shows")
+    base: EnumProperty(
+        name="Base", update=_base_changed,
+        items=[('COMPUTED', "Computed", "The smooth base surface is computed from the region's border, and the handles move it"),
+               ('OBJECT', "Object", "Another object of the same topology is the base: whatever deforms it (armature, lattice, curve, shape keys, simulation) moves the details. Handles are not needed")],
+        description="Where the smooth base surface comes from. Takes effect at the next Bind")
+    base_object: PointerProperty(
+        name="Base Object", type=bpy.types.Object, update=_base_changed,
+        poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
+        description="Smooth mesh with the same vertices and faces as this one. Its own mesh is the base at rest, what its modifiers make of it the deformed one")
+    base_rest_matrix: FloatVectorProperty(
+        name="Base Rest Matrix", size=16, options={'HIDDEN'},
+        description="Place of the base object relative to this one when it was bound, row by row")
     smoothness: EnumProperty(
         name="Smoothness", default='2', update=_input_changed,
         items=[('1', "Membrane", "Least area: the base meets its border with a crease, bulges least"),

@@ -3,17 +3,22 @@
 
 namespace dd {
 
+Positions handle_centres(const Region& region, const Positions& positions) {
+  Positions centres = Positions::Zero(region.handle_count, 3);
+  Eigen::VectorXd counts = Eigen::VectorXd::Zero(region.handle_count);
+  for (int v : region.handle_vertices) {
+    centres.row(region.role[v]) += positions.row(v);
+    counts[region.role[v]] += 1;
+  }
+  centres.array().colwise() /= counts.array();
+  return centres;
+}
+
 HandleBasis handle_basis(const BendingSystem& bending, const Region& region,
                          const Positions& positions, const RowOrder& order,
                          const std::function<void(double)>& progress) {
   HandleBasis basis;
-  basis.centres = Positions::Zero(region.handle_count, 3);
-  Eigen::VectorXd counts = Eigen::VectorXd::Zero(region.handle_count);
-  for (int v : region.handle_vertices) {
-    basis.centres.row(region.role[v]) += positions.row(v);
-    counts[region.role[v]] += 1;
-  }
-  basis.centres.array().colwise() /= counts.array();
+  basis.centres = handle_centres(region, positions);
 
   // One handle at a time: the values of all handles at once would be n×4h.
   basis.weights.resize(region.free_count(), 4 * region.handle_count);

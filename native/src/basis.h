@@ -23,6 +23,9 @@ HandleBasis handle_basis(const BendingSystem& bending, const Region& region,
                          const Positions& positions, const RowOrder& order,
                          const std::function<void(double)>& progress = {});
 
+/// The mean of each handle's vertices, h×3.
+Positions handle_centres(const Region& region, const Positions& positions);
+
 /// The 4 values of one handle's functions at one of its own vertices: (x − o, 1).
 inline Eigen::RowVector4d handle_coordinates(const Positions& positions, int vertex,
                                              const Positions& centres, int handle) {

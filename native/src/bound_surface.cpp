@@ -38,6 +38,17 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
       region(its_region),
       operators(surface_operators(mesh.positions, mesh.triangles)),
       poisson((report(progress, 0.05, "Factoring the Poisson system"), mesh), region, operators) {
+  if (options.base.size()) {
+    base = options.base;
+    basis.centres = handle_centres(region, mesh.positions);
+  } else {
+    compute_base(options, progress);
+  }
+  rest = in_order(mesh.positions, order());
+  rest_base = in_order(base, order());
+}
+
+void BoundSurface::compute_base(const BindOptions& options, const Progress& progress) {
   const auto extend_handles = [&](const BendingSystem& bending, double begin, double end) {
     return handle_basis(bending, region, mesh.positions, order(), [&](double done) {
       report(progress, begin + done * (end - begin), "Computing the handles' basis functions");
@@ -79,7 +90,8 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
 double BoundSurface::bytes() const {
   const auto doubles = mesh.positions.size() + base.size() + basis.weights.size() +
                        surface_basis.weights.size() + operators.metric.cotangents.size() +
-                       operators.metric.areas.size() + operators.masses.size();
+                       operators.metric.areas.size() + operators.masses.size() + rest.size() +
+                       rest_base.size();
   const auto ints = mesh.triangles.size();
   return static_cast<double>(doubles) * sizeof(double) + static_cast<double>(ints) * sizeof(int) +
          static_cast<double>(operators.laplacian.nonZeros()) * (sizeof(double) + sizeof(int)) +

@@ -14,11 +14,14 @@ struct BindOptions {
   BaseMetric base_metric = BaseMetric::surface;
   double metric_smoothing = 0;  ///< mean edge lengths; with BaseMetric::surface only
   Smoothness smoothness = Smoothness::thin_plate;
+  /// B at rest from outside, n×3 in the mesh's units; empty: computed, as the others say.
+  Positions base = {};
 };
 
 /// All that a bind makes once and the methods share.
 struct BoundSurface {
-  /// mesh: S, validated, in a box of about unit size, on which tolerances rely.
+  /// mesh: S, validated, in a box of about unit size, on which tolerances rely; so is a base given in
+  /// the options.
   /// Throws Error; progress from 0 to 1.
   BoundSurface(Mesh mesh, const Region& region, const BindOptions& options,
                const Progress& progress);
@@ -32,8 +35,15 @@ struct BoundSurface {
   /// Of S itself where that differs from B's: with BaseMetric::base. Same centres as basis.
   HandleBasis surface_basis;
 
+  Rows rest, rest_base;  ///< S and B as rows in order()
+
   const RowOrder& order() const { return poisson.order(); }
+  /// Whether B comes from outside: then its motion does too, and there are no weights.
+  bool outside_base() const { return basis.weights.size() == 0; }
   double bytes() const;
+
+ private:
+  void compute_base(const BindOptions& options, const Progress& progress);
 };
 
 /// n×3 positions as rows of 4 in the given order.

@@ -75,6 +75,8 @@ void write_struct(const char* name, Struct* target, Struct values) {
   std::memcpy(target, &values, std::min<size_t>(room, sizeof(Struct)));
 }
 
+using FloatRows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
+
 dd::Mesh read_mesh(const float* positions, size_t position_count, const int32_t* triangles,
                    size_t index_count) {
   require(positions || position_count == 0, "positions is null.");
@@ -86,14 +88,23 @@ dd::Mesh read_mesh(const float* positions, size_t position_count, const int32_t*
   const size_t limit = static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 16;
   require(position_count / 3 < limit && index_count / 3 < limit,
           "The mesh has more vertices or triangles than this library can number.");
-  using FloatRows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
   using IntRows = Eigen::Matrix<int32_t, Eigen::Dynamic, 3, Eigen::RowMajor>;
   return {Eigen::Map<const FloatRows>(positions, static_cast<Eigen::Index>(position_count / 3), 3)
               .cast<double>(),
           Eigen::Map<const IntRows>(triangles, static_cast<Eigen::Index>(index_count / 3), 3)};
 }
 
-dd::BindOptions read_options(const dd_bind_options* given) {
+/// n×3 floats as positions; empty when null and not of any length.
+dd::Positions read_base(const float* base, size_t count, size_t wanted) {
+  if (!base) {
+    require(count == 0, "options.base is null, but options.base_count is not 0.");
+    return {};
+  }
+  require_size("options.base", count, wanted);
+  return Eigen::Map<const FloatRows>(base, static_cast<Eigen::Index>(count / 3), 3).cast<double>();
+}
+
+dd::BindOptions read_options(const dd_bind_options* given, size_t position_count) {
   const dd_bind_options options = read_struct("options", given, dd_bind_options{});
   require(
       options.base_metric == DD_METRIC_SURFACE || options.base_metric == DD_METRIC_BASE,
@@ -106,14 +117,15 @@ dd::BindOptions read_options(const dd_bind_options* given) {
   const int smoothness =
       options.smoothness == DD_SMOOTHNESS_DEFAULT ? DD_SMOOTHNESS_THIN_PLATE : options.smoothness;
   return {static_cast<dd::BaseMetric>(options.base_metric), options.metric_smoothing,
-          static_cast<dd::Smoothness>(smoothness)};
+          static_cast<dd::Smoothness>(smoothness),
+          read_base(options.base, options.base_count, position_count)};
 }
 
 dd_update_options read_options(const dd_update_options* given) {
   dd_update_options options =
       read_struct("options", given,
                   dd_update_options{sizeof(dd_update_options), 1, DD_OUTPUT_POSITIONS,
-                                    DD_METHOD_TRANSFER, 4, DD_SHOWN_RESULT, 1});
+                                    DD_METHOD_TRANSFER, 4, DD_SHOWN_RESULT, 1, nullptr, 0});
   require(options.rotation_only == 0 || options.rotation_only == 1,
           "options.rotation_only must be 0 or 1.");
   require(options.output == DD_OUTPUT_POSITIONS || options.output == DD_OUTPUT_OFFSETS,
@@ -219,7 +231,7 @@ int32_t dd_bind_start(const float* positions, size_t position_count, const int32
     require(roles || role_count == 0, "roles is null.");
     dd::Mesh mesh = read_mesh(positions, position_count, triangles, triangle_index_count);
     require_size("roles", role_count, position_count / 3);
-    const dd::BindOptions bind_options = read_options(options);
+    const dd::BindOptions bind_options = read_options(options, position_count);
     auto job = std::make_unique<dd_bind>();
     dd_bind& started = *job;
     started.worker = std::thread([&started, mesh = std::move(mesh),
@@ -267,7 +279,7 @@ int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices, size_t
                            const dd_update_options* options, float* out, size_t out_count) {
   return guarded([&] {
     require(deformer, "deformer is null.");
-    require(matrices, "matrices is null.");
+    require(matrices || matrix_value_count == 0, "matrices is null.");
     require(out, "out is null.");
     const InUse in_use(deformer->busy);
     dd::Deformer& bound = deformer->deformer;
@@ -275,17 +287,19 @@ int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices, size_t
                  12 * static_cast<size_t>(bound.region().handle_count));
     require_size("out", out_count, 3 * static_cast<size_t>(bound.mesh().vertex_count()));
     const dd_update_options how = read_options(options);
-    const dd::Positions& offsets =
-        bound.update(matrices, {static_cast<dd::MethodKind>(how.method),
-                                {how.rotation_only == 1, how.refine, how.levels},
-                                static_cast<dd::Shown>(how.shown)});
+    const dd::Positions base = read_base(how.base, how.base_count, out_count);
+    const dd::Positions& offsets = bound.update(
+        matrices,
+        {static_cast<dd::MethodKind>(how.method),
+         {how.rotation_only == 1, how.refine, how.levels},
+         static_cast<dd::Shown>(how.shown)},
+        base.size() ? &base : nullptr);
     const dd::Positions& rest = bound.mesh().positions;
     const double largest = std::max(offsets.cwiseAbs().maxCoeff(), rest.cwiseAbs().maxCoeff());
     if (!(largest < 0.5 * std::numeric_limits<float>::max()))
       throw dd::Error(dd::Status::numeric,
                       "The handles' matrices are too large: the deformed surface leaves the range "
                       "of single precision.");
-    using FloatRows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
     Eigen::Map<FloatRows> result(out, offsets.rows(), 3);
     if (how.output == DD_OUTPUT_OFFSETS)
       result = offsets.cast<float>();

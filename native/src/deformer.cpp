@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "floating_parts.h"
 #include "methods/gradient_editing.h"
 #include "methods/normal_displacement.h"
 #include "methods/transfer.h"
@@ -23,43 +24,69 @@ Mesh validated(Mesh mesh) {
 
 Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
                    const BindOptions& options, const Progress& progress)
-    : mesh_(validated(std::move(mesh))), region_(split_region(mesh_, roles, handle_count)) {
+    : mesh_(validated(std::move(mesh))),
+      region_(split_region(mesh_, roles, handle_count,
+                           options.base.size() ? MovedBy::base : MovedBy::handles)) {
   report(progress, 0.02, "Building operators");
   scale_ = bounding_box_diagonal(mesh_.positions);
   centre_ = 0.5 * (mesh_.positions.colwise().maxCoeff() + mesh_.positions.colwise().minCoeff());
-  bound_ = std::make_unique<BoundSurface>(
-      Mesh{(mesh_.positions.rowwise() - centre_) / scale_, mesh_.triangles}, region_, options,
-      progress);
+  BindOptions in_unit = options;
+  in_unit.base = to_unit(options.base);
+  bound_ = std::make_unique<BoundSurface>(Mesh{to_unit(mesh_.positions), mesh_.triangles}, region_,
+                                          in_unit, progress);
+  if (!region_.grounds.empty()) floating_ = std::make_unique<FloatingParts>(*bound_);
 
   coefficients_ = RowMatrix::Zero(4 * handle_count, 4);
   linear_.assign(static_cast<size_t>(handle_count), Eigen::Matrix3d::Identity());
-  rest_ = in_order(bound_->mesh.positions, bound_->order());
-  rest_base_ = base_ = in_order(bound_->base, bound_->order());
-  moved_ = Rows::Zero(rest_.rows(), 4);
+  base_ = bound_->rest_base;
+  moved_ = Rows::Zero(base_.rows(), 4);
   offsets_ = Positions::Zero(mesh_.vertex_count(), 3);
   report(progress, 1.0, "Done");
 }
 
 Deformer::~Deformer() = default;
 
-const Positions& Deformer::update(const double* matrices, const UpdateOptions& options) {
+const Positions& Deformer::update(const double* matrices, const UpdateOptions& options,
+                                  const Positions* deformed_base) {
   take_matrices(matrices);
   const RowOrder& order = bound_->order();
-  const RowMatrix& weights = bound_->basis.weights;
-  kernels().blend(order.free_count, static_cast<int>(weights.cols()), weights.data(),
-                  coefficients_.data(), rest_base_.data(), base_.data());
   for (int r = order.held_begin; r < order.fixed_begin; ++r) {
     const int h = region_.role[order.vertex_of_row[r]];
-    const Eigen::RowVector3d arm = rest_.row(r).head<3>() - bound_->basis.centres.row(h);
+    const Eigen::RowVector3d arm = bound_->rest.row(r).head<3>() - bound_->basis.centres.row(h);
     moved_.row(r) = arm * coefficients_.middleRows<3>(4 * h) + coefficients_.row(4 * h + 3);
-    base_.row(r) = rest_base_.row(r) + moved_.row(r);
   }
-  if (options.shown == Shown::base)
-    moved_ = base_ - rest_;
-  else
+  moved_.bottomRows(order.count() - order.fixed_begin).setZero();
+  move_base(deformed_base);
+  if (options.shown == Shown::base) {
+    moved_ = base_ - bound_->rest;
+  } else {
     method(options).update({coefficients_, linear_, base_, moved_}, options.of_method);
+    const bool from_gradients =
+        options.method == MethodKind::transfer || options.method == MethodKind::gradient;
+    if (floating_ && from_gradients) floating_->settle(base_, moved_);
+  }
   scale_to_mesh(moved_, offsets_);
   return offsets_;
+}
+
+void Deformer::move_base(const Positions* deformed) {
+  const RowOrder& order = bound_->order();
+  if (bound_->outside_base()) {
+    if (!deformed || deformed->rows() != mesh_.vertex_count())
+      throw Error(Status::argument, "This surface was bound to a base from outside, and the update "
+                                    "has no deformed base with as many vertices.");
+    if (!deformed->allFinite())
+      throw Error(Status::argument, "The deformed base has coordinates that are not finite.");
+    base_ = in_order(to_unit(*deformed), order);
+    return;
+  }
+  const RowMatrix& weights = bound_->basis.weights;
+  kernels().blend(order.free_count, static_cast<int>(weights.cols()), weights.data(),
+                  coefficients_.data(), bound_->rest_base.data(), base_.data());
+  const int held = order.fixed_begin - order.held_begin;
+  base_.middleRows(order.held_begin, held) =
+      bound_->rest_base.middleRows(order.held_begin, held) +
+      moved_.middleRows(order.held_begin, held);
 }
 
 void Deformer::take_matrices(const double* matrices) {
@@ -118,7 +145,11 @@ Positions Deformer::place_in_mesh(const Rows& rows) const {
   return positions.rowwise() + centre_;
 }
 
-Positions Deformer::base() const { return place_in_mesh(rest_base_); }
+Positions Deformer::to_unit(const Positions& positions) const {
+  return (positions.rowwise() - centre_) / scale_;
+}
+
+Positions Deformer::base() const { return place_in_mesh(bound_->rest_base); }
 
 Positions Deformer::deformed_base() const { return place_in_mesh(base_); }
 
@@ -134,7 +165,7 @@ const NormalDisplacement* Deformer::normal_displacement() const {
 
 double Deformer::bytes() const {
   const auto doubles = mesh_.positions.size() + offsets_.size() + coefficients_.size() +
-                       rest_.size() + rest_base_.size() + base_.size() + moved_.size();
+                       base_.size() + moved_.size();
   const auto ints = mesh_.triangles.size() +
                     static_cast<Index>(region_.role.size() + region_.row.size() +
                                        region_.free.size() + region_.handle_vertices.size());

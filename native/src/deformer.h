@@ -8,6 +8,7 @@
 
 namespace dd {
 
+class FloatingParts;
 class NormalDisplacement;
 
 /// What an update shows.
@@ -32,14 +33,18 @@ class Deformer {
   Deformer(const Deformer&) = delete;
   Deformer& operator=(const Deformer&) = delete;
 
+  /// deformed_base: B', n×3 in the mesh's units, for a base from outside; else null.
   /// matrices: handle_count row-major 3×4 affine matrices, rest to present, in the mesh's units.
   /// Returns the displacement of every vertex, n×3, in the mesh's units; valid until the next call.
   /// The first update by a method prepares it, which may take longer.
   /// Throws Error(argument) naming the handle when a matrix is not finite, Error(numeric) when the
   /// result isn't.
-  const Positions& update(const double* matrices, const UpdateOptions& options);
+  const Positions& update(const double* matrices, const UpdateOptions& options,
+                          const Positions* deformed_base = nullptr);
 
   const Mesh& mesh() const { return mesh_; }
+  /// Whether updates need B'.
+  bool outside_base() const { return bound_->outside_base(); }
   const Region& region() const { return region_; }
   const std::vector<int>& degenerate_triangles() const {
     return bound_->operators.metric.degenerate;
@@ -55,11 +60,13 @@ class Deformer {
 
  private:
   void take_matrices(const double* matrices);
+  void move_base(const Positions* deformed);
   /// The method, prepared when it isn't yet.
   Method& method(const UpdateOptions& options);
   /// Rows in the order of the Poisson system, in the unit box, as n×3 vectors or positions outside.
   void scale_to_mesh(const Rows& rows, Positions& vectors) const;
   Positions place_in_mesh(const Rows& rows) const;
+  Positions to_unit(const Positions& positions) const;
 
   Mesh mesh_;
   Region region_;
@@ -72,7 +79,8 @@ class Deformer {
 
   RowMatrix coefficients_;  // 4h×4, unit box
   std::vector<Eigen::Matrix3d> linear_;
-  Rows rest_, rest_base_, base_, moved_;  // in BoundSurface::order(), unit box
+  Rows base_, moved_;  // B' and the displacement, in BoundSurface::order(), unit box
+  std::unique_ptr<FloatingParts> floating_;  // where there are any
   Positions offsets_;
 };
 

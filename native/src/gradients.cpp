@@ -127,6 +127,27 @@ GradientPass::GradientPass(const Positions& base, const Triangles& t, const Posi
   }
 }
 
+std::vector<RotationBlock> rotation_blocks(const Positions& rest, const Triangles& t,
+                                           const std::vector<int>& which,
+                                           const GradientSources& sources, const RowOrder& order) {
+  std::vector<RotationBlock> blocks((which.size() + kLanes - 1) / kLanes);
+  for (size_t i = 0; i < blocks.size() * kLanes; ++i) {
+    RotationBlock& block = blocks[i / kLanes];
+    const size_t lane = i % kLanes;
+    block.from_rest[3][lane] = 1;
+    const int source = i < which.size() ? sources.of_triangle[which[i]] : -1;
+    if (source < 0) continue;  // no area anywhere near, or no triangle: the identity
+    const RestFrame frame(rest, t, source);
+    for (int k = 0; k < 3; ++k) block.source[k][lane] = order.row_of_vertex[t(source, k)];
+    block.inverse_length[lane] = frame.inverse_length;
+    block.shear[lane] = frame.shear;
+    block.inverse_height[lane] = frame.inverse_height;
+    const Eigen::Quaterniond from_rest(Eigen::Matrix3d(frame.axes.transpose()));
+    for (int c = 0; c < 4; ++c) block.from_rest[c][lane] = from_rest.coeffs()[c];
+  }
+  return blocks;
+}
+
 void GradientPass::add_to(double* right_hand_side, const double* base, bool rotation_only) const {
   kernels().gradient_pass(static_cast<int>(blocks_.size()), blocks_.data(), base, rotation_only,
                           right_hand_side);

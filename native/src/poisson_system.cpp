@@ -21,11 +21,18 @@ RowOrder row_order(const Region& region, const std::vector<int>& factor_order) {
   return order;
 }
 
+/// A part that nothing holds leaves its translation open. A right-hand side that sums to zero over it,
+/// as every divergence does, keeps the grounded vertex in place whatever its added weight.
+SparseMatrix grounded(SparseMatrix block, const Region& region) {
+  for (int v : region.grounds) block.coeffRef(region.row[v], region.row[v]) *= 2;
+  return block;
+}
+
 }  // namespace
 
 PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
                              const SurfaceOperators& operators)
-    : factor_(factor_free_block(free_block(operators.laplacian, region), region)),
+    : factor_(factor_free_block(grounded(free_block(operators.laplacian, region), region), region)),
       order_(row_order(region, factor_.order())) {
   const Triangles& t = mesh.triangles;
   for (int j = 0; j < mesh.triangle_count(); ++j)

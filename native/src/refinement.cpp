@@ -1,37 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "refinement.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 
 #include "gradients.h"
 
 namespace dd {
-
-namespace {
-
-std::vector<RotationBlock> rotation_blocks(const BoundSurface& bound, const std::vector<int>& which,
-                                           const GradientSources& sources) {
-  const Triangles& t = bound.mesh.triangles;
-  std::vector<RotationBlock> blocks((which.size() + kLanes - 1) / kLanes);
-  for (size_t i = 0; i < blocks.size() * kLanes; ++i) {
-    RotationBlock& block = blocks[i / kLanes];
-    const size_t lane = i % kLanes;
-    block.from_rest[3][lane] = 1;
-    const int source = i < which.size() ? sources.of_triangle[which[i]] : -1;
-    if (source < 0) continue;  // no area anywhere near, or no triangle: the identity
-    const RestFrame frame(bound.mesh.positions, t, source);
-    for (int k = 0; k < 3; ++k) block.source[k][lane] = bound.order().row_of_vertex[t(source, k)];
-    block.inverse_length[lane] = frame.inverse_length;
-    block.shear[lane] = frame.shear;
-    block.inverse_height[lane] = frame.inverse_height;
-    const Eigen::Quaterniond from_rest(Eigen::Matrix3d(frame.axes.transpose()));
-    for (int c = 0; c < 4; ++c) block.from_rest[c][lane] = from_rest.coeffs()[c];
-  }
-  return blocks;
-}
-
-}  // namespace
 
 Refinement::Refinement(BoundSurface& bound) : bound_(bound) {
   const Triangles& t = bound.mesh.triangles;
@@ -53,7 +27,7 @@ Refinement::Refinement(BoundSurface& bound) : bound_(bound) {
   }
   const GradientSources sources =
       gradient_sources(bound.mesh.positions, t, bounding_box_diagonal(bound.mesh.positions));
-  moving_ = rotation_blocks(bound, active, sources);
+  moving_ = rotation_blocks(bound.mesh.positions, t, active, sources, order);
   const int first_rim = kLanes * static_cast<int>(moving_.size());
   for (int j = 0; j < m; ++j) {
     if (local_triangle[j] >= 0) continue;
@@ -64,7 +38,7 @@ Refinement::Refinement(BoundSurface& bound) : bound_(bound) {
       break;
     }
   }
-  if (!rim.empty()) held_ = rotation_blocks(bound, rim, sources);
+  if (!rim.empty()) held_ = rotation_blocks(bound.mesh.positions, t, rim, sources, order);
 
   std::vector<std::vector<int>> fan(vertices.size());
   for (int j = 0; j < m; ++j)
@@ -97,7 +71,7 @@ Refinement::Refinement(BoundSurface& bound) : bound_(bound) {
       for (int c = 0; c < 3; ++c)
         block.flux[k][c][lane] = i < active.size() ? flux(3 * Index(active[i]) + k, c) : 0;
   }
-  rest_ = positions_ = in_order(bound.mesh.positions, order);
+  positions_ = bound.rest;
   triangle_rotations_ = Rows::Zero(first_rim + kLanes * Index(held_.size()), 4);
   vertex_rotations_ = Rows::Zero(static_cast<Index>(vertices.size()), 4);
 }
@@ -115,7 +89,7 @@ double Refinement::Averages::bytes() const {
 void Refinement::run(int iterations, Rows& offsets) {
   const int moving = static_cast<int>(moving_.size());
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    positions_ = rest_ + offsets;
+    positions_ = bound_.rest + offsets;
     kernels().rotation_pass(moving, moving_.data(), positions_.data(), triangle_rotations_.data());
     if (iteration == 0)
       kernels().rotation_pass(static_cast<int>(held_.size()), held_.data(), positions_.data(),
@@ -132,7 +106,7 @@ void Refinement::run(int iterations, Rows& offsets) {
 
 double Refinement::bytes() const {
   const auto rows =
-      rest_.size() + positions_.size() + triangle_rotations_.size() + vertex_rotations_.size();
+      positions_.size() + triangle_rotations_.size() + vertex_rotations_.size();
   return static_cast<double>((moving_.size() + held_.size()) * sizeof(RotationBlock) +
                              turns_.size() * sizeof(TurnBlock)) +
          of_vertices_.bytes() + of_triangles_.bytes() +

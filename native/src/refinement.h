@@ -41,7 +41,7 @@ class Refinement {
   std::vector<RotationBlock> moving_, held_;
   std::vector<TurnBlock> turns_;
   Averages of_vertices_, of_triangles_;
-  Rows rest_, positions_;
+  Rows positions_;
   Rows triangle_rotations_, vertex_rotations_;
 };
 

@@ -9,8 +9,9 @@ namespace dd {
 
 namespace {
 
-void check_roles(const Mesh& mesh, const std::vector<int>& roles, int handle_count) {
-  if (handle_count < 1)
+void check_roles(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
+                 MovedBy moved_by) {
+  if (handle_count < (moved_by == MovedBy::base ? 0 : 1))
     throw Error(Status::region, "There is no handle: add at least one that moves some vertices.");
   if (handle_count > mesh.vertex_count())
     throw Error(Status::region, "There are more handles than vertices.");
@@ -37,16 +38,20 @@ void check_roles(const Mesh& mesh, const std::vector<int>& roles, int handle_cou
 
 }  // namespace
 
-Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_count) {
-  check_roles(mesh, roles, handle_count);
+Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
+                    MovedBy moved_by) {
+  check_roles(mesh, roles, handle_count, moved_by);
   const int n = mesh.vertex_count();
 
   std::vector<char> has_triangle(static_cast<size_t>(n), 0);
   for (Index k = 0; k < mesh.triangles.size(); ++k) has_triangle[mesh.triangles.data()[k]] = 1;
   const Components parts = connected_components(mesh);
-  std::vector<char> part_has_handle(static_cast<size_t>(parts.count), 0);
-  for (int v = 0; v < n; ++v)
-    if (roles[v] >= 0) part_has_handle[parts.of_vertex[v]] = 1;
+  std::vector<char> part_moves(static_cast<size_t>(parts.count), moved_by == MovedBy::base);
+  std::vector<char> part_is_held(static_cast<size_t>(parts.count), 0);
+  for (int v = 0; v < n; ++v) {
+    if (roles[v] >= 0) part_moves[parts.of_vertex[v]] = 1;
+    if (roles[v] != kFree) part_is_held[parts.of_vertex[v]] = 1;
+  }
 
   Region region;
   region.role = roles;
@@ -58,7 +63,7 @@ Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_
     if (role == kFree && !has_triangle[v]) {
       role = kFixed;
       if (region.loose_count++ == 0) region.loose_example = v;
-    } else if (role == kFree && !part_has_handle[parts.of_vertex[v]]) {
+    } else if (role == kFree && !part_moves[parts.of_vertex[v]]) {
       role = kFixed;
       if (region.resting_count++ == 0) region.resting_example = v;
       char& rests = part_rests[parts.of_vertex[v]];
@@ -66,6 +71,9 @@ Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_
       rests = 1;
     }
     if (role == kFree) {
+      char& held = part_is_held[parts.of_vertex[v]];
+      if (!held) region.grounds.push_back(v);
+      held = 1;
       region.row[v] = region.free_count();
       region.free.push_back(v);
     } else if (role >= 0) {

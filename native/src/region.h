@@ -17,6 +17,8 @@ struct Region {
   std::vector<int> free;             ///< vertex of each row
   std::vector<int> row;              ///< n: row of a free vertex, else -1
   std::vector<int> handle_vertices;  ///< all vertices that are in a handle, ascending
+  /// One free vertex of each part without any constrained one, which a base from outside carries.
+  std::vector<int> grounds;
   int handle_count = 0;
 
   /// Vertices that were asked to be free but are held, because no handle can move them.
@@ -26,12 +28,19 @@ struct Region {
   int free_count() const { return static_cast<int>(free.size()); }
 };
 
+/// What moves free vertices.
+enum class MovedBy {
+  handles,
+  base  ///< from outside: handles are not needed
+};
+
 /// Splits the vertices by the given roles (n values: kFree, kFixed or a handle below handle_count).
 ///
-/// A free vertex of a loose part without any handle vertex becomes fixed: where nothing holds the
-/// part both systems would be singular, and where only fixed vertices do the solution is the rest
-/// shape. A free vertex without a triangle becomes fixed too. Both are counted.
+/// Moved by handles, a free vertex of a loose part without any handle vertex becomes fixed: where
+/// nothing holds the part both systems would be singular, and where only fixed vertices do the
+/// solution is the rest shape. A free vertex without a triangle becomes fixed too. Both are counted.
 /// Throws Error(region) when a role is out of range, a handle has no vertex, or nothing stays free.
-Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_count);
+Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
+                    MovedBy moved_by = MovedBy::handles);
 
 }  // namespace dd

@@ -248,7 +248,7 @@ def test_factor_and_the_place_in_the_stack(part):
     modifier = node_group.find_modifier(ob)
     assert modifier.name == 'Detail Deform'
     assert node_group.factor(modifier) == 1
-    socket = node_group._factor_socket(modifier.node_group)
+    socket = node_group._socket(modifier.node_group, 'Factor')
     inputs = getattr(getattr(modifier, 'properties', None), 'inputs', None)
     if inputs is not None:
         getattr(inputs, socket.identifier).value = 0.25

@@ -127,10 +127,13 @@ typedef struct dd_bind_options {
   double metric_smoothing; /* >= 0, in mean edge lengths: fairing of S before the energy is built on
                               it (only with DD_METRIC_SURFACE); sensible up to 4 */
   int32_t smoothness;      /* dd_smoothness */
+  const float* base;       /* B at rest from outside, as positions: then handle_count may be 0, free parts that nothing holds are carried by
+                              their base, and the fields above have no meaning. Null: B is computed */
+  size_t base_count;       /* 3 n, or 0 */
 } dd_bind_options;
 
 /* Options of one update. A null pointer stands for the paper's method with rotations only, refined
- * by 4 iterations, as positions: {sizeof(dd_update_options), 1, 0, 0, 4, 0, 1}. */
+ * by 4 iterations, as positions: {sizeof(dd_update_options), 1, 0, 0, 4, 0, 1, NULL, 0}. */
 typedef struct dd_update_options {
   uint32_t struct_size;
   int32_t rotation_only; /* 1: S_j is replaced by its rotation (polar decomposition); 0: S_j whole.
@@ -143,6 +146,8 @@ typedef struct dd_update_options {
   int32_t shown;  /* dd_shown */
   int32_t levels; /* of DD_METHOD_NORMAL, >= 1: surfaces from S to B, each displaced from the
                      next smoother one; 0 stands for 1 */
+  const float* base; /* B', as positions, where the bind was given a base; else null */
+  size_t base_count; /* 3 n, or 0 */
 } dd_update_options;
 
 typedef struct dd_bind_progress {
@@ -193,7 +198,7 @@ DD_API const char* dd_last_message(void);
  *   positions       position_count = 3 n floats, x y z of each vertex: the surface S
  *   triangles       triangle_index_count = 3 m vertex numbers, counter-clockwise seen from outside
  *   roles           role_count = n values: dd_role or a handle number below handle_count
- *   handle_count    >= 1; each handle has at least one vertex
+ *   handle_count    >= 1 unless a base is given; each handle has at least one vertex
  * What can be seen to be wrong at once is refused here, the rest at dd_bind_finish. */
 DD_API int32_t dd_bind_start(const float* positions, size_t position_count,
                              const int32_t* triangles, size_t triangle_index_count,

@@ -98,8 +98,7 @@ Positions intermediate(const BoundSurface& bound, int level, int levels) {
 
 NormalDisplacement::NormalDisplacement(const BoundSurface& bound, int level_count)
     : bound_(bound),
-      triangles_(triangles_near_free(bound)),
-      rest_(in_order(bound.mesh.positions, bound.order())) {
+      triangles_(triangles_near_free(bound)) {
   fan_begin_.assign(static_cast<size_t>(bound.order().count()) + 1, 0);
   for (Index k = 0; k < triangles_.size(); ++k) ++fan_begin_[triangles_.data()[k] + 1];
   for (size_t r = 1; r < fan_begin_.size(); ++r) fan_begin_[r] += fan_begin_[r - 1];
@@ -109,7 +108,7 @@ NormalDisplacement::NormalDisplacement(const BoundSurface& bound, int level_coun
     fan_[filled[triangles_.data()[k]]++] = static_cast<int>(k / 3);
 
   find_borders();
-  Rows fine = rest_;
+  Rows fine = bound.rest;
   for (int level = 1; level <= level_count; ++level) {
     const Rows coarse = in_order(
         level < level_count ? intermediate(bound, level, level_count) : bound.base, bound.order());
@@ -126,7 +125,7 @@ void NormalDisplacement::find_borders() {
   for (Index j = 0; j < triangles_.rows(); ++j)
     for (int k = 0; k < 3; ++k) ++triangles_at[edge(j, k)];
 
-  tangent_.resize(rest_.rows());
+  tangent_.resize(static_cast<size_t>(bound_.order().count()));
   for (Index j = 0; j < triangles_.rows(); ++j)
     for (int k = 0; k < 3; ++k) {
       on_border_.push_back(triangles_at[edge(j, k)] == 1);
@@ -315,13 +314,12 @@ void NormalDisplacement::update(const Frame& frame, const MethodOptions&) {
       surface.row(r).head<3>() = displaced(onto, (*level)[r]).transpose();
   }
   const int free_count = bound_.order().free_count;
-  frame.offsets.topRows(free_count) = surface.topRows(free_count) - rest_.topRows(free_count);
+  frame.offsets.topRows(free_count) = surface.topRows(free_count) - bound_.rest.topRows(free_count);
 }
 
 double NormalDisplacement::bytes() const {
-  double sum =
-      static_cast<double>(rest_.size()) * sizeof(double) +
-      static_cast<double>(triangles_.size() + Index(fan_.size() + fan_begin_.size())) * sizeof(int);
+  const auto ints = triangles_.size() + static_cast<Index>(fan_.size() + fan_begin_.size());
+  double sum = static_cast<double>(ints) * sizeof(int);
   for (const Level& level : levels_)
     sum += static_cast<double>(level.size() * sizeof(Displacement));
   return sum;

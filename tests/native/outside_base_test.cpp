@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// T-base: B and B' given from outside.
+#include <Eigen/Dense>
+#include <limits>
+
+#include "catch.h"
+#include "cases.h"
+#include "deform.h"
+#include "dense_reference.h"
+
+using namespace dd;
+using test::Affine;
+using test::by;
+
+namespace {
+
+Positions surface(Deformer& deformer, const Positions& deformed_base, const UpdateOptions& options,
+                  const std::vector<Affine>& handles = {}) {
+  std::vector<double> matrices;
+  for (const Affine& matrix : handles)
+    matrices.insert(matrices.end(), matrix.data(), matrix.data() + 12);
+  return deformer.mesh().positions + deformer.update(matrices.data(), options, &deformed_base);
+}
+
+/// A rough ball over a smooth one, nothing held.
+struct Ball {
+  Mesh mesh = test::rough_sphere(3, 0.1);
+  Positions base = mesh.positions.rowwise().normalized() * 0.8;
+  std::vector<int> roles = std::vector<int>(static_cast<size_t>(mesh.vertex_count()), kFree);
+  BindOptions options() const {
+    BindOptions result;
+    result.base = base;
+    return result;
+  }
+};
+
+Positions bent(const Positions& p) {
+  Positions result = p;
+  for (Index v = 0; v < p.rows(); ++v)
+    result.row(v) << p(v, 0) + 0.4 * p(v, 2) * p(v, 2), 1.2 * p(v, 1), p(v, 2) - 0.3 * p(v, 0);
+  return result;
+}
+
+const std::vector<UpdateOptions> kAll = {
+    by(MethodKind::transfer), by(MethodKind::transfer, false), by(MethodKind::transfer, true, 4),
+    by(MethodKind::normal), by(MethodKind::variational)};
+
+}  // namespace
+
+TEST_CASE("an outside base at rest leaves the surface at rest, by every method") {
+  const Ball ball;
+  Deformer deformer(ball.mesh, ball.roles, 0, ball.options());
+  CHECK(deformer.region().free_count() == ball.mesh.vertex_count());
+  for (const UpdateOptions& options : kAll)
+    CHECK(test::largest_difference(surface(deformer, ball.base, options), ball.mesh.positions) <
+          1e-9);
+}
+
+TEST_CASE("a rigid motion of an outside base moves the surface rigidly") {
+  const Ball ball;
+  Deformer deformer(ball.mesh, ball.roles, 0, ball.options());
+  const Affine motion = test::rotation_about(2.1, {1, 2, 0.5}, {0.2, 0, 0}, {0.3, -1, 2});
+  const Positions expected = test::transformed(motion, ball.mesh.positions);
+  for (const UpdateOptions& options : kAll) {
+    if (options.method == MethodKind::variational) continue;  // its known flaw
+    CHECK(test::largest_difference(
+              surface(deformer, test::transformed(motion, ball.base), options), expected) < 1e-9);
+  }
+}
+
+TEST_CASE("two parts that nothing holds are carried each by its own base") {
+  const Ball ball;
+  const Mesh both = test::appended(ball.mesh, ball.mesh);
+  const int n = ball.mesh.vertex_count();
+  Positions base(2 * n, 3), moved(2 * n, 3), expected(2 * n, 3);
+  base << ball.base, ball.base;
+  const Affine first = test::rotation_about(0.7, {1, 2, 0.5}, {0, 0, 0}, {0.3, -1, 2});
+  const Affine second = test::rotation_about(-1.7, {0, 2, 0.5}, {0, 1, 0}, {4, 0, 2});
+  moved << test::transformed(first, ball.base), test::transformed(second, ball.base);
+  expected << test::transformed(first, ball.mesh.positions),
+      test::transformed(second, ball.mesh.positions);
+  BindOptions options;
+  options.base = base;
+  Deformer deformer(both, std::vector<int>(size_t(2 * n), kFree), 0, options);
+  CHECK(test::largest_difference(surface(deformer, moved, by(MethodKind::transfer)), expected) <
+        1e-9);
+}
+
+TEST_CASE("with constrained vertices it is (14) with the given base's gradients: dense solve") {
+  const Ball ball;
+  auto roles = test::roles_by_height(ball.mesh, -0.6, 0.8);
+  const Positions moved = bent(ball.base);
+  const Affine turn = test::rotation_about(0.3, {0, 1, 0}, {0, 0, 1}, {0.1, 0, 0.1});
+  const Mesh& mesh = ball.mesh;
+  const auto dense = test::dense_operators(mesh.positions, mesh.triangles);
+  Deformer deformer(mesh, roles, 1, ball.options());
+  for (bool rotation_only : {true, false}) {
+    Eigen::MatrixXd gradients(3 * mesh.triangles.rows(), 3);
+    for (Index j = 0; j < mesh.triangles.rows(); ++j) {
+      Eigen::Matrix3d S = test::deformation_gradient(ball.base, moved, mesh.triangles, j);
+      if (rotation_only) S = test::polar_rotation(S);
+      gradients.middleRows<3>(3 * j) = S.transpose();
+    }
+    Positions held = mesh.positions;
+    for (int v = 0; v < mesh.vertex_count(); ++v)
+      if (roles[v] == 0) held.row(v) = test::transformed(turn, held.row(v));
+    const Positions expected =
+        test::dense_solve(dense.L, held, roles, dense.G.transpose() * dense.D * gradients);
+    CHECK(test::largest_difference(
+              surface(deformer, moved, by(MethodKind::transfer, rotation_only), {turn}),
+              expected) < 1e-9);
+  }
+}
+
+TEST_CASE("the computed base given as one from outside makes no difference") {
+  const auto plane = test::lifted_plane(61);
+  Deformer computed(plane.mesh, plane.roles, 1, {});
+  const Positions expected = test::surface(computed, {plane.motion});
+  BindOptions options;
+  options.base = computed.base();
+  Deformer given(plane.mesh, plane.roles, 1, options);
+  CHECK(test::largest_difference(surface(given, computed.deformed_base(),
+                                         by(MethodKind::transfer), {plane.motion}),
+                                 expected) < 1e-9);
+}
+
+TEST_CASE("showing an outside base, and a base that is missing or not finite") {
+  const Ball ball;
+  Deformer deformer(ball.mesh, ball.roles, 0, ball.options());
+  const Positions moved = bent(ball.base);
+  CHECK(test::largest_difference(
+            surface(deformer, moved, {MethodKind::transfer, {}, Shown::base}), moved) < 1e-12);
+  CHECK_THAT(test::refusal([&] { deformer.update(nullptr, {}); }, Status::argument),
+             contains("deformed base"));
+  Positions bad = moved;
+  bad(7, 1) = std::numeric_limits<double>::quiet_NaN();
+  CHECK_THAT(test::refusal([&] { surface(deformer, bad, {}); }, Status::argument),
+             contains("not finite"));
+}
