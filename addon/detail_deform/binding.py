@@ -36,8 +36,10 @@ def _look(settings):
     look = {'method': settings.method, 'shown': settings.output}
     if settings.method in {'TRANSFER', 'GRADIENT'}:
         look['rotation_only'] = settings.rotation_only
-    if settings.method == 'TRANSFER' and settings.rotation_only:
-        look['refine'] = settings.refine
+    if settings.method == 'TRANSFER':
+        # Refining goes away from the base, which is right where it was made by hand.
+        refined = settings.rotation_only and settings.base == 'COMPUTED'
+        look['refine'] = settings.refine if refined else 0
     if settings.method == 'NORMAL':
         look['levels'] = settings.levels
     return look

@@ -73,8 +73,6 @@ def make(ob, positions):
     base = bpy.data.objects.new(f"{ob.name} Base", mesh)
     if mesh.shape_keys:
         base.shape_key_clear()
-    for group in ob.vertex_groups:
-        base.vertex_groups.new(name=group.name)
     mesh.vertices.foreach_set('co', np.asarray(positions, np.float32).ravel())
     mesh.update()
     for collection in ob.users_collection or (bpy.context.scene.collection,):

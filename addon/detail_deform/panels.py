@@ -68,7 +68,7 @@ class OBJECT_PT_detail_deform(bpy.types.Panel):
             column.prop(settings, 'rotation_only')
         if settings.method == 'TRANSFER':
             refine = column.column()
-            refine.active = settings.rotation_only
+            refine.active = settings.rotation_only and settings.base == 'COMPUTED'
             refine.prop(settings, 'refine')
         if settings.method == 'NORMAL':
             column.prop(settings, 'levels')

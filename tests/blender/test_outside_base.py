@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""base = OBJECT: another object of the same topology, deformed by any modifiers, is the base."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from conftest import activate, bind, evaluated, group, make_strip, own, refusal, update
+
+
+def make_pair(n=25):
+    """A wavy strip without handles and region, and the flat grid that is its base."""
+    ob = make_strip(n)
+    settings = ob.detail_deform
+    settings.region = ""
+    bpy.data.objects.remove(settings.handles[0].target)
+    settings.handles.clear()
+    mesh = ob.data.copy()
+    flat = own(ob)
+    flat[:, 2] = 0
+    mesh.vertices.foreach_set('co', flat.astype(np.float32).ravel())
+    base = bpy.data.objects.new("Base", mesh)
+    bpy.context.scene.collection.objects.link(base)
+    settings.base = 'OBJECT'
+    settings.base_object = base
+    update()
+    return activate(ob), base
+
+
+def armature(base):
+    data = bpy.data.armatures.new("Rig")
+    rig = bpy.data.objects.new("Rig", data)
+    bpy.context.scene.collection.objects.link(rig)
+    activate(rig)
+    bpy.ops.object.mode_set(mode='EDIT')
+    for name, start, end in (("a", 0, 0.5), ("b", 0.5, 1)):
+        bone = data.edit_bones.new(name)
+        bone.head, bone.tail = (start, 0.5, 0), (end, 0.5, 0)
+    data.edit_bones["b"].parent = data.edit_bones["a"]
+    bpy.ops.object.mode_set(mode='OBJECT')
+    x = own(base)[:, 0]
+    group(base, "a", np.flatnonzero(x < 0.5))
+    group(base, "b", np.flatnonzero(x >= 0.5))
+    modifier = base.modifiers.new("Rig", 'ARMATURE')
+    modifier.object = rig
+
+    def pose(angle):
+        bone = rig.pose.bones["b"]
+        bone.rotation_mode = 'XYZ'
+        bone.rotation_euler = (angle, 0, 0)
+    return pose
+
+
+def lattice(base):
+    data = bpy.data.lattices.new("Cage")
+    cage = bpy.data.objects.new("Cage", data)
+    cage.location, cage.scale = (0.5, 0.5, 0), (1.2, 1.2, 1)
+    bpy.context.scene.collection.objects.link(cage)
+    base.modifiers.new("Cage", 'LATTICE').object = cage
+
+    def pose(amount):
+        for point in data.points:
+            point.co_deform[2] = point.co[2] + amount * max(point.co[0], 0)
+        data.update_tag()
+    return pose
+
+
+def simple_deform(base):
+    modifier = base.modifiers.new("Twist", 'SIMPLE_DEFORM')
+    modifier.deform_method, modifier.deform_axis = 'TWIST', 'X'
+    modifier.angle = 0
+
+    def pose(angle):
+        modifier.angle = angle
+    return pose
+
+
+@pytest.mark.parametrize('deformer', [armature, lattice, simple_deform])
+def test_details_follow_whatever_deforms_the_base(deformer):
+    ob, base = make_pair()
+    pose = deformer(base)
+    bind(ob)
+    assert "base 'Base' moves 625 free vertices" in ob.detail_deform.status
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
+    pose(0.8)
+    update()
+    moved, moved_base = evaluated(ob), evaluated(base)
+    assert np.abs(moved_base - own(base)).max() > 0.1
+    # As far from its base as at rest, in the mean and nearly so everywhere.
+    rest_height = np.linalg.norm(own(ob) - own(base), axis=1)
+    height = np.linalg.norm(moved - moved_base, axis=1)
+    assert abs(height.mean() - rest_height.mean()) < 0.02
+    assert height.max() < rest_height.max() + 0.1
+    pose(0)
+    update()
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
+
+
+def test_playback_follows_an_animated_base():
+    ob, base = make_pair()
+    simple_deform(base)
+    modifier = base.modifiers[0]
+    for frame, angle in ((1, 0), (10, 1)):
+        modifier.angle = angle
+        modifier.keyframe_insert('angle', frame=frame)
+    bpy.context.scene.frame_set(1)
+    bind(ob)
+    shapes = []
+    for frame in (1, 4, 7, 10):
+        bpy.context.scene.frame_set(frame)
+        shapes.append(evaluated(ob))
+    for before, after in zip(shapes, shapes[1:]):
+        assert np.abs(after - before).max() > 0.01
+    bpy.context.scene.frame_set(4)
+    assert np.abs(evaluated(ob) - shapes[1]).max() < 1e-6
+
+
+def test_moving_the_base_object_moves_the_surface_with_it_but_a_common_parent_does_not():
+    ob, base = make_pair()
+    bind(ob)
+    motion = Matrix.Translation((0.3, -0.1, 0.5)) @ Matrix.Rotation(0.7, 4, 'Y')
+    base.matrix_world = motion
+    update()
+    expected = own(ob) @ np.array(motion)[:3, :3].T + np.array(motion)[:3, 3]
+    assert np.abs(evaluated(ob) - expected).max() < 1e-5
+    ob.matrix_world = motion
+    update()
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-5
+
+
+def test_handles_and_region_hold_their_vertices_all_the_same():
+    ob = make_strip()
+    mesh = ob.data.copy()
+    base = bpy.data.objects.new("Base", mesh)
+    bpy.context.scene.collection.objects.link(base)
+    ob.detail_deform.base, ob.detail_deform.base_object = 'OBJECT', base
+    pose = simple_deform(base)
+    update()
+    bind(activate(ob))
+    assert "base 'Base' and 1 handle move" in ob.detail_deform.status
+    pose(0.6)
+    ob.detail_deform.handles[0].target.location.z += 0.2
+    update()
+    moved = evaluated(ob) - own(ob)
+    columns = np.repeat(np.arange(25), 25)
+    assert (moved[columns < 3] == 0).all()
+    assert np.allclose(moved[columns >= 22], (0, 0, 0.2), atol=1e-6)
+
+
+def test_make_base_object_gives_the_computed_base_ready_to_be_rigged():
+    ob = bind(make_strip())
+    ob.detail_deform.output = 'BASE'
+    update()
+    shown = evaluated(ob)
+    ob.detail_deform.output = 'RESULT'
+    assert bpy.ops.object.detail_deform_base_make() == {'FINISHED'}
+    base = ob.detail_deform.base_object
+    assert ob.detail_deform.base == 'OBJECT' and base.name == "Strip Base"
+    assert np.abs(own(base) - shown).max() < 1e-6
+    assert [g.name for g in base.vertex_groups] == [g.name for g in ob.vertex_groups]
+    assert 'detail_deform_offset' not in base.data.attributes
+    update()
+    bind(ob)
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-5
+
+
+@pytest.mark.parametrize('hide', ['hide_render', 'hide_viewport', 'collection'])
+def test_a_hidden_base_is_followed_in_renders(hide, tmp_path):
+    ob, base = make_pair()
+    pose = simple_deform(base)
+    modifier = base.modifiers[0]
+    for frame, angle in ((1, 0), (5, 1.5)):
+        pose(angle)
+        modifier.keyframe_insert('angle', frame=frame)
+    if hide == 'collection':
+        collection = bpy.data.collections.new("Hidden")
+        bpy.context.scene.collection.children.link(collection)
+        collection.objects.link(base)
+        bpy.context.scene.collection.objects.unlink(base)
+        collection.hide_render = True
+    bpy.context.scene.frame_set(1)
+    bind(activate(ob))
+    if hide != 'collection':
+        setattr(base, hide, True)
+    seen = []
+
+    def look(scene, depsgraph=None):
+        graph = depsgraph or bpy.context.evaluated_depsgraph_get()
+        values = np.empty(3 * len(ob.data.vertices), np.float32)
+        ob.data.attributes['detail_deform_offset'].data.foreach_get('vector', values)
+        seen.append((graph.mode, scene.frame_current, float(np.abs(values).max())))
+
+    scene = bpy.context.scene
+    scene.render.engine = 'BLENDER_WORKBENCH'
+    scene.render.resolution_x = scene.render.resolution_y = 16
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.frame_start, scene.frame_end = 1, 5
+    scene.render.filepath = str(tmp_path / "f")
+    bpy.app.handlers.frame_change_post.append(look)
+    try:
+        bpy.ops.render.render(animation=True)
+    finally:
+        bpy.app.handlers.frame_change_post.remove(look)
+    sizes = {frame: size for mode, frame, size in seen if mode == 'RENDER'}
+    assert sizes[1] < 1e-5 and 0.01 < sizes[2] < sizes[5], seen
+
+
+def test_unsuitable_bases_are_refused_with_both_counts():
+    ob, base = make_pair()
+    bind_op = bpy.ops.object.detail_deform_bind
+    other = bpy.data.objects.new("Other", make_strip(12, "Other").data)
+    activate(ob)
+    ob.detail_deform.base_object = other
+    sentence = refusal(bind_op, wait=True)
+    assert "144 vertices and 121 faces" in sentence and "625 and 576" in sentence
+    ob.detail_deform.base_object = None
+    assert "no base object" in refusal(bind_op, wait=True)
+    ob.detail_deform.base_object = base
+    bind(ob)
+    base.modifiers.new("Thick", 'SOLIDIFY')
+    update()
+    assert "use only such that move vertices" in ob.detail_deform.status
+    assert "1,250 vertices of its 625" in ob.detail_deform.status
+    base.modifiers.clear()
+    update()
+    assert "Bound" in ob.detail_deform.status
+
+
+def test_the_same_counts_joined_otherwise_are_refused():
+    ob, base = make_pair(4)
+    mesh = bpy.data.meshes.new("Turned")
+    mesh.from_pydata(own(base).tolist(), [],
+                     [tuple(p.vertices[1:]) + (p.vertices[0],) for p in base.data.polygons])
+    base.data = mesh
+    update()
+    assert "join other vertices" in refusal(bpy.ops.object.detail_deform_bind, wait=True)
+
+
+def test_editing_or_removing_the_base_is_noticed():
+    ob, base = make_pair()
+    bind(ob)
+    base.data.vertices[7].co.z += 0.1
+    base.data.update()
+    update()
+    bpy.ops.object.detail_deform_update.poll()
+    ob.detail_deform.base_object = base  # what the panel does to look again
+    assert "base object" in ob.detail_deform.status and "Re-bind" in ob.detail_deform.status
+    bpy.ops.object.detail_deform_bind(wait=True, keep_rest=True)
+    assert ob.detail_deform.is_bound
+    bpy.data.objects.remove(base)
+    update()
+    assert "no base object" in ob.detail_deform.status
+
+
+def test_changing_the_choice_of_base_asks_for_a_new_bind():
+    ob = bind(make_strip())
+    ob.detail_deform.base = 'OBJECT'
+    assert "base object" in ob.detail_deform.status
+    ob.detail_deform.base = 'COMPUTED'
+    assert ob.detail_deform.is_bound
