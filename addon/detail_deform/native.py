@@ -112,6 +112,13 @@ def _load(path):
         'dd_deformer_update': [handle, _DOUBLES, size, ctypes.POINTER(_UpdateOptions), _FLOATS, size],
         'dd_deformer_get_info': [handle, ctypes.POINTER(Info)],
         'dd_deformer_free': [handle],
+        'dd_split_start': [_FLOATS, size, _INTS, size, _INTS, size, ctypes.c_int32,
+                           ctypes.POINTER(_BindOptions), _DOUBLES, size, _DOUBLES, size,
+                           ctypes.c_int32, ctypes.POINTER(_UpdateOptions), ctypes.POINTER(handle)],
+        'dd_split_poll': [handle, ctypes.POINTER(_BindProgress)],
+        'dd_split_cancel': [handle],
+        'dd_split_finish': [handle, _FLOATS, size],
+        'dd_split_free': [handle],
     }
     for name, argtypes in signatures.items():
         function = getattr(lib, name)
@@ -140,55 +147,105 @@ def _check(status):
                           cancelled=status == _ERROR_CANCELLED)
 
 
-class Bind:
-    """A bind under way in a thread of the library."""
+def _bind_arguments(positions, triangles, roles, handle_count, base_metric='SURFACE',
+                    metric_smoothing=0.0, smoothness=2, base=None):
+    """What Bind and Split take, as the library does, and what must stay alive during the call.
 
-    def __init__(self, positions, triangles, roles, handle_count, base_metric='SURFACE',
-                 metric_smoothing=0.0, smoothness=2, base=None):
-        """positions: (n, 3) float32; triangles: (m, 3) int32; roles: (n,) int32, ROLE_FREE,
-        ROLE_FIXED or a handle number below handle_count. All are copied. Options as in
-        dd_bind_options, base_metric by its name in METRICS, base (n, 3) float32 or None."""
-        lib = library()
+    positions: (n, 3) float32; triangles: (m, 3) int32; roles: (n,) int32, ROLE_FREE, ROLE_FIXED or a
+    handle number below handle_count. All are copied. Options as in dd_bind_options, base_metric by its
+    name in METRICS, base (n, 3) float32 or None."""
+    base = None if base is None else np.ascontiguousarray(base, np.float32)
+    options = _BindOptions(ctypes.sizeof(_BindOptions), METRICS[base_metric], metric_smoothing,
+                           smoothness, *_pointer(base))
+    positions = np.ascontiguousarray(positions, np.float32)
+    triangles = np.ascontiguousarray(triangles, np.int32)
+    roles = np.ascontiguousarray(roles, np.int32)
+    return [positions, positions.size, triangles, triangles.size, roles, roles.size, handle_count,
+            options], base
+
+
+def _update_options(rotation_only=True, method='TRANSFER', refine=4, shown='RESULT', levels=1,
+                    base=None):
+    """dd_update_options by the names in METHODS and SHOWN, for offsets."""
+    return _UpdateOptions(ctypes.sizeof(_UpdateOptions), rotation_only, _OUTPUT_OFFSETS,
+                          METHODS[method], refine, SHOWN[shown], levels, *_pointer(base))
+
+
+class _Job:
+    """Work under way in a thread of the library. kind: 'bind' or 'split', as in its functions' names."""
+
+    def __init__(self, kind, *arguments):
         self.cancelled = False
+        self._kind = kind
         self._handle = ctypes.c_void_p()
-        base = None if base is None else np.ascontiguousarray(base, np.float32)
-        options = _BindOptions(ctypes.sizeof(_BindOptions), METRICS[base_metric],
-                               metric_smoothing, smoothness, *_pointer(base))
-        positions = np.ascontiguousarray(positions, np.float32)
-        triangles = np.ascontiguousarray(triangles, np.int32)
-        roles = np.ascontiguousarray(roles, np.int32)
-        _check(lib.dd_bind_start(positions, positions.size, triangles, triangles.size, roles,
-                                 roles.size, handle_count, options, self._handle))
+        self._call('start', *arguments, self._handle)
+
+    def _function(self, name):
+        return getattr(library(), f'dd_{self._kind}_{name}')
+
+    def _call(self, name, *arguments):
+        _check(self._function(name)(*arguments))
 
     def progress(self):
         """(running, fraction, stage)"""
         progress = _BindProgress(ctypes.sizeof(_BindProgress))
-        _check(library().dd_bind_poll(self._handle, progress))
+        self._call('poll', self._handle, progress)
         return progress.state == _BIND_RUNNING, progress.fraction, progress.stage.decode()
 
     def cancel(self):
-        """Takes effect at the bind's next stage."""
+        """Takes effect at the work's next stage."""
         self.cancelled = True
-        _check(library().dd_bind_cancel(self._handle))
+        self._call('cancel', self._handle)
+
+    def close(self):
+        """Ends the work without a result: cancels it when it still runs."""
+        handle, self._handle = self._handle, None
+        if handle:
+            self._function('free')(handle)
+
+    def __del__(self):
+        if getattr(self, '_handle', None):
+            self.close()
+
+
+class Bind(_Job):
+    """A bind under way; arguments as of _bind_arguments."""
+
+    def __init__(self, *mesh, **options):
+        arguments, _alive = _bind_arguments(*mesh, **options)
+        super().__init__('bind', *arguments)
 
     def finish(self):
         """Waits; the Deformer, or NativeError. The bind is over either way."""
         deformer = ctypes.c_void_p()
         try:
-            _check(library().dd_bind_finish(self._handle, deformer))
+            self._call('finish', self._handle, deformer)
         finally:
             self.close()
         return Deformer(deformer)
 
-    def close(self):
-        """Ends the bind without a result: cancels it when it still runs."""
-        handle, self._handle = self._handle, None
-        if handle:
-            library().dd_bind_free(handle)
 
-    def __del__(self):
-        if getattr(self, '_handle', None):
+class Split(_Job):
+    """A large motion in steps, under way: dd_split_start."""
+
+    def __init__(self, mesh, matrices, turns, steps, look):
+        """mesh: arguments of _bind_arguments as (positional, by name). matrices: (h, 3, 4) float64.
+        turns: (h, 3) float64, rotation vectors. look: as of Deformer.offsets."""
+        arguments, _alive = _bind_arguments(*mesh[0], **mesh[1])
+        self._size = arguments[1]
+        matrices = np.ascontiguousarray(matrices, np.float64)
+        turns = np.ascontiguousarray(turns, np.float64)
+        super().__init__('split', *arguments, matrices, matrices.size, turns, turns.size, steps,
+                         _update_options(**look))
+
+    def finish(self):
+        """Waits; (3 n,) float32 offsets, or NativeError. The work is over either way."""
+        offsets = np.empty(self._size, np.float32)
+        try:
+            self._call('finish', self._handle, offsets, offsets.size)
+        finally:
             self.close()
+        return offsets
 
 
 class Deformer:
@@ -205,17 +262,14 @@ class Deformer:
         _check(library().dd_deformer_get_info(self._handle, info))
         return info
 
-    def offsets(self, matrices, rotation_only=True, method='TRANSFER', refine=4, shown='RESULT',
-                levels=1, base=None):
-        """matrices: (h, 3, 4) float64, rest to present, object space. Options as in
-        dd_update_options, by the names in METHODS and SHOWN, base (n, 3) float32 where the bind was
-        given one. Calls are serialized.
+    def offsets(self, matrices, base=None, **look):
+        """matrices: (h, 3, 4) float64, rest to present, object space. look: as of _update_options.
+        base: (n, 3) float32 where the bind was given one. Calls are serialized.
         Returns (3 n,) float32, deformed minus rest; the array is reused by the next call. info is
         brought up to date: methods are prepared when they are first used."""
         matrices = np.ascontiguousarray(matrices, np.float64)
         base = None if base is None else np.ascontiguousarray(base, np.float32)
-        options = _UpdateOptions(ctypes.sizeof(_UpdateOptions), rotation_only, _OUTPUT_OFFSETS,
-                                 METHODS[method], refine, SHOWN[shown], levels, *_pointer(base))
+        options = _update_options(base=base, **look)
         with self._lock:
             _check(library().dd_deformer_update(self._handle, matrices, matrices.size, options,
                                                 self._offsets, self._offsets.size))

@@ -15,6 +15,7 @@
 #include "detail_deform/detail_deform.h"
 #include "kernels.h"
 #include "methods/normal_displacement.h"
+#include "split_motion.h"
 
 namespace {
 
@@ -144,6 +145,49 @@ dd_update_options read_options(const dd_update_options* given) {
 
 }  // namespace
 
+namespace {
+
+/// What a bind is made from, checked and copied.
+struct BindInput {
+  dd::Mesh mesh;
+  std::vector<int> roles;
+  int32_t handle_count;
+  dd::BindOptions options;
+};
+
+BindInput read_bind_input(const float* positions, size_t position_count, const int32_t* triangles,
+                          size_t triangle_index_count, const int32_t* roles, size_t role_count,
+                          int32_t handle_count, const dd_bind_options* options) {
+  require(roles || role_count == 0, "roles is null.");
+  dd::Mesh mesh = read_mesh(positions, position_count, triangles, triangle_index_count);
+  require_size("roles", role_count, position_count / 3);
+  return {std::move(mesh), std::vector<int>(roles, roles + role_count), handle_count,
+          read_options(options, position_count)};
+}
+
+dd::UpdateOptions update_options(const dd_update_options& how) {
+  return {static_cast<dd::MethodKind>(how.method),
+          {how.rotation_only == 1, how.refine, how.levels},
+          static_cast<dd::Shown>(how.shown)};
+}
+
+/// Positions or offsets as floats; refuses what leaves their range.
+void write_result(const dd::Positions& rest, const dd::Positions& offsets, int32_t output,
+                  float* out) {
+  const double largest = std::max(offsets.cwiseAbs().maxCoeff(), rest.cwiseAbs().maxCoeff());
+  if (!(largest < 0.5 * std::numeric_limits<float>::max()))
+    throw dd::Error(dd::Status::numeric,
+                    "The handles' matrices are too large: the deformed surface leaves the range of "
+                    "single precision.");
+  Eigen::Map<FloatRows> result(out, offsets.rows(), 3);
+  if (output == DD_OUTPUT_OFFSETS)
+    result = offsets.cast<float>();
+  else
+    result = (rest + offsets).cast<float>();
+}
+
+}  // namespace
+
 struct dd_deformer {
   template <class... Arguments>
   explicit dd_deformer(Arguments&&... arguments)
@@ -153,48 +197,80 @@ struct dd_deformer {
   std::atomic<bool> busy{false};
 };
 
-struct dd_bind {
-  std::thread worker;
-  std::atomic<double> fraction{0};
-  std::atomic<const char*> stage{"Checking the mesh"};
-  std::atomic<bool> cancelled{false};
-  std::atomic<int32_t> state{DD_BIND_RUNNING};
+namespace {
 
-  // Written by the worker before state leaves DD_BIND_RUNNING, read after.
-  int32_t status = DD_OK;
-  std::string message;
-  std::unique_ptr<dd_deformer> result;
-
-  ~dd_bind() {
-    cancelled = true;
-    if (worker.joinable()) worker.join();
+/// Work in a thread of its own that can be watched and cancelled.
+class Job {
+ public:
+  ~Job() {
+    cancelled_ = true;
+    if (worker_.joinable()) worker_.join();
   }
+
+  /// body: called with a dd::Progress, in the thread.
+  template <class Body>
+  void start(Body body) {
+    worker_ = std::thread([this, body = std::move(body)]() mutable {
+      status_ = guarded([&] {
+        body([this](double fraction, const char* stage) {
+          fraction_ = fraction;
+          stage_ = stage;
+          return !cancelled_ || fraction >= 1;
+        });
+      });
+      if (status_ != DD_OK) {
+        try {
+          message_ = last_message;
+        } catch (...) {
+          message_.clear();
+        }
+      }
+      state_ = status_ == DD_OK ? DD_BIND_DONE : DD_BIND_FAILED;
+    });
+  }
+
+  void poll(dd_bind_progress* progress) const {
+    dd_bind_progress now{};
+    now.state = state_;
+    now.fraction = fraction_;
+    now.stage = stage_;
+    write_struct("progress", progress, now);
+  }
+
+  void cancel() { cancelled_ = true; }
+
+  /// Waits; throws what the body threw.
+  void finish() {
+    if (worker_.joinable()) worker_.join();
+    if (status_ != DD_OK) throw dd::Error(static_cast<dd::Status>(status_), message_);
+  }
+
+ private:
+  std::thread worker_;
+  std::atomic<double> fraction_{0};
+  std::atomic<const char*> stage_{"Checking the mesh"};
+  std::atomic<bool> cancelled_{false};
+  std::atomic<int32_t> state_{DD_BIND_RUNNING};
+  // Written by the worker before state_ leaves DD_BIND_RUNNING, read after.
+  int32_t status_ = DD_OK;
+  std::string message_;
+};
+
+}  // namespace
+
+// The job comes last: it is joined before what it writes to is gone.
+struct dd_bind {
+  std::unique_ptr<dd_deformer> result;
+  Job job;
+};
+
+struct dd_split {
+  dd::Positions rest, offsets;
+  int32_t output = DD_OUTPUT_POSITIONS;
+  Job job;
 };
 
 namespace {
-
-void run_bind(dd_bind& bind, dd::Mesh mesh, const std::vector<int>& roles, int32_t handle_count,
-              const dd::BindOptions& options) noexcept {
-  bind.status = guarded([&] {
-    const auto start = std::chrono::steady_clock::now();
-    bind.result = std::make_unique<dd_deformer>(std::move(mesh), roles, handle_count, options,
-                                                [&bind](double fraction, const char* stage) {
-                                                  bind.fraction = fraction;
-                                                  bind.stage = stage;
-                                                  return !bind.cancelled || fraction >= 1;
-                                                });
-    bind.result->bind_seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  });
-  if (bind.status != DD_OK) {
-    try {
-      bind.message = last_message;
-    } catch (...) {
-      bind.message.clear();
-    }
-  }
-  bind.state = bind.status == DD_OK ? DD_BIND_DONE : DD_BIND_FAILED;
-}
 
 /// Marks a deformer as in use for the length of a call.
 class InUse {
@@ -228,36 +304,32 @@ int32_t dd_bind_start(const float* positions, size_t position_count, const int32
                       int32_t handle_count, const dd_bind_options* options, dd_bind** bind) {
   return guarded([&] {
     require(bind, "bind is null.");
-    require(roles || role_count == 0, "roles is null.");
-    dd::Mesh mesh = read_mesh(positions, position_count, triangles, triangle_index_count);
-    require_size("roles", role_count, position_count / 3);
-    const dd::BindOptions bind_options = read_options(options, position_count);
-    auto job = std::make_unique<dd_bind>();
-    dd_bind& started = *job;
-    started.worker = std::thread([&started, mesh = std::move(mesh),
-                                  copy = std::vector<int>(roles, roles + role_count), handle_count,
-                                  bind_options]() mutable {
-      run_bind(started, std::move(mesh), copy, handle_count, bind_options);
+    BindInput input = read_bind_input(positions, position_count, triangles, triangle_index_count,
+                                      roles, role_count, handle_count, options);
+    auto started = std::make_unique<dd_bind>();
+    started->job.start([&result = started->result, input = std::move(input)](
+                           const dd::Progress& progress) mutable {
+      const auto start = std::chrono::steady_clock::now();
+      result = std::make_unique<dd_deformer>(std::move(input.mesh), input.roles, input.handle_count,
+                                             input.options, progress);
+      result->bind_seconds =
+          std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     });
-    *bind = job.release();
+    *bind = started.release();
   });
 }
 
 int32_t dd_bind_poll(dd_bind* bind, dd_bind_progress* progress) {
   return guarded([&] {
     require(bind, "bind is null.");
-    dd_bind_progress now{};
-    now.state = bind->state;
-    now.fraction = bind->fraction;
-    now.stage = bind->stage;
-    write_struct("progress", progress, now);
+    bind->job.poll(progress);
   });
 }
 
 int32_t dd_bind_cancel(dd_bind* bind) {
   return guarded([&] {
     require(bind, "bind is null.");
-    bind->cancelled = true;
+    bind->job.cancel();
   });
 }
 
@@ -265,9 +337,7 @@ int32_t dd_bind_finish(dd_bind* bind, dd_deformer** deformer) {
   return guarded([&] {
     require(bind, "bind is null.");
     require(deformer, "deformer is null.");
-    if (bind->worker.joinable()) bind->worker.join();
-    if (bind->status != DD_OK)
-      throw dd::Error(static_cast<dd::Status>(bind->status), bind->message);
+    bind->job.finish();
     require(bind->result != nullptr, "The deformer of this bind was taken already.");
     *deformer = bind->result.release();
   });
@@ -288,25 +358,70 @@ int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices, size_t
     require_size("out", out_count, 3 * static_cast<size_t>(bound.mesh().vertex_count()));
     const dd_update_options how = read_options(options);
     const dd::Positions base = read_base(how.base, how.base_count, out_count);
-    const dd::Positions& offsets = bound.update(
-        matrices,
-        {static_cast<dd::MethodKind>(how.method),
-         {how.rotation_only == 1, how.refine, how.levels},
-         static_cast<dd::Shown>(how.shown)},
-        base.size() ? &base : nullptr);
-    const dd::Positions& rest = bound.mesh().positions;
-    const double largest = std::max(offsets.cwiseAbs().maxCoeff(), rest.cwiseAbs().maxCoeff());
-    if (!(largest < 0.5 * std::numeric_limits<float>::max()))
-      throw dd::Error(dd::Status::numeric,
-                      "The handles' matrices are too large: the deformed surface leaves the range "
-                      "of single precision.");
-    Eigen::Map<FloatRows> result(out, offsets.rows(), 3);
-    if (how.output == DD_OUTPUT_OFFSETS)
-      result = offsets.cast<float>();
-    else
-      result = (rest + offsets).cast<float>();
+    const dd::Positions& offsets =
+        bound.update(matrices, update_options(how), base.size() ? &base : nullptr);
+    write_result(bound.mesh().positions, offsets, how.output, out);
   });
 }
+
+int32_t dd_split_start(const float* positions, size_t position_count, const int32_t* triangles,
+                       size_t triangle_index_count, const int32_t* roles, size_t role_count,
+                       int32_t handle_count, const dd_bind_options* options, const double* matrices,
+                       size_t matrix_value_count, const double* turns, size_t turn_count,
+                       int32_t steps, const dd_update_options* update, dd_split** split) {
+  return guarded([&] {
+    require(split, "split is null.");
+    require(matrices, "matrices is null.");
+    BindInput input = read_bind_input(positions, position_count, triangles, triangle_index_count,
+                                      roles, role_count, handle_count, options);
+    const size_t handles = static_cast<size_t>(std::max(handle_count, 0));
+    require_size("matrices", matrix_value_count, 12 * handles);
+    require_size("turns", turn_count, turns ? 3 * handles : 0);
+    require(steps >= 1 && steps <= 1000,
+            "steps is " + std::to_string(steps) + ", not between 1 and 1000.");
+    const dd_update_options how = read_options(update);
+    dd::SplitMotion motion;
+    motion.matrices.assign(matrices, matrices + matrix_value_count);
+    if (turns) motion.turns.assign(turns, turns + turn_count);
+    motion.steps = steps;
+    auto started = std::make_unique<dd_split>();
+    started->rest = input.mesh.positions;
+    started->output = how.output;
+    started->job.start([&offsets = started->offsets, input = std::move(input),
+                        motion = std::move(motion),
+                        options = update_options(how)](const dd::Progress& progress) {
+      offsets = dd::split_update(input.mesh, input.roles, input.handle_count, input.options, motion,
+                                 options, progress);
+    });
+    *split = started.release();
+  });
+}
+
+int32_t dd_split_poll(dd_split* split, dd_bind_progress* progress) {
+  return guarded([&] {
+    require(split, "split is null.");
+    split->job.poll(progress);
+  });
+}
+
+int32_t dd_split_cancel(dd_split* split) {
+  return guarded([&] {
+    require(split, "split is null.");
+    split->job.cancel();
+  });
+}
+
+int32_t dd_split_finish(dd_split* split, float* out, size_t out_count) {
+  return guarded([&] {
+    require(split, "split is null.");
+    require(out, "out is null.");
+    split->job.finish();
+    require_size("out", out_count, static_cast<size_t>(split->offsets.size()));
+    write_result(split->rest, split->offsets, split->output, out);
+  });
+}
+
+void dd_split_free(dd_split* split) { delete split; }
 
 int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info) {
   return guarded([&] {

@@ -58,7 +58,7 @@ def test_handles_move_and_fixed_stay(native, strip):
 def test_everything_held_by_one_handle_moves_rigidly(native, strip, options, rotation_only):
     strip.roles[strip.roles == -2] = 0
     motion = rotation(0.9, (1, -2, 3))
-    offsets = bound(native, strip, **options).offsets(motion, rotation_only).reshape(-1, 3)
+    offsets = bound(native, strip, **options).offsets(motion, rotation_only=rotation_only).reshape(-1, 3)
     p = strip.positions.astype(float)
     assert np.allclose(p + offsets, p @ motion[0, :, :3].T + motion[0, :, 3], atol=1e-5)
 
@@ -337,7 +337,7 @@ def test_refine_shown_levels_and_smoothness_do_something(native, strip):
     ('levels', -1, 'levels')])
 def test_unknown_update_options_are_refused(native, strip, field, value, named):
     deformer = bound(native, strip)
-    options = native._UpdateOptions(ctypes.sizeof(native._UpdateOptions), 1, 0, 0, 0, 0, 1)
+    options = native._update_options(refine=0)
     setattr(options, field, value)
     out = np.zeros(strip.positions.size, np.float32)
     motion = np.ascontiguousarray(IDENTITY)
@@ -348,3 +348,63 @@ def test_unknown_update_options_are_refused(native, strip, field, value, named):
 def test_unknown_smoothness_is_refused(native, strip):
     with pytest.raises(native.NativeError, match='smoothness'):
         bound(native, strip, smoothness=4)
+
+
+def split(native, mesh, motion, steps, turns=None, **look):
+    turns = np.zeros((len(motion), 3)) if turns is None else turns
+    return native.Split(((mesh.positions, mesh.triangles, mesh.roles, len(motion)), {}), motion, turns,
+                        steps, look)
+
+
+def test_a_split_of_one_step_is_the_update_and_more_steps_differ(native, strip):
+    motion = rotation(1.5, (-4, 0, 9))
+    plain = bound(native, strip).offsets(motion).copy()
+    assert np.abs(split(native, strip, motion, 1).finish() - plain).max() < 1e-6
+    stepped = split(native, strip, motion, 5).finish()
+    assert np.isfinite(stepped).all() and np.abs(stepped - plain).max() > 0.05
+    # The handle arrives where it was sent all the same.
+    members = np.repeat(strip.roles >= 0, 3)
+    assert np.allclose(stepped[members], plain[members], atol=1e-4)
+
+
+def test_a_whole_turn_is_more_than_nothing_when_it_is_asked_for(native, strip):
+    assert np.abs(split(native, strip, IDENTITY, 6).finish()).max() < 1e-4
+    turned = split(native, strip, IDENTITY, 6, turns=np.array([[2 * np.pi, 0, 0]])).finish()
+    assert np.abs(turned).max() > 1
+
+
+def test_a_split_reports_progress_and_can_be_cancelled(native):
+    job = split(native, Strip(400), rotation(1.5, (-4, 0, 9)), 400)
+    job.cancel()
+    with pytest.raises(native.NativeError) as caught:
+        job.finish()
+    assert caught.value.cancelled
+
+
+@pytest.mark.parametrize('change, sentence', [
+    (dict(steps=0), 'steps is 0'), (dict(turns=np.zeros((2, 3))), 'turns has 6 elements'),
+    (dict(motion=np.zeros((1, 3, 4))), 'Handle 0: its motion flattens'),
+    (dict(method='TRANSFER', refine=-1), 'options.refine')])
+def test_unusable_splits_are_refused(native, strip, change, sentence):
+    arguments = {'motion': rotation(1, (0, 0, 0)), 'steps': 3, **change}
+    with pytest.raises(native.NativeError, match=sentence):
+        split(native, strip, **arguments).finish()
+
+
+def test_a_base_from_outside_moves_the_details(native, strip):
+    flat = strip.positions.copy()
+    flat[:, 2] = 0
+    roles = np.full(len(flat), native.ROLE_FREE, np.int32)
+    deformer = native.Bind(strip.positions, strip.triangles, roles, 0, base=flat).finish()
+    none = np.zeros((0, 3, 4))
+    assert np.abs(deformer.offsets(none, base=flat)).max() < 1e-5
+    motion = rotation(0.9, (1, 2, 3))[0]
+    moved = (flat @ motion[:, :3].T + motion[:, 3]).astype(np.float32)
+    expected = strip.positions @ motion[:, :3].T + motion[:, 3] - strip.positions
+    assert np.allclose(deformer.offsets(none, base=moved).reshape(-1, 3), expected, atol=1e-4)
+    with pytest.raises(native.NativeError, match='deformed base'):
+        deformer.offsets(none)
+    with pytest.raises(native.NativeError, match='options.base has'):
+        deformer.offsets(none, base=moved[1:])
+    with pytest.raises(native.NativeError, match='options.base has'):
+        native.Bind(strip.positions, strip.triangles, roles, 0, base=flat[1:])

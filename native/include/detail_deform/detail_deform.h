@@ -118,6 +118,7 @@ enum dd_bind_state { DD_BIND_RUNNING = 0, DD_BIND_DONE = 1, DD_BIND_FAILED = 2 }
 
 typedef struct dd_bind dd_bind;         /* a bind under way */
 typedef struct dd_deformer dd_deformer; /* a bound surface */
+typedef struct dd_split dd_split;       /* a large motion under way in steps */
 
 /* Options of a bind. Set struct_size to sizeof(dd_bind_options) and the rest to what is wanted;
  * zero is every field's default. A null pointer stands for all defaults. */
@@ -231,6 +232,27 @@ DD_API int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices,
                                   float* out, size_t out_count);
 
 DD_API int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info);
+
+/* A large motion in steps (§6): the handles' motions are cut along their screw motions, all in step,
+ * and after each step the surface is bound anew to its result. Works in a thread of the library and
+ * returns at once; one step is what dd_deformer_update gives.
+ *   positions ... options   as for dd_bind_start; a base from outside can't be split
+ *   matrices, update        as for dd_deformer_update
+ *   turns      turn_count = 3 x handle_count doubles: a rotation vector for each handle, near which
+ *              its motion's rotation is taken, so that it may be more than half a turn; or null
+ *   steps      1 .. 1000 */
+DD_API int32_t dd_split_start(const float* positions, size_t position_count,
+                              const int32_t* triangles, size_t triangle_index_count,
+                              const int32_t* roles, size_t role_count, int32_t handle_count,
+                              const dd_bind_options* options, const double* matrices,
+                              size_t matrix_value_count, const double* turns, size_t turn_count,
+                              int32_t steps, const dd_update_options* update, dd_split** split);
+
+/* As their namesakes for a bind. dd_split_finish writes out_count = 3 n floats. */
+DD_API int32_t dd_split_poll(dd_split* split, dd_bind_progress* progress);
+DD_API int32_t dd_split_cancel(dd_split* split);
+DD_API int32_t dd_split_finish(dd_split* split, float* out, size_t out_count);
+DD_API void dd_split_free(dd_split* split);
 
 /* Releases a deformer. Null is allowed. */
 DD_API void dd_deformer_free(dd_deformer* deformer);

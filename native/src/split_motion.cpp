@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "split_motion.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+#include <string>
+
+#include "rotations.h"
+
+namespace dd {
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+/// The rotation vector of R that is nearest to the given one: angles differ by whole turns.
+Eigen::Vector3d logarithm_near(const Eigen::Matrix3d& R, const Eigen::Vector3d& near) {
+  const Eigen::AngleAxisd shortest(R);
+  Eigen::Vector3d axis = shortest.axis();
+  // Next to no turn has no axis of its own.
+  if (shortest.angle() < 1e-9 && near.norm() > kPi) axis = near.normalized();
+  const double whole_turns = std::round((near.dot(axis) - shortest.angle()) / (2 * kPi));
+  return (shortest.angle() + 2 * kPi * whole_turns) * axis;
+}
+
+Eigen::Matrix3d exponential(const Eigen::Vector3d& turn) {
+  const double angle = turn.norm();
+  if (angle == 0) return Eigen::Matrix3d::Identity();
+  return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
+}
+
+}  // namespace
+
+ScrewMotion::ScrewMotion(const Affine& motion, const Eigen::Vector3d& about,
+                         const Eigen::Vector3d& turn)
+    : motion_(motion), about_(about) {
+  const Eigen::Matrix3d A = motion.leftCols<3>();
+  if (!(A.determinant() > 1e-12 * std::pow(A.norm(), 3)))
+    throw Error(Status::argument,
+                "its motion flattens or mirrors, which can't be split into steps. Use one step.");
+  const Eigen::Matrix3d R = polar_rotation(A);
+  stretch_ = R.transpose() * A - Eigen::Matrix3d::Identity();
+  turn_ = logarithm_near(R, turn);
+  shift_ = A * about + motion.col(3) - about;
+}
+
+ScrewMotion::Affine ScrewMotion::at(double s) const {
+  if (s == 1) return motion_;
+  // The centre's path: with angle θ about the unit axis a, the shift d splits into a slide along a
+  // and a turn about a point off it by (d⊥ + cot(θ/2) a × d⊥) / 2.
+  const double angle = turn_.norm();
+  Eigen::Vector3d moved = s * shift_;
+  if (angle > 1e-9) {
+    const Eigen::Vector3d axis = turn_ / angle, slide = axis * axis.dot(shift_);
+    const Eigen::Vector3d across = shift_ - slide;
+    const double half = std::sin(angle / 2);
+    // Whole turns that also move the centre across the axis have no screw: that part goes straight.
+    if (std::abs(half) > 1e-6) {
+      const Eigen::Vector3d pivot =
+          0.5 * (across + std::cos(angle / 2) / half * axis.cross(across));
+      moved = s * slide + pivot - exponential(s * turn_) * pivot;
+    }
+  }
+  Affine result;
+  result.leftCols<3>() =
+      exponential(s * turn_) * (Eigen::Matrix3d::Identity() + s * stretch_);
+  result.col(3) = about_ + moved - result.leftCols<3>() * about_;
+  return result;
+}
+
+Positions split_update(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
+                       const BindOptions& bind, const SplitMotion& motion,
+                       const UpdateOptions& update, const Progress& progress) {
+  if (bind.base.size())
+    throw Error(Status::argument, "A base from outside has no motion that could be split.");
+  validate(mesh);
+  const Region region = split_region(mesh, roles, handle_count);
+  const Positions centres = handle_centres(region, mesh.positions);
+  std::vector<ScrewMotion> screws;
+  for (int h = 0; h < handle_count; ++h) {
+    const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> matrix(
+        motion.matrices.data() + 12 * static_cast<size_t>(h));
+    Eigen::Vector3d turn = Eigen::Vector3d::Zero();
+    if (!motion.turns.empty())
+      turn = Eigen::Map<const Eigen::Vector3d>(motion.turns.data() + 3 * static_cast<size_t>(h));
+    try {
+      if (!matrix.allFinite() || !turn.allFinite())
+        throw Error(Status::argument, "its matrix is not finite.");
+      screws.emplace_back(matrix, centres.row(h).transpose(), turn);
+    } catch (const Error& error) {
+      throw Error(error.status(), "Handle " + std::to_string(h) + ": " + error.what());
+    }
+  }
+
+  Mesh surface = mesh;
+  for (int step = 1; step <= motion.steps; ++step) {
+    const bool last = step == motion.steps;
+    const double before = double(step - 1) / motion.steps, now = double(step) / motion.steps;
+    std::vector<double> matrices;
+    for (const ScrewMotion& screw : screws) {
+      Eigen::Matrix4d from = Eigen::Matrix4d::Identity(), to = from;
+      from.topRows<3>() = screw.at(before);
+      to.topRows<3>() = screw.at(now);
+      const Eigen::Matrix<double, 3, 4, Eigen::RowMajor> change = (to * from.inverse()).topRows<3>();
+      matrices.insert(matrices.end(), change.data(), change.data() + 12);
+    }
+    UpdateOptions options = update;
+    if (!last) options.shown = Shown::result;
+    try {
+      Deformer deformer(surface, roles, handle_count, bind, [&](double fraction, const char* stage) {
+        return !progress || progress(before + 0.95 * fraction * (now - before), stage);
+      });
+      surface.positions += deformer.update(matrices.data(), options);
+    } catch (const Error& error) {
+      if (error.status() == Status::cancelled || motion.steps == 1) throw;
+      throw Error(error.status(), "In step " + std::to_string(step) + " of " +
+                                      std::to_string(motion.steps) + ": " + error.what());
+    }
+  }
+  report(progress, 1.0, "Done");
+  return surface.positions - mesh.positions;
+}
+
+}  // namespace dd

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "split_motion.h"
+
+#include <Eigen/Dense>
+
+#include "cases.h"
+#include "catch.h"
+#include "deform.h"
+#include "measures.h"
+
+using namespace dd;
+using test::Affine;
+using test::by;
+
+namespace {
+
+Positions split(const test::Case& one, int steps, const UpdateOptions& update = by(MethodKind::transfer),
+                const Eigen::Vector3d& turn = Eigen::Vector3d::Zero()) {
+  SplitMotion motion;
+  motion.matrices.assign(one.motion.data(), one.motion.data() + 12);
+  motion.turns.assign(turn.data(), turn.data() + 3);
+  motion.steps = steps;
+  return one.mesh.positions + split_update(one.mesh, one.roles, 1, {}, motion, update);
+}
+
+Affine after(const ScrewMotion& screw, double s) { return screw.at(s); }
+
+Eigen::Matrix4d square(const Affine& matrix) {
+  Eigen::Matrix4d result = Eigen::Matrix4d::Identity();
+  result.topRows<3>() = matrix;
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("a rigid motion's parts are powers of it: M(s) M(t) = M(s + t)") {
+  const Affine motion = test::rotation_about(2.2, {1, 2, -1}, {3, 0, 1}, {0.5, -1, 2});
+  const ScrewMotion screw(motion, {0.3, 0.2, 0.1}, Eigen::Vector3d::Zero());
+  CHECK((after(screw, 0) - test::identity()).norm() < 1e-12);
+  CHECK((after(screw, 1) - motion).norm() < 1e-12);
+  CHECK((square(after(screw, 0.3)) * square(after(screw, 0.5)) - square(after(screw, 0.8))).norm() <
+        1e-12);
+  const Eigen::Matrix4d third = square(after(screw, 1.0 / 3));
+  CHECK((third * third * third - square(motion)).norm() < 1e-12);
+}
+
+TEST_CASE("translations go straight, stretches grow linearly, turns may be asked for whole") {
+  Affine shift = test::identity();
+  shift.col(3) << 1, 2, 3;
+  CHECK((after(ScrewMotion(shift, {5, 5, 5}, Eigen::Vector3d::Zero()), 0.25).col(3) -
+         0.25 * shift.col(3))
+            .norm() < 1e-12);
+  Affine scale = test::identity();
+  scale.leftCols<3>() *= 3;
+  CHECK((after(ScrewMotion(scale, {0, 0, 0}, Eigen::Vector3d::Zero()), 0.5).leftCols<3>() -
+         2 * Eigen::Matrix3d::Identity())
+            .norm() < 1e-12);
+  // Once around about z: the end is the identity, the middle half a turn.
+  const double turn = 2 * std::acos(-1.0);
+  const ScrewMotion whole(test::identity(), {1, 0, 0}, {0, 0, turn});
+  CHECK((after(whole, 0.5).leftCols<3>() -
+         Eigen::AngleAxisd(turn / 2, Eigen::Vector3d::UnitZ()).toRotationMatrix())
+            .norm() < 1e-12);
+  // 240 degrees the long way, where the shortest would be −120.
+  const Affine two_thirds = test::rotation_about(turn * 2 / 3, {0, 0, 1}, {1, 0, 0}, {0, 0, 0});
+  const ScrewMotion far(two_thirds, {2, 0, 0}, {0, 0, turn * 0.6});
+  CHECK((after(far, 0.5) - test::rotation_about(turn / 3, {0, 0, 1}, {1, 0, 0}, {0, 0, 0})).norm() <
+        1e-12);
+  Affine mirror = test::identity();
+  mirror(0, 0) = -1;
+  CHECK_THROWS_AS(ScrewMotion(mirror, {0, 0, 0}, Eigen::Vector3d::Zero()), Error);
+}
+
+TEST_CASE("one step is the plain update, resting handles give rest in any number") {
+  auto one = test::bent_cactus();
+  Deformer deformer(one.mesh, one.roles, 1, {});
+  const Positions plain = test::surface(deformer, {one.motion}, by(MethodKind::transfer, true, 2));
+  CHECK(test::largest_difference(split(one, 1, by(MethodKind::transfer, true, 2)), plain) == 0);
+  one.motion = test::identity();
+  CHECK(test::largest_difference(split(one, 3), one.mesh.positions) < 1e-9);
+}
+
+TEST_CASE("the result converges as steps grow") {
+  const auto one = test::bent_cylinder(120);
+  const Positions two = split(one, 2), four = split(one, 4), eight = split(one, 8),
+                  sixteen = split(one, 16);
+  const double first = (four - two).norm(), second = (eight - four).norm(),
+               third = (sixteen - eight).norm();
+  INFO(first << " " << second << " " << third);
+  CHECK(second < 0.7 * first);
+  CHECK(third < 0.7 * second);
+}
+
+TEST_CASE("120 degrees and back in 12 steps each returns to rest: the hysteresis is small") {
+  auto one = test::bent_cylinder(120);
+  const Mesh rest = one.mesh;
+  one.mesh.positions = split(one, 12);
+  Affine back;
+  back = Eigen::Matrix4d(square(one.motion).inverse()).topRows<3>();
+  one.motion = back;
+  const double missed = (split(one, 12) - rest.positions).rowwise().norm().maxCoeff() /
+                        bounding_box_diagonal(rest.positions);
+  WARN("hysteresis of 120 degrees and back, 12 steps each, of the box: " << missed);
+  CHECK(missed < 1e-2);
+}
+
+TEST_CASE("a whole turn in steps winds a bar once around, forwards everywhere and not in one place") {
+  auto bar = test::twisted_bar();
+  bar.motion = test::identity();
+  const Positions wound =
+      split(bar, 12, by(MethodKind::transfer, true, 4), {0, 0, 2 * std::acos(-1.0)});
+  // The angle of each ring about the axis, followed upwards.
+  const int sides = 96, rings = 61;
+  double last = 0, turned = 0, largest = 0;
+  for (int ring = 0; ring < rings; ++ring) {
+    double sine = 0, cosine = 0;
+    for (int k = 0; k < sides; ++k) {
+      const Eigen::RowVector3d p = bar.mesh.positions.row(ring * sides + k),
+                               q = wound.row(ring * sides + k);
+      cosine += p.head<2>().dot(q.head<2>());
+      sine += p[0] * q[1] - p[1] * q[0];
+    }
+    const double angle = std::atan2(sine, cosine);
+    const double step = std::remainder(angle - last, 2 * std::acos(-1.0));
+    CHECK(step > -1e-6);
+    turned += step;
+    largest = std::max(largest, step);
+    last = angle;
+  }
+  CHECK(turned == Approx(2 * std::acos(-1.0)).epsilon(1e-6));
+  // An even twist turns by 2π / 49 from each of the free rings to the next. The twist of each step is
+  // strongest in the middle, and what was twisted more before is thinner and softer.
+  CHECK(largest < 3.5 * 2 * std::acos(-1.0) / 49);
+  std::vector<char> free;
+  for (int role : bar.roles) free.push_back(role == kFree);
+  CHECK(measure(bar.mesh, wound, free).intersecting_pairs == 0);
+}
+
+TEST_CASE("a split refuses with the handle or the step, and can be cancelled") {
+  auto one = test::bent_cactus();
+  one.motion.leftCols<3>().setZero();
+  CHECK_THAT(test::refusal([&] { split(one, 3); }, Status::argument), contains("Handle 0"));
+  one.motion = test::bend(70, 0, 0.7);
+  SplitMotion motion;
+  motion.matrices.assign(one.motion.data(), one.motion.data() + 12);
+  motion.steps = 4;
+  std::vector<double> fractions;
+  split_update(one.mesh, one.roles, 1, {}, motion, {}, [&](double fraction, const char*) {
+    fractions.push_back(fraction);
+    return true;
+  });
+  CHECK(std::is_sorted(fractions.begin(), fractions.end()));
+  CHECK(fractions.back() == 1);
+  int calls = 0;
+  CHECK_THAT(test::refusal(
+                 [&] {
+                   split_update(one.mesh, one.roles, 1, {}, motion, {},
+                                [&](double, const char*) { return ++calls < 9; });
+                 },
+                 Status::cancelled),
+             contains("cancelled"));
+}
