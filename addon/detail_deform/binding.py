@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from . import (deformers, dependency, handle_matrices, mesh_data, native, node_group,
-               outside_base)
+               outside_base, steps)
 from .mesh_data import MeshProblem
 
 _POLL_SECONDS = 0.1
@@ -128,20 +128,71 @@ def _follow(ob, bound, depsgraph, force):
     if bound.deformer.info.vertex_count != len(ob.data.vertices):
         settings.stale = _TOPOLOGY_CHANGED
         return
-    motions = handle_matrices.motions(settings, handle_matrices.local_places(ob, depsgraph))
+    places = handle_matrices.local_places(ob, depsgraph)
+    motions = handle_matrices.motions(settings, places)
     look = _look(settings)
-    shown = (motions.tobytes(), dict(look))
+    base = None
+    shown = (motions.tobytes(), look)
     if settings.base == 'OBJECT':
-        look['base'] = outside_base.deformed_positions(ob, depsgraph)
-        shown += (look['base'].tobytes(),)
+        base = outside_base.deformed_positions(ob, depsgraph)
+        shown += (base.tobytes(),)
+    turns = handle_matrices.turns(settings, places, depsgraph) if _in_steps(settings) else None
+    if turns is not None:
+        shown += (settings.steps, turns.tobytes())
     if not force and bound.shown.get(ob.name) == shown:
         return
-    mesh_data.write_offsets(ob.data, bound.deformer.offsets(motions, **look))
+    mesh_data.write_offsets(ob.data, bound.deformer.offsets(motions, base, **look))
     bound.shown[ob.name] = shown
     bound.only_moved[ob.name] = [
         handle.name for handle, motion in zip(handle_matrices.enabled_handles(settings), motions)
         if handle_matrices.only_moves(motion)]
     bound.update_ms = 1e3 * (time.perf_counter() - start)
+    steps.cancel(ob.name)
+    if turns is not None and (np.abs(motions - np.eye(4)[:3]).max() > 1e-6 or turns.any()):
+        _follow_in_steps(ob, shown, motions, turns, look)
+        # A render must not show the quick result, and without a window there is no drag to keep up with.
+        if bpy.app.background or depsgraph.mode == 'RENDER':
+            steps.finish(ob.name)
+
+
+def _in_steps(settings):
+    return settings.steps > 1 and settings.base == 'COMPUTED' and settings.output == 'RESULT'
+
+
+def _follow_in_steps(ob, shown, motions, turns, look):
+    """Asks for the result in steps, to be shown as long as that is what the handles ask for."""
+    name, signature, count = ob.name, ob.detail_deform.signature, ob.detail_deform.steps
+
+    def still_wanted():
+        present, bound = bpy.data.objects.get(name), deformers.find(signature)
+        fits = present and bound and present.detail_deform.signature == signature
+        return (present, bound) if fits and bound.shown.get(name) == shown else (None, None)
+
+    def start():
+        present, _ = still_wanted()
+        if present is None:
+            raise native.NativeError("The object was changed.")
+        return native.Split(_bind_arguments(present, _roles(present)), motions, turns, count, look)
+
+    def deliver(offsets):
+        present, bound = still_wanted()
+        if present is not None:
+            mesh_data.write_offsets(present.data, offsets)
+            bound.in_steps[name] = shown
+            redraw_panels()
+
+    def refuse(sentence):
+        present, _ = still_wanted()
+        if present is not None:
+            _note(present.detail_deform, sentence)
+            redraw_panels()
+
+    steps.request(name, start, deliver, refuse)
+
+
+def settle(ob):
+    """Waits for a result in steps that is under way."""
+    steps.finish(ob.name)
 
 
 def _restore(ob, depsgraph):
@@ -164,10 +215,15 @@ def _restore(ob, depsgraph):
 
 # Binding and unbinding
 
+def _bind_arguments(ob, roles):
+    """Positional arguments and those by name of native.Bind."""
+    return ((mesh_data.positions(ob.data), mesh_data.triangles(ob.data), roles,
+             len(handle_matrices.enabled_handles(ob.detail_deform))), _options(ob))
+
+
 def _start(ob, signature, roles):
-    settings = ob.detail_deform
-    deformers.start(signature, mesh_data.positions(ob.data), mesh_data.triangles(ob.data), roles,
-                    len(handle_matrices.enabled_handles(settings)), **_options(ob))
+    arguments, options = _bind_arguments(ob, roles)
+    deformers.start(signature, *arguments, **options)
     if not bpy.app.background and not bpy.app.timers.is_registered(_poll):
         # Persistent: a file opened meanwhile must not leave the bind without anyone to finish it.
         bpy.app.timers.register(_poll, first_interval=_POLL_SECONDS, persistent=True)
@@ -247,6 +303,7 @@ def unbind(ob):
     """Forgets the binding; the mesh shows its rest shape."""
     signature = ob.detail_deform.signature
     _forget(ob.detail_deform)
+    steps.cancel(ob.name)
     if not _owners(signature):
         cancel(signature)
     dependency.release(ob)
@@ -349,6 +406,15 @@ def _summary(settings, info):
             f"{_count(info.free_count, 'free vertex', 'free vertices')}.")
 
 
+def _shown_steps(ob, bound):
+    count, done = ob.detail_deform.steps, steps.progress(ob.name)
+    if done is not None:
+        return f"Shown is the quick result; that in {count} steps is under way, {100 * done:.0f}%."
+    if bound.in_steps.get(ob.name) == bound.shown.get(ob.name):
+        return f"Shown is the result in {count} steps."
+    return f"Shown is the quick result; that in {count} steps follows when the handles pause."
+
+
 def _names(names):
     return ', '.join(f"'{name}'" for name in names)
 
@@ -370,6 +436,8 @@ def _remarks(ob, bound):
         yield (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
                f"(such as triangle {info.degenerate_example}).")
     settings = ob.detail_deform
+    if _in_steps(settings):
+        yield _shown_steps(ob, bound)
     if settings.method == 'NORMAL' and info.unrepresented_count:
         yield (f"{_count(info.unrepresented_count, 'vertex', 'vertices')} (such as vertex "
                f"{info.unrepresented_example}) {'overhangs' if info.unrepresented_count == 1 else 'overhang'} "

@@ -80,3 +80,29 @@ def store_rest(settings, places, only_new):
     for handle, place in zip(enabled_handles(settings), places):
         if not (only_new and has_rest(handle)):
             handle.rest_matrix = place.ravel().tolist()
+            handle.rest_euler = handle.target.rotation_euler
+
+
+def turns(settings, places, depsgraph):
+    """(h, 3) float64: rotation vectors of more than half a turn since rest, in the object's space, as
+    the empties' Euler rotations tell; zero where there is no such. A matrix alone can't tell whole
+    turns apart."""
+    result = np.zeros((len(places), 3))
+    for number, handle in enumerate(enabled_handles(settings)):
+        target = handle.target.evaluated_get(depsgraph)
+        if target.rotation_mode in {'QUATERNION', 'AXIS_ANGLE'}:
+            continue
+        euler = target.rotation_euler
+        change = np.array(euler) - np.array(handle.rest_euler)
+        channel = int(np.abs(change).argmax())
+        if abs(change[channel]) <= np.pi:
+            continue
+        # The axis of this channel: what a little more of it turns about, in the empty's parent space.
+        more = euler.copy()
+        more[channel] += 1e-3
+        now = euler.to_matrix()
+        axis = np.array((more.to_matrix() @ now.inverted()).to_quaternion().axis)
+        to_object = places[number][:3, :3].astype(np.float64) @ np.linalg.inv(np.array(target.matrix_basis)[:3, :3])
+        axis = to_object @ axis
+        result[number] = change[channel] * axis / np.linalg.norm(axis)
+    return result

@@ -175,6 +175,7 @@ class OBJECT_OT_detail_deform_apply(_MeshOperator, bpy.types.Operator):
 
     def run(self, context, ob):
         mesh_data.check_object(ob)
+        binding.settle(ob)
         apply_result.apply(ob, self.mode)
         binding.unbind(ob)
         node_group.remove_modifier(ob)

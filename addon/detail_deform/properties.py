@@ -40,6 +40,9 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
     rest_matrix: FloatVectorProperty(
         name="Rest Matrix", size=16, options={'HIDDEN'},
         description="Place of the empty relative to the object when it was bound, row by row")
+    rest_euler: FloatVectorProperty(
+        name="Rest Euler", size=3, options={'HIDDEN'},
+        description="The empty's own Euler rotation when it was bound: its whole turns are counted from there")
     made_group: BoolProperty(options={'HIDDEN'})
     made_target: BoolProperty(options={'HIDDEN'})
 
@@ -66,6 +69,9 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     levels: IntProperty(
         name="Levels", default=1, min=1, max=20, soft_max=5, update=_look_changed,
         description="Surfaces between the detailed and the smooth one, each displaced from the next smoother one: shorter displacements, which intersect later")
+    steps: IntProperty(
+        name="Steps", default=1, min=1, soft_max=24, max=1000, update=_look_changed,
+        description="Split a large motion of the handles into so many steps, each on the surface that the last one left: for turns beyond 90 degrees and whole turns of an empty's Euler rotation. While you drag, one step is shown; the result in steps follows when you pause. Each step takes as long as a Bind")
     output: EnumProperty(
         name="Show", update=_look_changed,
         items=[('RESULT', "Result", "The deformed surface"),

@@ -20,9 +20,8 @@ struct BindOptions {
 
 /// All that a bind makes once and the methods share.
 struct BoundSurface {
-  /// mesh: S, validated, in a box of about unit size, on which tolerances rely; so is a base given in
-  /// the options.
-  /// Throws Error; progress from 0 to 1.
+  /// mesh: S, validated, in a box of about unit size, on which tolerances rely; so is a base given
+  /// in the options. Throws Error; progress from 0 to 1.
   BoundSurface(Mesh mesh, const Region& region, const BindOptions& options,
                const Progress& progress);
 

@@ -307,8 +307,8 @@ int32_t dd_bind_start(const float* positions, size_t position_count, const int32
     BindInput input = read_bind_input(positions, position_count, triangles, triangle_index_count,
                                       roles, role_count, handle_count, options);
     auto started = std::make_unique<dd_bind>();
-    started->job.start([&result = started->result, input = std::move(input)](
-                           const dd::Progress& progress) mutable {
+    started->job.start([&result = started->result,
+                        input = std::move(input)](const dd::Progress& progress) mutable {
       const auto start = std::chrono::steady_clock::now();
       result = std::make_unique<dd_deformer>(std::move(input.mesh), input.roles, input.handle_count,
                                              input.options, progress);

@@ -73,8 +73,9 @@ void Deformer::move_base(const Positions* deformed) {
   const RowOrder& order = bound_->order();
   if (bound_->outside_base()) {
     if (!deformed || deformed->rows() != mesh_.vertex_count())
-      throw Error(Status::argument, "This surface was bound to a base from outside, and the update "
-                                    "has no deformed base with as many vertices.");
+      throw Error(Status::argument,
+                  "This surface was bound to a base from outside, and the update "
+                  "has no deformed base with as many vertices.");
     if (!deformed->allFinite())
       throw Error(Status::argument, "The deformed base has coordinates that are not finite.");
     base_ = in_order(to_unit(*deformed), order);
@@ -84,9 +85,8 @@ void Deformer::move_base(const Positions* deformed) {
   kernels().blend(order.free_count, static_cast<int>(weights.cols()), weights.data(),
                   coefficients_.data(), bound_->rest_base.data(), base_.data());
   const int held = order.fixed_begin - order.held_begin;
-  base_.middleRows(order.held_begin, held) =
-      bound_->rest_base.middleRows(order.held_begin, held) +
-      moved_.middleRows(order.held_begin, held);
+  base_.middleRows(order.held_begin, held) = bound_->rest_base.middleRows(order.held_begin, held) +
+                                             moved_.middleRows(order.held_begin, held);
 }
 
 void Deformer::take_matrices(const double* matrices) {

@@ -40,8 +40,8 @@ FloatingParts::FloatingParts(const BoundSurface& bound) : bound_(bound) {
   for (size_t i = 0; i < chosen.size(); ++i) {
     for (int k = 0; k < 3; ++k)
       triangles_(Index(i), k) = bound.order().row_of_vertex[t(chosen[i], k)];
-    arms_.row(Index(i)) = centre(bound.rest, triangles_, Index(i)) -
-                          centre(bound.rest_base, triangles_, Index(i));
+    arms_.row(Index(i)) =
+        centre(bound.rest, triangles_, Index(i)) - centre(bound.rest_base, triangles_, Index(i));
   }
   blocks_ = rotation_blocks(
       bound.base, t, chosen,

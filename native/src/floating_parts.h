@@ -13,7 +13,8 @@ namespace dd {
 ///
 ///   Σ_j A_j c'_j = Σ_j A_j (b'_j + R_j (c_j − b_j))
 ///
-/// with c_j, b_j the centres of triangle j on S and on B, A_j its area on S, R_j its base's rotation.
+/// with c_j, b_j the centres of triangle j on S and on B, A_j its area on S, R_j its base's
+/// rotation.
 class FloatingParts {
  public:
   explicit FloatingParts(const BoundSurface& bound);

@@ -30,8 +30,8 @@ struct RestFrame {
   Eigen::Matrix3d axes;
 };
 
-/// The given triangles, at rest, for Kernels::rotation_pass: padded to whole blocks by ones that don't
-/// turn, as those without a source.
+/// The given triangles, at rest, for Kernels::rotation_pass: padded to whole blocks by ones that
+/// don't turn, as those without a source.
 std::vector<RotationBlock> rotation_blocks(const Positions& rest, const Triangles& triangles,
                                            const std::vector<int>& which,
                                            const GradientSources& sources, const RowOrder& order);

@@ -21,8 +21,8 @@ RowOrder row_order(const Region& region, const std::vector<int>& factor_order) {
   return order;
 }
 
-/// A part that nothing holds leaves its translation open. A right-hand side that sums to zero over it,
-/// as every divergence does, keeps the grounded vertex in place whatever its added weight.
+/// A part that nothing holds leaves its translation open. A right-hand side that sums to zero over
+/// it, as every divergence does, keeps the grounded vertex in place whatever its added weight.
 SparseMatrix grounded(SparseMatrix block, const Region& region) {
   for (int v : region.grounds) block.coeffRef(region.row[v], region.row[v]) *= 2;
   return block;

@@ -44,8 +44,8 @@ class PoissonSystem {
   /// which the caller adds div(G_j S_jᵀ).
   double* start(const Rows& offsets);
 
-  /// Solves for what was started and gathered: the free rows of offsets. Parts with a ground come out
-  /// with that vertex at rest.
+  /// Solves for what was started and gathered: the free rows of offsets. Parts with a ground come
+  /// out with that vertex at rest.
   void solve(Rows& offsets);
 
   /// Harmonic extension, L x = 0: the free rows of three columns of values from the handles' rows,

@@ -105,8 +105,7 @@ void Refinement::run(int iterations, Rows& offsets) {
 }
 
 double Refinement::bytes() const {
-  const auto rows =
-      positions_.size() + triangle_rotations_.size() + vertex_rotations_.size();
+  const auto rows = positions_.size() + triangle_rotations_.size() + vertex_rotations_.size();
   return static_cast<double>((moving_.size() + held_.size()) * sizeof(RotationBlock) +
                              turns_.size() * sizeof(TurnBlock)) +
          of_vertices_.bytes() + of_triangles_.bytes() +

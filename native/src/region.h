@@ -38,8 +38,9 @@ enum class MovedBy {
 ///
 /// Moved by handles, a free vertex of a loose part without any handle vertex becomes fixed: where
 /// nothing holds the part both systems would be singular, and where only fixed vertices do the
-/// solution is the rest shape. A free vertex without a triangle becomes fixed too. Both are counted.
-/// Throws Error(region) when a role is out of range, a handle has no vertex, or nothing stays free.
+/// solution is the rest shape. A free vertex without a triangle becomes fixed too. Both are
+/// counted. Throws Error(region) when a role is out of range, a handle has no vertex, or nothing
+/// stays free.
 Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
                     MovedBy moved_by = MovedBy::handles);
 

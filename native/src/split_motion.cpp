@@ -63,8 +63,7 @@ ScrewMotion::Affine ScrewMotion::at(double s) const {
     }
   }
   Affine result;
-  result.leftCols<3>() =
-      exponential(s * turn_) * (Eigen::Matrix3d::Identity() + s * stretch_);
+  result.leftCols<3>() = exponential(s * turn_) * (Eigen::Matrix3d::Identity() + s * stretch_);
   result.col(3) = about_ + moved - result.leftCols<3>() * about_;
   return result;
 }
@@ -102,15 +101,17 @@ Positions split_update(const Mesh& mesh, const std::vector<int>& roles, int hand
       Eigen::Matrix4d from = Eigen::Matrix4d::Identity(), to = from;
       from.topRows<3>() = screw.at(before);
       to.topRows<3>() = screw.at(now);
-      const Eigen::Matrix<double, 3, 4, Eigen::RowMajor> change = (to * from.inverse()).topRows<3>();
+      const Eigen::Matrix<double, 3, 4, Eigen::RowMajor> change =
+          (to * from.inverse()).topRows<3>();
       matrices.insert(matrices.end(), change.data(), change.data() + 12);
     }
     UpdateOptions options = update;
     if (!last) options.shown = Shown::result;
     try {
-      Deformer deformer(surface, roles, handle_count, bind, [&](double fraction, const char* stage) {
-        return !progress || progress(before + 0.95 * fraction * (now - before), stage);
-      });
+      Deformer deformer(
+          surface, roles, handle_count, bind, [&](double fraction, const char* stage) {
+            return !progress || progress(before + 0.95 * fraction * (now - before), stage);
+          });
       surface.positions += deformer.update(matrices.data(), options);
     } catch (const Error& error) {
       if (error.status() == Status::cancelled || motion.steps == 1) throw;

@@ -27,8 +27,8 @@ class ScrewMotion {
   Eigen::Matrix3d stretch_;               // U − I
 };
 
-/// T-split (§6): the handles' motions in steps, all in step, each step on a surface bound anew to the
-/// last one's result. One step is Deformer::update().
+/// T-split (§6): the handles' motions in steps, all in step, each step on a surface bound anew to
+/// the last one's result. One step is Deformer::update().
 struct SplitMotion {
   std::vector<double> matrices;  ///< as for Deformer::update()
   std::vector<double> turns;     ///< 3 a handle, as for ScrewMotion; or none: all zero

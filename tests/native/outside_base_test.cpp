@@ -3,8 +3,8 @@
 #include <Eigen/Dense>
 #include <limits>
 
-#include "catch.h"
 #include "cases.h"
+#include "catch.h"
 #include "deform.h"
 #include "dense_reference.h"
 
@@ -41,9 +41,9 @@ Positions bent(const Positions& p) {
   return result;
 }
 
-const std::vector<UpdateOptions> kAll = {
-    by(MethodKind::transfer), by(MethodKind::transfer, false), by(MethodKind::transfer, true, 4),
-    by(MethodKind::normal), by(MethodKind::variational)};
+const std::vector<UpdateOptions> kAll = {by(MethodKind::transfer), by(MethodKind::transfer, false),
+                                         by(MethodKind::transfer, true, 4), by(MethodKind::normal),
+                                         by(MethodKind::variational)};
 
 }  // namespace
 
@@ -63,8 +63,8 @@ TEST_CASE("a rigid motion of an outside base moves the surface rigidly") {
   const Positions expected = test::transformed(motion, ball.mesh.positions);
   for (const UpdateOptions& options : kAll) {
     if (options.method == MethodKind::variational) continue;  // its known flaw
-    CHECK(test::largest_difference(
-              surface(deformer, test::transformed(motion, ball.base), options), expected) < 1e-9);
+    CHECK(test::largest_difference(surface(deformer, test::transformed(motion, ball.base), options),
+                                   expected) < 1e-9);
   }
 }
 
@@ -107,8 +107,8 @@ TEST_CASE("with constrained vertices it is (14) with the given base's gradients:
     const Positions expected =
         test::dense_solve(dense.L, held, roles, dense.G.transpose() * dense.D * gradients);
     CHECK(test::largest_difference(
-              surface(deformer, moved, by(MethodKind::transfer, rotation_only), {turn}),
-              expected) < 1e-9);
+              surface(deformer, moved, by(MethodKind::transfer, rotation_only), {turn}), expected) <
+          1e-9);
   }
 }
 
@@ -119,17 +119,17 @@ TEST_CASE("the computed base given as one from outside makes no difference") {
   BindOptions options;
   options.base = computed.base();
   Deformer given(plane.mesh, plane.roles, 1, options);
-  CHECK(test::largest_difference(surface(given, computed.deformed_base(),
-                                         by(MethodKind::transfer), {plane.motion}),
-                                 expected) < 1e-9);
+  CHECK(test::largest_difference(
+            surface(given, computed.deformed_base(), by(MethodKind::transfer), {plane.motion}),
+            expected) < 1e-9);
 }
 
 TEST_CASE("showing an outside base, and a base that is missing or not finite") {
   const Ball ball;
   Deformer deformer(ball.mesh, ball.roles, 0, ball.options());
   const Positions moved = bent(ball.base);
-  CHECK(test::largest_difference(
-            surface(deformer, moved, {MethodKind::transfer, {}, Shown::base}), moved) < 1e-12);
+  CHECK(test::largest_difference(surface(deformer, moved, {MethodKind::transfer, {}, Shown::base}),
+                                 moved) < 1e-12);
   CHECK_THAT(test::refusal([&] { deformer.update(nullptr, {}); }, Status::argument),
              contains("deformed base"));
   Positions bad = moved;

@@ -14,7 +14,8 @@ using test::by;
 
 namespace {
 
-Positions split(const test::Case& one, int steps, const UpdateOptions& update = by(MethodKind::transfer),
+Positions split(const test::Case& one, int steps,
+                const UpdateOptions& update = by(MethodKind::transfer),
                 const Eigen::Vector3d& turn = Eigen::Vector3d::Zero()) {
   SplitMotion motion;
   motion.matrices.assign(one.motion.data(), one.motion.data() + 12);
@@ -104,7 +105,8 @@ TEST_CASE("120 degrees and back in 12 steps each returns to rest: the hysteresis
   CHECK(missed < 1e-2);
 }
 
-TEST_CASE("a whole turn in steps winds a bar once around, forwards everywhere and not in one place") {
+TEST_CASE(
+    "a whole turn in steps winds a bar once around, forwards everywhere and not in one place") {
   auto bar = test::twisted_bar();
   bar.motion = test::identity();
   const Positions wound =
@@ -128,8 +130,8 @@ TEST_CASE("a whole turn in steps winds a bar once around, forwards everywhere an
     last = angle;
   }
   CHECK(turned == Approx(2 * std::acos(-1.0)).epsilon(1e-6));
-  // An even twist turns by 2π / 49 from each of the free rings to the next. The twist of each step is
-  // strongest in the middle, and what was twisted more before is thinner and softer.
+  // An even twist turns by 2π / 49 from each of the free rings to the next. The twist of each step
+  // is strongest in the middle, and what was twisted more before is thinner and softer.
   CHECK(largest < 3.5 * 2 * std::acos(-1.0) / 49);
   std::vector<char> free;
   for (int role : bar.roles) free.push_back(role == kFree);

@@ -128,9 +128,10 @@ typedef struct dd_bind_options {
   double metric_smoothing; /* >= 0, in mean edge lengths: fairing of S before the energy is built on
                               it (only with DD_METRIC_SURFACE); sensible up to 4 */
   int32_t smoothness;      /* dd_smoothness */
-  const float* base;       /* B at rest from outside, as positions: then handle_count may be 0, free parts that nothing holds are carried by
-                              their base, and the fields above have no meaning. Null: B is computed */
-  size_t base_count;       /* 3 n, or 0 */
+  const float* base; /* B at rest from outside, as positions: then handle_count may be 0, free parts
+                        that nothing holds are carried by their base, and the fields above have no
+                        meaning. Null: B is computed */
+  size_t base_count; /* 3 n, or 0 */
 } dd_bind_options;
 
 /* Options of one update. A null pointer stands for the paper's method with rotations only, refined
@@ -141,12 +142,12 @@ typedef struct dd_update_options {
                             Of no meaning to DD_METHOD_VARIATIONAL */
   int32_t output;        /* dd_output */
   int32_t method;        /* dd_method */
-  int32_t refine; /* >= 0: iterations on top of DD_METHOD_TRANSFER with rotation_only, each of
-                     which takes the rotations anew from S to S', smooths them over the
-                     surface and solves (14) again; 0: the paper's linear result */
-  int32_t shown;  /* dd_shown */
-  int32_t levels; /* of DD_METHOD_NORMAL, >= 1: surfaces from S to B, each displaced from the
-                     next smoother one; 0 stands for 1 */
+  int32_t refine;    /* >= 0: iterations on top of DD_METHOD_TRANSFER with rotation_only, each of
+                        which takes the rotations anew from S to S', smooths them over the
+                        surface and solves (14) again; 0: the paper's linear result */
+  int32_t shown;     /* dd_shown */
+  int32_t levels;    /* of DD_METHOD_NORMAL, >= 1: surfaces from S to B, each displaced from the
+                        next smoother one; 0 stands for 1 */
   const float* base; /* B', as positions, where the bind was given a base; else null */
   size_t base_count; /* 3 n, or 0 */
 } dd_update_options;
@@ -233,14 +234,13 @@ DD_API int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices,
 
 DD_API int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info);
 
-/* A large motion in steps (§6): the handles' motions are cut along their screw motions, all in step,
- * and after each step the surface is bound anew to its result. Works in a thread of the library and
- * returns at once; one step is what dd_deformer_update gives.
- *   positions ... options   as for dd_bind_start; a base from outside can't be split
- *   matrices, update        as for dd_deformer_update
- *   turns      turn_count = 3 x handle_count doubles: a rotation vector for each handle, near which
- *              its motion's rotation is taken, so that it may be more than half a turn; or null
- *   steps      1 .. 1000 */
+/* A large motion in steps (§6): the handles' motions are cut along their screw motions, all in
+ * step, and after each step the surface is bound anew to its result. Works in a thread of the
+ * library and returns at once; one step is what dd_deformer_update gives. positions ... options as
+ * for dd_bind_start; a base from outside can't be split matrices, update        as for
+ * dd_deformer_update turns      turn_count = 3 x handle_count doubles: a rotation vector for each
+ * handle, near which its motion's rotation is taken, so that it may be more than half a turn; or
+ * null steps      1 .. 1000 */
 DD_API int32_t dd_split_start(const float* positions, size_t position_count,
                               const int32_t* triangles, size_t triangle_index_count,
                               const int32_t* roles, size_t role_count, int32_t handle_count,

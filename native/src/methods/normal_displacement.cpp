@@ -97,8 +97,7 @@ Positions intermediate(const BoundSurface& bound, int level, int levels) {
 }  // namespace
 
 NormalDisplacement::NormalDisplacement(const BoundSurface& bound, int level_count)
-    : bound_(bound),
-      triangles_(triangles_near_free(bound)) {
+    : bound_(bound), triangles_(triangles_near_free(bound)) {
   fan_begin_.assign(static_cast<size_t>(bound.order().count()) + 1, 0);
   for (Index k = 0; k < triangles_.size(); ++k) ++fan_begin_[triangles_.data()[k] + 1];
   for (size_t r = 1; r < fan_begin_.size(); ++r) fan_begin_[r] += fan_begin_[r - 1];

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""T-split: large motions in steps. In background mode their result is there at once."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from conftest import activate, bind, evaluated, make_strip, own, update
+
+
+@pytest.fixture
+def strip():
+    return bind(make_strip())
+
+
+def bend(ob, degrees):
+    """The right side along an arc about the y axis."""
+    target = ob.detail_deform.handles[0].target
+    pivot = Matrix.Translation((0.5, 0, 0.3))
+    rest = Matrix.Translation((1, 0.5, 0))
+    target.matrix_world = pivot @ Matrix.Rotation(math.radians(degrees), 4, 'Y') @ pivot.inverted() @ rest
+    update()
+
+
+def test_steps_change_a_large_bend_and_say_so(strip):
+    bend(strip, -120)
+    quick = evaluated(strip)
+    strip.detail_deform.steps = 6
+    update()
+    stepped = evaluated(strip)
+    assert np.isfinite(stepped).all() and np.abs(stepped - quick).max() > 0.01
+    assert 'Shown is the result in 6 steps' in strip.detail_deform.status
+    strip.detail_deform.steps = 1
+    update()
+    assert np.array_equal(evaluated(strip), quick)
+    assert 'steps' not in strip.detail_deform.status
+
+
+def test_the_handle_arrives_and_the_rest_shape_is_kept(strip):
+    strip.detail_deform.steps = 4
+    update()
+    assert np.abs(evaluated(strip) - own(strip)).max() < 1e-6
+    bend(strip, -100)
+    moved = evaluated(strip)
+    target = strip.detail_deform.handles[0].target
+    motion = np.array(target.matrix_world @ Matrix.Translation((1, 0.5, 0)).inverted())
+    columns = np.repeat(np.arange(25), 25)
+    expected = own(strip) @ motion[:3, :3].T + motion[:3, 3]
+    assert np.abs((moved - expected)[columns >= 22]).max() < 1e-5
+    assert np.abs((moved - own(strip))[columns < 3]).max() == 0
+    bend(strip, 0)
+    assert np.abs(evaluated(strip) - own(strip)).max() < 1e-5
+
+
+def test_whole_turns_of_an_euler_rotation_count():
+    strip = make_strip()
+    narrow = own(strip)
+    narrow[:, 1] = 0.5 + 0.15 * (narrow[:, 1] - 0.5)
+    narrow[:, 2] *= 0.2
+    strip.data.vertices.foreach_set('co', narrow.astype(np.float32).ravel())
+    bind(strip)
+    strip.detail_deform.steps = 8
+    target = strip.detail_deform.handles[0].target
+    target.rotation_euler.x = 2 * math.pi
+    update()
+    wound = evaluated(strip)
+    # From column to column the strip turns on, once around in all.
+    across = wound.reshape(25, 25, 3)[:, -1] - wound.reshape(25, 25, 3)[:, 0]
+    angles = np.unwrap(np.arctan2(across[:, 2], across[:, 1]))
+    assert abs(angles[-1] - angles[0] - 2 * math.pi) < 0.02
+    assert (np.diff(angles) > -0.02).all()
+    target.rotation_euler.x = 0
+    update()
+    assert np.abs(evaluated(strip) - own(strip)).max() < 1e-5
+
+
+def test_a_motion_that_cannot_be_split_is_named(strip):
+    strip.detail_deform.steps = 3
+    strip.detail_deform.handles[0].target.scale = (-1, 1, 1)
+    update()
+    assert "can't be split" in strip.detail_deform.status
+    strip.detail_deform.handles[0].target.scale = (1, 1, 1)
+    update()
+    assert 'Bound' in strip.detail_deform.status
+
+
+def test_apply_takes_the_result_in_steps(strip):
+    bend(strip, -120)
+    strip.detail_deform.steps = 5
+    update()
+    stepped = evaluated(strip)
+    assert bpy.ops.object.detail_deform_apply(mode='MESH') == {'FINISHED'}
+    assert np.abs(own(activate(strip)) - stepped).max() < 1e-6
+
+
+def test_steps_arrive_when_the_handles_pause(strip, part, monkeypatch):
+    """The window's way: quick result first, the steps by a timer, the last pose wins."""
+    steps, handlers = part('steps'), part('handlers')
+
+    class Window:
+        def __getattr__(self, name):
+            return False if name == 'background' else getattr(bpy.app, name)
+
+    class Bpy:
+        app = Window()
+
+        def __getattr__(self, name):
+            return getattr(bpy, name)
+
+    monkeypatch.setattr(part('binding'), 'bpy', Bpy())
+    strip.detail_deform.steps = 5
+    bend(strip, -60)
+    quick = evaluated(strip)
+    assert 'quick result' in strip.detail_deform.status
+    bend(strip, -120)
+    quick = evaluated(strip)
+    assert steps.progress(strip.name) == 0.0
+    steps._requests[strip.name].due = 0
+    while steps._tick():
+        assert 'quick result' in strip.detail_deform.status or not steps._requests
+    update()
+    assert np.abs(evaluated(strip) - quick).max() > 0.01
+    assert 'Shown is the result in 5 steps' in strip.detail_deform.status
+    # A pose that is left before its steps are ready is forgotten.
+    bend(strip, -90)
+    steps._requests[strip.name].due = 0
+    steps._tick()
+    bend(strip, 0)
+    while steps._tick():
+        pass
+    assert np.abs(evaluated(strip) - own(strip)).max() < 1e-5
+    handlers.steps.clear()
