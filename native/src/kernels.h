@@ -52,12 +52,13 @@ struct Kernels {
   void (*gradient_pass)(int block_count, const TriangleBlock* blocks, const double* base,
                         bool rotation_only, double* right_hand_side);
 
-  /// The rotation of each triangle as a unit quaternion x y z w, kLanes rows of 4 a block.
+  /// The rotation of each triangle as a unit quaternion x y z w, w ≥ 0, kLanes rows of 4 a block.
   void (*rotation_pass)(int block_count, const RotationBlock* blocks, const double* positions,
                         double* quaternions);
 
-  /// out[i] = the normalized Σ_k weights[k] · ± in[index[k]], k from starts[i] to starts[i + 1],
-  /// with signs that agree with the first: the mean of rotations.
+  /// The mean of rotations: out[i] = the normalized Σ_k weights[k] · ± in[index[k]], k from starts[i]
+  /// to starts[i + 1], weights that sum to 1 there. Signs are made to agree where they don't, which
+  /// shows in a short sum.
   void (*mean_rotations)(int count, const int* starts, const int* index, const double* weights,
                          const double* in, double* out);
 

@@ -216,10 +216,12 @@ void rotation_pass(int block_count, const RotationBlock* blocks, const double* p
       // now · from_rest
       const double rx = block.from_rest[0][lane], ry = block.from_rest[1][lane],
                    rz = block.from_rest[2][lane], rw = block.from_rest[3][lane];
-      q[0][lane] = unit * (pw * rx + px * rw + py * rz - pz * ry);
-      q[1][lane] = unit * (pw * ry - px * rz + py * rw + pz * rx);
-      q[2][lane] = unit * (pw * rz + px * ry - py * rx + pz * rw);
-      q[3][lane] = unit * (pw * rw - px * rx - py * ry - pz * rz);
+      const double turn_w = pw * rw - px * rx - py * ry - pz * rz;
+      const double sign = turn_w < 0 ? -unit : unit;
+      q[0][lane] = sign * (pw * rx + px * rw + py * rz - pz * ry);
+      q[1][lane] = sign * (pw * ry - px * rz + py * rw + pz * rx);
+      q[2][lane] = sign * (pw * rz + px * ry - py * rx + pz * rw);
+      q[3][lane] = sign * turn_w;
     }
     double* out = quaternions + 4 * kLanes * static_cast<int64_t>(b);
     for (int lane = 0; lane < kLanes; ++lane)
@@ -227,20 +229,33 @@ void rotation_pass(int block_count, const RotationBlock* blocks, const double* p
   }
 }
 
+inline double squared_length(const Row& q) {
+  return (q.v[0] * q.v[0] + q.v[1] * q.v[1]) + (q.v[2] * q.v[2] + q.v[3] * q.v[3]);
+}
+
+/// Σ weights[k] · ± in[index[k]] with signs that agree with the first.
+Row sum_with_signs(int begin, int end, const int* index, const double* weights, const double* in) {
+  const Row first = load(in + 4 * static_cast<int64_t>(index[begin]));
+  Row sum = {{0, 0, 0, 0}};
+  for (int k = begin; k < end; ++k) {
+    const Row q = load(in + 4 * static_cast<int64_t>(index[k]));
+    double cosine = 0;
+    for (int c = 0; c < 4; ++c) cosine += q.v[c] * first.v[c];
+    add_scaled(sum, cosine < 0 ? -weights[k] : weights[k], q);
+  }
+  return sum;
+}
+
 void mean_rotations(int count, const int* starts, const int* index, const double* weights,
                     const double* in, double* out) {
   for (int i = 0; i < count; ++i) {
-    const int begin = starts[i], end = starts[i + 1];
-    const Row first = load(in + 4 * static_cast<int64_t>(index[begin]));
     Row sum = {{0, 0, 0, 0}};
-    for (int k = begin; k < end; ++k) {
-      const Row q = load(in + 4 * static_cast<int64_t>(index[k]));
-      const double cosine =
-          (q.v[0] * first.v[0] + q.v[1] * first.v[1]) + (q.v[2] * first.v[2] + q.v[3] * first.v[3]);
-      add_scaled(sum, cosine < 0 ? -weights[k] : weights[k], q);
-    }
-    const double scale = guarded_inverse_sqrt((sum.v[0] * sum.v[0] + sum.v[1] * sum.v[1]) +
-                                              (sum.v[2] * sum.v[2] + sum.v[3] * sum.v[3]));
+    for (int k = starts[i]; k < starts[i + 1]; ++k)
+      add_scaled(sum, weights[k], load(in + 4 * static_cast<int64_t>(index[k])));
+    // Rotations that lie close together sum up to nearly 1, unless their signs differ.
+    if (squared_length(sum) < 0.8)
+      sum = sum_with_signs(starts[i], starts[i + 1], index, weights, in);
+    const double scale = guarded_inverse_sqrt(squared_length(sum));
     for (int c = 0; c < 4; ++c) sum.v[c] *= scale;
     store(out + 4 * static_cast<int64_t>(i), sum);
   }

@@ -45,16 +45,18 @@ Refinement::Refinement(BoundSurface& bound) : bound_(bound) {
     for (int k = 0; k < 3 && local_triangle[j] >= 0; ++k)
       if (local_vertex[t(j, k)] >= 0) fan[local_vertex[t(j, k)]].push_back(j);
   for (const std::vector<int>& triangles : fan) {
+    double sum = 0;
+    for (int j : triangles) sum += bound.operators.metric.areas[j];
     for (int j : triangles) {
       of_vertices_.index.push_back(local_triangle[j]);
-      of_vertices_.weights.push_back(bound.operators.metric.areas[j]);
+      of_vertices_.weights.push_back(bound.operators.metric.areas[j] / sum);
     }
     of_vertices_.starts.push_back(static_cast<int>(of_vertices_.index.size()));
   }
   for (int j : active) {
     for (int k = 0; k < 3; ++k) {
       of_triangles_.index.push_back(local_vertex[t(j, k)]);
-      of_triangles_.weights.push_back(1);
+      of_triangles_.weights.push_back(1.0 / 3);
     }
     of_triangles_.starts.push_back(static_cast<int>(of_triangles_.index.size()));
   }
