@@ -12,7 +12,7 @@ ABI_VERSION = 2
 ROLE_FREE = -1
 ROLE_FIXED = -2
 METRICS = {'SURFACE': 0, 'BASE': 1}
-METHODS = {'TRANSFER': 0, 'VARIATIONAL': 1, 'NORMAL': 2, 'GRADIENT': 3}
+METHODS = {'TRANSFER': 0, 'VARIATIONAL': 1, 'NORMAL': 2, 'GRADIENT': 3, 'VOLUMES': 4}
 SHOWN = {'RESULT': 0, 'BASE': 1}
 
 _ERROR_CANCELLED = 6
@@ -38,12 +38,19 @@ class _UpdateOptions(ctypes.Structure):
     _fields_ = [('struct_size', ctypes.c_uint32), ('rotation_only', ctypes.c_int32),
                 ('output', ctypes.c_int32), ('method', ctypes.c_int32), ('refine', ctypes.c_int32),
                 ('shown', ctypes.c_int32), ('levels', ctypes.c_int32), ('base', ctypes.c_void_p),
-                ('base_count', ctypes.c_size_t)]
+                ('base_count', ctypes.c_size_t), ('volume_tolerance', ctypes.c_double),
+                ('volume_iterations', ctypes.c_int32)]
 
 
 class _BindProgress(ctypes.Structure):
     _fields_ = [('struct_size', ctypes.c_uint32), ('state', ctypes.c_int32),
                 ('fraction', ctypes.c_double), ('stage', ctypes.c_char_p)]
+
+
+class SplitInfo(ctypes.Structure):
+    """Facts about a finished split: dd_split_info."""
+    _fields_ = [('struct_size', ctypes.c_uint32), ('volumes_settled', ctypes.c_int32),
+                ('volume_error', ctypes.c_double)]
 
 
 class Info(ctypes.Structure):
@@ -118,6 +125,7 @@ def _load(path):
         'dd_split_poll': [handle, ctypes.POINTER(_BindProgress)],
         'dd_split_cancel': [handle],
         'dd_split_finish': [handle, _FLOATS, size],
+        'dd_split_get_info': [handle, ctypes.POINTER(SplitInfo)],
         'dd_split_free': [handle],
     }
     for name, argtypes in signatures.items():
@@ -165,10 +173,10 @@ def _bind_arguments(positions, triangles, roles, handle_count, base_metric='SURF
 
 
 def _update_options(rotation_only=True, method='TRANSFER', refine=4, shown='RESULT', levels=1,
-                    base=None):
+                    base=None, volume_tolerance=0.0, volume_iterations=0):
     """dd_update_options by the names in METHODS and SHOWN, for offsets."""
     return _UpdateOptions(ctypes.sizeof(_UpdateOptions), rotation_only, _OUTPUT_OFFSETS,
-                          METHODS[method], refine, SHOWN[shown], levels, *_pointer(base))
+                          METHODS[method], refine, SHOWN[shown], levels, *_pointer(base), volume_tolerance, volume_iterations)
 
 
 class _Job:
@@ -230,7 +238,7 @@ class Split(_Job):
 
     def __init__(self, mesh, matrices, turns, steps, look):
         """mesh: arguments of _bind_arguments as (positional, by name). matrices: (h, 3, 4) float64.
-        turns: (h, 3) float64, rotation vectors. look: as of Deformer.offsets."""
+        turns: (h, 3) float64, rotation vectors. look: as of _update_options, base contiguous float32."""
         arguments, _alive = _bind_arguments(*mesh[0], **mesh[1])
         self._size = arguments[1]
         matrices = np.ascontiguousarray(matrices, np.float64)
@@ -239,13 +247,14 @@ class Split(_Job):
                          _update_options(**look))
 
     def finish(self):
-        """Waits; (3 n,) float32 offsets, or NativeError. The work is over either way."""
-        offsets = np.empty(self._size, np.float32)
+        """Waits; (3 n,) float32 offsets and SplitInfo, or NativeError. The work is over either way."""
+        offsets, info = np.empty(self._size, np.float32), SplitInfo(ctypes.sizeof(SplitInfo))
         try:
             self._call('finish', self._handle, offsets, offsets.size)
+            self._call('get_info', self._handle, info)
         finally:
             self.close()
-        return offsets
+        return offsets, info
 
 
 class Deformer:

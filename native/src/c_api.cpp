@@ -126,12 +126,12 @@ dd_update_options read_options(const dd_update_options* given) {
   dd_update_options options =
       read_struct("options", given,
                   dd_update_options{sizeof(dd_update_options), 1, DD_OUTPUT_POSITIONS,
-                                    DD_METHOD_TRANSFER, 4, DD_SHOWN_RESULT, 1, nullptr, 0});
+                                    DD_METHOD_TRANSFER, 4, DD_SHOWN_RESULT, 1, nullptr, 0, 0, 0});
   require(options.rotation_only == 0 || options.rotation_only == 1,
           "options.rotation_only must be 0 or 1.");
   require(options.output == DD_OUTPUT_POSITIONS || options.output == DD_OUTPUT_OFFSETS,
           "options.output is " + std::to_string(options.output) + ", which is no output.");
-  require(options.method >= DD_METHOD_TRANSFER && options.method <= DD_METHOD_GRADIENT,
+  require(options.method >= DD_METHOD_TRANSFER && options.method <= DD_METHOD_VOLUMES,
           "options.method is " + std::to_string(options.method) + ", which is no method.");
   require(options.refine >= 0 && options.refine <= 10000,
           "options.refine is " + std::to_string(options.refine) + ", not between 0 and 10000.");
@@ -139,7 +139,14 @@ dd_update_options read_options(const dd_update_options* given) {
           "options.shown is " + std::to_string(options.shown) + ", not result or base.");
   require(options.levels >= 0 && options.levels <= 20,
           "options.levels is " + std::to_string(options.levels) + ", not between 1 and 20.");
-  if (options.levels == 0) options.levels = 1;
+  require(options.volume_tolerance >= 0 && std::isfinite(options.volume_tolerance),
+          "options.volume_tolerance must be zero or more.");
+  require(options.volume_iterations >= 0,
+          "options.volume_iterations is " + std::to_string(options.volume_iterations) + ".");
+  const dd::MethodOptions defaults;
+  if (options.levels == 0) options.levels = defaults.levels;
+  if (options.volume_tolerance == 0) options.volume_tolerance = defaults.volume_tolerance;
+  if (options.volume_iterations == 0) options.volume_iterations = defaults.volume_iterations;
   return options;
 }
 
@@ -167,7 +174,8 @@ BindInput read_bind_input(const float* positions, size_t position_count, const i
 
 dd::UpdateOptions update_options(const dd_update_options& how) {
   return {static_cast<dd::MethodKind>(how.method),
-          {how.rotation_only == 1, how.refine, how.levels},
+          {how.rotation_only == 1, how.refine, how.levels, how.volume_tolerance,
+           how.volume_iterations, {}},
           static_cast<dd::Shown>(how.shown)};
 }
 
@@ -265,7 +273,8 @@ struct dd_bind {
 };
 
 struct dd_split {
-  dd::Positions rest, offsets;
+  dd::Positions rest;
+  dd::SplitResult result;
   int32_t output = DD_OUTPUT_POSITIONS;
   Job job;
 };
@@ -371,7 +380,7 @@ int32_t dd_split_start(const float* positions, size_t position_count, const int3
                        int32_t steps, const dd_update_options* update, dd_split** split) {
   return guarded([&] {
     require(split, "split is null.");
-    require(matrices, "matrices is null.");
+    require(matrices || matrix_value_count == 0, "matrices is null.");
     BindInput input = read_bind_input(positions, position_count, triangles, triangle_index_count,
                                       roles, role_count, handle_count, options);
     const size_t handles = static_cast<size_t>(std::max(handle_count, 0));
@@ -387,11 +396,12 @@ int32_t dd_split_start(const float* positions, size_t position_count, const int3
     auto started = std::make_unique<dd_split>();
     started->rest = input.mesh.positions;
     started->output = how.output;
-    started->job.start([&offsets = started->offsets, input = std::move(input),
-                        motion = std::move(motion),
-                        options = update_options(how)](const dd::Progress& progress) {
-      offsets = dd::split_update(input.mesh, input.roles, input.handle_count, input.options, motion,
-                                 options, progress);
+    started->job.start([&result = started->result, input = std::move(input),
+                        motion = std::move(motion), options = update_options(how),
+                        base = read_base(how.base, how.base_count, position_count)](
+                           const dd::Progress& progress) {
+      result = dd::split_update(input.mesh, input.roles, input.handle_count, input.options, motion,
+                                options, progress, base.size() ? &base : nullptr);
     });
     *split = started.release();
   });
@@ -416,8 +426,18 @@ int32_t dd_split_finish(dd_split* split, float* out, size_t out_count) {
     require(split, "split is null.");
     require(out, "out is null.");
     split->job.finish();
-    require_size("out", out_count, static_cast<size_t>(split->offsets.size()));
-    write_result(split->rest, split->offsets, split->output, out);
+    require_size("out", out_count, static_cast<size_t>(split->result.offsets.size()));
+    write_result(split->rest, split->result.offsets, split->output, out);
+  });
+}
+
+int32_t dd_split_get_info(const dd_split* split, dd_split_info* info) {
+  return guarded([&] {
+    require(split, "split is null.");
+    dd_split_info facts{};
+    facts.volumes_settled = split->result.volumes_settled;
+    facts.volume_error = split->result.volume_error;
+    write_struct("info", info, facts);
   });
 }
 

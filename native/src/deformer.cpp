@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "floating_parts.h"
+#include "methods/displacement_volumes.h"
 #include "methods/gradient_editing.h"
 #include "methods/normal_displacement.h"
 #include "methods/transfer.h"
@@ -121,8 +122,9 @@ Method& Deformer::method(const UpdateOptions& options) {
       if (!made || static_cast<NormalDisplacement&>(*made).levels() != options.of_method.levels)
         made = std::make_unique<NormalDisplacement>(*bound_, options.of_method.levels);
       break;
-    default:
-      throw Error(Status::argument, "There is no such method.");
+    case MethodKind::volumes:
+      if (!made) made = std::make_unique<DisplacementVolumes>(*bound_);
+      break;
   }
   return *made;
 }
@@ -161,6 +163,11 @@ int Deformer::borrowed_count() const {
 const NormalDisplacement* Deformer::normal_displacement() const {
   return static_cast<const NormalDisplacement*>(
       methods_[static_cast<int>(MethodKind::normal)].get());
+}
+
+const DisplacementVolumes* Deformer::displacement_volumes() const {
+  return static_cast<const DisplacementVolumes*>(
+      methods_[static_cast<int>(MethodKind::volumes)].get());
 }
 
 double Deformer::bytes() const {

@@ -8,6 +8,7 @@
 
 namespace dd {
 
+class DisplacementVolumes;
 class FloatingParts;
 class NormalDisplacement;
 
@@ -52,6 +53,7 @@ class Deformer {
   int borrowed_count() const;
   /// Null before the first update by that method.
   const NormalDisplacement* normal_displacement() const;
+  const DisplacementVolumes* displacement_volumes() const;
   double bytes() const;
 
   /// B at rest and as of the last update, n×3, in the mesh's units.

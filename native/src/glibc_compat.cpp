@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Lets a library linked on a new glibc load on an old one (Blender itself asks for 2.28).
 //
-// The static libstdc++ and libgcc inside the library refer to five functions whose newest versions
-// are younger. Four were only moved from libpthread into libc, so their first versions do; the
+// The static libstdc++ and libgcc inside the library refer to functions whose newest versions
+// are younger. Most were only moved from libpthread into libc, so their first versions do; the
 // linker's --wrap sends every reference here. _dl_find_object is a faster dl_iterate_phdr, which
-// exceptions are looked up with.
+// exceptions are looked up with. pow got a new version that doesn't report errors.
 #include <dlfcn.h>
 #include <elf.h>
 #include <link.h>
@@ -17,12 +17,14 @@ DD_FIRST_VERSION(pthread_create);
 DD_FIRST_VERSION(pthread_join);
 DD_FIRST_VERSION(pthread_once);
 DD_FIRST_VERSION(__pthread_key_create);
+DD_FIRST_VERSION(pow);
 #undef DD_FIRST_VERSION
 
 int first_pthread_create(pthread_t*, const pthread_attr_t*, void* (*)(void*), void*);
 int first_pthread_join(pthread_t, void**);
 int first_pthread_once(pthread_once_t*, void (*)());
 int first___pthread_key_create(pthread_key_t*, void (*)(void*));
+double first_pow(double, double);
 
 int __wrap_pthread_create(pthread_t* thread, const pthread_attr_t* attributes,
                           void* (*start)(void*), void* argument) {
@@ -37,6 +39,7 @@ int __wrap_pthread_once(pthread_once_t* once, void (*routine)()) {
 int __wrap___pthread_key_create(pthread_key_t* key, void (*destroy)(void*)) {
   return first___pthread_key_create(key, destroy);
 }
+double __wrap_pow(double base, double exponent) { return first_pow(base, exponent); }
 
 // libstdc++ skips atomic operations while this is not zero.
 char __libc_single_threaded = 0;

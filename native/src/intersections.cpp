@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 namespace dd {
@@ -82,7 +83,11 @@ bool crosses(const Mesh& mesh, int p, int q, int j) {
   const auto corner = mesh.triangles.row(j);
   const Eigen::Vector3d a = mesh.positions.row(corner[0]), b = mesh.positions.row(corner[1]),
                         c = mesh.positions.row(corner[2]);
-  if (!(volume(a, b, c, x) * volume(a, b, c, y) < 0)) return false;
+  // Heights over the triangle's plane that are rounding have no sign.
+  const double size = std::max({(b - a).norm(), (c - a).norm(), (y - x).norm(), (x - a).norm()});
+  const double below = volume(a, b, c, x), above = volume(a, b, c, y);
+  if (std::min(std::abs(below), std::abs(above)) < 1e-12 * size * size * size) return false;
+  if ((below < 0) == (above < 0)) return false;
   const double u = volume(x, y, a, b), v = volume(x, y, b, c), w = volume(x, y, c, a);
   return (u > 0 && v > 0 && w > 0) || (u < 0 && v < 0 && w < 0);
 }

@@ -3,9 +3,11 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <string>
 
+#include "methods/displacement_volumes.h"
 #include "rotations.h"
 
 namespace dd {
@@ -68,16 +70,18 @@ ScrewMotion::Affine ScrewMotion::at(double s) const {
   return result;
 }
 
-Positions split_update(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
-                       const BindOptions& bind, const SplitMotion& motion,
-                       const UpdateOptions& update, const Progress& progress) {
-  if (bind.base.size())
+SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
+                         const BindOptions& bind, const SplitMotion& motion,
+                         const UpdateOptions& update, const Progress& progress,
+                         const Positions* deformed_base) {
+  if (bind.base.size() && motion.steps != 1)
     throw Error(Status::argument, "A base from outside has no motion that could be split.");
   validate(mesh);
-  const Region region = split_region(mesh, roles, handle_count);
+  const Region region = split_region(mesh, roles, handle_count,
+                                     bind.base.size() ? MovedBy::base : MovedBy::handles);
   const Positions centres = handle_centres(region, mesh.positions);
-  std::vector<ScrewMotion> screws;
-  for (int h = 0; h < handle_count; ++h) {
+  std::vector<ScrewMotion> screws;  // of no need, and maybe not to be had, for one step
+  for (int h = 0; h < handle_count && motion.steps > 1; ++h) {
     const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> matrix(
         motion.matrices.data() + 12 * static_cast<size_t>(h));
     Eigen::Vector3d turn = Eigen::Vector3d::Zero();
@@ -92,11 +96,16 @@ Positions split_update(const Mesh& mesh, const std::vector<int>& roles, int hand
     }
   }
 
+  // A method that is slow takes the larger part of a step.
+  const double bound_at = update.method == MethodKind::volumes ? 0.2 : 0.95;
   Mesh surface = mesh;
+  SplitResult result;
   for (int step = 1; step <= motion.steps; ++step) {
-    const bool last = step == motion.steps;
     const double before = double(step - 1) / motion.steps, now = double(step) / motion.steps;
-    std::vector<double> matrices;
+    const auto tell = [&](double within_step, const char* stage) {
+      return !progress || progress(before + within_step * (now - before), stage);
+    };
+    std::vector<double> matrices = motion.steps > 1 ? std::vector<double>() : motion.matrices;
     for (const ScrewMotion& screw : screws) {
       Eigen::Matrix4d from = Eigen::Matrix4d::Identity(), to = from;
       from.topRows<3>() = screw.at(before);
@@ -106,13 +115,19 @@ Positions split_update(const Mesh& mesh, const std::vector<int>& roles, int hand
       matrices.insert(matrices.end(), change.data(), change.data() + 12);
     }
     UpdateOptions options = update;
-    if (!last) options.shown = Shown::result;
+    if (step < motion.steps) options.shown = Shown::result;
+    options.of_method.progress = [&](double fraction, const char* stage) {
+      return tell(bound_at + (1 - bound_at) * fraction, stage);
+    };
     try {
-      Deformer deformer(
-          surface, roles, handle_count, bind, [&](double fraction, const char* stage) {
-            return !progress || progress(before + 0.95 * fraction * (now - before), stage);
-          });
-      surface.positions += deformer.update(matrices.data(), options);
+      Deformer deformer(surface, roles, handle_count, bind, [&](double fraction, const char* stage) {
+        return tell(bound_at * std::min(fraction, 0.999), stage);
+      });
+      surface.positions += deformer.update(matrices.data(), options, deformed_base);
+      if (const DisplacementVolumes* volumes = deformer.displacement_volumes()) {
+        result.volume_error = volumes->volume_error();
+        result.volumes_settled = volumes->settled();
+      }
     } catch (const Error& error) {
       if (error.status() == Status::cancelled || motion.steps == 1) throw;
       throw Error(error.status(), "In step " + std::to_string(step) + " of " +
@@ -120,7 +135,8 @@ Positions split_update(const Mesh& mesh, const std::vector<int>& roles, int hand
     }
   }
   report(progress, 1.0, "Done");
-  return surface.positions - mesh.positions;
+  result.offsets = surface.positions - mesh.positions;
+  return result;
 }
 
 }  // namespace dd

@@ -35,10 +35,19 @@ struct SplitMotion {
   int steps = 1;
 };
 
-/// The displacement of every vertex, n×3. Arguments as for Deformer and its update.
-/// Throws Error, with the step where it happened.
-Positions split_update(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
-                       const BindOptions& bind, const SplitMotion& motion,
-                       const UpdateOptions& update, const Progress& progress = {});
+/// What a split gives: the displacement of every vertex, n×3, and of the last step, by displacement
+/// volumes, how well these were kept.
+struct SplitResult {
+  Positions offsets;
+  double volume_error = 0;
+  bool volumes_settled = true;
+};
+
+/// Arguments as for Deformer and its update; a base from outside has no motion that could be split and
+/// allows one step only. Throws Error, with the step where it happened.
+SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
+                         const BindOptions& bind, const SplitMotion& motion,
+                         const UpdateOptions& update, const Progress& progress = {},
+                         const Positions* deformed_base = nullptr);
 
 }  // namespace dd

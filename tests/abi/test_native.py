@@ -301,7 +301,7 @@ def test_a_library_of_another_version_is_refused(tmp_path):
     assert 'of another version' in answer and '99' in answer
 
 
-METHODS = ('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT')
+METHODS = ('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT', 'VOLUMES')
 
 
 def test_methods_differ_and_switch_on_one_deformer(native, strip):
@@ -350,17 +350,17 @@ def test_unknown_smoothness_is_refused(native, strip):
         bound(native, strip, smoothness=4)
 
 
-def split(native, mesh, motion, steps, turns=None, **look):
+def split(native, mesh, motion, steps, turns=None, options=None, **look):
     turns = np.zeros((len(motion), 3)) if turns is None else turns
-    return native.Split(((mesh.positions, mesh.triangles, mesh.roles, len(motion)), {}), motion, turns,
-                        steps, look)
+    return native.Split(((mesh.positions, mesh.triangles, mesh.roles, len(motion)), options or {}),
+                        motion, turns, steps, look)
 
 
 def test_a_split_of_one_step_is_the_update_and_more_steps_differ(native, strip):
     motion = rotation(1.5, (-4, 0, 9))
     plain = bound(native, strip).offsets(motion).copy()
-    assert np.abs(split(native, strip, motion, 1).finish() - plain).max() < 1e-6
-    stepped = split(native, strip, motion, 5).finish()
+    assert np.abs(split(native, strip, motion, 1).finish()[0] - plain).max() < 1e-6
+    stepped = split(native, strip, motion, 5).finish()[0]
     assert np.isfinite(stepped).all() and np.abs(stepped - plain).max() > 0.05
     # The handle arrives where it was sent all the same.
     members = np.repeat(strip.roles >= 0, 3)
@@ -368,8 +368,8 @@ def test_a_split_of_one_step_is_the_update_and_more_steps_differ(native, strip):
 
 
 def test_a_whole_turn_is_more_than_nothing_when_it_is_asked_for(native, strip):
-    assert np.abs(split(native, strip, IDENTITY, 6).finish()).max() < 1e-4
-    turned = split(native, strip, IDENTITY, 6, turns=np.array([[2 * np.pi, 0, 0]])).finish()
+    assert np.abs(split(native, strip, IDENTITY, 6).finish()[0]).max() < 1e-4
+    turned = split(native, strip, IDENTITY, 6, turns=np.array([[2 * np.pi, 0, 0]])).finish()[0]
     assert np.abs(turned).max() > 1
 
 
@@ -408,3 +408,25 @@ def test_a_base_from_outside_moves_the_details(native, strip):
         deformer.offsets(none, base=moved[1:])
     with pytest.raises(native.NativeError, match='options.base has'):
         native.Bind(strip.positions, strip.triangles, roles, 0, base=flat[1:])
+
+
+def test_volumes_are_kept_and_their_error_is_told(native, strip):
+    motion = rotation(0.8, (0.5, 0, 3))
+    offsets, info = split(native, strip, motion, 1, method='VOLUMES').finish()
+    assert (offsets == bound(native, strip).offsets(motion, method='VOLUMES')).all()
+    assert info.volumes_settled and 0 < info.volume_error < 0.2
+    _, hurried = split(native, strip, motion, 1, method='VOLUMES', volume_iterations=1).finish()
+    assert not hurried.volumes_settled and hurried.volume_error > info.volume_error
+
+
+def test_a_split_takes_a_base_from_outside_in_one_step_only(native, strip):
+    flat = strip.positions.copy()
+    flat[:, 2] = 0
+    moved = flat + np.float32([1, 2, 3])
+    none = np.zeros((0, 3, 4))
+    strip.roles[:] = native.ROLE_FREE
+    offsets, _ = split(native, strip, none, 1, options={'base': flat}, base=moved,
+                       method='VOLUMES').finish()
+    assert np.allclose(offsets.reshape(-1, 3), [1, 2, 3], atol=1e-4)
+    with pytest.raises(native.NativeError, match='no motion that could be split'):
+        split(native, strip, none, 2, options={'base': flat}, base=moved).finish()

@@ -114,6 +114,38 @@ inline Case bent_cactus(double degrees = 70) {
   return made;
 }
 
+/// Fig. 4: a cylinder about the z axis and its base, a cylinder of half the radius, which is bent
+/// explicitly towards +x over a short length.
+struct ExplicitBend {
+  Mesh mesh;
+  Positions base, deformed_base;
+};
+
+inline Positions bent_explicitly(const Positions& p, double degrees, double bend_radius) {
+  const double angle = radians(degrees), half = 0.5 * bend_radius * angle;
+  Positions result = p;
+  for (Index v = 0; v < p.rows(); ++v) {
+    const double along = std::min(half, std::max(-half, p(v, 2))), rest = p(v, 2) - along;
+    const double turn = along / bend_radius, arm = bend_radius - p(v, 0);
+    result(v, 0) = bend_radius - arm * std::cos(turn) + std::sin(turn) * rest;
+    result(v, 2) = arm * std::sin(turn) + std::cos(turn) * rest;
+  }
+  return result;
+}
+
+/// 9,900 triangles, radius 1, closed by caps. The bend's radius: beyond that of the base, which so has
+/// no self-intersection, and within that of the surface.
+inline ExplicitBend cylinder_of_figure_4(double degrees, double bend_radius = 0.7) {
+  ExplicitBend made;
+  made.mesh = tube(90, 55, [](double u, double v) {
+    return Eigen::RowVector3d(std::cos(v), std::sin(v), 9 * (u - 0.5));
+  });
+  made.base = made.mesh.positions;
+  made.base.leftCols<2>() *= 0.5;
+  made.deformed_base = bent_explicitly(made.base, degrees, bend_radius);
+  return made;
+}
+
 inline std::vector<Case> survey_cases() {
   return {lifted_plane(), bent_cylinder(), twisted_bar(), bent_cactus()};
 }

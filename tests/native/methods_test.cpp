@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <Eigen/Dense>
+#include <array>
 
 #include "cases.h"
 #include "catch.h"
 #include "deform.h"
 #include "dense_reference.h"
 #include "measures.h"
+#include "methods/displacement_volumes.h"
 #include "methods/normal_displacement.h"
 #include "rotations.h"
 
@@ -111,7 +113,8 @@ TEST_CASE(
   Deformer deformer(plane.mesh, roles, 2, {});
   const Affine motion = test::rotation_about(0.7, {1, 2, 0.5}, {0.2, 0, 0}, {0.3, -1, 2});
   const Positions expected = test::transformed(motion, plane.mesh.positions);
-  for (MethodKind method : {MethodKind::transfer, MethodKind::gradient, MethodKind::variational})
+  for (MethodKind method : {MethodKind::transfer, MethodKind::gradient, MethodKind::variational,
+                            MethodKind::normal, MethodKind::volumes})
     for (bool rotation_only : {true, false}) {
       const UpdateOptions options = by(method, rotation_only);
       CHECK(
@@ -271,4 +274,82 @@ TEST_CASE("NORMAL counts what is no height field over the base") {
   Affine lift = test::identity();
   lift(2, 3) = 0.3;
   CHECK(surface(deformer, {lift}, by(MethodKind::normal)).allFinite());
+}
+
+TEST_CASE("VOLUMES keeps the space between base and surface, whatever the unit") {
+  const auto plane = test::lifted_plane(61);
+  Deformer deformer(plane.mesh, plane.roles, 1, {});
+  const Positions result = surface(deformer, {plane.motion}, by(MethodKind::volumes));
+  CHECK(deformer.displacement_volumes()->settled());
+  // The prisms' volumes once more, cut into three tetrahedra each (either way of cutting their sides
+  // is off by as much, so their mean is the bilinear prism).
+  const auto volume = [&](const Positions& base, const Positions& over, Index j) {
+    const auto corner = plane.mesh.triangles.row(j);
+    double sum = 0;
+    const auto tetrahedron = [](const Eigen::RowVector3d& a, const Eigen::RowVector3d& b,
+                                const Eigen::RowVector3d& c, const Eigen::RowVector3d& d) {
+      return (b - a).cross(c - a).dot(d - a) / 6;
+    };
+    for (const auto& [i, k, l] : {std::array<int, 3>{0, 1, 2}, {1, 2, 0}, {2, 0, 1},
+                                  {0, 2, 1}, {1, 0, 2}, {2, 1, 0}}) {
+      const double sign = (k - i + 3) % 3 == 1 ? 1 : -1;
+      const Eigen::RowVector3d q0 = base.row(corner[i]), q1 = base.row(corner[k]),
+                               q2 = base.row(corner[l]), p0 = over.row(corner[i]),
+                               p1 = over.row(corner[k]), p2 = over.row(corner[l]);
+      sum += sign * (tetrahedron(q0, q1, q2, p2) + tetrahedron(q0, q1, p2, p1) +
+                     tetrahedron(q0, p1, p2, p0)) / 6;
+    }
+    return sum;
+  };
+  const Positions base = deformer.base(), deformed_base = deformer.deformed_base();
+  const Positions transfer = surface(deformer, {plane.motion}, by(MethodKind::transfer));
+  double total = 0, by_volumes = 0, by_transfer = 0;
+  std::vector<double> rest(plane.roles.size(), 0), now = rest, other = rest;
+  for (Index j = 0; j < plane.mesh.triangles.rows(); ++j)
+    for (int k = 0; k < 3; ++k) {
+      const int v = plane.mesh.triangles(j, k);
+      rest[v] += volume(base, plane.mesh.positions, j);
+      now[v] += volume(deformed_base, result, j);
+      other[v] += volume(deformed_base, transfer, j);
+    }
+  for (size_t v = 0; v < rest.size(); ++v) {
+    if (plane.roles[v] != kFree) continue;
+    total += std::abs(rest[v]);
+    by_volumes += std::abs(now[v] - rest[v]);
+    by_transfer += std::abs(other[v] - rest[v]);
+  }
+  INFO("missing of the volume: " << by_volumes / total << ", by transfer " << by_transfer / total);
+  CHECK(by_volumes / total == Approx(deformer.displacement_volumes()->volume_error()).epsilon(1e-6));
+  CHECK(by_volumes < 0.05 * total);
+  CHECK(by_volumes < 0.5 * by_transfer);
+
+  Mesh large = plane.mesh;
+  large.positions *= 1e4;
+  Affine motion = plane.motion;
+  motion.col(3) *= 1e4;
+  Deformer scaled(large, plane.roles, 1, {});
+  CHECK(test::largest_difference(surface(scaled, {motion}, by(MethodKind::volumes)) / 1e4, result) <
+        1e-6);
+}
+
+TEST_CASE("VOLUMES tells how far it is, can be cancelled, and says when it stopped early") {
+  const auto plane = test::lifted_plane(41);
+  Deformer deformer(plane.mesh, plane.roles, 1, {});
+  UpdateOptions options = by(MethodKind::volumes);
+  int calls = 0;
+  options.of_method.progress = [&](double fraction, const char*) {
+    CHECK((fraction >= 0 && fraction < 1));
+    return ++calls < 2;
+  };
+  CHECK_THAT(test::refusal([&] { surface(deformer, {plane.motion}, options); }, Status::cancelled),
+             contains("cancelled"));
+  options.of_method.progress = {};
+  options.of_method.volume_iterations = 1;
+  options.of_method.volume_tolerance = 1e-9;
+  surface(deformer, {plane.motion}, options);
+  CHECK(!deformer.displacement_volumes()->settled());
+  // Where the surface is its own base there is nothing to keep.
+  const Mesh flat = test::grid(21, 21, [](double, double) { return 0.0; });
+  Deformer bare(flat, test::strip_roles(21, 21, 3, 18), 1, {});
+  CHECK(surface(bare, {plane.motion}, by(MethodKind::volumes)).allFinite());
 }

@@ -7,6 +7,8 @@
 #include "catch.h"
 #include "deform.h"
 #include "dense_reference.h"
+#include "intersections.h"
+#include "measures.h"
 
 using namespace dd;
 using test::Affine;
@@ -136,4 +138,38 @@ TEST_CASE("showing an outside base, and a base that is missing or not finite") {
   bad(7, 1) = std::numeric_limits<double>::quiet_NaN();
   CHECK_THAT(test::refusal([&] { surface(deformer, bad, {}); }, Status::argument),
              contains("not finite"));
+}
+
+TEST_CASE("Fig. 4: a cylinder over a base of half its radius, bent explicitly over a short length") {
+  struct Found {
+    Measures normal, whole, rotations, volumes;
+  };
+  const auto found_at = [](double degrees) {
+    const auto figure = test::cylinder_of_figure_4(degrees);
+    const std::vector<int> roles(static_cast<size_t>(figure.mesh.vertex_count()), kFree);
+    const std::vector<char> free(roles.size(), 1);
+    BindOptions options;
+    options.base = figure.base;
+    Deformer deformer(figure.mesh, roles, 0, options);
+    const auto measured = [&](const UpdateOptions& update) {
+      return measure(figure.mesh, surface(deformer, figure.deformed_base, update), free);
+    };
+    return Found{measured(by(MethodKind::normal)), measured(by(MethodKind::transfer, false)),
+                 measured(by(MethodKind::transfer, true)), measured(by(MethodKind::volumes))};
+  };
+  const Mesh mesh = test::cylinder_of_figure_4(0).mesh;
+  CHECK(mesh.triangle_count() == 9900);
+  CHECK(intersecting_pairs(mesh).empty());
+  for (double degrees : {90.0, 120.0, 150.0}) {
+    INFO(degrees << " degrees");
+    const auto figure = test::cylinder_of_figure_4(degrees);
+    CHECK(intersecting_pairs({figure.deformed_base, mesh.triangles}).empty());
+    const Found found = found_at(degrees);
+    CHECK(found.normal.intersecting_triangles > 100);
+    if (degrees == 90) CHECK(found.whole.intersecting_triangles == 0);
+    CHECK(found.rotations.intersecting_triangles == 0);
+    CHECK(found.volumes.intersecting_triangles == 0);
+    CHECK(found.volumes.volume_ratio == Approx(1).margin(0.05));
+    CHECK(found.rotations.volume_ratio < 0.95);  // transfer does not try to keep it
+  }
 }

@@ -21,7 +21,7 @@ Positions split(const test::Case& one, int steps,
   motion.matrices.assign(one.motion.data(), one.motion.data() + 12);
   motion.turns.assign(turn.data(), turn.data() + 3);
   motion.steps = steps;
-  return one.mesh.positions + split_update(one.mesh, one.roles, 1, {}, motion, update);
+  return one.mesh.positions + split_update(one.mesh, one.roles, 1, {}, motion, update).offsets;
 }
 
 Affine after(const ScrewMotion& screw, double s) { return screw.at(s); }

@@ -85,8 +85,9 @@ enum dd_method {
   DD_METHOD_TRANSFER = 0,    /* the paper's: a smooth base bends, details turn with it */
   DD_METHOD_VARIATIONAL = 1, /* the smoothest displacement: details are moved, not turned */
   DD_METHOD_NORMAL = 2,      /* a smooth base bends, details stand on it along its normals */
-  DD_METHOD_GRADIENT = 3     /* the handles' rotation and scale spread over the surface; what a
+  DD_METHOD_GRADIENT = 3,    /* the handles' rotation and scale spread over the surface; what a
                                 handle is merely moved by turns nothing */
+  DD_METHOD_VOLUMES = 4      /* details keep their volume over the base; slow: see dd_split_start */
 };
 
 /* Geometry on which the energy that deforms the base surface is built. */
@@ -135,7 +136,7 @@ typedef struct dd_bind_options {
 } dd_bind_options;
 
 /* Options of one update. A null pointer stands for the paper's method with rotations only, refined
- * by 4 iterations, as positions: {sizeof(dd_update_options), 1, 0, 0, 4, 0, 1, NULL, 0}. */
+ * by 4 iterations, as positions: {sizeof(dd_update_options), 1, 0, 0, 4, 0, 1, NULL, 0, 0, 0}. */
 typedef struct dd_update_options {
   uint32_t struct_size;
   int32_t rotation_only; /* 1: S_j is replaced by its rotation (polar decomposition); 0: S_j whole.
@@ -150,6 +151,10 @@ typedef struct dd_update_options {
                         next smoother one; 0 stands for 1 */
   const float* base; /* B', as positions, where the bind was given a base; else null */
   size_t base_count; /* 3 n, or 0 */
+  double volume_tolerance;   /* of DD_METHOD_VOLUMES, > 0: it stops when no vertex moves by more than
+                                this in a step, in mean heights of the details; 0 stands for 0.01 */
+  int32_t volume_iterations; /* of DD_METHOD_VOLUMES: steps after which it stops anyway; 0 stands for
+                                50 */
 } dd_update_options;
 
 typedef struct dd_bind_progress {
@@ -234,6 +239,14 @@ DD_API int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices,
 
 DD_API int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info);
 
+/* Facts about a finished split. */
+typedef struct dd_split_info {
+  uint32_t struct_size;    /* set by the caller */
+  int32_t volumes_settled; /* 0: DD_METHOD_VOLUMES stopped at its iteration limit */
+  double volume_error;     /* of DD_METHOD_VOLUMES: sum of what the volumes differ by from those at
+                              rest, over their sum */
+} dd_split_info;
+
 /* A large motion in steps (§6): the handles' motions are cut along their screw motions, all in
  * step, and after each step the surface is bound anew to its result. Works in a thread of the
  * library and returns at once; one step is what dd_deformer_update gives. positions ... options as
@@ -252,6 +265,8 @@ DD_API int32_t dd_split_start(const float* positions, size_t position_count,
 DD_API int32_t dd_split_poll(dd_split* split, dd_bind_progress* progress);
 DD_API int32_t dd_split_cancel(dd_split* split);
 DD_API int32_t dd_split_finish(dd_split* split, float* out, size_t out_count);
+/* After dd_split_finish. */
+DD_API int32_t dd_split_get_info(const dd_split* split, dd_split_info* info);
 DD_API void dd_split_free(dd_split* split);
 
 /* Releases a deformer. Null is allowed. */

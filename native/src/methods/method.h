@@ -14,6 +14,9 @@ struct MethodOptions {
   bool rotation_only = true;  ///< S_j reduced to its rotation
   int refine = 0;  ///< of transfer: iterations after its linear result; with rotation_only
   int levels = 1;  ///< of normal displacements: surfaces that each is displaced from the next
+  double volume_tolerance = 1e-2;  ///< of displacement volumes: step to stop at, in mean heights
+  int volume_iterations = 50;      ///< of displacement volumes: steps after which to stop anyway
+  Progress progress = {};          ///< told how far a slow method is
 };
 
 /// One update on its way through a method.

@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "displacement_volumes.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "../free_block.h"
+
+namespace dd {
+
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kReach = 4, kSoftness = 0.1;  // ℓ and √μ, in heights
+
+/// A prism between triangles q and p = q + d, d linear over the triangle, swept along straight lines:
+/// V = d̄ · W / 2 with W the integral of the edges' cross product over the sweep.
+struct Prism {
+  Vector3d e1, e2, f1, f2, mean, across;
+
+  Prism(const Vector3d (&q)[3], const Vector3d (&d)[3])
+      : e1(q[1] - q[0]), e2(q[2] - q[0]), f1(d[1] - d[0]), f2(d[2] - d[0]) {
+    mean = (d[0] + d[1] + d[2]) / 3;
+    across = e1.cross(e2) + 0.5 * (e1.cross(f2) + f1.cross(e2)) + f1.cross(f2) / 3;
+  }
+  double volume() const { return 0.5 * mean.dot(across); }
+  /// ∂V/∂p of the three corners, as columns.
+  Eigen::Matrix3d gradient() const {
+    const Vector3d first = 0.5 * e2.cross(mean) + f2.cross(mean) / 3;
+    const Vector3d second = 0.5 * mean.cross(e1) + mean.cross(f1) / 3;
+    Eigen::Matrix3d columns;
+    columns.col(0) = 0.5 * (across / 3 - first - second);
+    columns.col(1) = 0.5 * (across / 3 + first);
+    columns.col(2) = 0.5 * (across / 3 + second);
+    return columns;
+  }
+};
+
+SparseMatrix free_rows_in_order(const SparseMatrix& matrix, const RowOrder& order) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int r = 0; r < order.free_count; ++r)
+    for (SparseMatrix::InnerIterator it(matrix, order.vertex_of_row[r]); it; ++it) {
+      const int other = order.row_of_vertex[it.row()];
+      if (other < order.free_count) entries.emplace_back(other, r, it.value());
+    }
+  SparseMatrix result(order.free_count, order.free_count);
+  result.setFromTriplets(entries.begin(), entries.end());
+  return result;
+}
+
+}  // namespace
+
+DisplacementVolumes::DisplacementVolumes(BoundSurface& bound)
+    : bound_(bound), transfer_(bound), normal_(bound, 1) {
+  const RowOrder& order = bound.order();
+  const std::vector<int>& active = bound.poisson.active_triangles();
+  triangles_.resize(static_cast<Index>(active.size()), 3);
+  for (size_t i = 0; i < active.size(); ++i)
+    for (int k = 0; k < 3; ++k)
+      triangles_(Index(i), k) = order.row_of_vertex[bound.mesh.triangles(active[i], k)];
+  gradients_.resize(active.size());
+  masses_.resize(order.free_count);
+  for (int r = 0; r < order.free_count; ++r)
+    masses_[r] = bound.operators.masses[order.vertex_of_row[r]];
+  rest_volumes_ = Vector::Zero(order.free_count);
+  rest_volumes_ = missing_volumes(bound.rest, bound.rest_base);
+  height_ = rest_volumes_.cwiseAbs().sum() / masses_.sum();
+  if (height_ < 1e-9) return;  // of the mesh's size: S is its own base
+
+  metric_ = free_rows_in_order(bound.operators.laplacian, order);
+  const double reach = kReach * height_;
+  for (int r = 0; r < order.free_count; ++r)
+    metric_.coeffRef(r, r) += masses_[r] / (reach * reach);
+  try {
+    factor_ = std::make_unique<SparseCholesky>(metric_);
+  } catch (const SingularMatrix& singular) {
+    throw UnsolvableSurface(order.vertex_of_row[singular.row()]);
+  }
+}
+
+DisplacementVolumes::Vector DisplacementVolumes::missing_volumes(const Rows& surface,
+                                                                 const Rows& base) {
+  const int free_count = bound_.order().free_count;
+  Vector volumes = -rest_volumes_;
+  for (Index j = 0; j < triangles_.rows(); ++j) {
+    Vector3d q[3], d[3];
+    for (int k = 0; k < 3; ++k) {
+      const int r = triangles_(j, k);
+      q[k] = base.row(r).head<3>();
+      d[k] = (surface.row(r) - base.row(r)).head<3>();
+    }
+    const Prism prism(q, d);
+    for (int k = 0; k < 3; ++k)
+      if (triangles_(j, k) < free_count) volumes[triangles_(j, k)] += prism.volume() / 3;
+    gradients_[static_cast<size_t>(j)] = prism.gradient();
+  }
+  return volumes;
+}
+
+Rows DisplacementVolumes::transposed(const Vector& multipliers) const {
+  const int free_count = bound_.order().free_count;
+  Rows result = Rows::Zero(free_count, 4);
+  for (Index j = 0; j < triangles_.rows(); ++j) {
+    double mean = 0;
+    for (int k = 0; k < 3; ++k)
+      if (triangles_(j, k) < free_count) mean += multipliers[triangles_(j, k)] / 3;
+    for (int k = 0; k < 3; ++k)
+      if (triangles_(j, k) < free_count)
+        result.row(triangles_(j, k)).head<3>() +=
+            mean * gradients_[static_cast<size_t>(j)].col(k).transpose();
+  }
+  return result;
+}
+
+DisplacementVolumes::Vector DisplacementVolumes::applied(const Rows& displacement) const {
+  const int free_count = bound_.order().free_count;
+  Vector result = Vector::Zero(free_count);
+  for (Index j = 0; j < triangles_.rows(); ++j) {
+    double change = 0;
+    for (int k = 0; k < 3; ++k)
+      if (triangles_(j, k) < free_count)
+        change += displacement.row(triangles_(j, k))
+                      .head<3>()
+                      .dot(gradients_[static_cast<size_t>(j)].col(k));
+    for (int k = 0; k < 3; ++k)
+      if (triangles_(j, k) < free_count) result[triangles_(j, k)] += change / 3;
+  }
+  return result;
+}
+
+DisplacementVolumes::Vector DisplacementVolumes::preconditioned(const Vector& residual) const {
+  // J is about the masses times the normals, so J H⁻¹ Jᵀ about M H⁻¹ M.
+  const Vector scaled = residual.cwiseQuotient(masses_);
+  return Vector(metric_ * scaled).cwiseQuotient(masses_);
+}
+
+Rows DisplacementVolumes::shift_for(const Vector& wanted) const {
+  constexpr int kMostRounds = 100;
+  constexpr double kEnough = 1e-2;
+  const double softness = kSoftness * height_ * kSoftness * height_;
+  Rows shift = Rows::Zero(bound_.order().free_count, 4);
+  Vector residual = wanted, z = preconditioned(residual), direction = z;
+  double product = residual.dot(z);
+  const double enough = kEnough * wanted.norm();
+  for (int round = 0; round < kMostRounds && residual.norm() > enough; ++round) {
+    const Rows forces = transposed(direction);
+    const RowMatrix solved = factor_->solve(forces.leftCols<3>());
+    Rows moved = Rows::Zero(forces.rows(), 4);
+    moved.leftCols<3>() = solved;
+    const Vector image = applied(moved) + softness * masses_.cwiseProduct(direction);
+    const double length = product / direction.dot(image);
+    if (!std::isfinite(length)) break;
+    shift += length * moved;
+    residual -= length * image;
+    z = preconditioned(residual);
+    const double next = residual.dot(z);
+    direction = z + next / product * direction;
+    product = next;
+  }
+  return shift;
+}
+
+void DisplacementVolumes::update(const Frame& frame, const MethodOptions& options) {
+  normal_.update(frame, options);
+  volume_error_ = 0;
+  settled_ = true;
+  if (!factor_) return;
+
+  const int free_count = bound_.order().free_count;
+  const Rows place = frame.offsets;
+  MethodOptions linear = options;
+  linear.refine = 0;
+  transfer_.update(frame, linear);
+  // The minimizer without volumes: H p₀ = L p_T + M p_N / ℓ².
+  const double reach = kReach * height_;
+  const RowMatrix pull = (masses_ / (reach * reach)).asDiagonal() *
+                         RowMatrix((place - frame.offsets).topLeftCorner(free_count, 3));
+  Rows start = bound_.rest + frame.offsets;
+  start.topLeftCorner(free_count, 3) += factor_->solve(pull);
+
+  constexpr double kLongestStep = 0.3;  // of the height: prisms are far from linear beyond
+  Rows surface = start, shift = Rows::Zero(free_count, 4);
+  double first_change = 0;
+  settled_ = false;
+  for (int step = 0; step < options.volume_iterations && !settled_; ++step) {
+    const Vector missing = missing_volumes(surface, frame.base);
+    Rows change = shift_for(applied(shift) - missing) - shift;
+    const double largest = change.cwiseAbs().maxCoeff() / height_;
+    if (!std::isfinite(largest))
+      throw Error(Status::numeric, "The volumes can't be restored: the handles' motion is too large.");
+    if (largest > kLongestStep) change *= kLongestStep / largest;
+    shift += change;
+    surface.topRows(free_count) = start.topRows(free_count) + shift;
+    settled_ = largest <= options.volume_tolerance;
+
+    first_change = std::max(first_change, largest);
+    const double left = (largest - options.volume_tolerance) /
+                        std::max(first_change - options.volume_tolerance, 1e-300);
+    report(options.progress, std::clamp(1 - left, 0.0, 0.99), "Restoring the volumes");
+  }
+  volume_error_ = missing_volumes(surface, frame.base).cwiseAbs().sum() /
+                  rest_volumes_.cwiseAbs().sum();
+  frame.offsets.topRows(free_count) = surface.topRows(free_count) - bound_.rest.topRows(free_count);
+}
+
+double DisplacementVolumes::bytes() const {
+  const double nonzeros = static_cast<double>(metric_.nonZeros() + (factor_ ? factor_->nonzeros() : 0));
+  return transfer_.bytes() + normal_.bytes() +
+         static_cast<double>(gradients_.size() * sizeof(Eigen::Matrix3d)) +
+         static_cast<double>(triangles_.size()) * sizeof(int) +
+         nonzeros * (sizeof(double) + sizeof(int)) +
+         static_cast<double>(masses_.size() + rest_volumes_.size()) * sizeof(double);
+}
+
+}  // namespace dd

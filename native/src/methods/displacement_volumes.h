@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "normal_displacement.h"
+#include "transfer.h"
+
+namespace dd {
+
+/// Displacement volumes (§1, Fig. 4), after Botsch and Kobbelt 2003: the prisms between the triangles
+/// of B and of S keep their volume. With W_i a third of the volumes of vertex i's prisms, minimize
+///
+///   ‖∇p' − ∇p_T‖² + ‖p' − p_N‖² / ℓ² + ‖W(p', q') − W(p, q)‖² / μ
+///
+/// (norms weighted by the masses). Volumes alone leave the surface free to slide and to wrinkle: the
+/// gradients of detail transfer (p_T) keep it smooth, the place of normal displacements (p_N) keeps
+/// it over its base; ℓ is four times, √μ a tenth of the mean height of the prisms. Local
+/// self-intersections would turn prisms inside out, which their volumes forbid.
+///
+/// Not linear: relaxed by Gauss-Newton steps, each solved by conjugate gradients on one factor. Slow,
+/// and not meant for dragging.
+class DisplacementVolumes : public Method {
+ public:
+  explicit DisplacementVolumes(BoundSurface& bound);
+  void update(const Frame& frame, const MethodOptions& options) override;
+  double bytes() const override;
+
+  /// Of the last update: Σ |W_i' − W_i| / Σ |W_i|, and whether it settled within its steps.
+  double volume_error() const { return volume_error_; }
+  bool settled() const { return settled_; }
+
+ private:
+  using Vector = Eigen::VectorXd;
+
+  /// W of the free rows less that at rest; also takes the gradients there.
+  Vector missing_volumes(const Rows& surface, const Rows& base);
+  Rows transposed(const Vector& multipliers) const;  // Jᵀ λ, J = ∂W/∂p
+  Vector applied(const Rows& displacement) const;    // J x
+  Vector preconditioned(const Vector& residual) const;
+  /// H⁻¹ Jᵀ λ with (J H⁻¹ Jᵀ + μ M) λ = wanted, H = L + M / ℓ².
+  Rows shift_for(const Vector& wanted) const;
+
+  BoundSurface& bound_;
+  Transfer transfer_;
+  NormalDisplacement normal_;
+  Triangles triangles_;                     // the active ones, rows for corners
+  std::vector<Eigen::Matrix3d> gradients_;  // ∂V/∂p of the corners, as columns
+  Vector masses_, rest_volumes_;
+  double height_ = 0;  // mean height of the prisms
+  SparseMatrix metric_;
+  std::unique_ptr<SparseCholesky> factor_;  // of H; none where there is no volume to keep
+  double volume_error_ = 0;
+  bool settled_ = true;
+};
+
+}  // namespace dd
