@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from . import (deformers, dependency, handle_matrices, mesh_data, native, node_group,
-               outside_base, steps)
+               outside_base, slow_results)
 from .mesh_data import MeshProblem
 
 _POLL_SECONDS = 0.1
@@ -31,8 +31,8 @@ def _options(ob):
 
 
 def _look(settings):
-    """Arguments of Deformer.offsets: what can change without a new bind. Those that don't matter
-    to the method keep their default, so that changing them costs nothing."""
+    """Options of an update: what can change without a new bind. Those that don't matter to the method
+    keep their default, so that changing them costs nothing."""
     look = {'method': settings.method, 'shown': settings.output}
     if settings.method in {'TRANSFER', 'GRADIENT'}:
         look['rotation_only'] = settings.rotation_only
@@ -42,7 +42,25 @@ def _look(settings):
         look['refine'] = settings.refine if refined else 0
     if settings.method == 'NORMAL':
         look['levels'] = settings.levels
+    if settings.method == 'VOLUMES':
+        look['volume_tolerance'] = settings.volume_tolerance
+        look['volume_iterations'] = settings.volume_iterations
     return look
+
+
+def _quick(look):
+    """What is shown while handles move: a slow method is replaced by detail transfer."""
+    return {'method': 'TRANSFER', 'shown': look['shown']} if look['method'] == 'VOLUMES' else look
+
+
+def _steps(settings):
+    """How many; a base from outside has no motion that could be split."""
+    return settings.steps if settings.base == 'COMPUTED' else 1
+
+
+def _is_slow(settings):
+    """Whether the result takes too long for a drag and follows when the handles pause."""
+    return settings.output == 'RESULT' and (_steps(settings) > 1 or settings.method == 'VOLUMES')
 
 
 def _signature(ob, shape, roles):
@@ -136,32 +154,32 @@ def _follow(ob, bound, depsgraph, force):
     if settings.base == 'OBJECT':
         base = outside_base.deformed_positions(ob, depsgraph)
         shown += (base.tobytes(),)
-    turns = handle_matrices.turns(settings, places, depsgraph) if _in_steps(settings) else None
-    if turns is not None:
+    slow = _is_slow(settings)
+    turns = np.zeros((len(motions), 3))
+    if _steps(settings) > 1:
+        turns = handle_matrices.turns(settings, places, depsgraph)
         shown += (settings.steps, turns.tobytes())
     if not force and bound.shown.get(ob.name) == shown:
         return
-    mesh_data.write_offsets(ob.data, bound.deformer.offsets(motions, base, **look))
+    mesh_data.write_offsets(ob.data, bound.deformer.offsets(motions, base, **_quick(look)))
     bound.shown[ob.name] = shown
     bound.only_moved[ob.name] = [
         handle.name for handle, motion in zip(handle_matrices.enabled_handles(settings), motions)
         if handle_matrices.only_moves(motion)]
     bound.update_ms = 1e3 * (time.perf_counter() - start)
-    steps.cancel(ob.name)
-    if turns is not None and (np.abs(motions - np.eye(4)[:3]).max() > 1e-6 or turns.any()):
-        _follow_in_steps(ob, shown, motions, turns, look)
+    slow_results.cancel(ob.name)
+    if slow and not (base is None and np.abs(motions - np.eye(4)[:3]).max() < 1e-6 and not turns.any()):
+        _follow_slowly(ob, shown, motions, turns, {**look, 'base': base})
         # A render must not show the quick result, and without a window there is no drag to keep up with.
         if bpy.app.background or depsgraph.mode == 'RENDER':
-            steps.finish(ob.name)
+            slow_results.finish(ob.name)
+    else:
+        bound.slow[ob.name] = (shown, None)  # at rest there is nothing more to show
 
 
-def _in_steps(settings):
-    return settings.steps > 1 and settings.base == 'COMPUTED' and settings.output == 'RESULT'
-
-
-def _follow_in_steps(ob, shown, motions, turns, look):
-    """Asks for the result in steps, to be shown as long as that is what the handles ask for."""
-    name, signature, count = ob.name, ob.detail_deform.signature, ob.detail_deform.steps
+def _follow_slowly(ob, shown, motions, turns, look):
+    """Asks for the slow result, to be shown as long as that is what the handles ask for."""
+    name, signature, count = ob.name, ob.detail_deform.signature, _steps(ob.detail_deform)
 
     def still_wanted():
         present, bound = bpy.data.objects.get(name), deformers.find(signature)
@@ -174,11 +192,11 @@ def _follow_in_steps(ob, shown, motions, turns, look):
             raise native.NativeError("The object was changed.")
         return native.Split(_bind_arguments(present, _roles(present)), motions, turns, count, look)
 
-    def deliver(offsets):
+    def deliver(offsets, info):
         present, bound = still_wanted()
         if present is not None:
             mesh_data.write_offsets(present.data, offsets)
-            bound.in_steps[name] = shown
+            bound.slow[name] = (shown, info)
             redraw_panels()
 
     def refuse(sentence):
@@ -187,12 +205,12 @@ def _follow_in_steps(ob, shown, motions, turns, look):
             _note(present.detail_deform, sentence)
             redraw_panels()
 
-    steps.request(name, start, deliver, refuse)
+    slow_results.request(name, start, deliver, refuse)
 
 
 def settle(ob):
-    """Waits for a result in steps that is under way."""
-    steps.finish(ob.name)
+    """Waits for a slow result that is under way."""
+    slow_results.finish(ob.name)
 
 
 def _restore(ob, depsgraph):
@@ -303,7 +321,7 @@ def unbind(ob):
     """Forgets the binding; the mesh shows its rest shape."""
     signature = ob.detail_deform.signature
     _forget(ob.detail_deform)
-    steps.cancel(ob.name)
+    slow_results.cancel(ob.name)
     if not _owners(signature):
         cancel(signature)
     dependency.release(ob)
@@ -406,13 +424,24 @@ def _summary(settings, info):
             f"{_count(info.free_count, 'free vertex', 'free vertices')}.")
 
 
-def _shown_steps(ob, bound):
-    count, done = ob.detail_deform.steps, steps.progress(ob.name)
+def _shown_slow(ob, bound):
+    """Which of the two results is shown, and what there is to know about it."""
+    settings = ob.detail_deform
+    what = "by displacement volumes" if settings.method == 'VOLUMES' else ""
+    if _steps(settings) > 1:
+        what = f"{what} in {settings.steps} steps".strip()
+    done = slow_results.progress(ob.name)
+    shown, info = bound.slow.get(ob.name, (None, None))
     if done is not None:
-        return f"Shown is the quick result; that in {count} steps is under way, {100 * done:.0f}%."
-    if bound.in_steps.get(ob.name) == bound.shown.get(ob.name):
-        return f"Shown is the result in {count} steps."
-    return f"Shown is the quick result; that in {count} steps follows when the handles pause."
+        yield f"Shown is the quick result; that {what} is under way, {100 * done:.0f}%."
+    elif shown is None or shown != bound.shown.get(ob.name):
+        yield f"Shown is the quick result; that {what} follows when the handles pause."
+    elif info is not None:
+        yield f"Shown is the result {what}."
+        if settings.method == 'VOLUMES':
+            yield f"Volumes are kept within {100 * info.volume_error:.2g}%."
+            if not info.volumes_settled:
+                yield "The search for them stopped at its limit of iterations: raise it for a better result."
 
 
 def _names(names):
@@ -436,8 +465,8 @@ def _remarks(ob, bound):
         yield (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
                f"(such as triangle {info.degenerate_example}).")
     settings = ob.detail_deform
-    if _in_steps(settings):
-        yield _shown_steps(ob, bound)
+    if _is_slow(settings):
+        yield from _shown_slow(ob, bound)
     if settings.method == 'NORMAL' and info.unrepresented_count:
         yield (f"{_count(info.unrepresented_count, 'vertex', 'vertices')} (such as vertex "
                f"{info.unrepresented_example}) {'overhangs' if info.unrepresented_count == 1 else 'overhang'} "

@@ -23,8 +23,8 @@ class Bound:
         self.update_ms = 0.0
         # By object name: the handles and options whose result the object's mesh holds.
         self.shown = {}
-        # By object name: of what shown holds, that which was replaced by its result in steps.
-        self.in_steps = {}
+        # By object name: of what shown holds, that which was replaced by its slow result, and its facts.
+        self.slow = {}
         # By object name: the handles that are moved without being turned or scaled.
         self.only_moved = {}
 
@@ -84,7 +84,7 @@ def forget_shown():
     """What meshes hold is not known any more: after undo, redo and loading."""
     for bound in _bound.values():
         bound.shown.clear()
-        bound.in_steps.clear()
+        bound.slow.clear()
 
 
 def clear():

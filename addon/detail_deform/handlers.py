@@ -4,7 +4,7 @@
 import bpy
 from bpy.app.handlers import persistent
 
-from . import binding, deformers, steps
+from . import binding, deformers, slow_results
 
 # A paint stroke tags the mesh at every dab, a dragged slider of a shape key at every step: in the
 # window comparing waits until that has paused for so long.
@@ -79,5 +79,5 @@ def unregister():
             handlers.remove(function)
     _forget_to_compare()
     binding.stop_polling()
-    steps.clear()
+    slow_results.clear()
     deformers.clear()

@@ -72,6 +72,9 @@ class OBJECT_PT_detail_deform(bpy.types.Panel):
             refine.prop(settings, 'refine')
         if settings.method == 'NORMAL':
             column.prop(settings, 'levels')
+        if settings.method == 'VOLUMES':
+            column.prop(settings, 'volume_tolerance')
+            column.prop(settings, 'volume_iterations')
         large = column.column()
         large.active = settings.base == 'COMPUTED'
         large.prop(settings, 'steps')

@@ -58,7 +58,8 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         items=[('TRANSFER', "Detail Transfer", "A smooth base surface bends, and details turn with it (Botsch, Sumner, Pauly, Gross 2006). The best choice nearly always"),
                ('VARIATIONAL', "Smooth Displacement", "The smoothest displacement that follows the handles: details are moved but not turned, so they shear (variational minimization)"),
                ('NORMAL', "Normal Displacement", "A smooth base surface bends, and details stand on it along its normals: fails where they overhang, and self-intersects in tight bends"),
-               ('GRADIENT', "Gradient Editing", "The handles' rotation and scale spread over the surface; a handle that is only moved turns nothing (differential coordinates)")],
+               ('GRADIENT', "Gradient Editing", "The handles' rotation and scale spread over the surface; a handle that is only moved turns nothing (differential coordinates)"),
+               ('VOLUMES', "Displacement Volumes", "The space between the smooth base and the surface keeps its volume: bulges where it is pressed together. Slow: while you drag, Detail Transfer is shown, and the result follows when you pause")],
         description="How the surface follows its handles. Switching needs no new Bind")
     rotation_only: BoolProperty(
         name="Rotation Only", default=True, update=_look_changed,
@@ -69,6 +70,12 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     levels: IntProperty(
         name="Levels", default=1, min=1, max=20, soft_max=5, update=_look_changed,
         description="Surfaces between the detailed and the smooth one, each displaced from the next smoother one: shorter displacements, which intersect later")
+    volume_tolerance: FloatProperty(
+        name="Tolerance", default=0.01, min=1e-6, max=1.0, precision=4, update=_look_changed,
+        description="Displacement volumes are found when no vertex moves by more than this from one iteration to the next, in mean heights of the details")
+    volume_iterations: IntProperty(
+        name="Iterations", default=50, min=1, max=10000, soft_max=500, update=_look_changed,
+        description="Iterations after which the search for displacement volumes stops anyway")
     steps: IntProperty(
         name="Steps", default=1, min=1, soft_max=24, max=1000, update=_look_changed,
         description="Split a large motion of the handles into so many steps, each on the surface that the last one left: for turns beyond 90 degrees and whole turns of an empty's Euler rotation. While you drag, one step is shown; the result in steps follows when you pause. Each step takes as long as a Bind")

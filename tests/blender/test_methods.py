@@ -8,7 +8,7 @@ from mathutils import Matrix
 
 from conftest import activate, bind, evaluated, make_strip, open_fixture, own, update
 
-METHODS = ('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT')
+METHODS = ('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT', 'VOLUMES')
 TURN = Matrix.Translation((-0.2, 0, 0.4)) @ Matrix.Rotation(0.8, 4, 'Y')
 
 
@@ -126,3 +126,13 @@ def test_each_method_on_a_real_mesh_through_the_addon():
         assert np.isfinite(result).all()
         assert 0.29 < (result - own(ob))[free, 2].max() < 0.45, method
         assert ob.detail_deform.update_ms < 5000
+
+
+def test_volumes_say_how_well_they_are_kept(strip):
+    pose(strip)
+    shown_with(strip, method='VOLUMES')
+    assert 'Shown is the result by displacement volumes. Volumes are kept within' in strip.detail_deform.status
+    shown_with(strip, volume_iterations=1, volume_tolerance=1e-5)
+    assert 'stopped at its limit' in strip.detail_deform.status
+    shown_with(strip, steps=3, volume_iterations=50)
+    assert 'by displacement volumes in 3 steps' in strip.detail_deform.status

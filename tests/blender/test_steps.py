@@ -98,7 +98,7 @@ def test_apply_takes_the_result_in_steps(strip):
 
 def test_steps_arrive_when_the_handles_pause(strip, part, monkeypatch):
     """The window's way: quick result first, the steps by a timer, the last pose wins."""
-    steps, handlers = part('steps'), part('handlers')
+    slow_results = part('slow_results')
 
     class Window:
         def __getattr__(self, name):
@@ -117,19 +117,19 @@ def test_steps_arrive_when_the_handles_pause(strip, part, monkeypatch):
     assert 'quick result' in strip.detail_deform.status
     bend(strip, -120)
     quick = evaluated(strip)
-    assert steps.progress(strip.name) == 0.0
-    steps._requests[strip.name].due = 0
-    while steps._tick():
-        assert 'quick result' in strip.detail_deform.status or not steps._requests
+    assert slow_results.progress(strip.name) == 0.0
+    slow_results._requests[strip.name].due = 0
+    while slow_results._tick():
+        assert 'quick result' in strip.detail_deform.status or not slow_results._requests
     update()
     assert np.abs(evaluated(strip) - quick).max() > 0.01
     assert 'Shown is the result in 5 steps' in strip.detail_deform.status
     # A pose that is left before its steps are ready is forgotten.
     bend(strip, -90)
-    steps._requests[strip.name].due = 0
-    steps._tick()
+    slow_results._requests[strip.name].due = 0
+    slow_results._tick()
     bend(strip, 0)
-    while steps._tick():
+    while slow_results._tick():
         pass
     assert np.abs(evaluated(strip) - own(strip)).max() < 1e-5
-    handlers.steps.clear()
+    slow_results.clear()

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Results in several steps: computed in the background once an object's handles rest.
+"""Slow results (in several steps, or by a slow method), computed in the background once an object's
+handles rest.
 
 Nothing here knows Blender's objects: a request has a name, starts a native.Split and hands its offsets
 over.
@@ -28,7 +29,7 @@ _ending = []  # cancelled jobs, until their stage has ended: closing one waits f
 
 
 def request(name, start, deliver, refuse):
-    """start() gives the native.Split, deliver(offsets) takes its result, refuse(sentence) its error.
+    """start() gives the native.Split, deliver(offsets, info) takes its result, refuse(sentence) its error.
     An earlier request of that name is forgotten."""
     cancel(name)
     _requests[name] = _Request(start, deliver, refuse)
@@ -48,7 +49,7 @@ def finish(name):
     pending = _requests.pop(name, None)
     if pending:
         pending.job = pending.job or pending.start()
-        pending.deliver(pending.job.finish())
+        pending.deliver(*pending.job.finish())
 
 
 def progress(name):
@@ -67,7 +68,7 @@ def _tick():
                     pending.job = pending.start()
             elif not pending.job.progress()[0]:
                 del _requests[name]
-                pending.deliver(pending.job.finish())
+                pending.deliver(*pending.job.finish())
         except native.NativeError as error:
             _requests.pop(name, None)
             pending.refuse(str(error))
