@@ -40,6 +40,7 @@ def _look(settings):
         # Refining goes away from the base, which is right where it was made by hand.
         refined = settings.rotation_only and settings.base == 'COMPUTED'
         look['refine'] = settings.refine if refined else 0
+        look['formulation'] = settings.formulation
     if settings.method == 'NORMAL':
         look['levels'] = settings.levels
     if settings.method == 'VOLUMES':

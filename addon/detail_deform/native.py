@@ -14,6 +14,7 @@ ROLE_FIXED = -2
 METRICS = {'SURFACE': 0, 'BASE': 1}
 METHODS = {'TRANSFER': 0, 'VARIATIONAL': 1, 'NORMAL': 2, 'GRADIENT': 3, 'VOLUMES': 4}
 SHOWN = {'RESULT': 0, 'BASE': 1}
+FORMULATIONS = {'SURFACE': 0, 'FOURTH_POINTS': 1, 'FOURTH_POINTS_UNWEIGHTED': 2}
 
 _ERROR_CANCELLED = 6
 _BIND_RUNNING = 0
@@ -39,7 +40,7 @@ class _UpdateOptions(ctypes.Structure):
                 ('output', ctypes.c_int32), ('method', ctypes.c_int32), ('refine', ctypes.c_int32),
                 ('shown', ctypes.c_int32), ('levels', ctypes.c_int32), ('base', ctypes.c_void_p),
                 ('base_count', ctypes.c_size_t), ('volume_tolerance', ctypes.c_double),
-                ('volume_iterations', ctypes.c_int32)]
+                ('volume_iterations', ctypes.c_int32), ('formulation', ctypes.c_int32)]
 
 
 class _BindProgress(ctypes.Structure):
@@ -173,10 +174,12 @@ def _bind_arguments(positions, triangles, roles, handle_count, base_metric='SURF
 
 
 def _update_options(rotation_only=True, method='TRANSFER', refine=4, shown='RESULT', levels=1,
-                    base=None, volume_tolerance=0.0, volume_iterations=0):
-    """dd_update_options by the names in METHODS and SHOWN, for offsets."""
+                    base=None, volume_tolerance=0.0, volume_iterations=0,
+                    formulation='SURFACE'):
+    """dd_update_options by the names in METHODS, SHOWN and FORMULATIONS, for offsets."""
     return _UpdateOptions(ctypes.sizeof(_UpdateOptions), rotation_only, _OUTPUT_OFFSETS,
-                          METHODS[method], refine, SHOWN[shown], levels, *_pointer(base), volume_tolerance, volume_iterations)
+                          METHODS[method], refine, SHOWN[shown], levels, *_pointer(base), volume_tolerance, volume_iterations,
+                          FORMULATIONS[formulation])
 
 
 class _Job:

@@ -68,8 +68,10 @@ class OBJECT_PT_detail_deform(bpy.types.Panel):
             column.prop(settings, 'rotation_only')
         if settings.method == 'TRANSFER':
             refine = column.column()
-            refine.active = settings.rotation_only and settings.base == 'COMPUTED'
+            refine.active = (settings.rotation_only and settings.base == 'COMPUTED'
+                             and settings.formulation == 'SURFACE')
             refine.prop(settings, 'refine')
+            column.prop(settings, 'formulation')
         if settings.method == 'NORMAL':
             column.prop(settings, 'levels')
         if settings.method == 'VOLUMES':

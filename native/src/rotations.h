@@ -9,4 +9,8 @@ namespace dd {
 /// orientation; its determinant is +1 whatever A is.
 Eigen::Matrix3d polar_rotation(const Eigen::Matrix3d& A);
 
+/// The logarithm of a rotation, axis times angle, at most half a turn; and its inverse.
+Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R);
+Eigen::Matrix3d rotation_by(const Eigen::Vector3d& turn);
+
 }  // namespace dd

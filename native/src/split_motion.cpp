@@ -26,12 +26,6 @@ Eigen::Vector3d logarithm_near(const Eigen::Matrix3d& R, const Eigen::Vector3d& 
   return (shortest.angle() + 2 * kPi * whole_turns) * axis;
 }
 
-Eigen::Matrix3d exponential(const Eigen::Vector3d& turn) {
-  const double angle = turn.norm();
-  if (angle == 0) return Eigen::Matrix3d::Identity();
-  return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
-}
-
 }  // namespace
 
 ScrewMotion::ScrewMotion(const Affine& motion, const Eigen::Vector3d& about,
@@ -61,11 +55,11 @@ ScrewMotion::Affine ScrewMotion::at(double s) const {
     if (std::abs(half) > 1e-6) {
       const Eigen::Vector3d pivot =
           0.5 * (across + std::cos(angle / 2) / half * axis.cross(across));
-      moved = s * slide + pivot - exponential(s * turn_) * pivot;
+      moved = s * slide + pivot - rotation_by(s * turn_) * pivot;
     }
   }
   Affine result;
-  result.leftCols<3>() = exponential(s * turn_) * (Eigen::Matrix3d::Identity() + s * stretch_);
+  result.leftCols<3>() = rotation_by(s * turn_) * (Eigen::Matrix3d::Identity() + s * stretch_);
   result.col(3) = about_ + moved - result.leftCols<3>() * about_;
   return result;
 }

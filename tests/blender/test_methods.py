@@ -136,3 +136,12 @@ def test_volumes_say_how_well_they_are_kept(strip):
     assert 'stopped at its limit' in strip.detail_deform.status
     shown_with(strip, steps=3, volume_iterations=50)
     assert 'by displacement volumes in 3 steps' in strip.detail_deform.status
+
+
+def test_the_original_formulation_comes_close_to_the_surface_one(strip):
+    pose(strip)
+    surface = shown_with(strip, refine=0)
+    size = np.ptp(surface)
+    for formulation in ('FOURTH_POINTS', 'FOURTH_POINTS_UNWEIGHTED'):
+        other = shown_with(strip, formulation=formulation)
+        assert 1e-6 < np.abs(other - surface).max() / size < 0.02, formulation

@@ -104,6 +104,14 @@ enum dd_smoothness {
   DD_SMOOTHNESS_CURVATURE_VARIATION = 3 /* change of curvature */
 };
 
+/* How DD_METHOD_TRANSFER solves for the surface with given deformation gradients. */
+enum dd_formulation {
+  DD_FORMULATION_SURFACE = 0,      /* (14): a row a vertex */
+  DD_FORMULATION_FOURTH_POINTS = 1, /* the original (10), weighted by volumes: a row a vertex and a
+                                       triangle; needs triangles with area */
+  DD_FORMULATION_FOURTH_POINTS_UNWEIGHTED = 2 /* (10) as it stands */
+};
+
 /* What an update returns of the surface. */
 enum dd_shown {
   DD_SHOWN_RESULT = 0, /* S' */
@@ -136,7 +144,7 @@ typedef struct dd_bind_options {
 } dd_bind_options;
 
 /* Options of one update. A null pointer stands for the paper's method with rotations only, refined
- * by 4 iterations, as positions: {sizeof(dd_update_options), 1, 0, 0, 4, 0, 1, NULL, 0, 0, 0}. */
+ * by 4 iterations, as positions: {sizeof(dd_update_options), 1, 0, 0, 4, 0, 1, NULL, 0, 0, 0, 0}. */
 typedef struct dd_update_options {
   uint32_t struct_size;
   int32_t rotation_only; /* 1: S_j is replaced by its rotation (polar decomposition); 0: S_j whole.
@@ -155,6 +163,7 @@ typedef struct dd_update_options {
                                 this in a step, in mean heights of the details; 0 stands for 0.01 */
   int32_t volume_iterations; /* of DD_METHOD_VOLUMES: steps after which it stops anyway; 0 stands for
                                 50 */
+  int32_t formulation;       /* dd_formulation; others than the surface's are not refined */
 } dd_update_options;
 
 typedef struct dd_bind_progress {
@@ -271,6 +280,45 @@ DD_API void dd_split_free(dd_split* split);
 
 /* Releases a deformer. Null is allowed. */
 DD_API void dd_deformer_free(dd_deformer* deformer);
+
+/* Solids: tetrahedral meshes (§4), in double precision throughout. Synchronous. */
+typedef struct dd_tets dd_tets;
+
+/* Operators of a solid, as dd_tets_get_operator numbers them. */
+enum dd_tet_operator {
+  DD_TETS_GRADIENT = 0,             /* G (3), 3m x n, from the faces' normals and heights */
+  DD_TETS_DEFORMATION_GRADIENT = 1, /* (9), 3m x n, from V^-1 (6), (8): equal to G */
+  DD_TETS_LAPLACIAN = 2             /* G^T D G (4), n x n */
+};
+
+/* Makes operators and factors the Poisson system.
+ *   positions   3 n doubles
+ *   tets        4 m vertex numbers, of any orientation; each tetrahedron has a volume
+ *   roles       n values as for dd_bind_start; every connected part has a constrained vertex */
+DD_API int32_t dd_tets_create(const double* positions, size_t position_count, const int32_t* tets,
+                              size_t tet_index_count, const int32_t* roles, size_t role_count,
+                              int32_t handle_count, dd_tets** result);
+
+/* Entries of an operator: row, column and value of each. capacity: room in the three arrays, which may
+ * be null with a capacity of 0; entry_count: how many there are. */
+DD_API int32_t dd_tets_get_operator(const dd_tets* tets, int32_t which, int32_t* rows,
+                                    int32_t* columns, double* values, size_t capacity,
+                                    size_t* entry_count);
+
+/* Poisson: positions whose gradients are nearest to those wanted, weighted by volume.
+ *   constrained   3 n doubles, of which those of constrained vertices are read
+ *   gradients     9 m doubles: S_j of each tetrahedron, row by row
+ *   out           3 n doubles */
+DD_API int32_t dd_tets_solve(const dd_tets* tets, const double* constrained, size_t constrained_count,
+                             const double* gradients, size_t gradient_value_count, double* out,
+                             size_t out_count);
+
+/* Gradient editing (§2): rotations and stretches of the handles spread by harmonic weights, then as
+ * dd_tets_solve. matrices as for dd_deformer_update. */
+DD_API int32_t dd_tets_update(const dd_tets* tets, const double* matrices, size_t matrix_value_count,
+                              double* out, size_t out_count);
+
+DD_API void dd_tets_free(dd_tets* tets);
 
 #ifdef __cplusplus
 }

@@ -172,6 +172,7 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
   const Rows place = frame.offsets;
   MethodOptions linear = options;
   linear.refine = 0;
+  linear.formulation = Formulation::surface;
   transfer_.update(frame, linear);
   // The minimizer without volumes: H p₀ = L p_T + M p_N / ℓ².
   const double reach = kReach * height_;

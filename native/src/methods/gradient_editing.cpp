@@ -1,26 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "gradient_editing.h"
 
-#include <Eigen/Geometry>
-
-#include "../rotations.h"
+#include "../handle_blend.h"
 
 namespace dd {
-
-namespace {
-
-Eigen::Vector3d logarithm(const Eigen::Matrix3d& rotation) {
-  const Eigen::AngleAxisd turn(rotation);
-  return turn.angle() * turn.axis();
-}
-
-Eigen::Matrix3d exponential(const Eigen::Vector3d& turn) {
-  const double angle = turn.norm();
-  if (angle == 0) return Eigen::Matrix3d::Identity();
-  return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
-}
-
-}  // namespace
 
 GradientEditing::GradientEditing(BoundSurface& bound) : bound_(bound) {
   const Triangles& t = bound.mesh.triangles;
@@ -54,25 +37,10 @@ void GradientEditing::update(const Frame& frame, const MethodOptions& options) {
   const Triangles& t = bound_.mesh.triangles;
   const RowOrder& order = bound_.order();
   const std::vector<int>& active = bound_.poisson.active_triangles();
-  const Index handle_count = weights_.cols();
-
-  RowMatrix turns(handle_count, 3), stretches(handle_count, 9);
-  for (Index h = 0; h < handle_count; ++h) {
-    const Eigen::Matrix3d R = polar_rotation(frame.linear[h]);
-    turns.row(h) = logarithm(R);
-    const Eigen::Matrix3d change = R.transpose() * frame.linear[h] - Eigen::Matrix3d::Identity();
-    stretches.row(h) = change.reshaped().transpose();
-  }
-  const RowMatrix turn_of = weights_ * turns;
-  const RowMatrix stretch_of =
-      options.rotation_only ? RowMatrix() : RowMatrix(weights_ * stretches);
-
+  const HandleBlend blend(frame.linear, weights_, options.rotation_only);
   double* rows = bound_.poisson.start(frame.offsets);
   for (size_t i = 0; i < active.size(); ++i) {
-    Eigen::Matrix3d S = exponential(turn_of.row(Index(i)));
-    if (!options.rotation_only)
-      S += S * Eigen::Map<const Eigen::Matrix3d>(stretch_of.row(Index(i)).data());
-    const Eigen::Matrix3d turned = S * flux_.middleRows<3>(3 * Index(i)).transpose();
+    const Eigen::Matrix3d turned = blend.at(Index(i)) * flux_.middleRows<3>(3 * Index(i)).transpose();
     for (int k = 0; k < 3; ++k)
       Eigen::Map<Eigen::Vector3d>(rows + 4 * Index(order.target_of_vertex(t(active[i], k)))) +=
           turned.col(k);

@@ -10,12 +10,20 @@ namespace dd {
 /// How the surface follows its handles. The values are those of dd_method in the public header.
 enum class MethodKind { transfer = 0, variational = 1, normal = 2, gradient = 3, volumes = 4 };
 
+/// How transfer makes (14) or (10) of the deformation gradients.
+enum class Formulation {
+  surface = 0,                  ///< §5: n unknowns
+  fourth_points = 1,            ///< §3, weighted by volumes: n + m unknowns
+  fourth_points_unweighted = 2  ///< (10) as it stands
+};
+
 struct MethodOptions {
   bool rotation_only = true;  ///< S_j reduced to its rotation
   int refine = 0;  ///< of transfer: iterations after its linear result; with rotation_only
   int levels = 1;  ///< of normal displacements: surfaces that each is displaced from the next
   double volume_tolerance = 1e-2;  ///< of displacement volumes: step to stop at, in mean heights
   int volume_iterations = 50;      ///< of displacement volumes: steps after which to stop anyway
+  Formulation formulation = Formulation::surface;  ///< of transfer; others than surface aren't refined
   Progress progress = {};          ///< told how far a slow method is
 };
 

@@ -68,7 +68,19 @@ void Transfer::add_carried(const Frame& frame, bool rotation_only, double* rows)
   }
 }
 
+void Transfer::update_volumetrically(const Frame& frame, const MethodOptions& options) {
+  if (volumetric_as_ != options.formulation) {
+    volumetric_.reset();
+    volumetric_ = std::make_unique<VolumetricTransfer>(
+        bound_, options.formulation == Formulation::fourth_points ? FourthPointWeights::volumes
+                                                                  : FourthPointWeights::ones);
+    volumetric_as_ = options.formulation;
+  }
+  volumetric_->update(frame.base, frame.offsets, options.rotation_only);
+}
+
 void Transfer::update(const Frame& frame, const MethodOptions& options) {
+  if (options.formulation != Formulation::surface) return update_volumetrically(frame, options);
   double* rows = bound_.poisson.start(frame.offsets);
   pass_.add_to(rows, frame.base.data(), options.rotation_only);
   add_carried(frame, options.rotation_only, rows);
@@ -80,7 +92,7 @@ void Transfer::update(const Frame& frame, const MethodOptions& options) {
 
 double Transfer::bytes() const {
   return pass_.bytes() + static_cast<double>(carried_.size() * sizeof(Carried)) +
-         (refinement_ ? refinement_->bytes() : 0);
+         (refinement_ ? refinement_->bytes() : 0) + (volumetric_ ? volumetric_->bytes() : 0);
 }
 
 }  // namespace dd

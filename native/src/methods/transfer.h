@@ -5,6 +5,7 @@
 
 #include "../gradients.h"
 #include "../refinement.h"
+#include "../volumetric_transfer.h"
 #include "method.h"
 
 namespace dd {
@@ -28,6 +29,7 @@ class Transfer : public Method {
     int target[3];
     Eigen::Matrix3d flux;  // a corner a column
   };
+  void update_volumetrically(const Frame& frame, const MethodOptions& options);
   void carry(const std::vector<int>& triangles, const Positions& flux);
   void add_carried(const Frame& frame, bool rotation_only, double* right_hand_side) const;
 
@@ -36,6 +38,8 @@ class Transfer : public Method {
   std::vector<Carried> carried_;
   int borrowed_count_ = 0;
   std::unique_ptr<Refinement> refinement_;
+  std::unique_ptr<VolumetricTransfer> volumetric_;
+  Formulation volumetric_as_ = Formulation::surface;
 };
 
 }  // namespace dd

@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tets.h"
+
+#include <Eigen/Dense>
+#include <random>
+
+#include "cases.h"
+#include "catch.h"
+#include "deform.h"
+#include "dense_reference.h"
+#include "volumetric_transfer.h"
+
+using namespace dd;
+using test::Affine;
+using test::by;
+
+namespace {
+
+/// A block of cubes, each cut into six tetrahedra, its vertices shaken.
+TetMesh shaken_block(int side, double amount, unsigned seed) {
+  TetMesh mesh;
+  const auto number = [side](int i, int j, int k) { return (i * side + j) * side + k; };
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> uniform(-amount, amount);
+  mesh.positions.resize(side * side * side, 3);
+  for (int i = 0; i < side; ++i)
+    for (int j = 0; j < side; ++j)
+      for (int k = 0; k < side; ++k)
+        mesh.positions.row(number(i, j, k)) << i + uniform(random), j + uniform(random),
+            k + uniform(random);
+  std::vector<std::array<int, 4>> tets;
+  const int paths[6][3] = {{0, 1, 2}, {0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}};
+  for (int i = 0; i + 1 < side; ++i)
+    for (int j = 0; j + 1 < side; ++j)
+      for (int k = 0; k + 1 < side; ++k)
+        for (const auto& path : paths) {
+          int at[3] = {i, j, k};
+          std::array<int, 4> tet{number(i, j, k)};
+          for (int step = 0; step < 3; ++step) {
+            ++at[path[step]];
+            tet[size_t(step) + 1] = number(at[0], at[1], at[2]);
+          }
+          tets.push_back(tet);
+        }
+  mesh.tets.resize(Index(tets.size()), 4);
+  for (size_t j = 0; j < tets.size(); ++j)
+    for (int k = 0; k < 4; ++k) mesh.tets(Index(j), k) = tets[j][size_t(k)];
+  return mesh;
+}
+
+/// Both ends along x held: one fixed, one handle 0.
+std::vector<int> ends(const TetMesh& mesh, int side) {
+  std::vector<int> roles;
+  for (int v = 0; v < mesh.vertex_count(); ++v) {
+    const int i = v / (side * side);
+    roles.push_back(i == 0 ? kFixed : i == side - 1 ? 0 : kFree);
+  }
+  return roles;
+}
+
+}  // namespace
+
+TEST_CASE("section 4: the operator of deformation transfer is the gradient, entry by entry") {
+  for (unsigned seed : {1u, 2u, 3u}) {
+    const TetMesh mesh = shaken_block(4, 0.12, seed);
+    const Eigen::MatrixXd G = gradient(mesh), other = deformation_operator(mesh);
+    CHECK((G - other).cwiseAbs().maxCoeff() < 1e-12 * G.cwiseAbs().maxCoeff());
+  }
+}
+
+TEST_CASE("gradients of linear functions are exact, volumes sum to the block's") {
+  const TetMesh mesh = shaken_block(4, 0.12, 5);
+  const Eigen::Matrix3d A = Eigen::Matrix3d::Random();
+  const RowMatrix gradients = gradient(mesh) * RowMatrix(mesh.positions * A.transpose());
+  for (Index j = 0; j < mesh.tet_count(); ++j)
+    CHECK((gradients.middleRows<3>(3 * j) - A.transpose()).norm() < 1e-12);
+  const TetMesh regular = shaken_block(4, 0, 1);
+  CHECK(volumes(regular).sum() == Approx(27));
+}
+
+TEST_CASE("the Poisson system equals a dense one and reproduces what it is given gradients of") {
+  const int side = 4;
+  const TetMesh mesh = shaken_block(side, 0.12, 7);
+  const auto roles = ends(mesh, side);
+  const TetPoisson poisson(mesh, roles, 1, gradient(mesh), volumes(mesh));
+  const Affine motion = test::rotation_about(0.8, {1, 2, 3}, {0, 0, 0}, {1, 2, 3});
+  Positions bent = test::transformed(motion, mesh.positions);
+  bent.col(0).array() += 0.1 * mesh.positions.col(1).array().square();
+  const RowMatrix gradients = gradient(mesh) * RowMatrix(bent);
+  CHECK((poisson.solve(bent, gradients) - bent).cwiseAbs().maxCoeff() < 1e-10);
+
+  std::srand(3);
+  const RowMatrix wanted = RowMatrix::Random(3 * mesh.tet_count(), 3);
+  const Eigen::MatrixXd G = gradient(mesh);
+  Eigen::MatrixXd D = Eigen::MatrixXd::Zero(G.rows(), G.rows());
+  for (Index j = 0; j < mesh.tet_count(); ++j)
+    D.block<3, 3>(3 * j, 3 * j) = volumes(mesh)[j] * Eigen::Matrix3d::Identity();
+  const Positions expected =
+      test::dense_solve(G.transpose() * D * G, bent, roles, G.transpose() * D * wanted);
+  CHECK(test::largest_difference(poisson.solve(bent, wanted), expected) < 1e-9);
+}
+
+TEST_CASE("editing a solid by gradients: rest, a common rotation, and a translation's flaw") {
+  const int side = 4;
+  const TetMesh mesh = shaken_block(side, 0.12, 9);
+  auto roles = ends(mesh, side);
+  const TetPoisson poisson(mesh, roles, 1, gradient(mesh), volumes(mesh));
+  CHECK(test::largest_difference(
+            edit_by_gradients(poisson, mesh, roles, 1, test::identity().data()), mesh.positions) <
+        1e-12);
+  Affine shift = test::identity();
+  shift.col(3) << 0, 0, 1;
+  const Positions shifted = edit_by_gradients(poisson, mesh, roles, 1, shift.data());
+  const RowMatrix weights = poisson.harmonic_weights();
+  CHECK(test::largest_difference(shifted - mesh.positions,
+                                 weights * Eigen::RowVector3d(0, 0, 1)) < 1e-10);
+  roles = test::held_by_one(roles);
+  const TetPoisson held(mesh, roles, 1, gradient(mesh), volumes(mesh));
+  Affine motion = test::rotation_about(1.2, {1, 2, 3}, {0, 0, 0}, {1, 2, 3});
+  motion.leftCols<3>() *= 1.3;
+  CHECK(test::largest_difference(edit_by_gradients(held, mesh, roles, 1, motion.data()),
+                                 test::transformed(motion, mesh.positions)) < 1e-9);
+}
+
+TEST_CASE("unusable solids are refused with the vertex or tetrahedron") {
+  TetMesh mesh = shaken_block(3, 0, 1);
+  auto roles = ends(mesh, 3);
+  const auto refused = [&] {
+    return test::refusal(
+        [&] {
+          validate(mesh);
+          TetPoisson(mesh, roles, 1, gradient(mesh), volumes(mesh));
+        },
+        Status::mesh);
+  };
+  mesh.tets(7, 2) = mesh.tets(7, 1);
+  CHECK_THAT(refused(), contains("Tetrahedron 7 has no volume"));
+  mesh.tets(7, 2) = 99;
+  CHECK_THAT(refused(), contains("Tetrahedron 7 refers to vertex 99"));
+  mesh = shaken_block(3, 0, 1);
+  CHECK_THAT(test::refusal(
+                 [&] {
+                   TetPoisson(mesh, std::vector<int>(27, kFree), 1, gradient(mesh), volumes(mesh));
+                 },
+                 Status::region),
+             contains("Nothing holds"));
+}
+
+TEST_CASE("transfer by fourth points comes close to the surface formulation on the bumpy plane") {
+  const auto plane = test::lifted_plane(81);
+  Deformer deformer(plane.mesh, plane.roles, 1, {});
+  for (bool rotation_only : {true, false}) {
+    const Positions by_surface =
+        test::surface(deformer, {plane.motion}, by(MethodKind::transfer, rotation_only));
+    UpdateOptions options = by(MethodKind::transfer, rotation_only);
+    options.of_method.formulation = Formulation::fourth_points;
+    const Positions by_volume = test::surface(deformer, {plane.motion}, options);
+    const double difference = test::largest_difference(by_volume, by_surface) /
+                              bounding_box_diagonal(plane.mesh.positions);
+    INFO(difference);
+    CHECK(difference < 1e-3);
+    CHECK(difference > 1e-12);
+    options.of_method.formulation = Formulation::fourth_points_unweighted;
+    CHECK(test::largest_difference(test::surface(deformer, {plane.motion}, options), by_surface) <
+          2e-2);
+  }
+}
+
+TEST_CASE("weighted by volumes it is the Poisson system of the tetrahedra: §4") {
+  const Mesh mesh = test::rough_sphere(2, 0.15);
+  const auto roles = test::roles_by_height(mesh, -0.5, 0.7);
+  const Affine motion = test::rotation_about(0.6, {1, 0.3, 0}, {0, 0, 1}, {0.2, 0.1, 0.4});
+  Deformer deformer(mesh, roles, 1, {});
+  for (bool rotation_only : {true, false}) {
+    UpdateOptions options = by(MethodKind::transfer, rotation_only);
+    options.of_method.formulation = Formulation::fourth_points;
+    const Positions result = test::surface(deformer, {motion}, options);
+    // The same from geometric gradients, all triangles made solid, and dense gradients of the base.
+    std::vector<int> all(static_cast<size_t>(mesh.triangle_count()));
+    std::iota(all.begin(), all.end(), 0);
+    const TetMesh solid = with_fourth_points(mesh, all);
+    std::vector<int> solid_roles = roles;
+    solid_roles.resize(static_cast<size_t>(solid.vertex_count()), kFree);
+    const TetPoisson poisson(solid, solid_roles, 1, gradient(solid), volumes(solid));
+    RowMatrix gradients(3 * solid.tet_count(), 3);
+    const Positions base = deformer.base(), deformed_base = deformer.deformed_base();
+    for (Index j = 0; j < mesh.triangles.rows(); ++j) {
+      Eigen::Matrix3d S = test::deformation_gradient(base, deformed_base, mesh.triangles, j);
+      if (rotation_only) S = test::polar_rotation(S);
+      gradients.middleRows<3>(3 * j) = S.transpose();
+    }
+    Positions constrained = solid.positions;
+    for (int v = 0; v < mesh.vertex_count(); ++v)
+      if (roles[v] == 0) constrained.row(v) = test::transformed(motion, mesh.positions.row(v));
+    const Positions expected = poisson.solve(constrained, gradients).topRows(mesh.vertex_count());
+    CHECK(test::largest_difference(result, expected) < 1e-9);
+  }
+}
