@@ -94,6 +94,8 @@ fi
 if prepare_blender && dd_need_packages python3-pytest; then
     step "add-on in $(blender --version | head -n 1)" \
         blender_suite blender --background --factory-startup --python tests/blender/run.py --
+    step "the paper's figures" blender --background --factory-startup --python-exit-code 1 \
+        --python tests/figures/make_figures.py -- --check
 else
     skip "Debian's Blender: it could not be had"
 fi

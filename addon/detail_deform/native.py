@@ -54,6 +54,14 @@ class SplitInfo(ctypes.Structure):
                 ('volume_error', ctypes.c_double)]
 
 
+class Measures(ctypes.Structure):
+    """How a deformed surface compares with the one at rest: dd_measures."""
+    _fields_ = [('struct_size', ctypes.c_uint32)] + [
+        (name, ctypes.c_int32) for name in (
+            'intersecting_pairs', 'new_intersecting_pairs', 'intersecting_triangles')] + [
+        (name, ctypes.c_double) for name in ('stretch', 'normal_error', 'area_ratio', 'volume_ratio')]
+
+
 class Info(ctypes.Structure):
     """Facts about a bound surface: dd_deformer_info."""
     _fields_ = [('struct_size', ctypes.c_uint32)] + [
@@ -120,6 +128,8 @@ def _load(path):
         'dd_deformer_update': [handle, _DOUBLES, size, ctypes.POINTER(_UpdateOptions), _FLOATS, size],
         'dd_deformer_get_info': [handle, ctypes.POINTER(Info)],
         'dd_deformer_free': [handle],
+        'dd_measure': [_FLOATS, _FLOATS, size, _INTS, size, _INTS, size, handle, handle,
+                       ctypes.POINTER(Measures)],
         'dd_split_start': [_FLOATS, size, _INTS, size, _INTS, size, ctypes.c_int32,
                            ctypes.POINTER(_BindOptions), _DOUBLES, size, _DOUBLES, size,
                            ctypes.c_int32, ctypes.POINTER(_UpdateOptions), ctypes.POINTER(handle)],
@@ -258,6 +268,14 @@ class Split(_Job):
         finally:
             self.close()
         return offsets, info
+
+
+def measure(rest, deformed, triangles, roles, base=None, deformed_base=None):
+    """Measures of a deformation; arrays as for _bind_arguments, all positions float32 and contiguous."""
+    found = Measures(ctypes.sizeof(Measures))
+    _check(library().dd_measure(rest, deformed, rest.size, triangles, triangles.size, roles, roles.size,
+                                _pointer(base)[0], _pointer(deformed_base)[0], found))
+    return found
 
 
 class Deformer:

@@ -14,6 +14,7 @@
 #include "deformer.h"
 #include "detail_deform/detail_deform.h"
 #include "kernels.h"
+#include "measures.h"
 #include "methods/normal_displacement.h"
 #include "split_motion.h"
 #include "tets.h"
@@ -124,10 +125,10 @@ dd::BindOptions read_options(const dd_bind_options* given, size_t position_count
 }
 
 dd_update_options read_options(const dd_update_options* given) {
-  dd_update_options options =
-      read_struct("options", given,
-                  dd_update_options{sizeof(dd_update_options), 1, DD_OUTPUT_POSITIONS,
-                                    DD_METHOD_TRANSFER, 4, DD_SHOWN_RESULT, 1, nullptr, 0, 0, 0, 0});
+  dd_update_options options = read_struct(
+      "options", given,
+      dd_update_options{sizeof(dd_update_options), 1, DD_OUTPUT_POSITIONS, DD_METHOD_TRANSFER, 4,
+                        DD_SHOWN_RESULT, 1, nullptr, 0, 0, 0, 0});
   require(options.rotation_only == 0 || options.rotation_only == 1,
           "options.rotation_only must be 0 or 1.");
   require(options.output == DD_OUTPUT_POSITIONS || options.output == DD_OUTPUT_OFFSETS,
@@ -178,8 +179,13 @@ BindInput read_bind_input(const float* positions, size_t position_count, const i
 
 dd::UpdateOptions update_options(const dd_update_options& how) {
   return {static_cast<dd::MethodKind>(how.method),
-          {how.rotation_only == 1, how.refine, how.levels, how.volume_tolerance,
-           how.volume_iterations, static_cast<dd::Formulation>(how.formulation), {}},
+          {how.rotation_only == 1,
+           how.refine,
+           how.levels,
+           how.volume_tolerance,
+           how.volume_iterations,
+           static_cast<dd::Formulation>(how.formulation),
+           {}},
           static_cast<dd::Shown>(how.shown)};
 }
 
@@ -407,13 +413,13 @@ int32_t dd_split_start(const float* positions, size_t position_count, const int3
     auto started = std::make_unique<dd_split>();
     started->rest = input.mesh.positions;
     started->output = how.output;
-    started->job.start([&result = started->result, input = std::move(input),
-                        motion = std::move(motion), options = update_options(how),
-                        base = read_base(how.base, how.base_count, position_count)](
-                           const dd::Progress& progress) {
-      result = dd::split_update(input.mesh, input.roles, input.handle_count, input.options, motion,
-                                options, progress, base.size() ? &base : nullptr);
-    });
+    started->job.start(
+        [&result = started->result, input = std::move(input), motion = std::move(motion),
+         options = update_options(how),
+         base = read_base(how.base, how.base_count, position_count)](const dd::Progress& progress) {
+          result = dd::split_update(input.mesh, input.roles, input.handle_count, input.options,
+                                    motion, options, progress, base.size() ? &base : nullptr);
+        });
     *split = started.release();
   });
 }
@@ -484,6 +490,36 @@ int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info
 
 void dd_deformer_free(dd_deformer* deformer) { delete deformer; }
 
+int32_t dd_measure(const float* rest, const float* deformed, size_t position_count,
+                   const int32_t* triangles, size_t triangle_index_count, const int32_t* roles,
+                   size_t role_count, const float* base, const float* deformed_base,
+                   dd_measures* measures) {
+  return guarded([&] {
+    require(roles || role_count == 0, "roles is null.");
+    const dd::Mesh mesh = read_mesh(rest, position_count, triangles, triangle_index_count);
+    dd::validate(mesh);
+    const dd::Mesh now = read_mesh(deformed, position_count, triangles, triangle_index_count);
+    dd::validate(now);
+    require_size("roles", role_count, position_count / 3);
+    require(!base == !deformed_base, "base and deformed_base go together.");
+    std::vector<char> free;
+    for (size_t v = 0; v < role_count; ++v) free.push_back(roles[v] == DD_ROLE_FREE);
+    const size_t base_count = base ? position_count : 0;
+    const dd::Measures m =
+        dd::measure(mesh, now.positions, free, read_base(base, base_count, position_count),
+                    read_base(deformed_base, base_count, position_count));
+    dd_measures found{};
+    found.intersecting_pairs = m.intersecting_pairs;
+    found.new_intersecting_pairs = m.new_intersecting_pairs;
+    found.intersecting_triangles = m.intersecting_triangles;
+    found.stretch = m.stretch;
+    found.normal_error = m.normal_error;
+    found.area_ratio = m.area_ratio;
+    found.volume_ratio = m.volume_ratio;
+    write_struct("measures", measures, found);
+  });
+}
+
 int32_t dd_tets_create(const double* positions, size_t position_count, const int32_t* tets,
                        size_t tet_index_count, const int32_t* roles, size_t role_count,
                        int32_t handle_count, dd_tets** result) {
@@ -498,7 +534,8 @@ int32_t dd_tets_create(const double* positions, size_t position_count, const int
             "The mesh has more vertices or tetrahedra than this library can number.");
     require(handle_count >= 0, "handle_count is negative.");
     dd::TetMesh mesh = {
-        Eigen::Map<const dd::Positions>(positions, static_cast<Eigen::Index>(position_count / 3), 3),
+        Eigen::Map<const dd::Positions>(positions, static_cast<Eigen::Index>(position_count / 3),
+                                        3),
         Eigen::Map<const dd::Tetrahedra>(tets, static_cast<Eigen::Index>(tet_index_count / 4), 4)};
     dd::validate(mesh);
     std::vector<int> copy(roles, roles + role_count);
@@ -540,7 +577,8 @@ int32_t dd_tets_solve(const dd_tets* tets, const double* constrained, size_t con
                       const double* gradients, size_t gradient_value_count, double* out,
                       size_t out_count) {
   return guarded([&] {
-    require(tets && constrained && gradients && out, "tets, constrained, gradients or out is null.");
+    require(tets && constrained && gradients && out,
+            "tets, constrained, gradients or out is null.");
     const Eigen::Index n = tets->mesh.vertex_count(), m = tets->mesh.tet_count();
     require_size("constrained", constrained_count, static_cast<size_t>(3 * n));
     require_size("gradients", gradient_value_count, static_cast<size_t>(9 * m));

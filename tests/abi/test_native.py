@@ -522,3 +522,23 @@ def test_unusable_solids_are_refused(tets):
     solid.positions[5, 0] = np.nan
     assert create(target) == 2 and b'Vertex 5' in lib.dd_last_message()
     assert not target
+
+
+def test_measures_of_a_deformation(native, strip):
+    scaled = strip.positions * np.float32(2)
+    found = native.measure(strip.positions, scaled, strip.triangles, strip.roles)
+    assert found.intersecting_pairs == 0 and found.normal_error == 0
+    assert found.stretch == pytest.approx(2 ** 0.5, rel=1e-5)
+    assert found.area_ratio == pytest.approx(4, rel=1e-5)
+    # Pushed through itself: the two ends change sides.
+    crossed = strip.positions.copy()
+    crossed[:, 0] = np.abs(crossed[:, 0] - 12) * 0.9
+    crossed[:, 2] += np.where(strip.positions[:, 0] > 12, strip.positions[:, 1] - 3.5, 0)
+    found = native.measure(strip.positions, crossed.astype(np.float32), strip.triangles, strip.roles,
+                           strip.positions, scaled)
+    assert found.new_intersecting_pairs == found.intersecting_pairs > 0
+    assert found.normal_error > 1
+    bad = strip.positions.copy()
+    bad[4, 1] = np.nan
+    with pytest.raises(native.NativeError, match='ertex 4'):
+        native.measure(strip.positions, bad, strip.triangles, strip.roles)

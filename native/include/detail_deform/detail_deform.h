@@ -106,7 +106,7 @@ enum dd_smoothness {
 
 /* How DD_METHOD_TRANSFER solves for the surface with given deformation gradients. */
 enum dd_formulation {
-  DD_FORMULATION_SURFACE = 0,      /* (14): a row a vertex */
+  DD_FORMULATION_SURFACE = 0,       /* (14): a row a vertex */
   DD_FORMULATION_FOURTH_POINTS = 1, /* the original (10), weighted by volumes: a row a vertex and a
                                        triangle; needs triangles with area */
   DD_FORMULATION_FOURTH_POINTS_UNWEIGHTED = 2 /* (10) as it stands */
@@ -144,7 +144,8 @@ typedef struct dd_bind_options {
 } dd_bind_options;
 
 /* Options of one update. A null pointer stands for the paper's method with rotations only, refined
- * by 4 iterations, as positions: {sizeof(dd_update_options), 1, 0, 0, 4, 0, 1, NULL, 0, 0, 0, 0}. */
+ * by 4 iterations, as positions: {sizeof(dd_update_options), 1, 0, 0, 4, 0, 1, NULL, 0, 0, 0, 0}.
+ */
 typedef struct dd_update_options {
   uint32_t struct_size;
   int32_t rotation_only; /* 1: S_j is replaced by its rotation (polar decomposition); 0: S_j whole.
@@ -159,10 +160,10 @@ typedef struct dd_update_options {
                         next smoother one; 0 stands for 1 */
   const float* base; /* B', as positions, where the bind was given a base; else null */
   size_t base_count; /* 3 n, or 0 */
-  double volume_tolerance;   /* of DD_METHOD_VOLUMES, > 0: it stops when no vertex moves by more than
-                                this in a step, in mean heights of the details; 0 stands for 0.01 */
-  int32_t volume_iterations; /* of DD_METHOD_VOLUMES: steps after which it stops anyway; 0 stands for
-                                50 */
+  double volume_tolerance; /* of DD_METHOD_VOLUMES, > 0: it stops when no vertex moves by more than
+                              this in a step, in mean heights of the details; 0 stands for 0.01 */
+  int32_t volume_iterations; /* of DD_METHOD_VOLUMES: steps after which it stops anyway; 0 stands
+                                for 50 */
   int32_t formulation;       /* dd_formulation; others than the surface's are not refined */
 } dd_update_options;
 
@@ -281,6 +282,26 @@ DD_API void dd_split_free(dd_split* split);
 /* Releases a deformer. Null is allowed. */
 DD_API void dd_deformer_free(dd_deformer* deformer);
 
+/* How a deformed surface compares with the one at rest. Triangles count that have a free corner. */
+typedef struct dd_measures {
+  uint32_t struct_size;       /* set by the caller */
+  int32_t intersecting_pairs; /* pairs of triangles that pass through each other, one counting */
+  int32_t new_intersecting_pairs; /* of those, the ones that don't at rest */
+  int32_t intersecting_triangles; /* counting triangles in such a pair */
+  double stretch;                 /* area-weighted mean of |S_j - R_j| (Frobenius), rest to now */
+  double normal_error; /* mean angle in degrees between the triangles' normals and those at
+                          rest turned by the base's rotation; 0 without a base */
+  double area_ratio;
+  double volume_ratio; /* of signed volumes: of use for closed surfaces */
+} dd_measures;
+
+/* Measures a deformation. rest, deformed, base, deformed_base: 3 n floats each, the last two may be
+ * null; triangles, roles as for dd_bind_start. Takes seconds for 100,000 triangles. */
+DD_API int32_t dd_measure(const float* rest, const float* deformed, size_t position_count,
+                          const int32_t* triangles, size_t triangle_index_count,
+                          const int32_t* roles, size_t role_count, const float* base,
+                          const float* deformed_base, dd_measures* measures);
+
 /* Solids: tetrahedral meshes (§4), in double precision throughout. Synchronous. */
 typedef struct dd_tets dd_tets;
 
@@ -299,8 +320,8 @@ DD_API int32_t dd_tets_create(const double* positions, size_t position_count, co
                               size_t tet_index_count, const int32_t* roles, size_t role_count,
                               int32_t handle_count, dd_tets** result);
 
-/* Entries of an operator: row, column and value of each. capacity: room in the three arrays, which may
- * be null with a capacity of 0; entry_count: how many there are. */
+/* Entries of an operator: row, column and value of each. capacity: room in the three arrays, which
+ * may be null with a capacity of 0; entry_count: how many there are. */
 DD_API int32_t dd_tets_get_operator(const dd_tets* tets, int32_t which, int32_t* rows,
                                     int32_t* columns, double* values, size_t capacity,
                                     size_t* entry_count);
@@ -309,14 +330,14 @@ DD_API int32_t dd_tets_get_operator(const dd_tets* tets, int32_t which, int32_t*
  *   constrained   3 n doubles, of which those of constrained vertices are read
  *   gradients     9 m doubles: S_j of each tetrahedron, row by row
  *   out           3 n doubles */
-DD_API int32_t dd_tets_solve(const dd_tets* tets, const double* constrained, size_t constrained_count,
-                             const double* gradients, size_t gradient_value_count, double* out,
-                             size_t out_count);
+DD_API int32_t dd_tets_solve(const dd_tets* tets, const double* constrained,
+                             size_t constrained_count, const double* gradients,
+                             size_t gradient_value_count, double* out, size_t out_count);
 
 /* Gradient editing (§2): rotations and stretches of the handles spread by harmonic weights, then as
  * dd_tets_solve. matrices as for dd_deformer_update. */
-DD_API int32_t dd_tets_update(const dd_tets* tets, const double* matrices, size_t matrix_value_count,
-                              double* out, size_t out_count);
+DD_API int32_t dd_tets_update(const dd_tets* tets, const double* matrices,
+                              size_t matrix_value_count, double* out, size_t out_count);
 
 DD_API void dd_tets_free(dd_tets* tets);
 
