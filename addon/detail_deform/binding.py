@@ -6,7 +6,7 @@ import time
 import bpy
 import numpy as np
 
-from . import (deformers, dependency, handle_matrices, mesh_data, native, node_group,
+from . import (deformers, dependency, handle_matrices, look, mesh_data, native, node_group,
                outside_base, slow_results)
 from .mesh_data import MeshProblem
 
@@ -28,40 +28,6 @@ def _options(ob):
     smoothing = settings.metric_smoothing if settings.base_metric == 'SURFACE' else 0.0
     return {'base_metric': settings.base_metric, 'metric_smoothing': smoothing,
             'smoothness': int(settings.smoothness)}
-
-
-def _look(settings):
-    """Options of an update: what can change without a new bind. Those that don't matter to the method
-    keep their default, so that changing them costs nothing."""
-    look = {'method': settings.method, 'shown': settings.output}
-    if settings.method in {'TRANSFER', 'GRADIENT'}:
-        look['rotation_only'] = settings.rotation_only
-    if settings.method == 'TRANSFER':
-        # Refining goes away from the base, which is right where it was made by hand.
-        refined = settings.rotation_only and settings.base == 'COMPUTED'
-        look['refine'] = settings.refine if refined else 0
-        look['formulation'] = settings.formulation
-    if settings.method == 'NORMAL':
-        look['levels'] = settings.levels
-    if settings.method == 'VOLUMES':
-        look['volume_tolerance'] = settings.volume_tolerance
-        look['volume_iterations'] = settings.volume_iterations
-    return look
-
-
-def _quick(look):
-    """What is shown while handles move: a slow method is replaced by detail transfer."""
-    return {'method': 'TRANSFER', 'shown': look['shown']} if look['method'] == 'VOLUMES' else look
-
-
-def _steps(settings):
-    """How many; a base from outside has no motion that could be split."""
-    return settings.steps if settings.base == 'COMPUTED' else 1
-
-
-def _is_slow(settings):
-    """Whether the result takes too long for a drag and follows when the handles pause."""
-    return settings.output == 'RESULT' and (_steps(settings) > 1 or settings.method == 'VOLUMES')
 
 
 def _signature(ob, shape, roles):
@@ -149,20 +115,20 @@ def _follow(ob, bound, depsgraph, force):
         return
     places = handle_matrices.local_places(ob, depsgraph)
     motions = handle_matrices.motions(settings, places)
-    look = _look(settings)
+    asked = look.options(settings)
     base = None
-    shown = (motions.tobytes(), look)
+    shown = (motions.tobytes(), asked)
     if settings.base == 'OBJECT':
         base = outside_base.deformed_positions(ob, depsgraph)
         shown += (base.tobytes(),)
-    slow = _is_slow(settings)
+    slow = look.is_slow(settings)
     turns = np.zeros((len(motions), 3))
-    if _steps(settings) > 1:
+    if look.steps(settings) > 1:
         turns = handle_matrices.turns(settings, places, depsgraph)
         shown += (settings.steps, turns.tobytes())
     if not force and bound.shown.get(ob.name) == shown:
         return
-    mesh_data.write_offsets(ob.data, bound.deformer.offsets(motions, base, **_quick(look)))
+    mesh_data.write_offsets(ob.data, bound.deformer.offsets(motions, base, **look.quick(asked)))
     bound.shown[ob.name] = shown
     bound.only_moved[ob.name] = [
         handle.name for handle, motion in zip(handle_matrices.enabled_handles(settings), motions)
@@ -170,7 +136,7 @@ def _follow(ob, bound, depsgraph, force):
     bound.update_ms = 1e3 * (time.perf_counter() - start)
     slow_results.cancel(ob.name)
     if slow and not (base is None and np.abs(motions - np.eye(4)[:3]).max() < 1e-6 and not turns.any()):
-        _follow_slowly(ob, shown, motions, turns, {**look, 'base': base})
+        _follow_slowly(ob, shown, motions, turns, {**asked, 'base': base})
         # A render must not show the quick result, and without a window there is no drag to keep up with.
         if bpy.app.background or depsgraph.mode == 'RENDER':
             slow_results.finish(ob.name)
@@ -178,9 +144,9 @@ def _follow(ob, bound, depsgraph, force):
         bound.slow[ob.name] = (shown, None)  # at rest there is nothing more to show
 
 
-def _follow_slowly(ob, shown, motions, turns, look):
+def _follow_slowly(ob, shown, motions, turns, asked):
     """Asks for the slow result, to be shown as long as that is what the handles ask for."""
-    name, signature, count = ob.name, ob.detail_deform.signature, _steps(ob.detail_deform)
+    name, signature, count = ob.name, ob.detail_deform.signature, look.steps(ob.detail_deform)
 
     def still_wanted():
         present, bound = bpy.data.objects.get(name), deformers.find(signature)
@@ -191,7 +157,7 @@ def _follow_slowly(ob, shown, motions, turns, look):
         present, _ = still_wanted()
         if present is None:
             raise native.NativeError("The object was changed.")
-        return native.Split(_bind_arguments(present, _roles(present)), motions, turns, count, look)
+        return native.Split(_bind_arguments(present, _roles(present)), motions, turns, count, asked)
 
     def deliver(offsets, info):
         present, bound = still_wanted()
@@ -371,109 +337,3 @@ def make_base_object(ob):
     bound.shown.pop(ob.name, None)
     settings.base_object = outside_base.make(ob, mesh_data.positions(ob.data) + offsets)
     settings.base = 'OBJECT'
-
-
-# What can be read
-
-def is_bound(ob):
-    settings = ob.detail_deform
-    return bool(settings.signature and not settings.stale and deformers.find(settings.signature))
-
-
-def bind_ms(ob):
-    bound = deformers.find(ob.detail_deform.signature)
-    return bound.bind_ms if bound else 0.0
-
-
-def update_ms(ob):
-    bound = deformers.find(ob.detail_deform.signature)
-    return bound.update_ms if bound else 0.0
-
-
-def status(ob):
-    """One or more sentences; the first says how things stand."""
-    settings = ob.detail_deform
-    under_way = deformers.bind_under_way(settings.signature)
-    if under_way:
-        if under_way.cancelled:
-            return "Cancelling."
-        _, fraction, stage = under_way.progress()
-        return f"Binding, {100 * fraction:.0f}%: {stage}."
-    if settings.stale:
-        return f"{settings.stale} Re-bind to go on."
-    if settings.problem:
-        return settings.problem
-    if not settings.signature:
-        return "Not bound."
-    bound = deformers.find(settings.signature)
-    if bound is None:
-        return "Bound; the handles will be followed again after the next update."
-    return ' '.join([_summary(settings, bound.deformer.info), *_remarks(ob, bound)])
-
-
-def _count(number, one, many):
-    return f"{number:,} {one if number == 1 else many}"
-
-
-def _summary(settings, info):
-    movers = [_count(info.handle_count, 'handle', 'handles')] * bool(info.handle_count)
-    base = settings.base_object if settings.base == 'OBJECT' else None
-    if base:
-        movers.insert(0, f"base '{base.name}'")
-    one = len(movers) == 1 and (base or info.handle_count == 1)
-    return (f"Bound: {' and '.join(movers)} {'moves' if one else 'move'} "
-            f"{_count(info.free_count, 'free vertex', 'free vertices')}.")
-
-
-def _shown_slow(ob, bound):
-    """Which of the two results is shown, and what there is to know about it."""
-    settings = ob.detail_deform
-    what = "by displacement volumes" if settings.method == 'VOLUMES' else ""
-    if _steps(settings) > 1:
-        what = f"{what} in {settings.steps} steps".strip()
-    done = slow_results.progress(ob.name)
-    shown, info = bound.slow.get(ob.name, (None, None))
-    if done is not None:
-        yield f"Shown is the quick result; that {what} is under way, {100 * done:.0f}%."
-    elif shown is None or shown != bound.shown.get(ob.name):
-        yield f"Shown is the quick result; that {what} follows when the handles pause."
-    elif info is not None:
-        yield f"Shown is the result {what}."
-        if settings.method == 'VOLUMES':
-            yield f"Volumes are kept within {100 * info.volume_error:.2g}%."
-            if not info.volumes_settled:
-                yield "The search for them stopped at its limit of iterations: raise it for a better result."
-
-
-def _names(names):
-    return ', '.join(f"'{name}'" for name in names)
-
-
-def _remarks(ob, bound):
-    """What the user may not expect of this mesh, or of this method."""
-    info = bound.deformer.info
-    if node_group.find_modifier(ob) is None:
-        yield "Its modifier was removed, so nothing is shown: bind again to add it."
-    if info.resting_count:
-        yield (f"{_count(info.resting_part_count, 'loose part', 'loose parts')} of the region "
-               f"({_count(info.resting_count, 'vertex', 'vertices')}, such as vertex "
-               f"{info.resting_example}) {'stays' if info.resting_part_count == 1 else 'stay'} at rest: "
-               f"no handle is on {'it' if info.resting_part_count == 1 else 'them'}.")
-    if info.loose_count:
-        yield (f"{_count(info.loose_count, 'vertex', 'vertices')} without faces (such as vertex "
-               f"{info.loose_example}) {'stays' if info.loose_count == 1 else 'stay'} at rest.")
-    if info.degenerate_count:
-        yield (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
-               f"(such as triangle {info.degenerate_example}).")
-    settings = ob.detail_deform
-    if _is_slow(settings):
-        yield from _shown_slow(ob, bound)
-    if settings.method == 'NORMAL' and info.unrepresented_count:
-        yield (f"{_count(info.unrepresented_count, 'vertex', 'vertices')} (such as vertex "
-               f"{info.unrepresented_example}) {'overhangs' if info.unrepresented_count == 1 else 'overhang'} "
-               "the base, where normal displacements fail: use Detail Transfer, or a smaller region.")
-    if settings.method == 'GRADIENT':
-        moved = bound.only_moved.get(ob.name, ())
-        if moved:
-            yield (f"Gradient editing turns nothing where a handle is only moved, as {_names(moved)} "
-                   f"{'is' if len(moved) == 1 else 'are'}: turn the empty too, or use Detail Transfer.")

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
-from . import apply_result, binding, handle_setup, mesh_data, native, node_group
+from . import apply_result, binding, handle_setup, mesh_data, native, node_group, status
 
 
 class _MeshOperator:
@@ -153,7 +153,7 @@ class OBJECT_OT_detail_deform_update(_MeshOperator, bpy.types.Operator):
         binding.check_content(ob)
         binding.refresh(ob, context.evaluated_depsgraph_get(), force=True)
         if settings.stale or settings.problem:
-            raise mesh_data.MeshProblem(binding.status(ob))
+            raise mesh_data.MeshProblem(status.text(ob))
 
 
 class OBJECT_OT_detail_deform_apply(_MeshOperator, bpy.types.Operator):

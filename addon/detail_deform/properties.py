@@ -5,7 +5,7 @@ import bpy
 from bpy.props import (BoolProperty, CollectionProperty, EnumProperty, FloatProperty,
                        FloatVectorProperty, IntProperty, PointerProperty, StringProperty)
 
-from . import binding
+from . import binding, status
 
 
 def _input_changed(self, context):
@@ -121,16 +121,16 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         description="Follow every move of the handles. Off: only when Update is pressed")
 
     is_bound: BoolProperty(
-        name="Bound", get=lambda self: binding.is_bound(self.id_data),
+        name="Bound", get=lambda self: status.is_bound(self.id_data),
         description="Whether the handles move the surface now")
     status: StringProperty(
-        name="Status", get=lambda self: binding.status(self.id_data),
+        name="Status", get=lambda self: status.text(self.id_data),
         description="What is going on, or what is wrong and what to do")
     bind_ms: FloatProperty(
-        name="Bind Time", get=lambda self: binding.bind_ms(self.id_data),
+        name="Bind Time", get=lambda self: status.bind_ms(self.id_data),
         description="Milliseconds the last Bind of this surface took")
     update_ms: FloatProperty(
-        name="Update Time", get=lambda self: binding.update_ms(self.id_data),
+        name="Update Time", get=lambda self: status.update_ms(self.id_data),
         description="Milliseconds from a handle's move to the stored result, last time")
 
     # The binding, kept in the file: the content it was made for, how that has changed since, and

@@ -1,111 +1,22 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The C ABI: handles, argument checks, exceptions turned into status. Nothing else.
+// The C ABI: binds, deformers and splits.
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
-#include <cstring>
 #include <limits>
 #include <memory>
-#include <new>
 #include <string>
 #include <thread>
 
+#include "c_api_support.h"
 #include "deformer.h"
-#include "detail_deform/detail_deform.h"
 #include "kernels.h"
-#include "measures.h"
 #include "methods/normal_displacement.h"
 #include "split_motion.h"
-#include "tets.h"
+
+using namespace dd::c_api;
 
 namespace {
-
-// A plain array: it needs no destructor at thread exit, which the library might not live to see.
-thread_local char last_message[1024] = "";
-
-void remember(const char* sentence) {
-  std::snprintf(last_message, sizeof last_message, "%s", sentence);
-}
-
-/// Runs the body of a C function; whatever it throws becomes a status and a sentence.
-template <class Body>
-int32_t guarded(Body&& body) noexcept {
-  try {
-    body();
-    return DD_OK;
-  } catch (const dd::Error& error) {
-    remember(error.what());
-    return static_cast<int32_t>(error.status());
-  } catch (const std::bad_alloc&) {
-    remember("There is not enough memory for a mesh of this size.");
-    return DD_ERROR_MEMORY;
-  } catch (const std::exception& error) {
-    remember(error.what());
-    return DD_ERROR_INTERNAL;
-  } catch (...) {
-    remember("An unknown error occurred.");
-    return DD_ERROR_INTERNAL;
-  }
-}
-
-void require(bool condition, const std::string& sentence) {
-  if (!condition) throw dd::Error(dd::Status::argument, sentence);
-}
-
-void require_size(const char* name, size_t given, size_t wanted) {
-  require(given == wanted, std::string(name) + " has " + std::to_string(given) + " elements, not " +
-                               std::to_string(wanted) + ".");
-}
-
-/// Reads a caller's struct: as many bytes as both sides know, the rest stays at its default.
-template <class Struct>
-Struct read_struct(const char* name, const Struct* given, Struct defaults) {
-  if (!given) return defaults;
-  require(given->struct_size >= sizeof(uint32_t) && given->struct_size <= 4096,
-          std::string(name) + ".struct_size is not set.");
-  std::memcpy(&defaults, given, std::min<size_t>(given->struct_size, sizeof(Struct)));
-  return defaults;
-}
-
-/// Fills a caller's struct with as many bytes as it has room for.
-template <class Struct>
-void write_struct(const char* name, Struct* target, Struct values) {
-  require(target, std::string(name) + " is null.");
-  const uint32_t room = target->struct_size;
-  require(room >= sizeof(uint32_t) && room <= 4096, std::string(name) + ".struct_size is not set.");
-  values.struct_size = room;
-  std::memcpy(target, &values, std::min<size_t>(room, sizeof(Struct)));
-}
-
-using FloatRows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
-
-dd::Mesh read_mesh(const float* positions, size_t position_count, const int32_t* triangles,
-                   size_t index_count) {
-  require(positions || position_count == 0, "positions is null.");
-  require(triangles || index_count == 0, "triangles is null.");
-  require(position_count % 3 == 0, "positions has " + std::to_string(position_count) +
-                                       " elements, which is not three a vertex.");
-  require(index_count % 3 == 0, "triangles has " + std::to_string(index_count) +
-                                    " elements, which is not three a triangle.");
-  const size_t limit = static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 16;
-  require(position_count / 3 < limit && index_count / 3 < limit,
-          "The mesh has more vertices or triangles than this library can number.");
-  using IntRows = Eigen::Matrix<int32_t, Eigen::Dynamic, 3, Eigen::RowMajor>;
-  return {Eigen::Map<const FloatRows>(positions, static_cast<Eigen::Index>(position_count / 3), 3)
-              .cast<double>(),
-          Eigen::Map<const IntRows>(triangles, static_cast<Eigen::Index>(index_count / 3), 3)};
-}
-
-/// n×3 floats as positions; empty when null and not of any length.
-dd::Positions read_base(const float* base, size_t count, size_t wanted) {
-  if (!base) {
-    require(count == 0, "options.base is null, but options.base_count is not 0.");
-    return {};
-  }
-  require_size("options.base", count, wanted);
-  return Eigen::Map<const FloatRows>(base, static_cast<Eigen::Index>(count / 3), 3).cast<double>();
-}
 
 dd::BindOptions read_options(const dd_bind_options* given, size_t position_count) {
   const dd_bind_options options = read_struct("options", given, dd_bind_options{});
@@ -280,13 +191,6 @@ class Job {
 struct dd_bind {
   std::unique_ptr<dd_deformer> result;
   Job job;
-};
-
-struct dd_tets {
-  dd::TetMesh mesh;
-  std::vector<int> roles;
-  int handle_count;
-  std::unique_ptr<dd::TetPoisson> poisson;
 };
 
 struct dd_split {
@@ -489,124 +393,5 @@ int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info
 }
 
 void dd_deformer_free(dd_deformer* deformer) { delete deformer; }
-
-int32_t dd_measure(const float* rest, const float* deformed, size_t position_count,
-                   const int32_t* triangles, size_t triangle_index_count, const int32_t* roles,
-                   size_t role_count, const float* base, const float* deformed_base,
-                   dd_measures* measures) {
-  return guarded([&] {
-    require(roles || role_count == 0, "roles is null.");
-    const dd::Mesh mesh = read_mesh(rest, position_count, triangles, triangle_index_count);
-    dd::validate(mesh);
-    const dd::Mesh now = read_mesh(deformed, position_count, triangles, triangle_index_count);
-    dd::validate(now);
-    require_size("roles", role_count, position_count / 3);
-    require(!base == !deformed_base, "base and deformed_base go together.");
-    std::vector<char> free;
-    for (size_t v = 0; v < role_count; ++v) free.push_back(roles[v] == DD_ROLE_FREE);
-    const size_t base_count = base ? position_count : 0;
-    const dd::Measures m =
-        dd::measure(mesh, now.positions, free, read_base(base, base_count, position_count),
-                    read_base(deformed_base, base_count, position_count));
-    dd_measures found{};
-    found.intersecting_pairs = m.intersecting_pairs;
-    found.new_intersecting_pairs = m.new_intersecting_pairs;
-    found.intersecting_triangles = m.intersecting_triangles;
-    found.stretch = m.stretch;
-    found.normal_error = m.normal_error;
-    found.area_ratio = m.area_ratio;
-    found.volume_ratio = m.volume_ratio;
-    write_struct("measures", measures, found);
-  });
-}
-
-int32_t dd_tets_create(const double* positions, size_t position_count, const int32_t* tets,
-                       size_t tet_index_count, const int32_t* roles, size_t role_count,
-                       int32_t handle_count, dd_tets** result) {
-  return guarded([&] {
-    require(result, "result is null.");
-    require(positions && tets && roles, "positions, tets or roles is null.");
-    require(position_count % 3 == 0, "positions has not three elements a vertex.");
-    require(tet_index_count % 4 == 0, "tets has not four elements a tetrahedron.");
-    require_size("roles", role_count, position_count / 3);
-    const size_t limit = static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 16;
-    require(position_count / 3 < limit && tet_index_count / 4 < limit,
-            "The mesh has more vertices or tetrahedra than this library can number.");
-    require(handle_count >= 0, "handle_count is negative.");
-    dd::TetMesh mesh = {
-        Eigen::Map<const dd::Positions>(positions, static_cast<Eigen::Index>(position_count / 3),
-                                        3),
-        Eigen::Map<const dd::Tetrahedra>(tets, static_cast<Eigen::Index>(tet_index_count / 4), 4)};
-    dd::validate(mesh);
-    std::vector<int> copy(roles, roles + role_count);
-    auto poisson = std::make_unique<dd::TetPoisson>(mesh, copy, handle_count, dd::gradient(mesh),
-                                                    dd::volumes(mesh));
-    *result = new dd_tets{std::move(mesh), std::move(copy), handle_count, std::move(poisson)};
-  });
-}
-
-int32_t dd_tets_get_operator(const dd_tets* tets, int32_t which, int32_t* rows, int32_t* columns,
-                             double* values, size_t capacity, size_t* entry_count) {
-  return guarded([&] {
-    require(tets, "tets is null.");
-    require(entry_count, "entry_count is null.");
-    require(which >= DD_TETS_GRADIENT && which <= DD_TETS_LAPLACIAN,
-            "which is " + std::to_string(which) + ", which is no operator.");
-    const dd::SparseMatrix matrix = which == DD_TETS_GRADIENT ? tets->poisson->gradient_operator()
-                                    : which == DD_TETS_LAPLACIAN
-                                        ? tets->poisson->laplacian()
-                                        : dd::deformation_operator(tets->mesh);
-    const size_t entries = static_cast<size_t>(matrix.nonZeros());
-    if (capacity > 0) {
-      require(rows && columns && values, "rows, columns or values is null.");
-      require(capacity >= entries, "capacity is " + std::to_string(capacity) + ", but there are " +
-                                       std::to_string(entries) + " entries.");
-      size_t k = 0;
-      for (Eigen::Index column = 0; column < matrix.outerSize(); ++column)
-        for (dd::SparseMatrix::InnerIterator it(matrix, column); it; ++it, ++k) {
-          rows[k] = static_cast<int32_t>(it.row());
-          columns[k] = static_cast<int32_t>(it.col());
-          values[k] = it.value();
-        }
-    }
-    *entry_count = entries;
-  });
-}
-
-int32_t dd_tets_solve(const dd_tets* tets, const double* constrained, size_t constrained_count,
-                      const double* gradients, size_t gradient_value_count, double* out,
-                      size_t out_count) {
-  return guarded([&] {
-    require(tets && constrained && gradients && out,
-            "tets, constrained, gradients or out is null.");
-    const Eigen::Index n = tets->mesh.vertex_count(), m = tets->mesh.tet_count();
-    require_size("constrained", constrained_count, static_cast<size_t>(3 * n));
-    require_size("gradients", gradient_value_count, static_cast<size_t>(9 * m));
-    require_size("out", out_count, static_cast<size_t>(3 * n));
-    dd::RowMatrix transposed(3 * m, 3);
-    for (Eigen::Index j = 0; j < m; ++j)
-      transposed.middleRows<3>(3 * j) =
-          Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(gradients + 9 * j)
-              .transpose();
-    const dd::Positions result =
-        tets->poisson->solve(Eigen::Map<const dd::Positions>(constrained, n, 3), transposed);
-    require(result.allFinite(), "The constrained positions or gradients are not finite.");
-    Eigen::Map<dd::Positions>(out, n, 3) = result;
-  });
-}
-
-int32_t dd_tets_update(const dd_tets* tets, const double* matrices, size_t matrix_value_count,
-                       double* out, size_t out_count) {
-  return guarded([&] {
-    require(tets && matrices && out, "tets, matrices or out is null.");
-    const Eigen::Index n = tets->mesh.vertex_count();
-    require_size("matrices", matrix_value_count, 12 * static_cast<size_t>(tets->handle_count));
-    require_size("out", out_count, static_cast<size_t>(3 * n));
-    Eigen::Map<dd::Positions>(out, n, 3) = dd::edit_by_gradients(
-        *tets->poisson, tets->mesh, tets->roles, tets->handle_count, matrices);
-  });
-}
-
-void dd_tets_free(dd_tets* tets) { delete tets; }
 
 }  // extern "C"

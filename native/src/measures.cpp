@@ -32,8 +32,8 @@ Eigen::Vector2d stretches(const Eigen::Matrix3d& rest, const Eigen::Matrix3d& no
     return edges;
   };
   const Eigen::Matrix2d S = in_plane(now) * in_plane(rest).inverse();
-  const double sum = std::hypot(S(0, 0) + S(1, 1), S(1, 0) - S(0, 1));
-  const double difference = std::hypot(S(0, 0) - S(1, 1), S(1, 0) + S(0, 1));
+  const double sum = Eigen::Vector2d(S(0, 0) + S(1, 1), S(1, 0) - S(0, 1)).norm();
+  const double difference = Eigen::Vector2d(S(0, 0) - S(1, 1), S(1, 0) + S(0, 1)).norm();
   return {0.5 * (sum + difference), 0.5 * (sum - difference)};
 }
 

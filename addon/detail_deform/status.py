@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
+
+from . import deformers, look, node_group, slow_results
+
+
+def is_bound(ob):
+    settings = ob.detail_deform
+    return bool(settings.signature and not settings.stale and deformers.find(settings.signature))
+
+
+def bind_ms(ob):
+    bound = deformers.find(ob.detail_deform.signature)
+    return bound.bind_ms if bound else 0.0
+
+
+def update_ms(ob):
+    bound = deformers.find(ob.detail_deform.signature)
+    return bound.update_ms if bound else 0.0
+
+
+def text(ob):
+    """One or more sentences; the first says how things stand."""
+    settings = ob.detail_deform
+    under_way = deformers.bind_under_way(settings.signature)
+    if under_way:
+        if under_way.cancelled:
+            return "Cancelling."
+        _, fraction, stage = under_way.progress()
+        return f"Binding, {100 * fraction:.0f}%: {stage}."
+    if settings.stale:
+        return f"{settings.stale} Re-bind to go on."
+    if settings.problem:
+        return settings.problem
+    if not settings.signature:
+        return "Not bound."
+    bound = deformers.find(settings.signature)
+    if bound is None:
+        return "Bound; the handles will be followed again after the next update."
+    return ' '.join([_summary(settings, bound.deformer.info), *_remarks(ob, bound)])
+
+
+def _count(number, one, many):
+    return f"{number:,} {one if number == 1 else many}"
+
+
+def _summary(settings, info):
+    movers = [_count(info.handle_count, 'handle', 'handles')] * bool(info.handle_count)
+    base = settings.base_object if settings.base == 'OBJECT' else None
+    if base:
+        movers.insert(0, f"base '{base.name}'")
+    one = len(movers) == 1 and (base or info.handle_count == 1)
+    return (f"Bound: {' and '.join(movers)} {'moves' if one else 'move'} "
+            f"{_count(info.free_count, 'free vertex', 'free vertices')}.")
+
+
+def _shown_slow(ob, bound):
+    """Which of the two results is shown, and what there is to know about it."""
+    settings = ob.detail_deform
+    what = "by displacement volumes" if settings.method == 'VOLUMES' else ""
+    if look.steps(settings) > 1:
+        what = f"{what} in {settings.steps} steps".strip()
+    done = slow_results.progress(ob.name)
+    shown, info = bound.slow.get(ob.name, (None, None))
+    if done is not None:
+        yield f"Shown is the quick result; that {what} is under way, {100 * done:.0f}%."
+    elif shown is None or shown != bound.shown.get(ob.name):
+        yield f"Shown is the quick result; that {what} follows when the handles pause."
+    elif info is not None:
+        yield f"Shown is the result {what}."
+        if settings.method == 'VOLUMES':
+            yield f"Volumes are kept within {100 * info.volume_error:.2g}%."
+            if not info.volumes_settled:
+                yield "The search for them stopped at its limit of iterations: raise it for a better result."
+
+
+def _names(names):
+    return ', '.join(f"'{name}'" for name in names)
+
+
+def _remarks(ob, bound):
+    """What the user may not expect of this mesh, or of this method."""
+    info = bound.deformer.info
+    if node_group.find_modifier(ob) is None:
+        yield "Its modifier was removed, so nothing is shown: bind again to add it."
+    if info.resting_count:
+        yield (f"{_count(info.resting_part_count, 'loose part', 'loose parts')} of the region "
+               f"({_count(info.resting_count, 'vertex', 'vertices')}, such as vertex "
+               f"{info.resting_example}) {'stays' if info.resting_part_count == 1 else 'stay'} at rest: "
+               f"no handle is on {'it' if info.resting_part_count == 1 else 'them'}.")
+    if info.loose_count:
+        yield (f"{_count(info.loose_count, 'vertex', 'vertices')} without faces (such as vertex "
+               f"{info.loose_example}) {'stays' if info.loose_count == 1 else 'stay'} at rest.")
+    if info.degenerate_count:
+        yield (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
+               f"(such as triangle {info.degenerate_example}).")
+    settings = ob.detail_deform
+    if look.is_slow(settings):
+        yield from _shown_slow(ob, bound)
+    if settings.method == 'NORMAL' and info.unrepresented_count:
+        yield (f"{_count(info.unrepresented_count, 'vertex', 'vertices')} (such as vertex "
+               f"{info.unrepresented_example}) {'overhangs' if info.unrepresented_count == 1 else 'overhang'} "
+               "the base, where normal displacements fail: use Detail Transfer, or a smaller region.")
+    if settings.method == 'GRADIENT':
+        moved = bound.only_moved.get(ob.name, ())
+        if moved:
+            yield (f"Gradient editing turns nothing where a handle is only moved, as {_names(moved)} "
+                   f"{'is' if len(moved) == 1 else 'are'}: turn the empty too, or use Detail Transfer.")
