@@ -152,8 +152,12 @@ NormalDisplacement::Carrier NormalDisplacement::carrier(const Rows& positions) c
     for (int r : {a, b, c}) result.normals.row(r).head<3>() += cross;
   }
   for (Index r = 0; r < positions.rows(); ++r) {
+    // In the unit box: less than this is rounding, and has no direction.
     const double length = result.normals.row(r).norm();
-    if (length > 1e-150) result.normals.row(r) /= length;
+    if (length > 1e-13)
+      result.normals.row(r) /= length;
+    else
+      result.normals.row(r).setZero();
   }
   return result;
 }
@@ -164,9 +168,9 @@ Eigen::Matrix3d NormalDisplacement::frame_at(const Carrier& carrier,
   for (int k = 0; k < 3; ++k) {
     const Edge& along = tangent_[displacement.corner[k]];
     normal += displacement.weight[k] * vector(carrier.normals, displacement.corner[k]);
-    tangent +=
-        displacement.weight[k] *
-        (vector(carrier.positions, along.to) - vector(carrier.positions, along.from)).normalized();
+    const Vector3d edge =
+        vector(carrier.positions, along.to) - vector(carrier.positions, along.from);
+    if (edge.norm() > 1e-9) tangent += displacement.weight[k] * edge.normalized();
   }
   Eigen::Matrix3d frame = Eigen::Matrix3d::Identity();
   if (normal.norm() < 1e-9) return frame;
@@ -305,14 +309,16 @@ void NormalDisplacement::decompose(const Rows& fine, const Rows& coarse) {
 }
 
 void NormalDisplacement::update(const Frame& frame, const MethodOptions&) {
+  const int free_count = bound_.order().free_count, held = bound_.order().count() - free_count;
   Rows surface = frame.base;
   for (auto level = levels_.rbegin(); level != levels_.rend(); ++level) {
     const Rows coarse = surface;
     const Carrier onto = carrier(coarse);
-    for (int r = 0; r < static_cast<int>(level->size()); ++r)
+    for (int r = 0; r < free_count; ++r)
       surface.row(r).head<3>() = displaced(onto, (*level)[r]).transpose();
+    // Constrained vertices lie on S in all levels but a base from outside.
+    surface.bottomRows(held) = (bound_.rest + frame.offsets).bottomRows(held);
   }
-  const int free_count = bound_.order().free_count;
   frame.offsets.topRows(free_count) = surface.topRows(free_count) - bound_.rest.topRows(free_count);
 }
 
