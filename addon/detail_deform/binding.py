@@ -11,6 +11,7 @@ from . import (deformers, dependency, handle_matrices, look, mesh_data, native, 
 from .mesh_data import MeshProblem
 
 _POLL_SECONDS = 0.1
+_BASE_CHANGED = "The base object, its mesh or its choice was changed since Bind."
 _TOPOLOGY_CHANGED = "The mesh's vertices or faces were changed since Bind."
 
 
@@ -60,6 +61,20 @@ def check_content(ob):
         settings.stale = stale
 
 
+def check_base(ob):
+    """As check_content, of the base object's mesh alone, which may change in every frame."""
+    settings = ob.detail_deform
+    if not settings.signature or settings.base != 'OBJECT' or settings.stale not in {"", _BASE_CHANGED}:
+        return
+    try:
+        same = settings.signature.endswith('.' + mesh_data.signature(outside_base.rest_positions(ob)))
+    except MeshProblem:
+        return  # the next update says it
+    stale = "" if same else _BASE_CHANGED
+    if settings.stale != stale:
+        settings.stale = stale
+
+
 def _difference(ob):
     settings = ob.detail_deform
     positions, topology, roles, *options = settings.signature.split('.', 3)
@@ -77,7 +92,7 @@ def _difference(ob):
     if current[3:] == options:
         return ""
     if settings.base == 'OBJECT':
-        return "The base object, its mesh or its choice was changed since Bind."
+        return _BASE_CHANGED
     return "Settings that need a new Bind were changed."
 
 
@@ -136,16 +151,15 @@ def _follow(ob, bound, depsgraph, force):
     bound.update_ms = 1e3 * (time.perf_counter() - start)
     slow_results.cancel(ob.name)
     if slow and not (base is None and np.abs(motions - np.eye(4)[:3]).max() < 1e-6 and not turns.any()):
-        _follow_slowly(ob, shown, motions, turns, {**asked, 'base': base})
         # A render must not show the quick result, and without a window there is no drag to keep up with.
-        if bpy.app.background or depsgraph.mode == 'RENDER':
-            slow_results.finish(ob.name)
+        wait = bpy.app.background or depsgraph.mode == 'RENDER'
+        _follow_slowly(ob, shown, motions, turns, {**asked, 'base': base}, wait)
     else:
         bound.slow[ob.name] = (shown, None)  # at rest there is nothing more to show
 
 
-def _follow_slowly(ob, shown, motions, turns, asked):
-    """Asks for the slow result, to be shown as long as that is what the handles ask for."""
+def _follow_slowly(ob, shown, motions, turns, asked, wait):
+    """Asks for the slow result, to be shown if it is still what the handles ask for."""
     name, signature, count = ob.name, ob.detail_deform.signature, look.steps(ob.detail_deform)
 
     def still_wanted():
@@ -172,7 +186,10 @@ def _follow_slowly(ob, shown, motions, turns, asked):
             _note(present.detail_deform, sentence)
             redraw_panels()
 
-    slow_results.request(name, start, deliver, refuse)
+    if wait:  # in a render another thread, which must not set up timers
+        deliver(*start().finish())
+    else:
+        slow_results.request(name, start, deliver, refuse, redraw_panels)
 
 
 def settle(ob):

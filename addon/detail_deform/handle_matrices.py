@@ -102,7 +102,9 @@ def turns(settings, places, depsgraph):
         more[channel] += 1e-3
         now = euler.to_matrix()
         axis = np.array((more.to_matrix() @ now.inverted()).to_quaternion().axis)
-        to_object = places[number][:3, :3].astype(np.float64) @ np.linalg.inv(np.array(target.matrix_basis)[:3, :3])
-        axis = to_object @ axis
+        basis = np.array(target.matrix_basis)[:3, :3]
+        if abs(np.linalg.det(basis)) < 1e-30:
+            continue  # without size there is nothing to turn
+        axis = places[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis) @ axis
         result[number] = change[channel] * axis / np.linalg.norm(axis)
     return result

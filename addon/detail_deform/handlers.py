@@ -49,6 +49,9 @@ def _depsgraph_updated(scene, depsgraph):
     for ob in objects:
         if ob.data in edited:  # the object alone is tagged by whatever its modifiers depend on
             _edited(ob)
+        base = ob.detail_deform.base_object
+        if base and base.data in edited:
+            binding.check_base(ob)
     _refresh(objects, depsgraph)
 
 

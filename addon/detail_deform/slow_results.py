@@ -18,8 +18,8 @@ _TICK_SECONDS = 0.1
 
 
 class _Request:
-    def __init__(self, start, deliver, refuse):
-        self.start, self.deliver, self.refuse = start, deliver, refuse
+    def __init__(self, start, deliver, refuse, tell):
+        self.start, self.deliver, self.refuse, self.tell = start, deliver, refuse, tell
         self.due = time.monotonic() + _PAUSE_SECONDS
         self.job = None
 
@@ -28,11 +28,11 @@ _requests = {}
 _ending = []  # cancelled jobs, until their stage has ended: closing one waits for that
 
 
-def request(name, start, deliver, refuse):
-    """start() gives the native.Split, deliver(offsets, info) takes its result, refuse(sentence) its error.
-    An earlier request of that name is forgotten."""
+def request(name, start, deliver, refuse, tell):
+    """start() gives the native.Split, deliver(offsets, info) takes its result, refuse(sentence) its error;
+    tell() is called while it is under way. An earlier request of that name is forgotten."""
     cancel(name)
-    _requests[name] = _Request(start, deliver, refuse)
+    _requests[name] = _Request(start, deliver, refuse, tell)
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=_PAUSE_SECONDS, persistent=True)
 
@@ -69,6 +69,8 @@ def _tick():
             elif not pending.job.progress()[0]:
                 del _requests[name]
                 pending.deliver(*pending.job.finish())
+            else:
+                pending.tell()
         except native.NativeError as error:
             _requests.pop(name, None)
             pending.refuse(str(error))

@@ -245,9 +245,14 @@ def test_editing_or_removing_the_base_is_noticed():
     base.data.vertices[7].co.z += 0.1
     base.data.update()
     update()
-    bpy.ops.object.detail_deform_update.poll()
-    ob.detail_deform.base_object = base  # what the panel does to look again
     assert "base object" in ob.detail_deform.status and "Re-bind" in ob.detail_deform.status
+    base.data.vertices[7].co.z = 0
+    base.data.update()
+    update()
+    assert ob.detail_deform.is_bound  # by content: what is taken back needs no new bind
+    base.data.vertices[7].co.z += 0.1
+    base.data.update()
+    update()
     bpy.ops.object.detail_deform_bind(wait=True, keep_rest=True)
     assert ob.detail_deform.is_bound
     bpy.data.objects.remove(base)

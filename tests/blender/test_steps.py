@@ -133,3 +133,15 @@ def test_steps_arrive_when_the_handles_pause(strip, part, monkeypatch):
         pass
     assert np.abs(evaluated(strip) - own(strip)).max() < 1e-5
     slow_results.clear()
+
+
+def test_an_empty_without_size_collapses_its_vertices_and_turns_nothing(strip):
+    strip.detail_deform.steps = 2
+    target = strip.detail_deform.handles[0].target
+    target.rotation_euler.x = 7
+    target.scale = (0, 0, 0)
+    update()
+    assert "can't be split" in strip.detail_deform.status
+    strip.detail_deform.steps = 1
+    update()
+    assert 'Bound' in strip.detail_deform.status and np.isfinite(evaluated(strip)).all()
