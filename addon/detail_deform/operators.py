@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
-from . import apply_result, binding, handle_setup, mesh_data, native, node_group, status
+from . import apply_result, binding, handle_setup, mesh_data, native, node_group, slow_results, status
 
 
 class _MeshOperator:
@@ -123,12 +123,13 @@ class OBJECT_OT_detail_deform_bind(_MeshOperator, bpy.types.Operator):
 
 class OBJECT_OT_detail_deform_bind_cancel(_MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_bind_cancel'
-    bl_label = "Cancel Bind"
-    bl_description = "Stop the bind that is under way"
+    bl_label = "Cancel"
+    bl_description = "Stop the bind, or the slow result, that is under way"
     bl_options = {'REGISTER'}
 
     def run(self, context, ob):
         binding.cancel(ob.detail_deform.signature)
+        slow_results.cancel(ob.name)
 
 
 class OBJECT_OT_detail_deform_unbind(_MeshOperator, bpy.types.Operator):

@@ -5,7 +5,7 @@ import textwrap
 
 import bpy
 
-from . import deformers
+from . import deformers, slow_results
 
 
 class OBJECT_UL_detail_deform_handles(bpy.types.UIList):
@@ -103,6 +103,8 @@ class OBJECT_PT_detail_deform(bpy.types.Panel):
             row.enabled = not under_way.cancelled
             row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
             return
+        if slow_results.progress(context.object.name) is not None:
+            row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
         if settings.signature:
             if settings.stale:
                 row.operator('object.detail_deform_bind', text="Re-bind", icon='FILE_REFRESH').keep_rest = True

@@ -65,7 +65,7 @@ def _shown_slow(ob, bound):
     if done is not None:
         yield f"Shown is the quick result; that {what} is under way, {100 * done:.0f}%."
     elif shown is None or shown != bound.shown.get(ob.name):
-        yield f"Shown is the quick result; that {what} follows when the handles pause."
+        yield f"Shown is the quick result; that {what} follows when a handle is moved or Update is pressed."
     elif info is not None:
         yield f"Shown is the result {what}."
         if settings.method == 'VOLUMES':

@@ -124,6 +124,13 @@ def test_steps_arrive_when_the_handles_pause(strip, part, monkeypatch):
     update()
     assert np.abs(evaluated(strip) - quick).max() > 0.01
     assert 'Shown is the result in 5 steps' in strip.detail_deform.status
+    # Cancelled, it comes back by Update.
+    bend(strip, -110)
+    assert bpy.ops.object.detail_deform_bind_cancel() == {'FINISHED'}
+    assert slow_results.progress(strip.name) is None
+    assert 'Update is pressed' in strip.detail_deform.status
+    assert bpy.ops.object.detail_deform_update() == {'FINISHED'}
+    assert slow_results.progress(strip.name) == 0.0
     # A pose that is left before its steps are ready is forgotten.
     bend(strip, -90)
     slow_results._requests[strip.name].due = 0
