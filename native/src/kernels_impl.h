@@ -106,6 +106,26 @@ inline void scatter(const int32_t (&target)[3][kLanes], const double (&flux)[2][
   }
 }
 
+/// A lane's triangle as it is now: the axes t = e1/|e1|, b = n × t and n, and in them e1 = (length,
+/// 0), e2 = (along, height).
+struct Present {
+  double tx, ty, tz, bx, by, bz, nx, ny, nz, length, along, height;
+};
+
+inline Present present(const Edges& edges, int lane) {
+  const double x1 = edges.first[0][lane], y1 = edges.first[1][lane], z1 = edges.first[2][lane];
+  const double x2 = edges.second[0][lane], y2 = edges.second[1][lane], z2 = edges.second[2][lane];
+  const double l2 = x1 * x1 + y1 * y1 + z1 * z1;
+  const double inv_l = guarded_inverse_sqrt(l2);
+  const double tx = x1 * inv_l, ty = y1 * inv_l, tz = z1 * inv_l;
+  const double cx = y1 * z2 - z1 * y2, cy = z1 * x2 - x1 * z2, cz = x1 * y2 - y1 * x2;
+  const double n2 = cx * cx + cy * cy + cz * cz;
+  const double inv_n = guarded_inverse_sqrt(n2);
+  const double nx = cx * inv_n, ny = cy * inv_n, nz = cz * inv_n;
+  return {tx, ty, tz, ny * tz - nz * ty, nz * tx - nx * tz,           nx * ty - ny * tx,
+          nx, ny, nz, l2 * inv_l,        tx * x2 + ty * y2 + tz * z2, n2 * inv_n * inv_l};
+}
+
 /// RotationOnly is known to the compiler, which can make vector code of the lanes only without a
 /// branch in them.
 template <bool RotationOnly>
@@ -117,27 +137,14 @@ void gradient_pass_as(int block_count, const TriangleBlock* blocks, const double
     gather_edges(block.source, base, edges);
 
     // S_j takes the rest frame (t1, t2, n) of the triangle to the present one (t1', t2', n') and
-    // in between shears the plane by the upper triangular 2×2 matrix [a s; 0 d]. The rotation in
-    // its polar decomposition is that of the 2×2 matrix, in closed form, with determinant +1.
+    // in between shears the plane by the upper triangular 2×2 matrix [a s; 0 d]. The rotation
+    // in its polar decomposition is that of the 2×2 matrix, in closed form, with determinant +1.
     double flux[2][3][kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
-      const double x1 = edges.first[0][lane], y1 = edges.first[1][lane], z1 = edges.first[2][lane];
-      const double x2 = edges.second[0][lane], y2 = edges.second[1][lane],
-                   z2 = edges.second[2][lane];
-      const double l2 = x1 * x1 + y1 * y1 + z1 * z1;
-      const double inv_l = guarded_inverse_sqrt(l2);
-      const double tx = x1 * inv_l, ty = y1 * inv_l, tz = z1 * inv_l;
-      const double cx = y1 * z2 - z1 * y2, cy = z1 * x2 - x1 * z2, cz = x1 * y2 - y1 * x2;
-      const double n2 = cx * cx + cy * cy + cz * cz;
-      const double inv_n = guarded_inverse_sqrt(n2);
-      const double nx = cx * inv_n, ny = cy * inv_n, nz = cz * inv_n;
-      const double bx = ny * tz - nz * ty, by = nz * tx - nx * tz, bz = nx * ty - ny * tx;
-
-      const double length = l2 * inv_l, height = n2 * inv_n * inv_l;
-      const double along = tx * x2 + ty * y2 + tz * z2;
-      double a = length * block.inverse_length[lane];
-      double s = along * block.inverse_height[lane] - length * block.shear[lane];
-      double d = height * block.inverse_height[lane];
+      const Present now = present(edges, lane);
+      double a = now.length * block.inverse_length[lane];
+      double s = now.along * block.inverse_height[lane] - now.length * block.shear[lane];
+      double d = now.height * block.inverse_height[lane];
       double q = 0;
       if (RotationOnly) {
         const double cosine = a + d;
@@ -150,9 +157,9 @@ void gradient_pass_as(int block_count, const TriangleBlock* blocks, const double
         const double u = block.flux[corner][0][lane], v = block.flux[corner][1][lane],
                      w = block.flux[corner][2][lane];
         const double f = a * u + s * v, g = q * u + d * v;
-        flux[corner][0][lane] = tx * f + bx * g + nx * w;
-        flux[corner][1][lane] = ty * f + by * g + ny * w;
-        flux[corner][2][lane] = tz * f + bz * g + nz * w;
+        flux[corner][0][lane] = now.tx * f + now.bx * g + now.nx * w;
+        flux[corner][1][lane] = now.ty * f + now.by * g + now.ny * w;
+        flux[corner][2][lane] = now.tz * f + now.bz * g + now.nz * w;
       }
     }
 
@@ -174,37 +181,24 @@ void rotation_pass(int block_count, const RotationBlock* blocks, const double* p
     gather_edges(block.source, positions, edges);
     double q[4][kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
-      const double x1 = edges.first[0][lane], y1 = edges.first[1][lane], z1 = edges.first[2][lane];
-      const double x2 = edges.second[0][lane], y2 = edges.second[1][lane],
-                   z2 = edges.second[2][lane];
-      const double l2 = x1 * x1 + y1 * y1 + z1 * z1;
-      const double inv_l = guarded_inverse_sqrt(l2);
-      const double tx = x1 * inv_l, ty = y1 * inv_l, tz = z1 * inv_l;
-      const double cx = y1 * z2 - z1 * y2, cy = z1 * x2 - x1 * z2, cz = x1 * y2 - y1 * x2;
-      const double n2 = cx * cx + cy * cy + cz * cz;
-      const double inv_n = guarded_inverse_sqrt(n2);
-      const double nx = cx * inv_n, ny = cy * inv_n, nz = cz * inv_n;
-      const double bx = ny * tz - nz * ty, by = nz * tx - nx * tz, bz = nx * ty - ny * tx;
-
+      const Present now = present(edges, lane);
       // The frame turned within its plane, as the 2×2 matrix [a s; 0 d] of gradient_pass asks.
-      const double length = l2 * inv_l, height = n2 * inv_n * inv_l;
-      const double a = length * block.inverse_length[lane];
-      const double s =
-          (tx * x2 + ty * y2 + tz * z2) * block.inverse_height[lane] - length * block.shear[lane];
-      const double d = height * block.inverse_height[lane];
+      const double a = now.length * block.inverse_length[lane];
+      const double s = now.along * block.inverse_height[lane] - now.length * block.shear[lane];
+      const double d = now.height * block.inverse_height[lane];
       const double scale = guarded_inverse_sqrt((a + d) * (a + d) + s * s);
       const double cosine = (a + d) * scale, sine = -s * scale;
-      const double ux = cosine * tx + sine * bx, uy = cosine * ty + sine * by,
-                   uz = cosine * tz + sine * bz;
-      const double vx = cosine * bx - sine * tx, vy = cosine * by - sine * ty,
-                   vz = cosine * bz - sine * tz;
+      const double ux = cosine * now.tx + sine * now.bx, uy = cosine * now.ty + sine * now.by,
+                   uz = cosine * now.tz + sine * now.bz;
+      const double vx = cosine * now.bx - sine * now.tx, vy = cosine * now.by - sine * now.ty,
+                   vz = cosine * now.bz - sine * now.tz;
 
       // Four times the products of each quaternion component with all; the largest square is safe
       // to divide by.
-      const double ww = 1 + ux + vy + nz, xx = 1 + ux - vy - nz, yy = 1 - ux + vy - nz,
-                   zz = 1 - ux - vy + nz;
-      const double wx = vz - ny, wy = nx - uz, wz = uy - vx;
-      const double xy = uy + vx, xz = uz + nx, yz = vz + ny;
+      const double ww = 1 + ux + vy + now.nz, xx = 1 + ux - vy - now.nz, yy = 1 - ux + vy - now.nz,
+                   zz = 1 - ux - vy + now.nz;
+      const double wx = vz - now.ny, wy = now.nx - uz, wz = uy - vx;
+      const double xy = uy + vx, xz = uz + now.nx, yz = vz + now.ny;
       const bool w_or_x = ww + xx > yy + zz;  // w² + x² > 1/2, or else y² + z² is
       const bool second = w_or_x ? xx > ww : zz > yy;
       const double px = w_or_x ? (second ? xx : wx) : (second ? xz : xy);
