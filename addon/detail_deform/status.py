@@ -101,6 +101,8 @@ def _remarks(ob, bound):
         yield (f"{_count(info.unrepresented_count, 'vertex', 'vertices')} (such as vertex "
                f"{info.unrepresented_example}) {'overhangs' if info.unrepresented_count == 1 else 'overhang'} "
                "the base, where normal displacements fail: use Detail Transfer, or a smaller region.")
+    if settings.method == 'GRADIENT' and settings.base == 'OBJECT':
+        yield "Gradient editing goes by the handles and not by the base: choose another method to follow it."
     if settings.method == 'GRADIENT':
         moved = bound.only_moved.get(ob.name, ())
         if moved:

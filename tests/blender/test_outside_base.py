@@ -260,6 +260,14 @@ def test_editing_or_removing_the_base_is_noticed():
     assert "no base object" in ob.detail_deform.status
 
 
+def test_gradient_editing_says_that_it_does_not_go_by_the_base():
+    ob, _ = make_pair()
+    bind(ob)
+    ob.detail_deform.method = 'GRADIENT'
+    update()
+    assert "not by the base" in ob.detail_deform.status
+
+
 def test_changing_the_choice_of_base_asks_for_a_new_bind():
     ob = bind(make_strip())
     ob.detail_deform.base = 'OBJECT'
