@@ -27,20 +27,18 @@ Positions faired_surface(const Mesh& mesh, const SurfaceOperators& operators, do
 
 Positions smoothed_surface(const Positions& positions, const SurfaceOperators& operators,
                            const Region& region, double length) {
-  const double weight = length * length;
-  SparseMatrix system = weight * free_block(operators.laplacian, region);
+  const double weight = length * length * length * length;
+  const SparseMatrix columns = free_columns(operators.laplacian, region);
+  const SparseMatrix curvature = operators.masses.cwiseInverse().asDiagonal() * columns;
+  SparseMatrix system = weight * SparseMatrix(columns.transpose() * curvature);
   for (int r = 0; r < region.free_count(); ++r)
     system.coeffRef(r, r) += operators.masses[region.free[r]];
-  const SparseCholesky factor = factor_free_block(system, region);
+  // Solved for the displacement, in which constrained vertices have no part.
+  const Positions bend = operators.laplacian * positions;
+  const RowMatrix force = -weight * RowMatrix(curvature.transpose() * bend);
+  const RowMatrix displacement = factor_free_block(system, region).solve(force);
   Positions smoothed = positions;
-  for (int step = 0; step < 2; ++step) {
-    // Solved for the displacement, in which constrained vertices have no part.
-    const Positions force = -weight * (operators.laplacian * smoothed);
-    RowMatrix rows(region.free_count(), 3);
-    for (int r = 0; r < region.free_count(); ++r) rows.row(r) = force.row(region.free[r]);
-    rows = factor.solve(rows);
-    for (int r = 0; r < region.free_count(); ++r) smoothed.row(region.free[r]) += rows.row(r);
-  }
+  for (int r = 0; r < region.free_count(); ++r) smoothed.row(region.free[r]) += displacement.row(r);
   return smoothed;
 }
 

@@ -14,9 +14,8 @@ Positions base_surface(const BendingSystem& bending, const Region& region,
 /// the geometry on which K is built when its metric is to be smoothed. Throws UnsolvableSurface.
 Positions faired_surface(const Mesh& mesh, const SurfaceOperators& operators, double edge_lengths);
 
-/// S smoothed over a length, towards the membrane that its constrained vertices span: two steps of
-/// implicit fairing, (M + length² L) x = M p on the free vertices, constrained ones stay.
-/// Throws UnsolvableSurface.
+/// Between S and its base: S smoothed over a length, (M + length⁴ L M⁻¹ L) x = M p on the free
+/// vertices, constrained ones stay. Throws UnsolvableSurface.
 Positions smoothed_surface(const Positions& positions, const SurfaceOperators& operators,
                            const Region& region, double length);
 
