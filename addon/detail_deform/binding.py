@@ -28,7 +28,7 @@ def _options(ob):
         return {'base': outside_base.rest_positions(ob)}
     smoothing = settings.metric_smoothing if settings.base_metric == 'SURFACE' else 0.0
     return {'base_metric': settings.base_metric, 'metric_smoothing': smoothing,
-            'smoothness': int(settings.smoothness)}
+            'smoothness': settings.smoothness}
 
 
 def _signature(ob, shape, roles):

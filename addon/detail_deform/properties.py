@@ -102,12 +102,13 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     base_rest_matrix: FloatVectorProperty(
         name="Base Rest Matrix", size=16, options={'HIDDEN'},
         description="Place of the base object relative to this one when it was bound, row by row")
-    smoothness: EnumProperty(
-        name="Smoothness", default='2', update=_input_changed,
-        items=[('1', "Membrane", "Least area: the base meets its border with a crease, bulges least"),
-               ('2', "Thin Plate", "Least curvature: the base continues the slope of its border"),
-               ('3', "Curvature Variation", "Least change of curvature: the base continues its border's curvature too, bulges most")],
-        description="What the smooth base surface keeps small. Takes effect at the next Bind")
+    smoothness: IntProperty(
+        name="Smoothness", default=2, min=1, max=3, update=_input_changed,
+        description="What the smooth base surface keeps small. 1: its area; it meets its border with a crease and bulges least. 2: its curvature; it continues the slope of its border. 3: the change of its curvature; it continues that too and bulges most. Takes effect at the next Bind")
+    base_deformer: EnumProperty(
+        name="Base Deformer",
+        items=[('LINEAR', "Linear", "The smoothest displacement that the handles allow")],
+        description="How the handles move the computed base surface")
     base_metric: EnumProperty(
         name="Stiffness", update=_input_changed,
         items=[('SURFACE', "From Surface", "Stiffness measured on the surface itself: exact when all handles move together, fast to bind"),
