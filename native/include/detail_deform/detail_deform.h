@@ -238,7 +238,7 @@ DD_API void dd_bind_free(dd_bind* bind);
 
 /* One frame. By DD_METHOD_TRANSFER: B' from the handles, its deformation gradients S_j (15), their
  * rotations, and L p' = div(S_j^T) (14) for the free vertices. The first update by a method
- * prepares it, which takes about as long as ten of its updates. matrices   matrix_value_count = 12
+ * prepares it, which may take as long as a hundred of its updates. matrices   matrix_value_count = 12
  * x handle_count doubles: for each handle a row-major 3x4 affine matrix that takes the rest place
  * of its vertices to the present one out        out_count = 3 n floats, positions or offsets of all
  * vertices Not finite matrices are refused, and so is a result that is not finite or leaves float
