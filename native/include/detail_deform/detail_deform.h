@@ -237,12 +237,13 @@ DD_API int32_t dd_bind_finish(dd_bind* bind, dd_deformer** deformer);
 DD_API void dd_bind_free(dd_bind* bind);
 
 /* One frame. By DD_METHOD_TRANSFER: B' from the handles, its deformation gradients S_j (15), their
- * rotations, and L p' = div(S_j^T) (14) for the free vertices. The first update by a method
- * prepares it, which may take as long as a hundred of its updates. matrices   matrix_value_count = 12
- * x handle_count doubles: for each handle a row-major 3x4 affine matrix that takes the rest place
- * of its vertices to the present one out        out_count = 3 n floats, positions or offsets of all
- * vertices Not finite matrices are refused, and so is a result that is not finite or leaves float
- * range. */
+ * rotations, and L p' = div(S_j^T) (14) for the free vertices. The first update by a method prepares
+ * it, which may take as long as a hundred of its updates.
+ *   matrices   matrix_value_count = 12 x handle_count doubles: for each handle a row-major 3x4
+ *              affine matrix that takes the rest place of its vertices to the present one; may be
+ *              null where there is no handle
+ *   out        out_count = 3 n floats, positions or offsets of all vertices
+ * Not finite matrices are refused, and so is a result that is not finite or leaves float range. */
 DD_API int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices,
                                   size_t matrix_value_count, const dd_update_options* options,
                                   float* out, size_t out_count);
@@ -257,13 +258,15 @@ typedef struct dd_split_info {
                               rest, over their sum */
 } dd_split_info;
 
-/* A large motion in steps (§6): the handles' motions are cut along their screw motions, all in
- * step, and after each step the surface is bound anew to its result. Works in a thread of the
- * library and returns at once; one step is what dd_deformer_update gives. positions ... options as
- * for dd_bind_start; a base from outside can't be split matrices, update        as for
- * dd_deformer_update turns      turn_count = 3 x handle_count doubles: a rotation vector for each
- * handle, near which its motion's rotation is taken, so that it may be more than half a turn; or
- * null steps      1 .. 1000 */
+/* A large motion in steps (§6): the handles' motions are cut along their screw motions, all in step,
+ * and after each step the surface is bound anew to its result. Works in a thread of the library and
+ * returns at once; one step is what dd_deformer_update gives, and the way to use slow methods.
+ *   positions ... options   as for dd_bind_start; with a base from outside steps must be 1
+ *   matrices, update        as for dd_deformer_update
+ *   turns                   turn_count = 3 x handle_count doubles: a rotation vector for each handle,
+ *                           near which its motion's rotation is taken, so that it may be more than
+ *                           half a turn; or null
+ *   steps                   1 .. 1000 */
 DD_API int32_t dd_split_start(const float* positions, size_t position_count,
                               const int32_t* triangles, size_t triangle_index_count,
                               const int32_t* roles, size_t role_count, int32_t handle_count,
