@@ -28,14 +28,12 @@ Positions faired_surface(const Mesh& mesh, const SurfaceOperators& operators, do
 Positions smoothed_surface(const Positions& positions, const SurfaceOperators& operators,
                            const Region& region, double length) {
   const double weight = length * length * length * length;
-  const SparseMatrix columns = free_columns(operators.laplacian, region);
-  const SparseMatrix curvature = operators.masses.cwiseInverse().asDiagonal() * columns;
-  SparseMatrix system = weight * SparseMatrix(columns.transpose() * curvature);
+  SparseMatrix system = weight * free_block_of_energy(operators, region, Smoothness::thin_plate);
   for (int r = 0; r < region.free_count(); ++r)
     system.coeffRef(r, r) += operators.masses[region.free[r]];
   // Solved for the displacement, in which constrained vertices have no part.
-  const Positions bend = operators.laplacian * positions;
-  const RowMatrix force = -weight * RowMatrix(curvature.transpose() * bend);
+  const RowMatrix force =
+      -weight * free_rows(apply_energy(operators, positions, Smoothness::thin_plate), region);
   const RowMatrix displacement = factor_free_block(system, region).solve(force);
   Positions smoothed = positions;
   for (int r = 0; r < region.free_count(); ++r) smoothed.row(region.free[r]) += displacement.row(r);

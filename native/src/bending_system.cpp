@@ -13,11 +13,7 @@ constexpr int kLeastRounds = 2, kMostRounds = 12;
 constexpr double kSmallestPivot = 1e-17;
 constexpr double kSettled = 1e-11, kUseless = 1e-6;  // of the largest value
 
-RowMatrix free_rows(const RowMatrix& values, const Region& region) {
-  RowMatrix rows(region.free_count(), values.cols());
-  for (int r = 0; r < region.free_count(); ++r) rows.row(r) = values.row(region.free[r]);
-  return rows;
-}
+}  // namespace
 
 SparseMatrix free_block_of_energy(const SurfaceOperators& operators, const Region& region,
                                   Smoothness smoothness) {
@@ -29,8 +25,6 @@ SparseMatrix free_block_of_energy(const SurfaceOperators& operators, const Regio
   return SparseMatrix(curvature.transpose() * variation);
 }
 
-}  // namespace
-
 BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& region,
                              Smoothness smoothness)
     : operators_(operators),
@@ -39,11 +33,11 @@ BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& re
       factor_(factor_free_block(free_block_of_energy(operators, region, smoothness), region,
                                 kSmallestPivot)) {}
 
-RowMatrix BendingSystem::apply(const RowMatrix& values) const {
-  RowMatrix result = operators_.laplacian * values;
-  for (int order = 1; order < static_cast<int>(smoothness_); ++order)
-    result =
-        operators_.laplacian * RowMatrix(operators_.masses.cwiseInverse().asDiagonal() * result);
+RowMatrix apply_energy(const SurfaceOperators& operators, const RowMatrix& values,
+                       Smoothness smoothness) {
+  RowMatrix result = operators.laplacian * values;
+  for (int order = 1; order < static_cast<int>(smoothness); ++order)
+    result = operators.laplacian * RowMatrix(operators.masses.cwiseInverse().asDiagonal() * result);
   return result;
 }
 
@@ -55,7 +49,8 @@ RowMatrix BendingSystem::extend(const RowMatrix& values) const {
   // the solution itself; what the last one still changes tells how far it can be trusted.
   double last = 0;
   for (int round = 0;; ++round) {
-    const RowMatrix correction = factor_.solve(free_rows(-apply(x), region_));
+    const RowMatrix correction =
+        factor_.solve(free_rows(-apply_energy(operators_, x, smoothness_), region_));
     for (int r = 0; r < region_.free_count(); ++r) x.row(region_.free[r]) += correction.row(r);
     const double change = correction.cwiseAbs().maxCoeff(), size = x.cwiseAbs().maxCoeff();
     if (round + 1 >= kLeastRounds && change <= kSettled * size) break;

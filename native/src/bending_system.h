@@ -14,6 +14,14 @@ enum class Smoothness {
   curvature_variation = 3  ///< least variation of curvature: curvature continuous
 };
 
+/// The F×F block of K that belongs to free vertices.
+SparseMatrix free_block_of_energy(const SurfaceOperators& operators, const Region& region,
+                                  Smoothness smoothness);
+
+/// K times the columns of values, n×k.
+RowMatrix apply_energy(const SurfaceOperators& operators, const RowMatrix& values,
+                       Smoothness smoothness);
+
 /// K on the free vertices, factored once: solutions of K x = 0 with given values at the constrained
 /// vertices, the smoothest functions that take them on.
 class BendingSystem {
@@ -29,9 +37,6 @@ class BendingSystem {
   RowMatrix extend(const RowMatrix& values) const;
 
  private:
-  /// K times the columns of values.
-  RowMatrix apply(const RowMatrix& values) const;
-
   const SurfaceOperators& operators_;
   const Region& region_;
   Smoothness smoothness_;

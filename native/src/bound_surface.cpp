@@ -2,7 +2,6 @@
 #include "bound_surface.h"
 
 #include <cstdio>
-#include <optional>
 #include <string>
 #include <utility>
 

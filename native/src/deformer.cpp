@@ -51,7 +51,7 @@ const Positions& Deformer::update(const double* matrices, const UpdateOptions& o
                                   const Positions* deformed_base) {
   take_matrices(matrices);
   const RowOrder& order = bound_->order();
-  for (int r = order.held_begin; r < order.fixed_begin; ++r) {
+  for (int r = order.free_count; r < order.fixed_begin; ++r) {
     const int h = region_.role[order.vertex_of_row[r]];
     const Eigen::RowVector3d arm = bound_->rest.row(r).head<3>() - bound_->basis.centres.row(h);
     moved_.row(r) = arm * coefficients_.middleRows<3>(4 * h) + coefficients_.row(4 * h + 3);
@@ -85,9 +85,9 @@ void Deformer::move_base(const Positions* deformed) {
   const RowMatrix& weights = bound_->basis.weights;
   kernels().blend(order.free_count, static_cast<int>(weights.cols()), weights.data(),
                   coefficients_.data(), bound_->rest_base.data(), base_.data());
-  const int held = order.fixed_begin - order.held_begin;
-  base_.middleRows(order.held_begin, held) = bound_->rest_base.middleRows(order.held_begin, held) +
-                                             moved_.middleRows(order.held_begin, held);
+  const int held = order.fixed_begin - order.free_count;
+  base_.middleRows(order.free_count, held) = bound_->rest_base.middleRows(order.free_count, held) +
+                                             moved_.middleRows(order.free_count, held);
 }
 
 void Deformer::take_matrices(const double* matrices) {

@@ -23,6 +23,12 @@ SparseMatrix free_block(const SparseMatrix& matrix, const Region& region) {
   return free_columns(rows, region);
 }
 
+RowMatrix free_rows(const RowMatrix& values, const Region& region) {
+  RowMatrix rows(region.free_count(), values.cols());
+  for (int r = 0; r < region.free_count(); ++r) rows.row(r) = values.row(region.free[r]);
+  return rows;
+}
+
 UnsolvableSurface::UnsolvableSurface(int vertex)
     : Error(
           Status::numeric,

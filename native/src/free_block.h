@@ -12,6 +12,9 @@ SparseMatrix free_columns(const SparseMatrix& matrix, const Region& region);
 /// The rows and columns of a symmetric n×n matrix that belong to free vertices: F×F.
 SparseMatrix free_block(const SparseMatrix& matrix, const Region& region);
 
+/// The rows of values that belong to free vertices.
+RowMatrix free_rows(const RowMatrix& values, const Region& region);
+
 /// The refusal of a surface that can't be solved for near that vertex.
 class UnsolvableSurface : public Error {
  public:

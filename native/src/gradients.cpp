@@ -81,6 +81,16 @@ GradientSources gradient_sources(const Positions& base, const Triangles& t, doub
   return sources;
 }
 
+Eigen::Matrix3d edges_and_normal(const Positions& p, const Triangles& t, Index j) {
+  Eigen::Matrix3d columns;
+  columns.col(0) = p.row(t(j, 1)) - p.row(t(j, 0));
+  columns.col(1) = p.row(t(j, 2)) - p.row(t(j, 0));
+  const Eigen::Vector3d cross = columns.col(0).cross(columns.col(1));
+  const double length = cross.norm();
+  columns.col(2) = length > 1e-300 ? Eigen::Vector3d(cross / length) : Eigen::Vector3d::Zero();
+  return columns;
+}
+
 RestFrame::RestFrame(const Positions& p, const Triangles& t, Index j) {
   const Eigen::Vector3d p0 = p.row(t(j, 0));
   const Eigen::Vector3d e1 = p.row(t(j, 1)).transpose() - p0;

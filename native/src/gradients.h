@@ -22,6 +22,11 @@ struct GradientSources {
 };
 GradientSources gradient_sources(const Positions& base, const Triangles& triangles, double size);
 
+/// The edges e1, e2 from the triangle's first corner and its unit normal, as columns: those of (15).
+/// The normal is zero where there is no area.
+Eigen::Matrix3d edges_and_normal(const Positions& positions, const Triangles& triangles,
+                                 Index triangle);
+
 /// A triangle at rest as the passes take it: with edges e1, e2 from its first corner the inverse of
 /// [e1 e2] in its own frame, and that frame's axes e1/|e1|, n × e1/|e1|, n as columns.
 struct RestFrame {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "gradients.h"
 #include "intersections.h"
 #include "rotations.h"
 
@@ -12,15 +13,8 @@ namespace dd {
 
 namespace {
 
-/// The triangle's edges e1, e2 and unit normal; the normal is zero where there is no area.
-Eigen::Matrix3d frame(const Positions& p, const Triangles& t, Index j, double& area) {
-  Eigen::Matrix3d columns;
-  columns.col(0) = p.row(t(j, 1)) - p.row(t(j, 0));
-  columns.col(1) = p.row(t(j, 2)) - p.row(t(j, 0));
-  const Eigen::Vector3d cross = columns.col(0).cross(columns.col(1));
-  area = 0.5 * cross.norm();
-  columns.col(2) = area > 0 ? Eigen::Vector3d(cross / (2 * area)) : Eigen::Vector3d::Zero();
-  return columns;
+double area_of(const Eigen::Matrix3d& frame) {
+  return 0.5 * frame.col(0).cross(frame.col(1)).norm();
 }
 
 /// Singular values of S_j but the third, which is 1: from the first fundamental forms.
@@ -68,19 +62,18 @@ Measures measure(const Mesh& mesh, const Positions& deformed, const std::vector<
   double rest_area = 0, now_area = 0, weight = 0, angle = 0;
   int angle_count = 0;
   for (Index j = 0; j < t.rows(); ++j) {
-    double area = 0, area_now = 0;
-    const Eigen::Matrix3d rest = frame(mesh.positions, t, j, area);
-    const Eigen::Matrix3d now = frame(deformed, t, j, area_now);
+    const Eigen::Matrix3d rest = edges_and_normal(mesh.positions, t, j);
+    const Eigen::Matrix3d now = edges_and_normal(deformed, t, j);
+    const double area = area_of(rest), area_now = area_of(now);
     rest_area += area;
     now_area += area_now;
     if (!counts(j) || area == 0 || area_now == 0) continue;
     result.stretch += area * (stretches(rest, now).array() - 1).matrix().norm();
     weight += area;
     if (base.size() == 0) continue;
-    double base_area = 0, base_area_now = 0;
-    const Eigen::Matrix3d from = frame(base, t, j, base_area);
-    const Eigen::Matrix3d to = frame(deformed_base, t, j, base_area_now);
-    if (base_area == 0 || base_area_now == 0) continue;
+    const Eigen::Matrix3d from = edges_and_normal(base, t, j);
+    const Eigen::Matrix3d to = edges_and_normal(deformed_base, t, j);
+    if (area_of(from) == 0 || area_of(to) == 0) continue;
     const Eigen::Matrix3d S = to * from.inverse();
     const Eigen::Vector3d wanted = polar_rotation(S) * rest.col(2);
     angle += std::acos(std::clamp(now.col(2).dot(wanted), -1.0, 1.0));

@@ -10,7 +10,7 @@ namespace {
 RowOrder row_order(const Region& region, const std::vector<int>& factor_order) {
   RowOrder order;
   for (int r : factor_order) order.vertex_of_row.push_back(region.free[r]);
-  order.free_count = order.held_begin = order.count();
+  order.free_count = order.count();
   for (int v : region.handle_vertices) order.vertex_of_row.push_back(v);
   order.fixed_begin = order.count();
   const int n = static_cast<int>(region.role.size());
@@ -47,7 +47,7 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
       rest_divergence_.row(order_.target_of_vertex(t(j, k))).head<3>() +=
           flux.row(3 * Index(j) + k);
 
-  for (int r = order_.held_begin; r < order_.fixed_begin; ++r)
+  for (int r = order_.free_count; r < order_.fixed_begin; ++r)
     for (SparseMatrix::InnerIterator it(operators.laplacian, order_.vertex_of_row[r]); it; ++it)
       if (region.row[it.row()] >= 0)
         pulls_.push_back({order_.row_of_vertex[it.row()], r, it.value()});

@@ -15,9 +15,8 @@ namespace dd {
 struct RowOrder {
   std::vector<int> vertex_of_row;
   std::vector<int> row_of_vertex;
-  int free_count = 0;  ///< rows below are free
-  int held_begin = 0;  ///< = free_count: first row of a handle's vertex
-  int fixed_begin = 0;
+  int free_count = 0;   ///< rows below are free, those from here on the handles'
+  int fixed_begin = 0;  ///< first row of a fixed vertex
 
   int count() const { return static_cast<int>(vertex_of_row.size()); }
   /// Where a right-hand side takes what belongs to this vertex: held ones share the row after the

@@ -71,8 +71,8 @@ SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int ha
   if (bind.base.size() && motion.steps != 1)
     throw Error(Status::argument, "A base from outside has no motion that could be split.");
   validate(mesh);
-  const Region region = split_region(mesh, roles, handle_count,
-                                     bind.base.size() ? MovedBy::base : MovedBy::handles);
+  const Region region =
+      split_region(mesh, roles, handle_count, bind.base.size() ? MovedBy::base : MovedBy::handles);
   const Positions centres = handle_centres(region, mesh.positions);
   std::vector<ScrewMotion> screws;  // of no need, and maybe not to be had, for one step
   for (int h = 0; h < handle_count && motion.steps > 1; ++h) {
@@ -114,9 +114,10 @@ SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int ha
       return tell(bound_at + (1 - bound_at) * fraction, stage);
     };
     try {
-      Deformer deformer(surface, roles, handle_count, bind, [&](double fraction, const char* stage) {
-        return tell(bound_at * std::min(fraction, 0.999), stage);
-      });
+      Deformer deformer(surface, roles, handle_count, bind,
+                        [&](double fraction, const char* stage) {
+                          return tell(bound_at * std::min(fraction, 0.999), stage);
+                        });
       surface.positions += deformer.update(matrices.data(), options, deformed_base);
       if (const DisplacementVolumes* volumes = deformer.displacement_volumes()) {
         result.volume_error = volumes->volume_error();

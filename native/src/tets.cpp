@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "free_block.h"
 #include "handle_blend.h"
 
 namespace dd {
@@ -14,47 +15,40 @@ namespace dd {
 namespace {
 
 double signed_volume(const TetMesh& mesh, Index j) {
-  const Eigen::Vector3d a = mesh.positions.row(mesh.tets(j, 0)), b = mesh.positions.row(mesh.tets(j, 1)),
-                        c = mesh.positions.row(mesh.tets(j, 2)), d = mesh.positions.row(mesh.tets(j, 3));
+  const Eigen::Vector3d a = mesh.positions.row(mesh.tets(j, 0)),
+                        b = mesh.positions.row(mesh.tets(j, 1)),
+                        c = mesh.positions.row(mesh.tets(j, 2)),
+                        d = mesh.positions.row(mesh.tets(j, 3));
   return (b - a).cross(c - a).dot(d - a) / 6;
 }
 
-std::vector<int> checked_free(const TetMesh& mesh, const std::vector<int>& roles, int handle_count) {
-  std::vector<int> free;
-  bool any_held = false;
+/// Free vertices and their rows; a solid's parts are not looked at.
+Region checked_region(const TetMesh& mesh, const std::vector<int>& roles, int handle_count) {
+  Region region;
+  region.role = roles;
+  region.row.assign(roles.size(), -1);
+  region.handle_count = handle_count;
   for (int v = 0; v < mesh.vertex_count(); ++v) {
     if (roles[v] < kFixed || roles[v] >= handle_count)
       throw Error(Status::region, "Vertex " + std::to_string(v) + " has the role " +
                                       std::to_string(roles[v]) + ", which is no handle.");
-    if (roles[v] == kFree)
-      free.push_back(v);
-    else
-      any_held = true;
+    if (roles[v] != kFree) continue;
+    region.row[v] = region.free_count();
+    region.free.push_back(v);
   }
-  if (free.empty()) throw Error(Status::region, "No vertex is free to follow.");
-  if (!any_held) throw Error(Status::region, "Nothing holds the mesh: fix some vertices.");
-  return free;
+  if (region.free.empty()) throw Error(Status::region, "No vertex is free to follow.");
+  if (region.free_count() == mesh.vertex_count())
+    throw Error(Status::region, "Nothing holds the mesh: fix some vertices.");
+  return region;
 }
 
-SparseMatrix block(const SparseMatrix& matrix, const std::vector<int>& chosen) {
-  std::vector<int> row(static_cast<size_t>(matrix.rows()), -1);
-  for (size_t r = 0; r < chosen.size(); ++r) row[chosen[r]] = static_cast<int>(r);
-  std::vector<Eigen::Triplet<double>> entries;
-  for (int v : chosen)
-    for (SparseMatrix::InnerIterator it(matrix, v); it; ++it)
-      if (row[it.row()] >= 0) entries.emplace_back(row[it.row()], row[v], it.value());
-  SparseMatrix result(static_cast<Index>(chosen.size()), static_cast<Index>(chosen.size()));
-  result.setFromTriplets(entries.begin(), entries.end());
-  return result;
-}
-
-SparseCholesky factored(const SparseMatrix& laplacian, const std::vector<int>& free) {
+SparseCholesky factored(const SparseMatrix& laplacian, const Region& region) {
   try {
-    return SparseCholesky(block(laplacian, free));
-  } catch (const SingularMatrix& singular) {
-    throw Error(Status::numeric,
-                "The solid can't be solved for near vertex " + std::to_string(free[singular.row()]) +
-                    ": nothing holds the part that it belongs to.");
+    return factor_free_block(free_block(laplacian, region), region);
+  } catch (const UnsolvableSurface& error) {
+    throw Error(Status::numeric, "The solid can't be solved for near vertex " +
+                                     std::to_string(error.vertex()) +
+                                     ": nothing holds the part that it belongs to.");
   }
 }
 
@@ -73,9 +67,9 @@ void validate(const TetMesh& mesh) {
                                       ", which there is not.");
     double longest = 0;
     for (int k = 1; k < 4; ++k)
-      longest = std::max(longest, (mesh.positions.row(mesh.tets(j, k)) -
-                                   mesh.positions.row(mesh.tets(j, 0)))
-                                      .norm());
+      longest = std::max(
+          longest,
+          (mesh.positions.row(mesh.tets(j, k)) - mesh.positions.row(mesh.tets(j, 0))).norm());
     if (!(std::abs(signed_volume(mesh, j)) > 1e-14 * longest * longest * longest))
       throw Error(Status::mesh, name + " has no volume.");
   }
@@ -128,38 +122,32 @@ SparseMatrix deformation_operator(const TetMesh& mesh) {
 TetPoisson::TetPoisson(const TetMesh& mesh, const std::vector<int>& roles, int handle_count,
                        SparseMatrix operator_, const Eigen::VectorXd& weights)
     : rest_(mesh.positions),
-      roles_(roles),
-      free_(checked_free(mesh, roles, handle_count)),
-      handle_count_(handle_count),
+      region_(checked_region(mesh, roles, handle_count)),
       gradient_(std::move(operator_)),
       weighted_(gradient_.transpose() *
                 Eigen::VectorXd(weights.transpose().replicate(3, 1).reshaped()).asDiagonal()),
       laplacian_(weighted_ * gradient_),
-      factor_(factored(laplacian_, free_)) {}
+      factor_(factored(laplacian_, region_)) {}
 
 Positions TetPoisson::solve(const Positions& constrained, const RowMatrix& gradients) const {
   // For the displacement from rest, whose gradients are the wanted ones less I: see PoissonSystem.
   Positions displacement = constrained - rest_;
-  for (int v : free_) displacement.row(v).setZero();
+  for (int v : region_.free) displacement.row(v).setZero();
   RowMatrix change = gradients;
   for (Index row = 0; row < change.rows(); ++row) change(row, row % 3) -= 1;
   const RowMatrix right = weighted_ * change - laplacian_ * displacement;
-  RowMatrix rows(static_cast<Index>(free_.size()), 3);
-  for (size_t r = 0; r < free_.size(); ++r) rows.row(Index(r)) = right.row(free_[r]);
-  rows = factor_.solve(rows);
-  for (size_t r = 0; r < free_.size(); ++r) displacement.row(free_[r]) = rows.row(Index(r));
+  const RowMatrix rows = factor_.solve(free_rows(right, region_));
+  for (int r = 0; r < region_.free_count(); ++r) displacement.row(region_.free[r]) = rows.row(r);
   return rest_ + displacement;
 }
 
 RowMatrix TetPoisson::harmonic_weights() const {
-  RowMatrix weights = RowMatrix::Zero(rest_.rows(), handle_count_);
-  for (size_t v = 0; v < roles_.size(); ++v)
-    if (roles_[v] >= 0) weights(Index(v), roles_[v]) = 1;
+  RowMatrix weights = RowMatrix::Zero(rest_.rows(), region_.handle_count);
+  for (size_t v = 0; v < region_.role.size(); ++v)
+    if (region_.role[v] >= 0) weights(Index(v), region_.role[v]) = 1;
   const RowMatrix right = -(laplacian_ * weights);
-  RowMatrix rows(static_cast<Index>(free_.size()), handle_count_);
-  for (size_t r = 0; r < free_.size(); ++r) rows.row(Index(r)) = right.row(free_[r]);
-  rows = factor_.solve(rows);
-  for (size_t r = 0; r < free_.size(); ++r) weights.row(free_[r]) = rows.row(Index(r));
+  const RowMatrix rows = factor_.solve(free_rows(right, region_));
+  for (int r = 0; r < region_.free_count(); ++r) weights.row(region_.free[r]) = rows.row(r);
   return weights;
 }
 
@@ -171,14 +159,16 @@ Positions edit_by_gradients(const TetPoisson& poisson, const TetMesh& mesh,
   for (int h = 0; h < handle_count; ++h) {
     const Affine matrix(matrices + 12 * static_cast<Index>(h));
     if (!matrix.allFinite())
-      throw Error(Status::argument, "The matrix of handle " + std::to_string(h) + " is not finite.");
+      throw Error(Status::argument,
+                  "The matrix of handle " + std::to_string(h) + " is not finite.");
     linear.push_back(matrix.leftCols<3>());
   }
   Positions constrained = mesh.positions;
   for (int v = 0; v < mesh.vertex_count(); ++v) {
     if (roles[v] < 0) continue;
     const Affine matrix(matrices + 12 * static_cast<Index>(roles[v]));
-    constrained.row(v) = (matrix.leftCols<3>() * mesh.positions.row(v).transpose() + matrix.col(3)).transpose();
+    constrained.row(v) =
+        (matrix.leftCols<3>() * mesh.positions.row(v).transpose() + matrix.col(3)).transpose();
   }
   const RowMatrix of_vertices = poisson.harmonic_weights();
   RowMatrix weights(mesh.tet_count(), handle_count);

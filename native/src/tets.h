@@ -42,7 +42,6 @@ class TetPoisson {
   TetPoisson(const TetMesh& mesh, const std::vector<int>& roles, int handle_count,
              SparseMatrix operator_, const Eigen::VectorXd& weights);
 
-  const std::vector<int>& free() const { return free_; }
   const SparseMatrix& laplacian() const { return laplacian_; }  ///< GᵀDG, n×n
   const SparseMatrix& gradient_operator() const { return gradient_; }
   Index factor_nonzeros() const { return factor_.nonzeros(); }
@@ -56,8 +55,7 @@ class TetPoisson {
 
  private:
   Positions rest_;
-  std::vector<int> roles_, free_;
-  int handle_count_;
+  Region region_;
   SparseMatrix gradient_, weighted_, laplacian_;  // G, GᵀD, GᵀDG
   SparseCholesky factor_;
 };

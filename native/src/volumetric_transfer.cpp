@@ -17,17 +17,6 @@ std::vector<int> with_free_fourth_points(std::vector<int> roles, int count) {
   return roles;
 }
 
-/// Edges from the first corner and the unit normal, as columns.
-Eigen::Matrix3d edges_and_normal(const Positions& p, const Triangles& t, Index j) {
-  Eigen::Matrix3d columns;
-  columns.col(0) = p.row(t(j, 1)) - p.row(t(j, 0));
-  columns.col(1) = p.row(t(j, 2)) - p.row(t(j, 0));
-  const Eigen::Vector3d cross = columns.col(0).cross(columns.col(1));
-  const double length = cross.norm();
-  columns.col(2) = length > 1e-300 ? Eigen::Vector3d(cross / length) : Eigen::Vector3d::Zero();
-  return columns;
-}
-
 }  // namespace
 
 TetMesh with_fourth_points(const Mesh& mesh, const std::vector<int>& triangles) {
@@ -88,9 +77,9 @@ void VolumetricTransfer::update(const Rows& base, Rows& offsets, bool rotation_o
 }
 
 double VolumetricTransfer::bytes() const {
-  const double entries = static_cast<double>(poisson_.factor_nonzeros() +
-                                             poisson_.laplacian().nonZeros() +
-                                             2 * poisson_.gradient_operator().nonZeros());
+  const double entries =
+      static_cast<double>(poisson_.factor_nonzeros() + poisson_.laplacian().nonZeros() +
+                          2 * poisson_.gradient_operator().nonZeros());
   return entries * (sizeof(double) + sizeof(int)) +
          static_cast<double>(tets_.positions.size() * Index(sizeof(double)) +
                              tets_.tets.size() * Index(sizeof(int)));

@@ -9,6 +9,12 @@ import numpy as np
 import pytest
 
 ADDON = Path(__file__).resolve().parents[2] / 'addon' / 'detail_deform'
+IDENTITY = np.eye(4)[None, :3]
+
+
+def rotation(angle, shift):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[[c, 0, s, shift[0]], [0, 1, 0, shift[1]], [-s, 0, c, shift[2]]]])
 
 
 @pytest.fixture(scope='session')

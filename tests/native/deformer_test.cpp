@@ -140,23 +140,11 @@ TEST_CASE("unit, place and numbering of the mesh change nothing but rounding") {
           1e-9);
   }
   SECTION("numbering of vertices and triangles") {
-    std::vector<int> new_of_old(roles.size());
-    std::iota(new_of_old.begin(), new_of_old.end(), 0);
-    std::mt19937 random(3);
-    std::shuffle(new_of_old.begin(), new_of_old.end(), random);
-    Mesh renumbered = mesh;
-    std::vector<int> new_roles(roles.size());
-    for (size_t v = 0; v < roles.size(); ++v) {
-      renumbered.positions.row(new_of_old[v]) = mesh.positions.row(Index(v));
-      new_roles[new_of_old[v]] = roles[v];
-    }
-    for (Index k = 0; k < mesh.triangles.size(); ++k)
-      renumbered.triangles.data()[k] = new_of_old[mesh.triangles.data()[k]];
-    renumbered.triangles = renumbered.triangles.colwise().reverse().eval();
-    Deformer deformer(renumbered, new_roles, 1, {});
+    const auto other = test::renumbered(mesh, roles);
+    Deformer deformer(other.mesh, other.roles, 1, {});
     const Positions result = surface(deformer, {motion});
     for (size_t v = 0; v < roles.size(); ++v)
-      CHECK((result.row(new_of_old[v]) - expected.row(Index(v))).norm() < 1e-9);
+      CHECK((result.row(other.new_of_old[v]) - expected.row(Index(v))).norm() < 1e-9);
   }
 }
 

@@ -24,7 +24,7 @@ Positions divergence_by_pass(const Mesh& surface, const Positions& base, const P
   order.vertex_of_row.resize(static_cast<size_t>(n));
   std::iota(order.vertex_of_row.begin(), order.vertex_of_row.end(), 0);
   order.row_of_vertex = order.vertex_of_row;
-  order.free_count = order.held_begin = order.fixed_begin = n;
+  order.free_count = order.fixed_begin = n;
   const GradientPass pass(base, surface.triangles,
                           corner_divergence(metric, surface.positions, surface.triangles), all,
                           gradient_sources(base, surface.triangles, 1), order);

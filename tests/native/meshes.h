@@ -142,6 +142,28 @@ inline Mesh appended(const Mesh& a, const Mesh& b) {
   return both;
 }
 
+/// The same mesh with vertices shuffled and triangles in reverse order.
+struct Renumbered {
+  Mesh mesh;
+  std::vector<int> roles, new_of_old;
+};
+
+inline Renumbered renumbered(const Mesh& mesh, const std::vector<int>& roles) {
+  Renumbered result{mesh, roles, std::vector<int>(roles.size())};
+  std::vector<int>& new_of_old = result.new_of_old;
+  std::iota(new_of_old.begin(), new_of_old.end(), 0);
+  std::mt19937 random(3);
+  std::shuffle(new_of_old.begin(), new_of_old.end(), random);
+  for (size_t v = 0; v < roles.size(); ++v) {
+    result.mesh.positions.row(new_of_old[v]) = mesh.positions.row(Index(v));
+    result.roles[new_of_old[v]] = roles[v];
+  }
+  for (Index k = 0; k < mesh.triangles.size(); ++k)
+    result.mesh.triangles.data()[k] = new_of_old[mesh.triangles.data()[k]];
+  result.mesh.triangles = result.mesh.triangles.colwise().reverse().eval();
+  return result;
+}
+
 inline double largest_difference(const Positions& a, const Positions& b) {
   return (a - b).cwiseAbs().maxCoeff();
 }

@@ -290,14 +290,16 @@ TEST_CASE("VOLUMES keeps the space between base and surface, whatever the unit")
                                 const Eigen::RowVector3d& c, const Eigen::RowVector3d& d) {
       return (b - a).cross(c - a).dot(d - a) / 6;
     };
-    for (const auto& [i, k, l] : {std::array<int, 3>{0, 1, 2}, {1, 2, 0}, {2, 0, 1},
-                                  {0, 2, 1}, {1, 0, 2}, {2, 1, 0}}) {
+    for (const auto& [i, k, l] :
+         {std::array<int, 3>{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2}, {2, 1, 0}}) {
       const double sign = (k - i + 3) % 3 == 1 ? 1 : -1;
       const Eigen::RowVector3d q0 = base.row(corner[i]), q1 = base.row(corner[k]),
                                q2 = base.row(corner[l]), p0 = over.row(corner[i]),
                                p1 = over.row(corner[k]), p2 = over.row(corner[l]);
-      sum += sign * (tetrahedron(q0, q1, q2, p2) + tetrahedron(q0, q1, p2, p1) +
-                     tetrahedron(q0, p1, p2, p0)) / 6;
+      sum += sign *
+             (tetrahedron(q0, q1, q2, p2) + tetrahedron(q0, q1, p2, p1) +
+              tetrahedron(q0, p1, p2, p0)) /
+             6;
     }
     return sum;
   };
@@ -319,7 +321,8 @@ TEST_CASE("VOLUMES keeps the space between base and surface, whatever the unit")
     by_transfer += std::abs(other[v] - rest[v]);
   }
   INFO("missing of the volume: " << by_volumes / total << ", by transfer " << by_transfer / total);
-  CHECK(by_volumes / total == Approx(deformer.displacement_volumes()->volume_error()).epsilon(1e-6));
+  CHECK(by_volumes / total ==
+        Approx(deformer.displacement_volumes()->volume_error()).epsilon(1e-6));
   CHECK(by_volumes < 0.05 * total);
   CHECK(by_volumes < 0.5 * by_transfer);
 

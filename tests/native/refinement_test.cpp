@@ -87,23 +87,12 @@ TEST_CASE("refined: rest, rigid motion, scale and renumbering are kept") {
   CHECK(test::largest_difference(surface(large, {scaled_motion}, refined(4)) / 1e4, expected) <
         1e-9);
 
-  std::vector<int> new_of_old(plane.roles.size());
-  std::iota(new_of_old.begin(), new_of_old.end(), 0);
-  std::mt19937 random(3);
-  std::shuffle(new_of_old.begin(), new_of_old.end(), random);
-  Mesh renumbered = mesh;
-  std::vector<int> new_roles(plane.roles.size());
-  for (int v = 0; v < mesh.vertex_count(); ++v) {
-    renumbered.positions.row(new_of_old[v]) = mesh.positions.row(v);
-    new_roles[new_of_old[v]] = plane.roles[v];
-  }
-  for (Index k = 0; k < mesh.triangles.size(); ++k)
-    renumbered.triangles.data()[k] = new_of_old[mesh.triangles.data()[k]];
-  Deformer other(renumbered, new_roles, 1, {});
+  const auto renumbered = test::renumbered(mesh, plane.roles);
+  Deformer other(renumbered.mesh, renumbered.roles, 1, {});
   const Positions result = surface(other, {plane.motion}, refined(4));
   double worst = 0;
   for (int v = 0; v < mesh.vertex_count(); ++v)
-    worst = std::max(worst, (result.row(new_of_old[v]) - expected.row(v)).norm());
+    worst = std::max(worst, (result.row(renumbered.new_of_old[v]) - expected.row(v)).norm());
   CHECK(worst < 1e-9);
 }
 

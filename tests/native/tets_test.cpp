@@ -112,8 +112,8 @@ TEST_CASE("editing a solid by gradients: rest, a common rotation, and a translat
   shift.col(3) << 0, 0, 1;
   const Positions shifted = edit_by_gradients(poisson, mesh, roles, 1, shift.data());
   const RowMatrix weights = poisson.harmonic_weights();
-  CHECK(test::largest_difference(shifted - mesh.positions,
-                                 weights * Eigen::RowVector3d(0, 0, 1)) < 1e-10);
+  CHECK(test::largest_difference(shifted - mesh.positions, weights * Eigen::RowVector3d(0, 0, 1)) <
+        1e-10);
   roles = test::held_by_one(roles);
   const TetPoisson held(mesh, roles, 1, gradient(mesh), volumes(mesh));
   Affine motion = test::rotation_about(1.2, {1, 2, 3}, {0, 0, 0}, {1, 2, 3});
@@ -138,12 +138,11 @@ TEST_CASE("unusable solids are refused with the vertex or tetrahedron") {
   mesh.tets(7, 2) = 99;
   CHECK_THAT(refused(), contains("Tetrahedron 7 refers to vertex 99"));
   mesh = shaken_block(3, 0, 1);
-  CHECK_THAT(test::refusal(
-                 [&] {
-                   TetPoisson(mesh, std::vector<int>(27, kFree), 1, gradient(mesh), volumes(mesh));
-                 },
-                 Status::region),
-             contains("Nothing holds"));
+  CHECK_THAT(
+      test::refusal(
+          [&] { TetPoisson(mesh, std::vector<int>(27, kFree), 1, gradient(mesh), volumes(mesh)); },
+          Status::region),
+      contains("Nothing holds"));
 }
 
 TEST_CASE("transfer by fourth points comes close to the surface formulation on the bumpy plane") {

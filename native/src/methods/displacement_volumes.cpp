@@ -71,8 +71,7 @@ DisplacementVolumes::DisplacementVolumes(BoundSurface& bound)
 
   metric_ = free_rows_in_order(bound.operators.laplacian, order);
   const double reach = kReach * height_;
-  for (int r = 0; r < order.free_count; ++r)
-    metric_.coeffRef(r, r) += masses_[r] / (reach * reach);
+  for (int r = 0; r < order.free_count; ++r) metric_.coeffRef(r, r) += masses_[r] / (reach * reach);
   try {
     factor_ = std::make_unique<SparseCholesky>(metric_);
   } catch (const SingularMatrix& singular) {
@@ -190,7 +189,8 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
     Rows change = shift_for(applied(shift) - missing) - shift;
     const double largest = change.cwiseAbs().maxCoeff() / height_;
     if (!std::isfinite(largest))
-      throw Error(Status::numeric, "The volumes can't be restored: the handles' motion is too large.");
+      throw Error(Status::numeric,
+                  "The volumes can't be restored: the handles' motion is too large.");
     if (largest > kLongestStep) change *= kLongestStep / largest;
     shift += change;
     surface.topRows(free_count) = start.topRows(free_count) + shift;
@@ -201,13 +201,14 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
                         std::max(first_change - options.volume_tolerance, 1e-300);
     report(options.progress, std::clamp(1 - left, 0.0, 0.99), "Restoring the volumes");
   }
-  volume_error_ = missing_volumes(surface, frame.base).cwiseAbs().sum() /
-                  rest_volumes_.cwiseAbs().sum();
+  volume_error_ =
+      missing_volumes(surface, frame.base).cwiseAbs().sum() / rest_volumes_.cwiseAbs().sum();
   frame.offsets.topRows(free_count) = surface.topRows(free_count) - bound_.rest.topRows(free_count);
 }
 
 double DisplacementVolumes::bytes() const {
-  const double nonzeros = static_cast<double>(metric_.nonZeros() + (factor_ ? factor_->nonzeros() : 0));
+  const double nonzeros =
+      static_cast<double>(metric_.nonZeros() + (factor_ ? factor_->nonzeros() : 0));
   return transfer_.bytes() + normal_.bytes() +
          static_cast<double>(gradients_.size() * sizeof(Eigen::Matrix3d)) +
          static_cast<double>(triangles_.size()) * sizeof(int) +

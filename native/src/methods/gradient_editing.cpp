@@ -20,7 +20,7 @@ GradientEditing::GradientEditing(BoundSurface& bound) : bound_(bound) {
   // Three handles a solve: a right-hand side of the Poisson system has three columns.
   for (int first = 0; first < handle_count; first += 3) {
     Rows values = Rows::Zero(order.count(), 4);
-    for (int r = order.held_begin; r < order.fixed_begin; ++r) {
+    for (int r = order.free_count; r < order.fixed_begin; ++r) {
       const int column = bound.region.role[order.vertex_of_row[r]] - first;
       if (column >= 0 && column < 3) values(r, column) = 1;
     }
@@ -40,7 +40,8 @@ void GradientEditing::update(const Frame& frame, const MethodOptions& options) {
   const HandleBlend blend(frame.linear, weights_, options.rotation_only);
   double* rows = bound_.poisson.start(frame.offsets);
   for (size_t i = 0; i < active.size(); ++i) {
-    const Eigen::Matrix3d turned = blend.at(Index(i)) * flux_.middleRows<3>(3 * Index(i)).transpose();
+    const Eigen::Matrix3d turned =
+        blend.at(Index(i)) * flux_.middleRows<3>(3 * Index(i)).transpose();
     for (int k = 0; k < 3; ++k)
       Eigen::Map<Eigen::Vector3d>(rows + 4 * Index(order.target_of_vertex(t(active[i], k)))) +=
           turned.col(k);

@@ -23,8 +23,9 @@ struct MethodOptions {
   int levels = 1;  ///< of normal displacements: surfaces that each is displaced from the next
   double volume_tolerance = 1e-2;  ///< of displacement volumes: step to stop at, in mean heights
   int volume_iterations = 50;      ///< of displacement volumes: steps after which to stop anyway
-  Formulation formulation = Formulation::surface;  ///< of transfer; others than surface aren't refined
-  Progress progress = {};          ///< told how far a slow method is
+  Formulation formulation =
+      Formulation::surface;  ///< of transfer; others than surface aren't refined
+  Progress progress = {};    ///< told how far a slow method is
 };
 
 /// One update on its way through a method.

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The C ABI beside binding and deforming: solids, and measures of a deformation."""
+import ctypes
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from conftest import IDENTITY, rotation
+
+
+class Solid:
+    """A row of n cubes, six tetrahedra each; the ends held, the last by handle 0."""
+
+    def __init__(self, n=6):
+        i, j, k = np.meshgrid(np.arange(n + 1), [0, 1], [0, 1], indexing='ij')
+        self.positions = np.stack([i, j, k], -1).reshape(-1, 3).astype(float)
+        number = np.arange(len(self.positions)).reshape(n + 1, 2, 2)
+        self.tets = []
+        for cube in range(n):
+            for path in permutations(range(3)):
+                at = np.array([cube, 0, 0])
+                corners = [number[tuple(at)]]
+                for axis in path:
+                    at[axis] += 1
+                    corners.append(number[tuple(at)])
+                self.tets.append(corners)
+        self.tets = np.array(self.tets, np.int32)
+        self.roles = np.full(len(self.positions), -1, np.int32)
+        self.roles[i.ravel() == 0] = -2
+        self.roles[i.ravel() == n] = 0
+
+
+@pytest.fixture
+def tets(native):
+    """The functions for solids as a plain ctypes caller uses them; the add-on has no use for them."""
+    lib = ctypes.CDLL(native.library_path())
+    lib.dd_last_message.restype = ctypes.c_char_p
+    solid, handle = Solid(), ctypes.c_void_p()
+
+    def size(array):
+        return ctypes.c_size_t(array.size)
+
+    def create(target):
+        return lib.dd_tets_create(solid.positions.ctypes, size(solid.positions), solid.tets.ctypes,
+                                  size(solid.tets), solid.roles.ctypes, size(solid.roles), 1,
+                                  ctypes.byref(target))
+
+    assert create(handle) == 0
+    yield lib, solid, handle, size, create
+    lib.dd_tets_free(handle)
+
+
+def test_operators_of_solids_agree_and_have_the_constants_as_kernel(tets):
+    lib, solid, handle, size, _ = tets
+    found = []
+    for which in range(3):
+        count = ctypes.c_size_t()
+        assert lib.dd_tets_get_operator(handle, which, None, None, None, ctypes.c_size_t(0),
+                                        ctypes.byref(count)) == 0
+        rows, columns = np.empty(count.value, np.int32), np.empty(count.value, np.int32)
+        values = np.empty(count.value)
+        assert lib.dd_tets_get_operator(handle, which, rows.ctypes, columns.ctypes, values.ctypes,
+                                        size(values), ctypes.byref(count)) == 0
+        n = len(solid.positions)
+        matrix = np.zeros((3 * len(solid.tets) if which < 2 else n, n))
+        np.add.at(matrix, (rows, columns), values)
+        found.append(matrix)
+    G, other, L = found
+    assert np.abs(G - other).max() < 1e-12
+    assert np.allclose(L, np.repeat(1 / 6, G.shape[0])[None] * G.T @ G)
+    assert np.abs(L.sum(1)).max() < 1e-12
+
+
+def test_solids_follow_their_handles_and_given_gradients(tets):
+    lib, solid, handle, size, _ = tets
+    out = np.zeros_like(solid.positions)
+    still = np.ascontiguousarray(IDENTITY)
+    assert lib.dd_tets_update(handle, still.ctypes, size(still), out.ctypes, size(out)) == 0
+    assert np.abs(out - solid.positions).max() < 1e-12
+    motion = np.ascontiguousarray(rotation(0.6, (0, 0, 1)))
+    assert lib.dd_tets_update(handle, motion.ctypes, size(motion), out.ctypes, size(out)) == 0
+    moved = solid.positions @ motion[0, :, :3].T + motion[0, :, 3]
+    assert np.allclose(out[solid.roles == 0], moved[solid.roles == 0])
+    gradients = np.ascontiguousarray(np.tile(motion[0, :, :3], (len(solid.tets), 1, 1)))
+    assert lib.dd_tets_solve(handle, moved.ctypes, size(moved), gradients.ctypes, size(gradients),
+                             out.ctypes, size(out)) == 0
+    assert np.allclose(out, moved)
+
+
+def test_unusable_solids_are_refused(tets):
+    lib, solid, _, _, create = tets
+    target = ctypes.c_void_p()
+    solid.tets[3, 1] = solid.tets[3, 0]
+    assert create(target) == 2 and b'Tetrahedron 3' in lib.dd_last_message()
+    solid.tets[3, 1] = 77
+    assert create(target) == 2 and b'vertex 77' in lib.dd_last_message()
+    solid.positions[5, 0] = np.nan
+    assert create(target) == 2 and b'Vertex 5' in lib.dd_last_message()
+    assert not target
+
+
+def test_measures_of_a_deformation(native, strip):
+    scaled = strip.positions * np.float32(2)
+    found = native.measure(strip.positions, scaled, strip.triangles, strip.roles)
+    assert found.intersecting_pairs == 0 and found.normal_error == 0
+    assert found.stretch == pytest.approx(2 ** 0.5, rel=1e-5)
+    assert found.area_ratio == pytest.approx(4, rel=1e-5)
+    # Pushed through itself: the two ends change sides.
+    crossed = strip.positions.copy()
+    crossed[:, 0] = np.abs(crossed[:, 0] - 12) * 0.9
+    crossed[:, 2] += np.where(strip.positions[:, 0] > 12, strip.positions[:, 1] - 3.5, 0)
+    found = native.measure(strip.positions, crossed.astype(np.float32), strip.triangles, strip.roles,
+                           strip.positions, scaled)
+    assert found.new_intersecting_pairs == found.intersecting_pairs > 0
+    assert found.normal_error > 1
+    bad = strip.positions.copy()
+    bad[4, 1] = np.nan
+    with pytest.raises(native.NativeError, match='ertex 4'):
+        native.measure(strip.positions, bad, strip.triangles, strip.roles)
