@@ -19,10 +19,12 @@ SparseMatrix free_block_of_energy(const SurfaceOperators& operators, const Regio
                                   Smoothness smoothness) {
   if (smoothness == Smoothness::membrane) return free_block(operators.laplacian, region);
   const SparseMatrix columns = free_columns(operators.laplacian, region);
-  const SparseMatrix curvature = operators.masses.cwiseInverse().asDiagonal() * columns;
-  if (smoothness == Smoothness::thin_plate) return SparseMatrix(columns.transpose() * curvature);
+  // Evaluated first: Eigen would invert all masses again for each column.
+  const Eigen::VectorXd inverse_masses = operators.masses.cwiseInverse();
+  const SparseMatrix curvature = inverse_masses.asDiagonal() * columns;
+  if (smoothness == Smoothness::thin_plate) return columns.transpose() * curvature;
   const SparseMatrix variation = operators.laplacian * curvature;
-  return SparseMatrix(curvature.transpose() * variation);
+  return curvature.transpose() * variation;
 }
 
 BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& region,

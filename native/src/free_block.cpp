@@ -41,7 +41,9 @@ UnsolvableSurface::UnsolvableSurface(int vertex)
 SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region,
                                  double smallest_pivot) {
   try {
-    return SparseCholesky(block, smallest_pivot);
+    FactorOptions options;
+    options.smallest_pivot = smallest_pivot;
+    return SparseCholesky(block, options);
   } catch (const SingularMatrix& singular) {
     throw UnsolvableSurface(region.free[singular.row()]);
   }

@@ -33,15 +33,57 @@ struct TurnBlock {
   double flux[2][3][kLanes];  ///< corner_divergence of corners 0 and 1
 };
 
+/// A triangular matrix is stored row by row up to the diagonal, but four rows together to the same
+/// length: the first of four up to the diagonal of the last. The rows beyond the last four are single.
+constexpr int64_t packed_triangle_size(int64_t width) {
+  const int64_t fours = width / 4;
+  return 8 * fours * (fours + 1) + (width * (width + 1) - 4 * fours * (4 * fours + 1)) / 2;
+}
+
+/// Length of row i in it.
+constexpr int packed_triangle_row(int i, int width) {
+  return i < (width & ~3) ? (i | 3) + 1 : i + 1;
+}
+
+/// Rows of a factor that a vector register takes together.
+template <class Real>
+constexpr int kRowsTogether = 1;
+template <>
+constexpr int kRowsTogether<float> = 8;
+
+/// A factor as solves read it: see SparseCholesky and Elimination.
+template <class Real>
+struct FactorView {
+  const int32_t* begin;        ///< places of each supernode
+  const int64_t* row_begin;    ///< of each, into slots
+  const int32_t* slots;        ///< row of x for each row below
+  const int64_t* value_begin;  ///< of each, into values
+  /// C_ss⁻¹ as a packed triangle, then the rows below: as many as kRowsTogether by columns, those
+  /// that are left by rows.
+  const Real* values;
+};
+
+/// Loops that come in two precisions. x, right: rows of 4.
+template <class Real>
+struct KernelsOf {
+  /// Forward substitution through the supernodes first to last: x ← C⁻¹ (right + x) in their places,
+  /// and what that takes from the rows below added to those of x.
+  void (*forward)(const FactorView<Real>& factor, int first, int last, const double* right,
+                  Real* x);
+  /// Backward substitution, x ← C⁻ᵀ x.
+  void (*backward)(const FactorView<Real>& factor, int first, int last, Real* x);
+};
+
 /// The loops of a frame, compiled once for each instruction set. Rows are of 4 doubles (x y z and
 /// one unused), all pointers to plain arrays: no Eigen or standard template may be instantiated in
 /// these files, because the linker could then keep the wide version for everyone.
 struct Kernels {
   const char* name;
 
-  /// rows ← (L D Lᵀ)⁻¹ rows. L: unit lower triangular, compressed by columns without its diagonal.
-  void (*solve_factor)(int size, const int* column_starts, const int* row_of, const double* values,
-                       const double* inverse_pivots, double* rows);
+  KernelsOf<float> single;
+  KernelsOf<double> full;
+  template <class Real>
+  const KernelsOf<Real>& of() const;
 
   /// out[r] = rest[r] + Σ_k weights[r][k] · coefficients[k], for row_count rows of 4.
   void (*blend)(int row_count, int term_count, const double* weights, const double* coefficients,
@@ -66,6 +108,15 @@ struct Kernels {
   void (*turn_pass)(int block_count, const TurnBlock* blocks, const double* quaternions,
                     double* right_hand_side);
 };
+
+template <>
+inline const KernelsOf<float>& Kernels::of<float>() const {
+  return single;
+}
+template <>
+inline const KernelsOf<double>& Kernels::of<double>() const {
+  return full;
+}
 
 /// The widest set that this machine can run.
 const Kernels& kernels();

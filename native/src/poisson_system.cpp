@@ -71,13 +71,14 @@ void PoissonSystem::extend(Rows& values) {
 }
 
 void PoissonSystem::solve(Rows& offsets) {
-  factor_.solve_in_order(rows_.data());
-  offsets.topRows(order_.free_count) = rows_.topRows(order_.free_count);
+  factor_.solve_in_order(rows_.data(), space_, nullptr, [&](int begin, int end, const auto* x) {
+    for (int r = begin; r < end; ++r, x += 4)
+      for (int c = 0; c < 4; ++c) offsets(r, c) = x[c];
+  });
 }
 
 double PoissonSystem::bytes() const {
-  const double nonzeros = static_cast<double>(factor_.nonzeros());
-  return nonzeros * (sizeof(double) + sizeof(int)) +
+  return factor_.bytes() +
          static_cast<double>((rows_.size() + rest_divergence_.size()) * Index(sizeof(double))) +
          static_cast<double>(pulls_.size() * sizeof(Pull) +
                              (2 * order_.vertex_of_row.size() + active_.size()) * sizeof(int));

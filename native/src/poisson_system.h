@@ -66,6 +66,7 @@ class PoissonSystem {
   std::vector<int> active_;
   std::vector<Pull> pulls_;  // L between free vertices and those of handles
   Rows rest_divergence_;     // L p
+  SparseCholesky::Space space_;
   Rows rows_;                // right-hand side, then solution; one spare row
 };
 

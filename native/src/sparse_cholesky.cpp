@@ -1,58 +1,272 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "sparse_cholesky.h"
 
+#include <Eigen/OrderingMethods>
 #include <algorithm>
-#include <cmath>
+#include <mutex>
 #include <string>
 
+#include "dense_kernels.h"
 #include "kernels.h"
 
 namespace dd {
+
+namespace {
+
+std::vector<int> minimum_degree(const SparseMatrix& A) {
+  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> permutation;
+  Eigen::AMDOrdering<int>()(A, permutation);
+  return {permutation.indices().data(), permutation.indices().data() + A.cols()};
+}
+
+}  // namespace
 
 SingularMatrix::SingularMatrix(int row)
     : Error(Status::numeric,
             "The system has no unique solution at row " + std::to_string(row) + "."),
       row_(row) {}
 
-SparseCholesky::SparseCholesky(const SparseMatrix& A, double smallest_pivot) {
-  ldlt_.compute(A);
-  const Index n = A.rows();
-  order_.resize(static_cast<size_t>(n));
-  const auto& old_of_new = ldlt_.permutationPinv().indices();
-  for (Index k = 0; k < n; ++k) order_[k] = old_of_new.size() ? old_of_new[k] : static_cast<int>(k);
+SparseCholesky::SparseCholesky(const SparseMatrix& A, const FactorOptions& options)
+    : SparseCholesky(A, std::make_shared<Elimination>(A, minimum_degree(A)), options) {}
 
-  // Eigen stops at a pivot of exactly zero only.
-  inverse_pivots_.resize(static_cast<size_t>(n));
-  const Eigen::VectorXd pivots = ldlt_.vectorD();
-  for (Index k = 0; k < n; ++k) {
-    const double diagonal = A.coeff(order_[k], order_[k]);
-    if (!std::isfinite(pivots[k]) || !(pivots[k] > smallest_pivot * diagonal))
-      throw SingularMatrix(order_[k]);
-    inverse_pivots_[k] = 1 / pivots[k];
+SparseCholesky::SparseCholesky(const SparseMatrix& A,
+                               std::shared_ptr<const Elimination> elimination,
+                               const FactorOptions& options)
+    : elimination_(std::move(elimination)), precision_(options.precision) {
+  const Elimination& e = *elimination_;
+  value_begin_.push_back(0);
+  for (int s = 0; s < e.supernode_count(); ++s) {
+    const int64_t width = e.width(s);
+    value_begin_.push_back(value_begin_.back() + packed_triangle_size(width) + width * e.height(s));
   }
+  if (precision_ == Precision::single)
+    single_ = StreamedArray<float>(static_cast<size_t>(entries()));
+  else
+    full_ = StreamedArray<double>(static_cast<size_t>(entries()));
+  factor(A, options);
 }
 
-void SparseCholesky::solve_in_order(double* rows) const {
-  const auto& factor = ldlt_.matrixL().nestedExpression();
-  kernels().solve_factor(size(), factor.outerIndexPtr(), factor.innerIndexPtr(), factor.valuePtr(),
-                         inverse_pivots_.data(), rows);
+namespace {
+
+/// The fronts of a factorization on their way up the tree.
+class Fronts {
+ public:
+  Fronts(const SparseMatrix& A, const Elimination& e, double smallest_pivot)
+      : A_(A), e_(e), smallest_pivot_(smallest_pivot), updates_(static_cast<size_t>(e.supernode_count())),
+        children_(updates_.size()) {
+    for (int s = 0; s < e.supernode_count(); ++s)
+      if (e.parent[s] >= 0) children_[e.parent[s]].push_back(s);
+  }
+
+  /// Scratch of one thread.
+  struct Scratch {
+    std::vector<double> panel, inverse, bounds;
+    std::vector<int> place, position;
+  };
+
+  /// Factors supernode s: its columns in scratch.panel, first C_ss⁻¹ in scratch.inverse, below it
+  /// the rows Y at the place that is returned.
+  const double* eliminate(int s, Scratch& scratch, Workers* workers) {
+    const int width = e_.width(s), height = e_.height(s), size = width + height;
+    const int first = e_.begin[s];
+    const int* rows = e_.rows.data() + e_.row_begin[s];
+    scratch.place.resize(static_cast<size_t>(e_.size()));
+    for (int i = 0; i < width; ++i) scratch.place[first + i] = i;
+    for (int i = 0; i < height; ++i) scratch.place[rows[i]] = width + i;
+
+    // The pivot columns, then Y beside them; what is left for the parent apart.
+    scratch.panel.assign(static_cast<size_t>(size + height) * static_cast<size_t>(width), 0.0);
+    double* panel = scratch.panel.data();
+    double* y = panel + static_cast<size_t>(size) * static_cast<size_t>(width);
+    std::unique_ptr<double[]>& update = updates_[s];
+    const size_t update_size = static_cast<size_t>(height) * static_cast<size_t>(height);
+    if (height > 0) {
+      update.reset(new double[update_size]);
+      std::fill_n(update.get(), update_size, 0.0);
+    }
+    scratch.bounds.resize(static_cast<size_t>(width));
+    for (int j = 0; j < width; ++j) {
+      double diagonal = 0;
+      for (SparseMatrix::InnerIterator it(A_, e_.order[first + j]); it; ++it) {
+        const int row = e_.place_of[it.row()];
+        if (row < first + j) continue;
+        panel[static_cast<size_t>(j) * size + scratch.place[row]] = it.value();
+        if (row == first + j) diagonal = it.value();
+      }
+      scratch.bounds[j] = smallest_pivot_ * diagonal;
+    }
+    for (int child : children_[s]) add(child, scratch, panel, size, width, update.get(), height);
+
+    const DenseKernels& dense = dense_kernels();
+    scratch.inverse.resize(static_cast<size_t>(width) * static_cast<size_t>(width));
+    const int bad = dense.factor_pivot(width, panel, size, scratch.bounds.data(), scratch.inverse.data());
+    if (bad >= 0) throw SingularMatrix(e_.order[first + bad]);
+    if (height == 0) return y;
+    const auto solve_rows = [&](int64_t begin, int64_t end) {
+      dense.solve_rows(width, static_cast<int>(end - begin), scratch.inverse.data(),
+                       panel + width + begin, size, y + begin, height);
+    };
+    const auto subtract = [&](int64_t begin, int64_t end) {
+      dense.subtract_products(width, height, static_cast<int>(begin), static_cast<int>(end), y,
+                              height, update.get(), height);
+    };
+    if (workers) {
+      workers->over(height, 64, solve_rows);
+      workers->over(height, 64, subtract);
+    } else {
+      solve_rows(0, height);
+      subtract(0, height);
+    }
+    return y;
+  }
+
+ private:
+  void add(int child, Scratch& scratch, double* panel, int size, int width, double* update,
+           int height) {
+    const int count = e_.height(child);
+    const int* rows = e_.rows.data() + e_.row_begin[child];
+    scratch.position.resize(static_cast<size_t>(count));
+    for (int i = 0; i < count; ++i) scratch.position[i] = scratch.place[rows[i]];
+    const int* position = scratch.position.data();
+    const double* from = updates_[child].get();
+    for (int j = 0; j < count; ++j, from += count) {
+      const int column = position[j];
+      double* target = column < width
+                           ? panel + static_cast<size_t>(column) * size
+                           : update + static_cast<size_t>(column - width) * height - width;
+      for (int i = j; i < count; ++i) target[position[i]] += from[i];
+    }
+    updates_[child].reset();
+  }
+
+  const SparseMatrix& A_;
+  const Elimination& e_;
+  double smallest_pivot_;
+  std::vector<std::unique_ptr<double[]>> updates_;  // of each supernode, for its parent
+  std::vector<std::vector<int>> children_;
+};
+
+}  // namespace
+
+void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options) {
+  const Elimination& e = *elimination_;
+  Fronts fronts(A, e, options.smallest_pivot);
+  std::mutex reporting;
+  const auto keep = [&](int s, const Fronts::Scratch& scratch, const double* y) {
+    const int width = e.width(s), height = e.height(s);
+    const auto write = [&](auto* out) {
+      using Real = std::decay_t<decltype(*out)>;
+      for (int i = 0; i < width; ++i)
+        for (int j = 0; j < packed_triangle_row(i, width); ++j)
+          *out++ = static_cast<Real>(scratch.inverse[size_t(j) * width + i]);
+      for (int i = 0, together = kRowsTogether<Real>; i < height; i += together) {
+        if (i + together > height) together = 1;
+        for (int j = 0; j < width; ++j)
+          for (int k = 0; k < together; ++k)
+            *out++ = static_cast<Real>(y[size_t(j) * height + i + k]);
+      }
+    };
+    if (precision_ == Precision::single)
+      write(single_.data() + value_begin_[s]);
+    else
+      write(full_.data() + value_begin_[s]);
+  };
+  const auto run = [&](int first, int last, Workers* workers) {
+    Fronts::Scratch scratch;
+    for (int s = first; s < last; ++s) {
+      keep(s, scratch, fronts.eliminate(s, scratch, workers));
+      if (options.progress && (s & 63) == 0) {
+        const std::lock_guard<std::mutex> lock(reporting);
+        report(options.progress, static_cast<double>(value_begin_[s]) / static_cast<double>(entries()), options.stage);
+      }
+    }
+  };
+  const auto domain = [&](int d) { run(e.domain_begin[d], e.domain_begin[d + 1], nullptr); };
+  if (options.workers)
+    options.workers->run(e.domain_count(), domain);
+  else
+    for (int d = 0; d < e.domain_count(); ++d) domain(d);
+  run(e.domain_begin[e.domain_count()], e.supernode_count(), options.workers);
 }
 
-RowMatrix SparseCholesky::solve(const RowMatrix& B) const {
+template <>
+const float* SparseCholesky::values<float>() const {
+  return single_.data();
+}
+template <>
+const double* SparseCholesky::values<double>() const {
+  return full_.data();
+}
+
+template <class Real>
+void SparseCholesky::prepare(std::vector<Real>& x) const {
+  x.resize(4 * static_cast<size_t>(elimination_->slotted_size()));
+}
+
+template <class Real>
+void SparseCholesky::forward(int domain, const double* right, std::vector<Real>& x) const {
+  const Elimination& e = *elimination_;
+  const bool top = domain == e.domain_count();
+  const int first = e.domain_begin[domain], last = top ? e.supernode_count() : e.domain_begin[domain + 1];
+  const FactorView<Real> view = {e.begin.data(), e.row_begin.data(), e.slots.data(),
+                                 value_begin_.data(), values<Real>()};
+  const auto clear = [&](int begin, int end) {
+    std::fill(x.begin() + 4 * std::ptrdiff_t(begin), x.begin() + 4 * std::ptrdiff_t(end), Real(0));
+  };
+  clear(e.begin[first], e.begin[last]);
+  if (top) {
+    for (size_t k = 0; k < e.slot_target.size(); ++k)
+      for (int c = 0; c < 4; ++c)
+        x[4 * size_t(e.slot_target[k]) + c] += x[4 * (size_t(size()) + k) + c];
+  } else {
+    clear(size() + e.slot_begin[domain], size() + e.slot_begin[domain + 1]);
+  }
+  kernels().of<Real>().forward(view, first, last, right, x.data());
+}
+
+template <class Real>
+void SparseCholesky::backward(int domain, std::vector<Real>& x) const {
+  const Elimination& e = *elimination_;
+  const bool top = domain == e.domain_count();
+  const int first = e.domain_begin[domain], last = top ? e.supernode_count() : e.domain_begin[domain + 1];
+  const FactorView<Real> view = {e.begin.data(), e.row_begin.data(), e.slots.data(),
+                                 value_begin_.data(), values<Real>()};
+  if (!top)
+    for (int k = e.slot_begin[domain]; k < e.slot_begin[domain + 1]; ++k)
+      std::copy_n(x.begin() + 4 * std::ptrdiff_t(e.slot_target[k]), 4,
+                  x.begin() + 4 * (std::ptrdiff_t(size()) + k));
+  kernels().of<Real>().backward(view, first, last, x.data());
+}
+
+RowMatrix SparseCholesky::solve(const RowMatrix& B, Workers* workers) const {
   RowMatrix X(B.rows(), B.cols());
-  Eigen::Matrix<double, Eigen::Dynamic, 4, Eigen::RowMajor> panel(B.rows(), 4);
+  Rows panel(B.rows(), 4);
+  Space space;
   for (Index first = 0; first < B.cols(); first += 4) {
     const Index width = std::min<Index>(4, B.cols() - first);
     panel.setZero();
     for (Index k = 0; k < B.rows(); ++k)
-      panel.row(k).head(width) = B.row(order_[k]).segment(first, width);
-    solve_in_order(panel.data());
-    for (Index k = 0; k < B.rows(); ++k)
-      X.row(order_[k]).segment(first, width) = panel.row(k).head(width);
+      panel.row(k).head(width) = B.row(order()[k]).segment(first, width);
+    solve_in_order(panel.data(), space, workers, [&](int begin, int end, const auto* x) {
+      for (int k = begin; k < end; ++k, x += 4)
+        for (Index c = 0; c < width; ++c) X(order()[k], first + c) = x[c];
+    });
   }
   return X;
 }
 
-Index SparseCholesky::nonzeros() const { return ldlt_.matrixL().nestedExpression().nonZeros(); }
+double SparseCholesky::bytes() const {
+  const Elimination& e = *elimination_;
+  return static_cast<double>(full_.size() * sizeof(double) + single_.size() * sizeof(float) +
+                             (e.rows.size() + e.slots.size() + 2 * e.order.size()) * sizeof(int) +
+                             value_begin_.size() * 2 * sizeof(int64_t));
+}
+
+template void SparseCholesky::prepare(std::vector<float>&) const;
+template void SparseCholesky::prepare(std::vector<double>&) const;
+template void SparseCholesky::forward(int, const double*, std::vector<float>&) const;
+template void SparseCholesky::forward(int, const double*, std::vector<double>&) const;
+template void SparseCholesky::backward(int, std::vector<float>&) const;
+template void SparseCholesky::backward(int, std::vector<double>&) const;
 
 }  // namespace dd

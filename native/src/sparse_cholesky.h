@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <Eigen/SparseCholesky>
+#include <memory>
 #include <vector>
 
+#include "elimination.h"
 #include "error.h"
+#include "progress.h"
+#include "streamed_array.h"
 #include "types.h"
+#include "workers.h"
 
 namespace dd {
 
@@ -20,34 +24,107 @@ class SingularMatrix : public Error {
   int row_;
 };
 
-/// Sparse LDLᵀ of a symmetric positive definite matrix with a fill-reducing (AMD) order: factored
-/// once, then solved for four columns in one pass over the factor. One pass moves the factor
-/// through memory once where a column-by-column solve moves it once a column.
+/// How the factor is kept. It is computed in double always.
+enum class Precision { single, full };
+
+struct FactorOptions {
+  /// A pivot of less than this times its diagonal entry is refused: that far it cancelled. Rounding
+  /// leaves up to some 1e-15 of it in a singular matrix.
+  double smallest_pivot = 1e-14;
+  Precision precision = Precision::full;
+  Workers* workers = nullptr;  ///< null: the caller's thread alone
+  Progress progress = {};      ///< asked now and then, from any thread but one at a time
+  const char* stage = "";      ///< what it is told
+};
+
+/// The factor of a symmetric positive definite matrix, A = C Cᵀ, in supernodes: for each the inverse
+/// of its diagonal block, C_ss⁻¹, and the rows below it, dense. A solve reads each block twice, in
+/// order, and gives all its time to products of small dense matrices with up to four columns at once;
+/// what bounds it is how fast the factor comes from memory, which single precision halves.
+///
+/// Factored by fronts (multifrontal: Duff, Reid 1983; Liu 1992). Domains of the elimination run in
+/// parallel, in the factorization and in each solve.
 class SparseCholesky {
  public:
-  /// Factors A (both triangles or the lower one stored).
-  /// Throws SingularMatrix at a pivot of less than smallest_pivot times its diagonal entry: that
-  /// far it cancelled. Rounding leaves up to some 1e-15 of it in a singular matrix.
-  explicit SparseCholesky(const SparseMatrix& A, double smallest_pivot = 1e-14);
+  /// A: both triangles stored, with the pattern that the elimination was made of.
+  /// Throws SingularMatrix; Error(cancelled).
+  SparseCholesky(const SparseMatrix& A, std::shared_ptr<const Elimination> elimination,
+                 const FactorOptions& options = {});
+  /// Ordered by minimum degree (AMD).
+  explicit SparseCholesky(const SparseMatrix& A, const FactorOptions& options = {});
 
-  int size() const { return static_cast<int>(order_.size()); }
+  const Elimination& elimination() const { return *elimination_; }
+  int size() const { return elimination_->size(); }
   /// order()[k] is the row of A that stands at place k of the factor.
-  const std::vector<int>& order() const { return order_; }
+  const std::vector<int>& order() const { return elimination_->order; }
+  Precision precision() const { return precision_; }
 
-  /// Solves A X = B in place for four columns whose rows stand in the factor's order.
-  /// rows: size()×4 doubles, row-major. The hot path: no copies, no permutation.
-  void solve_in_order(double* rows) const;
+  /// Work space of a solve, slotted_size()×4, to be kept between solves.
+  struct Space {
+    std::vector<float> single;
+    std::vector<double> full;
+  };
+
+  /// Solves A X = B for four columns whose rows stand in the factor's order. right: size()×4,
+  /// row-major. Calls done(begin, end, x) for ranges of places with their rows of x, float or double
+  /// as precision() says, 4 a place; from any thread.
+  template <class Done>
+  void solve_in_order(const double* right, Space& space, Workers* workers, const Done& done) const {
+    if (precision_ == Precision::single)
+      solve_as(right, space.single, workers, done);
+    else
+      solve_as(right, space.full, workers, done);
+  }
 
   /// Solves A X = B, rows in A's own order, any number of columns.
-  RowMatrix solve(const RowMatrix& B) const;
+  RowMatrix solve(const RowMatrix& B, Workers* workers = nullptr) const;
 
-  /// Entries of the factor below the diagonal.
-  Index nonzeros() const;
+  /// Entries that are stored, zeros in supernodes among them.
+  int64_t entries() const { return value_begin_.empty() ? 0 : value_begin_.back(); }
+  double bytes() const;
 
  private:
-  Eigen::SimplicialLDLT<SparseMatrix, Eigen::Lower, Eigen::AMDOrdering<int>> ldlt_;
-  std::vector<double> inverse_pivots_;
-  std::vector<int> order_;
+  template <class Real>
+  const Real* values() const;
+  void factor(const SparseMatrix& A, const FactorOptions& options);
+  template <class Real>
+  void prepare(std::vector<Real>& x) const;
+  template <class Real>
+  void forward(int domain, const double* right, std::vector<Real>& x) const;
+  template <class Real>
+  void backward(int domain, std::vector<Real>& x) const;
+
+  template <class Real, class Done>
+  void solve_as(const double* right, std::vector<Real>& x, Workers* workers,
+                const Done& done) const {
+    const Elimination& e = *elimination_;
+    const int domains = e.domain_count();
+    prepare(x);
+    const auto each_domain = [&](const auto& task) {
+      if (workers)
+        workers->run(domains, task);
+      else
+        for (int d = 0; d < domains; ++d) task(d);
+    };
+    each_domain([&](int d) { forward(d, right, x); });
+    forward(domains, right, x);
+    backward(domains, x);
+    const int top = e.begin[e.domain_begin[domains]];
+    done(top, size(), x.data() + 4 * static_cast<size_t>(top));
+    each_domain([&](int d) {
+      backward(d, x);
+      const int begin = e.begin[e.domain_begin[d]];
+      done(begin, e.begin[e.domain_begin[d + 1]], x.data() + 4 * static_cast<size_t>(begin));
+    });
+  }
+
+  std::shared_ptr<const Elimination> elimination_;
+  Precision precision_ = Precision::full;
+  // Of each supernode, one row after the other: C_ss⁻¹ as a packed triangle, then
+  // the rows below.
+  std::vector<int64_t> value_begin_;
+  StreamedArray<double> full_;
+  StreamedArray<float> single_;
 };
 
 }  // namespace dd

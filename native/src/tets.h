@@ -44,7 +44,7 @@ class TetPoisson {
 
   const SparseMatrix& laplacian() const { return laplacian_; }  ///< GᵀDG, n×n
   const SparseMatrix& gradient_operator() const { return gradient_; }
-  Index factor_nonzeros() const { return factor_.nonzeros(); }
+  double factor_bytes() const { return factor_.bytes(); }
 
   /// Positions with the given ones of constrained vertices and, for the free ones, gradients nearest
   /// to those wanted: 3m×3, S_jᵀ in rows 3j to 3j + 2 (the gradient of the identity being I).

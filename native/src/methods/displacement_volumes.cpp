@@ -207,12 +207,10 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
 }
 
 double DisplacementVolumes::bytes() const {
-  const double nonzeros =
-      static_cast<double>(metric_.nonZeros() + (factor_ ? factor_->nonzeros() : 0));
-  return transfer_.bytes() + normal_.bytes() +
+  return transfer_.bytes() + normal_.bytes() + (factor_ ? factor_->bytes() : 0) +
          static_cast<double>(gradients_.size() * sizeof(Eigen::Matrix3d)) +
          static_cast<double>(triangles_.size()) * sizeof(int) +
-         nonzeros * (sizeof(double) + sizeof(int)) +
+         static_cast<double>(metric_.nonZeros()) * (sizeof(double) + sizeof(int)) +
          static_cast<double>(masses_.size() + rest_volumes_.size()) * sizeof(double);
 }
 

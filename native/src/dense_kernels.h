@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+namespace dd {
+
+/// Dense blocks of a factorization, compiled once for each instruction set. Matrices are stored by
+/// columns, only their lower triangles are used.
+struct DenseKernels {
+  /// A = C Cᵀ in place, width×width. Returns the first column whose pivot, before the root, is not
+  /// above its bound, or -1. inverse ← C⁻¹, width×width with zeros above the diagonal.
+  int (*factor_pivot)(int width, double* a, int stride, const double* bounds, double* inverse);
+  /// Y = B C⁻ᵀ, count×width.
+  void (*solve_rows)(int width, int count, const double* inverse, const double* b, int b_stride,
+                     double* y, int y_stride);
+  /// The columns first to last of the lower triangle of A −= Y Yᵀ, size×size.
+  void (*subtract_products)(int width, int size, int first, int last, const double* y, int y_stride,
+                            double* a, int a_stride);
+};
+
+/// The widest set that this machine can run.
+const DenseKernels& dense_kernels();
+
+}  // namespace dd
