@@ -49,9 +49,12 @@ int main(int argc, char** argv) {
   const dd::Mesh mesh = dd::test::bumpy_plane(side);
   const auto roles = dd::test::strip_roles(side, side, side * 23 / 201, side * 178 / 201);
 
+  dd::BindOptions bind_options;
+  bind_options.precision = dd::Precision::single;
+  bind_options.threads = argc > 2 ? std::atoi(argv[2]) : 1;
   std::unique_ptr<dd::Deformer> deformer;
   const double bind =
-      once([&] { deformer = std::make_unique<dd::Deformer>(mesh, roles, 1, dd::BindOptions{}); });
+      once([&] { deformer = std::make_unique<dd::Deformer>(mesh, roles, 1, bind_options); });
   const dd::Region& region = deformer->region();
   std::printf("%d vertices, %d triangles, %d unknowns, kernels: %s\n", mesh.vertex_count(),
               mesh.triangle_count(), region.free_count(), dd::kernels().name);
@@ -63,8 +66,13 @@ int main(int argc, char** argv) {
 
   dd::test::Affine lift = dd::test::identity();
   lift(2, 3) = 0.4;
-  dd::RowMatrix panel = dd::RowMatrix::Random(region.free_count(), 4);
-  const dd::SparseCholesky own(poisson);
+  dd::BlockOptions block_options;
+  block_options.precision = dd::Precision::single;
+  block_options.places = &mesh.positions;
+  const dd::SparseCholesky own = dd::factor_free_block(poisson, region, block_options);
+  const dd::Rows panel = dd::Rows::Random(own.elimination().slotted_size(), 4);
+  dd::SparseCholesky::Space space;
+  std::vector<float> out(3 * static_cast<size_t>(mesh.vertex_count()));
   Eigen::SimplicialLDLT<dd::SparseMatrix> eigen(poisson);
   Eigen::MatrixXd solution;
 
@@ -73,10 +81,10 @@ int main(int argc, char** argv) {
   refined_once_more.of_method.refine = 5;
 
   std::vector<Contender> contenders = {
-      {"update, handles to positions", [&] { deformer->update(lift.data(), {}); }, {}},
-      {"  with 4 refinements", [&] { deformer->update(lift.data(), refined); }, {}},
-      {"  with 5 refinements", [&] { deformer->update(lift.data(), refined_once_more); }, {}},
-      {"  its solve alone", [&] { own.solve_in_order(panel.data()); }, {}},
+      {"update, handles to positions", [&] { deformer->update_to(out.data(), false, lift.data(), {}); }, {}},
+      {"  with 4 refinements", [&] { deformer->update_to(out.data(), false, lift.data(), refined); }, {}},
+      {"  with 5 refinements", [&] { deformer->update_to(out.data(), false, lift.data(), refined_once_more); }, {}},
+      {"  its solve alone", [&] { own.solve_in_order(panel.data(), space, nullptr, [](int) {}, [](int, int, const auto*) {}); }, {}},
       {"Eigen SimplicialLDLT solve", [&] { solution = eigen.solve(right); }, {}}};
 #ifdef DD_HAVE_CHOLMOD
   Eigen::CholmodSupernodalLLT<dd::SparseMatrix> supernodal(poisson);

@@ -11,6 +11,11 @@ constexpr int kLeastRounds = 2, kMostRounds = 12;
 // A long strip that is held at one end has tiny pivots and may be sound: whether a solution is good
 // shows in extend().
 constexpr double kSmallestPivot = 1e-17;
+BlockOptions tolerant(BlockOptions options) {
+  options.smallest_pivot = kSmallestPivot;
+  return options;
+}
+
 constexpr double kSettled = 1e-11, kUseless = 1e-6;  // of the largest value
 
 }  // namespace
@@ -28,12 +33,13 @@ SparseMatrix free_block_of_energy(const SurfaceOperators& operators, const Regio
 }
 
 BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& region,
-                             Smoothness smoothness)
+                             Smoothness smoothness, const BlockOptions& options)
     : operators_(operators),
       region_(region),
       smoothness_(smoothness),
       factor_(factor_free_block(free_block_of_energy(operators, region, smoothness), region,
-                                kSmallestPivot)) {}
+                                tolerant(options))),
+      workers_(options.workers) {}
 
 RowMatrix apply_energy(const SurfaceOperators& operators, const RowMatrix& values,
                        Smoothness smoothness) {
@@ -52,7 +58,7 @@ RowMatrix BendingSystem::extend(const RowMatrix& values) const {
   double last = 0;
   for (int round = 0;; ++round) {
     const RowMatrix correction =
-        factor_.solve(free_rows(-apply_energy(operators_, x, smoothness_), region_));
+        factor_.solve(free_rows(-apply_energy(operators_, x, smoothness_), region_), workers_);
     for (int r = 0; r < region_.free_count(); ++r) x.row(region_.free[r]) += correction.row(r);
     const double change = correction.cwiseAbs().maxCoeff(), size = x.cwiseAbs().maxCoeff();
     if (round + 1 >= kLeastRounds && change <= kSettled * size) break;

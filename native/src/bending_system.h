@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include "free_block.h"
 #include "operators.h"
 #include "region.h"
 #include "sparse_cholesky.h"
@@ -26,10 +27,13 @@ RowMatrix apply_energy(const SurfaceOperators& operators, const RowMatrix& value
 /// vertices, the smoothest functions that take them on.
 class BendingSystem {
  public:
-  /// operators: of the geometry that K is built on. Both must outlive the system.
-  /// Throws UnsolvableSurface where K is singular.
+  /// operators: of the geometry that K is built on. All but the smoothness and what the options hold
+  /// by value must outlive the system. Throws UnsolvableSurface where K is singular.
   BendingSystem(const SurfaceOperators& operators, const Region& region,
-                Smoothness smoothness = Smoothness::thin_plate);
+                Smoothness smoothness = Smoothness::thin_plate, const BlockOptions& options = {});
+
+  /// For a system of the same region and smoothness.
+  std::shared_ptr<const Elimination> elimination() const { return factor_.shared_elimination(); }
 
   /// K_FF x_F = −K_FC x_C. values: n×k; only the rows of constrained vertices are read.
   /// Returns F×k, rows as in Region::free.
@@ -41,6 +45,7 @@ class BendingSystem {
   const Region& region_;
   Smoothness smoothness_;
   SparseCholesky factor_;
+  Workers* workers_;
 };
 
 }  // namespace dd

@@ -32,30 +32,46 @@ std::string edge_lengths(double value) {
 }  // namespace
 
 BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOptions& options,
-                           const Progress& progress)
+                           Workers& workers, const Progress& progress)
     : mesh(std::move(surface)),
       region(its_region),
       operators(surface_operators(mesh.positions, mesh.triangles)),
-      poisson((report(progress, 0.05, "Factoring the Poisson system"), mesh), region, operators) {
+      poisson((report(progress, 0.05, "Factoring the Poisson system"), mesh), region, operators,
+              options.precision, workers, within(progress, 0.05, 0.15)) {
   if (options.base.size()) {
     base = options.base;
     basis.centres = handle_centres(region, mesh.positions);
   } else {
-    compute_base(options, progress);
+    compute_base(options, workers, progress);
   }
   rest = in_order(mesh.positions, order());
   rest_base = in_order(base, order());
 }
 
-void BoundSurface::compute_base(const BindOptions& options, const Progress& progress) {
+void BoundSurface::compute_base(const BindOptions& options, Workers& workers,
+                                const Progress& progress) {
+  std::shared_ptr<const Elimination> elimination;
+  const auto factored = [&](const SurfaceOperators& metric, double begin, double end,
+                            const char* stage) {
+    report(progress, begin, stage);
+    BlockOptions how;
+    how.places = &mesh.positions;
+    how.elimination = elimination;
+    how.workers = &workers;
+    how.progress = within(progress, begin, end);
+    how.stage = stage;
+    BendingSystem bending(metric, region, options.smoothness, how);
+    elimination = bending.elimination();
+    return bending;
+  };
   const auto extend_handles = [&](const BendingSystem& bending, double begin, double end) {
     return handle_basis(bending, region, mesh.positions, order(), [&](double done) {
       report(progress, begin + done * (end - begin), "Computing the handles' basis functions");
     });
   };
   const auto solve_on = [&](const SurfaceOperators& metric, double begin) {
-    report(progress, begin, "Factoring the base surface's energy");
-    BendingSystem bending(metric, region, options.smoothness);
+    const BendingSystem bending =
+        factored(metric, begin, begin + 0.2, "Factoring the base surface's energy");
     report(progress, begin + 0.2, "Computing the base surface");
     base = base_surface(bending, region, mesh.positions);
     (options.base_metric == BaseMetric::base ? surface_basis : basis) =
@@ -78,9 +94,9 @@ void BoundSurface::compute_base(const BindOptions& options, const Progress& prog
             "its stiffness can't be measured there. Measure it on the surface (SURFACE), or hold "
             "that part by one more handle.",
             [&] {
-              report(progress, 0.6, "Factoring the energy on the base");
               const SurfaceOperators on_base = surface_operators(base, mesh.triangles);
-              const BendingSystem bending(on_base, region, options.smoothness);
+              const BendingSystem bending =
+                  factored(on_base, 0.6, 0.8, "Factoring the energy on the base");
               basis = extend_handles(bending, 0.8, 1);
             });
   }

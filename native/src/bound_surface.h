@@ -16,13 +16,16 @@ struct BindOptions {
   Smoothness smoothness = Smoothness::thin_plate;
   /// B at rest from outside, n×3 in the mesh's units; empty: computed, as the others say.
   Positions base = {};
+  /// Of what a frame works with; see PoissonSystem. Full is for comparisons.
+  Precision precision = Precision::full;
+  int threads = 0;  ///< for the bind and every frame, the caller's among them; 0: what the machine has
 };
 
 /// All that a bind makes once and the methods share.
 struct BoundSurface {
   /// mesh: S, validated, in a box of about unit size, on which tolerances rely; so is a base given
   /// in the options. Throws Error; progress from 0 to 1.
-  BoundSurface(Mesh mesh, const Region& region, const BindOptions& options,
+  BoundSurface(Mesh mesh, const Region& region, const BindOptions& options, Workers& workers,
                const Progress& progress);
 
   Mesh mesh;
@@ -42,7 +45,7 @@ struct BoundSurface {
   double bytes() const;
 
  private:
-  void compute_base(const BindOptions& options, const Progress& progress);
+  void compute_base(const BindOptions& options, Workers& workers, const Progress& progress);
 };
 
 /// n×3 positions as rows of 4 in the given order.

@@ -30,9 +30,17 @@ dd::BindOptions read_options(const dd_bind_options* given, size_t position_count
           "options.smoothness is " + std::to_string(options.smoothness) + ", not 1, 2 or 3.");
   const int smoothness =
       options.smoothness == DD_SMOOTHNESS_DEFAULT ? DD_SMOOTHNESS_THIN_PLATE : options.smoothness;
-  return {static_cast<dd::BaseMetric>(options.base_metric), options.metric_smoothing,
+  require(
+      options.precision == DD_PRECISION_SINGLE || options.precision == DD_PRECISION_DOUBLE,
+      "options.precision is " + std::to_string(options.precision) + ", not single or double.");
+  require(options.threads >= 0 && options.threads <= 1024,
+          "options.threads is " + std::to_string(options.threads) + ", not between 0 and 1024.");
+  return {static_cast<dd::BaseMetric>(options.base_metric),
+          options.metric_smoothing,
           static_cast<dd::Smoothness>(smoothness),
-          read_base(options.base, options.base_count, position_count)};
+          read_base(options.base, options.base_count, position_count),
+          options.precision == DD_PRECISION_SINGLE ? dd::Precision::single : dd::Precision::full,
+          options.threads};
 }
 
 dd_update_options read_options(const dd_update_options* given) {
@@ -288,9 +296,8 @@ int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices, size_t
     require_size("out", out_count, 3 * static_cast<size_t>(bound.mesh().vertex_count()));
     const dd_update_options how = read_options(options);
     const dd::Positions base = read_base(how.base, how.base_count, out_count);
-    const dd::Positions& offsets =
-        bound.update(matrices, update_options(how), base.size() ? &base : nullptr);
-    write_result(bound.mesh().positions, offsets, how.output, out);
+    bound.update_to(out, how.output == DD_OUTPUT_POSITIONS, matrices, update_options(how),
+                    base.size() ? &base : nullptr);
   });
 }
 

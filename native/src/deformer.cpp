@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "deformer.h"
 
+#include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -16,6 +19,8 @@ namespace dd {
 
 namespace {
 
+constexpr int kLeastRange = 1024;  // rows that are worth a task
+
 Mesh validated(Mesh mesh) {
   validate(mesh);
   return mesh;
@@ -25,7 +30,8 @@ Mesh validated(Mesh mesh) {
 
 Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
                    const BindOptions& options, const Progress& progress)
-    : mesh_(validated(std::move(mesh))),
+    : workers_(options.threads),
+      mesh_(validated(std::move(mesh))),
       region_(split_region(mesh_, roles, handle_count,
                            options.base.size() ? MovedBy::base : MovedBy::handles)) {
   report(progress, 0.02, "Building operators");
@@ -34,7 +40,7 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
   BindOptions in_unit = options;
   in_unit.base = to_unit(options.base);
   bound_ = std::make_unique<BoundSurface>(Mesh{to_unit(mesh_.positions), mesh_.triangles}, region_,
-                                          in_unit, progress);
+                                          in_unit, workers_, progress);
   if (!region_.grounds.empty()) floating_ = std::make_unique<FloatingParts>(*bound_);
 
   coefficients_ = RowMatrix::Zero(4 * handle_count, 4);
@@ -49,6 +55,39 @@ Deformer::~Deformer() = default;
 
 const Positions& Deformer::update(const double* matrices, const UpdateOptions& options,
                                   const Positions* deformed_base) {
+  move(matrices, options, deformed_base);
+  scale_to_mesh(moved_, offsets_);
+  return offsets_;
+}
+
+void Deformer::update_to(float* out, bool positions, const double* matrices,
+                         const UpdateOptions& options, const Positions* deformed_base) {
+  move(matrices, options, deformed_base);
+  const std::vector<int>& vertex = bound_->order().vertex_of_row;
+  std::atomic<bool> fits{true};
+  workers_.over(moved_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    double largest = 0, sum = 0;
+    for (int64_t r = begin; r < end; ++r) {
+      const int v = vertex[r];
+      for (int c = 0; c < 3; ++c) {
+        const double offset = scale_ * moved_(r, c);
+        const double value = positions ? mesh_.positions(v, c) + offset : offset;
+        largest = std::max(largest, std::abs(value));
+        sum += value;
+        out[3 * static_cast<size_t>(v) + c] = static_cast<float>(value);
+      }
+    }
+    // A sum finds what is not a number, which no comparison does.
+    if (!std::isfinite(sum) || largest > 0.5 * std::numeric_limits<float>::max()) fits = false;
+  });
+  if (!fits)
+    throw Error(Status::numeric,
+                "The handles' matrices are too large: the deformed surface leaves the range of "
+                "single precision.");
+}
+
+void Deformer::move(const double* matrices, const UpdateOptions& options,
+                    const Positions* deformed_base) {
   take_matrices(matrices);
   const RowOrder& order = bound_->order();
   for (int r = order.free_count; r < order.fixed_begin; ++r) {
@@ -60,14 +99,12 @@ const Positions& Deformer::update(const double* matrices, const UpdateOptions& o
   move_base(deformed_base);
   if (options.shown == Shown::base) {
     moved_ = base_ - bound_->rest;
-  } else {
-    method(options).update({coefficients_, linear_, base_, moved_}, options.of_method);
-    const bool from_gradients =
-        options.method == MethodKind::transfer || options.method == MethodKind::gradient;
-    if (floating_ && from_gradients) floating_->settle(base_, moved_);
+    return;
   }
-  scale_to_mesh(moved_, offsets_);
-  return offsets_;
+  method(options).update({coefficients_, linear_, base_, moved_}, options.of_method);
+  const bool from_gradients =
+      options.method == MethodKind::transfer || options.method == MethodKind::gradient;
+  if (floating_ && from_gradients) floating_->settle(base_, moved_);
 }
 
 void Deformer::move_base(const Positions* deformed) {
@@ -83,8 +120,11 @@ void Deformer::move_base(const Positions* deformed) {
     return;
   }
   const RowMatrix& weights = bound_->basis.weights;
-  kernels().blend(order.free_count, static_cast<int>(weights.cols()), weights.data(),
-                  coefficients_.data(), bound_->rest_base.data(), base_.data());
+  workers_.over(order.free_count, kLeastRange, [&](int64_t begin, int64_t end) {
+    kernels().blend(static_cast<int>(end - begin), static_cast<int>(weights.cols()),
+                    weights.row(begin).data(), coefficients_.data(),
+                    bound_->rest_base.row(begin).data(), base_.row(begin).data());
+  });
   const int held = order.fixed_begin - order.free_count;
   base_.middleRows(order.free_count, held) = bound_->rest_base.middleRows(order.free_count, held) +
                                              moved_.middleRows(order.free_count, held);
@@ -110,7 +150,7 @@ Method& Deformer::method(const UpdateOptions& options) {
   std::unique_ptr<Method>& made = methods_[static_cast<int>(options.method)];
   switch (options.method) {
     case MethodKind::transfer:
-      if (!made) made = std::make_unique<Transfer>(*bound_);
+      if (!made) made = make_transfer(*bound_);
       break;
     case MethodKind::variational:
       if (!made) made = std::make_unique<Variational>(*bound_);
@@ -157,7 +197,7 @@ Positions Deformer::deformed_base() const { return place_in_mesh(base_); }
 
 int Deformer::borrowed_count() const {
   const auto& made = methods_[static_cast<int>(MethodKind::transfer)];
-  return made ? static_cast<const Transfer&>(*made).borrowed_count() : 0;
+  return made ? static_cast<const TransferMethod&>(*made).borrowed_count() : 0;
 }
 
 const NormalDisplacement* Deformer::normal_displacement() const {

@@ -43,6 +43,11 @@ class Deformer {
   const Positions& update(const double* matrices, const UpdateOptions& options,
                           const Positions* deformed_base = nullptr);
 
+  /// The same, straight to floats, n×3: the displacement, or the positions. Throws Error(numeric) too
+  /// where the result leaves their range.
+  void update_to(float* out, bool positions, const double* matrices, const UpdateOptions& options,
+                 const Positions* deformed_base = nullptr);
+
   const Mesh& mesh() const { return mesh_; }
   /// Whether updates need B'.
   bool outside_base() const { return bound_->outside_base(); }
@@ -61,6 +66,7 @@ class Deformer {
   Positions deformed_base() const;
 
  private:
+  void move(const double* matrices, const UpdateOptions& options, const Positions* deformed_base);
   void take_matrices(const double* matrices);
   void move_base(const Positions* deformed);
   /// The method, prepared when it isn't yet.
@@ -70,6 +76,7 @@ class Deformer {
   Positions place_in_mesh(const Rows& rows) const;
   Positions to_unit(const Positions& positions) const;
 
+  Workers workers_;
   Mesh mesh_;
   Region region_;
   // Everything inside is solved in a box of diagonal 1 about the origin, so that no tolerance

@@ -279,10 +279,4 @@ Elimination::Elimination(const SparseMatrix& pattern, const std::vector<int>& fi
   slot_begin.push_back(static_cast<int>(slot_target.size()));
 }
 
-int Elimination::domain_of(int place) const {
-  int d = 0;
-  while (d < domain_count() && place >= begin[domain_begin[d + 1]]) ++d;
-  return d;
-}
-
 }  // namespace dd

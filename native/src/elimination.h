@@ -45,8 +45,10 @@ struct Elimination {
   int slotted_size() const { return size() + static_cast<int>(slot_target.size()); }
   int width(int s) const { return begin[s + 1] - begin[s]; }
   int height(int s) const { return static_cast<int>(row_begin[s + 1] - row_begin[s]); }
-  /// The domain that a place belongs to; domain_count() for the top.
-  int domain_of(int place) const;
+  /// Where the places of a domain begin, of the top for domain_count(), and the end after that.
+  int part_begin(int part) const {
+    return part > domain_count() ? size() : begin[domain_begin[part]];
+  }
 };
 
 }  // namespace dd

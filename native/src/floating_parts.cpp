@@ -43,14 +43,14 @@ FloatingParts::FloatingParts(const BoundSurface& bound) : bound_(bound) {
     arms_.row(Index(i)) =
         centre(bound.rest, triangles_, Index(i)) - centre(bound.rest_base, triangles_, Index(i));
   }
-  blocks_ = rotation_blocks(
+  blocks_ = rotation_blocks<double>(
       bound.base, t, chosen,
       gradient_sources(bound.base, t, bounding_box_diagonal(bound.mesh.positions)), bound.order());
   rotations_ = Rows::Zero(kLanes * static_cast<Index>(blocks_.size()), 4);
 }
 
 void FloatingParts::settle(const Rows& base, Rows& offsets) {
-  kernels().rotation_pass(static_cast<int>(blocks_.size()), blocks_.data(), base.data(),
+  kernels().full.rotation_pass(static_cast<int>(blocks_.size()), blocks_.data(), base.data(),
                           rotations_.data());
   for (const Part& part : parts_) {
     Eigen::RowVector3d missing = Eigen::RowVector3d::Zero();

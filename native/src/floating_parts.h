@@ -32,7 +32,7 @@ class FloatingParts {
   Triangles triangles_;  // with rows for corners
   std::vector<double> areas_;
   Positions arms_;  // c_j − b_j
-  std::vector<RotationBlock> blocks_;
+  std::vector<RotationBlock<double>> blocks_;
   Rows rotations_;
 };
 

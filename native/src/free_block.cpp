@@ -2,6 +2,9 @@
 #include "free_block.h"
 
 #include <string>
+#include <utility>
+
+#include "fill_reducing_order.h"
 
 namespace dd {
 
@@ -38,12 +41,23 @@ UnsolvableSurface::UnsolvableSurface(int vertex)
               "of the region."),
       vertex_(vertex) {}
 
+namespace {
+
+std::shared_ptr<const Elimination> eliminated(const SparseMatrix& block, const Region& region,
+                                              const BlockOptions& options) {
+  if (options.elimination) return options.elimination;
+  if (!options.places) return std::make_shared<Elimination>(block, minimum_degree(block));
+  Positions places(region.free_count(), 3);
+  for (int r = 0; r < region.free_count(); ++r) places.row(r) = options.places->row(region.free[r]);
+  return std::make_shared<Elimination>(block, nested_dissection(block, places));
+}
+
+}  // namespace
+
 SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region,
-                                 double smallest_pivot) {
+                                 const BlockOptions& options) {
   try {
-    FactorOptions options;
-    options.smallest_pivot = smallest_pivot;
-    return SparseCholesky(block, options);
+    return SparseCholesky(block, eliminated(block, region, options), options);
   } catch (const SingularMatrix& singular) {
     throw UnsolvableSurface(region.free[singular.row()]);
   }

@@ -25,8 +25,15 @@ class UnsolvableSurface : public Error {
   int vertex_;
 };
 
+struct BlockOptions : FactorOptions {
+  /// Of all vertices, n×3, where they are known: the order goes by them.
+  const Positions* places = nullptr;
+  /// Of a block of the same pattern, to be used again.
+  std::shared_ptr<const Elimination> elimination = nullptr;
+};
+
 /// Factors a free×free block. Throws UnsolvableSurface where SparseCholesky finds it singular.
 SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region,
-                                 double smallest_pivot = 1e-14);
+                                 const BlockOptions& options = {});
 
 }  // namespace dd

@@ -98,69 +98,87 @@ RestFrame::RestFrame(const Positions& p, const Triangles& t, Index j) {
   const Eigen::Vector3d cross = e1.cross(e2);
   const double length = e1.norm(), double_area = cross.norm();
   inverse_length = 1 / length;
-  shear = e1.dot(e2) / (length * double_area);
-  inverse_height = length / double_area;
+  shear = e1.dot(e2) / double_area;
+  inverse_height = length * length / double_area;
   axes.col(0) = e1 / length;
   axes.col(2) = cross / double_area;
   axes.col(1) = axes.col(2).cross(axes.col(0));
 }
 
-GradientPass::GradientPass(const Positions& base, const Triangles& t, const Positions& corner_flux,
-                           const std::vector<int>& active, const GradientSources& sources,
-                           const RowOrder& order) {
-  blocks_.resize((active.size() + kLanes - 1) / kLanes);
-  for (size_t b = 0; b < blocks_.size(); ++b) {
-    TriangleBlock& block = blocks_[b];
-    block = {};
-    for (int lane = 0; lane < kLanes; ++lane) {
-      for (int k = 0; k < 3; ++k) block.target[k][lane] = order.free_count;
-      const size_t i = b * kLanes + static_cast<size_t>(lane);
-      if (i >= active.size()) continue;
-      const int j = active[i], source = sources.of_triangle[j];
-      if (source < 0) continue;
+namespace {
 
-      const auto corner = t.row(source);
-      const RestFrame frame(base, t, source);
-      block.inverse_length[lane] = frame.inverse_length;
-      block.shear[lane] = frame.shear;
-      block.inverse_height[lane] = frame.inverse_height;
-      for (int k = 0; k < 3; ++k) {
-        block.source[k][lane] = order.row_of_vertex[corner[k]];
-        block.target[k][lane] = order.target_of_vertex(t(j, k));
-      }
-      for (int k = 0; k < 2; ++k) {
-        const Eigen::Vector3d flux =
-            frame.axes.transpose() * corner_flux.row(3 * static_cast<Index>(j) + k).transpose();
-        for (int c = 0; c < 3; ++c) block.flux[k][c][lane] = flux[c];
-      }
-    }
-  }
+template <class Real>
+void put(TriangleShape<Real>& shape, int lane, const RestFrame& frame) {
+  shape.inverse_length[lane] = static_cast<Real>(frame.inverse_length);
+  shape.shear[lane] = static_cast<Real>(frame.shear);
+  shape.inverse_height[lane] = static_cast<Real>(frame.inverse_height);
 }
 
-std::vector<RotationBlock> rotation_blocks(const Positions& rest, const Triangles& t,
-                                           const std::vector<int>& which,
-                                           const GradientSources& sources, const RowOrder& order) {
-  std::vector<RotationBlock> blocks((which.size() + kLanes - 1) / kLanes);
+}  // namespace
+
+ActiveBlocks::ActiveBlocks(const ActiveTriangles& active) : begin{0} {
+  for (int part = 0; part < active.parts(); ++part)
+    begin.push_back(begin.back() +
+                    (active.begin[part + 1] - active.begin[part] + kLanes - 1) / kLanes);
+}
+
+template <class Real>
+GradientPass<Real>::GradientPass(const Positions& base, const Triangles& t,
+                                 const Positions& corner_flux, const GradientSources& sources,
+                                 const PoissonSystem& poisson)
+    : layout_(poisson.active()), blocks_(static_cast<size_t>(layout_.count())) {
+  for (int part = 0; part < layout_.parts(); ++part)
+    for (int b = layout_.begin[part]; b < layout_.begin[part + 1]; ++b)
+      for (int lane = 0; lane < kLanes; ++lane)
+        for (int k = 0; k < 3; ++k) blocks_[b].target[k][lane] = poisson.spare_target(part);
+  layout_.each(poisson.active(), [&](int i, int part, int b, int lane) {
+    TriangleBlock<Real>& block = blocks_[b];
+    const int j = poisson.active().triangles[i], source = sources.of_triangle[j];
+    if (source < 0) return;
+    const RestFrame frame(base, t, source);
+    put(block.shape, lane, frame);
+    for (int k = 0; k < 3; ++k) {
+      block.source[k][lane] = poisson.order().row_of_vertex[t(source, k)];
+      block.target[k][lane] = poisson.target(part, t(j, k));
+    }
+    for (int k = 0; k < 2; ++k) {
+      const Eigen::Vector3d flux =
+          frame.axes.transpose() * corner_flux.row(3 * static_cast<Index>(j) + k).transpose();
+      for (int c = 0; c < 3; ++c) block.flux[k][c][lane] = static_cast<Real>(flux[c]);
+    }
+  });
+}
+
+template <class Real>
+std::vector<RotationBlock<Real>> rotation_blocks(const Positions& rest, const Triangles& t,
+                                                 const std::vector<int>& which,
+                                                 const GradientSources& sources,
+                                                 const RowOrder& order) {
+  std::vector<RotationBlock<Real>> blocks((which.size() + kLanes - 1) / kLanes);
   for (size_t i = 0; i < blocks.size() * kLanes; ++i) {
-    RotationBlock& block = blocks[i / kLanes];
-    const size_t lane = i % kLanes;
+    RotationBlock<Real>& block = blocks[i / kLanes];
+    const int lane = static_cast<int>(i % kLanes);
     block.from_rest[3][lane] = 1;
     const int source = i < which.size() ? sources.of_triangle[which[i]] : -1;
     if (source < 0) continue;  // no area anywhere near, or no triangle: the identity
     const RestFrame frame(rest, t, source);
     for (int k = 0; k < 3; ++k) block.source[k][lane] = order.row_of_vertex[t(source, k)];
-    block.inverse_length[lane] = frame.inverse_length;
-    block.shear[lane] = frame.shear;
-    block.inverse_height[lane] = frame.inverse_height;
+    put(block.shape, lane, frame);
     const Eigen::Quaterniond from_rest(Eigen::Matrix3d(frame.axes.transpose()));
-    for (int c = 0; c < 4; ++c) block.from_rest[c][lane] = from_rest.coeffs()[c];
+    for (int c = 0; c < 4; ++c)
+      block.from_rest[c][lane] = static_cast<Real>(from_rest.coeffs()[c]);
   }
   return blocks;
 }
 
-void GradientPass::add_to(double* right_hand_side, const double* base, bool rotation_only) const {
-  kernels().gradient_pass(static_cast<int>(blocks_.size()), blocks_.data(), base, rotation_only,
-                          right_hand_side);
-}
+template class GradientPass<float>;
+template class GradientPass<double>;
+template std::vector<RotationBlock<float>> rotation_blocks(const Positions&, const Triangles&,
+                                                           const std::vector<int>&,
+                                                           const GradientSources&, const RowOrder&);
+template std::vector<RotationBlock<double>> rotation_blocks(const Positions&, const Triangles&,
+                                                            const std::vector<int>&,
+                                                            const GradientSources&,
+                                                            const RowOrder&);
 
 }  // namespace dd

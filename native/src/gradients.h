@@ -27,8 +27,8 @@ GradientSources gradient_sources(const Positions& base, const Triangles& triangl
 Eigen::Matrix3d edges_and_normal(const Positions& positions, const Triangles& triangles,
                                  Index triangle);
 
-/// A triangle at rest as the passes take it: with edges e1, e2 from its first corner the inverse of
-/// [e1 e2] in its own frame, and that frame's axes e1/|e1|, n × e1/|e1|, n as columns.
+/// A triangle at rest as the passes take it: see TriangleShape, and its frame's axes e1/|e1|,
+/// n × e1/|e1|, n as columns.
 struct RestFrame {
   RestFrame(const Positions& positions, const Triangles& triangles, Index triangle);
   double inverse_length, shear, inverse_height;
@@ -37,28 +37,52 @@ struct RestFrame {
 
 /// The given triangles, at rest, for Kernels::rotation_pass: padded to whole blocks by ones that
 /// don't turn, as those without a source.
-std::vector<RotationBlock> rotation_blocks(const Positions& rest, const Triangles& triangles,
-                                           const std::vector<int>& which,
-                                           const GradientSources& sources, const RowOrder& order);
+template <class Real>
+std::vector<RotationBlock<Real>> rotation_blocks(const Positions& rest, const Triangles& triangles,
+                                                 const std::vector<int>& which,
+                                                 const GradientSources& sources,
+                                                 const RowOrder& order);
+
+/// Blocks of kLanes active triangles, whole ones for each part.
+struct ActiveBlocks {
+  explicit ActiveBlocks(const ActiveTriangles& active);
+  ActiveBlocks() = default;
+  int count() const { return begin.empty() ? 0 : begin.back(); }
+  int parts() const { return static_cast<int>(begin.size()) - 1; }
+  /// Calls body(place in active, part, block, lane) for each active triangle.
+  template <class Body>
+  void each(const ActiveTriangles& active, const Body& body) const {
+    for (int part = 0; part < parts(); ++part)
+      for (int i = active.begin[part]; i < active.begin[part + 1]; ++i) {
+        const int k = i - active.begin[part];
+        body(i, part, begin[part] + k / kLanes, k % kLanes);
+      }
+  }
+  std::vector<int> begin;  ///< first block of each part, and the end
+};
 
 /// A pass over triangles that turns base positions into the right-hand side div(S_jᵀ) of (14).
+template <class Real>
 class GradientPass {
  public:
-  GradientPass() = default;
-  /// base: B at rest, n×3. corner_flux: corner_divergence() of S, 3m×3. active: triangles to visit;
-  /// those without a source are left out.
+  /// base: B at rest, n×3. corner_flux: corner_divergence() of S, 3m×3. Active triangles without a
+  /// source are left out.
   GradientPass(const Positions& base, const Triangles& triangles, const Positions& corner_flux,
-               const std::vector<int>& active, const GradientSources& sources,
-               const RowOrder& order);
+               const GradientSources& sources, const PoissonSystem& poisson);
 
-  /// Adds S_j · flux of each triangle's corners. right_hand_side, base: rows of 4 doubles in the
-  /// given order, the former as of PoissonSystem::start().
-  void add_to(double* right_hand_side, const double* base, bool rotation_only) const;
+  /// Adds S_j · flux of each triangle's corners, those of one part. base: rows of 4 doubles in the
+  /// order of the system, right_hand_side: as in PoissonSystem::solve().
+  void add(int part, const double* base, bool rotation_only, double* right_hand_side) const {
+    const int begin = layout_.begin[part];
+    kernels().of<Real>().gradient_pass(layout_.begin[part + 1] - begin, blocks_.data() + begin,
+                                       base, rotation_only, right_hand_side);
+  }
 
-  double bytes() const { return static_cast<double>(blocks_.size() * sizeof(TriangleBlock)); }
+  double bytes() const { return static_cast<double>(blocks_.size() * sizeof(TriangleBlock<Real>)); }
 
  private:
-  std::vector<TriangleBlock> blocks_;
+  ActiveBlocks layout_;
+  std::vector<TriangleBlock<Real>> blocks_;
 };
 
 }  // namespace dd

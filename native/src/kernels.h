@@ -8,29 +8,40 @@ namespace dd {
 /// Triangles that go through the gradient pass together, one in each lane of the vector unit.
 constexpr int kLanes = 8;
 
+/// Shapes at rest of kLanes triangles with edges e1, e2 from their first corners: the inverse of
+/// [e1 e2] in the triangle's own frame, lengths in |e1|.
+template <class Real>
+struct TriangleShape {
+  Real inverse_length[kLanes];  ///< 1/|e1|
+  Real shear[kLanes];           ///< (e1·e2)/|e1×e2|
+  Real inverse_height[kLanes];  ///< |e1|²/|e1×e2|
+};
+
 /// kLanes triangles, structure of arrays. A source is a row of the base positions; a target is a
 /// row of the right-hand side. Unused lanes have zero flux.
+template <class Real>
 struct TriangleBlock {
-  int32_t source[3][kLanes];      ///< corners of the triangle whose motion from B to B' gives S_j
-  int32_t target[3][kLanes];      ///< where the divergence of its corners is added
-  double inverse_length[kLanes];  ///< with edges e1, e2 of the source triangle at rest:
-  double shear[kLanes];           ///<   1/|e1|, (e1·e2)/(|e1|·|e1×e2|), |e1|/|e1×e2|
-  double inverse_height[kLanes];  ///<   (the inverse of [e1 e2] in the triangle's own frame)
-  double flux[2][3]
-             [kLanes];  ///< corner_divergence of corners 0 and 1 in the rest frame of the source
+  int32_t source[3][kLanes];  ///< corners of the triangle whose motion from B to B' gives S_j
+  int32_t target[3][kLanes];  ///< where the divergence of its corners is added
+  TriangleShape<Real> shape;  ///< of the source
+  Real flux[2][3][kLanes];    ///< corner_divergence of corners 0, 1 in the rest frame of the source
 };
 
 /// kLanes triangles whose rotation from rest to now is asked for, structure of arrays.
+template <class Real>
 struct RotationBlock {
-  int32_t source[3][kLanes];                                             ///< rows of the positions
-  double inverse_length[kLanes], shear[kLanes], inverse_height[kLanes];  ///< as in TriangleBlock
-  double from_rest[4][kLanes];  ///< quaternion x y z w that takes the rest frame to the world's
+  int32_t source[3][kLanes];  ///< rows of the positions
+  TriangleShape<Real> shape;
+  Real from_rest[4][kLanes];  ///< quaternion x y z w that takes the rest frame to the world's
 };
 
-/// kLanes triangles that are turned by a quaternion each. Unused lanes have zero flux.
+/// kLanes triangles that are turned by the mean of their corners' quaternions. Unused lanes have zero
+/// flux.
+template <class Real>
 struct TurnBlock {
+  int32_t corner[3][kLanes];  ///< rows of the quaternions
   int32_t target[3][kLanes];
-  double flux[2][3][kLanes];  ///< corner_divergence of corners 0 and 1
+  Real flux[2][3][kLanes];  ///< corner_divergence of corners 0 and 1
 };
 
 /// A triangular matrix is stored row by row up to the diagonal, but four rows together to the same
@@ -63,7 +74,8 @@ struct FactorView {
   const Real* values;
 };
 
-/// Loops that come in two precisions. x, right: rows of 4.
+/// Loops that come in two precisions: of what is constant in a frame and of what is computed from it.
+/// Positions and right-hand sides are double always. x, right, quaternions: rows of 4.
 template <class Real>
 struct KernelsOf {
   /// Forward substitution through the supernodes first to last: x ← C⁻¹ (right + x) in their places,
@@ -72,6 +84,26 @@ struct KernelsOf {
                   Real* x);
   /// Backward substitution, x ← C⁻ᵀ x.
   void (*backward)(const FactorView<Real>& factor, int first, int last, Real* x);
+
+  /// For each triangle: S_j by (15) from its source corners in base, only its rotation if asked,
+  /// and S_j · flux added to the rows of its target corners.
+  void (*gradient_pass)(int block_count, const TriangleBlock<Real>* blocks, const double* base,
+                        bool rotation_only, double* right_hand_side);
+
+  /// The rotation of each triangle as a unit quaternion x y z w, w ≥ 0, kLanes rows of 4 a block.
+  void (*rotation_pass)(int block_count, const RotationBlock<Real>* blocks, const double* positions,
+                        Real* quaternions);
+
+  /// The means of rotations first to last: out[i] = the normalized Σ_k weights[k] · ± in[index[k]], k
+  /// from starts[i] to starts[i + 1], weights that sum to 1 there. Signs are made to agree where they
+  /// don't, which shows in a short sum.
+  void (*mean_rotations)(int first, int last, const int* starts, const int* index,
+                         const Real* weights, const Real* in, Real* out);
+
+  /// Adds each triangle's flux, turned by the mean of its corners' rotations, to the rows of its
+  /// corners.
+  void (*turn_pass)(int block_count, const TurnBlock<Real>* blocks, const Real* quaternions,
+                    double* right_hand_side);
 };
 
 /// The loops of a frame, compiled once for each instruction set. Rows are of 4 doubles (x y z and
@@ -88,25 +120,6 @@ struct Kernels {
   /// out[r] = rest[r] + Σ_k weights[r][k] · coefficients[k], for row_count rows of 4.
   void (*blend)(int row_count, int term_count, const double* weights, const double* coefficients,
                 const double* rest, double* out);
-
-  /// For each triangle: S_j by (15) from its source corners in base, only its rotation if asked,
-  /// and S_j · flux added to the rows of its target corners.
-  void (*gradient_pass)(int block_count, const TriangleBlock* blocks, const double* base,
-                        bool rotation_only, double* right_hand_side);
-
-  /// The rotation of each triangle as a unit quaternion x y z w, w ≥ 0, kLanes rows of 4 a block.
-  void (*rotation_pass)(int block_count, const RotationBlock* blocks, const double* positions,
-                        double* quaternions);
-
-  /// The mean of rotations: out[i] = the normalized Σ_k weights[k] · ± in[index[k]], k from starts[i]
-  /// to starts[i + 1], weights that sum to 1 there. Signs are made to agree where they don't, which
-  /// shows in a short sum.
-  void (*mean_rotations)(int count, const int* starts, const int* index, const double* weights,
-                         const double* in, double* out);
-
-  /// Adds each triangle's flux, turned by its quaternion, to the rows of its corners.
-  void (*turn_pass)(int block_count, const TurnBlock* blocks, const double* quaternions,
-                    double* right_hand_side);
 };
 
 template <>

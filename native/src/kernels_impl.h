@@ -65,6 +65,43 @@ inline void add_products(int width, int stride, const Real* values, const RowOf<
 }
 
 #ifdef __AVX2__
+/// Asks for what is read a little later. Blocks are too short for the machine to notice by itself where
+/// the stream goes.
+constexpr int64_t kAhead = 4096;  // bytes
+inline void fetch(const void* values, int64_t distance) {
+  _mm_prefetch(static_cast<const char*>(values) + distance, _MM_HINT_T0);
+}
+
+template <int Count>
+inline void dot(int width, int stride, const double* values, const double* rows,
+                RowOf<double>* sums) {
+  __m256d wide[Count];
+  for (int i = 0; i < Count; ++i) wide[i] = _mm256_setzero_pd();
+  for (int c = 0; c < width; ++c) {
+    const __m256d x = _mm256_loadu_pd(rows + 4 * c);
+    if ((c & 7) == 0)
+      for (int i = 0; i < Count; ++i) fetch(values + i * stride + c, kAhead);
+    for (int i = 0; i < Count; ++i)
+      wide[i] = _mm256_fmadd_pd(_mm256_broadcast_sd(values + i * stride + c), x, wide[i]);
+  }
+  for (int i = 0; i < Count; ++i) _mm256_storeu_pd(sums[i].v, wide[i]);
+}
+
+template <int Count>
+inline void add_products(int width, int stride, const double* values, const RowOf<double>* factors,
+                         double* rows) {
+  __m256d wide[Count];
+  for (int i = 0; i < Count; ++i) wide[i] = _mm256_loadu_pd(factors[i].v);
+  for (int c = 0; c < width; ++c) {
+    __m256d x = _mm256_loadu_pd(rows + 4 * c);
+    if ((c & 7) == 0)
+      for (int i = 0; i < Count; ++i) fetch(values + i * stride + c, -kAhead);
+    for (int i = 0; i < Count; ++i)
+      x = _mm256_fmadd_pd(_mm256_broadcast_sd(values + i * stride + c), wide[i], x);
+    _mm256_storeu_pd(rows + 4 * c, x);
+  }
+}
+
 // Two columns at once: a register of eight holds two rows of x, and each of two values is spread over
 // its half.
 inline __m256 spread_pair(const float* p) {
@@ -124,13 +161,6 @@ inline void transpose_quarters(__m256& a, __m256& b, __m256& c, __m256& d) {
   b = _mm256_shuffle_ps(ab, cd, 0xEE);
   c = _mm256_shuffle_ps(AB, CD, 0x44);
   d = _mm256_shuffle_ps(AB, CD, 0xEE);
-}
-
-/// Asks for what is read a little later. Blocks are too short for the machine to notice by itself where
-/// the stream goes.
-constexpr int64_t kAhead = 4096;  // bytes
-inline void fetch(const float* values, int64_t distance) {
-  _mm_prefetch(reinterpret_cast<const char*>(values) + distance, _MM_HINT_T0);
 }
 
 template <int Blocks>
@@ -343,31 +373,46 @@ void blend(int row_count, int term_count, const double* weights, const double* c
 }
 
 /// Below this a squared length counts as zero: its direction then becomes the zero vector, and
-/// whatever a triangle collapsed to stays finite.
-constexpr double kTiny = 1e-280;
+/// whatever a triangle collapsed to stays finite. Lengths are in those of the triangle at rest.
+template <class Real>
+constexpr Real kTiny = static_cast<Real>(sizeof(Real) == 4 ? 1e-30 : 1e-280);
 
-inline double guarded_inverse_sqrt(double x) { return 1.0 / sqrt(x > kTiny ? x : kTiny); }
+inline float square_root(float x) { return sqrtf(x); }
+inline double square_root(double x) { return sqrt(x); }
+
+template <class Real>
+inline Real guarded_inverse_sqrt(Real x) {
+  return 1 / square_root(x > kTiny<Real> ? x : kTiny<Real>);
+}
+
+/// Numbers of a block's triangles, one in each lane.
+template <class Real>
+using Lanes = Real[kLanes];
 
 /// Two edges of each lane's triangle, from its first corner.
+template <class Real>
 struct Edges {
-  double first[3][kLanes], second[3][kLanes];
+  Lanes<Real> first[3], second[3];
 };
 
+/// Differences are taken in double whatever follows: positions are larger than edges.
+template <class Real>
 inline void gather_edges(const int32_t (&source)[3][kLanes], const double* positions,
-                         Edges& edges) {
+                         Edges<Real>& edges) {
   for (int lane = 0; lane < kLanes; ++lane) {
     const double* p0 = positions + 4 * static_cast<int64_t>(source[0][lane]);
     const double* p1 = positions + 4 * static_cast<int64_t>(source[1][lane]);
     const double* p2 = positions + 4 * static_cast<int64_t>(source[2][lane]);
     for (int c = 0; c < 3; ++c) {
-      edges.first[c][lane] = p1[c] - p0[c];
-      edges.second[c][lane] = p2[c] - p0[c];
+      edges.first[c][lane] = static_cast<Real>(p1[c] - p0[c]);
+      edges.second[c][lane] = static_cast<Real>(p2[c] - p0[c]);
     }
   }
 }
 
 /// Adds the flux of corners 0 and 1 to their rows and takes both from that of corner 2.
-inline void scatter(const int32_t (&target)[3][kLanes], const double (&flux)[2][3][kLanes],
+template <class Real>
+inline void scatter(const int32_t (&target)[3][kLanes], const Real (&flux)[2][3][kLanes],
                     double* right_hand_side) {
   for (int lane = 0; lane < kLanes; ++lane) {
     double* r0 = right_hand_side + 4 * static_cast<int64_t>(target[0][lane]);
@@ -381,57 +426,110 @@ inline void scatter(const int32_t (&target)[3][kLanes], const double (&flux)[2][
   }
 }
 
-/// A lane's triangle as it is now: the axes t = e1/|e1|, b = n × t and n, and in them e1 = (length,
-/// 0), e2 = (along, height).
+#ifdef __AVX2__
+/// Eight rows of four as four lanes of eight.
+inline void transpose_to_lanes(const __m128 (&rows)[kLanes], float (*lanes)[kLanes]) {
+  __m256 r[4];
+  for (int i = 0; i < 4; ++i)
+    r[i] = _mm256_insertf128_ps(_mm256_castps128_ps256(rows[i]), rows[i + 4], 1);
+  transpose_quarters(r[0], r[1], r[2], r[3]);
+  for (int c = 0; c < 3; ++c) _mm256_storeu_ps(lanes[c], r[c]);
+}
+
+inline void gather_edges(const int32_t (&source)[3][kLanes], const double* positions,
+                         Edges<float>& edges) {
+  __m128 first[kLanes], second[kLanes];
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const __m256d p0 = _mm256_loadu_pd(positions + 4 * static_cast<int64_t>(source[0][lane]));
+    const __m256d p1 = _mm256_loadu_pd(positions + 4 * static_cast<int64_t>(source[1][lane]));
+    const __m256d p2 = _mm256_loadu_pd(positions + 4 * static_cast<int64_t>(source[2][lane]));
+    first[lane] = _mm256_cvtpd_ps(_mm256_sub_pd(p1, p0));
+    second[lane] = _mm256_cvtpd_ps(_mm256_sub_pd(p2, p0));
+  }
+  transpose_to_lanes(first, edges.first);
+  transpose_to_lanes(second, edges.second);
+}
+
+inline void scatter(const int32_t (&target)[3][kLanes], const float (&flux)[2][3][kLanes],
+                    double* right_hand_side) {
+  __m256 r[2][4];
+  for (int k = 0; k < 2; ++k) {
+    for (int c = 0; c < 3; ++c) r[k][c] = _mm256_loadu_ps(flux[k][c]);
+    r[k][3] = _mm256_setzero_ps();
+    transpose_quarters(r[k][0], r[k][1], r[k][2], r[k][3]);
+  }
+  const auto add = [&](int corner, int lane, __m256d value) {
+    double* row = right_hand_side + 4 * static_cast<int64_t>(target[corner][lane]);
+    _mm256_storeu_pd(row, _mm256_add_pd(_mm256_loadu_pd(row), value));
+  };
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const auto part = [&](int k) {
+      return _mm256_cvtps_pd(lane < 4 ? _mm256_castps256_ps128(r[k][lane])
+                                      : _mm256_extractf128_ps(r[k][lane & 3], 1));
+    };
+    const __m256d first = part(0), second = part(1);
+    add(0, lane, first);
+    add(1, lane, second);
+    add(2, lane, _mm256_sub_pd(_mm256_setzero_pd(), _mm256_add_pd(first, second)));
+  }
+}
+#endif
+
+/// A lane's triangle as it is now: the axes t = e1/|e1|, b = n × t and n, and the upper triangular
+/// matrix [a s; 0 d] that takes its shape at rest to that of now.
+template <class Real>
 struct Present {
-  double tx, ty, tz, bx, by, bz, nx, ny, nz, length, along, height;
+  Real tx, ty, tz, bx, by, bz, nx, ny, nz, a, s, d;
 };
 
-inline Present present(const Edges& edges, int lane) {
-  const double x1 = edges.first[0][lane], y1 = edges.first[1][lane], z1 = edges.first[2][lane];
-  const double x2 = edges.second[0][lane], y2 = edges.second[1][lane], z2 = edges.second[2][lane];
-  const double l2 = x1 * x1 + y1 * y1 + z1 * z1;
-  const double inv_l = guarded_inverse_sqrt(l2);
-  const double tx = x1 * inv_l, ty = y1 * inv_l, tz = z1 * inv_l;
-  const double cx = y1 * z2 - z1 * y2, cy = z1 * x2 - x1 * z2, cz = x1 * y2 - y1 * x2;
-  const double n2 = cx * cx + cy * cy + cz * cz;
-  const double inv_n = guarded_inverse_sqrt(n2);
-  const double nx = cx * inv_n, ny = cy * inv_n, nz = cz * inv_n;
-  return {tx, ty, tz, ny * tz - nz * ty, nz * tx - nx * tz,           nx * ty - ny * tx,
-          nx, ny, nz, l2 * inv_l,        tx * x2 + ty * y2 + tz * z2, n2 * inv_n * inv_l};
+template <class Real>
+inline Present<Real> present(const Edges<Real>& edges, const TriangleShape<Real>& shape, int lane) {
+  const Real unit = shape.inverse_length[lane];
+  const Real x1 = unit * edges.first[0][lane], y1 = unit * edges.first[1][lane],
+             z1 = unit * edges.first[2][lane];
+  const Real x2 = unit * edges.second[0][lane], y2 = unit * edges.second[1][lane],
+             z2 = unit * edges.second[2][lane];
+  const Real l2 = x1 * x1 + y1 * y1 + z1 * z1;
+  const Real inv_l = guarded_inverse_sqrt(l2);
+  const Real tx = x1 * inv_l, ty = y1 * inv_l, tz = z1 * inv_l;
+  const Real cx = y1 * z2 - z1 * y2, cy = z1 * x2 - x1 * z2, cz = x1 * y2 - y1 * x2;
+  const Real n2 = cx * cx + cy * cy + cz * cz;
+  const Real inv_n = guarded_inverse_sqrt(n2);
+  const Real nx = cx * inv_n, ny = cy * inv_n, nz = cz * inv_n;
+  const Real length = l2 * inv_l, along = tx * x2 + ty * y2 + tz * z2, height = n2 * inv_n * inv_l;
+  const Real stretch = shape.inverse_height[lane];
+  return {tx, ty, tz, ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx,
+          nx, ny, nz, length, along * stretch - length * shape.shear[lane], height * stretch};
 }
 
 /// RotationOnly is known to the compiler, which can make vector code of the lanes only without a
 /// branch in them.
-template <bool RotationOnly>
-void gradient_pass_as(int block_count, const TriangleBlock* blocks, const double* base,
+template <bool RotationOnly, class Real>
+void gradient_pass_as(int block_count, const TriangleBlock<Real>* blocks, const double* base,
                       double* right_hand_side) {
   for (int b = 0; b < block_count; ++b) {
-    const TriangleBlock& block = blocks[b];
-    Edges edges;
+    const TriangleBlock<Real>& block = blocks[b];
+    Edges<Real> edges;
     gather_edges(block.source, base, edges);
 
     // S_j takes the rest frame (t1, t2, n) of the triangle to the present one (t1', t2', n') and
     // in between shears the plane by the upper triangular 2×2 matrix [a s; 0 d]. The rotation
     // in its polar decomposition is that of the 2×2 matrix, in closed form, with determinant +1.
-    double flux[2][3][kLanes];
+    Real flux[2][3][kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
-      const Present now = present(edges, lane);
-      double a = now.length * block.inverse_length[lane];
-      double s = now.along * block.inverse_height[lane] - now.length * block.shear[lane];
-      double d = now.height * block.inverse_height[lane];
-      double q = 0;
+      const Present<Real> now = present(edges, block.shape, lane);
+      Real a = now.a, s = now.s, d = now.d, q = 0;
       if (RotationOnly) {
-        const double cosine = a + d;
-        const double scale = guarded_inverse_sqrt(cosine * cosine + s * s);
+        const Real cosine = a + d;
+        const Real scale = guarded_inverse_sqrt(cosine * cosine + s * s);
         a = d = cosine * scale;
         s *= scale;
         q = -s;
       }
       for (int corner = 0; corner < 2; ++corner) {
-        const double u = block.flux[corner][0][lane], v = block.flux[corner][1][lane],
-                     w = block.flux[corner][2][lane];
-        const double f = a * u + s * v, g = q * u + d * v;
+        const Real u = block.flux[corner][0][lane], v = block.flux[corner][1][lane],
+                   w = block.flux[corner][2][lane];
+        const Real f = a * u + s * v, g = q * u + d * v;
         flux[corner][0][lane] = now.tx * f + now.bx * g + now.nx * w;
         flux[corner][1][lane] = now.ty * f + now.by * g + now.ny * w;
         flux[corner][2][lane] = now.tz * f + now.bz * g + now.nz * w;
@@ -442,110 +540,141 @@ void gradient_pass_as(int block_count, const TriangleBlock* blocks, const double
   }
 }
 
-void gradient_pass(int block_count, const TriangleBlock* blocks, const double* base,
+template <class Real>
+void gradient_pass(int block_count, const TriangleBlock<Real>* blocks, const double* base,
                    bool rotation_only, double* right_hand_side) {
-  (rotation_only ? gradient_pass_as<true> : gradient_pass_as<false>)(block_count, blocks, base,
-                                                                     right_hand_side);
+  (rotation_only ? gradient_pass_as<true, Real>
+                 : gradient_pass_as<false, Real>)(block_count, blocks, base, right_hand_side);
 }
 
-void rotation_pass(int block_count, const RotationBlock* blocks, const double* positions,
-                   double* quaternions) {
+template <class Real>
+void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const double* positions,
+                   Real* quaternions) {
   for (int b = 0; b < block_count; ++b) {
-    const RotationBlock& block = blocks[b];
-    Edges edges;
+    const RotationBlock<Real>& block = blocks[b];
+    Edges<Real> edges;
     gather_edges(block.source, positions, edges);
-    double q[4][kLanes];
+    Real q[4][kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
-      const Present now = present(edges, lane);
+      const Present<Real> now = present(edges, block.shape, lane);
       // The frame turned within its plane, as the 2×2 matrix [a s; 0 d] of gradient_pass asks.
-      const double a = now.length * block.inverse_length[lane];
-      const double s = now.along * block.inverse_height[lane] - now.length * block.shear[lane];
-      const double d = now.height * block.inverse_height[lane];
-      const double scale = guarded_inverse_sqrt((a + d) * (a + d) + s * s);
-      const double cosine = (a + d) * scale, sine = -s * scale;
-      const double ux = cosine * now.tx + sine * now.bx, uy = cosine * now.ty + sine * now.by,
-                   uz = cosine * now.tz + sine * now.bz;
-      const double vx = cosine * now.bx - sine * now.tx, vy = cosine * now.by - sine * now.ty,
-                   vz = cosine * now.bz - sine * now.tz;
+      const Real trace = now.a + now.d;
+      const Real scale = guarded_inverse_sqrt(trace * trace + now.s * now.s);
+      const Real cosine = trace * scale, sine = -now.s * scale;
+      const Real ux = cosine * now.tx + sine * now.bx, uy = cosine * now.ty + sine * now.by,
+                 uz = cosine * now.tz + sine * now.bz;
+      const Real vx = cosine * now.bx - sine * now.tx, vy = cosine * now.by - sine * now.ty,
+                 vz = cosine * now.bz - sine * now.tz;
 
       // Four times the products of each quaternion component with all; the largest square is safe
       // to divide by.
-      const double ww = 1 + ux + vy + now.nz, xx = 1 + ux - vy - now.nz, yy = 1 - ux + vy - now.nz,
-                   zz = 1 - ux - vy + now.nz;
-      const double wx = vz - now.ny, wy = now.nx - uz, wz = uy - vx;
-      const double xy = uy + vx, xz = uz + now.nx, yz = vz + now.ny;
+      const Real ww = 1 + ux + vy + now.nz, xx = 1 + ux - vy - now.nz, yy = 1 - ux + vy - now.nz,
+                 zz = 1 - ux - vy + now.nz;
+      const Real wx = vz - now.ny, wy = now.nx - uz, wz = uy - vx;
+      const Real xy = uy + vx, xz = uz + now.nx, yz = vz + now.ny;
       const bool w_or_x = ww + xx > yy + zz;  // w² + x² > 1/2, or else y² + z² is
       const bool second = w_or_x ? xx > ww : zz > yy;
-      const double px = w_or_x ? (second ? xx : wx) : (second ? xz : xy);
-      const double py = w_or_x ? (second ? xy : wy) : (second ? yz : yy);
-      const double pz = w_or_x ? (second ? xz : wz) : (second ? zz : yz);
-      const double pw = w_or_x ? (second ? wx : ww) : (second ? wz : wy);
-      const double unit = guarded_inverse_sqrt(px * px + py * py + pz * pz + pw * pw);
+      const Real px = w_or_x ? (second ? xx : wx) : (second ? xz : xy);
+      const Real py = w_or_x ? (second ? xy : wy) : (second ? yz : yy);
+      const Real pz = w_or_x ? (second ? xz : wz) : (second ? zz : yz);
+      const Real pw = w_or_x ? (second ? wx : ww) : (second ? wz : wy);
+      const Real unit = guarded_inverse_sqrt(px * px + py * py + pz * pz + pw * pw);
 
       // now · from_rest
-      const double rx = block.from_rest[0][lane], ry = block.from_rest[1][lane],
-                   rz = block.from_rest[2][lane], rw = block.from_rest[3][lane];
-      const double turn_w = pw * rw - px * rx - py * ry - pz * rz;
-      const double sign = turn_w < 0 ? -unit : unit;
+      const Real rx = block.from_rest[0][lane], ry = block.from_rest[1][lane],
+                 rz = block.from_rest[2][lane], rw = block.from_rest[3][lane];
+      const Real turn_w = pw * rw - px * rx - py * ry - pz * rz;
+      const Real sign = turn_w < 0 ? -unit : unit;
       q[0][lane] = sign * (pw * rx + px * rw + py * rz - pz * ry);
       q[1][lane] = sign * (pw * ry - px * rz + py * rw + pz * rx);
       q[2][lane] = sign * (pw * rz + px * ry - py * rx + pz * rw);
       q[3][lane] = sign * turn_w;
     }
-    double* out = quaternions + 4 * kLanes * static_cast<int64_t>(b);
+    Real* out = quaternions + 4 * kLanes * static_cast<int64_t>(b);
     for (int lane = 0; lane < kLanes; ++lane)
       for (int c = 0; c < 4; ++c) out[4 * lane + c] = q[c][lane];
   }
 }
 
-inline double squared_length(const Row& q) {
+template <class Real>
+inline Real squared_length(const RowOf<Real>& q) {
   return (q.v[0] * q.v[0] + q.v[1] * q.v[1]) + (q.v[2] * q.v[2] + q.v[3] * q.v[3]);
 }
 
 /// Σ weights[k] · ± in[index[k]] with signs that agree with the first.
-Row sum_with_signs(int begin, int end, const int* index, const double* weights, const double* in) {
-  const Row first = load(in + 4 * static_cast<int64_t>(index[begin]));
-  Row sum = {{0, 0, 0, 0}};
+template <class Real>
+RowOf<Real> sum_with_signs(int begin, int end, const int* index, const Real* weights,
+                           const Real* in) {
+  const RowOf<Real> first = load(in + 4 * static_cast<int64_t>(index[begin]));
+  RowOf<Real> sum = {};
   for (int k = begin; k < end; ++k) {
-    const Row q = load(in + 4 * static_cast<int64_t>(index[k]));
-    double cosine = 0;
+    const RowOf<Real> q = load(in + 4 * static_cast<int64_t>(index[k]));
+    Real cosine = 0;
     for (int c = 0; c < 4; ++c) cosine += q.v[c] * first.v[c];
     add_scaled(sum, cosine < 0 ? -weights[k] : weights[k], q);
   }
   return sum;
 }
 
-void mean_rotations(int count, const int* starts, const int* index, const double* weights,
-                    const double* in, double* out) {
-  for (int i = 0; i < count; ++i) {
-    Row sum = {{0, 0, 0, 0}};
+template <class Real>
+void mean_rotations(int first, int last, const int* starts, const int* index, const Real* weights,
+                    const Real* in, Real* out) {
+  for (int i = first; i < last; ++i) {
+    RowOf<Real> sum = {};
     for (int k = starts[i]; k < starts[i + 1]; ++k)
       add_scaled(sum, weights[k], load(in + 4 * static_cast<int64_t>(index[k])));
     // Rotations that lie close together sum up to nearly 1, unless their signs differ.
-    if (squared_length(sum) < 0.8)
+    Real length = squared_length(sum);
+    if (length < Real(0.8)) {
       sum = sum_with_signs(starts[i], starts[i + 1], index, weights, in);
-    const double scale = guarded_inverse_sqrt(squared_length(sum));
+      length = squared_length(sum);
+    }
+    const Real scale = guarded_inverse_sqrt(length);
     for (int c = 0; c < 4; ++c) sum.v[c] *= scale;
     store(out + 4 * static_cast<int64_t>(i), sum);
   }
 }
 
-void turn_pass(int block_count, const TurnBlock* blocks, const double* quaternions,
+template <class Real>
+void turn_pass(int block_count, const TurnBlock<Real>* blocks, const Real* quaternions,
                double* right_hand_side) {
   for (int b = 0; b < block_count; ++b) {
-    const TurnBlock& block = blocks[b];
-    const double* in = quaternions + 4 * kLanes * static_cast<int64_t>(b);
-    double q[4][kLanes];
-    for (int lane = 0; lane < kLanes; ++lane)
-      for (int c = 0; c < 4; ++c) q[c][lane] = in[4 * lane + c];
-    double flux[2][3][kLanes];
+    const TurnBlock<Real>& block = blocks[b];
+    Real q[4][kLanes];
+    bool apart = false;
+    for (int lane = 0; lane < kLanes; ++lane) {
+      RowOf<Real> sum = {};
+      for (int k = 0; k < 3; ++k)
+        add_scaled(sum, Real(1), load(quaternions + 4 * static_cast<int64_t>(block.corner[k][lane])));
+      for (int c = 0; c < 4; ++c) q[c][lane] = sum.v[c];
+    }
+    Lanes<Real> length;
+    for (int lane = 0; lane < kLanes; ++lane) {
+      length[lane] = q[0][lane] * q[0][lane] + q[1][lane] * q[1][lane] + q[2][lane] * q[2][lane] +
+                     q[3][lane] * q[3][lane];
+      apart |= length[lane] < Real(0.8 * 9);
+    }
+    if (apart) {
+      for (int lane = 0; lane < kLanes; ++lane) {
+        const int index[3] = {block.corner[0][lane], block.corner[1][lane], block.corner[2][lane]};
+        const Real ones[3] = {1, 1, 1};
+        const RowOf<Real> sum = sum_with_signs(0, 3, index, ones, quaternions);
+        for (int c = 0; c < 4; ++c) q[c][lane] = sum.v[c];
+        length[lane] = squared_length(sum);
+      }
+    }
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const Real scale = guarded_inverse_sqrt(length[lane]);
+      for (int c = 0; c < 4; ++c) q[c][lane] *= scale;
+    }
+    Real flux[2][3][kLanes];
     for (int corner = 0; corner < 2; ++corner) {
       for (int lane = 0; lane < kLanes; ++lane) {
-        const double x = q[0][lane], y = q[1][lane], z = q[2][lane], w = q[3][lane];
-        const double fx = block.flux[corner][0][lane], fy = block.flux[corner][1][lane],
-                     fz = block.flux[corner][2][lane];
-        const double cx = 2 * (y * fz - z * fy), cy = 2 * (z * fx - x * fz),
-                     cz = 2 * (x * fy - y * fx);
+        const Real x = q[0][lane], y = q[1][lane], z = q[2][lane], w = q[3][lane];
+        const Real fx = block.flux[corner][0][lane], fy = block.flux[corner][1][lane],
+                   fz = block.flux[corner][2][lane];
+        const Real cx = 2 * (y * fz - z * fy), cy = 2 * (z * fx - x * fz),
+                   cz = 2 * (x * fy - y * fx);
         flux[corner][0][lane] = fx + w * cx + (y * cz - z * cy);
         flux[corner][1][lane] = fy + w * cy + (z * cx - x * cz);
         flux[corner][2][lane] = fz + w * cz + (x * cy - y * cx);
@@ -555,10 +684,15 @@ void turn_pass(int block_count, const TurnBlock* blocks, const double* quaternio
   }
 }
 
+template <class Real>
+constexpr KernelsOf<Real> kernels_of() {
+  return {forward<Real>,       backward<Real>,       gradient_pass<Real>,
+          rotation_pass<Real>, mean_rotations<Real>, turn_pass<Real>};
+}
+
 }  // namespace
 
 extern const Kernels DD_KERNEL_SET;
-const Kernels DD_KERNEL_SET = {DD_KERNEL_NAME, {forward<float>, backward<float>}, {forward<double>, backward<double>}, blend,    gradient_pass,
-                               rotation_pass,  mean_rotations, turn_pass};
+const Kernels DD_KERNEL_SET = {DD_KERNEL_NAME, kernels_of<float>(), kernels_of<double>(), blend};
 
 }  // namespace dd

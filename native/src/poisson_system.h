@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <algorithm>
 #include <vector>
 
 #include "operators.h"
@@ -19,9 +18,17 @@ struct RowOrder {
   int fixed_begin = 0;  ///< first row of a fixed vertex
 
   int count() const { return static_cast<int>(vertex_of_row.size()); }
-  /// Where a right-hand side takes what belongs to this vertex: held ones share the row after the
-  /// last free one, which nobody reads.
-  int target_of_vertex(int vertex) const { return std::min(row_of_vertex[vertex], free_count); }
+};
+
+/// The triangles with a free corner, the only ones whose gradients matter, as they share out over the
+/// domains of the Poisson factor: those of domain d at begin[d] to begin[d + 1], then those of the
+/// top. No two domains have a free vertex in common but the top's.
+struct ActiveTriangles {
+  std::vector<int> triangles;
+  std::vector<int> begin;
+
+  int parts() const { return static_cast<int>(begin.size()) - 1; }
+  int size() const { return static_cast<int>(triangles.size()); }
 };
 
 /// L p' = div(...) (4), (14) on the free vertices, factored once, solved for the displacement:
@@ -31,43 +38,78 @@ struct RowOrder {
 /// so that resting handles give nothing but rounding and the mesh's size costs no digits.
 class PoissonSystem {
  public:
-  /// operators: of S. Throws UnsolvableSurface where L is singular.
-  PoissonSystem(const Mesh& mesh, const Region& region, const SurfaceOperators& operators);
+  /// operators: of S. With Precision::single the factor is kept in single precision where that solves
+  /// to 1e-6 of the mesh's size, if need be with a step of iterative refinement.
+  /// Throws UnsolvableSurface where L is singular.
+  PoissonSystem(const Mesh& mesh, const Region& region, const SurfaceOperators& operators,
+                Precision precision, Workers& workers, const Progress& progress = {});
 
   const RowOrder& order() const { return order_; }
-  /// Triangles with a free corner: the only ones whose gradients matter.
-  const std::vector<int>& active_triangles() const { return active_; }
+  const ActiveTriangles& active() const { return active_; }
 
-  /// Starts a right-hand side with −L p and with what the displaced handles pull. offsets: the
-  /// displacement of all vertices, only the handles' rows are read. Returns free_count + 1 rows, to
-  /// which the caller adds div(G_j S_jᵀ).
-  double* start(const Rows& offsets);
+  /// The row of a right-hand side that takes what an active triangle of this part gives to its vertex;
+  /// a row that nobody reads where the vertex is held.
+  int target(int part, int vertex) const;
+  /// Such a row of this part.
+  int spare_target(int part) const { return factor_->elimination().slotted_size() + part; }
+  int right_hand_side_rows() const { return static_cast<int>(right_.rows()); }
 
-  /// Solves for what was started and gathered: the free rows of offsets. Parts with a ground come
-  /// out with that vertex at rest.
-  void solve(Rows& offsets);
+  /// L p as right-hand sides hold it.
+  const Rows& rest_divergence() const { return rest_divergence_; }
+
+  /// Solves for the free rows of offsets, the displacement of all vertices, of which the handles'
+  /// rows are given. add(part, rows) adds the divergences of the active triangles of a part to rows;
+  /// from any thread, each part once. at_rest: what they all add where nothing moves.
+  /// Parts of the surface with a ground come out with that vertex at rest.
+  template <class Add>
+  void solve(const Rows& at_rest, const Add& add, Rows& offsets) {
+    factor_->solve_in_order(
+        right_.data(), space_, &workers_,
+        [&](int part) {
+          start(part, at_rest, offsets);
+          add(part, right_.data());
+        },
+        [&](int begin, int end, const auto* x) {
+          for (double* out = offsets.row(begin).data(); begin < end; ++begin)
+            for (int c = 0; c < 4; ++c) *out++ = *x++;
+        });
+    for (int step = 0; step < refinement_steps_; ++step) refine(offsets);
+  }
 
   /// Harmonic extension, L x = 0: the free rows of three columns of values from the handles' rows,
   /// with zero on the fixed ones.
   void extend(Rows& values);
 
+  Workers& workers() const { return workers_; }
+  Precision precision() const { return factor_->precision(); }
+  /// Steps of iterative refinement that follow a solve.
+  int refinement_steps() const { return refinement_steps_; }
   double bytes() const;
 
  private:
-  void subtract_pulls(const Rows& offsets);
+  void find_active_triangles(const Mesh& mesh);
+  void start(int part, const Rows& at_rest, const Rows& offsets);
+  void refine(Rows& offsets);
+  double single_precision_error(const Rows& solution);
 
   struct Pull {
     int target_row, handle_row;
     double weight;
   };
 
-  SparseCholesky factor_;
+  Workers& workers_;
+  std::unique_ptr<SparseCholesky> factor_;
   RowOrder order_;
-  std::vector<int> active_;
-  std::vector<Pull> pulls_;  // L between free vertices and those of handles
-  Rows rest_divergence_;     // L p
+  ActiveTriangles active_;
+  std::vector<std::vector<int>> slot_of_top_;  // of each domain, by row of the top; -1: none
+  std::vector<Pull> pulls_;                    // L between free vertices and those of handles
+  std::vector<int> pull_begin_;                // by part
+  Rows rest_divergence_;                       // L p
+  Rows right_;                                 // slots behind the rows, then a spare one a part
   SparseCholesky::Space space_;
-  Rows rows_;                // right-hand side, then solution; one spare row
+  int refinement_steps_ = 0;
+  Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian_;  // in the factor's order, to refine with
+  Rows residual_;
 };
 
 }  // namespace dd

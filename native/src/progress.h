@@ -16,4 +16,12 @@ inline void report(const Progress& progress, double fraction, const char* stage)
     throw Error(Status::cancelled, "The bind was cancelled.");
 }
 
+/// Progress of a part of the work: 0 to 1 there are begin to end of the whole.
+inline Progress within(const Progress& whole, double begin, double end) {
+  if (!whole) return {};
+  return [&whole, begin, end](double fraction, const char* stage) {
+    return whole(begin + fraction * (end - begin), stage);
+  };
+}
+
 }  // namespace dd

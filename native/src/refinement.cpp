@@ -2,33 +2,39 @@
 #include "refinement.h"
 
 #include <algorithm>
-
-#include "gradients.h"
+#include <utility>
 
 namespace dd {
 
-Refinement::Refinement(BoundSurface& bound) : bound_(bound) {
+namespace {
+
+constexpr int kLeastRange = 512;  // items that are worth a task
+
+}  // namespace
+
+template <class Real>
+Refinement<Real>::Refinement(BoundSurface& bound)
+    : bound_(bound), layout_(bound.poisson.active()) {
   const Triangles& t = bound.mesh.triangles;
   const RowOrder& order = bound.order();
-  const std::vector<int>& active = bound.poisson.active_triangles();
+  const std::vector<int>& active = bound.poisson.active().triangles;
   const int m = bound.mesh.triangle_count();
 
   // Vertices of triangles with a free corner, and the other triangles of these vertices.
   std::vector<int> local_vertex(bound.region.role.size(), -1), vertices;
   std::vector<int> local_triangle(static_cast<size_t>(m), -1), rim;
-  for (size_t i = 0; i < active.size(); ++i) {
-    local_triangle[active[i]] = static_cast<int>(i);
+  for (int j : active)
     for (int k = 0; k < 3; ++k) {
-      int& number = local_vertex[t(active[i], k)];
+      int& number = local_vertex[t(j, k)];
       if (number >= 0) continue;
       number = static_cast<int>(vertices.size());
-      vertices.push_back(t(active[i], k));
+      vertices.push_back(t(j, k));
     }
-  }
   const GradientSources sources =
       gradient_sources(bound.mesh.positions, t, bounding_box_diagonal(bound.mesh.positions));
-  moving_ = rotation_blocks(bound.mesh.positions, t, active, sources, order);
+  moving_ = rotation_blocks<Real>(bound.mesh.positions, t, active, sources, order);
   const int first_rim = kLanes * static_cast<int>(moving_.size());
+  for (size_t i = 0; i < active.size(); ++i) local_triangle[active[i]] = static_cast<int>(i);
   for (int j = 0; j < m; ++j) {
     if (local_triangle[j] >= 0) continue;
     for (int k = 0; k < 3; ++k) {
@@ -38,80 +44,146 @@ Refinement::Refinement(BoundSurface& bound) : bound_(bound) {
       break;
     }
   }
-  if (!rim.empty()) held_ = rotation_blocks(bound.mesh.positions, t, rim, sources, order);
+  if (!rim.empty()) held_ = rotation_blocks<Real>(bound.mesh.positions, t, rim, sources, order);
 
+  make_averages(vertices, local_vertex, local_triangle, first_rim);
+  make_turns(local_vertex);
+  triangle_rotations_.assign(4 * (static_cast<size_t>(first_rim) + kLanes * held_.size()), 0);
+  // The rotations of the triangles without a free corner stand behind those of the vertices.
+  vertex_rotations_.assign(4 * (vertices.size() + kLanes * held_.size()), 0);
+  smoothed_ = vertex_rotations_;
+  positions_ = bound.rest;
+
+  for (size_t i = 0; i < vertices.size(); ++i) vertex_rotations_[4 * i + 3] = 1;
+  at_rest_ = Rows::Zero(bound.poisson.right_hand_side_rows(), 4);
+  kernels().of<Real>().turn_pass(static_cast<int>(turns_.size()), turns_.data(),
+                                 vertex_rotations_.data(), at_rest_.data());
+}
+
+template <class Real>
+void Refinement<Real>::make_averages(const std::vector<int>& vertices,
+                                     const std::vector<int>& local_vertex,
+                                     const std::vector<int>& local_triangle, int first_rim) {
+  const Triangles& t = bound_.mesh.triangles;
   std::vector<std::vector<int>> fan(vertices.size());
-  for (int j = 0; j < m; ++j)
+  for (int j = 0; j < bound_.mesh.triangle_count(); ++j)
     for (int k = 0; k < 3 && local_triangle[j] >= 0; ++k)
       if (local_vertex[t(j, k)] >= 0) fan[local_vertex[t(j, k)]].push_back(j);
+
+  std::vector<double> share(vertices.size(), 0.0);  // of each neighbour of one vertex
+  std::vector<int> neighbours;
+  const auto finish = [](Averages& averages) {
+    averages.starts.push_back(static_cast<int>(averages.index.size()));
+  };
+  const auto average = [](Averages& averages, int row, double weight) {
+    averages.index.push_back(row);
+    averages.weights.push_back(static_cast<Real>(weight));
+  };
   for (const std::vector<int>& triangles : fan) {
     double sum = 0;
-    for (int j : triangles) sum += bound.operators.metric.areas[j];
+    for (int j : triangles) sum += bound_.operators.metric.areas[j];
+    neighbours.clear();
     for (int j : triangles) {
-      of_vertices_.index.push_back(local_triangle[j]);
-      of_vertices_.weights.push_back(bound.operators.metric.areas[j] / sum);
+      const double weight = bound_.operators.metric.areas[j] / sum;
+      average(of_triangles_, local_triangle[j], weight);
+      if (local_triangle[j] >= first_rim) {
+        average(of_neighbours_,
+                static_cast<int>(vertices.size()) + local_triangle[j] - first_rim, weight);
+        continue;
+      }
+      for (int k = 0; k < 3; ++k) {
+        const int v = local_vertex[t(j, k)];
+        if (share[v] == 0) neighbours.push_back(v);
+        share[v] += weight / 3;
+      }
     }
-    of_vertices_.starts.push_back(static_cast<int>(of_vertices_.index.size()));
+    for (int v : neighbours) average(of_neighbours_, v, std::exchange(share[v], 0.0));
+    finish(of_triangles_);
+    finish(of_neighbours_);
   }
-  for (int j : active) {
-    for (int k = 0; k < 3; ++k) {
-      of_triangles_.index.push_back(local_vertex[t(j, k)]);
-      of_triangles_.weights.push_back(1.0 / 3);
-    }
-    of_triangles_.starts.push_back(static_cast<int>(of_triangles_.index.size()));
-  }
+}
 
-  const Positions flux = corner_divergence(bound.operators.metric, bound.mesh.positions, t);
-  turns_.resize(moving_.size());
-  for (size_t i = 0; i < turns_.size() * kLanes; ++i) {
-    TurnBlock& block = turns_[i / kLanes];
-    const size_t lane = i % kLanes;
-    for (int k = 0; k < 3; ++k)
-      block.target[k][lane] =
-          i < active.size() ? order.target_of_vertex(t(active[i], k)) : order.free_count;
+template <class Real>
+void Refinement<Real>::make_turns(const std::vector<int>& local_vertex) {
+  const Triangles& t = bound_.mesh.triangles;
+  const PoissonSystem& poisson = bound_.poisson;
+  const Positions flux = corner_divergence(bound_.operators.metric, bound_.mesh.positions, t);
+  turns_.resize(static_cast<size_t>(layout_.count()));
+  for (int part = 0; part < layout_.parts(); ++part)
+    for (int b = layout_.begin[part]; b < layout_.begin[part + 1]; ++b)
+      for (int lane = 0; lane < kLanes; ++lane)
+        for (int k = 0; k < 3; ++k) turns_[b].target[k][lane] = poisson.spare_target(part);
+  layout_.each(poisson.active(), [&](int i, int part, int b, int lane) {
+    TurnBlock<Real>& block = turns_[b];
+    const int j = poisson.active().triangles[i];
+    for (int k = 0; k < 3; ++k) {
+      block.corner[k][lane] = local_vertex[t(j, k)];
+      block.target[k][lane] = poisson.target(part, t(j, k));
+    }
     for (int k = 0; k < 2; ++k)
       for (int c = 0; c < 3; ++c)
-        block.flux[k][c][lane] = i < active.size() ? flux(3 * Index(active[i]) + k, c) : 0;
-  }
-  positions_ = bound.rest;
-  triangle_rotations_ = Rows::Zero(first_rim + kLanes * Index(held_.size()), 4);
-  vertex_rotations_ = Rows::Zero(static_cast<Index>(vertices.size()), 4);
+        block.flux[k][c][lane] = static_cast<Real>(flux(3 * Index(j) + k, c));
+  });
 }
 
-void Refinement::Averages::apply(const Rows& in, Rows& out) const {
-  kernels().mean_rotations(count(), starts.data(), index.data(), weights.data(), in.data(),
-                           out.data());
+template <class Real>
+void Refinement<Real>::apply(const Averages& averages, const Quaternions& in,
+                             Quaternions& out) const {
+  bound_.poisson.workers().over(averages.count(), kLeastRange, [&](int64_t begin, int64_t end) {
+    kernels().of<Real>().mean_rotations(static_cast<int>(begin), static_cast<int>(end),
+                                        averages.starts.data(), averages.index.data(),
+                                        averages.weights.data(), in.data(), out.data());
+  });
 }
 
-double Refinement::Averages::bytes() const {
-  return static_cast<double>((starts.size() + index.size()) * sizeof(int) +
-                             weights.size() * sizeof(double));
-}
-
-void Refinement::run(int iterations, Rows& offsets) {
-  const int moving = static_cast<int>(moving_.size());
+template <class Real>
+void Refinement<Real>::run(int iterations, Rows& offsets) {
+  Workers& workers = bound_.poisson.workers();
+  const auto& loops = kernels().of<Real>();
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    positions_ = bound_.rest + offsets;
-    kernels().rotation_pass(moving, moving_.data(), positions_.data(), triangle_rotations_.data());
-    if (iteration == 0)
-      kernels().rotation_pass(static_cast<int>(held_.size()), held_.data(), positions_.data(),
-                              triangle_rotations_.data() + 4 * kLanes * Index(moving));
-    for (int pass = 0; pass < kPasses; ++pass) {
-      of_vertices_.apply(triangle_rotations_, vertex_rotations_);
-      of_triangles_.apply(vertex_rotations_, triangle_rotations_);
+    workers.over(positions_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+      positions_.middleRows(begin, end - begin) =
+          bound_.rest.middleRows(begin, end - begin) + offsets.middleRows(begin, end - begin);
+    });
+    workers.over(static_cast<int64_t>(moving_.size()), kLeastRange / kLanes,
+                 [&](int64_t begin, int64_t end) {
+                   loops.rotation_pass(static_cast<int>(end - begin), moving_.data() + begin,
+                                       positions_.data(),
+                                       triangle_rotations_.data() + 4 * kLanes * begin);
+                 });
+    if (iteration == 0) {
+      Real* held = triangle_rotations_.data() + 4 * kLanes * moving_.size();
+      loops.rotation_pass(static_cast<int>(held_.size()), held_.data(), positions_.data(), held);
+      const size_t count = 4 * kLanes * held_.size();
+      for (Quaternions* rotations : {&vertex_rotations_, &smoothed_})
+        std::copy_n(held, count, rotations->end() - static_cast<std::ptrdiff_t>(count));
     }
-    double* rows = bound_.poisson.start(offsets);
-    kernels().turn_pass(moving, turns_.data(), triangle_rotations_.data(), rows);
-    bound_.poisson.solve(offsets);
+    apply(of_triangles_, triangle_rotations_, vertex_rotations_);
+    for (int pass = 1; pass < kPasses; ++pass) {
+      apply(of_neighbours_, vertex_rotations_, smoothed_);
+      vertex_rotations_.swap(smoothed_);
+    }
+    bound_.poisson.solve(
+        at_rest_,
+        [&](int part, double* rows) {
+          const int begin = layout_.begin[part];
+          loops.turn_pass(layout_.begin[part + 1] - begin, turns_.data() + begin,
+                          vertex_rotations_.data(), rows);
+        },
+        offsets);
   }
 }
 
-double Refinement::bytes() const {
-  const auto rows = positions_.size() + triangle_rotations_.size() + vertex_rotations_.size();
-  return static_cast<double>((moving_.size() + held_.size()) * sizeof(RotationBlock) +
-                             turns_.size() * sizeof(TurnBlock)) +
-         of_vertices_.bytes() + of_triangles_.bytes() +
-         static_cast<double>(rows * Index(sizeof(double)));
+template <class Real>
+double Refinement<Real>::bytes() const {
+  const auto numbers = triangle_rotations_.size() + vertex_rotations_.size() + smoothed_.size();
+  return static_cast<double>((moving_.size() + held_.size()) * sizeof(RotationBlock<Real>) +
+                             turns_.size() * sizeof(TurnBlock<Real>) + numbers * sizeof(Real)) +
+         of_triangles_.bytes() + of_neighbours_.bytes() +
+         static_cast<double>((positions_.size() + at_rest_.size()) * Index(sizeof(double)));
 }
+
+template class Refinement<float>;
+template class Refinement<double>;
 
 }  // namespace dd

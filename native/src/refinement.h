@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "bound_surface.h"
+#include "gradients.h"
 #include "kernels.h"
 
 namespace dd {
@@ -15,6 +16,11 @@ namespace dd {
 ///
 /// Triangles without a free corner keep the rotation that the handles give them: they are what the
 /// smoothing hangs on.
+///
+/// The smoothing is kPasses means, each of the triangles around the vertices and then of the vertices
+/// of the triangles. In between only the vertices are kept: what a pass makes of them is a mean over
+/// their neighbours, which is half the work.
+template <class Real>
 class Refinement {
  public:
   explicit Refinement(BoundSurface& bound);
@@ -25,24 +31,34 @@ class Refinement {
   double bytes() const;
 
  private:
-  /// For each item the others whose rotations it averages.
+  /// For each vertex the rows whose rotations it averages.
   struct Averages {
     std::vector<int> starts{0}, index;
-    std::vector<double> weights;
+    std::vector<Real> weights;
     int count() const { return static_cast<int>(starts.size()) - 1; }
-    void apply(const Rows& in, Rows& out) const;
-    double bytes() const;
+    double bytes() const {
+      return static_cast<double>((starts.size() + index.size()) * sizeof(int) +
+                                 weights.size() * sizeof(Real));
+    }
   };
+  using Quaternions = std::vector<Real>;  // rows of 4
   static constexpr int kPasses = 6;
+
+  void make_averages(const std::vector<int>& vertices, const std::vector<int>& local_vertex,
+                     const std::vector<int>& local_triangle, int first_rim);
+  void make_turns(const std::vector<int>& local_vertex);
+  void apply(const Averages& averages, const Quaternions& in, Quaternions& out) const;
 
   BoundSurface& bound_;
   // Triangles are numbered anew: those with a free corner, padded to whole blocks, then those
   // without that share a vertex with them.
-  std::vector<RotationBlock> moving_, held_;
-  std::vector<TurnBlock> turns_;
-  Averages of_vertices_, of_triangles_;
-  Rows positions_;
-  Rows triangle_rotations_, vertex_rotations_;
+  std::vector<RotationBlock<Real>> moving_, held_;
+  ActiveBlocks layout_;
+  std::vector<TurnBlock<Real>> turns_;
+  Averages of_triangles_;   // for each vertex, of the rotations of its triangles
+  Averages of_neighbours_;  // for each vertex, of vertices, then of the triangles without a free corner
+  Quaternions triangle_rotations_, vertex_rotations_, smoothed_;
+  Rows positions_, at_rest_;
 };
 
 }  // namespace dd

@@ -1,25 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "sparse_cholesky.h"
 
-#include <Eigen/OrderingMethods>
 #include <algorithm>
 #include <mutex>
 #include <string>
 
 #include "dense_kernels.h"
+#include "fill_reducing_order.h"
 #include "kernels.h"
 
 namespace dd {
-
-namespace {
-
-std::vector<int> minimum_degree(const SparseMatrix& A) {
-  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> permutation;
-  Eigen::AMDOrdering<int>()(A, permutation);
-  return {permutation.indices().data(), permutation.indices().data() + A.cols()};
-}
-
-}  // namespace
 
 SingularMatrix::SingularMatrix(int row)
     : Error(Status::numeric,
@@ -217,7 +207,8 @@ void SparseCholesky::forward(int domain, const double* right, std::vector<Real>&
   if (top) {
     for (size_t k = 0; k < e.slot_target.size(); ++k)
       for (int c = 0; c < 4; ++c)
-        x[4 * size_t(e.slot_target[k]) + c] += x[4 * (size_t(size()) + k) + c];
+        x[4 * size_t(e.slot_target[k]) + c] +=
+            x[4 * (size_t(size()) + k) + c] + static_cast<Real>(right[4 * (size_t(size()) + k) + c]);
   } else {
     clear(size() + e.slot_begin[domain], size() + e.slot_begin[domain + 1]);
   }
@@ -240,17 +231,18 @@ void SparseCholesky::backward(int domain, std::vector<Real>& x) const {
 
 RowMatrix SparseCholesky::solve(const RowMatrix& B, Workers* workers) const {
   RowMatrix X(B.rows(), B.cols());
-  Rows panel(B.rows(), 4);
+  Rows panel = Rows::Zero(elimination_->slotted_size(), 4);
   Space space;
   for (Index first = 0; first < B.cols(); first += 4) {
     const Index width = std::min<Index>(4, B.cols() - first);
-    panel.setZero();
     for (Index k = 0; k < B.rows(); ++k)
       panel.row(k).head(width) = B.row(order()[k]).segment(first, width);
-    solve_in_order(panel.data(), space, workers, [&](int begin, int end, const auto* x) {
-      for (int k = begin; k < end; ++k, x += 4)
-        for (Index c = 0; c < width; ++c) X(order()[k], first + c) = x[c];
-    });
+    solve_in_order(
+        panel.data(), space, workers, [](int) {},
+        [&](int begin, int end, const auto* x) {
+          for (int k = begin; k < end; ++k, x += 4)
+            for (Index c = 0; c < width; ++c) X(order()[k], first + c) = x[c];
+        });
   }
   return X;
 }

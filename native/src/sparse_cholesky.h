@@ -34,7 +34,7 @@ struct FactorOptions {
   Precision precision = Precision::full;
   Workers* workers = nullptr;  ///< null: the caller's thread alone
   Progress progress = {};      ///< asked now and then, from any thread but one at a time
-  const char* stage = "";      ///< what it is told
+  const char* stage = "Factoring the Poisson system";  ///< what it is told
 };
 
 /// The factor of a symmetric positive definite matrix, A = C Cᵀ, in supernodes: for each the inverse
@@ -54,6 +54,7 @@ class SparseCholesky {
   explicit SparseCholesky(const SparseMatrix& A, const FactorOptions& options = {});
 
   const Elimination& elimination() const { return *elimination_; }
+  std::shared_ptr<const Elimination> shared_elimination() const { return elimination_; }
   int size() const { return elimination_->size(); }
   /// order()[k] is the row of A that stands at place k of the factor.
   const std::vector<int>& order() const { return elimination_->order; }
@@ -65,15 +66,19 @@ class SparseCholesky {
     std::vector<double> full;
   };
 
-  /// Solves A X = B for four columns whose rows stand in the factor's order. right: size()×4,
-  /// row-major. Calls done(begin, end, x) for ranges of places with their rows of x, float or double
-  /// as precision() says, 4 a place; from any thread.
-  template <class Done>
-  void solve_in_order(const double* right, Space& space, Workers* workers, const Done& done) const {
+  /// Solves A X = B for four columns whose rows stand in the factor's order. right: slotted_size()×4,
+  /// row-major; what belongs to a row of the top may be spread over its slots. fill(d) is called
+  /// before the rows and slots of domain d are read, and for the top with domain_count(): a frame
+  /// makes its right-hand side there, where the caches have it. done(begin, end, x) is called with
+  /// ranges of places and their rows of x, float or double as precision() says. Both come from any
+  /// thread, once a domain.
+  template <class Fill, class Done>
+  void solve_in_order(const double* right, Space& space, Workers* workers, const Fill& fill,
+                      const Done& done) const {
     if (precision_ == Precision::single)
-      solve_as(right, space.single, workers, done);
+      solve_as(right, space.single, workers, fill, done);
     else
-      solve_as(right, space.full, workers, done);
+      solve_as(right, space.full, workers, fill, done);
   }
 
   /// Solves A X = B, rows in A's own order, any number of columns.
@@ -94,8 +99,8 @@ class SparseCholesky {
   template <class Real>
   void backward(int domain, std::vector<Real>& x) const;
 
-  template <class Real, class Done>
-  void solve_as(const double* right, std::vector<Real>& x, Workers* workers,
+  template <class Real, class Fill, class Done>
+  void solve_as(const double* right, std::vector<Real>& x, Workers* workers, const Fill& fill,
                 const Done& done) const {
     const Elimination& e = *elimination_;
     const int domains = e.domain_count();
@@ -106,7 +111,11 @@ class SparseCholesky {
       else
         for (int d = 0; d < domains; ++d) task(d);
     };
-    each_domain([&](int d) { forward(d, right, x); });
+    each_domain([&](int d) {
+      fill(d);
+      forward(d, right, x);
+    });
+    fill(domains);
     forward(domains, right, x);
     backward(domains, x);
     const int top = e.begin[e.domain_begin[domains]];

@@ -18,20 +18,24 @@ Positions divergence_by_pass(const Mesh& surface, const Positions& base, const P
                              bool rotation_only) {
   const int n = surface.vertex_count();
   const auto metric = triangle_metric(surface.positions, surface.triangles);
-  std::vector<int> all(static_cast<size_t>(surface.triangle_count()));
-  std::iota(all.begin(), all.end(), 0);
-  RowOrder order;
-  order.vertex_of_row.resize(static_cast<size_t>(n));
-  std::iota(order.vertex_of_row.begin(), order.vertex_of_row.end(), 0);
-  order.row_of_vertex = order.vertex_of_row;
-  order.free_count = order.fixed_begin = n;
-  const GradientPass pass(base, surface.triangles,
-                          corner_divergence(metric, surface.positions, surface.triangles), all,
-                          gradient_sources(base, surface.triangles, 1), order);
-  RowMatrix base_rows = RowMatrix::Zero(n, 4), right = RowMatrix::Zero(n + 1, 4);
-  base_rows.leftCols<3>() = deformed;
-  pass.add_to(right.data(), base_rows.data(), rotation_only);
-  return right.topLeftCorner(n, 3);
+  const std::vector<int> all_free(static_cast<size_t>(n), kFree);
+  const Region region = split_region(surface, all_free, 0, MovedBy::base);
+  Workers workers(1);
+  const PoissonSystem poisson(surface, region,
+                              surface_operators(surface.positions, surface.triangles),
+                              Precision::full, workers);
+  const GradientPass<double> pass(base, surface.triangles,
+                                  corner_divergence(metric, surface.positions, surface.triangles),
+                                  gradient_sources(base, surface.triangles, 1), poisson);
+  Rows base_rows = Rows::Zero(n, 4), right = Rows::Zero(poisson.right_hand_side_rows(), 4);
+  for (int r = 0; r < n; ++r)
+    base_rows.row(r).head<3>() = deformed.row(poisson.order().vertex_of_row[r]);
+  for (int part = 0; part < poisson.active().parts(); ++part)
+    pass.add(part, base_rows.data(), rotation_only, right.data());
+  Positions result(n, 3);
+  for (int r = 0; r < n; ++r)
+    result.row(poisson.order().vertex_of_row[r]) = right.row(r).head<3>();
+  return result;
 }
 
 /// A smooth base with a strong, uneven deformation.

@@ -20,101 +20,118 @@ TEST_CASE("the kernels for this machine are the widest it has") {
 }
 
 #ifdef DD_HAVE_AVX2_KERNELS
-TEST_CASE("all instruction sets compute the same") {
+TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
+  using Real = TestType;
   if (!machine_has_avx2()) {
     WARN("This machine has no AVX2: only the baseline was tested.");
     return;
   }
+  const KernelsOf<Real>&plain = kBaselineKernels.of<Real>(), &wide = kAvx2Kernels.of<Real>();
+  const double tolerance = sizeof(Real) == 4 ? 2e-5 : 1e-12;
   std::mt19937 random(11);
   std::uniform_real_distribution<double> uniform(-1, 1);
-  const auto numbers = [&](size_t count) {
-    std::vector<double> values(count);
-    for (double& v : values) v = uniform(random);
+  const auto numbers = [&](size_t count, auto as) {
+    std::vector<decltype(as)> values(count);
+    for (auto& v : values) v = static_cast<decltype(as)>(uniform(random));
     return values;
   };
-  const auto close = [](const std::vector<double>& a, const std::vector<double>& b) {
+  const auto close = [&](const auto& a, const auto& b) {
     for (size_t i = 0; i < a.size(); ++i)
-      if (!(std::abs(a[i] - b[i]) < 1e-12)) return false;
+      if (!(std::abs(a[i] - b[i]) < tolerance)) return false;
     return true;
+  };
+  const auto shape = [&](TriangleShape<Real>& s, int lane) {
+    s.inverse_length[lane] = static_cast<Real>(1 + uniform(random) / 2);
+    s.shear[lane] = static_cast<Real>(uniform(random));
+    s.inverse_height[lane] = static_cast<Real>(1 + uniform(random) / 2);
   };
 
   SECTION("factor") {
-    const int size = 9;  // a full unit lower triangle, columns of every length
-    std::vector<int> starts{0}, rows_of;
-    for (int j = 0; j < size; ++j) {
-      for (int i = j + 1; i < size; ++i) rows_of.push_back(i);
-      starts.push_back(static_cast<int>(rows_of.size()));
-    }
-    const auto values = numbers(rows_of.size()), pivots = numbers(size);
-    auto a = numbers(4 * size), b = a;
-    kBaselineKernels.solve_factor(size, starts.data(), rows_of.data(), values.data(), pivots.data(),
-                                  a.data());
-    kAvx2Kernels.solve_factor(size, starts.data(), rows_of.data(), values.data(), pivots.data(),
-                              b.data());
+    // Supernodes of all widths with all numbers of rows below, which go to the next places.
+    std::vector<int32_t> begin{0}, slots;
+    std::vector<int64_t> rows{0}, starts{0};
+    for (int width = 1; width <= 11; ++width)
+      for (int height = 0; height < 43; height += 3) {
+        begin.push_back(begin.back() + width);
+        for (int i = 0; i < height; ++i) slots.push_back(begin.back() + i);
+        rows.push_back(static_cast<int64_t>(slots.size()));
+        starts.push_back(starts.back() + packed_triangle_size(width) + width * height);
+      }
+    const int count = static_cast<int>(begin.size()) - 1;
+    const size_t size = 4 * static_cast<size_t>(begin.back() + 50);
+    auto values = numbers(static_cast<size_t>(starts.back()), Real());
+    for (Real& value : values) value /= 20;
+    const FactorView<Real> factor = {begin.data(), rows.data(), slots.data(), starts.data(),
+                                     values.data()};
+    const auto right = numbers(size, double());
+    auto a = numbers(size, Real()), b = a;
+    plain.forward(factor, 0, count, right.data(), a.data());
+    wide.forward(factor, 0, count, right.data(), b.data());
+    CHECK(close(a, b));
+    plain.backward(factor, 0, count, a.data());
+    wide.backward(factor, 0, count, b.data());
     CHECK(close(a, b));
   }
   SECTION("blend") {
-    const auto weights = numbers(7 * 8), coefficients = numbers(4 * 8), rest = numbers(4 * 7);
+    const auto weights = numbers(7 * 8, double()), coefficients = numbers(4 * 8, double()),
+               rest = numbers(4 * 7, double());
     std::vector<double> a(4 * 7), b(4 * 7);
     kBaselineKernels.blend(7, 8, weights.data(), coefficients.data(), rest.data(), a.data());
     kAvx2Kernels.blend(7, 8, weights.data(), coefficients.data(), rest.data(), b.data());
     CHECK(close(a, b));
   }
   SECTION("gradient pass") {
-    std::vector<TriangleBlock> blocks(3);
+    std::vector<TriangleBlock<Real>> blocks(3);
     for (auto& block : blocks) {
       for (int lane = 0; lane < kLanes; ++lane) {
         for (int k = 0; k < 3; ++k) {
           block.source[k][lane] = 6 * k + static_cast<int>(random() % 6);
           block.target[k][lane] = static_cast<int>(random() % 20);
         }
-        block.inverse_length[lane] = 1 + uniform(random) / 2;
-        block.shear[lane] = uniform(random);
-        block.inverse_height[lane] = 1 + uniform(random) / 2;
+        shape(block.shape, lane);
         for (auto& corner : block.flux)
-          for (auto& coordinate : corner) coordinate[lane] = uniform(random);
+          for (auto& coordinate : corner) coordinate[lane] = static_cast<Real>(uniform(random));
       }
     }
-    const auto base = numbers(4 * 20);
+    const auto base = numbers(4 * 20, double());
     for (bool rotation_only : {false, true}) {
-      auto a = numbers(4 * 20), b = a;
-      kBaselineKernels.gradient_pass(3, blocks.data(), base.data(), rotation_only, a.data());
-      kAvx2Kernels.gradient_pass(3, blocks.data(), base.data(), rotation_only, b.data());
+      auto a = numbers(4 * 20, double()), b = a;
+      plain.gradient_pass(3, blocks.data(), base.data(), rotation_only, a.data());
+      wide.gradient_pass(3, blocks.data(), base.data(), rotation_only, b.data());
       CHECK(close(a, b));
     }
   }
   SECTION("rotations and what they turn") {
-    std::vector<RotationBlock> blocks(3);
-    std::vector<TurnBlock> turns(3);
+    std::vector<RotationBlock<Real>> blocks(3);
+    std::vector<TurnBlock<Real>> turns(3);
     for (int b = 0; b < 3; ++b)
       for (int lane = 0; lane < kLanes; ++lane) {
         for (int k = 0; k < 3; ++k) {
           blocks[b].source[k][lane] = 6 * k + static_cast<int>(random() % 6);
+          turns[b].corner[k][lane] = static_cast<int>(random() % (3 * kLanes));
           turns[b].target[k][lane] = static_cast<int>(random() % 20);
         }
-        blocks[b].inverse_length[lane] = 1 + uniform(random) / 2;
-        blocks[b].shear[lane] = uniform(random);
-        blocks[b].inverse_height[lane] = 1 + uniform(random) / 2;
-        for (int c = 0; c < 4; ++c) blocks[b].from_rest[c][lane] = uniform(random);
+        shape(blocks[b].shape, lane);
+        for (int c = 0; c < 4; ++c)
+          blocks[b].from_rest[c][lane] = static_cast<Real>(uniform(random));
         for (auto& corner : turns[b].flux)
-          for (auto& coordinate : corner) coordinate[lane] = uniform(random);
+          for (auto& coordinate : corner) coordinate[lane] = static_cast<Real>(uniform(random));
       }
-    const auto positions = numbers(4 * 20);
-    std::vector<double> a(3 * kLanes * 4), b = a;
-    kBaselineKernels.rotation_pass(3, blocks.data(), positions.data(), a.data());
-    kAvx2Kernels.rotation_pass(3, blocks.data(), positions.data(), b.data());
+    const auto positions = numbers(4 * 20, double());
+    std::vector<Real> a(3 * kLanes * 4), b = a;
+    plain.rotation_pass(3, blocks.data(), positions.data(), a.data());
+    wide.rotation_pass(3, blocks.data(), positions.data(), b.data());
     CHECK(close(a, b));
-    auto right = numbers(4 * 20), right_wide = right;
-    kBaselineKernels.turn_pass(3, turns.data(), a.data(), right.data());
-    kAvx2Kernels.turn_pass(3, turns.data(), a.data(), right_wide.data());
+    auto right = numbers(4 * 20, double()), right_wide = right;
+    plain.turn_pass(3, turns.data(), a.data(), right.data());
+    wide.turn_pass(3, turns.data(), a.data(), right_wide.data());
     CHECK(close(right, right_wide));
     const std::vector<int> starts = {0, 3, 5, 9}, index = {0, 5, 7, 2, 3, 8, 9, 10, 11};
-    const std::vector<double> weights(9, 0.3);
-    std::vector<double> mean(12), mean_wide(12);
-    kBaselineKernels.mean_rotations(3, starts.data(), index.data(), weights.data(), a.data(),
-                                    mean.data());
-    kAvx2Kernels.mean_rotations(3, starts.data(), index.data(), weights.data(), a.data(),
-                                mean_wide.data());
+    const std::vector<Real> weights(9, Real(0.3));
+    std::vector<Real> mean(12), mean_wide(12);
+    plain.mean_rotations(0, 3, starts.data(), index.data(), weights.data(), a.data(), mean.data());
+    wide.mean_rotations(0, 3, starts.data(), index.data(), weights.data(), a.data(),
+                        mean_wide.data());
     CHECK(close(mean, mean_wide));
   }
 }
@@ -135,12 +152,12 @@ TEST_CASE("the mean of rotations does not depend on the signs of their quaternio
       }
       for (int c = 0; c < 4; ++c) rotations[4 * q + c] /= std::sqrt(length);
     }
-    kernels().mean_rotations(1, starts.data(), index.data(), weights.data(), rotations.data(),
+    kernels().full.mean_rotations(0, 1, starts.data(), index.data(), weights.data(), rotations.data(),
                              mean.data());
     // Every second has the other sign, as on both sides of half a turn.
     for (int q = round % 2; q < 6; q += 2)
       for (int c = 0; c < 4; ++c) rotations[4 * q + c] *= -1;
-    kernels().mean_rotations(1, starts.data(), index.data(), weights.data(), rotations.data(),
+    kernels().full.mean_rotations(0, 1, starts.data(), index.data(), weights.data(), rotations.data(),
                              flipped_mean.data());
     double cosine = 0;
     for (int c = 0; c < 4; ++c) cosine += mean[c] * flipped_mean[c];

@@ -129,6 +129,15 @@ typedef struct dd_bind dd_bind;         /* a bind under way */
 typedef struct dd_deformer dd_deformer; /* a bound surface */
 typedef struct dd_split dd_split;       /* a large motion under way in steps */
 
+/* What a frame works with. The factor is computed in double precision in any case. */
+typedef enum dd_precision {
+  DD_PRECISION_SINGLE = 0, /* the factor and what is constant of each triangle are kept in single
+                              precision, which halves what a frame reads: results within 1e-5 of the
+                              box of those in double. Where the mesh doesn't allow it, a step of
+                              iterative refinement or double precision is taken */
+  DD_PRECISION_DOUBLE = 1
+} dd_precision;
+
 /* Options of a bind. Set struct_size to sizeof(dd_bind_options) and the rest to what is wanted;
  * zero is every field's default. A null pointer stands for all defaults. */
 typedef struct dd_bind_options {
@@ -141,6 +150,9 @@ typedef struct dd_bind_options {
                         that nothing holds are carried by their base, and the fields above have no
                         meaning. Null: B is computed */
   size_t base_count; /* 3 n, or 0 */
+  int32_t precision; /* dd_precision */
+  int32_t threads;   /* that the bind and each update may use, the caller's among them; 0 stands for
+                        as many as the machine has, at most 8. Results don't depend on it */
 } dd_bind_options;
 
 /* Options of one update. A null pointer stands for the paper's method with rotations only, refined

@@ -53,9 +53,9 @@ SparseMatrix free_rows_in_order(const SparseMatrix& matrix, const RowOrder& orde
 }  // namespace
 
 DisplacementVolumes::DisplacementVolumes(BoundSurface& bound)
-    : bound_(bound), transfer_(bound), normal_(bound, 1) {
+    : bound_(bound), transfer_(make_transfer(bound)), normal_(bound, 1) {
   const RowOrder& order = bound.order();
-  const std::vector<int>& active = bound.poisson.active_triangles();
+  const std::vector<int>& active = bound.poisson.active().triangles;
   triangles_.resize(static_cast<Index>(active.size()), 3);
   for (size_t i = 0; i < active.size(); ++i)
     for (int k = 0; k < 3; ++k)
@@ -172,7 +172,7 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
   MethodOptions linear = options;
   linear.refine = 0;
   linear.formulation = Formulation::surface;
-  transfer_.update(frame, linear);
+  transfer_->update(frame, linear);
   // The minimizer without volumes: H p₀ = L p_T + M p_N / ℓ².
   const double reach = kReach * height_;
   const RowMatrix pull = (masses_ / (reach * reach)).asDiagonal() *
@@ -207,7 +207,7 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
 }
 
 double DisplacementVolumes::bytes() const {
-  return transfer_.bytes() + normal_.bytes() + (factor_ ? factor_->bytes() : 0) +
+  return transfer_->bytes() + normal_.bytes() + (factor_ ? factor_->bytes() : 0) +
          static_cast<double>(gradients_.size() * sizeof(Eigen::Matrix3d)) +
          static_cast<double>(triangles_.size()) * sizeof(int) +
          static_cast<double>(metric_.nonZeros()) * (sizeof(double) + sizeof(int)) +

@@ -43,7 +43,7 @@ class DisplacementVolumes : public Method {
   Rows shift_for(const Vector& wanted) const;
 
   BoundSurface& bound_;
-  Transfer transfer_;
+  std::unique_ptr<TransferMethod> transfer_;
   NormalDisplacement normal_;
   Triangles triangles_;                     // the active ones, rows for corners
   std::vector<Eigen::Matrix3d> gradients_;  // ∂V/∂p of the corners, as columns

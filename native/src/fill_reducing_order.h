@@ -15,4 +15,7 @@ namespace dd {
 /// order.
 std::vector<int> nested_dissection(const SparseMatrix& pattern, const Positions& places);
 
+/// By approximate minimum degree (Amestoy, Davis, Duff 1996), for graphs without places.
+std::vector<int> minimum_degree(const SparseMatrix& pattern);
+
 }  // namespace dd

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "dissection.h"
+#include "fill_reducing_order.h"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/OrderingMethods>
 #include <algorithm>
 #include <limits>
 #include <numeric>
@@ -170,6 +171,13 @@ class Dissection {
 
 std::vector<int> nested_dissection(const SparseMatrix& pattern, const Positions& places) {
   return Dissection(pattern, places).take();
+}
+
+std::vector<int> minimum_degree(const SparseMatrix& pattern) {
+  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> permutation;
+  Eigen::AMDOrdering<int>()(pattern, permutation);
+  const int* order = permutation.indices().data();
+  return {order, order + pattern.cols()};
 }
 
 }  // namespace dd
