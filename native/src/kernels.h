@@ -94,11 +94,11 @@ struct KernelsOf {
   void (*rotation_pass)(int block_count, const RotationBlock<Real>* blocks, const double* positions,
                         Real* quaternions);
 
-  /// The means of rotations first to last: out[i] = the normalized Σ_k weights[k] · ± in[index[k]], k
-  /// from starts[i] to starts[i + 1], weights that sum to 1 there. Signs are made to agree where they
-  /// don't, which shows in a short sum.
-  void (*mean_rotations)(int first, int last, const int* starts, const int* index,
-                         const Real* weights, const Real* in, Real* out);
+  /// The means of rotations for blocks first to last of kLanes: out = the normalized
+  /// Σ_k weights[k] · ± in[index[k]] in each lane, k from starts[b] to starts[b + 1], weights that sum
+  /// to 1 there. Signs are made to agree where they don't.
+  void (*mean_rotations)(int first, int last, const int* starts, const int32_t (*index)[kLanes],
+                         const Real (*weights)[kLanes], const Real* in, Real* out);
 
   /// Adds each triangle's flux, turned by the mean of its corners' rotations, to the rows of its
   /// corners.

@@ -547,6 +547,92 @@ void gradient_pass(int block_count, const TriangleBlock<Real>* blocks, const dou
                  : gradient_pass_as<false, Real>)(block_count, blocks, base, right_hand_side);
 }
 
+/// kLanes rows, one after the other.
+template <class Real>
+inline void store_rows(const Real (&lanes)[4][kLanes], Real* rows) {
+  for (int lane = 0; lane < kLanes; ++lane)
+    for (int c = 0; c < 4; ++c) rows[4 * lane + c] = lanes[c][lane];
+}
+
+/// In each lane Σ_k weights[k] · rows[index[k]], k below count.
+template <class Real>
+inline void weighted_sums(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
+                          const Real* rows, Real (&lanes)[4][kLanes]) {
+  RowOf<Real> sums[kLanes] = {};
+  for (int k = 0; k < count; ++k)
+    for (int lane = 0; lane < kLanes; ++lane)
+      add_scaled(sums[lane], weights[k][lane], load(rows + 4 * static_cast<int64_t>(index[k][lane])));
+  for (int lane = 0; lane < kLanes; ++lane)
+    for (int c = 0; c < 4; ++c) lanes[c][lane] = sums[lane].v[c];
+}
+
+#ifdef __AVX2__
+inline void store_rows(const float (&lanes)[4][kLanes], float* rows) {
+  __m256 r[4];
+  for (int c = 0; c < 4; ++c) r[c] = _mm256_loadu_ps(lanes[c]);
+  transpose_quarters(r[0], r[1], r[2], r[3]);
+  for (int i = 0; i < 4; ++i) {
+    _mm_storeu_ps(rows + 4 * i, _mm256_castps256_ps128(r[i]));
+    _mm_storeu_ps(rows + 4 * (i + 4), _mm256_extractf128_ps(r[i], 1));
+  }
+}
+
+inline void weighted_sums(int count, const int32_t (*index)[kLanes], const float (*weights)[kLanes],
+                          const float* rows, float (&lanes)[4][kLanes]) {
+  __m256 sums[4];
+  for (int i = 0; i < 4; ++i) sums[i] = _mm256_setzero_ps();
+  for (int k = 0; k < count; ++k) {
+    const __m256 weight = _mm256_loadu_ps(weights[k]);
+    const auto pair = [&](int i) {
+      return _mm256_insertf128_ps(
+          _mm256_castps128_ps256(_mm_loadu_ps(rows + 4 * static_cast<int64_t>(index[k][i]))),
+          _mm_loadu_ps(rows + 4 * static_cast<int64_t>(index[k][i + 4])), 1);
+    };
+    sums[0] = _mm256_fmadd_ps(_mm256_permute_ps(weight, 0x00), pair(0), sums[0]);
+    sums[1] = _mm256_fmadd_ps(_mm256_permute_ps(weight, 0x55), pair(1), sums[1]);
+    sums[2] = _mm256_fmadd_ps(_mm256_permute_ps(weight, 0xAA), pair(2), sums[2]);
+    sums[3] = _mm256_fmadd_ps(_mm256_permute_ps(weight, 0xFF), pair(3), sums[3]);
+  }
+  transpose_quarters(sums[0], sums[1], sums[2], sums[3]);
+  for (int c = 0; c < 4; ++c) _mm256_storeu_ps(lanes[c], sums[c]);
+}
+#endif
+
+/// The same, normalized, with signs that agree with the first where they don't: rotations that lie
+/// close together sum up to nearly 1, unless their signs differ.
+template <class Real>
+inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
+                         const Real* rows, Real (&lanes)[4][kLanes]) {
+  weighted_sums(count, index, weights, rows, lanes);
+  const auto squares = [&](int lane) {
+    return (lanes[0][lane] * lanes[0][lane] + lanes[1][lane] * lanes[1][lane]) +
+           (lanes[2][lane] * lanes[2][lane] + lanes[3][lane] * lanes[3][lane]);
+  };
+  Real length[kLanes];
+  int apart = 0;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    length[lane] = squares(lane);
+    apart |= length[lane] < Real(0.8);
+  }
+  for (int lane = 0; apart && lane < kLanes; ++lane) {
+    if (length[lane] >= Real(0.8)) continue;
+    const RowOf<Real> first = load(rows + 4 * static_cast<int64_t>(index[0][lane]));
+    RowOf<Real> sum = {};
+    for (int k = 0; k < count; ++k) {
+      const RowOf<Real> q = load(rows + 4 * static_cast<int64_t>(index[k][lane]));
+      Real cosine = 0;
+      for (int c = 0; c < 4; ++c) cosine += q.v[c] * first.v[c];
+      add_scaled(sum, cosine < 0 ? -weights[k][lane] : weights[k][lane], q);
+    }
+    for (int c = 0; c < 4; ++c) lanes[c][lane] = sum.v[c];
+    length[lane] = squares(lane);
+  }
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const Real scale = guarded_inverse_sqrt(length[lane]);
+    for (int c = 0; c < 4; ++c) lanes[c][lane] *= scale;
+  }
+}
+
 template <class Real>
 void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const double* positions,
                    Real* quaternions) {
@@ -590,83 +676,30 @@ void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const dou
       q[2][lane] = sign * (pw * rz + px * ry - py * rx + pz * rw);
       q[3][lane] = sign * turn_w;
     }
-    Real* out = quaternions + 4 * kLanes * static_cast<int64_t>(b);
-    for (int lane = 0; lane < kLanes; ++lane)
-      for (int c = 0; c < 4; ++c) out[4 * lane + c] = q[c][lane];
+    store_rows(q, quaternions + 4 * kLanes * static_cast<int64_t>(b));
   }
 }
 
 template <class Real>
-inline Real squared_length(const RowOf<Real>& q) {
-  return (q.v[0] * q.v[0] + q.v[1] * q.v[1]) + (q.v[2] * q.v[2] + q.v[3] * q.v[3]);
-}
-
-/// Σ weights[k] · ± in[index[k]] with signs that agree with the first.
-template <class Real>
-RowOf<Real> sum_with_signs(int begin, int end, const int* index, const Real* weights,
-                           const Real* in) {
-  const RowOf<Real> first = load(in + 4 * static_cast<int64_t>(index[begin]));
-  RowOf<Real> sum = {};
-  for (int k = begin; k < end; ++k) {
-    const RowOf<Real> q = load(in + 4 * static_cast<int64_t>(index[k]));
-    Real cosine = 0;
-    for (int c = 0; c < 4; ++c) cosine += q.v[c] * first.v[c];
-    add_scaled(sum, cosine < 0 ? -weights[k] : weights[k], q);
-  }
-  return sum;
-}
-
-template <class Real>
-void mean_rotations(int first, int last, const int* starts, const int* index, const Real* weights,
-                    const Real* in, Real* out) {
-  for (int i = first; i < last; ++i) {
-    RowOf<Real> sum = {};
-    for (int k = starts[i]; k < starts[i + 1]; ++k)
-      add_scaled(sum, weights[k], load(in + 4 * static_cast<int64_t>(index[k])));
-    // Rotations that lie close together sum up to nearly 1, unless their signs differ.
-    Real length = squared_length(sum);
-    if (length < Real(0.8)) {
-      sum = sum_with_signs(starts[i], starts[i + 1], index, weights, in);
-      length = squared_length(sum);
-    }
-    const Real scale = guarded_inverse_sqrt(length);
-    for (int c = 0; c < 4; ++c) sum.v[c] *= scale;
-    store(out + 4 * static_cast<int64_t>(i), sum);
+void mean_rotations(int first, int last, const int* starts, const int32_t (*index)[kLanes],
+                    const Real (*weights)[kLanes], const Real* in, Real* out) {
+  for (int b = first; b < last; ++b) {
+    Real q[4][kLanes];
+    mean_of_rows(starts[b + 1] - starts[b], index + starts[b], weights + starts[b], in, q);
+    store_rows(q, out + 4 * kLanes * static_cast<int64_t>(b));
   }
 }
 
 template <class Real>
 void turn_pass(int block_count, const TurnBlock<Real>* blocks, const Real* quaternions,
                double* right_hand_side) {
+  Real thirds[3][kLanes];
+  for (auto& weights : thirds)
+    for (Real& weight : weights) weight = Real(1) / 3;
   for (int b = 0; b < block_count; ++b) {
     const TurnBlock<Real>& block = blocks[b];
     Real q[4][kLanes];
-    bool apart = false;
-    for (int lane = 0; lane < kLanes; ++lane) {
-      RowOf<Real> sum = {};
-      for (int k = 0; k < 3; ++k)
-        add_scaled(sum, Real(1), load(quaternions + 4 * static_cast<int64_t>(block.corner[k][lane])));
-      for (int c = 0; c < 4; ++c) q[c][lane] = sum.v[c];
-    }
-    Lanes<Real> length;
-    for (int lane = 0; lane < kLanes; ++lane) {
-      length[lane] = q[0][lane] * q[0][lane] + q[1][lane] * q[1][lane] + q[2][lane] * q[2][lane] +
-                     q[3][lane] * q[3][lane];
-      apart |= length[lane] < Real(0.8 * 9);
-    }
-    if (apart) {
-      for (int lane = 0; lane < kLanes; ++lane) {
-        const int index[3] = {block.corner[0][lane], block.corner[1][lane], block.corner[2][lane]};
-        const Real ones[3] = {1, 1, 1};
-        const RowOf<Real> sum = sum_with_signs(0, 3, index, ones, quaternions);
-        for (int c = 0; c < 4; ++c) q[c][lane] = sum.v[c];
-        length[lane] = squared_length(sum);
-      }
-    }
-    for (int lane = 0; lane < kLanes; ++lane) {
-      const Real scale = guarded_inverse_sqrt(length[lane]);
-      for (int c = 0; c < 4; ++c) q[c][lane] *= scale;
-    }
+    mean_of_rows(3, block.corner, thirds, quaternions, q);
     Real flux[2][3][kLanes];
     for (int corner = 0; corner < 2; ++corner) {
       for (int lane = 0; lane < kLanes; ++lane) {

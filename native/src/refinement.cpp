@@ -10,6 +10,12 @@ namespace {
 
 constexpr int kLeastRange = 512;  // items that are worth a task
 
+/// As the kernels take them.
+template <class Value>
+const Value (*rows_of(const std::vector<std::array<Value, kLanes>>& blocks))[kLanes] {
+  return reinterpret_cast<const Value(*)[kLanes]>(blocks.data());
+}
+
 }  // namespace
 
 template <class Real>
@@ -50,11 +56,11 @@ Refinement<Real>::Refinement(BoundSurface& bound)
   make_turns(local_vertex);
   triangle_rotations_.assign(4 * (static_cast<size_t>(first_rim) + kLanes * held_.size()), 0);
   // The rotations of the triangles without a free corner stand behind those of the vertices.
-  vertex_rotations_.assign(4 * (vertices.size() + kLanes * held_.size()), 0);
+  vertex_rotations_.assign(4 * (static_cast<size_t>(first_held_row()) + kLanes * held_.size()), 0);
+  for (size_t i = 3; i < vertex_rotations_.size(); i += 4) vertex_rotations_[i] = 1;
   smoothed_ = vertex_rotations_;
   positions_ = bound.rest;
 
-  for (size_t i = 0; i < vertices.size(); ++i) vertex_rotations_[4 * i + 3] = 1;
   at_rest_ = Rows::Zero(bound.poisson.right_hand_side_rows(), 4);
   kernels().of<Real>().turn_pass(static_cast<int>(turns_.size()), turns_.data(),
                                  vertex_rotations_.data(), at_rest_.data());
@@ -70,37 +76,54 @@ void Refinement<Real>::make_averages(const std::vector<int>& vertices,
     for (int k = 0; k < 3 && local_triangle[j] >= 0; ++k)
       if (local_vertex[t(j, k)] >= 0) fan[local_vertex[t(j, k)]].push_back(j);
 
+  const int blocks = (static_cast<int>(vertices.size()) + kLanes - 1) / kLanes;
   std::vector<double> share(vertices.size(), 0.0);  // of each neighbour of one vertex
   std::vector<int> neighbours;
-  const auto finish = [](Averages& averages) {
-    averages.starts.push_back(static_cast<int>(averages.index.size()));
-  };
-  const auto average = [](Averages& averages, int row, double weight) {
-    averages.index.push_back(row);
-    averages.weights.push_back(static_cast<Real>(weight));
-  };
-  for (const std::vector<int>& triangles : fan) {
-    double sum = 0;
-    for (int j : triangles) sum += bound_.operators.metric.areas[j];
-    neighbours.clear();
-    for (int j : triangles) {
-      const double weight = bound_.operators.metric.areas[j] / sum;
-      average(of_triangles_, local_triangle[j], weight);
-      if (local_triangle[j] >= first_rim) {
-        average(of_neighbours_,
-                static_cast<int>(vertices.size()) + local_triangle[j] - first_rim, weight);
-        continue;
+  for (int b = 0; b < blocks; ++b) {
+    Terms triangle_terms, vertex_terms;
+    for (size_t lane = 0; lane < kLanes; ++lane) {
+      const size_t vertex = static_cast<size_t>(b) * kLanes + lane;
+      if (vertex >= vertices.size()) continue;
+      double sum = 0;
+      for (int j : fan[vertex]) sum += bound_.operators.metric.areas[j];
+      neighbours.clear();
+      for (int j : fan[vertex]) {
+        const double weight = bound_.operators.metric.areas[j] / sum;
+        triangle_terms[lane].emplace_back(local_triangle[j], weight);
+        if (local_triangle[j] >= first_rim) {
+          vertex_terms[lane].emplace_back(kLanes * blocks + local_triangle[j] - first_rim, weight);
+          continue;
+        }
+        for (int k = 0; k < 3; ++k) {
+          const int v = local_vertex[t(j, k)];
+          if (share[v] == 0) neighbours.push_back(v);
+          share[v] += weight / 3;
+        }
       }
-      for (int k = 0; k < 3; ++k) {
-        const int v = local_vertex[t(j, k)];
-        if (share[v] == 0) neighbours.push_back(v);
-        share[v] += weight / 3;
-      }
+      for (int v : neighbours) vertex_terms[lane].emplace_back(v, std::exchange(share[v], 0.0));
     }
-    for (int v : neighbours) average(of_neighbours_, v, std::exchange(share[v], 0.0));
-    finish(of_triangles_);
-    finish(of_neighbours_);
+    append(of_triangles_, triangle_terms);
+    append(of_neighbours_, vertex_terms);
   }
+}
+
+template <class Real>
+void Refinement<Real>::append(Averages& averages, Terms& terms) {
+  size_t longest = 1;
+  for (auto& list : terms) {
+    if (list.empty()) list.emplace_back(0, 1.0);  // a lane that nobody reads
+    longest = std::max(longest, list.size());
+  }
+  for (size_t k = 0; k < longest; ++k) {
+    averages.index.emplace_back();
+    averages.weights.emplace_back();
+    for (size_t lane = 0; lane < kLanes; ++lane) {
+      const auto& list = terms[lane];
+      averages.index.back()[lane] = list[std::min(k, list.size() - 1)].first;
+      averages.weights.back()[lane] = k < list.size() ? static_cast<Real>(list[k].second) : Real(0);
+    }
+  }
+  averages.starts.push_back(static_cast<int>(averages.index.size()));
 }
 
 template <class Real>
@@ -129,10 +152,10 @@ void Refinement<Real>::make_turns(const std::vector<int>& local_vertex) {
 template <class Real>
 void Refinement<Real>::apply(const Averages& averages, const Quaternions& in,
                              Quaternions& out) const {
-  bound_.poisson.workers().over(averages.count(), kLeastRange, [&](int64_t begin, int64_t end) {
+  bound_.poisson.workers().over(averages.count(), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
     kernels().of<Real>().mean_rotations(static_cast<int>(begin), static_cast<int>(end),
-                                        averages.starts.data(), averages.index.data(),
-                                        averages.weights.data(), in.data(), out.data());
+                                        averages.starts.data(), rows_of(averages.index),
+                                        rows_of(averages.weights), in.data(), out.data());
   });
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <array>
+#include <utility>
 #include <vector>
 
 #include "bound_surface.h"
@@ -31,22 +33,28 @@ class Refinement {
   double bytes() const;
 
  private:
-  /// For each vertex the rows whose rotations it averages.
+  /// For each vertex the rows whose rotations it averages, kLanes vertices a block: what one of them
+  /// has less than the others has no weight.
   struct Averages {
-    std::vector<int> starts{0}, index;
-    std::vector<Real> weights;
+    std::vector<int> starts{0};
+    std::vector<std::array<int32_t, kLanes>> index;
+    std::vector<std::array<Real, kLanes>> weights;
     int count() const { return static_cast<int>(starts.size()) - 1; }
     double bytes() const {
-      return static_cast<double>((starts.size() + index.size()) * sizeof(int) +
-                                 weights.size() * sizeof(Real));
+      return static_cast<double>(starts.size() * sizeof(int) +
+                                 index.size() * kLanes * (sizeof(int32_t) + sizeof(Real)));
     }
   };
+  /// The terms of kLanes averages that are being collected.
+  using Terms = std::array<std::vector<std::pair<int, double>>, kLanes>;
   using Quaternions = std::vector<Real>;  // rows of 4
   static constexpr int kPasses = 6;
 
   void make_averages(const std::vector<int>& vertices, const std::vector<int>& local_vertex,
                      const std::vector<int>& local_triangle, int first_rim);
+  static void append(Averages& averages, Terms& terms);
   void make_turns(const std::vector<int>& local_vertex);
+  int first_held_row() const { return kLanes * of_neighbours_.count(); }
   void apply(const Averages& averages, const Quaternions& in, Quaternions& out) const;
 
   BoundSurface& bound_;

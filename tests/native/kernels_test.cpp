@@ -126,12 +126,16 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
     plain.turn_pass(3, turns.data(), a.data(), right.data());
     wide.turn_pass(3, turns.data(), a.data(), right_wide.data());
     CHECK(close(right, right_wide));
-    const std::vector<int> starts = {0, 3, 5, 9}, index = {0, 5, 7, 2, 3, 8, 9, 10, 11};
-    const std::vector<Real> weights(9, Real(0.3));
-    std::vector<Real> mean(12), mean_wide(12);
-    plain.mean_rotations(0, 3, starts.data(), index.data(), weights.data(), a.data(), mean.data());
-    wide.mean_rotations(0, 3, starts.data(), index.data(), weights.data(), a.data(),
-                        mean_wide.data());
+    const std::vector<int> starts = {0, 3, 5, 9};
+    int32_t index[9][kLanes];
+    Real weights[9][kLanes];
+    for (auto& row : index)
+      for (int32_t& i : row) i = static_cast<int32_t>(random() % (3 * kLanes));
+    for (auto& row : weights)
+      for (Real& weight : row) weight = Real(0.3);
+    std::vector<Real> mean(3 * kLanes * 4), mean_wide(mean);
+    plain.mean_rotations(0, 3, starts.data(), index, weights, a.data(), mean.data());
+    wide.mean_rotations(0, 3, starts.data(), index, weights, a.data(), mean_wide.data());
     CHECK(close(mean, mean_wide));
   }
 }
@@ -140,10 +144,17 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
 TEST_CASE("the mean of rotations does not depend on the signs of their quaternions") {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> uniform(-0.1, 0.1);
-  const std::vector<int> starts = {0, 6}, index = {0, 1, 2, 3, 4, 5};
-  const std::vector<double> weights = {0.1, 0.2, 0.15, 0.25, 0.2, 0.1};
+  const std::vector<int> starts = {0, 6};
+  const double of_each[] = {0.1, 0.2, 0.15, 0.25, 0.2, 0.1};
+  int32_t index[6][kLanes];
+  double weights[6][kLanes];
+  for (int k = 0; k < 6; ++k)
+    for (int lane = 0; lane < kLanes; ++lane) {
+      index[k][lane] = k;
+      weights[k][lane] = of_each[k];
+    }
   for (int round = 0; round < 100; ++round) {
-    std::vector<double> rotations(24), mean(4), flipped_mean(4);
+    std::vector<double> rotations(24), mean(4 * kLanes), flipped_mean(4 * kLanes);
     for (int q = 0; q < 6; ++q) {
       double length = 0;
       for (int c = 0; c < 4; ++c) {
@@ -152,12 +163,12 @@ TEST_CASE("the mean of rotations does not depend on the signs of their quaternio
       }
       for (int c = 0; c < 4; ++c) rotations[4 * q + c] /= std::sqrt(length);
     }
-    kernels().full.mean_rotations(0, 1, starts.data(), index.data(), weights.data(), rotations.data(),
+    kernels().full.mean_rotations(0, 1, starts.data(), index, weights, rotations.data(),
                              mean.data());
     // Every second has the other sign, as on both sides of half a turn.
     for (int q = round % 2; q < 6; q += 2)
       for (int c = 0; c < 4; ++c) rotations[4 * q + c] *= -1;
-    kernels().full.mean_rotations(0, 1, starts.data(), index.data(), weights.data(), rotations.data(),
+    kernels().full.mean_rotations(0, 1, starts.data(), index, weights, rotations.data(),
                              flipped_mean.data());
     double cosine = 0;
     for (int c = 0; c < 4; ++c) cosine += mean[c] * flipped_mean[c];
