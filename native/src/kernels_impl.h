@@ -598,23 +598,11 @@ inline void weighted_sums(int count, const int32_t (*index)[kLanes], const float
 }
 #endif
 
-/// The same, normalized, with signs that agree with the first where they don't: rotations that lie
-/// close together sum up to nearly 1, unless their signs differ.
+/// Sums up again, with signs that agree with the first, in lanes where the sum came out short.
 template <class Real>
-inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
-                         const Real* rows, Real (&lanes)[4][kLanes]) {
-  weighted_sums(count, index, weights, rows, lanes);
-  const auto squares = [&](int lane) {
-    return (lanes[0][lane] * lanes[0][lane] + lanes[1][lane] * lanes[1][lane]) +
-           (lanes[2][lane] * lanes[2][lane] + lanes[3][lane] * lanes[3][lane]);
-  };
-  Real length[kLanes];
-  int apart = 0;
+void agree_in_sign(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
+                   const Real* rows, Real (&lanes)[4][kLanes], Real (&length)[kLanes]) {
   for (int lane = 0; lane < kLanes; ++lane) {
-    length[lane] = squares(lane);
-    apart |= length[lane] < Real(0.8);
-  }
-  for (int lane = 0; apart && lane < kLanes; ++lane) {
     if (length[lane] >= Real(0.8)) continue;
     const RowOf<Real> first = load(rows + 4 * static_cast<int64_t>(index[0][lane]));
     RowOf<Real> sum = {};
@@ -624,13 +612,32 @@ inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const Real (
       for (int c = 0; c < 4; ++c) cosine += q.v[c] * first.v[c];
       add_scaled(sum, cosine < 0 ? -weights[k][lane] : weights[k][lane], q);
     }
-    for (int c = 0; c < 4; ++c) lanes[c][lane] = sum.v[c];
-    length[lane] = squares(lane);
+    length[lane] = 0;
+    for (int c = 0; c < 4; ++c) {
+      lanes[c][lane] = sum.v[c];
+      length[lane] += sum.v[c] * sum.v[c];
+    }
   }
-  for (int lane = 0; lane < kLanes; ++lane) {
-    const Real scale = guarded_inverse_sqrt(length[lane]);
-    for (int c = 0; c < 4; ++c) lanes[c][lane] *= scale;
-  }
+}
+
+/// The same sums, normalized. Rotations that lie close together sum up to nearly 1, unless the signs
+/// of their quaternions differ.
+template <class Real>
+inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
+                         const Real* rows, Real (&lanes)[4][kLanes]) {
+  weighted_sums(count, index, weights, rows, lanes);
+  Real length[kLanes];
+  for (int lane = 0; lane < kLanes; ++lane)
+    length[lane] = (lanes[0][lane] * lanes[0][lane] + lanes[1][lane] * lanes[1][lane]) +
+                   (lanes[2][lane] * lanes[2][lane] + lanes[3][lane] * lanes[3][lane]);
+  int32_t is_short[kLanes], apart = 0;
+  for (int lane = 0; lane < kLanes; ++lane) is_short[lane] = length[lane] < Real(0.8);
+  for (int lane = 0; lane < kLanes; ++lane) apart |= is_short[lane];
+  if (apart) agree_in_sign(count, index, weights, rows, lanes, length);
+  // Loops over lanes alone are what compilers make vector code of.
+  for (int lane = 0; lane < kLanes; ++lane) length[lane] = guarded_inverse_sqrt(length[lane]);
+  for (int c = 0; c < 4; ++c)
+    for (int lane = 0; lane < kLanes; ++lane) lanes[c][lane] *= length[lane];
 }
 
 template <class Real>

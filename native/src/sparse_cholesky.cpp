@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <mutex>
 #include <string>
+#include <utility>
 
 #include "dense_kernels.h"
 #include "fill_reducing_order.h"
@@ -142,6 +143,7 @@ void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options)
   const Elimination& e = *elimination_;
   Fronts fronts(A, e, options.smallest_pivot);
   std::mutex reporting;
+  int64_t done = 0;  // entries, under the mutex
   const auto keep = [&](int s, const Fronts::Scratch& scratch, const double* y) {
     const int width = e.width(s), height = e.height(s);
     const auto write = [&](auto* out) {
@@ -163,12 +165,15 @@ void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options)
   };
   const auto run = [&](int first, int last, Workers* workers) {
     Fronts::Scratch scratch;
+    int64_t since_report = 0;
     for (int s = first; s < last; ++s) {
       keep(s, scratch, fronts.eliminate(s, scratch, workers));
-      if (options.progress && (s & 63) == 0) {
-        const std::lock_guard<std::mutex> lock(reporting);
-        report(options.progress, static_cast<double>(value_begin_[s]) / static_cast<double>(entries()), options.stage);
-      }
+      since_report += value_begin_[s + 1] - value_begin_[s];
+      if (!options.progress || since_report < entries() / 100) continue;
+      const std::lock_guard<std::mutex> lock(reporting);
+      done += std::exchange(since_report, 0);
+      report(options.progress, static_cast<double>(done) / static_cast<double>(entries()),
+             options.stage);
     }
   };
   const auto domain = [&](int d) { run(e.domain_begin[d], e.domain_begin[d + 1], nullptr); };

@@ -2,9 +2,12 @@
 #include "sparse_cholesky.h"
 
 #include <Eigen/Dense>
+#include <Eigen/SparseCholesky>
+#include <atomic>
 #include <numeric>
 
 #include "catch.h"
+#include "free_block.h"
 #include "meshes.h"
 #include "operators.h"
 
@@ -77,4 +80,119 @@ TEST_CASE("a singular or indefinite matrix is refused with a row") {
     hole.coeffRef(k, 5) = 0;
   }
   CHECK(refused_row(hole) == 5);
+  // Whatever rounding leaves of the last pivot, in any size and order.
+  for (int level : {4, 5, 6})
+    for (double noise : {0.0, 0.05, 0.3}) {
+      const Mesh closed = test::rough_sphere(level, noise);
+      CHECK(refused_row(shifted_laplacian(closed, 0)) >= 0);
+    }
+}
+
+namespace {
+
+/// A plane's Laplacian without its border columns: what a frame solves with.
+struct System {
+  Mesh mesh = test::bumpy_plane(121);
+  Region region = split_region(mesh, test::strip_roles(121, 121, 10, 110), 1);
+  SparseMatrix A = free_block(
+      surface_operators(mesh.positions, mesh.triangles).laplacian, region);
+  RowMatrix B = RowMatrix::Random(A.rows(), 4);
+  SparseCholesky factor(Precision precision, Workers* workers, bool by_places = true) const {
+    BlockOptions options;
+    if (by_places) options.places = &mesh.positions;
+    options.precision = precision;
+    options.workers = workers;
+    return factor_free_block(A, region, options);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("a factor in domains equals Eigen's simplicial one, by either order") {
+  const System system;
+  const RowMatrix expected = Eigen::SimplicialLDLT<SparseMatrix>(system.A).solve(system.B);
+  for (bool by_places : {true, false}) {
+    const SparseCholesky factor = system.factor(Precision::full, nullptr, by_places);
+    REQUIRE(factor.elimination().domain_count() > 1);
+    REQUIRE(!factor.elimination().slot_target.empty());
+    CHECK((factor.solve(system.B) - expected).norm() < 1e-11 * expected.norm());
+    const SparseCholesky single = factor_free_block(system.A, system.region, [&] {
+      BlockOptions options;
+      options.precision = Precision::single;
+      options.elimination = factor.shared_elimination();
+      return options;
+    }());
+    const double error = (single.solve(system.B) - expected).norm() / expected.norm();
+    CHECK(error < 1e-5);
+    CHECK(error > 1e-9);  // it is single
+    CHECK(single.bytes() < 0.6 * factor.bytes());
+  }
+}
+
+TEST_CASE("a solve gives the same bits by any number of threads") {
+  const System system;
+  for (Precision precision : {Precision::single, Precision::full}) {
+    const RowMatrix alone = system.factor(precision, nullptr).solve(system.B);
+    for (int count : {2, 3, 8}) {
+      Workers workers(count);
+      for (int round = 0; round < 5; ++round)
+        REQUIRE(system.factor(precision, &workers).solve(system.B, &workers) == alone);
+    }
+  }
+}
+
+TEST_CASE("nested dissection fills no more than minimum degree, and the top separates the domains") {
+  const System system;
+  const SparseCholesky by_places = system.factor(Precision::single, nullptr);
+  const SparseCholesky by_degree = system.factor(Precision::single, nullptr, false);
+  CHECK(10 * by_places.entries() < 11 * by_degree.entries());
+  const Elimination& e = by_places.elimination();
+  const auto part_of = [&](int place) {
+    int part = 0;
+    while (place >= e.part_begin(part + 1)) ++part;
+    return part;
+  };
+  int across = 0;
+  for (int k = 0; k < e.size(); ++k)
+    for (SparseMatrix::InnerIterator it(system.A, e.order[k]); it; ++it) {
+      const int a = part_of(k), b = part_of(e.place_of[it.row()]);
+      across += a != b && a < e.domain_count() && b < e.domain_count();
+    }
+  CHECK(across == 0);
+}
+
+TEST_CASE("a factorization can be cancelled, and says how far it is") {
+  const System system;
+  BlockOptions options;
+  std::vector<double> told;
+  options.progress = [&](double fraction, const char*) {
+    told.push_back(fraction);
+    return true;
+  };
+  factor_free_block(system.A, system.region, options);
+  CHECK(told.size() > 5);
+  CHECK(std::is_sorted(told.begin(), told.end()));
+  CHECK(told.back() <= 1);
+  options.progress = [](double fraction, const char*) { return fraction < 0.3; };
+  CHECK_THROWS_AS(factor_free_block(system.A, system.region, options), Error);
+}
+
+TEST_CASE("workers do every task once, pass on exceptions, and can go on after one") {
+  Workers workers(4);
+  CHECK(workers.count() == 4);
+  for (int tasks : {0, 1, 2, 7, 1000}) {
+    std::vector<std::atomic<int>> done(static_cast<size_t>(tasks));
+    workers.run(tasks, [&](int i) { ++done[i]; });
+    CHECK(std::all_of(done.begin(), done.end(), [](const auto& times) { return times == 1; }));
+  }
+  CHECK_THROWS_AS(workers.run(50,
+                              [](int i) {
+                                if (i == 17) throw Error(Status::numeric, "no");
+                              }),
+                  Error);
+  std::atomic<int64_t> sum{0};
+  workers.over(100000, 10, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) sum += i;
+  });
+  CHECK(sum == 99999LL * 100000 / 2);
 }
