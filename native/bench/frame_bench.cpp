@@ -68,7 +68,8 @@ int main(int argc, char** argv) {
   lift(2, 3) = 0.4;
   dd::BlockOptions block_options;
   block_options.precision = dd::Precision::single;
-  block_options.places = &mesh.positions;
+  const dd::Dissection dissection = dd::free_dissection(poisson, region, mesh.positions);
+  block_options.dissection = &dissection;
   const dd::SparseCholesky own = dd::factor_free_block(poisson, region, block_options);
   const dd::Rows panel = dd::Rows::Random(own.elimination().slotted_size(), 4);
   dd::SparseCholesky::Space space;

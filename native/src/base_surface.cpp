@@ -31,12 +31,10 @@ Positions smoothed_surface(const Positions& positions, const SurfaceOperators& o
   SparseMatrix system = weight * free_block_of_energy(operators, region, Smoothness::thin_plate);
   for (int r = 0; r < region.free_count(); ++r)
     system.coeffRef(r, r) += operators.masses[region.free[r]];
-  BlockOptions options;
-  options.places = &positions;
   // Solved for the displacement, in which constrained vertices have no part.
   const RowMatrix force =
       -weight * free_rows(apply_energy(operators, positions, Smoothness::thin_plate), region);
-  const RowMatrix displacement = factor_free_block(system, region, options).solve(force);
+  const RowMatrix displacement = factor_free_block(system, region).solve(force);
   Positions smoothed = positions;
   for (int r = 0; r < region.free_count(); ++r) smoothed.row(region.free[r]) += displacement.row(r);
   return smoothed;

@@ -44,6 +44,7 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
   } else {
     compute_base(options, workers, progress);
   }
+  poisson.drop_dissection();
   rest = in_order(mesh.positions, order());
   rest_base = in_order(base, order());
 }
@@ -55,7 +56,7 @@ void BoundSurface::compute_base(const BindOptions& options, Workers& workers,
                             const char* stage) {
     report(progress, begin, stage);
     BlockOptions how;
-    how.places = &mesh.positions;
+    how.dissection = &poisson.dissection();
     how.elimination = elimination;
     how.workers = &workers;
     how.progress = within(progress, begin, end);

@@ -205,15 +205,20 @@ std::vector<std::vector<int>> find_domains(std::vector<Node>& nodes, std::vector
 Elimination::Elimination(const SparseMatrix& pattern, const std::vector<int>& first_order)
     : order(first_order) {
   invert(order, place_of);
+  std::vector<int> tree = elimination_tree(pattern, order, place_of);
   {
-    const std::vector<int> tree = elimination_tree(pattern, order, place_of);
-    std::vector<int> renumbered;
-    for (int k : postorder(tree)) renumbered.push_back(order[k]);
+    const std::vector<int> sequence = postorder(tree);
+    std::vector<int> renumbered, place_in_sequence, renumbered_tree;
+    invert(sequence, place_in_sequence);
+    for (int k : sequence) {
+      renumbered.push_back(order[k]);
+      renumbered_tree.push_back(tree[k] < 0 ? -1 : place_in_sequence[tree[k]]);
+    }
     order = std::move(renumbered);
+    tree = std::move(renumbered_tree);
     invert(order, place_of);
   }
-  std::vector<Node> nodes = fundamental_supernodes(pattern, order, place_of,
-                                                   elimination_tree(pattern, order, place_of));
+  std::vector<Node> nodes = fundamental_supernodes(pattern, order, place_of, tree);
   relax(nodes);
   std::vector<char> in_top;
   const std::vector<std::vector<int>> domains = find_domains(nodes, in_top);

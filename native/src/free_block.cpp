@@ -4,8 +4,6 @@
 #include <string>
 #include <utility>
 
-#include "fill_reducing_order.h"
-
 namespace dd {
 
 SparseMatrix free_columns(const SparseMatrix& matrix, const Region& region) {
@@ -41,23 +39,21 @@ UnsolvableSurface::UnsolvableSurface(int vertex)
               "of the region."),
       vertex_(vertex) {}
 
-namespace {
-
-std::shared_ptr<const Elimination> eliminated(const SparseMatrix& block, const Region& region,
-                                              const BlockOptions& options) {
-  if (options.elimination) return options.elimination;
-  if (!options.places) return std::make_shared<Elimination>(block, minimum_degree(block));
+Dissection free_dissection(const SparseMatrix& block, const Region& region,
+                           const Positions& positions) {
   Positions places(region.free_count(), 3);
-  for (int r = 0; r < region.free_count(); ++r) places.row(r) = options.places->row(region.free[r]);
-  return std::make_shared<Elimination>(block, nested_dissection(block, places));
+  for (int r = 0; r < region.free_count(); ++r) places.row(r) = positions.row(region.free[r]);
+  return Dissection(block, places);
 }
-
-}  // namespace
 
 SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region,
                                  const BlockOptions& options) {
   try {
-    return SparseCholesky(block, eliminated(block, region, options), options);
+    std::shared_ptr<const Elimination> elimination = options.elimination;
+    if (!elimination)
+      elimination = std::make_shared<Elimination>(
+          block, options.dissection ? options.dissection->order(block) : minimum_degree(block));
+    return SparseCholesky(block, std::move(elimination), options);
   } catch (const SingularMatrix& singular) {
     throw UnsolvableSurface(region.free[singular.row()]);
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include "fill_reducing_order.h"
 #include "region.h"
 #include "sparse_cholesky.h"
 
@@ -25,9 +26,13 @@ class UnsolvableSurface : public Error {
   int vertex_;
 };
 
+/// Of the free vertices, by the graph of a free×free block whose powers are the graphs of others.
+Dissection free_dissection(const SparseMatrix& block, const Region& region,
+                           const Positions& positions);
+
 struct BlockOptions : FactorOptions {
-  /// Of all vertices, n×3, where they are known: the order goes by them.
-  const Positions* places = nullptr;
+  /// Of the free vertices, where they have places; else the order is one of minimum degree.
+  const Dissection* dissection = nullptr;
   /// Of a block of the same pattern, to be used again.
   std::shared_ptr<const Elimination> elimination = nullptr;
 };

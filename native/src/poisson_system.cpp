@@ -41,8 +41,9 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
                              Workers& workers, const Progress& progress)
     : workers_(workers) {
   const SparseMatrix block = grounded(free_block(operators.laplacian, region), region);
+  dissection_ = std::make_unique<Dissection>(free_dissection(block, region, mesh.positions));
   BlockOptions options;
-  options.places = &mesh.positions;
+  options.dissection = dissection_.get();
   options.precision = precision;
   options.workers = &workers;
   options.progress = progress;

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "fill_reducing_order.h"
 #include "operators.h"
 #include "region.h"
 #include "sparse_cholesky.h"
@@ -80,6 +81,12 @@ class PoissonSystem {
   /// with zero on the fixed ones.
   void extend(Rows& values);
 
+  /// Of the free vertices. It is in the way once all is factored: drop_dissection().
+  const Dissection& dissection() const { return *dissection_; }
+  void drop_dissection() { dissection_.reset(); }
+  /// Of L, and of every matrix of its pattern.
+  std::shared_ptr<const Elimination> elimination() const { return factor_->shared_elimination(); }
+
   Workers& workers() const { return workers_; }
   Precision precision() const { return factor_->precision(); }
   /// Steps of iterative refinement that follow a solve.
@@ -98,6 +105,7 @@ class PoissonSystem {
   };
 
   Workers& workers_;
+  std::unique_ptr<Dissection> dissection_;
   std::unique_ptr<SparseCholesky> factor_;
   RowOrder order_;
   ActiveTriangles active_;

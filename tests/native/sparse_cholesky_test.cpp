@@ -99,7 +99,8 @@ struct System {
   RowMatrix B = RowMatrix::Random(A.rows(), 4);
   SparseCholesky factor(Precision precision, Workers* workers, bool by_places = true) const {
     BlockOptions options;
-    if (by_places) options.places = &mesh.positions;
+    const Dissection dissection = free_dissection(A, region, mesh.positions);
+    if (by_places) options.dissection = &dissection;
     options.precision = precision;
     options.workers = workers;
     return factor_free_block(A, region, options);
