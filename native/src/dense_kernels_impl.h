@@ -12,7 +12,6 @@ namespace {
 
 using Matrix = Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 using ConstMatrix = Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
-constexpr int kBlock = 96;  // columns of a triangle that are computed together
 
 /// Column by column; returns the first bad one.
 int factor_unblocked(int width, double* a, int stride, const double* bounds) {
@@ -68,11 +67,8 @@ void subtract_products(int width, int size, int first, int last, const double* y
                        double* a, int a_stride) {
   const ConstMatrix Y(y, size, width, Eigen::OuterStride<>(y_stride));
   Matrix A(a, size, size, Eigen::OuterStride<>(a_stride));
-  for (int k = first; k < last; k += kBlock) {
-    const int block = last - k < kBlock ? last - k : kBlock;
-    A.block(k, k, size - k, block).noalias() -=
-        Y.bottomRows(size - k) * Y.middleRows(k, block).transpose();
-  }
+  A.block(first, first, size - first, last - first).noalias() -=
+      Y.bottomRows(size - first) * Y.middleRows(first, last - first).transpose();
 }
 
 }  // namespace

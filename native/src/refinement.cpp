@@ -59,11 +59,12 @@ Refinement<Real>::Refinement(BoundSurface& bound)
   vertex_rotations_.assign(4 * (static_cast<size_t>(first_held_row()) + kLanes * held_.size()), 0);
   for (size_t i = 3; i < vertex_rotations_.size(); i += 4) vertex_rotations_[i] = 1;
   smoothed_ = vertex_rotations_;
-  positions_ = bound.rest;
 
+  positions_ = bound.rest;
+  find_held_rotations();
+  find_vertex_rotations();
   at_rest_ = Rows::Zero(bound.poisson.right_hand_side_rows(), 4);
-  kernels().of<Real>().turn_pass(static_cast<int>(turns_.size()), turns_.data(),
-                                 vertex_rotations_.data(), at_rest_.data());
+  for (int part = 0; part < layout_.parts(); ++part) add(part, at_rest_.data());
 }
 
 template <class Real>
@@ -160,40 +161,48 @@ void Refinement<Real>::apply(const Averages& averages, const Quaternions& in,
 }
 
 template <class Real>
+void Refinement<Real>::find_held_rotations() {
+  Real* held = triangle_rotations_.data() + 4 * kLanes * moving_.size();
+  kernels().of<Real>().rotation_pass(static_cast<int>(held_.size()), held_.data(),
+                                     positions_.data(), held);
+  const size_t count = 4 * kLanes * held_.size();
+  for (Quaternions* rotations : {&vertex_rotations_, &smoothed_})
+    std::copy_n(held, count, rotations->end() - static_cast<std::ptrdiff_t>(count));
+}
+
+template <class Real>
+void Refinement<Real>::find_vertex_rotations() {
+  bound_.poisson.workers().over(
+      static_cast<int64_t>(moving_.size()), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
+        kernels().of<Real>().rotation_pass(static_cast<int>(end - begin), moving_.data() + begin,
+                                           positions_.data(),
+                                           triangle_rotations_.data() + 4 * kLanes * begin);
+      });
+  apply(of_triangles_, triangle_rotations_, vertex_rotations_);
+  for (int pass = 1; pass < kPasses; ++pass) {
+    apply(of_neighbours_, vertex_rotations_, smoothed_);
+    vertex_rotations_.swap(smoothed_);
+  }
+}
+
+template <class Real>
+void Refinement<Real>::add(int part, double* rows) const {
+  const int begin = layout_.begin[part];
+  kernels().of<Real>().turn_pass(layout_.begin[part + 1] - begin, turns_.data() + begin,
+                                 vertex_rotations_.data(), rows);
+}
+
+template <class Real>
 void Refinement<Real>::run(int iterations, Rows& offsets) {
-  Workers& workers = bound_.poisson.workers();
-  const auto& loops = kernels().of<Real>();
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    workers.over(positions_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
-      positions_.middleRows(begin, end - begin) =
-          bound_.rest.middleRows(begin, end - begin) + offsets.middleRows(begin, end - begin);
+    bound_.poisson.workers().over(positions_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+      const int64_t count = end - begin;
+      positions_.middleRows(begin, count) =
+          bound_.rest.middleRows(begin, count) + offsets.middleRows(begin, count);
     });
-    workers.over(static_cast<int64_t>(moving_.size()), kLeastRange / kLanes,
-                 [&](int64_t begin, int64_t end) {
-                   loops.rotation_pass(static_cast<int>(end - begin), moving_.data() + begin,
-                                       positions_.data(),
-                                       triangle_rotations_.data() + 4 * kLanes * begin);
-                 });
-    if (iteration == 0) {
-      Real* held = triangle_rotations_.data() + 4 * kLanes * moving_.size();
-      loops.rotation_pass(static_cast<int>(held_.size()), held_.data(), positions_.data(), held);
-      const size_t count = 4 * kLanes * held_.size();
-      for (Quaternions* rotations : {&vertex_rotations_, &smoothed_})
-        std::copy_n(held, count, rotations->end() - static_cast<std::ptrdiff_t>(count));
-    }
-    apply(of_triangles_, triangle_rotations_, vertex_rotations_);
-    for (int pass = 1; pass < kPasses; ++pass) {
-      apply(of_neighbours_, vertex_rotations_, smoothed_);
-      vertex_rotations_.swap(smoothed_);
-    }
-    bound_.poisson.solve(
-        at_rest_,
-        [&](int part, double* rows) {
-          const int begin = layout_.begin[part];
-          loops.turn_pass(layout_.begin[part + 1] - begin, turns_.data() + begin,
-                          vertex_rotations_.data(), rows);
-        },
-        offsets);
+    if (iteration == 0) find_held_rotations();
+    find_vertex_rotations();
+    bound_.poisson.solve(at_rest_, [&](int part, double* rows) { add(part, rows); }, offsets);
   }
 }
 

@@ -56,6 +56,12 @@ class Refinement {
   void make_turns(const std::vector<int>& local_vertex);
   int first_held_row() const { return kLanes * of_neighbours_.count(); }
   void apply(const Averages& averages, const Quaternions& in, Quaternions& out) const;
+  /// Of the triangles without a free corner, which only the handles move.
+  void find_held_rotations();
+  /// Smoothed, of what positions_ shows.
+  void find_vertex_rotations();
+  /// As PoissonSystem::solve() takes it.
+  void add(int part, double* rows) const;
 
   BoundSurface& bound_;
   // Triangles are numbered anew: those with a free corner, padded to whole blocks, then those

@@ -39,6 +39,8 @@ SparseCholesky::SparseCholesky(const SparseMatrix& A,
 
 namespace {
 
+constexpr int kChunk = 96;  // rows or columns of a front that are computed together
+
 /// The fronts of a factorization on their way up the tree.
 class Fronts {
  public:
@@ -93,21 +95,24 @@ class Fronts {
     const int bad = dense.factor_pivot(width, panel, size, scratch.bounds.data(), scratch.inverse.data());
     if (bad >= 0) throw SingularMatrix(e_.order[first + bad]);
     if (height == 0) return y;
-    const auto solve_rows = [&](int64_t begin, int64_t end) {
-      dense.solve_rows(width, static_cast<int>(end - begin), scratch.inverse.data(),
-                       panel + width + begin, size, y + begin, height);
+    // In chunks that don't depend on the threads, so that no rounding does either.
+    const auto in_chunks = [&](const auto& work) {
+      const auto chunk = [&](int i) {
+        work(i * kChunk, std::min(height, (i + 1) * kChunk));
+      };
+      const int count = (height + kChunk - 1) / kChunk;
+      if (workers)
+        workers->run(count, chunk);
+      else
+        for (int i = 0; i < count; ++i) chunk(i);
     };
-    const auto subtract = [&](int64_t begin, int64_t end) {
-      dense.subtract_products(width, height, static_cast<int>(begin), static_cast<int>(end), y,
-                              height, update.get(), height);
-    };
-    if (workers) {
-      workers->over(height, 64, solve_rows);
-      workers->over(height, 64, subtract);
-    } else {
-      solve_rows(0, height);
-      subtract(0, height);
-    }
+    in_chunks([&](int begin, int end) {
+      dense.solve_rows(width, end - begin, scratch.inverse.data(), panel + width + begin, size,
+                       y + begin, height);
+    });
+    in_chunks([&](int begin, int end) {
+      dense.subtract_products(width, height, begin, end, y, height, update.get(), height);
+    });
     return y;
   }
 

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What a frame loses by single precision, and that threads change nothing.
+#include <cmath>
+
+#include "cases.h"
+#include "catch.h"
+#include "deform.h"
+
+using namespace dd;
+using test::Affine;
+
+namespace {
+
+struct Example {
+  std::string name;
+  Mesh mesh;
+  std::vector<int> roles;
+  Affine motion;
+};
+
+/// A plane of triangles as thin as 1 : 500, with edges of very different lengths.
+Mesh thin_plane(int side) {
+  Mesh mesh = test::bumpy_plane(side, 5);
+  for (Index v = 0; v < mesh.positions.rows(); ++v) {
+    const double y = mesh.positions(v, 1);
+    mesh.positions(v, 1) = 0.02 * y + 0.98 * std::pow(y, 6);
+  }
+  return mesh;
+}
+
+std::vector<Example> examples() {
+  std::vector<Example> result;
+  for (const test::Case& one : test::survey_cases())
+    result.push_back({one.name, one.mesh, one.roles, one.motion});
+  const Affine turn = test::rotation_about(1.2, {1, 0.3, 0.2}, {0, 0, 0}, {0.1, 0.2, 0.5});
+  for (int level : {4, 6}) {
+    const Mesh ball = test::rough_sphere(level, 0.2);
+    result.push_back({"rough ball", ball, test::roles_by_height(ball, -0.8, 0.8), turn});
+  }
+  for (int side : {41, 151, 301}) {
+    const int last = side - 1 - side / 10;
+    result.push_back({"plane " + std::to_string(side), test::bumpy_plane(side, 9),
+                      test::strip_roles(side, side, side / 10, last), turn});
+  }
+  result.push_back({"thin triangles", thin_plane(121), test::strip_roles(121, 121, 8, 112), turn});
+  Mesh far = test::bumpy_plane(61, 6);
+  far.positions.rowwise() += Eigen::RowVector3d(900, -400, 30);
+  result.push_back({"far from the origin", far, test::strip_roles(61, 61, 6, 54),
+                    test::rotation_about(1.2, {1, 0.3, 0.2}, {900, -400, 30}, {0, 0, 0.5})});
+  return result;
+}
+
+Positions surface(const Example& one, Precision precision, const UpdateOptions& how,
+                  int threads = 1) {
+  BindOptions options;
+  options.precision = precision;
+  options.threads = threads;
+  Deformer deformer(one.mesh, one.roles, 1, options);
+  return test::surface(deformer, {one.motion}, how);
+}
+
+}  // namespace
+
+TEST_CASE("single precision stays within 1e-5 of the box of double") {
+  for (const Example& one : examples()) {
+    const double box = bounding_box_diagonal(one.mesh.positions);
+    for (int refine : {0, 4})
+      for (bool rotation_only : {true, false}) {
+        if (refine && !rotation_only) continue;
+        INFO(one.name << ", refined " << refine << ", rotations only " << rotation_only);
+        const auto how = test::by(MethodKind::transfer, rotation_only, refine);
+        const Positions full = surface(one, Precision::full, how);
+        const double error =
+            test::largest_difference(surface(one, Precision::single, how), full) / box;
+        CHECK(error < 1e-5);
+        UNSCOPED_INFO(error);
+      }
+  }
+}
+
+TEST_CASE("single precision at rest is exact, and so is any number of threads") {
+  for (Example& one : examples()) {
+    INFO(one.name);
+    for (int refine : {0, 4}) {
+      const auto how = test::by(MethodKind::transfer, true, refine);
+      const Positions alone = surface(one, Precision::single, how, 1);
+      CHECK((surface(one, Precision::single, how, 3) - alone).cwiseAbs().maxCoeff() == 0);
+    }
+    one.motion = test::identity();
+    const Positions still =
+        surface(one, Precision::single, test::by(MethodKind::transfer, true, 4));
+    CHECK(test::largest_difference(still, one.mesh.positions) <
+          1e-12 * bounding_box_diagonal(one.mesh.positions) +
+              1e-15 * one.mesh.positions.cwiseAbs().maxCoeff());
+  }
+}
+
+TEST_CASE("the Poisson system refines where single precision alone is too far off") {
+  // A long strip that is held at its ends.
+  const int length = 12001;
+  const Mesh strip = test::grid(length, 3, [](double x, double) { return 0.01 * std::sin(60 * x); });
+  const auto roles = test::strip_roles(length, 3, 1, length - 1);
+  const Region region = split_region(strip, roles, 1);
+  const auto operators = surface_operators(strip.positions, strip.triangles);
+  Workers workers(2);
+  PoissonSystem full(strip, region, operators, Precision::full, workers);
+  REQUIRE(full.precision() == Precision::full);
+  PoissonSystem single(strip, region, operators, Precision::single, workers);
+  CHECK(single.refinement_steps() > 0);
+  const auto solved = [&](PoissonSystem& system) {
+    const RowOrder& order = system.order();
+    Rows offsets = Rows::Zero(order.count(), 4);
+    for (int r = order.free_count; r < order.fixed_begin; ++r) offsets.row(r) << 0.3, 0, 1, 0;
+    system.extend(offsets);
+    Positions result(order.count(), 3);
+    for (int r = 0; r < order.count(); ++r)
+      result.row(order.vertex_of_row[r]) = offsets.row(r).head<3>();
+    return result;
+  };
+  const Positions expected = solved(full);
+  // Harmonic along a strip is linear in its length.
+  CHECK(std::abs(expected(3 * (length / 2) + 1, 2) - 0.5) < 0.05);
+  CHECK(test::largest_difference(solved(single), expected) < 1e-6);
+}
