@@ -5,6 +5,8 @@
 #include <CGAL/Surface_mesh.h>
 #include <CGAL/Surface_mesh_deformation.h>
 
+#include <chrono>
+
 namespace dd::bench {
 
 namespace {
@@ -13,8 +15,12 @@ using Kernel = CGAL::Simple_cartesian<double>;
 using Surface = CGAL::Surface_mesh<Kernel::Point_3>;
 
 template <CGAL::Deformation_algorithm_tag algorithm>
-Positions deformed(const Mesh& mesh, const std::vector<int>& roles, const test::Affine& motion,
-                   int iterations) {
+CgalResult deformed(const Mesh& mesh, const std::vector<int>& roles, const test::Affine& motion,
+                    int iterations) {
+  using Clock = std::chrono::steady_clock;
+  const auto milliseconds_since = [](Clock::time_point start) {
+    return 1e3 * std::chrono::duration<double>(Clock::now() - start).count();
+  };
   Surface surface;
   std::vector<Surface::Vertex_index> vertices;
   for (Index v = 0; v < mesh.positions.rows(); ++v)
@@ -30,25 +36,30 @@ Positions deformed(const Mesh& mesh, const std::vector<int>& roles, const test::
     deformation.insert_roi_vertex(vertices[v]);
     if (roles[v] != kFree) deformation.insert_control_vertex(vertices[v]);
   }
+  const auto prepare = Clock::now();
   deformation.preprocess();
+  CgalResult result;
+  result.preparing_ms = milliseconds_since(prepare);
+  const auto move = Clock::now();
   for (size_t v = 0; v < vertices.size(); ++v) {
     if (roles[v] < 0) continue;
     const Eigen::RowVector3d p = test::transformed(motion, mesh.positions.row(Index(v)));
     deformation.set_target_position(vertices[v], {p[0], p[1], p[2]});
   }
   deformation.deform(static_cast<unsigned>(iterations), 0.0);
-  Positions result(mesh.positions.rows(), 3);
+  result.moving_ms = milliseconds_since(move);
+  result.deformed.resize(mesh.positions.rows(), 3);
   for (size_t v = 0; v < vertices.size(); ++v) {
     const auto& p = surface.point(vertices[v]);
-    result.row(Index(v)) << p.x(), p.y(), p.z();
+    result.deformed.row(Index(v)) << p.x(), p.y(), p.z();
   }
   return result;
 }
 
 }  // namespace
 
-Positions deform_with_cgal(const Mesh& mesh, const std::vector<int>& roles,
-                           const test::Affine& motion, CgalMethod method, int iterations) {
+CgalResult deform_with_cgal(const Mesh& mesh, const std::vector<int>& roles,
+                            const test::Affine& motion, CgalMethod method, int iterations) {
   return method == CgalMethod::arap
              ? deformed<CGAL::SPOKES_AND_RIMS>(mesh, roles, motion, iterations)
              : deformed<CGAL::SRE_ARAP>(mesh, roles, motion, iterations);

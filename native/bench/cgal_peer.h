@@ -7,9 +7,16 @@
 
 namespace dd::bench {
 
-/// CGAL's as-rigid-as-possible deformations on the same constraints, for comparison.
 enum class CgalMethod { arap, smoothed_rotations };
-Positions deform_with_cgal(const Mesh& mesh, const std::vector<int>& roles,
-                           const test::Affine& motion, CgalMethod method, int iterations);
+
+struct CgalResult {
+  Positions deformed;
+  double preparing_ms, moving_ms;
+};
+
+/// The mesh with handle 0 moved, by CGAL's surface mesh deformation with its own choice of solver,
+/// all of the mesh being its region of interest.
+CgalResult deform_with_cgal(const Mesh& mesh, const std::vector<int>& roles,
+                            const test::Affine& motion, CgalMethod method, int iterations);
 
 }  // namespace dd::bench

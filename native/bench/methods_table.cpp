@@ -85,7 +85,7 @@ int main() {
           {"CGAL SRE-ARAP, 200", dd::bench::CgalMethod::smoothed_rotations}}) {
       const auto start = Clock::now();
       const dd::Positions deformed =
-          dd::bench::deform_with_cgal(one.mesh, one.roles, one.motion, method, 200);
+          dd::bench::deform_with_cgal(one.mesh, one.roles, one.motion, method, 200).deformed;
       const double time = milliseconds_since(start);
       print(name, measured(deformed), time);
     }
