@@ -74,12 +74,19 @@ struct FactorView {
   const Real* values;
 };
 
+/// Columns that a solve computes; a row has room for four.
+template <class Real>
+constexpr int kColumns = 4;
+template <>
+constexpr int kColumns<float> = 3;
+
 /// Loops that come in two precisions: of what is constant in a frame and of what is computed from it.
 /// Positions and right-hand sides are double always. x, right, quaternions: rows of 4.
 template <class Real>
 struct KernelsOf {
   /// Forward substitution through the supernodes first to last: x ← C⁻¹ (right + x) in their places,
-  /// and what that takes from the rows below added to those of x.
+  /// and what that takes from the rows below added to those of x. In single precision of the first
+  /// three columns; the fourth is left with whatever.
   void (*forward)(const FactorView<Real>& factor, int first, int last, const double* right,
                   Real* x);
   /// Backward substitution, x ← C⁻ᵀ x.

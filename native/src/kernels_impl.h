@@ -67,7 +67,7 @@ inline void add_products(int width, int stride, const Real* values, const RowOf<
 #ifdef __AVX2__
 /// Asks for what is read a little later. Blocks are too short for the machine to notice by itself where
 /// the stream goes.
-constexpr int64_t kAhead = 4096;  // bytes
+constexpr int64_t kAhead = 6144;  // bytes
 inline void fetch(const void* values, int64_t distance) {
   _mm_prefetch(static_cast<const char*>(values) + distance, _MM_HINT_T0);
 }
@@ -150,7 +150,7 @@ inline void add_products(int width, int stride, const float* values, const RowOf
 }
 #endif
 
-// Blocks of eight rows below the diagonal, each stored by columns:
+// Blocks of eight rows below the diagonal, each stored by columns, on the first three of four:
 // forward x[slots] −= values · own, backward own −= valuesᵀ · x[slots].
 #ifdef __AVX2__
 /// Four rows of four become four columns, in both halves.
@@ -176,7 +176,7 @@ inline void forward_blocks(int width, const float* values, const float* own, con
       column[b] = _mm256_loadu_ps(values + b * block + 8 * c);
       fetch(values + b * block + 8 * c, kAhead);
     }
-    for (int k = 0; k < 4; ++k) {
+    for (int k = 0; k < 3; ++k) {
       const __m256 factor = _mm256_broadcast_ss(own + 4 * c + k);
       for (int b = 0; b < Blocks; ++b)
         sums[b][k] = _mm256_fmadd_ps(column[b], factor, sums[b][k]);
@@ -208,15 +208,16 @@ inline void backward_blocks(int width, const float* values, const float* x, cons
   }
   const int64_t block = 8 * static_cast<int64_t>(width);
   for (int c = 0; c < width; ++c, own += 4) {
-    __m256 s[4];
+    __m256 s[3];
     for (int b = 0; b < Blocks; ++b) {
       const __m256 column = _mm256_loadu_ps(values + b * block + 8 * c);
       fetch(values + b * block + 8 * c, -kAhead);
-      for (int k = 0; k < 4; ++k)
+      for (int k = 0; k < 3; ++k)
         s[k] = b == 0 ? _mm256_mul_ps(column, rows[b][k])
                       : _mm256_fmadd_ps(column, rows[b][k], s[k]);
     }
-    const __m256 sums = _mm256_hadd_ps(_mm256_hadd_ps(s[0], s[1]), _mm256_hadd_ps(s[2], s[3]));
+    const __m256 sums =
+        _mm256_hadd_ps(_mm256_hadd_ps(s[0], s[1]), _mm256_hadd_ps(s[2], _mm256_setzero_ps()));
     const __m128 sum = _mm_add_ps(_mm256_castps256_ps128(sums), _mm256_extractf128_ps(sums, 1));
     _mm_storeu_ps(own, _mm_sub_ps(_mm_loadu_ps(own), sum));
   }
@@ -226,12 +227,12 @@ template <int Blocks>
 inline void forward_blocks(int width, const float* values, const float* own, const int32_t* slots,
                            float* x) {
   for (int b = 0; b < Blocks; ++b, slots += 8) {
-    float sums[4][8] = {};
+    float sums[3][8] = {};
     for (int c = 0; c < width; ++c, values += 8)
-      for (int k = 0; k < 4; ++k)
+      for (int k = 0; k < 3; ++k)
         for (int i = 0; i < 8; ++i) sums[k][i] += values[i] * own[4 * c + k];
     for (int i = 0; i < 8; ++i)
-      for (int k = 0; k < 4; ++k) x[4 * static_cast<int64_t>(slots[i]) + k] -= sums[k][i];
+      for (int k = 0; k < 3; ++k) x[4 * static_cast<int64_t>(slots[i]) + k] -= sums[k][i];
   }
 }
 
@@ -242,7 +243,7 @@ inline void backward_blocks(int width, const float* values, const float* x, cons
     RowOf<float> rows[8];
     for (int i = 0; i < 8; ++i) rows[i] = load(x + 4 * static_cast<int64_t>(slots[i]));
     for (int c = 0; c < width; ++c, values += 8)
-      for (int k = 0; k < 4; ++k)
+      for (int k = 0; k < 3; ++k)
         for (int i = 0; i < 8; ++i) own[4 * c + k] -= values[i] * rows[i].v[k];
   }
 }

@@ -199,26 +199,29 @@ const double* SparseCholesky::values<double>() const {
 }
 
 template <class Real>
-void SparseCholesky::prepare(std::vector<Real>& x) const {
-  x.resize(4 * static_cast<size_t>(elimination_->slotted_size()));
+void SparseCholesky::prepare(StreamedArray<Real>& x) const {
+  const size_t size = 4 * static_cast<size_t>(elimination_->slotted_size());
+  if (x.size() != size) x = StreamedArray<Real>(size);
 }
 
 template <class Real>
-void SparseCholesky::forward(int domain, const double* right, std::vector<Real>& x) const {
+void SparseCholesky::forward(int domain, const double* right, StreamedArray<Real>& x) const {
   const Elimination& e = *elimination_;
   const bool top = domain == e.domain_count();
   const int first = e.domain_begin[domain], last = top ? e.supernode_count() : e.domain_begin[domain + 1];
   const FactorView<Real> view = {e.begin.data(), e.row_begin.data(), e.slots.data(),
                                  value_begin_.data(), values<Real>()};
   const auto clear = [&](int begin, int end) {
-    std::fill(x.begin() + 4 * std::ptrdiff_t(begin), x.begin() + 4 * std::ptrdiff_t(end), Real(0));
+    std::fill(x.data() + 4 * std::ptrdiff_t(begin), x.data() + 4 * std::ptrdiff_t(end), Real(0));
   };
   clear(e.begin[first], e.begin[last]);
   if (top) {
-    for (size_t k = 0; k < e.slot_target.size(); ++k)
-      for (int c = 0; c < 4; ++c)
-        x[4 * size_t(e.slot_target[k]) + c] +=
-            x[4 * (size_t(size()) + k) + c] + static_cast<Real>(right[4 * (size_t(size()) + k) + c]);
+    for (size_t k = 0; k < e.slot_target.size(); ++k) {
+      const size_t slot = 4 * (size_t(size()) + k);
+      for (size_t c = 0; c < 4; ++c)
+        x.data()[4 * size_t(e.slot_target[k]) + c] +=
+            x.data()[slot + c] + static_cast<Real>(right[slot + c]);
+    }
   } else {
     clear(size() + e.slot_begin[domain], size() + e.slot_begin[domain + 1]);
   }
@@ -226,7 +229,7 @@ void SparseCholesky::forward(int domain, const double* right, std::vector<Real>&
 }
 
 template <class Real>
-void SparseCholesky::backward(int domain, std::vector<Real>& x) const {
+void SparseCholesky::backward(int domain, StreamedArray<Real>& x) const {
   const Elimination& e = *elimination_;
   const bool top = domain == e.domain_count();
   const int first = e.domain_begin[domain], last = top ? e.supernode_count() : e.domain_begin[domain + 1];
@@ -234,8 +237,8 @@ void SparseCholesky::backward(int domain, std::vector<Real>& x) const {
                                  value_begin_.data(), values<Real>()};
   if (!top)
     for (int k = e.slot_begin[domain]; k < e.slot_begin[domain + 1]; ++k)
-      std::copy_n(x.begin() + 4 * std::ptrdiff_t(e.slot_target[k]), 4,
-                  x.begin() + 4 * (std::ptrdiff_t(size()) + k));
+      std::copy_n(x.data() + 4 * std::ptrdiff_t(e.slot_target[k]), 4,
+                  x.data() + 4 * (std::ptrdiff_t(size()) + k));
   kernels().of<Real>().backward(view, first, last, x.data());
 }
 
@@ -243,8 +246,10 @@ RowMatrix SparseCholesky::solve(const RowMatrix& B, Workers* workers) const {
   RowMatrix X(B.rows(), B.cols());
   Rows panel = Rows::Zero(elimination_->slotted_size(), 4);
   Space space;
-  for (Index first = 0; first < B.cols(); first += 4) {
-    const Index width = std::min<Index>(4, B.cols() - first);
+  const Index at_once =
+      precision_ == Precision::single ? kColumns<float> : kColumns<double>;
+  for (Index first = 0; first < B.cols(); first += at_once) {
+    const Index width = std::min(at_once, B.cols() - first);
     for (Index k = 0; k < B.rows(); ++k)
       panel.row(k).head(width) = B.row(order()[k]).segment(first, width);
     solve_in_order(
@@ -264,11 +269,11 @@ double SparseCholesky::bytes() const {
                              value_begin_.size() * 2 * sizeof(int64_t));
 }
 
-template void SparseCholesky::prepare(std::vector<float>&) const;
-template void SparseCholesky::prepare(std::vector<double>&) const;
-template void SparseCholesky::forward(int, const double*, std::vector<float>&) const;
-template void SparseCholesky::forward(int, const double*, std::vector<double>&) const;
-template void SparseCholesky::backward(int, std::vector<float>&) const;
-template void SparseCholesky::backward(int, std::vector<double>&) const;
+template void SparseCholesky::prepare(StreamedArray<float>&) const;
+template void SparseCholesky::prepare(StreamedArray<double>&) const;
+template void SparseCholesky::forward(int, const double*, StreamedArray<float>&) const;
+template void SparseCholesky::forward(int, const double*, StreamedArray<double>&) const;
+template void SparseCholesky::backward(int, StreamedArray<float>&) const;
+template void SparseCholesky::backward(int, StreamedArray<double>&) const;
 
 }  // namespace dd

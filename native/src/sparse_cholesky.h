@@ -62,11 +62,11 @@ class SparseCholesky {
 
   /// Work space of a solve, slotted_size()×4, to be kept between solves.
   struct Space {
-    std::vector<float> single;
-    std::vector<double> full;
+    StreamedArray<float> single;
+    StreamedArray<double> full;
   };
 
-  /// Solves A X = B for four columns whose rows stand in the factor's order. right: slotted_size()×4,
+  /// Solves A X = B for four columns, in single precision three, whose rows stand in the factor's order. right: slotted_size()×4,
   /// row-major; what belongs to a row of the top may be spread over its slots. fill(d) is called
   /// before the rows and slots of domain d are read, and for the top with domain_count(): a frame
   /// makes its right-hand side there, where the caches have it. done(begin, end, x) is called with
@@ -93,14 +93,14 @@ class SparseCholesky {
   const Real* values() const;
   void factor(const SparseMatrix& A, const FactorOptions& options);
   template <class Real>
-  void prepare(std::vector<Real>& x) const;
+  void prepare(StreamedArray<Real>& x) const;
   template <class Real>
-  void forward(int domain, const double* right, std::vector<Real>& x) const;
+  void forward(int domain, const double* right, StreamedArray<Real>& x) const;
   template <class Real>
-  void backward(int domain, std::vector<Real>& x) const;
+  void backward(int domain, StreamedArray<Real>& x) const;
 
   template <class Real, class Fill, class Done>
-  void solve_as(const double* right, std::vector<Real>& x, Workers* workers, const Fill& fill,
+  void solve_as(const double* right, StreamedArray<Real>& x, Workers* workers, const Fill& fill,
                 const Done& done) const {
     const Elimination& e = *elimination_;
     const int domains = e.domain_count();
