@@ -55,13 +55,14 @@ RowMatrix BendingSystem::extend(const RowMatrix& values) const {
   // Iterative refinement: where triangles are thin or the region is long, K spans many magnitudes
   // and its factor loses digits that the product L (M⁻¹ (L x)) still has. The first correction is
   // the solution itself; what the last one still changes tells how far it can be trusted.
-  double last = 0;
+  double last = 1;
   for (int round = 0;; ++round) {
     const RowMatrix correction =
         factor_.solve(free_rows(-apply_energy(operators_, x, smoothness_), region_), workers_);
     for (int r = 0; r < region_.free_count(); ++r) x.row(region_.free[r]) += correction.row(r);
     const double change = correction.cwiseAbs().maxCoeff(), size = x.cwiseAbs().maxCoeff();
-    if (round + 1 >= kLeastRounds && change <= kSettled * size) break;
+    // The next would change about as much less than this one as this one less than the last.
+    if (round + 1 >= kLeastRounds && change * (change / last) <= kSettled * size) break;
     const bool converges = round == 0 || change < 0.5 * last;
     last = change;
     if (round + 1 < kLeastRounds || (round + 1 < kMostRounds && converges)) continue;

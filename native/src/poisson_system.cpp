@@ -68,22 +68,29 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
   }
 
   if (precision == Precision::single) {
-    const Eigen::PermutationMatrix<Eigen::Dynamic> to_factor_order(
-        Eigen::Map<const Eigen::VectorXi>(factor_->elimination().place_of.data(), block.rows()));
-    laplacian_ = block.twistedBy(to_factor_order);
+    // Of a solution as large and as smooth as a frame's.
     Rows smooth(order_.free_count, 4);
     for (int r = 0; r < order_.free_count; ++r)
       smooth.row(r) << mesh.positions.row(order_.vertex_of_row[r]), 0;
-    if (single_precision_error(smooth) > kSingleIsEnough) {
+    const auto in_block_order = [&](const Rows& rows) {
+      Rows result(rows.rows(), 4);
+      for (Index k = 0; k < rows.rows(); ++k) result.row(factor_->order()[k]) = rows.row(k);
+      return result;
+    };
+    const Rows right = block * in_block_order(smooth);
+    if (solving_error(right, smooth) > kSingleIsEnough) {
+      const Eigen::PermutationMatrix<Eigen::Dynamic> to_factor_order(
+          Eigen::Map<const Eigen::VectorXi>(factor_->elimination().place_of.data(), block.rows()));
+      laplacian_ = block.twistedBy(to_factor_order);
       refinement_steps_ = 1;
-      if (!(single_precision_error(smooth) < kRefinedIsEnough)) {
+      if (!(solving_error(right, smooth) < kRefinedIsEnough)) {
         refinement_steps_ = 0;
+        laplacian_.resize(0, 0);
         options.precision = Precision::full;
         options.elimination = factor_->shared_elimination();
         factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
       }
     }
-    if (refinement_steps_ == 0) laplacian_.resize(0, 0);
   }
 
   // Summed over the triangles as the methods do, so that both cancel to the last digits.
@@ -171,9 +178,9 @@ void PoissonSystem::refine(Rows& offsets) {
       });
 }
 
-double PoissonSystem::single_precision_error(const Rows& solution) {
+double PoissonSystem::solving_error(const Rows& right, const Rows& solution) {
   right_.setZero();
-  right_.topRows(order_.free_count) = laplacian_ * solution;
+  for (int k = 0; k < order_.free_count; ++k) right_.row(k) = right.row(factor_->order()[k]);
   Rows solved(order_.free_count, 4);
   factor_->solve_in_order(
       right_.data(), space_, &workers_, [](int) {},

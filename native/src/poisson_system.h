@@ -97,7 +97,8 @@ class PoissonSystem {
   void find_active_triangles(const Mesh& mesh);
   void start(int part, const Rows& at_rest, const Rows& offsets);
   void refine(Rows& offsets);
-  double single_precision_error(const Rows& solution);
+  /// The largest error of the solution for a right-hand side in the order of the region.
+  double solving_error(const Rows& right, const Rows& solution);
 
   struct Pull {
     int target_row, handle_row;

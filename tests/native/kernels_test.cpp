@@ -67,10 +67,10 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
     auto a = numbers(size, Real()), b = a;
     plain.forward(factor, 0, count, right.data(), a.data());
     wide.forward(factor, 0, count, right.data(), b.data());
-    const auto first_columns = [](std::vector<Real> rows) {
-      for (size_t i = 3; i < rows.size(); i += 4)
-        if (kColumns<Real> == 3) rows[i] = 0;
-      return rows;
+    const auto first_columns = [](std::vector<Real> x) {
+      for (size_t i = 3; i < x.size(); i += 4)
+        if (kColumns<Real> == 3) x[i] = 0;
+      return x;
     };
     CHECK(close(first_columns(a), first_columns(b)));
     plain.backward(factor, 0, count, a.data());
