@@ -34,11 +34,16 @@ SparseMatrix free_block_of_energy(const SurfaceOperators& operators, const Regio
 
 BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& region,
                              Smoothness smoothness, const BlockOptions& options)
+    : BendingSystem(operators, region, smoothness,
+                    free_block_of_energy(operators, region, smoothness), options) {}
+
+BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& region,
+                             Smoothness smoothness, const SparseMatrix& block,
+                             const BlockOptions& options)
     : operators_(operators),
       region_(region),
       smoothness_(smoothness),
-      factor_(factor_free_block(free_block_of_energy(operators, region, smoothness), region,
-                                tolerant(options))),
+      factor_(factor_free_block(block, region, tolerant(options))),
       workers_(options.workers) {}
 
 RowMatrix apply_energy(const SurfaceOperators& operators, const RowMatrix& values,

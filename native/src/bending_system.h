@@ -31,6 +31,9 @@ class BendingSystem {
   /// by value must outlive the system. Throws UnsolvableSurface where K is singular.
   BendingSystem(const SurfaceOperators& operators, const Region& region,
                 Smoothness smoothness = Smoothness::thin_plate, const BlockOptions& options = {});
+  /// block: free_block_of_energy() of these, where it is at hand.
+  BendingSystem(const SurfaceOperators& operators, const Region& region, Smoothness smoothness,
+                const SparseMatrix& block, const BlockOptions& options);
 
   /// For a system of the same region and smoothness.
   std::shared_ptr<const Elimination> elimination() const { return factor_.shared_elimination(); }

@@ -2,6 +2,7 @@
 #include "bound_surface.h"
 
 #include <cstdio>
+#include <future>
 #include <string>
 #include <utility>
 
@@ -31,38 +32,60 @@ std::string edge_lengths(double value) {
 
 }  // namespace
 
+/// K on S with its elimination, which one thread can make while others factor L.
+struct BoundSurface::Energy {
+  SparseMatrix block;
+  std::shared_ptr<const Elimination> elimination;
+};
+
 BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOptions& options,
                            Workers& workers, const Progress& progress)
     : mesh(std::move(surface)),
       region(its_region),
-      operators(surface_operators(mesh.positions, mesh.triangles)),
-      poisson((report(progress, 0.05, "Factoring the Poisson system"), mesh), region, operators,
-              options.precision, workers, within(progress, 0.05, 0.15)) {
-  if (options.base.size()) {
+      operators(surface_operators(mesh.positions, mesh.triangles)) {
+  report(progress, 0.05, "Factoring the Poisson system");
+  const Dissection dissection =
+      free_dissection(free_block(operators.laplacian, region), region, mesh.positions);
+  const bool computed = options.base.size() == 0;
+  const bool on_surface = computed && options.metric_smoothing == 0;
+  std::future<Energy> energy;
+  if (on_surface)
+    energy = std::async(
+        workers.count() > 1 ? std::launch::async : std::launch::deferred, [&]() -> Energy {
+          const SparseMatrix block = free_block_of_energy(operators, region, options.smoothness);
+          return {block, std::make_shared<Elimination>(block, dissection.order(block))};
+        });
+
+  BlockOptions block_options;
+  block_options.dissection = &dissection;
+  block_options.workers = &workers;
+  block_options.precision = options.precision;
+  block_options.progress = within(progress, 0.05, 0.15);
+  poisson = std::make_unique<PoissonSystem>(mesh, region, operators, block_options);
+  block_options.precision = Precision::full;
+  if (computed) {
+    compute_base(options, block_options, on_surface ? energy.get() : Energy{}, progress);
+  } else {
     base = options.base;
     basis.centres = handle_centres(region, mesh.positions);
-  } else {
-    compute_base(options, workers, progress);
   }
-  poisson.drop_dissection();
   rest = in_order(mesh.positions, order());
   rest_base = in_order(base, order());
 }
 
-void BoundSurface::compute_base(const BindOptions& options, Workers& workers,
+void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, Energy&& on_surface,
                                 const Progress& progress) {
-  std::shared_ptr<const Elimination> elimination;
+  how.elimination = on_surface.elimination;
   const auto factored = [&](const SurfaceOperators& metric, double begin, double end,
                             const char* stage) {
     report(progress, begin, stage);
-    BlockOptions how;
-    how.dissection = &poisson.dissection();
-    how.elimination = elimination;
-    how.workers = &workers;
     how.progress = within(progress, begin, end);
     how.stage = stage;
-    BendingSystem bending(metric, region, options.smoothness, how);
-    elimination = bending.elimination();
+    const bool made = &metric == &operators && on_surface.block.size() > 0;
+    BendingSystem bending =
+        made ? BendingSystem(metric, region, options.smoothness, on_surface.block, how)
+             : BendingSystem(metric, region, options.smoothness, how);
+    how.elimination = bending.elimination();
     return bending;
   };
   const auto extend_handles = [&](const BendingSystem& bending, double begin, double end) {
@@ -111,7 +134,7 @@ double BoundSurface::bytes() const {
   const auto ints = mesh.triangles.size();
   return static_cast<double>(doubles) * sizeof(double) + static_cast<double>(ints) * sizeof(int) +
          static_cast<double>(operators.laplacian.nonZeros()) * (sizeof(double) + sizeof(int)) +
-         poisson.bytes();
+         poisson->bytes();
 }
 
 Rows in_order(const Positions& positions, const RowOrder& order) {

@@ -31,7 +31,7 @@ struct BoundSurface {
   Mesh mesh;
   const Region& region;
   SurfaceOperators operators;  ///< of S
-  PoissonSystem poisson;
+  std::unique_ptr<PoissonSystem> poisson;
   Positions base;     ///< B at rest, n×3
   HandleBasis basis;  ///< of B, rows in Poisson order
   /// Of S itself where that differs from B's: with BaseMetric::base. Same centres as basis.
@@ -39,13 +39,15 @@ struct BoundSurface {
 
   Rows rest, rest_base;  ///< S and B as rows in order()
 
-  const RowOrder& order() const { return poisson.order(); }
+  const RowOrder& order() const { return poisson->order(); }
   /// Whether B comes from outside: then its motion does too, and there are no weights.
   bool outside_base() const { return basis.weights.size() == 0; }
   double bytes() const;
 
  private:
-  void compute_base(const BindOptions& options, Workers& workers, const Progress& progress);
+  struct Energy;
+  void compute_base(const BindOptions& options, BlockOptions block_options, Energy&& on_surface,
+                    const Progress& progress);
 };
 
 /// n×3 positions as rows of 4 in the given order.

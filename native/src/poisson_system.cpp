@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <numeric>
 
-#include "free_block.h"
-
 namespace dd {
 
 namespace {
@@ -37,16 +35,13 @@ SparseMatrix grounded(SparseMatrix block, const Region& region) {
 }  // namespace
 
 PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
-                             const SurfaceOperators& operators, Precision precision,
-                             Workers& workers, const Progress& progress)
-    : workers_(workers) {
+                             const SurfaceOperators& operators, BlockOptions options)
+    : workers_(*options.workers) {
   const SparseMatrix block = grounded(free_block(operators.laplacian, region), region);
-  dissection_ = std::make_unique<Dissection>(free_dissection(block, region, mesh.positions));
-  BlockOptions options;
-  options.dissection = dissection_.get();
-  options.precision = precision;
-  options.workers = &workers;
-  options.progress = progress;
+  if (!options.dissection) {
+    const Dissection dissection = free_dissection(block, region, mesh.positions);
+    options.elimination = std::make_shared<Elimination>(block, dissection.order(block));
+  }
   factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
   order_ = row_order(region, factor_->order());
   find_active_triangles(mesh);
@@ -67,7 +62,7 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
         pulls_.begin()));
   }
 
-  if (precision == Precision::single) {
+  if (options.precision == Precision::single) {
     // Of a solution as large and as smooth as a frame's.
     Rows smooth(order_.free_count, 4);
     for (int r = 0; r < order_.free_count; ++r)

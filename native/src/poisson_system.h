@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "fill_reducing_order.h"
+#include "free_block.h"
 #include "operators.h"
 #include "region.h"
 #include "sparse_cholesky.h"
@@ -39,11 +39,12 @@ struct ActiveTriangles {
 /// so that resting handles give nothing but rounding and the mesh's size costs no digits.
 class PoissonSystem {
  public:
-  /// operators: of S. With Precision::single the factor is kept in single precision where that solves
-  /// to 1e-6 of the mesh's size, if need be with a step of iterative refinement.
+  /// operators: of S. options: with workers, which must outlive the system. With Precision::single
+  /// the factor is kept in single precision where that solves to 3e-6 of the mesh's size, or to 1e-7
+  /// with a step of iterative refinement.
   /// Throws UnsolvableSurface where L is singular.
   PoissonSystem(const Mesh& mesh, const Region& region, const SurfaceOperators& operators,
-                Precision precision, Workers& workers, const Progress& progress = {});
+                BlockOptions options);
 
   const RowOrder& order() const { return order_; }
   const ActiveTriangles& active() const { return active_; }
@@ -81,9 +82,6 @@ class PoissonSystem {
   /// with zero on the fixed ones.
   void extend(Rows& values);
 
-  /// Of the free vertices. It is in the way once all is factored: drop_dissection().
-  const Dissection& dissection() const { return *dissection_; }
-  void drop_dissection() { dissection_.reset(); }
   /// Of L, and of every matrix of its pattern.
   std::shared_ptr<const Elimination> elimination() const { return factor_->shared_elimination(); }
 
@@ -106,7 +104,6 @@ class PoissonSystem {
   };
 
   Workers& workers_;
-  std::unique_ptr<Dissection> dissection_;
   std::unique_ptr<SparseCholesky> factor_;
   RowOrder order_;
   ActiveTriangles active_;

@@ -20,10 +20,10 @@ const Value (*rows_of(const std::vector<std::array<Value, kLanes>>& blocks))[kLa
 
 template <class Real>
 Refinement<Real>::Refinement(BoundSurface& bound)
-    : bound_(bound), layout_(bound.poisson.active()) {
+    : bound_(bound), layout_(bound.poisson->active()) {
   const Triangles& t = bound.mesh.triangles;
   const RowOrder& order = bound.order();
-  const std::vector<int>& active = bound.poisson.active().triangles;
+  const std::vector<int>& active = bound.poisson->active().triangles;
   const int m = bound.mesh.triangle_count();
 
   // Vertices of triangles with a free corner, and the other triangles of these vertices.
@@ -63,7 +63,7 @@ Refinement<Real>::Refinement(BoundSurface& bound)
   positions_ = bound.rest;
   find_held_rotations();
   find_vertex_rotations();
-  at_rest_ = Rows::Zero(bound.poisson.right_hand_side_rows(), 4);
+  at_rest_ = Rows::Zero(bound.poisson->right_hand_side_rows(), 4);
   for (int part = 0; part < layout_.parts(); ++part) add(part, at_rest_.data());
 }
 
@@ -130,7 +130,7 @@ void Refinement<Real>::append(Averages& averages, Terms& terms) {
 template <class Real>
 void Refinement<Real>::make_turns(const std::vector<int>& local_vertex) {
   const Triangles& t = bound_.mesh.triangles;
-  const PoissonSystem& poisson = bound_.poisson;
+  const PoissonSystem& poisson = *bound_.poisson;
   const Positions flux = corner_divergence(bound_.operators.metric, bound_.mesh.positions, t);
   turns_.resize(static_cast<size_t>(layout_.count()));
   for (int part = 0; part < layout_.parts(); ++part)
@@ -153,7 +153,7 @@ void Refinement<Real>::make_turns(const std::vector<int>& local_vertex) {
 template <class Real>
 void Refinement<Real>::apply(const Averages& averages, const Quaternions& in,
                              Quaternions& out) const {
-  bound_.poisson.workers().over(averages.count(), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
+  bound_.poisson->workers().over(averages.count(), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
     kernels().of<Real>().mean_rotations(static_cast<int>(begin), static_cast<int>(end),
                                         averages.starts.data(), rows_of(averages.index),
                                         rows_of(averages.weights), in.data(), out.data());
@@ -172,7 +172,7 @@ void Refinement<Real>::find_held_rotations() {
 
 template <class Real>
 void Refinement<Real>::find_vertex_rotations() {
-  bound_.poisson.workers().over(
+  bound_.poisson->workers().over(
       static_cast<int64_t>(moving_.size()), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
         kernels().of<Real>().rotation_pass(static_cast<int>(end - begin), moving_.data() + begin,
                                            positions_.data(),
@@ -195,14 +195,14 @@ void Refinement<Real>::add(int part, double* rows) const {
 template <class Real>
 void Refinement<Real>::run(int iterations, Rows& offsets) {
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    bound_.poisson.workers().over(positions_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    bound_.poisson->workers().over(positions_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
       const int64_t count = end - begin;
       positions_.middleRows(begin, count) =
           bound_.rest.middleRows(begin, count) + offsets.middleRows(begin, count);
     });
     if (iteration == 0) find_held_rotations();
     find_vertex_rotations();
-    bound_.poisson.solve(at_rest_, [&](int part, double* rows) { add(part, rows); }, offsets);
+    bound_.poisson->solve(at_rest_, [&](int part, double* rows) { add(part, rows); }, offsets);
   }
 }
 

@@ -43,7 +43,7 @@ TetMesh with_fourth_points(const Mesh& mesh, const std::vector<int>& triangles) 
 
 VolumetricTransfer::VolumetricTransfer(const BoundSurface& bound, FourthPointWeights weights)
     : bound_(bound),
-      triangles_(bound.poisson.active().triangles),
+      triangles_(bound.poisson->active().triangles),
       sources_(gradient_sources(bound.base, bound.mesh.triangles,
                                 bounding_box_diagonal(bound.mesh.positions))),
       tets_(with_fourth_points(bound.mesh, triangles_)),

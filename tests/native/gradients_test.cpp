@@ -21,9 +21,10 @@ Positions divergence_by_pass(const Mesh& surface, const Positions& base, const P
   const std::vector<int> all_free(static_cast<size_t>(n), kFree);
   const Region region = split_region(surface, all_free, 0, MovedBy::base);
   Workers workers(1);
+  BlockOptions options;
+  options.workers = &workers;
   const PoissonSystem poisson(surface, region,
-                              surface_operators(surface.positions, surface.triangles),
-                              Precision::full, workers);
+                              surface_operators(surface.positions, surface.triangles), options);
   const GradientPass<double> pass(base, surface.triangles,
                                   corner_divergence(metric, surface.positions, surface.triangles),
                                   gradient_sources(base, surface.triangles, 1), poisson);

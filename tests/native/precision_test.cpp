@@ -103,9 +103,12 @@ TEST_CASE("the Poisson system refines where single precision alone is too far of
   const Region region = split_region(strip, roles, 1);
   const auto operators = surface_operators(strip.positions, strip.triangles);
   Workers workers(2);
-  PoissonSystem full(strip, region, operators, Precision::full, workers);
+  BlockOptions options;
+  options.workers = &workers;
+  PoissonSystem full(strip, region, operators, options);
   REQUIRE(full.precision() == Precision::full);
-  PoissonSystem single(strip, region, operators, Precision::single, workers);
+  options.precision = Precision::single;
+  PoissonSystem single(strip, region, operators, options);
   CHECK(single.refinement_steps() > 0);
   const auto solved = [&](PoissonSystem& system) {
     const RowOrder& order = system.order();

@@ -8,7 +8,7 @@ namespace dd {
 GradientEditing::GradientEditing(BoundSurface& bound) : bound_(bound) {
   const Triangles& t = bound.mesh.triangles;
   const RowOrder& order = bound.order();
-  const std::vector<int>& active = bound.poisson.active().triangles;
+  const std::vector<int>& active = bound.poisson->active().triangles;
   const int handle_count = bound.region.handle_count;
 
   const Positions flux = corner_divergence(bound.operators.metric, bound.mesh.positions, t);
@@ -24,7 +24,7 @@ GradientEditing::GradientEditing(BoundSurface& bound) : bound_(bound) {
       const int column = bound.region.role[order.vertex_of_row[r]] - first;
       if (column >= 0 && column < 3) values(r, column) = 1;
     }
-    bound.poisson.extend(values);
+    bound.poisson->extend(values);
     for (size_t i = 0; i < active.size(); ++i)
       for (int column = 0; column < std::min(3, handle_count - first); ++column)
         for (int k = 0; k < 3; ++k)
@@ -35,18 +35,18 @@ GradientEditing::GradientEditing(BoundSurface& bound) : bound_(bound) {
 
 void GradientEditing::update(const Frame& frame, const MethodOptions& options) {
   const Triangles& t = bound_.mesh.triangles;
-  const ActiveTriangles& active = bound_.poisson.active();
+  const ActiveTriangles& active = bound_.poisson->active();
   const HandleBlend blend(frame.linear, weights_, options.rotation_only);
   const auto add = [&](int part, double* rows) {
     for (int i = active.begin[part]; i < active.begin[part + 1]; ++i) {
       const Eigen::Matrix3d turned = blend.at(i) * flux_.middleRows<3>(3 * Index(i)).transpose();
       for (int k = 0; k < 3; ++k)
         Eigen::Map<Eigen::Vector3d>(
-            rows + 4 * Index(bound_.poisson.target(part, t(active.triangles[i], k)))) +=
+            rows + 4 * Index(bound_.poisson->target(part, t(active.triangles[i], k)))) +=
             turned.col(k);
     }
   };
-  bound_.poisson.solve(bound_.poisson.rest_divergence(), add, frame.offsets);
+  bound_.poisson->solve(bound_.poisson->rest_divergence(), add, frame.offsets);
 }
 
 double GradientEditing::bytes() const {

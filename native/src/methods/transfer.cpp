@@ -34,9 +34,9 @@ Transfer<Real>::Transfer(BoundSurface& bound) : bound_(bound) {
   const Positions flux = corner_divergence(bound.operators.metric, bound.mesh.positions, t);
   const GradientSources sources =
       gradient_sources(bound.base, t, bounding_box_diagonal(bound.mesh.positions));
-  pass_ = std::make_unique<GradientPass<Real>>(bound.base, t, flux, sources, bound.poisson);
+  pass_ = std::make_unique<GradientPass<Real>>(bound.base, t, flux, sources, *bound.poisson);
   std::vector<int> without_source;
-  const ActiveTriangles& active = bound.poisson.active();
+  const ActiveTriangles& active = bound.poisson->active();
   for (int i = 0; i < active.size(); ++i) {
     const int j = active.triangles[i];
     borrowed_count_ += sources.of_triangle[j] != j;
@@ -49,7 +49,7 @@ Transfer<Real>::Transfer(BoundSurface& bound) : bound_(bound) {
 /// which: places in the active triangles.
 template <class Real>
 void Transfer<Real>::carry(const std::vector<int>& which, const Positions& flux) {
-  const ActiveTriangles& active = bound_.poisson.active();
+  const ActiveTriangles& active = bound_.poisson->active();
   const Components parts = connected_components(bound_.mesh);
   const std::vector<int> handle_of_part = lone_handles(bound_.region, parts);
   for (int i : which) {
@@ -59,7 +59,7 @@ void Transfer<Real>::carry(const std::vector<int>& which, const Positions& flux)
     carried.handle = handle_of_part[parts.of_vertex[corner[0]]];
     carried.part = static_cast<int>(
         std::upper_bound(active.begin.begin(), active.begin.end(), i) - active.begin.begin() - 1);
-    for (int k = 0; k < 3; ++k) carried.target[k] = bound_.poisson.target(carried.part, corner[k]);
+    for (int k = 0; k < 3; ++k) carried.target[k] = bound_.poisson->target(carried.part, corner[k]);
     carried.flux = flux.middleRows<3>(3 * Index(j)).transpose();
     carried_.push_back(carried);
   }
@@ -92,8 +92,8 @@ template <class Real>
 Rows Transfer<Real>::at_rest(bool rotation_only) const {
   const std::vector<Eigen::Matrix3d> still(static_cast<size_t>(bound_.region.handle_count),
                                            Eigen::Matrix3d::Identity());
-  Rows rows = Rows::Zero(bound_.poisson.right_hand_side_rows(), 4);
-  for (int part = 0; part < bound_.poisson.active().parts(); ++part)
+  Rows rows = Rows::Zero(bound_.poisson->right_hand_side_rows(), 4);
+  for (int part = 0; part < bound_.poisson->active().parts(); ++part)
     add(part, bound_.rest_base, rotation_only, still, rows.data());
   return rows;
 }
@@ -114,7 +114,7 @@ template <class Real>
 void Transfer<Real>::update(const Frame& frame, const MethodOptions& options) {
   if (options.formulation != Formulation::surface) return update_volumetrically(frame, options);
   const std::vector<Eigen::Matrix3d> carrying = carrying_gradients(frame, options.rotation_only);
-  bound_.poisson.solve(
+  bound_.poisson->solve(
       at_rest_[options.rotation_only],
       [&](int part, double* rows) {
         add(part, frame.base, options.rotation_only, carrying, rows);
@@ -136,7 +136,7 @@ template class Transfer<float>;
 template class Transfer<double>;
 
 std::unique_ptr<TransferMethod> make_transfer(BoundSurface& bound) {
-  if (bound.poisson.precision() == Precision::single)
+  if (bound.poisson->precision() == Precision::single)
     return std::make_unique<Transfer<float>>(bound);
   return std::make_unique<Transfer<double>>(bound);
 }
