@@ -12,6 +12,7 @@ ABI_VERSION = 2
 ROLE_FREE = -1
 ROLE_FIXED = -2
 METRICS = {'SURFACE': 0, 'BASE': 1}
+PRECISIONS = {'SINGLE': 0, 'DOUBLE': 1}
 METHODS = {'TRANSFER': 0, 'VARIATIONAL': 1, 'NORMAL': 2, 'GRADIENT': 3, 'VOLUMES': 4}
 SHOWN = {'RESULT': 0, 'BASE': 1}
 FORMULATIONS = {'SURFACE': 0, 'FOURTH_POINTS': 1, 'FOURTH_POINTS_UNWEIGHTED': 2}
@@ -32,7 +33,8 @@ class NativeError(Exception):
 class _BindOptions(ctypes.Structure):
     _fields_ = [('struct_size', ctypes.c_uint32), ('base_metric', ctypes.c_int32),
                 ('metric_smoothing', ctypes.c_double), ('smoothness', ctypes.c_int32),
-                ('base', ctypes.c_void_p), ('base_count', ctypes.c_size_t)]
+                ('base', ctypes.c_void_p), ('base_count', ctypes.c_size_t),
+                ('precision', ctypes.c_int32), ('threads', ctypes.c_int32)]
 
 
 class _UpdateOptions(ctypes.Structure):
@@ -167,15 +169,15 @@ def _check(status):
 
 
 def _bind_arguments(positions, triangles, roles, handle_count, base_metric='SURFACE',
-                    metric_smoothing=0.0, smoothness=2, base=None):
+                    metric_smoothing=0.0, smoothness=2, base=None, precision='SINGLE', threads=0):
     """What Bind and Split take, as the library does, and what must stay alive during the call.
 
     positions: (n, 3) float32; triangles: (m, 3) int32; roles: (n,) int32, ROLE_FREE, ROLE_FIXED or a
-    handle number below handle_count. All are copied. Options as in dd_bind_options, base_metric by its
-    name in METRICS, base (n, 3) float32 or None."""
+    handle number below handle_count. All are copied. Options as in dd_bind_options, base_metric and
+    precision by their names in METRICS and PRECISIONS, base (n, 3) float32 or None."""
     base = None if base is None else np.ascontiguousarray(base, np.float32)
     options = _BindOptions(ctypes.sizeof(_BindOptions), METRICS[base_metric], metric_smoothing,
-                           smoothness, *_pointer(base))
+                           smoothness, *_pointer(base), PRECISIONS[precision], threads)
     positions = np.ascontiguousarray(positions, np.float32)
     triangles = np.ascontiguousarray(triangles, np.int32)
     roles = np.ascontiguousarray(roles, np.int32)

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a handle's move costs in Blender, and how much of it is the library.
+"""What a handle's move and a frame of an animation cost in Blender, and how much of it is the library.
 
     blender --background --factory-startup --python native/bench/live_update.py
-    python native/bench/live_update.py          (bpy as a module)
+    python native/bench/live_update.py                                        (bpy as a module)
+    xvfb-run blender --factory-startup --python native/bench/live_update.py   (with its window)
 
 Opens blend_fixtures/bumpy_plane.blend (80,000 triangles), lifts its handle in steps, without and with
-refinement, and prints medians: the whole of view_layer.update(), the library's call in it, and the rest, which is the
-add-on's own work and Blender's evaluation of the modifier.
+refinement, then plays blend_fixtures/animated.blend (33,374 triangles), and prints medians: the whole of
+the update, the library's call in it, and the rest, which is the add-on's own work and Blender's evaluation
+of the modifier. With a window, also what drawing it takes.
 """
 import statistics
 import sys
@@ -19,43 +21,89 @@ ROOT = Path(__file__).resolve().parents[2]
 STEPS = 60
 
 
+class Stopwatch:
+    """Times a step of Blender's, and the library's calls within."""
+
+    def __init__(self, native):
+        self._native, self._compute = native, native.Deformer.offsets
+        self.whole, self.library, self.drawing = [], [], []
+
+    def __enter__(self):
+        def timed(deformer, *arguments, **look):
+            start = time.perf_counter()
+            result = self._compute(deformer, *arguments, **look)
+            self.library.append(1e3 * (time.perf_counter() - start))
+            return result
+
+        self._native.Deformer.offsets = timed
+        return self
+
+    def __exit__(self, *_):
+        self._native.Deformer.offsets = self._compute
+
+    def step(self, body):
+        start = time.perf_counter()
+        body()
+        self.whole.append(1e3 * (time.perf_counter() - start))
+        if not bpy.app.background:
+            start = time.perf_counter()
+            bpy.ops.wm.redraw_timer(type='DRAW_WIN_SWAP', iterations=1)
+            self.drawing.append(1e3 * (time.perf_counter() - start))
+
+    def report(self, what):
+        assert len(self.library) == len(self.whole), "an update was missed, or made twice"
+        rest = [whole - library for whole, library in zip(self.whole, self.library)]
+        drawn = f", drawing {statistics.median(self.drawing):.2f}" if self.drawing else ""
+        print(f"Blender {bpy.app.version_string}, {len(self.whole)} {what}, median ms: "
+              f"whole {statistics.median(self.whole):.2f}, library {statistics.median(self.library):.2f}, "
+              f"add-on and Blender {statistics.median(rest):.2f}{drawn}", flush=True)
+
+
+def open_bound(name):
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / f'{name}.blend'), load_ui=False)
+    ob = next(ob for ob in bpy.data.objects if ob.type == 'MESH')
+    bpy.context.view_layer.objects.active = ob
+    bpy.ops.object.detail_deform_bind(wait=True)
+    return ob
+
+
+def moves(native):
+    ob, empty = open_bound('bumpy_plane'), bpy.data.objects['Right']
+    for refine in (0, 4):
+        ob.detail_deform.refine = refine
+        empty.location.z = -0.01
+        bpy.context.view_layer.update()  # what a method needs is made by its first update
+        with Stopwatch(native) as watch:
+            for step in range(STEPS):
+                empty.location.z = 0.3 * (step + 1) / STEPS
+                watch.step(bpy.context.view_layer.update)
+        watch.report(f"moves, refine {refine}")
+
+
+def playback(native):
+    open_bound('animated')
+    scene = bpy.context.scene
+    scene.frame_set(scene.frame_start)
+    with Stopwatch(native) as watch:
+        for frame in range(scene.frame_start + 1, scene.frame_end + 1):
+            watch.step(lambda at=frame: scene.frame_set(at))
+    watch.report("frames")
+
+
 def main():
     sys.path.insert(0, str(ROOT / 'addon'))
     import detail_deform
     from detail_deform import native
 
     detail_deform.register()
-    bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'bumpy_plane.blend'), load_ui=False)
-    ob, empty = bpy.data.objects['Bumpy Plane'], bpy.data.objects['Right']
-    bpy.context.view_layer.objects.active = ob
-    bpy.ops.object.detail_deform_bind(wait=True)
-
-    inside = []
-    compute = native.Deformer.offsets
-
-    def timed(self, *arguments, **look):
-        start = time.perf_counter()
-        result = compute(self, *arguments, **look)
-        inside.append(1e3 * (time.perf_counter() - start))
-        return result
-
-    native.Deformer.offsets = timed
-    for refine in (0, 4):
-        ob.detail_deform.refine = refine
-        inside.clear()
-        whole = []
-        for step in range(STEPS):
-            empty.location.z = 0.3 * (step + 1) / STEPS
-            start = time.perf_counter()
-            bpy.context.view_layer.update()
-            whole.append(1e3 * (time.perf_counter() - start))
-        assert len(inside) == STEPS, "an update was missed"
-        rest = [total - library for total, library in zip(whole, inside)]
-        print(f"Blender {bpy.app.version_string}, {STEPS} moves, refine {refine}, median ms: "
-              f"whole {statistics.median(whole):.2f}, library {statistics.median(inside):.2f}, "
-              f"add-on and Blender {statistics.median(rest):.2f}")
-    native.Deformer.offsets = compute
+    moves(native)
+    playback(native)
     detail_deform.unregister()
+    if not bpy.app.background:
+        bpy.ops.wm.quit_blender()
 
 
-main()
+if bpy.app.background:
+    main()
+else:
+    bpy.app.timers.register(main, first_interval=1.0)

@@ -168,7 +168,7 @@ void PoissonSystem::refine(Rows& offsets) {
   factor_->solve_in_order(
       residual_.data(), space_, &workers_, [](int) {},
       [&](int begin, int end, const auto* x) {
-        for (double* out = offsets.row(begin).data(); begin < end; ++begin)
+        for (double* out = offsets.data() + 4 * Index(begin); begin < end; ++begin)
           for (int c = 0; c < 4; ++c) *out++ += *x++;
       });
 }
@@ -180,7 +180,7 @@ double PoissonSystem::solving_error(const Rows& right, const Rows& solution) {
   factor_->solve_in_order(
       right_.data(), space_, &workers_, [](int) {},
       [&](int begin, int end, const auto* x) {
-        for (double* out = solved.row(begin).data(); begin < end; ++begin)
+        for (double* out = solved.data() + 4 * Index(begin); begin < end; ++begin)
           for (int c = 0; c < 4; ++c) *out++ = *x++;
       });
   for (int step = 0; step < refinement_steps_; ++step) refine(solved);

@@ -72,7 +72,7 @@ class PoissonSystem {
           add(part, right_.data());
         },
         [&](int begin, int end, const auto* x) {
-          for (double* out = offsets.row(begin).data(); begin < end; ++begin)
+          for (double* out = offsets.data() + 4 * Index(begin); begin < end; ++begin)
             for (int c = 0; c < 4; ++c) *out++ = *x++;
         });
     for (int step = 0; step < refinement_steps_; ++step) refine(offsets);

@@ -56,6 +56,17 @@ def test_everything_held_by_one_handle_moves_rigidly(native, strip, options, rot
     assert np.allclose(p + offsets, p @ motion[0, :, :3].T + motion[0, :, 3], atol=1e-5)
 
 
+def test_single_precision_is_close_to_double_and_threads_change_nothing(native):
+    wide = Strip(3000)  # large enough for several domains
+    motion = rotation(0.9, (1, -2, 3))
+    box = np.linalg.norm(np.ptp(wide.positions, axis=0))
+    double = bound(native, wide, precision='DOUBLE').offsets(motion).copy()
+    single = bound(native, wide, threads=1).offsets(motion).copy()
+    assert 0 < np.abs(single - double).max() < 1e-5 * box
+    for threads in (0, 2, 5):
+        assert (bound(native, wide, threads=threads).offsets(motion) == single).all()
+
+
 def test_metrics_differ(native, strip):
     motion = rotation(0.9, (1, -2, 3))
     results = [bound(native, strip, base_metric=metric).offsets(motion).copy()
