@@ -190,7 +190,8 @@ void frame(const Scene& scene, const Bandwidth& bandwidth, Report& report) {
   contest.enter("update_2_threads", "update by 2 threads", update(*two, 0));
   contest.enter("update_4_2_threads", "  with 4 refinements", update(*two, 4));
   contest.enter("solve", "its solve alone", [&] {
-    own.solve_in_order(panel.data(), space, nullptr, [](int) {}, [](int, int, const auto*) {});
+    own.solve_in_order(
+        panel.data(), space, nullptr, [](int) {}, [](int, int, const auto*) {});
   });
   const Eigen::MatrixXd right = Eigen::MatrixXd::Random(region.free_count(), 3);
   Eigen::MatrixXd solution;
@@ -212,8 +213,7 @@ void frame(const Scene& scene, const Bandwidth& bandwidth, Report& report) {
   contest.run(large ? 11 : 41);
   contest.print(report);
   const double refinement = contest.time("update_5") - contest.time("update_4");
-  const double floor_ms =
-      2 * 4e-6 * static_cast<double>(own.entries()) / bandwidth.read;
+  const double floor_ms = 2 * 4e-6 * static_cast<double>(own.entries()) / bandwidth.read;
   std::printf("  %-52s %9.3f ms\n", "one refinement", refinement);
   std::printf("  %-52s %9.3f ms\n", "reading the float factor twice, at the bandwidth", floor_ms);
   report.add("refinement_ms", refinement);
@@ -235,13 +235,13 @@ void frame(const Scene& scene, const Bandwidth& bandwidth, Report& report) {
     std::vector<double> moves;
     double preparing = 0;
     for (int round = 0; round < 3; ++round) {
-      const auto result = dd::bench::deform_with_cgal(
-          scene.mesh, scene.roles, scene.lift, dd::bench::CgalMethod::smoothed_rotations, 5);
+      const auto result = dd::bench::deform_with_cgal(scene.mesh, scene.roles, scene.lift,
+                                                      dd::bench::CgalMethod::smoothed_rotations, 5);
       moves.push_back(result.moving_ms);
       preparing = result.preparing_ms;
     }
-    std::printf("  CGAL SRE-ARAP, 5 iterations: prepared in %.0f ms, a move in %.0f ms\n", preparing,
-                median(moves));
+    std::printf("  CGAL SRE-ARAP, 5 iterations: prepared in %.0f ms, a move in %.0f ms\n",
+                preparing, median(moves));
     std::printf("  %-40s %6.1f   (at least 8)\n", "cgal / update_4",
                 median(moves) / contest.time("update_4"));
     report.add("cgal_sre_arap_ms", median(moves));
@@ -321,9 +321,10 @@ void scale(const std::vector<int>& sides, Report& report) {
   // The last decade, or all.
   size_t from = 0;
   while (from + 2 < n.size() && n[from + 1] < n.back() / 9.5) ++from;
-  std::printf("from %.0f to %.0f vertices: bind grows as n^%.2f (at most 1.35), update as n^%.2f (at "
-              "most 1.15)\n",
-              n[from], n.back(), exponent(binds, from), exponent(updates, from));
+  std::printf(
+      "from %.0f to %.0f vertices: bind grows as n^%.2f (at most 1.35), update as n^%.2f (at "
+      "most 1.15)\n",
+      n[from], n.back(), exponent(binds, from), exponent(updates, from));
   report.add("bind_exponent", exponent(binds, from));
   report.add("update_exponent", exponent(updates, from));
 }

@@ -59,15 +59,17 @@ Times timed_own(const SparseMatrix& A) {
   std::shared_ptr<const dd::Elimination> elimination;
   std::unique_ptr<dd::SparseCholesky> factor;
   Times times{};
-  times.order = median(
-      [&] { elimination = std::make_shared<dd::Elimination>(A, dd::minimum_degree(A)); });
+  times.order =
+      median([&] { elimination = std::make_shared<dd::Elimination>(A, dd::minimum_degree(A)); });
   dd::FactorOptions options;
   options.smallest_pivot = 0;
-  times.factor = median([&] { factor = std::make_unique<dd::SparseCholesky>(A, elimination, options); });
+  times.factor =
+      median([&] { factor = std::make_unique<dd::SparseCholesky>(A, elimination, options); });
   const dd::Rows right = dd::Rows::Random(elimination->slotted_size(), 4);
   dd::SparseCholesky::Space space;
   times.solve = median([&] {
-    factor->solve_in_order(right.data(), space, nullptr, [](int) {}, [](int, int, const auto*) {});
+    factor->solve_in_order(
+        right.data(), space, nullptr, [](int) {}, [](int, int, const auto*) {});
   });
   return times;
 }

@@ -30,9 +30,8 @@ dd::BindOptions read_options(const dd_bind_options* given, size_t position_count
           "options.smoothness is " + std::to_string(options.smoothness) + ", not 1, 2 or 3.");
   const int smoothness =
       options.smoothness == DD_SMOOTHNESS_DEFAULT ? DD_SMOOTHNESS_THIN_PLATE : options.smoothness;
-  require(
-      options.precision == DD_PRECISION_SINGLE || options.precision == DD_PRECISION_DOUBLE,
-      "options.precision is " + std::to_string(options.precision) + ", not single or double.");
+  require(options.precision == DD_PRECISION_SINGLE || options.precision == DD_PRECISION_DOUBLE,
+          "options.precision is " + std::to_string(options.precision) + ", not single or double.");
   require(options.threads >= 0 && options.threads <= 1024,
           "options.threads is " + std::to_string(options.threads) + ", not between 0 and 1024.");
   return {static_cast<dd::BaseMetric>(options.base_metric),

@@ -19,7 +19,7 @@ int factor_unblocked(int width, double* a, int stride, const double* bounds) {
     double* column = a + static_cast<Eigen::Index>(k) * stride;
     const double pivot = column[k];
     if (!(pivot > bounds[k]) || !(pivot < 1e300)) return k;
-    const double root = __builtin_sqrt(pivot), inverse_root = 1 / root;
+    const double root = Eigen::numext::sqrt(pivot), inverse_root = 1 / root;
     column[k] = root;
     for (int i = k + 1; i < width; ++i) column[i] *= inverse_root;
     for (int j = k + 1; j < width; ++j) {
@@ -36,8 +36,7 @@ int factor_pivot(int width, double* a, int stride, const double* bounds, double*
   Matrix A(a, width, width, Eigen::OuterStride<>(stride));
   for (int k = 0; k < width; k += kPanel) {
     const int panel = width - k < kPanel ? width - k : kPanel, rest = width - k - panel;
-    const int bad =
-        factor_unblocked(panel, &A.coeffRef(k, k), stride, bounds + k);
+    const int bad = factor_unblocked(panel, &A.coeffRef(k, k), stride, bounds + k);
     if (bad >= 0) return k + bad;
     if (rest == 0) break;
     auto below = A.block(k + panel, k, rest, panel);
@@ -45,9 +44,7 @@ int factor_pivot(int width, double* a, int stride, const double* bounds, double*
         .triangularView<Eigen::Lower>()
         .transpose()
         .solveInPlace<Eigen::OnTheRight>(below);
-    A.bottomRightCorner(rest, rest)
-        .selfadjointView<Eigen::Lower>()
-        .rankUpdate(below, -1.0);
+    A.bottomRightCorner(rest, rest).selfadjointView<Eigen::Lower>().rankUpdate(below, -1.0);
   }
   Matrix C1(inverse, width, width, Eigen::OuterStride<>(width));
   C1.setIdentity();

@@ -84,7 +84,8 @@ std::vector<Node> fundamental_supernodes(const SparseMatrix& pattern, const std:
                                          const std::vector<int>& place_of,
                                          const std::vector<int>& parent) {
   const int n = static_cast<int>(order.size());
-  std::vector<int> child_count(order.size(), 0), node_of(order.size(), -1), seen_by(order.size(), -1);
+  std::vector<int> child_count(order.size(), 0), node_of(order.size(), -1),
+      seen_by(order.size(), -1);
   for (int j = 0; j < n; ++j)
     if (parent[j] >= 0) ++child_count[parent[j]];
   std::vector<std::vector<int>> pending(order.size());  // supernodes that hang on a column
@@ -101,8 +102,7 @@ std::vector<Node> fundamental_supernodes(const SparseMatrix& pattern, const std:
   const auto finish = [&](int s) {
     Node& node = nodes[s];
     const int last = node.columns.back();
-    node.rows.erase(node.rows.begin(),
-                    std::upper_bound(node.rows.begin(), node.rows.end(), last));
+    node.rows.erase(node.rows.begin(), std::upper_bound(node.rows.begin(), node.rows.end(), last));
     if (parent[last] >= 0) pending[parent[last]].push_back(s);
   };
   for (int j = 0; j < n; ++j) {
@@ -143,14 +143,12 @@ void relax(std::vector<Node>& nodes) {
     Node& node = nodes[s];
     // Those that reach furthest first: they have the most rows in common with the parent.
     std::vector<int> candidates = node.children;
-    std::stable_sort(candidates.begin(), candidates.end(), [&](int a, int b) {
-      return nodes[a].rows.size() > nodes[b].rows.size();
-    });
+    std::stable_sort(candidates.begin(), candidates.end(),
+                     [&](int a, int b) { return nodes[a].rows.size() > nodes[b].rows.size(); });
     for (int c : candidates) {
       Node& child = nodes[c];
-      const double joined =
-          cost(static_cast<double>(child.columns.size() + node.columns.size()),
-               static_cast<double>(node.rows.size()));
+      const double joined = cost(static_cast<double>(child.columns.size() + node.columns.size()),
+                                 static_cast<double>(node.rows.size()));
       if (joined > node_cost(child) + node_cost(node)) continue;
       child.joined = true;
       child.columns.insert(child.columns.end(), node.columns.begin(), node.columns.end());
@@ -168,8 +166,8 @@ std::vector<std::vector<int>> find_domains(std::vector<Node>& nodes, std::vector
   double total = 0;
   for (Node& node : nodes) {
     if (node.joined) continue;
-    const double own = cost(static_cast<double>(node.columns.size()),
-                            static_cast<double>(node.rows.size()));
+    const double own =
+        cost(static_cast<double>(node.columns.size()), static_cast<double>(node.rows.size()));
     node.weight += own;
     total += own;
     if (node.parent >= 0) nodes[node.parent].weight += node.weight;

@@ -58,10 +58,9 @@ class Bisector {
       if (!cut.separator_below) result_.separator_sides_[v] |= bit;
       ++result_.cut_count_[v];
     }
-    const auto middle =
-        std::stable_partition(order_.begin() + begin, order_.begin() + end,
-                              [&](int v) { return part_[v] != part_above; }) -
-        order_.begin();
+    const auto middle = std::stable_partition(order_.begin() + begin, order_.begin() + end,
+                                              [&](int v) { return part_[v] != part_above; }) -
+                        order_.begin();
     bisect(begin, static_cast<int>(middle), depth + 1);
     bisect(static_cast<int>(middle), end, depth + 1);
   }

@@ -51,7 +51,7 @@ FloatingParts::FloatingParts(const BoundSurface& bound) : bound_(bound) {
 
 void FloatingParts::settle(const Rows& base, Rows& offsets) {
   kernels().full.rotation_pass(static_cast<int>(blocks_.size()), blocks_.data(), base.data(),
-                          rotations_.data());
+                               rotations_.data());
   for (const Part& part : parts_) {
     Eigen::RowVector3d missing = Eigen::RowVector3d::Zero();
     double weight = 0;

@@ -165,8 +165,7 @@ std::vector<RotationBlock<Real>> rotation_blocks(const Positions& rest, const Tr
     for (int k = 0; k < 3; ++k) block.source[k][lane] = order.row_of_vertex[t(source, k)];
     put(block.shape, lane, frame);
     const Eigen::Quaterniond from_rest(Eigen::Matrix3d(frame.axes.transpose()));
-    for (int c = 0; c < 4; ++c)
-      block.from_rest[c][lane] = static_cast<Real>(from_rest.coeffs()[c]);
+    for (int c = 0; c < 4; ++c) block.from_rest[c][lane] = static_cast<Real>(from_rest.coeffs()[c]);
   }
   return blocks;
 }

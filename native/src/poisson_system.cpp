@@ -189,7 +189,8 @@ double PoissonSystem::solving_error(const Rows& right, const Rows& solution) {
 
 void PoissonSystem::extend(Rows& values) {
   const Rows nothing = Rows::Zero(right_.rows(), 4);
-  solve(nothing, [](int, double*) {}, values);
+  solve(
+      nothing, [](int, double*) {}, values);
 }
 
 double PoissonSystem::bytes() const {

@@ -153,11 +153,12 @@ void Refinement<Real>::make_turns(const std::vector<int>& local_vertex) {
 template <class Real>
 void Refinement<Real>::apply(const Averages& averages, const Quaternions& in,
                              Quaternions& out) const {
-  bound_.poisson->workers().over(averages.count(), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
-    kernels().of<Real>().mean_rotations(static_cast<int>(begin), static_cast<int>(end),
-                                        averages.starts.data(), rows_of(averages.index),
-                                        rows_of(averages.weights), in.data(), out.data());
-  });
+  bound_.poisson->workers().over(
+      averages.count(), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
+        kernels().of<Real>().mean_rotations(static_cast<int>(begin), static_cast<int>(end),
+                                            averages.starts.data(), rows_of(averages.index),
+                                            rows_of(averages.weights), in.data(), out.data());
+      });
 }
 
 template <class Real>
@@ -202,7 +203,8 @@ void Refinement<Real>::run(int iterations, Rows& offsets) {
     });
     if (iteration == 0) find_held_rotations();
     find_vertex_rotations();
-    bound_.poisson->solve(at_rest_, [&](int part, double* rows) { add(part, rows); }, offsets);
+    bound_.poisson->solve(
+        at_rest_, [&](int part, double* rows) { add(part, rows); }, offsets);
   }
 }
 

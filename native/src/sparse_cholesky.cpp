@@ -45,7 +45,10 @@ constexpr int kChunk = 96;  // rows or columns of a front that are computed toge
 class Fronts {
  public:
   Fronts(const SparseMatrix& A, const Elimination& e, double smallest_pivot)
-      : A_(A), e_(e), smallest_pivot_(smallest_pivot), updates_(static_cast<size_t>(e.supernode_count())),
+      : A_(A),
+        e_(e),
+        smallest_pivot_(smallest_pivot),
+        updates_(static_cast<size_t>(e.supernode_count())),
         children_(updates_.size()) {
     for (int s = 0; s < e.supernode_count(); ++s)
       if (e.parent[s] >= 0) children_[e.parent[s]].push_back(s);
@@ -92,14 +95,13 @@ class Fronts {
 
     const DenseKernels& dense = dense_kernels();
     scratch.inverse.resize(static_cast<size_t>(width) * static_cast<size_t>(width));
-    const int bad = dense.factor_pivot(width, panel, size, scratch.bounds.data(), scratch.inverse.data());
+    const int bad =
+        dense.factor_pivot(width, panel, size, scratch.bounds.data(), scratch.inverse.data());
     if (bad >= 0) throw SingularMatrix(e_.order[first + bad]);
     if (height == 0) return y;
     // In chunks that don't depend on the threads, so that no rounding does either.
     const auto in_chunks = [&](const auto& work) {
-      const auto chunk = [&](int i) {
-        work(i * kChunk, std::min(height, (i + 1) * kChunk));
-      };
+      const auto chunk = [&](int i) { work(i * kChunk, std::min(height, (i + 1) * kChunk)); };
       const int count = (height + kChunk - 1) / kChunk;
       if (workers)
         workers->run(count, chunk);
@@ -208,7 +210,8 @@ template <class Real>
 void SparseCholesky::forward(int domain, const double* right, StreamedArray<Real>& x) const {
   const Elimination& e = *elimination_;
   const bool top = domain == e.domain_count();
-  const int first = e.domain_begin[domain], last = top ? e.supernode_count() : e.domain_begin[domain + 1];
+  const int first = e.domain_begin[domain],
+            last = top ? e.supernode_count() : e.domain_begin[domain + 1];
   const FactorView<Real> view = {e.begin.data(), e.row_begin.data(), e.slots.data(),
                                  value_begin_.data(), values<Real>()};
   const auto clear = [&](int begin, int end) {
@@ -232,7 +235,8 @@ template <class Real>
 void SparseCholesky::backward(int domain, StreamedArray<Real>& x) const {
   const Elimination& e = *elimination_;
   const bool top = domain == e.domain_count();
-  const int first = e.domain_begin[domain], last = top ? e.supernode_count() : e.domain_begin[domain + 1];
+  const int first = e.domain_begin[domain],
+            last = top ? e.supernode_count() : e.domain_begin[domain + 1];
   const FactorView<Real> view = {e.begin.data(), e.row_begin.data(), e.slots.data(),
                                  value_begin_.data(), values<Real>()};
   if (!top)
@@ -246,8 +250,7 @@ RowMatrix SparseCholesky::solve(const RowMatrix& B, Workers* workers) const {
   RowMatrix X(B.rows(), B.cols());
   Rows panel = Rows::Zero(elimination_->slotted_size(), 4);
   Space space;
-  const Index at_once =
-      precision_ == Precision::single ? kColumns<float> : kColumns<double>;
+  const Index at_once = precision_ == Precision::single ? kColumns<float> : kColumns<double>;
   for (Index first = 0; first < B.cols(); first += at_once) {
     const Index width = std::min(at_once, B.cols() - first);
     for (Index k = 0; k < B.rows(); ++k)

@@ -77,9 +77,8 @@ void VolumetricTransfer::update(const Rows& base, Rows& offsets, bool rotation_o
 }
 
 double VolumetricTransfer::bytes() const {
-  const double entries =
-      static_cast<double>(poisson_.laplacian().nonZeros() +
-                          2 * poisson_.gradient_operator().nonZeros());
+  const double entries = static_cast<double>(poisson_.laplacian().nonZeros() +
+                                             2 * poisson_.gradient_operator().nonZeros());
   return poisson_.factor_bytes() + entries * (sizeof(double) + sizeof(int)) +
          static_cast<double>(tets_.positions.size() * Index(sizeof(double)) +
                              tets_.tets.size() * Index(sizeof(int)));

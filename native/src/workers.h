@@ -41,9 +41,8 @@ class Workers {
   void over(int64_t item_count, int64_t least, const Body& body) {
     if (item_count == 0) return;
     const int64_t ranges = std::max<int64_t>(1, std::min<int64_t>(4 * count(), item_count / least));
-    run(static_cast<int>(ranges), [&](int i) {
-      body(item_count * i / ranges, item_count * (i + 1) / ranges);
-    });
+    run(static_cast<int>(ranges),
+        [&](int i) { body(item_count * i / ranges, item_count * (i + 1) / ranges); });
   }
 
  private:

@@ -34,8 +34,7 @@ Positions divergence_by_pass(const Mesh& surface, const Positions& base, const P
   for (int part = 0; part < poisson.active().parts(); ++part)
     pass.add(part, base_rows.data(), rotation_only, right.data());
   Positions result(n, 3);
-  for (int r = 0; r < n; ++r)
-    result.row(poisson.order().vertex_of_row[r]) = right.row(r).head<3>();
+  for (int r = 0; r < n; ++r) result.row(poisson.order().vertex_of_row[r]) = right.row(r).head<3>();
   return result;
 }
 

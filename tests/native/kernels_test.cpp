@@ -169,12 +169,12 @@ TEST_CASE("the mean of rotations does not depend on the signs of their quaternio
       for (int c = 0; c < 4; ++c) rotations[4 * q + c] /= std::sqrt(length);
     }
     kernels().full.mean_rotations(0, 1, starts.data(), index, weights, rotations.data(),
-                             mean.data());
+                                  mean.data());
     // Every second has the other sign, as on both sides of half a turn.
     for (int q = round % 2; q < 6; q += 2)
       for (int c = 0; c < 4; ++c) rotations[4 * q + c] *= -1;
     kernels().full.mean_rotations(0, 1, starts.data(), index, weights, rotations.data(),
-                             flipped_mean.data());
+                                  flipped_mean.data());
     double cosine = 0;
     for (int c = 0; c < 4; ++c) cosine += mean[c] * flipped_mean[c];
     CHECK(std::abs(std::abs(cosine) - 1) < 1e-12);

@@ -98,7 +98,8 @@ TEST_CASE("single precision at rest is exact, and so is any number of threads") 
 TEST_CASE("the Poisson system refines where single precision alone is too far off") {
   // A long strip that is held at its ends.
   const int length = 12001;
-  const Mesh strip = test::grid(length, 3, [](double x, double) { return 0.01 * std::sin(60 * x); });
+  const Mesh strip =
+      test::grid(length, 3, [](double x, double) { return 0.01 * std::sin(60 * x); });
   const auto roles = test::strip_roles(length, 3, 1, length - 1);
   const Region region = split_region(strip, roles, 1);
   const auto operators = surface_operators(strip.positions, strip.triangles);

@@ -94,8 +94,7 @@ namespace {
 struct System {
   Mesh mesh = test::bumpy_plane(121);
   Region region = split_region(mesh, test::strip_roles(121, 121, 10, 110), 1);
-  SparseMatrix A = free_block(
-      surface_operators(mesh.positions, mesh.triangles).laplacian, region);
+  SparseMatrix A = free_block(surface_operators(mesh.positions, mesh.triangles).laplacian, region);
   RowMatrix B = RowMatrix::Random(A.rows(), 4);
   SparseCholesky factor(Precision precision, Workers* workers, bool by_places = true) const {
     BlockOptions options;
@@ -142,7 +141,8 @@ TEST_CASE("a solve gives the same bits by any number of threads") {
   }
 }
 
-TEST_CASE("nested dissection fills no more than minimum degree, and the top separates the domains") {
+TEST_CASE(
+    "nested dissection fills no more than minimum degree, and the top separates the domains") {
   const System system;
   const SparseCholesky by_places = system.factor(Precision::single, nullptr);
   const SparseCholesky by_degree = system.factor(Precision::single, nullptr, false);

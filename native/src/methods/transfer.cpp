@@ -57,8 +57,8 @@ void Transfer<Real>::carry(const std::vector<int>& which, const Positions& flux)
     const auto corner = bound_.mesh.triangles.row(j);
     Carried carried;
     carried.handle = handle_of_part[parts.of_vertex[corner[0]]];
-    carried.part = static_cast<int>(
-        std::upper_bound(active.begin.begin(), active.begin.end(), i) - active.begin.begin() - 1);
+    carried.part = static_cast<int>(std::upper_bound(active.begin.begin(), active.begin.end(), i) -
+                                    active.begin.begin() - 1);
     for (int k = 0; k < 3; ++k) carried.target[k] = bound_.poisson->target(carried.part, corner[k]);
     carried.flux = flux.middleRows<3>(3 * Index(j)).transpose();
     carried_.push_back(carried);
@@ -116,9 +116,7 @@ void Transfer<Real>::update(const Frame& frame, const MethodOptions& options) {
   const std::vector<Eigen::Matrix3d> carrying = carrying_gradients(frame, options.rotation_only);
   bound_.poisson->solve(
       at_rest_[options.rotation_only],
-      [&](int part, double* rows) {
-        add(part, frame.base, options.rotation_only, carrying, rows);
-      },
+      [&](int part, double* rows) { add(part, frame.base, options.rotation_only, carrying, rows); },
       frame.offsets);
   if (!options.rotation_only || options.refine == 0) return;
   if (!refinement_) refinement_ = std::make_unique<Refinement<Real>>(bound_);
