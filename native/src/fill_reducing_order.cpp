@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/OrderingMethods>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <numeric>
 #include <utility>
@@ -12,11 +13,12 @@ namespace dd {
 
 namespace {
 
-constexpr int kSmallest = 8;         // parts that are not cut further
-constexpr int kMostBins = 256;       // places of a cut along one direction
-constexpr double kLeastShare = 0.3;  // of a part, on each side of a cut
-constexpr double kNarrow = 0.2;      // of the largest spread: directions that are not tried
-constexpr double kParallel = 0.99;   // cosine: directions that are the same
+constexpr int kSmallest = 8;            // parts that are not cut further
+constexpr int kMostBins = 256;          // places of a cut along one direction
+constexpr double kLeastShare = 0.3;     // of a part, on each side of a cut
+constexpr double kNarrow = 0.2;         // of the largest spread
+constexpr double kGoodSeparator = 1.5;  // times the root of a part's size; on a square grid it is 1
+constexpr double kParallel = 0.99;      // cosine: directions that are the same
 
 /// A cut in front of a bin along a direction; the separator is taken from one side.
 struct Cut {
@@ -78,12 +80,20 @@ class Bisector {
     axes.computeDirect(spread);
     const double narrow = kNarrow * axes.eigenvalues()[2];
     Cut best;
-    for (int k = 2; k >= 0; --k)
-      if (axes.eigenvalues()[k] > narrow) consider(begin, end, axes.eigenvectors().col(k), best);
-    // Many a mesh was made along the coordinates.
-    for (int k = 0; k < 3; ++k)
-      if (spread(k, k) > narrow && axes.eigenvectors().row(k).cwiseAbs().maxCoeff() < kParallel)
-        consider(begin, end, Eigen::Vector3d::Unit(k), best);
+    // A part that is long in one direction is cut across it. Only where that separator is long as well,
+    // because triangles are thin, the others are tried.
+    const double good = kGoodSeparator * std::sqrt(static_cast<double>(end - begin));
+    for (const bool wide : {true, false}) {
+      if (best.cost < good) break;
+      for (int k = 2; k >= 0; --k)
+        if ((axes.eigenvalues()[k] > narrow) == wide)
+          consider(begin, end, axes.eigenvectors().col(k), best);
+      // Many a mesh was made along the coordinates.
+      for (int k = 0; k < 3; ++k)
+        if ((spread(k, k) > narrow) == wide &&
+            axes.eigenvectors().row(k).cwiseAbs().maxCoeff() < kParallel)
+          consider(begin, end, Eigen::Vector3d::Unit(k), best);
+    }
     // All in one place, or a few large steps: by number, in halves.
     if (!(best.cost < std::numeric_limits<double>::infinity()))
       consider(begin, end, Eigen::Vector3d::Zero(), best);

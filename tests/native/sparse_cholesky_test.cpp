@@ -147,6 +147,16 @@ TEST_CASE(
   const SparseCholesky by_places = system.factor(Precision::single, nullptr);
   const SparseCholesky by_degree = system.factor(Precision::single, nullptr, false);
   CHECK(10 * by_places.entries() < 11 * by_degree.entries());
+  // Triangles of 1 : 1,000 must not mislead the planes that cut.
+  const Mesh strip = test::grid(2001, 3, [](double x, double) { return 0.01 * std::sin(60 * x); });
+  const Region of_strip = split_region(strip, test::strip_roles(2001, 3, 1, 2000), 1);
+  const SparseMatrix thin =
+      free_block(surface_operators(strip.positions, strip.triangles).laplacian, of_strip);
+  const Dissection cuts = free_dissection(thin, of_strip, strip.positions);
+  BlockOptions by_cuts;
+  by_cuts.dissection = &cuts;
+  CHECK(factor_free_block(thin, of_strip, by_cuts).entries() < 40 * thin.rows());
+
   const Elimination& e = by_places.elimination();
   const auto part_of = [&](int place) {
     int part = 0;
