@@ -12,8 +12,7 @@ struct DenseKernels {
   /// Y = B C⁻ᵀ, count×width.
   void (*solve_rows)(int width, int count, const double* inverse, const double* b, int b_stride,
                      double* y, int y_stride);
-  /// The columns first to last of the lower triangle of A −= Y Yᵀ, size×size; few, because what stands
-  /// above the diagonal between them is computed as well.
+  /// The columns first to last of the lower triangle of A −= Y Yᵀ, size×size.
   void (*subtract_products)(int width, int size, int first, int last, const double* y, int y_stride,
                             double* a, int a_stride);
 };

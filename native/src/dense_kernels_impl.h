@@ -64,8 +64,13 @@ void subtract_products(int width, int size, int first, int last, const double* y
                        double* a, int a_stride) {
   const ConstMatrix Y(y, size, width, Eigen::OuterStride<>(y_stride));
   Matrix A(a, size, size, Eigen::OuterStride<>(a_stride));
-  A.block(first, first, size - first, last - first).noalias() -=
-      Y.bottomRows(size - first) * Y.middleRows(first, last - first).transpose();
+  const int count = last - first, below = size - last;
+  A.block(first, first, count, count)
+      .selfadjointView<Eigen::Lower>()
+      .rankUpdate(Y.middleRows(first, count), -1.0);
+  if (below > 0)
+    A.block(last, first, below, count).noalias() -=
+        Y.bottomRows(below) * Y.middleRows(first, count).transpose();
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 #include "sparse_cholesky.h"
 
 #include <algorithm>
+#include <array>
 #include <mutex>
 #include <string>
 #include <utility>
@@ -41,6 +42,36 @@ namespace {
 
 constexpr int kChunk = 96;  // rows or columns of a front that are computed together
 
+/// Memory that fronts pass on to later ones. Asked for anew each time it would cost a fifth of a large
+/// factorization to get its pages cleared.
+class Buffers {
+ public:
+  StreamedArray<double> take(size_t size) {
+    const size_t size_class = class_of(size);
+    const std::lock_guard<std::mutex> lock(mutex_);
+    std::vector<StreamedArray<double>>& free = free_[size_class];
+    if (free.empty()) return StreamedArray<double>(size_t{1} << size_class);
+    StreamedArray<double> buffer = std::move(free.back());
+    free.pop_back();
+    return buffer;
+  }
+  void give_back(StreamedArray<double> buffer) {
+    const size_t size_class = class_of(buffer.size());
+    const std::lock_guard<std::mutex> lock(mutex_);
+    free_[size_class].push_back(std::move(buffer));
+  }
+
+ private:
+  /// The binary logarithm, rounded up.
+  static size_t class_of(size_t size) {
+    size_t result = 0;
+    while ((size_t{1} << result) < size) ++result;
+    return result;
+  }
+  std::mutex mutex_;
+  std::array<std::vector<StreamedArray<double>>, 64> free_;
+};
+
 /// The fronts of a factorization on their way up the tree.
 class Fronts {
  public:
@@ -74,12 +105,10 @@ class Fronts {
     scratch.panel.assign(static_cast<size_t>(size + height) * static_cast<size_t>(width), 0.0);
     double* panel = scratch.panel.data();
     double* y = panel + static_cast<size_t>(size) * static_cast<size_t>(width);
-    std::unique_ptr<double[]>& update = updates_[s];
+    StreamedArray<double>& update = updates_[s];
     const size_t update_size = static_cast<size_t>(height) * static_cast<size_t>(height);
-    if (height > 0) {
-      update.reset(new double[update_size]);
-      std::fill_n(update.get(), update_size, 0.0);
-    }
+    update = buffers_.take(update_size);
+    std::fill_n(update.data(), update_size, 0.0);
     scratch.bounds.resize(static_cast<size_t>(width));
     for (int j = 0; j < width; ++j) {
       double diagonal = 0;
@@ -91,7 +120,7 @@ class Fronts {
       }
       scratch.bounds[j] = smallest_pivot_ * diagonal;
     }
-    for (int child : children_[s]) add(child, scratch, panel, size, width, update.get(), height);
+    for (int child : children_[s]) add(child, scratch, panel, size, width, update.data(), height);
 
     const DenseKernels& dense = dense_kernels();
     scratch.inverse.resize(static_cast<size_t>(width) * static_cast<size_t>(width));
@@ -113,7 +142,7 @@ class Fronts {
                        y + begin, height);
     });
     in_chunks([&](int begin, int end) {
-      dense.subtract_products(width, height, begin, end, y, height, update.get(), height);
+      dense.subtract_products(width, height, begin, end, y, height, update.data(), height);
     });
     return y;
   }
@@ -126,7 +155,7 @@ class Fronts {
     scratch.position.resize(static_cast<size_t>(count));
     for (int i = 0; i < count; ++i) scratch.position[i] = scratch.place[rows[i]];
     const int* position = scratch.position.data();
-    const double* from = updates_[child].get();
+    const double* from = updates_[child].data();
     for (int j = 0; j < count; ++j, from += count) {
       const int column = position[j];
       double* target = column < width
@@ -134,13 +163,14 @@ class Fronts {
                            : update + static_cast<size_t>(column - width) * height - width;
       for (int i = j; i < count; ++i) target[position[i]] += from[i];
     }
-    updates_[child].reset();
+    buffers_.give_back(std::exchange(updates_[child], {}));
   }
 
   const SparseMatrix& A_;
   const Elimination& e_;
   double smallest_pivot_;
-  std::vector<std::unique_ptr<double[]>> updates_;  // of each supernode, for its parent
+  Buffers buffers_;
+  std::vector<StreamedArray<double>> updates_;  // of each supernode, for its parent
   std::vector<std::vector<int>> children_;
 };
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstring>
 #include <memory>
 
 namespace dd {
@@ -12,15 +11,13 @@ namespace dd {
 void* allocate_streamed(std::size_t bytes);
 void free_streamed(void* memory);
 
-/// A fixed number of values, zero at first.
+/// A fixed number of values, whatever they are at first.
 template <class Value>
 class StreamedArray {
  public:
   StreamedArray() = default;
   explicit StreamedArray(std::size_t size)
-      : size_(size), values_(static_cast<Value*>(allocate_streamed(size * sizeof(Value)))) {
-    std::memset(static_cast<void*>(values_.get()), 0, size * sizeof(Value));
-  }
+      : size_(size), values_(static_cast<Value*>(allocate_streamed(size * sizeof(Value)))) {}
   std::size_t size() const { return size_; }
   Value* data() { return values_.get(); }
   const Value* data() const { return values_.get(); }
