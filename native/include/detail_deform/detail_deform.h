@@ -237,7 +237,7 @@ DD_API int32_t dd_bind_start(const float* positions, size_t position_count,
 /* How far a bind is; doesn't wait. */
 DD_API int32_t dd_bind_poll(dd_bind* bind, dd_bind_progress* progress);
 
-/* Asks a bind to stop at its next stage; doesn't wait. dd_bind_finish then returns
+/* Asks a bind to stop at its next stage or soon in a factorization; doesn't wait. dd_bind_finish then returns
  * DD_ERROR_CANCELLED, unless the bind was complete already. */
 DD_API int32_t dd_bind_cancel(dd_bind* bind);
 
