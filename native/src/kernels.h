@@ -56,11 +56,13 @@ constexpr int packed_triangle_row(int i, int width) {
   return i < (width & ~3) ? (i | 3) + 1 : i + 1;
 }
 
-/// Rows of a factor that a vector register takes together.
+/// Rows of a factor that are stored by columns together, of so many that are left: a solve reads all
+/// in one stream. In double precision every row is by itself.
 template <class Real>
-constexpr int kRowsTogether = 1;
-template <>
-constexpr int kRowsTogether<float> = 8;
+constexpr int rows_together(int left) {
+  if (sizeof(Real) == 8) return 1;
+  return left >= 32 ? 32 : left >= 16 ? 16 : left >= 8 ? 8 : 1;
+}
 
 /// A factor as solves read it: see SparseCholesky and Elimination.
 template <class Real>
@@ -69,8 +71,7 @@ struct FactorView {
   const int64_t* row_begin;    ///< of each, into slots
   const int32_t* slots;        ///< row of x for each row below
   const int64_t* value_begin;  ///< of each, into values
-  /// C_ss⁻¹ as a packed triangle, then the rows below: as many as kRowsTogether by columns, those
-  /// that are left by rows.
+  /// C_ss⁻¹ as a packed triangle, then the rows below by rows_together().
   const Real* values;
 };
 

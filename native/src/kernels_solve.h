@@ -31,8 +31,7 @@ inline void add_products(int width, int stride, const Real* values, const RowOf<
 }
 
 #ifdef __AVX2__
-/// Asks for what is read a little later. Blocks are too short for the machine to notice by itself where
-/// the stream goes.
+/// Asks for what is read a little later, where the machine can't tell by itself where the stream goes.
 constexpr int64_t kAhead = 6144;  // bytes
 inline void fetch(const void* values, int64_t distance) {
   _mm_prefetch(static_cast<const char*>(values) + distance, _MM_HINT_T0);
@@ -119,7 +118,8 @@ inline void add_products(int width, int stride, const float* values, const RowOf
 }
 #endif
 
-// Blocks of eight rows below the diagonal, each stored by columns, on the first three of four:
+// Blocks of eight rows below the diagonal, as many as go together stored by columns, on the first
+// three of four:
 // forward x[slots] −= values · own, backward own −= valuesᵀ · x[slots].
 #ifdef __AVX2__
 template <int Blocks>
@@ -128,13 +128,9 @@ inline void forward_blocks(int width, const float* values, const float* own, con
   __m256 sums[Blocks][4];
   for (int b = 0; b < Blocks; ++b)
     for (int k = 0; k < 4; ++k) sums[b][k] = _mm256_setzero_ps();
-  const int64_t block = 8 * static_cast<int64_t>(width);
   for (int c = 0; c < width; ++c) {
     __m256 column[Blocks];
-    for (int b = 0; b < Blocks; ++b) {
-      column[b] = _mm256_loadu_ps(values + b * block + 8 * c);
-      fetch(values + b * block + 8 * c, kAhead);
-    }
+    for (int b = 0; b < Blocks; ++b, values += 8) column[b] = _mm256_loadu_ps(values);
     for (int k = 0; k < 3; ++k) {
       const __m256 factor = _mm256_broadcast_ss(own + 4 * c + k);
       for (int b = 0; b < Blocks; ++b) sums[b][k] = _mm256_fmadd_ps(column[b], factor, sums[b][k]);
@@ -163,12 +159,11 @@ inline void backward_blocks(int width, const float* values, const float* x, cons
           _mm_loadu_ps(x + 4 * static_cast<int64_t>(slots[i + 4])), 1);
     transpose_quarters(r[0], r[1], r[2], r[3]);
   }
-  const int64_t block = 8 * static_cast<int64_t>(width);
   for (int c = 0; c < width; ++c, own += 4) {
     __m256 s[3];
-    for (int b = 0; b < Blocks; ++b) {
-      const __m256 column = _mm256_loadu_ps(values + b * block + 8 * c);
-      fetch(values + b * block + 8 * c, -kAhead);
+    for (int b = 0; b < Blocks; ++b, values += 8) {
+      const __m256 column = _mm256_loadu_ps(values);
+      if ((b & 1) == 0) fetch(values, -kAhead);
       for (int k = 0; k < 3; ++k)
         s[k] =
             b == 0 ? _mm256_mul_ps(column, rows[b][k]) : _mm256_fmadd_ps(column, rows[b][k], s[k]);
@@ -183,26 +178,22 @@ inline void backward_blocks(int width, const float* values, const float* x, cons
 template <int Blocks>
 inline void forward_blocks(int width, const float* values, const float* own, const int32_t* slots,
                            float* x) {
-  for (int b = 0; b < Blocks; ++b, slots += 8) {
-    float sums[3][8] = {};
-    for (int c = 0; c < width; ++c, values += 8)
-      for (int k = 0; k < 3; ++k)
-        for (int i = 0; i < 8; ++i) sums[k][i] += values[i] * own[4 * c + k];
-    for (int i = 0; i < 8; ++i)
-      for (int k = 0; k < 3; ++k) x[4 * static_cast<int64_t>(slots[i]) + k] -= sums[k][i];
-  }
+  float sums[3][8 * Blocks] = {};
+  for (int c = 0; c < width; ++c, values += 8 * Blocks)
+    for (int k = 0; k < 3; ++k)
+      for (int i = 0; i < 8 * Blocks; ++i) sums[k][i] += values[i] * own[4 * c + k];
+  for (int i = 0; i < 8 * Blocks; ++i)
+    for (int k = 0; k < 3; ++k) x[4 * static_cast<int64_t>(slots[i]) + k] -= sums[k][i];
 }
 
 template <int Blocks>
 inline void backward_blocks(int width, const float* values, const float* x, const int32_t* slots,
                             float* own) {
-  for (int b = 0; b < Blocks; ++b, slots += 8) {
-    RowOf<float> rows[8];
-    for (int i = 0; i < 8; ++i) rows[i] = load(x + 4 * static_cast<int64_t>(slots[i]));
-    for (int c = 0; c < width; ++c, values += 8)
-      for (int k = 0; k < 3; ++k)
-        for (int i = 0; i < 8; ++i) own[4 * c + k] -= values[i] * rows[i].v[k];
-  }
+  RowOf<float> rows[8 * Blocks];
+  for (int i = 0; i < 8 * Blocks; ++i) rows[i] = load(x + 4 * static_cast<int64_t>(slots[i]));
+  for (int c = 0; c < width; ++c, values += 8 * Blocks)
+    for (int k = 0; k < 3; ++k)
+      for (int i = 0; i < 8 * Blocks; ++i) own[4 * c + k] -= values[i] * rows[i].v[k];
 }
 #endif
 
@@ -250,15 +241,15 @@ void forward(const FactorView<Real>& factor, int first, int last, const double* 
     values += packed_triangle_size(width);
     const int32_t* slot = factor.slots + factor.row_begin[s];
     const int height = static_cast<int>(factor.row_begin[s + 1] - factor.row_begin[s]);
-    if constexpr (kRowsTogether<Real> == 8) {
-      in_groups<2>(height / 8, [&](auto group) {
+    if constexpr (sizeof(Real) == 4) {
+      in_groups<4>(height / 8, [&](auto group) {
         constexpr int kCount = decltype(group)::value;
         forward_blocks<kCount>(width, values, own, slot, x);
         slot += 8 * kCount;
         values += 8 * kCount * static_cast<int64_t>(width);
       });
     }
-    const int single = kRowsTogether<Real> == 8 ? height & 7 : height;
+    const int single = sizeof(Real) == 4 ? height & 7 : height;
     in_groups<4>(single, [&](auto group) {
       constexpr int kCount = decltype(group)::value;
       dot<kCount>(width, width, values, own, sums);
@@ -284,7 +275,7 @@ void backward(const FactorView<Real>& factor, int first, int last, Real* x) {
     Real* own = x + 4 * static_cast<int64_t>(begin);
     const int32_t* slot = factor.slots + factor.row_begin[s + 1];
     RowOf<Real> factors[4];
-    const int single = kRowsTogether<Real> == 8 ? height & 7 : height;
+    const int single = sizeof(Real) == 4 ? height & 7 : height;
     in_groups_from_end<4>(single, [&](auto group) {
       constexpr int kCount = decltype(group)::value;
       slot -= kCount;
@@ -293,7 +284,7 @@ void backward(const FactorView<Real>& factor, int first, int last, Real* x) {
         for (int c = 0; c < 4; ++c) factors[i].v[c] = -x[4 * static_cast<int64_t>(slot[i]) + c];
       add_products<kCount>(width, width, values, factors, own);
     });
-    if constexpr (kRowsTogether<Real> == 8) {
+    if constexpr (sizeof(Real) == 4) {
       in_groups_from_end<4>(height / 8, [&](auto group) {
         constexpr int kCount = decltype(group)::value;
         slot -= 8 * kCount;

@@ -188,8 +188,8 @@ void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options)
       for (int i = 0; i < width; ++i)
         for (int j = 0; j < packed_triangle_row(i, width); ++j)
           *out++ = static_cast<Real>(scratch.inverse[size_t(j) * width + i]);
-      for (int i = 0, together = kRowsTogether<Real>; i < height; i += together) {
-        if (i + together > height) together = 1;
+      for (int i = 0, together; i < height; i += together) {
+        together = rows_together<Real>(height - i);
         for (int j = 0; j < width; ++j)
           for (int k = 0; k < together; ++k)
             *out++ = static_cast<Real>(y[size_t(j) * height + i + k]);
