@@ -156,7 +156,7 @@ int main(int argc, char** argv) {
     std::printf("  %-20s %8s %8.0f %8.0f | %8s %8.0f %8.0f | %5s %5.1f %5.1f\n", "the paper, 2006",
                 "", 1e3 * p[0], 1e3 * p[1], "", 1e3 * p[2], 1e3 * p[3], "", p[0] / p[2],
                 p[1] / p[3]);
-    print("own (LDLT, AMD)", timed_own(volumetric), timed_own(surface));
+    print("own (double, AMD)", timed_own(volumetric), timed_own(surface));
 #ifdef DD_HAVE_CHOLMOD
     print("CHOLMOD supernodal", timed<Eigen::CholmodSupernodalLLT<SparseMatrix>>(volumetric),
           timed<Eigen::CholmodSupernodalLLT<SparseMatrix>>(surface));
