@@ -256,12 +256,16 @@ inline void weighted_sums(int count, const int32_t (*index)[kLanes], const float
 }
 #endif
 
+/// Squared: shorter sums may be of quaternions whose signs differ.
+template <class Real>
+constexpr Real kShort = Real(0.8);
+
 /// Sums up again, with signs that agree with the first, in lanes where the sum came out short.
 template <class Real>
 void agree_in_sign(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
                    const Real* rows, Real (&lanes)[4][kLanes], Real (&length)[kLanes]) {
   for (int lane = 0; lane < kLanes; ++lane) {
-    if (length[lane] >= Real(0.8)) continue;
+    if (length[lane] >= kShort<Real>) continue;
     const RowOf<Real> first = load(rows + 4 * static_cast<int64_t>(index[0][lane]));
     RowOf<Real> sum = {};
     for (int k = 0; k < count; ++k) {
@@ -284,19 +288,40 @@ template <class Real>
 inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
                          const Real* rows, Real (&lanes)[4][kLanes]) {
   weighted_sums(count, index, weights, rows, lanes);
-  Real length[kLanes];
-  for (int lane = 0; lane < kLanes; ++lane)
-    length[lane] = (lanes[0][lane] * lanes[0][lane] + lanes[1][lane] * lanes[1][lane]) +
-                   (lanes[2][lane] * lanes[2][lane] + lanes[3][lane] * lanes[3][lane]);
-  int32_t is_short[kLanes], apart = 0;
-  for (int lane = 0; lane < kLanes; ++lane) is_short[lane] = length[lane] < Real(0.8);
-  for (int lane = 0; lane < kLanes; ++lane) apart |= is_short[lane];
-  if (apart) agree_in_sign(count, index, weights, rows, lanes, length);
-  // Loops over lanes alone are what compilers make vector code of.
-  for (int lane = 0; lane < kLanes; ++lane) length[lane] = guarded_inverse_sqrt(length[lane]);
-  for (int c = 0; c < 4; ++c)
-    for (int lane = 0; lane < kLanes; ++lane) lanes[c][lane] *= length[lane];
+  Real length[kLanes], shortest = 1;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    length[lane] = 0;
+    for (int c = 0; c < 4; ++c) length[lane] += lanes[c][lane] * lanes[c][lane];
+    if (length[lane] < shortest) shortest = length[lane];
+  }
+  if (shortest < kShort<Real>) agree_in_sign(count, index, weights, rows, lanes, length);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const Real scale = guarded_inverse_sqrt(length[lane]);
+    for (int c = 0; c < 4; ++c) lanes[c][lane] *= scale;
+  }
 }
+
+#ifdef __AVX2__
+/// By hand: compilers take these roots one by one.
+inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const float (*weights)[kLanes],
+                         const float* rows, float (&lanes)[4][kLanes]) {
+  weighted_sums(count, index, weights, rows, lanes);
+  __m256 length = _mm256_setzero_ps();
+  for (const float(&sum)[kLanes] : lanes)
+    length = _mm256_fmadd_ps(_mm256_loadu_ps(sum), _mm256_loadu_ps(sum), length);
+  const __m256 is_short = _mm256_cmp_ps(length, _mm256_set1_ps(kShort<float>), _CMP_LT_OQ);
+  if (_mm256_movemask_ps(is_short)) {
+    float lengths[kLanes];
+    _mm256_storeu_ps(lengths, length);
+    agree_in_sign(count, index, weights, rows, lanes, lengths);
+    length = _mm256_loadu_ps(lengths);
+  }
+  length = _mm256_sqrt_ps(_mm256_max_ps(length, _mm256_set1_ps(kTiny<float>)));
+  const __m256 scale = _mm256_div_ps(_mm256_set1_ps(1), length);
+  for (float(&sum)[kLanes] : lanes)
+    _mm256_storeu_ps(sum, _mm256_mul_ps(_mm256_loadu_ps(sum), scale));
+}
+#endif
 
 template <class Real>
 void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const double* positions,
