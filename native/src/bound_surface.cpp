@@ -44,16 +44,16 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
       region(its_region),
       operators(surface_operators(mesh.positions, mesh.triangles)) {
   report(progress, 0.05, "Factoring the Poisson system");
-  const Dissection dissection =
-      free_dissection(free_block(operators.laplacian, region), region, mesh.positions);
+  SparseMatrix block = free_block(operators.laplacian, region);
+  const Dissection dissection = free_dissection(block, region, mesh.positions);
   const bool computed = options.base.size() == 0;
   const bool on_surface = computed && options.metric_smoothing == 0;
   std::future<Energy> energy;
   if (on_surface)
     energy = std::async(
         workers.count() > 1 ? std::launch::async : std::launch::deferred, [&]() -> Energy {
-          const SparseMatrix block = free_block_of_energy(operators, region, options.smoothness);
-          return {block, std::make_shared<Elimination>(block, dissection.order(block))};
+          const SparseMatrix bending = free_block_of_energy(operators, region, options.smoothness);
+          return {bending, std::make_shared<Elimination>(bending, dissection.order(bending))};
         });
 
   BlockOptions block_options;
@@ -61,7 +61,8 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
   block_options.workers = &workers;
   block_options.precision = options.precision;
   block_options.progress = within(progress, 0.05, 0.15);
-  poisson = std::make_unique<PoissonSystem>(mesh, region, operators, block_options);
+  poisson =
+      std::make_unique<PoissonSystem>(mesh, region, operators, std::move(block), block_options);
   block_options.precision = Precision::full;
   if (computed) {
     compute_base(options, block_options, on_surface ? energy.get() : Energy{}, progress);

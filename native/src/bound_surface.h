@@ -18,8 +18,8 @@ struct BindOptions {
   Positions base = {};
   /// Of what a frame works with; see PoissonSystem. Full is for comparisons.
   Precision precision = Precision::full;
-  int threads =
-      0;  ///< for the bind and every frame, the caller's among them; 0: what the machine has
+  /// For the bind and every frame, the caller's among them; 0: what the machine has.
+  int threads = 0;
 };
 
 /// All that a bind makes once and the methods share.

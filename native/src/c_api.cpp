@@ -111,10 +111,7 @@ dd::UpdateOptions update_options(const dd_update_options& how) {
 void write_result(const dd::Positions& rest, const dd::Positions& offsets, int32_t output,
                   float* out) {
   const double largest = std::max(offsets.cwiseAbs().maxCoeff(), rest.cwiseAbs().maxCoeff());
-  if (!(largest < 0.5 * std::numeric_limits<float>::max()))
-    throw dd::Error(dd::Status::numeric,
-                    "The handles' matrices are too large: the deformed surface leaves the range of "
-                    "single precision.");
+  if (!(largest < 0.5 * std::numeric_limits<float>::max())) throw dd::leaves_single_precision();
   Eigen::Map<FloatRows> result(out, offsets.rows(), 3);
   if (output == DD_OUTPUT_OFFSETS)
     result = offsets.cast<float>();

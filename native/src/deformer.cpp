@@ -80,10 +80,7 @@ void Deformer::update_to(float* out, bool positions, const double* matrices,
     // A sum finds what is not a number, which no comparison does.
     if (!std::isfinite(sum) || largest > 0.5 * std::numeric_limits<float>::max()) fits = false;
   });
-  if (!fits)
-    throw Error(Status::numeric,
-                "The handles' matrices are too large: the deformed surface leaves the range of "
-                "single precision.");
+  if (!fits) throw leaves_single_precision();
 }
 
 void Deformer::move(const double* matrices, const UpdateOptions& options,

@@ -2,7 +2,6 @@
 #include "elimination.h"
 
 #include <algorithm>
-#include <numeric>
 #include <queue>
 
 namespace dd {
@@ -198,6 +197,32 @@ std::vector<std::vector<int>> find_domains(std::vector<Node>& nodes, std::vector
   return domains;
 }
 
+/// The supernodes as they are eliminated: domain after domain, whose beginnings are appended to
+/// domain_begin, then the top.
+std::vector<int> final_sequence(std::vector<Node>& nodes, std::vector<int>& domain_begin) {
+  std::vector<char> in_top;
+  std::vector<int> sequence, stack;
+  for (const std::vector<int>& roots : find_domains(nodes, in_top)) {
+    domain_begin.push_back(static_cast<int>(sequence.size()));
+    // Parents before children, and then the other way round.
+    const size_t first = sequence.size();
+    for (int root : roots) {
+      stack.push_back(root);
+      while (!stack.empty()) {
+        const int s = stack.back();
+        stack.pop_back();
+        sequence.push_back(s);
+        for (int child : nodes[s].children) stack.push_back(child);
+      }
+    }
+    std::reverse(sequence.begin() + static_cast<std::ptrdiff_t>(first), sequence.end());
+  }
+  domain_begin.push_back(static_cast<int>(sequence.size()));
+  for (size_t s = 0; s < nodes.size(); ++s)
+    if (in_top[s]) sequence.push_back(static_cast<int>(s));
+  return sequence;
+}
+
 }  // namespace
 
 Elimination::Elimination(const SparseMatrix& pattern, const std::vector<int>& first_order)
@@ -218,30 +243,7 @@ Elimination::Elimination(const SparseMatrix& pattern, const std::vector<int>& fi
   }
   std::vector<Node> nodes = fundamental_supernodes(pattern, order, place_of, tree);
   relax(nodes);
-  std::vector<char> in_top;
-  const std::vector<std::vector<int>> domains = find_domains(nodes, in_top);
-
-  // The final sequence of supernodes.
-  std::vector<int> sequence;
-  std::vector<int> stack;
-  for (const std::vector<int>& roots : domains) {
-    domain_begin.push_back(static_cast<int>(sequence.size()));
-    // Parents before children, and then the other way round.
-    const size_t first = sequence.size();
-    for (int root : roots) {
-      stack.push_back(root);
-      while (!stack.empty()) {
-        const int s = stack.back();
-        stack.pop_back();
-        sequence.push_back(s);
-        for (int child : nodes[s].children) stack.push_back(child);
-      }
-    }
-    std::reverse(sequence.begin() + static_cast<std::ptrdiff_t>(first), sequence.end());
-  }
-  domain_begin.push_back(static_cast<int>(sequence.size()));
-  for (size_t s = 0; s < nodes.size(); ++s)
-    if (in_top[s]) sequence.push_back(static_cast<int>(s));
+  const std::vector<int> sequence = final_sequence(nodes, domain_begin);
 
   std::vector<int> new_place(order.size()), new_number(nodes.size(), -1), new_order;
   begin.push_back(0);
@@ -263,12 +265,15 @@ Elimination::Elimination(const SparseMatrix& pattern, const std::vector<int>& fi
   }
   order = std::move(new_order);
   invert(order, place_of);
+  make_slots();
+}
 
+void Elimination::make_slots() {
   slots = rows;
   std::vector<int> slot_of(order.size(), -1);
   for (int d = 0; d < domain_count(); ++d) {
     slot_begin.push_back(static_cast<int>(slot_target.size()));
-    const int end = begin[domain_begin[d + 1]];
+    const int end = part_begin(d + 1);
     for (int64_t k = row_begin[domain_begin[d]]; k < row_begin[domain_begin[d + 1]]; ++k) {
       const int row = rows[k];
       if (row < end) continue;

@@ -45,10 +45,15 @@ struct Elimination {
   int slotted_size() const { return size() + static_cast<int>(slot_target.size()); }
   int width(int s) const { return begin[s + 1] - begin[s]; }
   int height(int s) const { return static_cast<int>(row_begin[s + 1] - row_begin[s]); }
-  /// Where the places of a domain begin, of the top for domain_count(), and the end after that.
-  int part_begin(int part) const {
-    return part > domain_count() ? size() : begin[domain_begin[part]];
+  /// The first supernode of a domain, of the top for domain_count(), and the end after that.
+  int first_supernode(int part) const {
+    return part > domain_count() ? supernode_count() : domain_begin[part];
   }
+  /// Where the places of a domain begin, of the top for domain_count(), and the end after that.
+  int part_begin(int part) const { return begin[first_supernode(part)]; }
+
+ private:
+  void make_slots();
 };
 
 }  // namespace dd

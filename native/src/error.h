@@ -20,4 +20,11 @@ class Error : public std::runtime_error {
   Status status_;
 };
 
+/// The refusal of a result that floats can't hold.
+inline Error leaves_single_precision() {
+  return {Status::numeric,
+          "The handles' matrices are too large: the deformed surface leaves the range of single "
+          "precision."};
+}
+
 }  // namespace dd

@@ -126,11 +126,7 @@ template <class Real>
 GradientPass<Real>::GradientPass(const Positions& base, const Triangles& t,
                                  const Positions& corner_flux, const GradientSources& sources,
                                  const PoissonSystem& poisson)
-    : layout_(poisson.active()), blocks_(static_cast<size_t>(layout_.count())) {
-  for (int part = 0; part < layout_.parts(); ++part)
-    for (int b = layout_.begin[part]; b < layout_.begin[part + 1]; ++b)
-      for (int lane = 0; lane < kLanes; ++lane)
-        for (int k = 0; k < 3; ++k) blocks_[b].target[k][lane] = poisson.spare_target(part);
+    : layout_(poisson.active()), blocks_(layout_.without_targets<TriangleBlock<Real>>(poisson)) {
   layout_.each(poisson.active(), [&](int i, int part, int b, int lane) {
     TriangleBlock<Real>& block = blocks_[b];
     const int j = poisson.active().triangles[i], source = sources.of_triangle[j];

@@ -58,6 +58,16 @@ struct ActiveBlocks {
         body(i, part, begin[part] + k / kLanes, k % kLanes);
       }
   }
+  /// As many blocks, all of whose targets nobody reads.
+  template <class Block>
+  std::vector<Block> without_targets(const PoissonSystem& poisson) const {
+    std::vector<Block> blocks(static_cast<size_t>(count()));
+    for (int part = 0; part < parts(); ++part)
+      for (int b = begin[part]; b < begin[part + 1]; ++b)
+        for (auto& corner : blocks[b].target)
+          for (int32_t& row : corner) row = poisson.spare_target(part);
+    return blocks;
+  }
   std::vector<int> begin;  ///< first block of each part, and the end
 };
 

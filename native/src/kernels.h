@@ -44,24 +44,29 @@ struct TurnBlock {
   Real flux[2][3][kLanes];  ///< corner_divergence of corners 0 and 1
 };
 
-/// A triangular matrix is stored row by row up to the diagonal, but four rows together to the same
-/// length: the first of four up to the diagonal of the last. The rows beyond the last four are single.
-constexpr int64_t packed_triangle_size(int64_t width) {
-  const int64_t fours = width / 4;
-  return 8 * fours * (fours + 1) + (width * (width + 1) - 4 * fours * (4 * fours + 1)) / 2;
+/// The rows of a factor are stored in groups, each by columns. A group has as many rows as the
+/// largest power of two, up to most, that is left. C_ss⁻¹ begins with its last rows: a group of it is
+/// as long as its last row, filled up with zeros. So a solve reads all of a factor in one direction,
+/// and back in the other.
+constexpr int rows_together(int left, int most) {
+  int rows = 1;
+  while (2 * rows <= left && 2 * rows <= most) rows *= 2;
+  return rows;
 }
-
-/// Length of row i in it.
-constexpr int packed_triangle_row(int i, int width) {
-  return i < (width & ~3) ? (i | 3) + 1 : i + 1;
-}
-
-/// Rows of a factor that are stored by columns together, of so many that are left: a solve reads all
-/// in one stream. In double precision every row is by itself.
+/// Most rows of a group of C_ss⁻¹, and of the rows below.
 template <class Real>
-constexpr int rows_together(int left) {
-  if (sizeof(Real) == 8) return 1;
-  return left >= 32 ? 32 : left >= 16 ? 16 : left >= 8 ? 8 : 1;
+constexpr int kTriangleRows = sizeof(Real) == 4 ? 8 : 4;
+template <class Real>
+constexpr int kRowsBelow = sizeof(Real) == 4 ? 32 : 4;
+
+template <class Real>
+constexpr int64_t packed_triangle_size(int width) {
+  int64_t size = 0;
+  for (int left = width, rows = 0; left > 0; left -= rows) {
+    rows = rows_together(left, kTriangleRows<Real>);
+    size += int64_t{rows} * left;
+  }
+  return size;
 }
 
 /// A factor as solves read it: see SparseCholesky and Elimination.
@@ -71,7 +76,7 @@ struct FactorView {
   const int64_t* row_begin;    ///< of each, into slots
   const int32_t* slots;        ///< row of x for each row below
   const int64_t* value_begin;  ///< of each, into values
-  /// C_ss⁻¹ as a packed triangle, then the rows below by rows_together().
+  /// Of each C_ss⁻¹, then the rows below, as rows_together() says.
   const Real* values;
 };
 

@@ -8,123 +8,79 @@ namespace dd {
 
 namespace {
 
-/// sums[i] = Σ_c values[i·width + c] · rows[c], for `Count` rows of values.
-template <int Count, class Real>
-inline void dot(int width, int stride, const Real* values, const Real* rows, RowOf<Real>* sums) {
-  RowOf<Real> local[Count] = {};
-  for (int c = 0; c < width; ++c) {
-    const RowOf<Real> x = load(rows + 4 * c);
-    for (int i = 0; i < Count; ++i) add_scaled(local[i], values[i * stride + c], x);
-  }
-  for (int i = 0; i < Count; ++i) sums[i] = local[i];
-}
-
-/// rows[c] += Σ_i values[i·width + c] · factors[i].
-template <int Count, class Real>
-inline void add_products(int width, int stride, const Real* values, const RowOf<Real>* factors,
-                         Real* rows) {
-  for (int c = 0; c < width; ++c) {
-    RowOf<Real> x = load(rows + 4 * c);
-    for (int i = 0; i < Count; ++i) add_scaled(x, values[i * stride + c], factors[i]);
-    store(rows + 4 * c, x);
-  }
-}
-
+// Four numbers of a row of x at once.
 #ifdef __AVX2__
-/// Asks for what is read a little later, where the machine can't tell by itself where the stream goes.
-constexpr int64_t kAhead = 6144;  // bytes
-inline void fetch(const void* values, int64_t distance) {
-  _mm_prefetch(static_cast<const char*>(values) + distance, _MM_HINT_T0);
+inline __m128 get(const float* p) { return _mm_loadu_ps(p); }
+inline __m256d get(const double* p) { return _mm256_loadu_pd(p); }
+inline void put(float* p, __m128 x) { _mm_storeu_ps(p, x); }
+inline void put(double* p, __m256d x) { _mm256_storeu_pd(p, x); }
+inline __m128 minus(__m128 a, __m128 b) { return _mm_sub_ps(a, b); }
+inline __m256d minus(__m256d a, __m256d b) { return _mm256_sub_pd(a, b); }
+inline __m128 plus_product(__m128 sum, const float* factor, __m128 x) {
+  return _mm_fmadd_ps(_mm_broadcast_ss(factor), x, sum);
 }
-
-template <int Count>
-inline void dot(int width, int stride, const double* values, const double* rows,
-                RowOf<double>* sums) {
-  __m256d wide[Count];
-  for (int i = 0; i < Count; ++i) wide[i] = _mm256_setzero_pd();
-  for (int c = 0; c < width; ++c) {
-    const __m256d x = _mm256_loadu_pd(rows + 4 * c);
-    if ((c & 7) == 0)
-      for (int i = 0; i < Count; ++i) fetch(values + i * stride + c, kAhead);
-    for (int i = 0; i < Count; ++i)
-      wide[i] = _mm256_fmadd_pd(_mm256_broadcast_sd(values + i * stride + c), x, wide[i]);
-  }
-  for (int i = 0; i < Count; ++i) _mm256_storeu_pd(sums[i].v, wide[i]);
+inline __m256d plus_product(__m256d sum, const double* factor, __m256d x) {
+  return _mm256_fmadd_pd(_mm256_broadcast_sd(factor), x, sum);
 }
-
-template <int Count>
-inline void add_products(int width, int stride, const double* values, const RowOf<double>* factors,
-                         double* rows) {
-  __m256d wide[Count];
-  for (int i = 0; i < Count; ++i) wide[i] = _mm256_loadu_pd(factors[i].v);
-  for (int c = 0; c < width; ++c) {
-    __m256d x = _mm256_loadu_pd(rows + 4 * c);
-    if ((c & 7) == 0)
-      for (int i = 0; i < Count; ++i) fetch(values + i * stride + c, -kAhead);
-    for (int i = 0; i < Count; ++i)
-      x = _mm256_fmadd_pd(_mm256_broadcast_sd(values + i * stride + c), wide[i], x);
-    _mm256_storeu_pd(rows + 4 * c, x);
-  }
+#else
+template <class Real>
+inline RowOf<Real> get(const Real* p) {
+  return load(p);
 }
-
-// Two columns at once: a register of eight holds two rows of x, and each of two values is spread over
-// its half.
-inline __m256 spread_pair(const float* p) {
-  double pair;
-  memcpy(&pair, p, sizeof pair);
-  return _mm256_permutevar_ps(_mm256_castpd_ps(_mm256_set1_pd(pair)),
-                              _mm256_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1));
+template <class Real>
+inline void put(Real* p, const RowOf<Real>& x) {
+  store(p, x);
 }
-
-template <int Count>
-inline void dot(int width, int stride, const float* values, const float* rows, RowOf<float>* sums) {
-  __m256 wide[Count];
-  for (int i = 0; i < Count; ++i) wide[i] = _mm256_setzero_ps();
-  int c = 0;
-  for (; c + 1 < width; c += 2) {
-    const __m256 x = _mm256_loadu_ps(rows + 4 * c);
-    for (int i = 0; i < Count; ++i)
-      wide[i] = _mm256_fmadd_ps(spread_pair(values + i * stride + c), x, wide[i]);
-  }
-  for (int i = 0; i < Count; ++i) {
-    __m128 sum = _mm_add_ps(_mm256_castps256_ps128(wide[i]), _mm256_extractf128_ps(wide[i], 1));
-    if (c < width)
-      sum =
-          _mm_fmadd_ps(_mm_broadcast_ss(values + i * stride + c), _mm_loadu_ps(rows + 4 * c), sum);
-    _mm_storeu_ps(sums[i].v, sum);
-  }
+template <class Real>
+inline RowOf<Real> minus(RowOf<Real> a, const RowOf<Real>& b) {
+  for (int c = 0; c < 4; ++c) a.v[c] -= b.v[c];
+  return a;
 }
-
-template <int Count>
-inline void add_products(int width, int stride, const float* values, const RowOf<float>* factors,
-                         float* rows) {
-  __m256 wide[Count];
-  for (int i = 0; i < Count; ++i)
-    wide[i] = _mm256_broadcast_ps(reinterpret_cast<const __m128*>(factors[i].v));
-  int c = 0;
-  for (; c + 1 < width; c += 2) {
-    __m256 x = _mm256_loadu_ps(rows + 4 * c);
-    for (int i = 0; i < Count; ++i)
-      x = _mm256_fmadd_ps(spread_pair(values + i * stride + c), wide[i], x);
-    _mm256_storeu_ps(rows + 4 * c, x);
-  }
-  if (c < width) {
-    __m128 x = _mm_loadu_ps(rows + 4 * c);
-    for (int i = 0; i < Count; ++i)
-      x = _mm_fmadd_ps(_mm_broadcast_ss(values + i * stride + c), _mm256_castps256_ps128(wide[i]),
-                       x);
-    _mm_storeu_ps(rows + 4 * c, x);
-  }
+template <class Real>
+inline RowOf<Real> plus_product(RowOf<Real> sum, const Real* factor, const RowOf<Real>& x) {
+  add_scaled(sum, *factor, x);
+  return sum;
 }
 #endif
 
-// Blocks of eight rows below the diagonal, as many as go together stored by columns, on the first
-// three of four:
-// forward x[slots] −= values · own, backward own −= valuesᵀ · x[slots].
+template <class Real>
+constexpr Real kZeros[4] = {};
+template <class Real>
+using Four = decltype(get(kZeros<Real>));
+
+// The products below read their values in the order in which they stand, forward from the first, in
+// the other sense from the last: memory that is read in one direction comes twice as fast.
+
+/// target(i, Σ_c values[c·Count + i] · own[c]) for `Count` rows of values.
+template <int Count, class Real, class Target>
+inline void forward_rows(int width, const Real* values, const Real* own, const Target& target) {
+  Four<Real> sums[Count];
+  for (int i = 0; i < Count; ++i) sums[i] = get(kZeros<Real>);
+  for (int c = 0; c < width; ++c, values += Count) {
+    const Four<Real> x = get(own + 4 * c);
+    for (int i = 0; i < Count; ++i) sums[i] = plus_product(sums[i], values + i, x);
+  }
+  for (int i = 0; i < Count; ++i) target(i, sums[i]);
+}
+
+/// own[c] −= Σ_i values[c·Count + i] · source(i).
+template <int Count, class Real, class Source>
+inline void backward_rows(int width, const Real* values, const Source& source, Real* own) {
+  Four<Real> rows[Count];
+  for (int i = 0; i < Count; ++i) rows[i] = source(i);
+  values += Count * static_cast<int64_t>(width);
+  for (int c = width - 1; c >= 0; --c) {
+    values -= Count;
+    Four<Real> sum = get(kZeros<Real>);
+    for (int i = 0; i < Count; ++i) sum = plus_product(sum, values + i, rows[i]);
+    put(own + 4 * c, minus(get(own + 4 * c), sum));
+  }
+}
+
+// The same for blocks of eight rows, on the first three of four.
 #ifdef __AVX2__
-template <int Blocks>
-inline void forward_blocks(int width, const float* values, const float* own, const int32_t* slots,
-                           float* x) {
+template <int Blocks, class Target>
+inline void forward_blocks(int width, const float* values, const float* own, const Target& target) {
   __m256 sums[Blocks][4];
   for (int b = 0; b < Blocks; ++b)
     for (int k = 0; k < 4; ++k) sums[b][k] = _mm256_setzero_ps();
@@ -136,83 +92,93 @@ inline void forward_blocks(int width, const float* values, const float* own, con
       for (int b = 0; b < Blocks; ++b) sums[b][k] = _mm256_fmadd_ps(column[b], factor, sums[b][k]);
     }
   }
-  for (int b = 0; b < Blocks; ++b, slots += 8) {
+  for (int b = 0; b < Blocks; ++b) {
     __m256* r = sums[b];
     transpose_quarters(r[0], r[1], r[2], r[3]);
-    for (int i = 0; i < 8; ++i) {
-      float* p = x + 4 * static_cast<int64_t>(slots[i]);
-      const __m128 sum = i < 4 ? _mm256_castps256_ps128(r[i]) : _mm256_extractf128_ps(r[i & 3], 1);
-      _mm_storeu_ps(p, _mm_sub_ps(_mm_loadu_ps(p), sum));
-    }
+    for (int i = 0; i < 4; ++i) target(8 * b + i, _mm256_castps256_ps128(r[i]));
+    for (int i = 0; i < 4; ++i) target(8 * b + 4 + i, _mm256_extractf128_ps(r[i], 1));
   }
 }
 
-template <int Blocks>
-inline void backward_blocks(int width, const float* values, const float* x, const int32_t* slots,
-                            float* own) {
+template <int Blocks, class Source>
+inline void backward_blocks(int width, const float* values, const Source& source, float* own) {
   __m256 rows[Blocks][4];
-  for (int b = 0; b < Blocks; ++b, slots += 8) {
+  for (int b = 0; b < Blocks; ++b) {
     __m256* r = rows[b];
     for (int i = 0; i < 4; ++i)
-      r[i] = _mm256_insertf128_ps(
-          _mm256_castps128_ps256(_mm_loadu_ps(x + 4 * static_cast<int64_t>(slots[i]))),
-          _mm_loadu_ps(x + 4 * static_cast<int64_t>(slots[i + 4])), 1);
+      r[i] =
+          _mm256_insertf128_ps(_mm256_castps128_ps256(source(8 * b + i)), source(8 * b + 4 + i), 1);
     transpose_quarters(r[0], r[1], r[2], r[3]);
   }
-  for (int c = 0; c < width; ++c, own += 4) {
+  values += 8 * Blocks * static_cast<int64_t>(width);
+  for (int c = width - 1; c >= 0; --c) {
     __m256 s[3];
-    for (int b = 0; b < Blocks; ++b, values += 8) {
+    for (int b = Blocks - 1; b >= 0; --b) {
+      values -= 8;
       const __m256 column = _mm256_loadu_ps(values);
-      if ((b & 1) == 0) fetch(values, -kAhead);
       for (int k = 0; k < 3; ++k)
-        s[k] =
-            b == 0 ? _mm256_mul_ps(column, rows[b][k]) : _mm256_fmadd_ps(column, rows[b][k], s[k]);
+        s[k] = b == Blocks - 1 ? _mm256_mul_ps(column, rows[b][k])
+                               : _mm256_fmadd_ps(column, rows[b][k], s[k]);
     }
     const __m256 sums =
         _mm256_hadd_ps(_mm256_hadd_ps(s[0], s[1]), _mm256_hadd_ps(s[2], _mm256_setzero_ps()));
     const __m128 sum = _mm_add_ps(_mm256_castps256_ps128(sums), _mm256_extractf128_ps(sums, 1));
-    _mm_storeu_ps(own, _mm_sub_ps(_mm_loadu_ps(own), sum));
+    put(own + 4 * c, minus(get(own + 4 * c), sum));
   }
 }
 #else
-template <int Blocks>
-inline void forward_blocks(int width, const float* values, const float* own, const int32_t* slots,
-                           float* x) {
+template <int Blocks, class Target>
+inline void forward_blocks(int width, const float* values, const float* own, const Target& target) {
   float sums[3][8 * Blocks] = {};
   for (int c = 0; c < width; ++c, values += 8 * Blocks)
     for (int k = 0; k < 3; ++k)
       for (int i = 0; i < 8 * Blocks; ++i) sums[k][i] += values[i] * own[4 * c + k];
   for (int i = 0; i < 8 * Blocks; ++i)
-    for (int k = 0; k < 3; ++k) x[4 * static_cast<int64_t>(slots[i]) + k] -= sums[k][i];
+    target(i, RowOf<float>{{sums[0][i], sums[1][i], sums[2][i], 0}});
 }
 
-template <int Blocks>
-inline void backward_blocks(int width, const float* values, const float* x, const int32_t* slots,
-                            float* own) {
+template <int Blocks, class Source>
+inline void backward_blocks(int width, const float* values, const Source& source, float* own) {
   RowOf<float> rows[8 * Blocks];
-  for (int i = 0; i < 8 * Blocks; ++i) rows[i] = load(x + 4 * static_cast<int64_t>(slots[i]));
-  for (int c = 0; c < width; ++c, values += 8 * Blocks)
+  for (int i = 0; i < 8 * Blocks; ++i) rows[i] = source(i);
+  values += 8 * Blocks * static_cast<int64_t>(width);
+  for (int c = width - 1; c >= 0; --c) {
+    values -= 8 * Blocks;
     for (int k = 0; k < 3; ++k)
       for (int i = 0; i < 8 * Blocks; ++i) own[4 * c + k] -= values[i] * rows[i].v[k];
+  }
 }
 #endif
 
-/// Calls body with Most (a power of two), then smaller powers as constants until all of count are done.
+/// Calls body with the powers of two that make up count, from Most, as often as it fits, down: the
+/// groups of rows_together().
 template <int Most, class Body>
 inline void in_groups(int count, const Body& body) {
   for (; count >= Most; count -= Most) body(Constant<Most>{});
-  if constexpr (Most > 2)
-    if (count & 2) body(Constant<2>{});
-  if (count & 1) body(Constant<1>{});
+  if constexpr (Most > 1) in_groups<Most / 2>(count, body);
 }
 
 /// The other way round.
 template <int Most, class Body>
 inline void in_groups_from_end(int count, const Body& body) {
-  if (count & 1) body(Constant<1>{});
-  if constexpr (Most > 2)
-    if (count & 2) body(Constant<2>{});
+  if constexpr (Most > 1) in_groups_from_end<Most / 2>(count % Most, body);
   for (; count >= Most; count -= Most) body(Constant<Most>{});
+}
+
+/// Forward and backward products of a group of so many rows.
+template <int Count, class Real, class Target>
+inline void forward_group(int width, const Real* values, const Real* own, const Target& target) {
+  if constexpr (Count % 8 == 0)
+    forward_blocks<Count / 8>(width, values, own, target);
+  else
+    forward_rows<Count>(width, values, own, target);
+}
+template <int Count, class Real, class Source>
+inline void backward_group(int width, const Real* values, const Source& source, Real* own) {
+  if constexpr (Count % 8 == 0)
+    backward_blocks<Count / 8>(width, values, source, own);
+  else
+    backward_rows<Count>(width, values, source, own);
 }
 
 template <class Real>
@@ -225,38 +191,24 @@ void forward(const FactorView<Real>& factor, int first, int last, const double* 
     for (int k = 0; k < 4 * width; ++k) own[k] += static_cast<Real>(given[k]);
 
     // C_ss⁻¹ in place, from its last rows, which need all others.
-    RowOf<Real> sums[4];
-    const Real* inverse = values + packed_triangle_size(width);
     int j = width;
-    const auto solve_group = [&](auto group, int length) {
+    in_groups<kTriangleRows<Real>>(width, [&](auto group) {
       constexpr int kCount = decltype(group)::value;
-      inverse -= kCount * length;
+      const Real* rows = values;
+      values += kCount * j;
       j -= kCount;
-      dot<kCount>(length, length, inverse, own, sums);
-      for (int i = 0; i < kCount; ++i) store(own + 4 * (j + i), sums[i]);
-    };
-    while (j & 3) solve_group(Constant<1>{}, j);
-    while (j > 0) solve_group(Constant<4>{}, j);
+      forward_group<kCount>(j + kCount, rows, own,
+                            [&](int i, const Four<Real>& sum) { put(own + 4 * (j + i), sum); });
+    });
 
-    values += packed_triangle_size(width);
     const int32_t* slot = factor.slots + factor.row_begin[s];
     const int height = static_cast<int>(factor.row_begin[s + 1] - factor.row_begin[s]);
-    if constexpr (sizeof(Real) == 4) {
-      in_groups<4>(height / 8, [&](auto group) {
-        constexpr int kCount = decltype(group)::value;
-        forward_blocks<kCount>(width, values, own, slot, x);
-        slot += 8 * kCount;
-        values += 8 * kCount * static_cast<int64_t>(width);
-      });
-    }
-    const int single = sizeof(Real) == 4 ? height & 7 : height;
-    in_groups<4>(single, [&](auto group) {
+    in_groups<kRowsBelow<Real>>(height, [&](auto group) {
       constexpr int kCount = decltype(group)::value;
-      dot<kCount>(width, width, values, own, sums);
-      for (int i = 0; i < kCount; ++i) {
-        Real* target = x + 4 * static_cast<int64_t>(slot[i]);
-        for (int c = 0; c < 4; ++c) target[c] -= sums[i].v[c];
-      }
+      forward_group<kCount>(width, values, own, [&](int i, const Four<Real>& sum) {
+        Real* row = x + 4 * static_cast<int64_t>(slot[i]);
+        put(row, minus(get(row), sum));
+      });
       slot += kCount;
       values += kCount * static_cast<int64_t>(width);
     });
@@ -267,46 +219,34 @@ template <class Real>
 void backward(const FactorView<Real>& factor, int first, int last, Real* x) {
   for (int s = last - 1; s >= first; --s) {
     const int begin = factor.begin[s], width = factor.begin[s + 1] - begin;
-    const Real* inverse = factor.values + factor.value_begin[s];
     const int height = static_cast<int>(factor.row_begin[s + 1] - factor.row_begin[s]);
-    // From the end, so that all of the factor is read in one descending stream.
-    const Real* values =
-        inverse + packed_triangle_size(width) + static_cast<int64_t>(height) * width;
+    const Real* values = factor.values + factor.value_begin[s + 1];
     Real* own = x + 4 * static_cast<int64_t>(begin);
     const int32_t* slot = factor.slots + factor.row_begin[s + 1];
-    RowOf<Real> factors[4];
-    const int single = sizeof(Real) == 4 ? height & 7 : height;
-    in_groups_from_end<4>(single, [&](auto group) {
+    in_groups_from_end<kRowsBelow<Real>>(height, [&](auto group) {
       constexpr int kCount = decltype(group)::value;
       slot -= kCount;
       values -= kCount * static_cast<int64_t>(width);
-      for (int i = 0; i < kCount; ++i)
-        for (int c = 0; c < 4; ++c) factors[i].v[c] = -x[4 * static_cast<int64_t>(slot[i]) + c];
-      add_products<kCount>(width, width, values, factors, own);
+      backward_group<kCount>(
+          width, values, [&](int i) { return get(x + 4 * static_cast<int64_t>(slot[i])); }, own);
     });
-    if constexpr (sizeof(Real) == 4) {
-      in_groups_from_end<4>(height / 8, [&](auto group) {
-        constexpr int kCount = decltype(group)::value;
-        slot -= 8 * kCount;
-        values -= 8 * kCount * static_cast<int64_t>(width);
-        backward_blocks<kCount>(width, values, x, slot, own);
-      });
-    }
 
     // C_ss⁻ᵀ in place, from its first columns, which no later one needs.
     int j = 0;
-    const auto solve_group = [&](auto group, int length) {
+    in_groups_from_end<kTriangleRows<Real>>(width, [&](auto group) {
       constexpr int kCount = decltype(group)::value;
-      for (int i = 0; i < kCount; ++i) {
-        factors[i] = load(own + 4 * (j + i));
-        store(own + 4 * (j + i), RowOf<Real>{});
-      }
-      add_products<kCount>(length, length, inverse, factors, own);
-      inverse += kCount * length;
+      values -= kCount * (j + kCount);
+      backward_group<kCount>(
+          j + kCount, values,
+          [&](int i) {
+            Real* row = own + 4 * (j + i);
+            const Four<Real> value = minus(get(kZeros<Real>), get(row));
+            put(row, get(kZeros<Real>));
+            return value;
+          },
+          own);
       j += kCount;
-    };
-    while (j + 4 <= width) solve_group(Constant<4>{}, j + 4);
-    while (j < width) solve_group(Constant<1>{}, j + 1);
+    });
   }
 }
 

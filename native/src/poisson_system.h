@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "free_block.h"
@@ -39,12 +40,12 @@ struct ActiveTriangles {
 /// so that resting handles give nothing but rounding and the mesh's size costs no digits.
 class PoissonSystem {
  public:
-  /// operators: of S. options: with workers, which must outlive the system. With Precision::single
-  /// the factor is kept in single precision where that solves to 3e-6 of the mesh's size, or to 1e-7
-  /// with a step of iterative refinement.
+  /// operators: of S. block: free_block() of their Laplacian. options: with workers, which must
+  /// outlive the system. With Precision::single the factor is kept in single precision where that
+  /// solves to 3e-6 of the mesh's size, or to 5e-7 with a step of iterative refinement.
   /// Throws UnsolvableSurface where L is singular.
   PoissonSystem(const Mesh& mesh, const Region& region, const SurfaceOperators& operators,
-                BlockOptions options);
+                SparseMatrix block, BlockOptions options);
 
   const RowOrder& order() const { return order_; }
   const ActiveTriangles& active() const { return active_; }
@@ -71,10 +72,7 @@ class PoissonSystem {
           start(part, at_rest, offsets);
           add(part, right_.data());
         },
-        [&](int begin, int end, const auto* x) {
-          for (double* out = offsets.data() + 4 * Index(begin); begin < end; ++begin)
-            for (int c = 0; c < 4; ++c) *out++ = *x++;
-        });
+        into(offsets));
     for (int step = 0; step < refinement_steps_; ++step) refine(offsets);
   }
 
@@ -92,6 +90,12 @@ class PoissonSystem {
   double bytes() const;
 
  private:
+  /// What SparseCholesky::solve_in_order() calls with its results, to put them into rows.
+  static auto into(Rows& rows) {
+    return [out = rows.data()](int begin, int end, const auto* x) {
+      std::copy(x, x + 4 * Index(end - begin), out + 4 * Index(begin));
+    };
+  }
   void find_active_triangles(const Mesh& mesh);
   void start(int part, const Rows& at_rest, const Rows& offsets);
   void refine(Rows& offsets);

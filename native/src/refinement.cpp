@@ -132,11 +132,7 @@ void Refinement<Real>::make_turns(const std::vector<int>& local_vertex) {
   const Triangles& t = bound_.mesh.triangles;
   const PoissonSystem& poisson = *bound_.poisson;
   const Positions flux = corner_divergence(bound_.operators.metric, bound_.mesh.positions, t);
-  turns_.resize(static_cast<size_t>(layout_.count()));
-  for (int part = 0; part < layout_.parts(); ++part)
-    for (int b = layout_.begin[part]; b < layout_.begin[part + 1]; ++b)
-      for (int lane = 0; lane < kLanes; ++lane)
-        for (int k = 0; k < 3; ++k) turns_[b].target[k][lane] = poisson.spare_target(part);
+  turns_ = layout_.without_targets<TurnBlock<Real>>(poisson);
   layout_.each(poisson.active(), [&](int i, int part, int b, int lane) {
     TurnBlock<Real>& block = turns_[b];
     const int j = poisson.active().triangles[i];
@@ -195,8 +191,10 @@ void Refinement<Real>::add(int part, double* rows) const {
 
 template <class Real>
 void Refinement<Real>::run(int iterations, Rows& offsets) {
+  const RowOrder& order = bound_.order();
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    bound_.poisson->workers().over(positions_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    const int moved = iteration == 0 ? order.fixed_begin : order.free_count;
+    bound_.poisson->workers().over(moved, kLeastRange, [&](int64_t begin, int64_t end) {
       const int64_t count = end - begin;
       positions_.middleRows(begin, count) =
           bound_.rest.middleRows(begin, count) + offsets.middleRows(begin, count);

@@ -69,9 +69,9 @@ class Refinement {
   std::vector<RotationBlock<Real>> moving_, held_;
   ActiveBlocks layout_;
   std::vector<TurnBlock<Real>> turns_;
-  Averages of_triangles_;  // for each vertex, of the rotations of its triangles
-  Averages
-      of_neighbours_;  // for each vertex, of vertices, then of the triangles without a free corner
+  // For each vertex, of the rotations of its triangles; of those of vertices, and of the triangles
+  // without a free corner.
+  Averages of_triangles_, of_neighbours_;
   Quaternions triangle_rotations_, vertex_rotations_, smoothed_;
   Rows positions_, at_rest_;
 };

@@ -9,7 +9,6 @@
 
 #include "dense_kernels.h"
 #include "fill_reducing_order.h"
-#include "kernels.h"
 
 namespace dd {
 
@@ -28,8 +27,10 @@ SparseCholesky::SparseCholesky(const SparseMatrix& A,
   const Elimination& e = *elimination_;
   value_begin_.push_back(0);
   for (int s = 0; s < e.supernode_count(); ++s) {
-    const int64_t width = e.width(s);
-    value_begin_.push_back(value_begin_.back() + packed_triangle_size(width) + width * e.height(s));
+    const int width = e.width(s);
+    const int64_t triangle = precision_ == Precision::single ? packed_triangle_size<float>(width)
+                                                             : packed_triangle_size<double>(width);
+    value_begin_.push_back(value_begin_.back() + triangle + int64_t{width} * e.height(s));
   }
   if (precision_ == Precision::single)
     single_ = StreamedArray<float>(static_cast<size_t>(entries()));
@@ -131,11 +132,7 @@ class Fronts {
     // In chunks that don't depend on the threads, so that no rounding does either.
     const auto in_chunks = [&](const auto& work) {
       const auto chunk = [&](int i) { work(i * kChunk, std::min(height, (i + 1) * kChunk)); };
-      const int count = (height + kChunk - 1) / kChunk;
-      if (workers)
-        workers->run(count, chunk);
-      else
-        for (int i = 0; i < count; ++i) chunk(i);
+      run_tasks(workers, (height + kChunk - 1) / kChunk, chunk);
     };
     in_chunks([&](int begin, int end) {
       dense.solve_rows(width, end - begin, scratch.inverse.data(), panel + width + begin, size,
@@ -185,14 +182,19 @@ void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options)
     const int width = e.width(s), height = e.height(s);
     const auto write = [&](auto* out) {
       using Real = std::decay_t<decltype(*out)>;
-      for (int i = 0; i < width; ++i)
-        for (int j = 0; j < packed_triangle_row(i, width); ++j)
-          *out++ = static_cast<Real>(scratch.inverse[size_t(j) * width + i]);
-      for (int i = 0, together; i < height; i += together) {
-        together = rows_together<Real>(height - i);
-        for (int j = 0; j < width; ++j)
-          for (int k = 0; k < together; ++k)
-            *out++ = static_cast<Real>(y[size_t(j) * height + i + k]);
+      const auto group = [&out](const double* columns, int stride, int first, int rows,
+                                int length) {
+        for (int j = 0; j < length; ++j)
+          for (int i = first; i < first + rows; ++i)
+            *out++ = static_cast<Real>(columns[size_t(j) * stride + i]);
+      };
+      for (int left = width, rows = 0; left > 0; left -= rows) {
+        rows = rows_together(left, kTriangleRows<Real>);
+        group(scratch.inverse.data(), width, left - rows, rows, left);
+      }
+      for (int i = 0, rows = 0; i < height; i += rows) {
+        rows = rows_together(height - i, kRowsBelow<Real>);
+        group(y, height, i, rows, width);
       }
     };
     if (precision_ == Precision::single)
@@ -213,21 +215,20 @@ void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options)
              options.stage);
     }
   };
-  const auto domain = [&](int d) { run(e.domain_begin[d], e.domain_begin[d + 1], nullptr); };
-  if (options.workers)
-    options.workers->run(e.domain_count(), domain);
-  else
-    for (int d = 0; d < e.domain_count(); ++d) domain(d);
+  run_tasks(options.workers, e.domain_count(),
+            [&](int d) { run(e.domain_begin[d], e.domain_begin[d + 1], nullptr); });
   run(e.domain_begin[e.domain_count()], e.supernode_count(), options.workers);
 }
 
-template <>
-const float* SparseCholesky::values<float>() const {
-  return single_.data();
-}
-template <>
-const double* SparseCholesky::values<double>() const {
-  return full_.data();
+template <class Real>
+FactorView<Real> SparseCholesky::view() const {
+  const Elimination& e = *elimination_;
+  const Real* values;
+  if constexpr (sizeof(Real) == sizeof(float))
+    values = single_.data();
+  else
+    values = full_.data();
+  return {e.begin.data(), e.row_begin.data(), e.slots.data(), value_begin_.data(), values};
 }
 
 template <class Real>
@@ -237,18 +238,13 @@ void SparseCholesky::prepare(StreamedArray<Real>& x) const {
 }
 
 template <class Real>
-void SparseCholesky::forward(int domain, const double* right, StreamedArray<Real>& x) const {
+void SparseCholesky::forward(int part, const double* right, StreamedArray<Real>& x) const {
   const Elimination& e = *elimination_;
-  const bool top = domain == e.domain_count();
-  const int first = e.domain_begin[domain],
-            last = top ? e.supernode_count() : e.domain_begin[domain + 1];
-  const FactorView<Real> view = {e.begin.data(), e.row_begin.data(), e.slots.data(),
-                                 value_begin_.data(), values<Real>()};
   const auto clear = [&](int begin, int end) {
     std::fill(x.data() + 4 * std::ptrdiff_t(begin), x.data() + 4 * std::ptrdiff_t(end), Real(0));
   };
-  clear(e.begin[first], e.begin[last]);
-  if (top) {
+  clear(e.part_begin(part), e.part_begin(part + 1));
+  if (part == e.domain_count()) {
     for (size_t k = 0; k < e.slot_target.size(); ++k) {
       const size_t slot = 4 * (size_t(size()) + k);
       for (size_t c = 0; c < 4; ++c)
@@ -256,24 +252,21 @@ void SparseCholesky::forward(int domain, const double* right, StreamedArray<Real
             x.data()[slot + c] + static_cast<Real>(right[slot + c]);
     }
   } else {
-    clear(size() + e.slot_begin[domain], size() + e.slot_begin[domain + 1]);
+    clear(size() + e.slot_begin[part], size() + e.slot_begin[part + 1]);
   }
-  kernels().of<Real>().forward(view, first, last, right, x.data());
+  kernels().of<Real>().forward(view<Real>(), e.first_supernode(part), e.first_supernode(part + 1),
+                               right, x.data());
 }
 
 template <class Real>
-void SparseCholesky::backward(int domain, StreamedArray<Real>& x) const {
+void SparseCholesky::backward(int part, StreamedArray<Real>& x) const {
   const Elimination& e = *elimination_;
-  const bool top = domain == e.domain_count();
-  const int first = e.domain_begin[domain],
-            last = top ? e.supernode_count() : e.domain_begin[domain + 1];
-  const FactorView<Real> view = {e.begin.data(), e.row_begin.data(), e.slots.data(),
-                                 value_begin_.data(), values<Real>()};
-  if (!top)
-    for (int k = e.slot_begin[domain]; k < e.slot_begin[domain + 1]; ++k)
+  if (part < e.domain_count())
+    for (int k = e.slot_begin[part]; k < e.slot_begin[part + 1]; ++k)
       std::copy_n(x.data() + 4 * std::ptrdiff_t(e.slot_target[k]), 4,
                   x.data() + 4 * (std::ptrdiff_t(size()) + k));
-  kernels().of<Real>().backward(view, first, last, x.data());
+  kernels().of<Real>().backward(view<Real>(), e.first_supernode(part), e.first_supernode(part + 1),
+                                x.data());
 }
 
 RowMatrix SparseCholesky::solve(const RowMatrix& B, Workers* workers) const {

@@ -6,6 +6,7 @@
 
 #include "elimination.h"
 #include "error.h"
+#include "kernels.h"
 #include "progress.h"
 #include "streamed_array.h"
 #include "types.h"
@@ -66,12 +67,11 @@ class SparseCholesky {
     StreamedArray<double> full;
   };
 
-  /// Solves A X = B for four columns, in single precision three, whose rows stand in the factor's order. right: slotted_size()×4,
-  /// row-major; what belongs to a row of the top may be spread over its slots. fill(d) is called
-  /// before the rows and slots of domain d are read, and for the top with domain_count(): a frame
-  /// makes its right-hand side there, where the caches have it. done(begin, end, x) is called with
-  /// ranges of places and their rows of x, float or double as precision() says. Both come from any
-  /// thread, once a domain.
+  /// Solves A X = B for four columns, in single precision three, rows in the factor's order.
+  /// right: slotted_size()×4, row-major; what belongs to a row of the top may be spread over its
+  /// slots. fill(part) is called before the rows and slots of a part are read: a frame makes its
+  /// right-hand side there, where the caches have it. done(begin, end, x) gives the rows of x at
+  /// these places, float or double as precision() says. Each part once, from any thread.
   template <class Fill, class Done>
   void solve_in_order(const double* right, Space& space, Workers* workers, const Fill& fill,
                       const Done& done) const {
@@ -90,14 +90,14 @@ class SparseCholesky {
 
  private:
   template <class Real>
-  const Real* values() const;
+  FactorView<Real> view() const;
   void factor(const SparseMatrix& A, const FactorOptions& options);
   template <class Real>
   void prepare(StreamedArray<Real>& x) const;
   template <class Real>
-  void forward(int domain, const double* right, StreamedArray<Real>& x) const;
+  void forward(int part, const double* right, StreamedArray<Real>& x) const;
   template <class Real>
-  void backward(int domain, StreamedArray<Real>& x) const;
+  void backward(int part, StreamedArray<Real>& x) const;
 
   template <class Real, class Fill, class Done>
   void solve_as(const double* right, StreamedArray<Real>& x, Workers* workers, const Fill& fill,
@@ -105,32 +105,24 @@ class SparseCholesky {
     const Elimination& e = *elimination_;
     const int domains = e.domain_count();
     prepare(x);
-    const auto each_domain = [&](const auto& task) {
-      if (workers)
-        workers->run(domains, task);
-      else
-        for (int d = 0; d < domains; ++d) task(d);
+    const auto finish = [&](int part) {
+      backward(part, x);
+      const int begin = e.part_begin(part);
+      done(begin, e.part_begin(part + 1), x.data() + 4 * static_cast<size_t>(begin));
     };
-    each_domain([&](int d) {
+    run_tasks(workers, domains, [&](int d) {
       fill(d);
       forward(d, right, x);
     });
     fill(domains);
     forward(domains, right, x);
-    backward(domains, x);
-    const int top = e.begin[e.domain_begin[domains]];
-    done(top, size(), x.data() + 4 * static_cast<size_t>(top));
-    each_domain([&](int d) {
-      backward(d, x);
-      const int begin = e.begin[e.domain_begin[d]];
-      done(begin, e.begin[e.domain_begin[d + 1]], x.data() + 4 * static_cast<size_t>(begin));
-    });
+    finish(domains);
+    run_tasks(workers, domains, finish);
   }
 
   std::shared_ptr<const Elimination> elimination_;
   Precision precision_ = Precision::full;
-  // Of each supernode, one row after the other: C_ss⁻¹ as a packed triangle, then
-  // the rows below.
+  // Of each supernode C_ss⁻¹, then the rows below, in groups: see rows_together().
   std::vector<int64_t> value_begin_;
   StreamedArray<double> full_;
   StreamedArray<float> single_;

@@ -21,7 +21,7 @@ void* allocate_streamed(std::size_t bytes) {
   }
   void* memory = nullptr;
   if (posix_memalign(&memory, kPage, bytes) != 0) throw std::bad_alloc();
-  // The last page too where most of it is used; a refusal costs speed only.
+  // A refusal costs speed only.
   madvise(memory, bytes, MADV_HUGEPAGE);
   return memory;
 }

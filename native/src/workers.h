@@ -6,7 +6,6 @@
 #include <condition_variable>
 #include <cstdint>
 #include <exception>
-#include <functional>
 #include <mutex>
 #include <thread>
 #include <vector>
@@ -69,5 +68,14 @@ class Workers {
   int task_count_ = 0;
   std::exception_ptr failure_;  ///< under mutex_
 };
+
+/// Calls task(0) to task(count − 1), shared out where there are workers.
+template <class Task>
+void run_tasks(Workers* workers, int count, const Task& task) {
+  if (workers)
+    workers->run(count, task);
+  else
+    for (int i = 0; i < count; ++i) task(i);
+}
 
 }  // namespace dd

@@ -23,8 +23,9 @@ Positions divergence_by_pass(const Mesh& surface, const Positions& base, const P
   Workers workers(1);
   BlockOptions options;
   options.workers = &workers;
-  const PoissonSystem poisson(surface, region,
-                              surface_operators(surface.positions, surface.triangles), options);
+  const SurfaceOperators operators = surface_operators(surface.positions, surface.triangles);
+  const PoissonSystem poisson(surface, region, operators, free_block(operators.laplacian, region),
+                              options);
   const GradientPass<double> pass(base, surface.triangles,
                                   corner_divergence(metric, surface.positions, surface.triangles),
                                   gradient_sources(base, surface.triangles, 1), poisson);

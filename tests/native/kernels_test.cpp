@@ -55,7 +55,7 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
         begin.push_back(begin.back() + width);
         for (int i = 0; i < height; ++i) slots.push_back(begin.back() + i);
         rows.push_back(static_cast<int64_t>(slots.size()));
-        starts.push_back(starts.back() + packed_triangle_size(width) + width * height);
+        starts.push_back(starts.back() + packed_triangle_size<Real>(width) + width * height);
       }
     const int count = static_cast<int>(begin.size()) - 1;
     const size_t size = 4 * static_cast<size_t>(begin.back() + 50);

@@ -68,8 +68,9 @@ void Transfer<Real>::carry(const std::vector<int>& which, const Positions& flux)
 template <class Real>
 std::vector<Eigen::Matrix3d> Transfer<Real>::carrying_gradients(const Frame& frame,
                                                                 bool rotation_only) const {
+  if (carried_.empty()) return {};
   std::vector<Eigen::Matrix3d> gradients = frame.linear;
-  if (rotation_only && !carried_.empty())
+  if (rotation_only)
     for (Eigen::Matrix3d& gradient : gradients) gradient = polar_rotation(gradient);
   return gradients;
 }
