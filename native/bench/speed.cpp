@@ -33,6 +33,14 @@
 #ifdef DD_HAVE_CHOLMOD
 #include "cholmod_peer.h"
 #endif
+#ifdef DD_HAVE_IGL
+#include "igl_peer.h"
+#endif
+#ifdef DD_HAVE_PARDISO
+#include <mkl_service.h>
+
+#include <Eigen/PardisoSupport>
+#endif
 
 namespace {
 
@@ -160,6 +168,42 @@ dd::UpdateOptions refined(int iterations) {
   return options;
 }
 
+/// A move by what other libraries offer for the same purpose.
+void other_methods([[maybe_unused]] const Scene& scene, [[maybe_unused]] double update,
+                   [[maybe_unused]] double update_4, [[maybe_unused]] Report& report) {
+  [[maybe_unused]] const auto compare = [&](const char* key, const char* name, const char* own_key,
+                                            double own, const char* limit, const auto& deform) {
+    std::vector<double> moves, preparing;
+    for (int round = 0; round < 3; ++round) {
+      const auto result = deform();
+      moves.push_back(result.moving_ms);
+      preparing.push_back(result.preparing_ms);
+    }
+    std::printf("  %s: prepared in %.0f ms, a move in %.0f ms\n", name, median(preparing),
+                median(moves));
+    const std::string ratio = std::string(key) + " / " + own_key;
+    std::printf("  %-40s %6.1f   (%s)\n", ratio.c_str(), median(moves) / own, limit);
+    report.add(std::string(key) + "_ms", median(moves));
+    report.add(ratio, median(moves) / own);
+  };
+#ifdef DD_HAVE_CGAL
+  compare("cgal_sre_arap", "CGAL SRE-ARAP, 5 iterations", "update_4", update_4, "at least 8", [&] {
+    return dd::bench::deform_with_cgal(scene.mesh, scene.roles, scene.lift,
+                                       dd::bench::CgalMethod::smoothed_rotations, 5);
+  });
+#endif
+#ifdef DD_HAVE_IGL
+  compare("igl_arap", "libigl ARAP, 10 iterations", "update_4", update_4, "", [&] {
+    return dd::bench::deform_with_igl(scene.mesh, scene.roles, scene.lift,
+                                      dd::bench::IglMethod::arap, 10);
+  });
+  compare("igl_biharmonic", "libigl biharmonic", "update", update, "", [&] {
+    return dd::bench::deform_with_igl(scene.mesh, scene.roles, scene.lift,
+                                      dd::bench::IglMethod::biharmonic);
+  });
+#endif
+}
+
 void frame(const Scene& scene, const Bandwidth& bandwidth, Report& report) {
   const auto one = scene.bound(1), two = scene.bound(2);
   const dd::Region& region = one->region();
@@ -209,6 +253,12 @@ void frame(const Scene& scene, const Bandwidth& bandwidth, Report& report) {
 #else
   std::printf("CHOLMOD was not found: no comparison with it (install libsuitesparse-dev).\n");
 #endif
+#ifdef DD_HAVE_PARDISO
+  Eigen::PardisoLLT<dd::SparseMatrix> pardiso;
+  pardiso.pardisoParameterArray()[7] = 0;  // no steps of iterative refinement
+  pardiso.compute(poisson);
+  contest.enter("pardiso_solve", "MKL PARDISO solve", [&] { solution = pardiso.solve(right); });
+#endif
   const bool large = region.free_count() > 100000;
   contest.run(large ? 11 : 41);
   contest.print(report);
@@ -222,6 +272,7 @@ void frame(const Scene& scene, const Bandwidth& bandwidth, Report& report) {
   contest.ratio(report, "solve", "cholmod_supernodal_solve", "at most 0.3");
   contest.ratio(report, "solve", "cholmod_simplicial_solve", "at most 0.6");
   contest.ratio(report, "solve", "eigen_solve", "");
+  contest.ratio(report, "solve", "pardiso_solve", "");
   contest.ratio(report, "update", "cholmod_supernodal_solve", "at most 0.6");
   contest.ratio(report, "update_2_threads", "update", "at most 0.65");
   std::printf("  %-40s %6.3f   (at most 1.5)\n", "refinement / update",
@@ -230,24 +281,7 @@ void frame(const Scene& scene, const Bandwidth& bandwidth, Report& report) {
               contest.time("solve") / floor_ms);
   report.add("refinement/update", refinement / contest.time("update"));
   report.add("solve/reading", contest.time("solve") / floor_ms);
-#ifdef DD_HAVE_CGAL
-  if (!large) {
-    std::vector<double> moves;
-    double preparing = 0;
-    for (int round = 0; round < 3; ++round) {
-      const auto result = dd::bench::deform_with_cgal(scene.mesh, scene.roles, scene.lift,
-                                                      dd::bench::CgalMethod::smoothed_rotations, 5);
-      moves.push_back(result.moving_ms);
-      preparing = result.preparing_ms;
-    }
-    std::printf("  CGAL SRE-ARAP, 5 iterations: prepared in %.0f ms, a move in %.0f ms\n",
-                preparing, median(moves));
-    std::printf("  %-40s %6.1f   (at least 8)\n", "cgal / update_4",
-                median(moves) / contest.time("update_4"));
-    report.add("cgal_sre_arap_ms", median(moves));
-    report.add("cgal/update_4", median(moves) / contest.time("update_4"));
-  }
-#endif
+  if (!large) other_methods(scene, contest.time("update"), contest.time("update_4"), report);
 }
 
 void bind(const Scene& scene, Report& report) {
@@ -257,21 +291,29 @@ void bind(const Scene& scene, Report& report) {
   Contest contest;
   contest.enter("bind", "bind", [&] { bound = scene.bound(1); });
   contest.enter("bind_2_threads", "  by 2 threads", [&] { bound = scene.bound(2); });
-#ifdef DD_HAVE_CHOLMOD
+#if defined(DD_HAVE_CHOLMOD) || defined(DD_HAVE_PARDISO)
   const dd::Region region = dd::split_region(scene.mesh, scene.roles, 1);
   const dd::SurfaceOperators operators =
       dd::surface_operators(scene.mesh.positions, scene.mesh.triangles);
   const dd::SparseMatrix L = dd::free_block(operators.laplacian, region);
   const dd::SparseMatrix K =
       dd::free_block_of_energy(operators, region, dd::Smoothness::thin_plate);
+#endif
+#ifdef DD_HAVE_CHOLMOD
   contest.enter("cholmod_analyze_factor", "CHOLMOD: AMD analyze + supernodal factor, L and K", [&] {
     for (const dd::SparseMatrix* matrix : {&L, &K}) dd::bench::Cholmod(*matrix, true).factor();
+  });
+#endif
+#ifdef DD_HAVE_PARDISO
+  contest.enter("pardiso_analyze_factor", "MKL PARDISO: analyze + factor, L and K", [&] {
+    for (const dd::SparseMatrix* matrix : {&L, &K}) Eigen::PardisoLLT<dd::SparseMatrix>{*matrix};
   });
 #endif
   contest.run(scene.mesh.vertex_count() > 100000 ? 3 : 9);
   contest.print(report);
   contest.ratio(report, "bind", "cholmod_analyze_factor",
                 "at most 0.7 at 40,000 vertices, 1.0 at 250,000");
+  contest.ratio(report, "bind", "pardiso_analyze_factor", "");
   contest.ratio(report, "bind_2_threads", "bind", "");
 }
 
@@ -344,6 +386,9 @@ int main(int argc, char** argv) {
     }
   }
   if (side < 10 && side != 0) return std::fprintf(stderr, "The side must be at least 10.\n"), 2;
+#ifdef DD_HAVE_PARDISO
+  mkl_set_num_threads(1);
+#endif
   Report report;
   const Bandwidth bandwidth = measure_bandwidth();
   std::printf("Memory, one thread: %.1f GB/s read, %.1f GB/s triad\n\n", bandwidth.read,
