@@ -331,8 +331,7 @@ void scale(const std::vector<int>& sides, Report& report) {
     const Scene scene(side);
     std::unique_ptr<dd::Deformer> bound;
     std::vector<double> times[3];
-    const int rounds = side > 600 ? 1 : 3;
-    for (int round = 0; round < rounds; ++round) {
+    for (int round = 0; round < 3; ++round) {
       bound.reset();
       times[0].push_back(milliseconds([&] { bound = scene.bound(1); }));
     }

@@ -33,9 +33,9 @@ SparseCholesky::SparseCholesky(const SparseMatrix& A,
     value_begin_.push_back(value_begin_.back() + triangle + int64_t{width} * e.height(s));
   }
   if (precision_ == Precision::single)
-    single_ = StreamedArray<float>(static_cast<size_t>(entries()));
+    single_ = RawArray<float>(static_cast<size_t>(entries()));
   else
-    full_ = StreamedArray<double>(static_cast<size_t>(entries()));
+    full_ = RawArray<double>(static_cast<size_t>(entries()));
   factor(A, options);
 }
 
@@ -47,16 +47,16 @@ constexpr int kChunk = 96;  // rows or columns of a front that are computed toge
 /// factorization to get its pages cleared.
 class Buffers {
  public:
-  StreamedArray<double> take(size_t size) {
+  RawArray<double> take(size_t size) {
     const size_t size_class = class_of(size);
     const std::lock_guard<std::mutex> lock(mutex_);
-    std::vector<StreamedArray<double>>& free = free_[size_class];
-    if (free.empty()) return StreamedArray<double>(size_t{1} << size_class);
-    StreamedArray<double> buffer = std::move(free.back());
+    std::vector<RawArray<double>>& free = free_[size_class];
+    if (free.empty()) return RawArray<double>(size_t{1} << size_class);
+    RawArray<double> buffer = std::move(free.back());
     free.pop_back();
     return buffer;
   }
-  void give_back(StreamedArray<double> buffer) {
+  void give_back(RawArray<double> buffer) {
     const size_t size_class = class_of(buffer.size());
     const std::lock_guard<std::mutex> lock(mutex_);
     free_[size_class].push_back(std::move(buffer));
@@ -70,7 +70,7 @@ class Buffers {
     return result;
   }
   std::mutex mutex_;
-  std::array<std::vector<StreamedArray<double>>, 64> free_;
+  std::array<std::vector<RawArray<double>>, 64> free_;
 };
 
 /// The fronts of a factorization on their way up the tree.
@@ -106,7 +106,7 @@ class Fronts {
     scratch.panel.assign(static_cast<size_t>(size + height) * static_cast<size_t>(width), 0.0);
     double* panel = scratch.panel.data();
     double* y = panel + static_cast<size_t>(size) * static_cast<size_t>(width);
-    StreamedArray<double>& update = updates_[s];
+    RawArray<double>& update = updates_[s];
     const size_t update_size = static_cast<size_t>(height) * static_cast<size_t>(height);
     update = buffers_.take(update_size);
     std::fill_n(update.data(), update_size, 0.0);
@@ -167,7 +167,7 @@ class Fronts {
   const Elimination& e_;
   double smallest_pivot_;
   Buffers buffers_;
-  std::vector<StreamedArray<double>> updates_;  // of each supernode, for its parent
+  std::vector<RawArray<double>> updates_;  // of each supernode, for its parent
   std::vector<std::vector<int>> children_;
 };
 
@@ -232,13 +232,13 @@ FactorView<Real> SparseCholesky::view() const {
 }
 
 template <class Real>
-void SparseCholesky::prepare(StreamedArray<Real>& x) const {
+void SparseCholesky::prepare(RawArray<Real>& x) const {
   const size_t size = 4 * static_cast<size_t>(elimination_->slotted_size());
-  if (x.size() != size) x = StreamedArray<Real>(size);
+  if (x.size() != size) x = RawArray<Real>(size);
 }
 
 template <class Real>
-void SparseCholesky::forward(int part, const double* right, StreamedArray<Real>& x) const {
+void SparseCholesky::forward(int part, const double* right, RawArray<Real>& x) const {
   const Elimination& e = *elimination_;
   const auto clear = [&](int begin, int end) {
     std::fill(x.data() + 4 * std::ptrdiff_t(begin), x.data() + 4 * std::ptrdiff_t(end), Real(0));
@@ -259,7 +259,7 @@ void SparseCholesky::forward(int part, const double* right, StreamedArray<Real>&
 }
 
 template <class Real>
-void SparseCholesky::backward(int part, StreamedArray<Real>& x) const {
+void SparseCholesky::backward(int part, RawArray<Real>& x) const {
   const Elimination& e = *elimination_;
   if (part < e.domain_count())
     for (int k = e.slot_begin[part]; k < e.slot_begin[part + 1]; ++k)
@@ -295,11 +295,11 @@ double SparseCholesky::bytes() const {
                              value_begin_.size() * 2 * sizeof(int64_t));
 }
 
-template void SparseCholesky::prepare(StreamedArray<float>&) const;
-template void SparseCholesky::prepare(StreamedArray<double>&) const;
-template void SparseCholesky::forward(int, const double*, StreamedArray<float>&) const;
-template void SparseCholesky::forward(int, const double*, StreamedArray<double>&) const;
-template void SparseCholesky::backward(int, StreamedArray<float>&) const;
-template void SparseCholesky::backward(int, StreamedArray<double>&) const;
+template void SparseCholesky::prepare(RawArray<float>&) const;
+template void SparseCholesky::prepare(RawArray<double>&) const;
+template void SparseCholesky::forward(int, const double*, RawArray<float>&) const;
+template void SparseCholesky::forward(int, const double*, RawArray<double>&) const;
+template void SparseCholesky::backward(int, RawArray<float>&) const;
+template void SparseCholesky::backward(int, RawArray<double>&) const;
 
 }  // namespace dd

@@ -8,7 +8,7 @@
 #include "error.h"
 #include "kernels.h"
 #include "progress.h"
-#include "streamed_array.h"
+#include "raw_array.h"
 #include "types.h"
 #include "workers.h"
 
@@ -63,8 +63,8 @@ class SparseCholesky {
 
   /// Work space of a solve, slotted_size()×4, to be kept between solves.
   struct Space {
-    StreamedArray<float> single;
-    StreamedArray<double> full;
+    RawArray<float> single;
+    RawArray<double> full;
   };
 
   /// Solves A X = B for four columns, in single precision three, rows in the factor's order.
@@ -93,14 +93,14 @@ class SparseCholesky {
   FactorView<Real> view() const;
   void factor(const SparseMatrix& A, const FactorOptions& options);
   template <class Real>
-  void prepare(StreamedArray<Real>& x) const;
+  void prepare(RawArray<Real>& x) const;
   template <class Real>
-  void forward(int part, const double* right, StreamedArray<Real>& x) const;
+  void forward(int part, const double* right, RawArray<Real>& x) const;
   template <class Real>
-  void backward(int part, StreamedArray<Real>& x) const;
+  void backward(int part, RawArray<Real>& x) const;
 
   template <class Real, class Fill, class Done>
-  void solve_as(const double* right, StreamedArray<Real>& x, Workers* workers, const Fill& fill,
+  void solve_as(const double* right, RawArray<Real>& x, Workers* workers, const Fill& fill,
                 const Done& done) const {
     const Elimination& e = *elimination_;
     const int domains = e.domain_count();
@@ -124,8 +124,8 @@ class SparseCholesky {
   Precision precision_ = Precision::full;
   // Of each supernode C_ss⁻¹, then the rows below, in groups: see rows_together().
   std::vector<int64_t> value_begin_;
-  StreamedArray<double> full_;
-  StreamedArray<float> single_;
+  RawArray<double> full_;
+  RawArray<float> single_;
 };
 
 }  // namespace dd
