@@ -18,6 +18,8 @@ namespace {
 
 using Eigen::Vector3d;
 
+constexpr int kLeastRange = 512;  // items that are worth a task
+
 Vector3d vector(const Rows& rows, int row) { return rows.row(row).head<3>(); }
 
 /// The rows of the vertices that a method may read: those of triangles with a free corner, and the
@@ -143,23 +145,29 @@ void NormalDisplacement::find_borders() {
   }
 }
 
-NormalDisplacement::Carrier NormalDisplacement::carrier(const Rows& positions) const {
-  Carrier result = {positions, Rows::Zero(positions.rows(), 4)};
-  for (Index j = 0; j < triangles_.rows(); ++j) {
-    const int a = triangles_(j, 0), b = triangles_(j, 1), c = triangles_(j, 2);
-    const Vector3d first = vector(positions, a);
-    const Vector3d cross = (vector(positions, b) - first).cross(vector(positions, c) - first);
-    for (int r : {a, b, c}) result.normals.row(r).head<3>() += cross;
-  }
-  for (Index r = 0; r < positions.rows(); ++r) {
-    // In the unit box: less than this is rounding, and has no direction.
-    const double length = result.normals.row(r).norm();
-    if (length > 1e-13)
-      result.normals.row(r) /= length;
-    else
-      result.normals.row(r).setZero();
-  }
-  return result;
+void NormalDisplacement::find_normals(const Rows& positions) {
+  crosses_.resize(triangles_.rows(), 4);
+  normals_.resize(positions.rows(), 4);
+  Workers& workers = bound_.poisson->workers();
+  workers.over(triangles_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (Index j = begin; j < end; ++j) {
+      const Vector3d first = vector(positions, triangles_(j, 0));
+      crosses_.row(j) << (vector(positions, triangles_(j, 1)) - first)
+                             .cross(vector(positions, triangles_(j, 2)) - first)
+                             .transpose(),
+          0;
+    }
+  });
+  workers.over(positions.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (Index r = begin; r < end; ++r) {
+      Eigen::RowVector4d sum = Eigen::RowVector4d::Zero();
+      for (int i = fan_begin_[r]; i < fan_begin_[r + 1]; ++i) sum += crosses_.row(fan_[i]);
+      // In the unit box: less than this is rounding, and has no direction.
+      const double length = sum.norm();
+      normals_.row(r) =
+          length > 1e-13 ? Eigen::RowVector4d(sum / length) : Eigen::RowVector4d::Zero();
+    }
+  });
 }
 
 Eigen::Matrix3d NormalDisplacement::frame_at(const Carrier& carrier,
@@ -281,7 +289,8 @@ bool NormalDisplacement::folds(const Carrier& carrier, const Level& level, int t
 
 void NormalDisplacement::decompose(const Rows& fine, const Rows& coarse) {
   const int free_count = bound_.order().free_count;
-  const Carrier onto = carrier(coarse);
+  find_normals(coarse);
+  const Carrier onto = {coarse, normals_};
   seen_for_.assign(static_cast<size_t>(triangles_.rows()), -1);
   std::vector<char> failed(static_cast<size_t>(free_count), 0);
   Level level(static_cast<size_t>(free_count));
@@ -310,21 +319,27 @@ void NormalDisplacement::decompose(const Rows& fine, const Rows& coarse) {
 
 void NormalDisplacement::update(const Frame& frame, const MethodOptions&) {
   const int free_count = bound_.order().free_count, held = bound_.order().count() - free_count;
-  Rows surface = frame.base;
+  surface_ = frame.base;
   for (auto level = levels_.rbegin(); level != levels_.rend(); ++level) {
-    const Rows coarse = surface;
-    const Carrier onto = carrier(coarse);
-    for (int r = 0; r < free_count; ++r)
-      surface.row(r).head<3>() = displaced(onto, (*level)[r]).transpose();
+    coarse_ = surface_;
+    find_normals(coarse_);
+    bound_.poisson->workers().over(free_count, kLeastRange, [&](int64_t begin, int64_t end) {
+      const Carrier onto = {coarse_, normals_};
+      for (Index r = begin; r < end; ++r)
+        surface_.row(r).head<3>() = displaced(onto, (*level)[size_t(r)]).transpose();
+    });
     // Constrained vertices lie on S in all levels but a base from outside.
-    surface.bottomRows(held) = (bound_.rest + frame.offsets).bottomRows(held);
+    surface_.bottomRows(held) = bound_.rest.bottomRows(held) + frame.offsets.bottomRows(held);
   }
-  frame.offsets.topRows(free_count) = surface.topRows(free_count) - bound_.rest.topRows(free_count);
+  frame.offsets.topRows(free_count) =
+      surface_.topRows(free_count) - bound_.rest.topRows(free_count);
 }
 
 double NormalDisplacement::bytes() const {
   const auto ints = triangles_.size() + static_cast<Index>(fan_.size() + fan_begin_.size());
-  double sum = static_cast<double>(ints) * sizeof(int);
+  const auto doubles = crosses_.size() + normals_.size() + surface_.size() + coarse_.size();
+  double sum =
+      static_cast<double>(ints) * sizeof(int) + static_cast<double>(doubles) * sizeof(double);
   for (const Level& level : levels_)
     sum += static_cast<double>(level.size() * sizeof(Displacement));
   return sum;

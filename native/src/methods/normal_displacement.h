@@ -48,11 +48,12 @@ class NormalDisplacement : public Method {
   /// A level's coarse surface as displacements see it.
   struct Carrier {
     const Rows& positions;
-    Rows normals;
+    const Rows& normals;
   };
 
   void find_borders();
-  Carrier carrier(const Rows& positions) const;
+  /// Of every row, into normals_.
+  void find_normals(const Rows& positions);
   Eigen::Vector3d displaced(const Carrier& carrier, const Displacement& displacement) const;
   Eigen::Matrix3d frame_at(const Carrier& carrier, const Displacement& displacement) const;
   void decompose(const Rows& fine, const Rows& coarse);
@@ -68,6 +69,8 @@ class NormalDisplacement : public Method {
   std::vector<Level> levels_;    // from S₀ over S₁ to S_(k−1) over B
   std::vector<int> seen_for_;    // of each triangle: the row whose projection looked at it last
   int unrepresented_count_ = 0, unrepresented_example_ = -1;
+  Rows crosses_, normals_;  // of triangles and rows
+  Rows surface_, coarse_;   // on the way from B' to S'
 };
 
 }  // namespace dd
