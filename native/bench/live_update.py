@@ -116,7 +116,8 @@ def main():
     playback(native)
     detail_deform.unregister()
     if not bpy.app.background:
-        bpy.ops.wm.quit_blender()
+        # Not from here: the window of this call went with the file that was open then.
+        bpy.app.timers.register(lambda: bpy.ops.wm.quit_blender() and None)
 
 
 if bpy.app.background:
