@@ -1,29 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handles made from a selection or a group, and taken away again."""
+"""Handles made from a selection, a group or another handle, changed, and taken away again."""
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Vector
+from mathutils import Euler, Matrix, Vector, kdtree
 
-from . import mesh_data
+from . import binding, handle_matrices, mesh_data, selection
 from .mesh_data import MeshProblem
 
 _GROUP_NAME = "Handle"
+_COLLECTION_NAME = "{} Handles"
+# Of the mean edge length: as far may a vertex be from the mirror image of another.
+_MIRROR_TOLERANCE = 0.25
 
 
-def _group_from_selection(ob):
-    """A new vertex group with the vertices selected in Edit Mode."""
-    ob.update_from_editmode()
-    selected = np.empty(len(ob.data.vertices), bool)
-    ob.data.vertices.foreach_get('select', selected)
-    if not selected.any():
-        raise MeshProblem("No vertex is selected: select those that the handle should move.")
-    group = ob.vertex_groups.new(name=_GROUP_NAME)
-    # Weights can't be assigned to a mesh in Edit Mode from here.
-    bpy.ops.object.mode_set(mode='OBJECT')
-    group.add(np.flatnonzero(selected).tolist(), 1.0, 'REPLACE')
-    bpy.ops.object.mode_set(mode='EDIT')
-    return group.name
+def members(ob, group_name):
+    """(n,) bool: the vertices of a group."""
+    return mesh_data.group_weights(ob, [group_name])[0] > mesh_data.MEMBER_WEIGHT
 
 
 def _chosen_group(ob, name):
@@ -34,39 +27,86 @@ def _chosen_group(ob, name):
     return name or ob.vertex_groups.active.name
 
 
-def _make_empty(context, ob, name, members):
-    """An empty at the members' middle, sized to them. It is a child of the object, so that moving
-    the object takes it along."""
-    points = mesh_data.positions(ob.data)[members]
-    world = np.array([ob.matrix_world @ Vector(p) for p in (points.min(0), points.max(0), points.mean(0))])
+def _normal(ob, chosen):
+    """The area-weighted normal of the faces around these vertices, or zero."""
+    triangles = mesh_data.triangles(ob.data)
+    near = triangles[chosen[triangles].any(axis=1)]
+    a, b, c = np.moveaxis(mesh_data.positions(ob.data).astype(float)[near], 1, 0)
+    crosses = np.cross(b - a, c - a)
+    total = crosses.sum(0)
+    # A ring around a limb points nowhere.
+    if np.linalg.norm(total) <= 0.2 * np.linalg.norm(crosses, axis=1).sum():
+        return np.zeros(3)
+    return total
+
+
+def _place(ob, chosen, align):
+    """World matrix at the middle of these vertices, with its Z axis along their normal if asked, and
+    half the extent of their box."""
+    points = mesh_data.positions(ob.data)[chosen]
+    low, high, middle = (ob.matrix_world @ Vector(p) for p in (points.min(0), points.max(0), points.mean(0)))
+    normal = Vector(_normal(ob, chosen)) if align else Vector()
+    place = Matrix.Translation(middle)
+    if normal.length > 0:
+        normal = ob.matrix_world.to_3x3().inverted_safe().transposed() @ normal
+        place = place @ normal.to_track_quat('Z', 'Y').to_matrix().to_4x4()
+    return place, 0.5 * (high - low).length
+
+
+def _collection(context, ob):
+    """Where the object's empties are: a collection of their own, so that they can be hidden at once."""
+    settings = ob.detail_deform
+    if settings.handle_collection is None:
+        made = bpy.data.collections.new(_COLLECTION_NAME.format(ob.name))
+        parents = [c for c in ob.users_collection if not c.library]
+        (parents or [context.scene.collection])[0].children.link(made)
+        settings.handle_collection = made
+    return settings.handle_collection
+
+
+def _make_empty(context, ob, name, place, size, parent):
     empty = bpy.data.objects.new(f"{ob.name} {name}", None)
     empty.empty_display_type = 'ARROWS'
-    empty.empty_display_size = max(0.5 * float(np.linalg.norm(world[1] - world[0])),
-                                   0.05 * max(ob.dimensions), 1e-3)
+    empty.empty_display_size = size
     empty.show_in_front = True
-    (ob.users_collection or (context.scene.collection,))[0].objects.link(empty)
-    empty.parent = ob
-    empty.matrix_parent_inverse = ob.matrix_world.inverted_safe()
-    empty.matrix_basis = Matrix.Translation(Vector(world[2]))
+    _collection(context, ob).objects.link(empty)
+    if parent:
+        empty.parent = parent
+        empty.matrix_parent_inverse = parent.matrix_world.inverted_safe()
+    empty.matrix_basis = place
     return empty
 
 
-def add_handle(context, ob, group_name):
+def add_handle(context, ob, group_name, parented=True, align=True):
     """Adds a handle of the object's settings; see the operator."""
     if ob.library or ob.data.library:
         mesh_data.check_object(ob)
-    made_group = ob.mode == 'EDIT'
-    group_name = _group_from_selection(ob) if made_group else _chosen_group(ob, group_name)
-    members = mesh_data.group_weights(ob, [group_name])[0] > mesh_data.MEMBER_WEIGHT
-    if not members.any():
+    from_selection = ob.mode == 'EDIT'
+    if from_selection:
+        chosen = selection.selected(ob)
+        if not chosen.any():
+            raise MeshProblem("No vertex is selected: select those that the handle should move.")
+        group_name = selection.new_group(ob, _GROUP_NAME, chosen).name
+    else:
+        group_name = _chosen_group(ob, group_name)
+        chosen = members(ob, group_name)
+    if not chosen.any():
         raise MeshProblem(f"The group '{group_name}' has no vertex with a weight over "
                           f"{mesh_data.MEMBER_WEIGHT}: assign the vertices that the handle should move.")
+    place, extent = _place(ob, chosen, align)
+    size = max(extent, 0.05 * max(ob.dimensions), 1e-3)
+    handle = _append(ob, group_name,
+                     _make_empty(context, ob, group_name, place, size, ob if parented else None))
+    handle.own_group = group_name if from_selection else ""
+    return handle
+
+
+def _append(ob, group_name, empty):
     settings = ob.detail_deform
     handle = settings.handles.add()
     settings.handle_index = len(settings.handles) - 1
     handle.name = group_name
-    handle.target = _make_empty(context, ob, group_name, members)
-    handle.made_group, handle.made_target = made_group, True
+    handle.target = handle.own_target = empty
     handle.vertex_group = group_name
     return handle
 
@@ -75,14 +115,120 @@ def remove_handle(ob, index):
     """Removes a handle with the group and the empty that were made for it."""
     settings = ob.detail_deform
     handle = settings.handles[index]
-    others = [h for number, h in enumerate(settings.handles) if number != index]
-    group = ob.vertex_groups.get(handle.vertex_group)
-    target = handle.target
-    drop_group = (handle.made_group and group and group.name != settings.region
-                  and all(h.vertex_group != group.name for h in others))
-    drop_target = handle.made_target and target and all(h.target != target for h in others)
-    settings.handles.remove(index)
-    if drop_group:
+    group, target = ob.vertex_groups.get(handle.own_group), handle.own_target
+    if group and not _shares_group(ob, handle, group.name):
         ob.vertex_groups.remove(group)
-    if drop_target:
+    settings.handles.remove(index)
+    if target and not any(h.target == target for other in bpy.data.objects if other.type == 'MESH'
+                          for h in other.detail_deform.handles):
         bpy.data.objects.remove(target)
+    collection = settings.handle_collection
+    if collection and not collection.objects and not collection.children:
+        bpy.data.collections.remove(collection)
+
+
+def _shares_group(ob, handle, name):
+    """Whether the region or another handle uses the group of that name too."""
+    settings = ob.detail_deform
+    return name == settings.region or any(
+        h != handle and h.vertex_group == name for h in settings.handles)
+
+
+def assign(ob, handle):
+    """Gives the handle the selected vertices. A group that is not its own alone stays as it is."""
+    chosen = selection.selected(ob)
+    if not chosen.any():
+        raise MeshProblem(f"No vertex is selected: select those that '{handle.name}' should move.")
+    group = ob.vertex_groups.get(handle.vertex_group)
+    if group and handle.own_group == group.name and not _shares_group(ob, handle, group.name):
+        selection.fill_group(ob, group, chosen)
+        binding.check_content(ob)
+        return
+    handle.own_group = selection.new_group(ob, handle.name, chosen).name
+    handle.vertex_group = handle.own_group
+
+
+def select(ob, handle, extend):
+    if handle.vertex_group not in ob.vertex_groups:
+        raise MeshProblem(f"Handle '{handle.name}' has no vertex group: choose the group of the vertices it moves.")
+    if ob.mode == 'EDIT':
+        ob.update_from_editmode()
+    selection.select(ob, members(ob, handle.vertex_group), extend)
+
+
+# Mirroring
+
+def _mirror_image(ob, chosen, axis):
+    """(n,) bool: the vertices nearest to the mirror images of the chosen ones, and how many of those
+    have none, with an example."""
+    points = mesh_data.positions(ob.data)
+    edges = np.empty(2 * len(ob.data.edges), np.int32)
+    ob.data.edges.foreach_get('vertices', edges)
+    ends = points[edges.reshape(-1, 2)]
+    near = _MIRROR_TOLERANCE * float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean())
+    tree = kdtree.KDTree(len(points))
+    for vertex, point in enumerate(points.tolist()):
+        tree.insert(point, vertex)
+    tree.balance()
+    image, missing = np.zeros(len(points), bool), []
+    for vertex in np.flatnonzero(chosen).tolist():
+        point = points[vertex].tolist()
+        point[axis] = -point[axis]
+        _, other, distance = tree.find(point)
+        if distance <= near:
+            image[other] = True
+        else:
+            missing.append(vertex)
+    return image, missing
+
+
+def mirror(context, ob, handle, axis):
+    """Adds the mirror image of a handle across the object's own plane; axis: 0, 1 or 2.
+
+    Returns a sentence about vertices that have no counterpart, or ''."""
+    name, letter = handle.name, 'XYZ'[axis]
+    if handle.vertex_group not in ob.vertex_groups or handle.target is None:
+        raise MeshProblem(f"Handle '{name}' has no vertex group or no empty, so there is nothing to mirror.")
+    if ob.mode == 'EDIT':
+        ob.update_from_editmode()
+    chosen = members(ob, handle.vertex_group)
+    image, missing = _mirror_image(ob, chosen, axis)
+    if not image.any():
+        raise MeshProblem(f"No vertex of handle '{name}' has a counterpart across the object's {letter} axis: "
+                          "the mesh is not symmetric there, or not about its origin.")
+    if (image & chosen).sum() > 0.5 * chosen.sum():
+        raise MeshProblem(f"Handle '{name}' lies across the object's {letter} axis: its mirror image is itself.")
+    depsgraph = context.evaluated_depsgraph_get()
+    to_local = handle_matrices.world_to_local(ob, depsgraph)
+    # While it is posed, the rest place: that is where its mirror image has its own.
+    local = (np.array(handle.rest_matrix).reshape(4, 4) if handle_matrices.has_rest(handle) else
+             to_local @ handle_matrices.evaluated_world(handle.target, depsgraph, f"Handle '{name}': empty"))
+    flip = np.diag([-1.0 if k == axis else 1.0 for k in range(3)] + [1.0])
+    place = ob.matrix_world @ Matrix((flip @ local @ flip).tolist())
+
+    flipped = bpy.utils.flip_name(name)
+    group_name = selection.new_group(ob, flipped if flipped != name else f"{name} Mirrored", image).name
+    source = handle.target
+    parent = source.parent if source.parent_type == 'OBJECT' else None
+    empty = _make_empty(context, ob, group_name, place, source.empty_display_size, parent)
+    empty.empty_display_type = source.empty_display_type
+    _append(ob, group_name, empty).own_group = group_name
+    if not missing:
+        return ""
+    return (f"{len(missing):,} of {chosen.sum():,} vertices of '{name}' (such as vertex {missing[0]}) have no "
+            f"counterpart across the object's {letter} axis and were left out.")
+
+
+# Back to rest
+
+def to_rest(ob, handles):
+    """Puts the handles' empties where they were when the object was bound."""
+    for handle in handles:
+        if handle.target is None or not handle_matrices.has_rest(handle):
+            continue
+        rest = Matrix(np.array(handle.rest_matrix).reshape(4, 4).tolist())
+        handle.target.matrix_world = ob.matrix_world @ rest
+        mode = handle.target.rotation_mode
+        if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix can't tell whole turns apart
+            euler = handle.target.rotation_euler.to_matrix().to_euler(mode, Euler(handle.rest_euler, mode))
+            handle.target.rotation_euler = euler

@@ -4,7 +4,7 @@
 import bpy
 from bpy.app.handlers import persistent
 
-from . import binding, deformers, slow_results
+from . import binding, deformers, preview, slow_results
 
 # A paint stroke tags the mesh at every dab, a dragged slider of a shape key at every step: in the
 # window comparing waits until that has paused for so long.
@@ -42,10 +42,11 @@ def _refresh(objects, depsgraph):
 
 @persistent
 def _depsgraph_updated(scene, depsgraph):
+    edited = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
+    preview.forget(edited)
     objects = binding.bound_objects(scene.objects)
     if not objects:
         return
-    edited = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
     for ob in objects:
         if ob.data in edited:  # the object alone is tagged by whatever its modifiers depend on
             _edited(ob)
@@ -64,6 +65,7 @@ def _frame_changed(scene, depsgraph):
 def _data_replaced(*_):
     """Undo, redo, loading: the attributes may hold any earlier result."""
     deformers.forget_shown()
+    preview.forget()
 
 
 _HANDLERS = (('depsgraph_update_post', _depsgraph_updated), ('frame_change_post', _frame_changed),

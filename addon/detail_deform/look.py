@@ -9,9 +9,7 @@ def options(settings):
     if settings.method in {'TRANSFER', 'GRADIENT'}:
         look['rotation_only'] = settings.rotation_only
     if settings.method == 'TRANSFER':
-        # Refining goes away from the base, which is right where it was made by hand.
-        refined = settings.rotation_only and settings.base == 'COMPUTED'
-        look['refine'] = settings.refine if refined else 0
+        look['refine'] = 0 if why_not_refined(settings) else settings.refine
         look['formulation'] = settings.formulation
     if settings.method == 'NORMAL':
         look['levels'] = settings.levels
@@ -19,6 +17,26 @@ def options(settings):
         look['volume_tolerance'] = settings.volume_tolerance
         look['volume_iterations'] = settings.volume_iterations
     return look
+
+
+# Why a setting has no effect now: a sentence, or ''.
+
+def why_not_refined(settings):
+    if settings.base == 'OBJECT':
+        return "A base object is followed as it is: refining would go away from it."
+    if not settings.rotation_only:
+        return "Only rotations are refined: switch Rotation Only on."
+    if settings.formulation != 'SURFACE':
+        return "Only the surface formulation (Advanced) is refined."
+    return ""
+
+
+def why_not_smoothed(settings):
+    return "" if settings.base_metric == 'SURFACE' else "Only stiffness from the surface is smoothed."
+
+
+def why_not_in_steps(settings):
+    return "" if settings.base == 'COMPUTED' else "The motion of a base object can't be split."
 
 
 def quick(asked):

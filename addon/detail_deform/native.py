@@ -132,6 +132,7 @@ def _load(path):
         'dd_deformer_free': [handle],
         'dd_measure': [_FLOATS, _FLOATS, size, _INTS, size, _INTS, size, handle, handle,
                        ctypes.POINTER(Measures)],
+        'dd_distances': [_FLOATS, size, _INTS, size, _INTS, size, _FLOATS, size],
         'dd_split_start': [_FLOATS, size, _INTS, size, _INTS, size, ctypes.c_int32,
                            ctypes.POINTER(_BindOptions), _DOUBLES, size, _DOUBLES, size,
                            ctypes.c_int32, ctypes.POINTER(_UpdateOptions), ctypes.POINTER(handle)],
@@ -277,6 +278,16 @@ def measure(rest, deformed, triangles, roles, base=None, deformed_base=None):
     found = Measures(ctypes.sizeof(Measures))
     _check(library().dd_measure(rest, deformed, rest.size, triangles, triangles.size, roles, roles.size,
                                 _pointer(base)[0], _pointer(deformed_base)[0], found))
+    return found
+
+
+def distances(positions, triangles, sources):
+    """(n,) float32: over the surface, from the nearest source; infinite where no triangles lead.
+    positions: (n, 3) float32; triangles: (m, 3) int32; sources: (n,) bool."""
+    sources = np.ascontiguousarray(sources, np.int32)
+    found = np.empty(sources.size, np.float32)
+    _check(library().dd_distances(positions, positions.size, triangles, triangles.size, sources,
+                                  sources.size, found, found.size))
     return found
 
 

@@ -2,36 +2,14 @@
 """What the user can do; scripts call these as bpy.ops.object.detail_deform_..."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty
 
-from . import apply_result, binding, handle_setup, mesh_data, native, node_group, slow_results, status
-
-
-class _MeshOperator:
-    """Undo, a poll message, and a report for every sentence the user should see."""
-    bl_options = {'REGISTER', 'UNDO'}
-
-    @classmethod
-    def poll(cls, context):
-        ob = context.active_object
-        if ob is None or ob.type != 'MESH':
-            cls.poll_message_set("Select a mesh object")
-            return False
-        return cls.poll_object(ob)
-
-    @classmethod
-    def poll_object(cls, ob):
-        return True
-
-    def execute(self, context):
-        try:
-            return self.run(context, context.active_object) or {'FINISHED'}
-        except (mesh_data.MeshProblem, native.NativeError) as problem:
-            self.report({'ERROR'}, str(problem))
-            return {'CANCELLED'}
+from . import (apply_result, binding, handle_setup, mesh_data, node_group, region_setup, slow_results,
+               status)
+from .operator_base import MeshOperator
 
 
-class OBJECT_OT_detail_deform_add(_MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_add(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_add'
     bl_label = "Add Detail Deform"
     bl_description = "Add the modifier that shows the deformation. The mesh itself stays as it is"
@@ -48,11 +26,11 @@ class OBJECT_OT_detail_deform_add(_MeshOperator, bpy.types.Operator):
         node_group.ensure_modifier(ob)
 
 
-class OBJECT_OT_detail_deform_remove(_MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_remove'
     bl_label = "Remove Detail Deform"
     bl_description = ("Leave the object as it was found: remove the modifier, the stored deformation, "
-                      "all settings, and the vertex groups and empties that were made for handles")
+                      "all settings, and the vertex groups and empties that were made here")
 
     def run(self, context, ob):
         mesh_data.check_object(ob)
@@ -60,48 +38,11 @@ class OBJECT_OT_detail_deform_remove(_MeshOperator, bpy.types.Operator):
         node_group.remove_modifier(ob)
         for index in reversed(range(len(ob.detail_deform.handles))):
             handle_setup.remove_handle(ob, index)
+        region_setup.remove_own(ob)
         ob.property_unset('detail_deform')
 
 
-class OBJECT_OT_detail_deform_handle_add(_MeshOperator, bpy.types.Operator):
-    bl_idname = 'object.detail_deform_handle_add'
-    bl_label = "Add Handle"
-    bl_description = ("Add a handle with a new empty at the middle of its vertices. In Edit Mode it takes "
-                      "the selected vertices, else those of the given vertex group")
-
-    vertex_group: StringProperty(
-        name="Vertex Group", description="Group of the handle's vertices, outside Edit Mode; the active group when empty")
-
-    def run(self, context, ob):
-        handle_setup.add_handle(context, ob, self.vertex_group)
-
-
-class OBJECT_OT_detail_deform_handle_remove(_MeshOperator, bpy.types.Operator):
-    bl_idname = 'object.detail_deform_handle_remove'
-    bl_label = "Remove Handle"
-    bl_description = "Remove a handle, and the vertex group and the empty if they were made for it"
-
-    index: IntProperty(name="Index", default=-1, min=-1,
-                       description="Number of the handle; the active one when -1")
-
-    @classmethod
-    def poll_object(cls, ob):
-        if not ob.detail_deform.handles:
-            cls.poll_message_set("There is no handle")
-            return False
-        return True
-
-    def run(self, context, ob):
-        settings = ob.detail_deform
-        index = settings.handle_index if self.index < 0 else self.index
-        if index >= len(settings.handles):
-            raise mesh_data.MeshProblem(f"There is no handle {index}.")
-        handle_setup.remove_handle(ob, index)
-        settings.handle_index = max(0, min(index, len(settings.handles) - 1))
-        binding.check_content(ob)
-
-
-class OBJECT_OT_detail_deform_bind(_MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_bind(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_bind'
     bl_label = "Bind"
     bl_description = ("Attach the region to its handles: the empties' present places are the rest. From "
@@ -121,7 +62,7 @@ class OBJECT_OT_detail_deform_bind(_MeshOperator, bpy.types.Operator):
             self.report({'WARNING'}, ob.detail_deform.problem)
 
 
-class OBJECT_OT_detail_deform_bind_cancel(_MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_bind_cancel(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_bind_cancel'
     bl_label = "Cancel"
     bl_description = "Stop the bind, or the slow result, that is under way"
@@ -132,7 +73,7 @@ class OBJECT_OT_detail_deform_bind_cancel(_MeshOperator, bpy.types.Operator):
         slow_results.cancel(ob.name)
 
 
-class OBJECT_OT_detail_deform_unbind(_MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_unbind(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_unbind'
     bl_label = "Unbind"
     bl_description = "Detach the surface from its handles and show its rest shape. Settings stay"
@@ -142,7 +83,7 @@ class OBJECT_OT_detail_deform_unbind(_MeshOperator, bpy.types.Operator):
         binding.unbind(ob)
 
 
-class OBJECT_OT_detail_deform_update(_MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_update(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_update'
     bl_label = "Update"
     bl_description = "Bring the surface up to date with its handles now"
@@ -157,7 +98,7 @@ class OBJECT_OT_detail_deform_update(_MeshOperator, bpy.types.Operator):
             raise mesh_data.MeshProblem(status.text(ob))
 
 
-class OBJECT_OT_detail_deform_apply(_MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_apply'
     bl_label = "Apply Detail Deform"
     bl_description = "Make what is shown part of the mesh, and detach it from its handles"
@@ -182,7 +123,7 @@ class OBJECT_OT_detail_deform_apply(_MeshOperator, bpy.types.Operator):
         node_group.remove_modifier(ob)
 
 
-class OBJECT_OT_detail_deform_base_make(_MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_base_make(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_base_make'
     bl_label = "Make Base Object"
     bl_description = ("Make the computed base surface an object of its own, with the vertex groups of this "
@@ -200,7 +141,6 @@ class OBJECT_OT_detail_deform_base_make(_MeshOperator, bpy.types.Operator):
 
 
 CLASSES = (OBJECT_OT_detail_deform_add, OBJECT_OT_detail_deform_remove,
-           OBJECT_OT_detail_deform_handle_add, OBJECT_OT_detail_deform_handle_remove,
            OBJECT_OT_detail_deform_bind, OBJECT_OT_detail_deform_bind_cancel,
            OBJECT_OT_detail_deform_unbind, OBJECT_OT_detail_deform_update,
            OBJECT_OT_detail_deform_apply, OBJECT_OT_detail_deform_base_make)

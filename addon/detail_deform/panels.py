@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panel in Properties > Modifiers."""
+"""The panels in Properties > Modifiers."""
 
 import textwrap
 
 import bpy
 
-from . import deformers, slow_results
+from . import deformers, look, slow_results
 
 
 class OBJECT_UL_detail_deform_handles(bpy.types.UIList):
@@ -29,57 +29,47 @@ def _draw_text(layout, context, text, icon):
         column.label(text=line, icon=icon if number == 0 else 'BLANK1')
 
 
-class OBJECT_PT_detail_deform(bpy.types.Panel):
-    bl_label = "Detail Deform"
+class _ModifierPanel:
     bl_space_type = 'PROPERTIES'
     bl_region_type = 'WINDOW'
     bl_context = 'modifier'
-    bl_options = {'DEFAULT_CLOSED'}
 
     @classmethod
     def poll(cls, context):
         return context.object is not None and context.object.type == 'MESH'
 
     def draw(self, context):
-        layout = self.layout
-        ob = context.object
-        settings = ob.detail_deform
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        self.draw_settings(context, self.layout, context.object, context.object.detail_deform)
+
+
+def _setting(layout, context, settings, name, why_not):
+    """A setting; when there is a reason why it has no effect now, greyed and followed by it."""
+    column = layout.column()
+    column.active = not why_not
+    column.prop(settings, name)
+    if why_not:
+        _draw_text(column, context, why_not, 'INFO')
+
+
+class OBJECT_PT_detail_deform(_ModifierPanel, bpy.types.Panel):
+    bl_label = "Detail Deform"
+    bl_options = {'DEFAULT_CLOSED'}
+
+    def draw_settings(self, context, layout, ob, settings):
         self.draw_state(context, layout, settings)
-
-        layout.prop_search(settings, 'region', ob, 'vertex_groups')
-        layout.label(text="Handles")
-        row = layout.row()
-        row.template_list('OBJECT_UL_detail_deform_handles', "", settings, 'handles', settings,
-                          'handle_index', rows=3)
-        buttons = row.column(align=True)
-        buttons.operator('object.detail_deform_handle_add', text="", icon='ADD')
-        buttons.operator('object.detail_deform_handle_remove', text="", icon='REMOVE')
-        if 0 <= settings.handle_index < len(settings.handles):
-            handle = settings.handles[settings.handle_index]
-            column = layout.column()
-            column.prop_search(handle, 'vertex_group', ob, 'vertex_groups')
-            column.prop(handle, 'target')
-
         column = layout.column()
         column.prop(settings, 'method')
         if settings.method in {'TRANSFER', 'GRADIENT'}:
             column.prop(settings, 'rotation_only')
         if settings.method == 'TRANSFER':
-            refine = column.column()
-            refine.active = (settings.rotation_only and settings.base == 'COMPUTED'
-                             and settings.formulation == 'SURFACE')
-            refine.prop(settings, 'refine')
-            column.prop(settings, 'formulation')
+            _setting(column, context, settings, 'refine', look.why_not_refined(settings))
         if settings.method == 'NORMAL':
             column.prop(settings, 'levels')
         if settings.method == 'VOLUMES':
             column.prop(settings, 'volume_tolerance')
             column.prop(settings, 'volume_iterations')
-        large = column.column()
-        large.active = settings.base == 'COMPUTED'
-        large.prop(settings, 'steps')
         column.prop(settings, 'output')
 
         layout.separator()
@@ -108,7 +98,7 @@ class OBJECT_PT_detail_deform(bpy.types.Panel):
         if settings.signature:
             if settings.stale:
                 row.operator('object.detail_deform_bind', text="Re-bind", icon='FILE_REFRESH').keep_rest = True
-            row.operator('object.detail_deform_unbind', icon='UNLINKED')
+            row.operator('object.detail_deform_unbind', icon='UNLINKED', depress=True)
             if not settings.stale:
                 row.operator('object.detail_deform_update', text="", icon='FILE_REFRESH')
                 row.prop(settings, 'live', toggle=True)
@@ -116,21 +106,58 @@ class OBJECT_PT_detail_deform(bpy.types.Panel):
             row.operator('object.detail_deform_bind', icon='LINKED').keep_rest = False
 
 
-class OBJECT_PT_detail_deform_base(bpy.types.Panel):
-    bl_label = "Base Surface"
-    bl_parent_id = 'OBJECT_PT_detail_deform'
-    bl_space_type = 'PROPERTIES'
-    bl_region_type = 'WINDOW'
-    bl_context = 'modifier'
-    bl_options = {'DEFAULT_CLOSED'}
+class OBJECT_MT_detail_deform_handles(bpy.types.Menu):
+    bl_label = "Handle Specials"
 
     def draw(self, context):
         layout = self.layout
-        settings = context.object.detail_deform
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        # Gradient editing has no base.
-        layout.active = settings.method != 'GRADIENT' or settings.output == 'BASE'
+        layout.operator('object.detail_deform_handle_select', icon='RESTRICT_SELECT_OFF')
+        layout.operator('object.detail_deform_handle_assign', icon='GROUP_VERTEX')
+        layout.operator_menu_enum('object.detail_deform_handle_mirror', 'axis', icon='MOD_MIRROR')
+        layout.separator()
+        layout.operator('object.detail_deform_handle_reset', icon='LOOP_BACK')
+        layout.operator('object.detail_deform_handle_reset', text="All Back to Rest").everything = True
+
+
+class OBJECT_PT_detail_deform_handles(_ModifierPanel, bpy.types.Panel):
+    bl_label = "Handles"
+    bl_parent_id = 'OBJECT_PT_detail_deform'
+
+    def draw_settings(self, context, layout, ob, settings):
+        row = layout.row(align=True)
+        row.prop_search(settings, 'region', ob, 'vertex_groups')
+        row.operator('object.detail_deform_region_set', text="", icon='RESTRICT_SELECT_OFF')
+        row.operator('object.detail_deform_region_around', text="", icon='PROP_CON')
+
+        row = layout.row()
+        row.template_list('OBJECT_UL_detail_deform_handles', "", settings, 'handles', settings,
+                          'handle_index', rows=4)
+        buttons = row.column(align=True)
+        buttons.operator('object.detail_deform_handle_add', text="", icon='ADD')
+        buttons.operator('object.detail_deform_handle_remove', text="", icon='REMOVE')
+        buttons.separator()
+        buttons.menu('OBJECT_MT_detail_deform_handles', text="", icon='DOWNARROW_HLT')
+        if 0 <= settings.handle_index < len(settings.handles):
+            handle = settings.handles[settings.handle_index]
+            if ob.mode == 'EDIT':
+                row = layout.row(align=True)
+                row.operator('object.detail_deform_handle_assign', text="Assign")
+                row.operator('object.detail_deform_handle_select', text="Select")
+            column = layout.column()
+            column.prop_search(handle, 'vertex_group', ob, 'vertex_groups')
+            column.prop(handle, 'target')
+        layout.prop(settings, 'preview')
+
+
+class OBJECT_PT_detail_deform_base(_ModifierPanel, bpy.types.Panel):
+    bl_label = "Base Surface"
+    bl_parent_id = 'OBJECT_PT_detail_deform'
+    bl_options = {'DEFAULT_CLOSED'}
+
+    def draw_settings(self, context, layout, ob, settings):
+        if settings.method == 'GRADIENT' and settings.output == 'RESULT':
+            layout.active = False
+            _draw_text(layout, context, "Gradient Editing has no base surface.", 'INFO')
         column = layout.column()
         column.prop(settings, 'base')
         if settings.base == 'OBJECT':
@@ -138,17 +165,27 @@ class OBJECT_PT_detail_deform_base(bpy.types.Panel):
             return
         column.prop(settings, 'smoothness')
         column.prop(settings, 'base_metric')
-        smoothing = column.column()
-        smoothing.active = settings.base_metric == 'SURFACE'
-        smoothing.prop(settings, 'metric_smoothing')
+        _setting(column, context, settings, 'metric_smoothing', look.why_not_smoothed(settings))
         layout.operator('object.detail_deform_base_make', icon='MOD_SMOOTH')
+
+
+class OBJECT_PT_detail_deform_advanced(_ModifierPanel, bpy.types.Panel):
+    bl_label = "Advanced"
+    bl_parent_id = 'OBJECT_PT_detail_deform'
+    bl_options = {'DEFAULT_CLOSED'}
+
+    def draw_settings(self, context, layout, ob, settings):
+        _setting(layout, context, settings, 'steps', look.why_not_in_steps(settings))
+        _setting(layout, context, settings, 'formulation',
+                 "" if settings.method == 'TRANSFER' else "Only Detail Transfer has formulations.")
 
 
 def _draw_add_entry(self, context):
     self.layout.operator('object.detail_deform_add', text="Detail Deform", icon='MOD_MESHDEFORM')
 
 
-CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_PT_detail_deform, OBJECT_PT_detail_deform_base)
+CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_MT_detail_deform_handles, OBJECT_PT_detail_deform,
+           OBJECT_PT_detail_deform_handles, OBJECT_PT_detail_deform_base, OBJECT_PT_detail_deform_advanced)
 
 
 def _add_menu():

@@ -43,15 +43,19 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
     rest_euler: FloatVectorProperty(
         name="Rest Euler", size=3, options={'HIDDEN'},
         description="The empty's own Euler rotation when it was bound: its whole turns are counted from there")
-    made_group: BoolProperty(options={'HIDDEN'})
-    made_target: BoolProperty(options={'HIDDEN'})
+    # What was made for it, and goes with it.
+    own_group: StringProperty(options={'HIDDEN'})
+    own_target: PointerProperty(type=bpy.types.Object, options={'HIDDEN'})
 
 
 class DetailDeformSettings(bpy.types.PropertyGroup):
     region: StringProperty(
         name="Region", update=_input_changed,
         description="Vertex group of the part that may deform: the vertices with a weight over 0.5. The rest of the mesh stays where it is. Empty: the whole mesh may deform")
+    own_region: StringProperty(options={'HIDDEN'})
     handles: CollectionProperty(type=DetailDeformHandle)
+    handle_collection: PointerProperty(
+        type=bpy.types.Collection, options={'HIDDEN'}, description="Where the empties are that were made here")
     handle_index: IntProperty(name="Active Handle", options={'HIDDEN'})
     method: EnumProperty(
         name="Method", update=_look_changed,
@@ -117,6 +121,9 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     metric_smoothing: FloatProperty(
         name="Smoothing", default=0.0, min=0.0, soft_max=4.0, max=6.0, update=_input_changed,
         description="Measure the stiffness on a slightly smoothed copy of the surface, in mean edge lengths: evens out the pull where the relief is strong. Takes effect at the next Bind")
+    preview: BoolProperty(
+        name="Show Vertices",
+        description="Colour the vertices of the region and of the handles in the viewport, outside Edit Mode")
     live: BoolProperty(
         name="Live", default=True,
         description="Follow every move of the handles. Off: only when Update is pressed")

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The C ABI: measures of a deformation, and solids.
+// The C ABI: measures of a deformation, distances, and solids.
 #include <memory>
 #include <utility>
 #include <vector>
 
 #include "c_api_support.h"
+#include "distances.h"
 #include "measures.h"
 #include "tets.h"
 
@@ -46,6 +47,23 @@ int32_t dd_measure(const float* rest, const float* deformed, size_t position_cou
     found.area_ratio = m.area_ratio;
     found.volume_ratio = m.volume_ratio;
     write_struct("measures", measures, found);
+  });
+}
+
+int32_t dd_distances(const float* positions, size_t position_count, const int32_t* triangles,
+                     size_t triangle_index_count, const int32_t* sources, size_t source_count,
+                     float* out, size_t out_count) {
+  return guarded([&] {
+    require(sources && out, "sources or out is null.");
+    const dd::Mesh mesh = read_mesh(positions, position_count, triangles, triangle_index_count);
+    dd::validate(mesh);
+    require_size("sources", source_count, position_count / 3);
+    require_size("out", out_count, position_count / 3);
+    std::vector<char> is_source(source_count);
+    for (size_t v = 0; v < source_count; ++v) is_source[v] = sources[v] != 0;
+    const std::vector<double> distances = dd::surface_distances(mesh, is_source);
+    std::transform(distances.begin(), distances.end(), out,
+                   [](double distance) { return static_cast<float>(distance); });
   });
 }
 

@@ -317,6 +317,16 @@ DD_API int32_t dd_measure(const float* rest, const float* deformed, size_t posit
                           const int32_t* roles, size_t role_count, const float* base,
                           const float* deformed_base, dd_measures* measures);
 
+/* The distance over the surface of every vertex from the nearest source, for choosing regions: a few
+ * percent too long at most on good meshes; infinite where no path of triangles leads.
+ *   positions, triangles   as for dd_bind_start
+ *   sources                source_count = n numbers, not 0 for a source
+ *   out                    out_count = n floats, in the unit of the positions */
+DD_API int32_t dd_distances(const float* positions, size_t position_count,
+                            const int32_t* triangles, size_t triangle_index_count,
+                            const int32_t* sources, size_t source_count, float* out,
+                            size_t out_count);
+
 /* Solids: tetrahedral meshes (§4), in double precision throughout. Synchronous. */
 typedef struct dd_tets dd_tets;
 

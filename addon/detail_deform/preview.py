@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The region's and the handles' vertices as coloured points in the viewport."""
+
+import colorsys
+
+import bpy
+import numpy as np
+
+from . import handle_matrices, mesh_data
+
+_POINT_SIZE = 4.0
+_REGION_COLOUR = (0.25, 0.55, 1.0, 0.8)
+_OTHER_COLOUR = (0.5, 0.5, 0.5, 0.35)
+_handle = None
+_colours = {}  # by object: what they were made of, and the colour of each vertex
+
+
+def handle_colour(number):
+    """Hues as far from one another as they come, and from the region's blue."""
+    return (*colorsys.hsv_to_rgb((0.08 + 0.618 * number) % 1.0, 0.9, 1.0), 1.0)
+
+
+def vertex_colours(ob):
+    """(n, 4) float32: what belongs to whom, by weights alone, so that it shows before a Bind too."""
+    settings = ob.detail_deform
+    handles = [h for h in handle_matrices.enabled_handles(settings) if h.vertex_group in ob.vertex_groups]
+    region = settings.region if settings.region in ob.vertex_groups else ""
+    weights = mesh_data.group_weights(ob, [h.vertex_group for h in handles] + [region] * bool(region))
+    members = weights > mesh_data.MEMBER_WEIGHT
+    colours = np.empty((len(ob.data.vertices), 4), np.float32)
+    colours[:] = _REGION_COLOUR
+    if region:
+        colours[~members[-1]] = _OTHER_COLOUR
+    winner = np.where(members, weights, 0)[:len(handles)].argmax(axis=0) if handles else None
+    for number in range(len(handles)):
+        colours[members[:len(handles)].any(axis=0) & (winner == number)] = handle_colour(number)
+    return colours
+
+
+def forget(edited=None):
+    """Colours are made anew where these meshes were edited; without any given, everywhere."""
+    for name in list(_colours):
+        ob = bpy.data.objects.get(name)
+        if edited is None or ob is None or ob.data in edited:
+            del _colours[name]
+
+
+def _points(ob, depsgraph):
+    """World positions and colours, or None where the modifiers make other vertices of the mesh."""
+    mesh = ob.evaluated_get(depsgraph).data
+    if len(mesh.vertices) != len(ob.data.vertices):
+        return None
+    settings = ob.detail_deform
+    made_of = (settings.region, len(ob.data.vertices),
+               *((h.vertex_group, h.enabled) for h in settings.handles))
+    known = _colours.get(ob.name)
+    if known is None or known[0] != made_of:
+        known = _colours[ob.name] = (made_of, vertex_colours(ob))
+    world = np.array(ob.matrix_world, np.float32)
+    return mesh_data.positions(mesh) @ world[:3, :3].T + world[:3, 3], known[1]
+
+
+def _draw():
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+    context = bpy.context
+    shown = [ob for ob in context.view_layer.objects if ob.type == 'MESH' and ob.detail_deform.preview
+             and ob.mode != 'EDIT' and ob.visible_get()]
+    if not shown:
+        return
+    shader = gpu.shader.from_builtin('FLAT_COLOR' if bpy.app.version >= (4, 0) else '3D_FLAT_COLOR')
+    gpu.state.blend_set('ALPHA')
+    gpu.state.depth_test_set('LESS_EQUAL')
+    gpu.state.point_size_set(_POINT_SIZE)
+    for ob in shown:
+        points = _points(ob, context.evaluated_depsgraph_get())
+        if points is not None:
+            batch_for_shader(shader, 'POINTS', {'pos': points[0], 'color': points[1]}).draw(shader)
+    gpu.state.point_size_set(1.0)
+    gpu.state.depth_test_set('NONE')
+    gpu.state.blend_set('NONE')
+
+
+def register():
+    global _handle
+    if not bpy.app.background:  # without a window there is nothing to draw on
+        _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), 'WINDOW', 'POST_VIEW')
+
+
+def unregister():
+    global _handle
+    if _handle is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_handle, 'WINDOW')
+        _handle = None
+    _colours.clear()

@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Handles and regions made from selections, from one another, and taken away."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix, Vector
+
+from conftest import (activate, bind, evaluated, group, make_strip, members, own, refusal, update, wavy)
+
+
+@pytest.fixture
+def plane():
+    """A flat grid in the xy plane of 21 × 21 vertices, 2 wide, about the origin."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=20, y_subdivisions=20, size=2)
+    return bpy.context.active_object
+
+
+def select(ob, chosen):
+    activate(ob)
+    bpy.ops.object.mode_set(mode='EDIT')
+    bpy.ops.mesh.select_all(action='DESELECT')
+    bpy.ops.object.mode_set(mode='OBJECT')
+    ob.data.vertices.foreach_set('select', np.asarray(chosen, bool))
+    bpy.ops.object.mode_set(mode='EDIT')
+
+
+def selected(ob):
+    ob.update_from_editmode()
+    return np.array([v.select for v in ob.data.vertices])
+
+
+def add_from(ob, chosen, **options):
+    select(ob, chosen)
+    assert bpy.ops.object.detail_deform_handle_add(**options) == {'FINISHED'}
+    bpy.ops.object.mode_set(mode='OBJECT')
+    return ob.detail_deform.handles[-1]
+
+
+def data_blocks():
+    return {(kind, block.name) for kind in ('objects', 'collections', 'node_groups', 'meshes', 'actions')
+            for block in getattr(bpy.data, kind)}
+
+
+def test_a_handle_from_a_selection(plane):
+    plane.matrix_world = Matrix.Translation((3, 0, 1)) @ Matrix.Rotation(np.pi / 2, 4, 'X')
+    update()
+    before = data_blocks()
+    chosen = own(plane)[:, 0] > 0.75
+    handle = add_from(plane, chosen)
+    assert (members(plane, handle.vertex_group) == chosen).all()
+    empty = handle.target
+    update()
+    # In the middle of its vertices, its Z axis along their normal, which is the plane's own.
+    middle = plane.matrix_world @ Vector(own(plane)[chosen].mean(0))
+    assert (empty.matrix_world.translation - middle).length < 1e-5
+    normal = plane.matrix_world.to_3x3() @ Vector((0, 0, 1))
+    assert (empty.matrix_world.to_3x3().col[2] - normal).length < 1e-5
+    assert 0.9 < empty.empty_display_size < 1.1  # half of its vertices' extent
+    # Its own collection beside the object, and a child of the object.
+    assert [c.name for c in empty.users_collection] == [f"{plane.name} Handles"]
+    assert empty.users_collection[0].name in plane.users_collection[0].children
+    place = empty.matrix_world.translation.copy()
+    plane.location.z += 2
+    update()
+    assert (empty.matrix_world.translation - place - Vector((0, 0, 2))).length < 1e-5
+
+    bpy.ops.object.detail_deform_handle_remove()
+    assert data_blocks() == before and not plane.vertex_groups
+
+
+def test_a_handle_that_is_no_child_and_not_aligned(plane):
+    plane.rotation_euler.x = 1
+    update()
+    handle = add_from(plane, own(plane)[:, 0] > 0.5, parented=False, align=False)
+    update()
+    assert handle.target.parent is None
+    assert (np.array(handle.target.matrix_world)[:3, :3] == np.eye(3)).all()
+
+
+def test_a_ring_points_nowhere():
+    bpy.ops.mesh.primitive_cylinder_add(vertices=32, end_fill_type='NOTHING')
+    ob = bpy.context.active_object
+    handle = add_from(ob, own(ob)[:, 2] > 0)
+    assert np.allclose(handle.target.rotation_euler, 0)
+
+
+def test_what_the_user_chose_instead_is_not_removed(plane):
+    handle = add_from(plane, own(plane)[:, 0] > 0.5)
+    made, mine = handle.target.name, bpy.data.objects.new("Mine", None)
+    bpy.context.scene.collection.objects.link(mine)
+    group(plane, "painted", [0, 1, 2])
+    handle.target, handle.vertex_group = mine, "painted"
+    activate(plane)
+    bpy.ops.object.detail_deform_remove()
+    assert "Mine" in bpy.data.objects and "painted" in plane.vertex_groups
+    assert made not in bpy.data.objects and "Handle" not in plane.vertex_groups
+    assert f"{plane.name} Handles" not in bpy.data.collections
+
+
+def test_a_copy_of_the_object_leaves_the_original_its_empties(plane):
+    handle = add_from(plane, own(plane)[:, 0] > 0.5)
+    copy = plane.copy()
+    copy.data = plane.data.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    activate(copy)
+    bpy.ops.object.detail_deform_remove()
+    assert handle.target is not None and handle.target.name in bpy.data.objects
+
+
+def test_the_region_from_a_selection(plane):
+    group(plane, "painted", range(5))
+    plane.detail_deform.region = "painted"
+    for chosen in (own(plane)[:, 0] > 0, own(plane)[:, 1] > 0.5):
+        select(plane, chosen)
+        assert bpy.ops.object.detail_deform_region_set() == {'FINISHED'}
+        bpy.ops.object.mode_set(mode='OBJECT')
+        assert plane.detail_deform.region == "Region"
+        assert (members(plane, "Region") == chosen).all()
+    assert members(plane, "painted").sum() == 5  # the user's own stays
+    assert len(plane.vertex_groups) == 2
+    bpy.ops.object.detail_deform_remove()
+    assert [g.name for g in plane.vertex_groups] == ["painted"]
+
+
+def test_the_region_around_the_handles(plane):
+    p = own(plane)
+    add_from(plane, p[:, 0] > 0.95)
+    assert bpy.ops.object.detail_deform_region_around(radius=0.72) == {'FINISHED'}
+    # The front of a straight line on a plane is exact: up to seven rows of vertices.
+    assert (members(plane, "Region") == (p[:, 0] > 0.25)).all()
+    plane.scale = (2, 2, 2)
+    update()
+    bpy.ops.object.detail_deform_region_around(radius=0.72)  # in the world's unit
+    assert (members(plane, "Region") == (p[:, 0] > 0.65)).all()
+    bpy.ops.object.detail_deform_region_around()  # a quarter of the object's size
+    assert (members(plane, "Region") == (p[:, 0] > 0.95 - 0.25 * np.sqrt(8))).all()
+    bpy.ops.object.detail_deform_region_around(by='EDGES', steps=3)
+    assert (members(plane, "Region") == (p[:, 0] > 0.65)).all()
+
+
+def test_the_region_around_a_selection_goes_along_the_surface():
+    # Two sheets close to each other, joined at one end only.
+    n = 30
+    x = np.concatenate([np.linspace(0, 1, n), np.linspace(1, 0, n)])
+    z = np.repeat([0.0, 0.05], n)
+    points = np.stack([np.repeat(x, 2), np.tile([0, 0.1], 2 * n), np.repeat(z, 2)], -1)
+    faces = [(2 * i, 2 * i + 2, 2 * i + 3, 2 * i + 1) for i in range(2 * n - 1)]
+    mesh = bpy.data.meshes.new("Fold")
+    mesh.from_pydata(points.tolist(), [], faces)
+    ob = bpy.data.objects.new("Fold", mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    select(ob, np.arange(4 * n) < 2)
+    bpy.ops.object.detail_deform_region_around(radius=0.5)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    region = members(ob, "Region")
+    assert region[:2 * n].sum() == 2 * 15 and not region[2 * n:].any()
+
+
+def test_select_and_assign():
+    ob = make_strip()
+    activate(ob)
+    right = members(ob, 'right')
+    assert bpy.ops.object.detail_deform_handle_select() == {'FINISHED'} and ob.mode == 'EDIT'
+    assert (selected(ob) == right).all()
+    # The group was the user's: it stays, and the handle gets one of its own.
+    less = own(ob)[:, 0] > 0.95
+    select(ob, less)
+    assert bpy.ops.object.detail_deform_handle_assign() == {'FINISHED'}
+    bpy.ops.object.detail_deform_handle_select()
+    assert (selected(ob) == less).all()
+    handle = ob.detail_deform.handles[0]
+    assert (members(ob, 'right') == right).all() and handle.vertex_group == 'right.001'
+    # From then on that one is changed.
+    more = own(ob)[:, 0] > 0.8
+    select(ob, more)
+    bpy.ops.object.detail_deform_handle_assign()
+    bpy.ops.object.mode_set(mode='OBJECT')
+    assert (members(ob, handle.vertex_group) == more).all() and len(ob.vertex_groups) == 3
+    assert ob.data.vertices[0].select is False
+    bpy.ops.object.detail_deform_handle_select()
+    select(ob, own(ob)[:, 0] < 0.1)
+    bpy.ops.object.detail_deform_handle_select(extend=True)
+    assert (selected(ob) == (more | (own(ob)[:, 0] < 0.1))).all()
+
+
+def test_assigning_to_a_bound_handle_asks_for_a_new_bind():
+    ob = bind(make_strip())
+    select(ob, own(ob)[:, 0] > 0.8)
+    bpy.ops.object.detail_deform_handle_assign()
+    bpy.ops.object.mode_set(mode='OBJECT')
+    update()
+    assert "handles" in ob.detail_deform.stale and "Re-bind" in ob.detail_deform.status
+    bind(ob, keep_rest=True)
+
+
+def symmetric(n=25):
+    """A wavy square about the origin, mirror image of itself across x = 0, its triangles too."""
+    p = wavy(n)
+    p[:, :2] -= 0.5
+    p[:, 2] = 0.03 * np.cos(40 * p[:, 0]) * np.cos(31 * p[:, 1])
+    faces = []
+    for i in range(n - 1):
+        for j in range(n - 1):
+            a, b, c, d = i * n + j, (i + 1) * n + j, (i + 1) * n + j + 1, i * n + j + 1
+            faces += [(a, b, c), (a, c, d)] if i < n // 2 else [(a, b, d), (b, c, d)]
+    mesh = bpy.data.meshes.new("Square")
+    mesh.from_pydata(p.tolist(), [], faces)
+    ob = bpy.data.objects.new("Square", mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    return activate(ob)
+
+
+def test_a_mirrored_handle_bends_the_other_side_alike():
+    ob = symmetric()
+    p = own(ob)
+    handle = add_from(ob, (p[:, 0] > 0.4) & (p[:, 1] > 0.2))
+    handle.name = "ear.L"
+    handle.target.rotation_euler = (0.3, 0.2, 0.1)
+    add_from(ob, p[:, 1] < -0.4)
+    ob.detail_deform.handle_index = 0
+    assert bpy.ops.object.detail_deform_handle_mirror(axis='X') == {'FINISHED'}
+    mirrored = ob.detail_deform.handles[-1]
+    assert mirrored.name == "ear.R"
+    assert (members(ob, mirrored.vertex_group) == ((p[:, 0] < -0.4) & (p[:, 1] > 0.2))).all()
+    bind(ob)
+    # Mirrored motions, in the empties' own spaces, give a mirrored surface.
+    flip = Matrix.Diagonal((-1, 1, 1, 1))
+    motion = Matrix.Translation((0.1, 0.05, 0.3)) @ Matrix.Rotation(0.5, 4, 'Y')
+    left, right = (h.target for h in (ob.detail_deform.handles[0], mirrored))
+    left.matrix_world = motion @ left.matrix_world
+    right.matrix_world = flip @ motion @ flip @ right.matrix_world
+    update()
+    moved = evaluated(ob)
+    assert np.abs(moved - p).max() > 0.1
+    order = {tuple(np.round(point, 4)): number for number, point in enumerate(p[:, :2])}
+    image = [order[tuple(np.round((-x, y), 4) + 0.0)] for x, y in p[:, :2]]
+    assert np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-4
+
+
+def test_mirroring_a_posed_handle_goes_by_its_rest():
+    ob = symmetric()
+    p = own(ob)
+    handle = add_from(ob, (p[:, 0] > 0.4) & (p[:, 1] > 0.2))
+    bind(ob)
+    update()
+    rest = handle.target.matrix_world.copy()
+    handle.target.location.z += 1
+    update()
+    bpy.ops.object.detail_deform_handle_mirror(axis='X')
+    update()
+    place = ob.detail_deform.handles[-1].target.matrix_world.translation
+    assert (place - Vector((-rest.translation.x, *rest.translation.yz))).length < 1e-5
+
+
+def test_mirroring_is_refused_where_it_makes_no_sense():
+    ob = symmetric()
+    p = own(ob)
+    add_from(ob, np.abs(p[:, 0]) < 0.1)
+    assert "its mirror image is itself" in refusal(bpy.ops.object.detail_deform_handle_mirror, axis='X')
+    add_from(ob, p[:, 0] > 0.4)
+    p[p[:, 0] < 0, 2] += 5
+    ob.data.vertices.foreach_set('co', p.astype(np.float32).ravel())
+    assert "not symmetric" in refusal(bpy.ops.object.detail_deform_handle_mirror, axis='X')
+
+
+def test_back_to_rest():
+    ob = make_strip()
+    p = own(ob)
+    second = add_from(ob, p[:, 0] < 0.1)
+    bind(ob)
+    first = ob.detail_deform.handles[0]
+    places = [h.target.matrix_world.copy() for h in (first, second)]
+    for handle in (first, second):
+        handle.target.location.z += 0.4
+        handle.target.rotation_euler.x += 7.0
+    update()
+    assert np.abs(evaluated(ob) - p).max() > 0.3
+    bpy.ops.object.detail_deform_handle_reset(index=0)
+    update()
+    assert np.abs(np.array(first.target.matrix_world) - np.array(places[0])).max() < 1e-6
+    assert abs(first.target.rotation_euler.x) < 1e-6  # no whole turn is left
+    assert np.abs(np.array(second.target.matrix_world) - np.array(places[1])).max() > 0.1
+    bpy.ops.object.detail_deform_handle_reset(everything=True)
+    update()
+    assert np.abs(evaluated(ob) - p).max() < 1e-5
+
+
+def test_sentences():
+    ob = make_strip()
+    activate(ob)
+    assert "in Edit Mode" in refusal(bpy.ops.object.detail_deform_region_set)
+    assert "in Edit Mode" in refusal(bpy.ops.object.detail_deform_handle_assign)
+    assert "none has a rest place" in refusal(bpy.ops.object.detail_deform_handle_reset)
+    select(ob, np.zeros(len(ob.data.vertices)))
+    assert "No vertex is selected" in refusal(bpy.ops.object.detail_deform_region_set)
+    assert "No vertex is selected" in refusal(bpy.ops.object.detail_deform_handle_assign)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    ob.detail_deform.handles.clear()
+    assert "nothing to start from" in refusal(bpy.ops.object.detail_deform_region_around)
+    assert "no handle" in refusal(bpy.ops.object.detail_deform_handle_select)
