@@ -102,6 +102,8 @@ class OBJECT_PT_detail_deform(_ModifierPanel, bpy.types.Panel):
             if not settings.stale:
                 row.operator('object.detail_deform_update', text="", icon='FILE_REFRESH')
                 row.prop(settings, 'live', toggle=True)
+        elif context.object.mode == 'EDIT':
+            row.operator('object.detail_deform_pull', text="Pull Selected", icon='EMPTY_AXIS')
         else:
             row.operator('object.detail_deform_bind', icon='LINKED').keep_rest = False
 
@@ -180,6 +182,11 @@ class OBJECT_PT_detail_deform_advanced(_ModifierPanel, bpy.types.Panel):
                  "" if settings.method == 'TRANSFER' else "Only Detail Transfer has formulations.")
 
 
+def _draw_pull_entry(self, context):
+    self.layout.separator()
+    self.layout.operator('object.detail_deform_pull', icon='MOD_MESHDEFORM')
+
+
 def _draw_add_entry(self, context):
     self.layout.operator('object.detail_deform_add', text="Detail Deform", icon='MOD_MESHDEFORM')
 
@@ -196,11 +203,15 @@ def _add_menu():
 def register():
     for cls in CLASSES:
         bpy.utils.register_class(cls)
+    bpy.types.VIEW3D_MT_edit_mesh_context_menu.append(_draw_pull_entry)
+    bpy.types.VIEW3D_MT_edit_mesh_vertices.append(_draw_pull_entry)
     if _add_menu():
         _add_menu().append(_draw_add_entry)
 
 
 def unregister():
+    bpy.types.VIEW3D_MT_edit_mesh_context_menu.remove(_draw_pull_entry)
+    bpy.types.VIEW3D_MT_edit_mesh_vertices.remove(_draw_pull_entry)
     if _add_menu():
         _add_menu().remove(_draw_add_entry)
     for cls in reversed(CLASSES):

@@ -9,14 +9,15 @@ import numpy as np
 from . import handle_matrices, mesh_data
 
 _POINT_SIZE = 4.0
-_REGION_COLOUR = (0.25, 0.55, 1.0, 0.8)
+_NEARER = 0.004  # of the way to the eye, so that the surface doesn't cover its own vertices
+_REGION_COLOUR = (0.3, 0.8, 0.75, 0.8)
 _OTHER_COLOUR = (0.5, 0.5, 0.5, 0.35)
 _handle = None
 _colours = {}  # by object: what they were made of, and the colour of each vertex
 
 
 def handle_colour(number):
-    """Hues as far from one another as they come, and from the region's blue."""
+    """Hues as far from one another as they come."""
     return (*colorsys.hsv_to_rgb((0.08 + 0.618 * number) % 1.0, 0.9, 1.0), 1.0)
 
 
@@ -60,6 +61,14 @@ def _points(ob, depsgraph):
     return mesh_data.positions(mesh) @ world[:3, :3].T + world[:3, 3], known[1]
 
 
+def _nearer(points, view):
+    """A little towards the eye of a RegionView3D."""
+    back = np.array(view.view_matrix.inverted(), np.float32)
+    if view.is_perspective:
+        return points + _NEARER * (back[:3, 3] - points)
+    return points + _NEARER * view.view_distance * back[:3, 2]
+
+
 def _draw():
     import gpu
     from gpu_extras.batch import batch_for_shader
@@ -75,7 +84,7 @@ def _draw():
     for ob in shown:
         points = _points(ob, context.evaluated_depsgraph_get())
         if points is not None:
-            batch_for_shader(shader, 'POINTS', {'pos': points[0], 'color': points[1]}).draw(shader)
+            batch_for_shader(shader, 'POINTS', {'pos': _nearer(points[0], context.region_data), 'color': points[1]}).draw(shader)
     gpu.state.point_size_set(1.0)
     gpu.state.depth_test_set('NONE')
     gpu.state.blend_set('NONE')

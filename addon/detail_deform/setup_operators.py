@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from . import binding, handle_matrices, handle_setup, mesh_data, region_setup
+from . import binding, handle_matrices, handle_setup, mesh_data, native, region_setup
 from .operator_base import MeshOperator
 
 
@@ -168,10 +168,45 @@ class OBJECT_OT_detail_deform_region_around(MeshOperator, bpy.types.Operator):
         region_setup.set_region(ob, members)
 
 
+class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_pull'
+    bl_label = "Pull with Detail Deform"
+    bl_description = ("All in one: a handle for the selected vertices, a region around it, and Bind. The handle's "
+                      "empty is selected: move it, and the surface follows")
+
+    radius: FloatProperty(
+        name="Radius", min=0.0, subtype='DISTANCE', options={'SKIP_SAVE'},
+        description="Distance along the surface up to which it follows, where no region was chosen. 0: a quarter of the object's size")
+
+    @classmethod
+    def poll_object(cls, ob):
+        return cls.in_edit_mode(ob)
+
+    def run(self, context, ob):
+        settings = ob.detail_deform
+        handle = handle_setup.add_handle(context, ob, "")
+        bpy.ops.object.mode_set(mode='OBJECT')
+        try:
+            if settings.region == settings.own_region:
+                self.radius = self.radius or region_setup.usual_radius(ob)
+                region_setup.set_region(ob, region_setup.within(ob, region_setup.sources(ob), self.radius))
+            context.view_layer.update()  # the new empty's place
+            binding.bind(ob, context.evaluated_depsgraph_get(), wait=True, keep_rest=True)
+        except (mesh_data.MeshProblem, native.NativeError):
+            handle_setup.remove_handle(ob, settings.handle_index)
+            bpy.ops.object.mode_set(mode='EDIT')
+            raise
+        for other in context.selected_objects:
+            other.select_set(False)
+        handle.target.select_set(True)
+        context.view_layer.objects.active = handle.target
+
+
 CLASSES = (OBJECT_OT_detail_deform_handle_add, OBJECT_OT_detail_deform_handle_remove,
            OBJECT_OT_detail_deform_handle_select, OBJECT_OT_detail_deform_handle_assign,
            OBJECT_OT_detail_deform_handle_mirror, OBJECT_OT_detail_deform_handle_reset,
-           OBJECT_OT_detail_deform_region_set, OBJECT_OT_detail_deform_region_around)
+           OBJECT_OT_detail_deform_region_set, OBJECT_OT_detail_deform_region_around,
+           OBJECT_OT_detail_deform_pull)
 
 
 def register():

@@ -299,3 +299,45 @@ def test_sentences():
     ob.detail_deform.handles.clear()
     assert "nothing to start from" in refusal(bpy.ops.object.detail_deform_region_around)
     assert "no handle" in refusal(bpy.ops.object.detail_deform_handle_select)
+
+
+def test_pull_makes_all_of_it_at_once():
+    """From Suzanne in a new scene: Edit Mode, a selection, Pull, a move of the empty."""
+    bpy.ops.mesh.primitive_monkey_add()
+    ob = bpy.context.active_object
+    p = own(ob)
+    select(ob, p[:, 0] > 1.2)
+    assert bpy.ops.object.detail_deform_pull(radius=0.4) == {'FINISHED'}
+    assert ob.mode == 'OBJECT' and ob.detail_deform.is_bound, ob.detail_deform.status
+    empty = bpy.context.active_object
+    assert empty == ob.detail_deform.handles[0].target and bpy.context.selected_objects == [empty]
+    empty.location.x += 0.3
+    update()
+    moved = np.linalg.norm(evaluated(ob) - p, axis=1)
+    assert np.allclose(moved[p[:, 0] > 1.2], 0.3, atol=1e-5)
+    assert not moved[p[:, 0] < 0.5].any()
+
+    # A second handle: the first keeps its pose, and the region reaches around both.
+    select(ob, p[:, 0] < -1.2)
+    assert bpy.ops.object.detail_deform_pull(radius=0.4) == {'FINISHED'}
+    moved = np.linalg.norm(evaluated(ob) - p, axis=1)
+    assert np.allclose(moved[p[:, 0] > 1.2], 0.3, atol=1e-5) and not moved[p[:, 0] < 0].any()
+    activate(ob)
+    bpy.ops.object.detail_deform_remove()
+    assert not ob.vertex_groups and not bpy.data.collections and len(bpy.data.objects) == 1
+
+
+def test_pull_keeps_a_region_of_the_users_own():
+    ob = make_strip()
+    select(ob, (own(ob)[:, 0] > 0.4) & (own(ob)[:, 0] < 0.5))
+    bpy.ops.object.detail_deform_pull()
+    assert ob.detail_deform.region == 'region' and len(ob.detail_deform.handles) == 2
+
+
+def test_pull_that_fails_takes_back_what_it_began():
+    ob = make_strip()
+    before = data_blocks()
+    select(ob, own(ob)[:, 0] > 0.95)  # all of them are in the other handle
+    assert "larger weight in another handle" in refusal(bpy.ops.object.detail_deform_pull)
+    assert ob.mode == 'EDIT' and len(ob.detail_deform.handles) == 1 and len(ob.vertex_groups) == 2
+    assert data_blocks() == before
