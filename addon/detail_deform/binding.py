@@ -99,12 +99,15 @@ def _difference(ob):
 # Following the handles
 
 def refresh(ob, depsgraph, force=False):
-    """Brings the object's offsets up to date with its empties. Does nothing when no empty moved.
+    """Brings the object's offsets up to date with its empties. Does nothing when no empty moved, or, unless
+    forced to, while the modifier is not shown.
 
     Never raises for what the user can cause: the sentence goes to the status.
     """
     settings = ob.detail_deform
     if ob.type != 'MESH' or not settings.signature or settings.stale or ob.mode == 'EDIT':
+        return
+    if not (force or node_group.is_shown(ob, depsgraph)):
         return
     try:
         mesh_data.check_object(ob)
@@ -190,6 +193,15 @@ def _follow_slowly(ob, shown, motions, turns, asked, wait):
         deliver(*start().finish())
     else:
         slow_results.request(name, start, deliver, refuse, redraw_panels)
+
+
+def wait(ob, depsgraph):
+    """Waits for a bind that is under way, or that the file asks for."""
+    settings = ob.detail_deform
+    refresh(ob, depsgraph)
+    if deformers.bind_under_way(settings.signature):
+        _finish(settings.signature)
+        refresh(ob, depsgraph)
 
 
 def settle(ob):

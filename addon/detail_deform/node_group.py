@@ -6,6 +6,7 @@ import bpy
 from . import mesh_data
 
 NAME = 'Detail Deform'
+CACHE_NAME = 'Detail Deform Cache'
 _MARK = 'detail_deform_nodes'
 
 
@@ -63,6 +64,18 @@ def find_modifier(ob):
     return None
 
 
+def find_cache(ob):
+    """The modifier that plays a baked cache in the place of this one."""
+    cache = ob.modifiers.get(CACHE_NAME)
+    return cache if cache and cache.type == 'MESH_CACHE' else None
+
+
+def is_shown(ob, depsgraph):
+    modifier = find_modifier(ob)
+    return modifier is not None and (
+        modifier.show_render if depsgraph.mode == 'RENDER' else modifier.show_viewport)
+
+
 def ensure_modifier(ob):
     """The object's modifier, added at the end of the stack when there is none."""
     modifier = find_modifier(ob)
@@ -83,6 +96,14 @@ def remove_modifier(ob):
     ob.modifiers.remove(modifier)
     if group.users == 0:
         bpy.data.node_groups.remove(group)
+
+
+def move_behind(ob, modifier, other):
+    """Puts a modifier directly behind another one."""
+    modifiers = list(ob.modifiers)
+    at, behind = modifiers.index(modifier), modifiers.index(other)
+    with bpy.context.temp_override(object=ob, active_object=ob):
+        bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=behind + (at > behind))
 
 
 def _socket(group, name):

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from . import (apply_result, binding, handle_setup, mesh_data, node_group, region_setup, slow_results,
+from . import (apply_result, bake, binding, handle_setup, mesh_data, node_group, region_setup, slow_results,
                status)
 from .operator_base import MeshOperator
 
@@ -35,6 +35,7 @@ class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
     def run(self, context, ob):
         mesh_data.check_object(ob)
         binding.unbind(ob)
+        bake.drop_cache(ob)
         node_group.remove_modifier(ob)
         for index in reversed(range(len(ob.detail_deform.handles))):
             handle_setup.remove_handle(ob, index)

@@ -5,7 +5,7 @@ import textwrap
 
 import bpy
 
-from . import deformers, look, slow_results
+from . import deformers, look, node_group, slow_results
 
 
 class OBJECT_UL_detail_deform_handles(bpy.types.UIList):
@@ -75,6 +75,10 @@ class OBJECT_PT_detail_deform(_ModifierPanel, bpy.types.Panel):
         layout.separator()
         row = layout.row(align=True)
         row.operator_menu_enum('object.detail_deform_apply', 'mode', text="Apply")
+        if node_group.find_cache(ob):
+            row.operator('object.detail_deform_bake_drop', icon='PLAY')
+        else:
+            row.operator('object.detail_deform_bake', text="Bake", icon='REC')
         row.operator('object.detail_deform_remove', text="Remove", icon='X')
 
     def draw_state(self, context, layout, settings):

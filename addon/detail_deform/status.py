@@ -81,8 +81,13 @@ def _names(names):
 def _remarks(ob, bound):
     """What the user may not expect of this mesh, or of this method."""
     info = bound.deformer.info
-    if node_group.find_modifier(ob) is None:
+    modifier = node_group.find_modifier(ob)
+    if node_group.find_cache(ob):
+        yield "A baked cache is played in its place: press Go Live to follow the handles again."
+    elif modifier is None:
         yield "Its modifier was removed, so nothing is shown: bind again to add it."
+    elif not modifier.show_viewport:
+        yield "Its modifier is hidden, so nothing is computed."
     if info.resting_count:
         yield (f"{_count(info.resting_part_count, 'loose part', 'loose parts')} of the region "
                f"({_count(info.resting_count, 'vertex', 'vertices')}, such as vertex "

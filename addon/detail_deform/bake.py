@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The deformation of a range of frames, kept where the add-on is not needed: a cache or shape keys."""
+
+import os
+
+import bpy
+import numpy as np
+
+from . import binding, mesh_data, node_group, pc2
+from .mesh_data import MeshProblem
+
+KEY_NAME = "Detail Deform {}"
+
+
+def absolute(path):
+    """Of a path as Blender writes it. Raises MeshProblem where it is relative to a file never saved."""
+    if not path:
+        raise MeshProblem("There is no file to bake to: choose one.")
+    if path.startswith('//') and not bpy.data.filepath:
+        raise MeshProblem("This file was never saved, so there is no folder beside it: save it, or choose a "
+                          "full path for the cache.")
+    return os.path.abspath(bpy.path.abspath(path))
+
+
+def usual_path(ob):
+    name = bpy.path.clean_name(ob.name)
+    stem = os.path.splitext(os.path.basename(bpy.data.filepath))[0]
+    return f"//{stem}_{name}.pc2" if bpy.data.filepath else ""
+
+
+class _ShownUpTo:
+    """While it lasts, the object's stack is shown up to this modifier and no further."""
+
+    def __init__(self, ob, modifier):
+        modifiers = list(ob.modifiers)
+        self._behind = modifiers[modifiers.index(modifier) + 1:]
+        self._modifier = modifier
+
+    def __enter__(self):
+        self._shown = [(m, m.show_viewport) for m in (self._modifier, *self._behind)]
+        self._modifier.show_viewport = True
+        for modifier in self._behind:
+            modifier.show_viewport = False
+
+    def __exit__(self, *_):
+        for modifier, shown in self._shown:
+            modifier.show_viewport = shown
+
+
+def _frame(context, ob, frame):
+    """Brings scene and object to a frame, slow results included."""
+    context.scene.frame_set(frame)
+    settings = ob.detail_deform
+    binding.refresh(ob, context.evaluated_depsgraph_get())
+    if settings.stale or settings.problem:
+        raise MeshProblem(f"Frame {frame}: {settings.stale or settings.problem}")
+    binding.settle(ob)
+    context.view_layer.update()
+
+
+def _modifier(ob):
+    modifier = node_group.find_modifier(ob)
+    if not ob.detail_deform.signature or modifier is None:
+        raise MeshProblem(f"'{ob.name}' is not bound, so there is nothing to bake: press Bind first.")
+    return modifier
+
+
+def _check_range(start, end):
+    if end < start:
+        raise MeshProblem(f"The last frame, {end}, is before the first, {start}.")
+
+
+def _over_frames(context, ob, start, end, take):
+    """Generator: take(frame) after bringing all to each frame from start to end; yields the fraction done.
+    Leaves the scene at the frame where it was."""
+    _check_range(start, end)
+    binding.wait(ob, context.evaluated_depsgraph_get())
+    present = context.scene.frame_current
+    try:
+        for frame in range(start, end + 1):
+            _frame(context, ob, frame)
+            take(frame)
+            yield (frame + 1 - start) / (end + 1 - start)
+    finally:
+        context.scene.frame_set(present)
+
+
+def _evaluated(context, ob):
+    mesh = ob.evaluated_get(context.evaluated_depsgraph_get()).data
+    return mesh_data.positions(mesh)
+
+
+def to_cache(context, ob, start, end, path, whole=None):
+    """Generator: writes a point cache of what the object's modifiers up to Detail Deform make of it.
+
+    whole: first and last frame of the cache, of which start to end are written now; None: these are
+    all."""
+    first, last = whole or (start, end)
+    _check_range(start, end)
+    if not first <= start <= end <= last:
+        raise MeshProblem(f"Frames {start} to {end} are not within the cache's {first} to {last}.")
+    modifier = _modifier(ob)
+    path, writer = absolute(path), None
+
+    def take(frame):
+        nonlocal writer
+        positions = _evaluated(context, ob)
+        if writer is None:
+            writer = pc2.Writer(path, len(positions), last + 1 - first, start - first, end + 1 - first)
+            writer.points = len(positions)
+        if len(positions) != writer.points:
+            raise MeshProblem(f"Frame {frame}: the modifiers before Detail Deform make {len(positions):,} vertices "
+                              f"where they made {writer.points:,}, which a cache can't hold.")
+        writer.write(positions)
+
+    done = False
+    try:
+        with _ShownUpTo(ob, modifier):
+            yield from _over_frames(context, ob, start, end, take)
+        writer.finish()
+        done = True
+    except OSError as error:
+        raise MeshProblem(f"'{path}' can't be written: {error.strerror or error}.") from error
+    except pc2.NotACache as error:
+        raise MeshProblem(str(error)) from error
+    finally:
+        if writer and not done:
+            writer.give_up()
+
+
+def use_cache(ob, path, start):
+    """Shows a cache whose first frame is start in place of the live deformation."""
+    modifier = _modifier(ob)
+    try:
+        points, _ = pc2.read_header(absolute(path))
+    except OSError as error:
+        raise MeshProblem(f"'{path}' can't be read: {error.strerror or error}.") from error
+    except pc2.NotACache as error:
+        raise MeshProblem(str(error)) from error
+    before = len(ob.data.vertices)
+    if points != before and list(ob.modifiers).index(modifier) == 0:
+        raise MeshProblem(f"'{path}' holds {points:,} vertices, and '{ob.name}' has {before:,}: bake it anew.")
+    cache = node_group.find_cache(ob) or ob.modifiers.new(node_group.CACHE_NAME, 'MESH_CACHE')
+    cache.cache_format = 'PC2'
+    cache.filepath = path
+    cache.frame_start = start
+    cache.interpolation = 'LINEAR'
+    node_group.move_behind(ob, cache, modifier)
+    # Nothing is computed any more for what is not shown.
+    modifier.show_viewport = modifier.show_render = False
+    cache.show_viewport = cache.show_render = True
+
+
+def to_alembic(context, ob, start, end, path):
+    """Writes the object as all its modifiers make it, for programs of all kinds."""
+    _modifier(ob)
+    if not bpy.app.build_options.alembic:
+        raise MeshProblem("This Blender was built without Alembic: bake a Mesh Cache, or use an official build.")
+    path = absolute(path)
+    _check_range(start, end)
+    for _ in _over_frames(context, ob, start, start, lambda frame: None):
+        pass  # what is wrong is said before the export begins
+    others = [other for other in context.selected_objects if other != ob]
+    for other in others:
+        other.select_set(False)
+    ob.select_set(True)
+    try:
+        bpy.ops.wm.alembic_export(filepath=path, start=start, end=end, selected=True, as_background_job=False)
+    except RuntimeError as error:
+        raise MeshProblem(f"'{path}' can't be written: {str(error).strip()}") from error
+    finally:
+        for other in others:
+            other.select_set(True)
+    if not os.path.exists(path):
+        raise MeshProblem(f"'{path}' can't be written: choose another folder.")
+
+
+def drop_cache(ob):
+    """Back from the cache to the live deformation; the file stays."""
+    cache, modifier = node_group.find_cache(ob), node_group.find_modifier(ob)
+    if cache:
+        ob.modifiers.remove(cache)
+        if modifier:
+            modifier.show_viewport = modifier.show_render = True
+
+
+def to_shape_keys(context, ob, start, end):
+    """Generator: a shape key a frame, keyed so that they play."""
+    modifier = _modifier(ob)
+    earlier = next((m for m in ob.modifiers if m == modifier or m.show_viewport or m.show_render))
+    if earlier != modifier:
+        raise MeshProblem(f"Modifier '{earlier.name}' stands before Detail Deform, and shape keys act before both: "
+                          "move Detail Deform to the top, or bake a cache.")
+    keys = []
+
+    def take(frame):
+        offsets = mesh_data.read_offsets(ob.data) * node_group.factor(modifier)
+        keys.append((frame, offsets))
+
+    with _ShownUpTo(ob, modifier):
+        yield from _over_frames(context, ob, start, end, take)
+    if not ob.data.shape_keys:
+        ob.shape_key_add(name="Basis", from_mix=False)
+    for frame, offsets in keys:
+        key = ob.shape_key_add(name=KEY_NAME.format(frame), from_mix=False)
+        values = np.empty(offsets.size, np.float32)
+        key.relative_key.data.foreach_get('co', values)
+        key.data.foreach_set('co', values + offsets.ravel())
+        for at, value in ((frame - 1, 0.0), (frame, 1.0), (frame + 1, 0.0)):
+            if start <= at <= end:
+                key.value = value
+                key.keyframe_insert('value', frame=at)
+    modifier.show_viewport = modifier.show_render = False

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators that bake; scripts call these as bpy.ops.object.detail_deform_bake..."""
+
+import time
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+
+from . import bake, mesh_data, native, node_group
+from .operator_base import MeshOperator
+
+_TICK_SECONDS = 0.05
+_PATH_OPTIONS = {'SKIP_SAVE'} | ({'PATH_SUPPORTS_BLEND_RELATIVE'} if bpy.app.version >= (4, 5) else set())
+
+
+class OBJECT_OT_detail_deform_bake(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_bake'
+    bl_label = "Bake Detail Deform"
+    bl_description = "Keep the deformation of a range of frames, so that it plays without the add-on. Esc cancels"
+
+    mode: EnumProperty(
+        name="As", default='CACHE',
+        items=[('CACHE', "Mesh Cache", "A point cache (PC2), played by a Mesh Cache modifier in place of the live deformation"),
+               ('SHAPE_KEYS', "Shape Keys", "A keyed shape key for each frame, within this file: for few frames"),
+               ('ALEMBIC', "Alembic", "The object with all its modifiers as an Alembic file, for other programs")])
+    frame_start: IntProperty(
+        name="First Frame", description="First frame to bake; that of the scene unless given")
+    frame_end: IntProperty(
+        name="Last Frame", description="Last frame to bake; that of the scene unless given")
+    filepath: StringProperty(
+        name="File", subtype='FILE_PATH', options=_PATH_OPTIONS,
+        description="Where the cache goes; // is the folder of this file")
+    cache_start: IntProperty(
+        name="Cache's First Frame", options={'SKIP_SAVE'},
+        description="When only a part of a cache is baked: the first frame of the whole. Several Blenders may write parts of one cache")
+    cache_end: IntProperty(
+        name="Cache's Last Frame", options={'SKIP_SAVE'},
+        description="When only a part of a cache is baked: the last frame of the whole")
+    use: BoolProperty(
+        name="Use", default=True, options={'SKIP_SAVE'},
+        description="Play the baked cache in place of the live deformation at once")
+
+    _work = _timer = None
+    _interactive = False
+
+    @classmethod
+    def poll_object(cls, ob):
+        if not ob.detail_deform.signature:
+            cls.poll_message_set("Bind first: there is nothing to bake")
+            return False
+        return True
+
+    def _given(self, name, otherwise):
+        return getattr(self, name) if self.properties.is_property_set(name) else otherwise
+
+    def _range(self, context):
+        return (self._given('frame_start', context.scene.frame_start),
+                self._given('frame_end', context.scene.frame_end))
+
+    def invoke(self, context, event):
+        self.frame_start, self.frame_end = self._range(context)
+        self.filepath = self.filepath or bake.usual_path(context.active_object)
+        self._interactive = True
+        return context.window_manager.invoke_props_dialog(self, width=400)
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        column = layout.column()
+        column.prop(self, 'mode')
+        column.prop(self, 'frame_start')
+        column.prop(self, 'frame_end')
+        if self.mode != 'SHAPE_KEYS':
+            column.prop(self, 'filepath')
+
+    def run(self, context, ob):
+        start, end = self._range(context)
+        path = self.filepath or bake.usual_path(ob)
+        mesh_data.check_object(ob)
+        if self.mode == 'ALEMBIC':
+            bake.to_alembic(context, ob, start, end, path[:-4] + '.abc' if path.endswith('.pc2') else path)
+            return None
+        if self.mode == 'SHAPE_KEYS':
+            self._work = bake.to_shape_keys(context, ob, start, end)
+        else:
+            whole = (self._given('cache_start', start), self._given('cache_end', end))
+            self._work = self._cache(context, ob, start, end, path, whole)
+        if self._interactive:
+            manager = context.window_manager
+            self._timer = manager.event_timer_add(_TICK_SECONDS, window=context.window)
+            manager.progress_begin(0, 1)
+            manager.modal_handler_add(self)
+            return {'RUNNING_MODAL'}
+        for _ in self._work:
+            pass
+        return None
+
+    def _cache(self, context, ob, start, end, path, whole):
+        yield from bake.to_cache(context, ob, start, end, path, whole)
+        if self.use:
+            bake.use_cache(ob, path, whole[0])
+
+    def modal(self, context, event):
+        if event.type == 'ESC':
+            return self._end(context, {'CANCELLED'})
+        if event.type != 'TIMER':
+            return {'RUNNING_MODAL'}
+        until = time.monotonic() + _TICK_SECONDS
+        try:
+            while time.monotonic() < until:
+                done = next(self._work)
+            context.window_manager.progress_update(done)
+            context.workspace.status_text_set(f"Baking Detail Deform, {100 * done:.0f}%. Esc: cancel")
+        except StopIteration:
+            return self._end(context, {'FINISHED'})
+        except (mesh_data.MeshProblem, native.NativeError) as problem:
+            self.report({'ERROR'}, str(problem))
+            return self._end(context, {'CANCELLED'})
+        return {'RUNNING_MODAL'}
+
+    def _end(self, context, result):
+        self._work.close()
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        context.workspace.status_text_set(None)
+        return result
+
+
+class OBJECT_OT_detail_deform_bake_use(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_bake_use'
+    bl_label = "Use Baked Cache"
+    bl_description = "Play a cache that was baked, by whichever Blender, in place of the live deformation"
+
+    filepath: StringProperty(name="File", subtype='FILE_PATH', options=_PATH_OPTIONS,
+                             description="A point cache (PC2)")
+    filter_glob: StringProperty(default="*.pc2", options={'HIDDEN'})
+    frame_start: IntProperty(name="First Frame", default=1, description="First frame of the cache")
+
+    def invoke(self, context, event):
+        self.frame_start = context.scene.frame_start
+        context.window_manager.fileselect_add(self)
+        return {'RUNNING_MODAL'}
+
+    def run(self, context, ob):
+        bake.use_cache(ob, self.filepath, self.frame_start)
+
+
+class OBJECT_OT_detail_deform_bake_drop(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_bake_drop'
+    bl_label = "Go Live"
+    bl_description = "Follow the handles again instead of playing the baked cache. Its file stays"
+
+    @classmethod
+    def poll_object(cls, ob):
+        if not node_group.find_cache(ob):
+            cls.poll_message_set("No baked cache is used")
+            return False
+        return True
+
+    def run(self, context, ob):
+        bake.drop_cache(ob)
+
+
+CLASSES = (OBJECT_OT_detail_deform_bake, OBJECT_OT_detail_deform_bake_use, OBJECT_OT_detail_deform_bake_drop)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister():
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

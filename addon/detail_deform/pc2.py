@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Point caches as the Mesh Cache modifier reads them (PC2): a header, then float32 positions frame by frame.
+
+Nothing here knows Blender. Whatever the disk refuses comes as OSError.
+"""
+
+import os
+import shutil
+import struct
+
+import numpy as np
+
+_HEADER = struct.Struct('<12siiffi')
+_MARK = b'POINTCACHE2\0'
+
+
+class NotACache(Exception):
+    """A sentence about a file that is no point cache, or another one than is wanted."""
+
+
+def size(point_count, frame_count):
+    return _HEADER.size + 12 * point_count * frame_count
+
+
+def read_header(path):
+    """(points, frames) of a cache. Raises NotACache."""
+    with open(path, 'rb') as file:
+        head = file.read(_HEADER.size)
+    if len(head) < _HEADER.size or not head.startswith(_MARK):
+        raise NotACache(f"'{path}' is not a point cache (PC2).")
+    _, _, points, _, _, frames = _HEADER.unpack(head)
+    if os.path.getsize(path) != size(points, frames):
+        raise NotACache(f"'{path}' is not complete: it should have {size(points, frames):,} bytes and has "
+                        f"{os.path.getsize(path):,}.")
+    return points, frames
+
+
+class Writer:
+    """Writes frames first to last - 1 of a cache of frame_count, all of them or a part.
+
+    A whole cache replaces what was there when it is complete, and leaves that alone if it never is. A
+    part is written in place, into a file that other parts, written by whomever, fill up.
+    """
+
+    def __init__(self, path, point_count, frame_count, first=0, last=None):
+        self._path, self._points, self._frames = path, point_count, frame_count
+        self._next = first
+        self._part = last is not None and (first, last) != (0, frame_count)
+        needed = size(point_count, frame_count)
+        if not (self._part and os.path.exists(path)):
+            free = shutil.disk_usage(os.path.dirname(path) or '.').free
+            if free < needed:
+                raise OSError(0, f"the cache takes {needed / 1e6:,.0f} MB and there are {free / 1e6:,.0f} MB left")
+        self._target = path if self._part else f"{path}.unfinished"
+        self._file = self._open_part() if self._part else open(self._target, 'wb')
+        if not self._part:
+            self._write_header()
+
+    def _open_part(self):
+        # Several processes may get here at once: none truncates what another has written.
+        file = os.fdopen(os.open(self._target, os.O_RDWR | os.O_CREAT | getattr(os, 'O_BINARY', 0), 0o666), 'r+b')
+        present = os.fstat(file.fileno()).st_size
+        if present not in {0, size(self._points, self._frames)}:
+            file.close()
+            raise NotACache(f"'{self._path}' is there and is a cache of another size: choose another file, or "
+                            "remove it.")
+        self._file = file
+        self._write_header()
+        file.truncate(size(self._points, self._frames))
+        file.seek(_HEADER.size + 12 * self._points * self._next)
+        return file
+
+    def _write_header(self):
+        self._file.write(_HEADER.pack(_MARK, 1, self._points, 1.0, 1.0, self._frames))
+
+    def write(self, positions):
+        """positions: (n, 3) float32 of the next frame."""
+        self._file.write(np.ascontiguousarray(positions, '<f4').tobytes())
+
+    def finish(self):
+        self._file.close()
+        if not self._part:
+            os.replace(self._target, self._path)
+
+    def give_up(self):
+        self._file.close()
+        if not self._part and os.path.exists(self._target):
+            os.remove(self._target)

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Frames kept where the add-on is not needed."""
+
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+from conftest import activate, bind, evaluated, make_strip, own, refusal, update
+
+FRAMES = range(1, 13)
+
+
+@pytest.fixture
+def strip():
+    """Bound, its handle keyed over the frames 1 to 12."""
+    ob = bind(make_strip())
+    target = ob.detail_deform.handles[0].target
+    for frame in FRAMES:
+        angle = 0.1 * (frame - 1)
+        target.location = (math.cos(angle), 0.5, math.sin(angle))
+        target.rotation_euler = (0, -angle, 0)
+        for path in ('location', 'rotation_euler'):
+            target.keyframe_insert(path, frame=frame)
+    bpy.context.scene.frame_start, bpy.context.scene.frame_end = FRAMES[0], FRAMES[-1]
+    bpy.context.scene.frame_set(1)
+    return ob
+
+
+def played(ob, frames=FRAMES):
+    """(frames, n, 3): what is shown in each."""
+    result = []
+    for frame in frames:
+        bpy.context.scene.frame_set(frame)
+        result.append(evaluated(ob))
+    return np.array(result)
+
+
+def test_a_cache_shows_what_was_live(strip, tmp_path):
+    live = played(strip)
+    assert np.abs(live[-1] - live[0]).max() > 0.5
+    bpy.context.scene.frame_set(7)
+    path = tmp_path / 'strip.pc2'
+    assert bpy.ops.object.detail_deform_bake(filepath=str(path)) == {'FINISHED'}
+    assert bpy.context.scene.frame_current == 7
+    assert [m.name for m in strip.modifiers] == ["Detail Deform", "Detail Deform Cache"]
+    assert [m.show_viewport for m in strip.modifiers] == [False, True]
+    assert "baked cache is played" in strip.detail_deform.status
+    assert os.listdir(tmp_path) == ['strip.pc2']
+    assert np.abs(played(strip) - live).max() < 1e-6
+
+    assert bpy.ops.object.detail_deform_bake_drop() == {'FINISHED'}
+    assert [m.name for m in strip.modifiers] == ["Detail Deform"]
+    assert np.abs(played(strip) - live).max() < 1e-6
+    bpy.ops.object.detail_deform_bake_use(filepath=str(path), frame_start=1)
+    assert np.abs(played(strip) - live).max() < 1e-6
+
+
+def test_nothing_is_computed_while_a_cache_plays(strip, tmp_path, part, monkeypatch):
+    bpy.ops.object.detail_deform_bake(filepath=str(tmp_path / 'strip.pc2'))
+    computed = []
+    monkeypatch.setattr(part('native').Deformer, 'offsets', lambda *_, **__: computed.append(1))
+    played(strip)
+    assert not computed
+
+
+def test_a_cache_holds_what_the_modifiers_before_do(strip, tmp_path):
+    wave = strip.modifiers.new("Wave", 'WAVE')
+    wave.height = 0.2
+    bpy.ops.object.modifier_move_to_index(modifier="Wave", index=0)
+    smooth = strip.modifiers.new("Subdivision", 'SUBSURF')
+    live = played(strip)
+    bpy.ops.object.detail_deform_bake(filepath=str(tmp_path / 'strip.pc2'))
+    assert [m.name for m in strip.modifiers] == ["Wave", "Detail Deform", "Detail Deform Cache", "Subdivision"]
+    assert smooth.show_viewport and np.abs(played(strip) - live).max() < 1e-5
+
+
+def test_a_baked_file_plays_with_factory_settings(strip, tmp_path):
+    """In a Blender that has never heard of the add-on."""
+    live = played(strip)
+    blend = str(tmp_path / 'shot.blend')
+    bpy.ops.wm.save_as_mainfile(filepath=blend)
+    bpy.ops.object.detail_deform_bake()
+    assert (tmp_path / 'shot_Strip.pc2').exists()  # beside the file unless another place is given
+    bpy.ops.wm.save_mainfile()
+    np.save(tmp_path / 'live.npy', live)
+    code = f"""
+import bpy, numpy as np
+bpy.ops.wm.read_factory_settings()
+bpy.ops.wm.open_mainfile(filepath={blend!r})
+live = np.load({str(tmp_path / 'live.npy')!r})
+assert not hasattr(bpy.types.Object, 'detail_deform')
+for frame, expected in zip({list(FRAMES)}, live):
+    bpy.context.scene.frame_set(frame)
+    mesh = bpy.data.objects['Strip'].evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    values = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get('co', values)
+    assert np.abs(values.reshape(-1, 3) - expected).max() < 1e-6, frame
+print('PLAYED')
+"""
+    assert 'PLAYED' in run_blender(tmp_path, code)
+
+
+def run_blender(folder, code, *more):
+    """Output of another Blender of the same kind that runs this code."""
+    script = Path(folder) / f'script{len(os.listdir(folder))}.py'
+    script.write_text(code, encoding='utf-8')
+    return subprocess.run(command(script, *more), capture_output=True, text=True, check=False).stdout
+
+
+def command(script, *more):
+    if bpy.app.binary_path:
+        return [bpy.app.binary_path, '--background', '--factory-startup', '--python', str(script), *more]
+    return [sys.executable, str(script), *more]
+
+
+def test_halves_by_two_processes_equal_the_whole(strip, tmp_path, module):
+    """As a render farm splits a shot."""
+    blend = str(tmp_path / 'shot.blend')
+    bpy.ops.wm.save_as_mainfile(filepath=blend)
+    whole, parts = tmp_path / 'whole.pc2', tmp_path / 'parts.pc2'
+    bpy.ops.object.detail_deform_bake(filepath=str(whole), use=False)
+    folder = Path(module.__file__).parents[1]
+    code = f"""
+import sys, bpy
+sys.path.insert(0, {str(folder)!r})
+import {module.__name__.rsplit('.', 1)[-1]} as add_on
+add_on.register()
+bpy.ops.wm.open_mainfile(filepath={blend!r})
+bpy.context.view_layer.objects.active = bpy.data.objects['Strip']
+bpy.ops.object.detail_deform_bake(frame_start=FIRST, frame_end=LAST, cache_start=1, cache_end=12,
+                                  filepath={str(parts)!r}, use=False)
+"""
+    processes = []
+    for number, (first, last) in enumerate(((1, 5), (6, 12))):
+        script = tmp_path / f'half{number}.py'
+        script.write_text(code.replace('FIRST', str(first)).replace('LAST', str(last)), encoding='utf-8')
+        processes.append(subprocess.Popen(command(script), stdout=subprocess.PIPE, stderr=subprocess.STDOUT))
+    outputs = [process.communicate()[0].decode() for process in processes]
+    assert parts.exists(), outputs
+    assert parts.read_bytes() == whole.read_bytes(), outputs
+    bpy.ops.object.detail_deform_bake_use(filepath=str(parts), frame_start=1)
+
+
+def test_shape_keys_play_what_was_live(strip):
+    live = played(strip)
+    strip.shape_key_add(name="Basis")
+    assert bpy.ops.object.detail_deform_bake(mode='SHAPE_KEYS', frame_start=3, frame_end=6) == {'FINISHED'}
+    keys = strip.data.shape_keys.key_blocks
+    assert [k.name for k in keys] == ["Basis", *(f"Detail Deform {frame}" for frame in range(3, 7))]
+    assert not strip.modifiers["Detail Deform"].show_viewport
+    assert np.abs(played(strip, range(3, 7)) - live[2:6]).max() < 1e-6
+
+
+def test_shape_keys_can_hold_nothing_that_comes_before_them(strip):
+    strip.modifiers.new("Wave", 'WAVE')
+    bpy.ops.object.modifier_move_to_index(modifier="Wave", index=0)
+    assert "'Wave' stands before" in refusal(bpy.ops.object.detail_deform_bake, mode='SHAPE_KEYS')
+    assert not strip.data.shape_keys
+
+
+def test_alembic(strip, tmp_path):
+    live = played(strip)
+    path = tmp_path / 'strip.abc'
+    if not bpy.app.build_options.alembic:  # Debian's
+        assert "without Alembic" in refusal(bpy.ops.object.detail_deform_bake, mode='ALEMBIC', filepath=str(path))
+        return
+    assert bpy.ops.object.detail_deform_bake(mode='ALEMBIC', filepath=str(path)) == {'FINISHED'}
+    bpy.ops.wm.alembic_import(filepath=str(path), as_background_job=False)
+    imported = next(ob for ob in bpy.data.objects if ob.type == 'MESH' and ob != strip)
+    assert np.abs(played(imported) - live).max() < 1e-5
+
+
+def test_slow_results_are_baked_too(strip, tmp_path):
+    strip.detail_deform.steps = 3
+    live = played(strip)
+    bpy.ops.object.detail_deform_bake(filepath=str(tmp_path / 'strip.pc2'))
+    assert np.abs(played(strip) - live).max() < 1e-6
+
+
+def test_sentences(strip, tmp_path):
+    bake = bpy.ops.object.detail_deform_bake
+    assert "never saved" in refusal(bake, filepath='//strip.pc2')
+    assert "can't be written" in refusal(bake, filepath=str(tmp_path / 'no folder' / 'strip.pc2'))
+    assert "before the first" in refusal(bake, filepath=str(tmp_path / 'a.pc2'), frame_start=5, frame_end=4)
+    assert "not within" in refusal(bake, filepath=str(tmp_path / 'a.pc2'), cache_start=2, cache_end=20)
+    odd = tmp_path / 'odd.pc2'
+    odd.write_bytes(b'something else')
+    assert "another size" in refusal(bake, filepath=str(odd), cache_start=1, cache_end=20)
+    use = bpy.ops.object.detail_deform_bake_use
+    assert "not a point cache" in refusal(use, filepath=str(odd))
+    assert "can't be read" in refusal(use, filepath=str(tmp_path / 'nowhere.pc2'))
+    odd.write_bytes(b'POINTCACHE2\0' + b'\1\0\0\0' * 5)
+    assert "not complete" in refusal(use, filepath=str(odd))
+    assert [m.name for m in strip.modifiers] == ["Detail Deform"]
+    strip.data.vertices[0].co.z += 1
+    strip.data.update_tag()
+    update()
+    assert "were moved since Bind" in refusal(bake, filepath=str(tmp_path / 'a.pc2'))
+    assert os.listdir(tmp_path) == ['odd.pc2']
+
+
+def test_what_goes_wrong_in_a_frame_names_it_and_leaves_the_old_cache(strip, tmp_path):
+    path = tmp_path / 'strip.pc2'
+    bpy.ops.object.detail_deform_bake(filepath=str(path), use=False)
+    before = path.read_bytes()
+    target = strip.detail_deform.handles[0].target
+    target.scale = (1, 1, 1)
+    target.keyframe_insert('scale', frame=4)
+    target.scale = (1e30, 1e30, 1e30)
+    target.keyframe_insert('scale', frame=5)
+    sentence = refusal(bpy.ops.object.detail_deform_bake, filepath=str(path), use=False)
+    assert "Frame 5" in sentence and "too large" in sentence
+    assert path.read_bytes() == before and os.listdir(tmp_path) == ['strip.pc2']
+    assert strip.modifiers["Detail Deform"].show_viewport
