@@ -10,10 +10,10 @@ SHAPE_KEY_NAME = 'Detail Deform'
 
 def apply(ob, mode):
     """mode: 'MESH' moves the vertices (of every shape key too, so that keys keep their effect);
-    'SHAPE_KEY' adds a key. As far as the modifier's Factor shows the deformation."""
+    'SHAPE_KEY' adds a key. As far as the modifier's Factor and Influence show the deformation."""
     mesh = ob.data
     modifier = node_group.find_modifier(ob)
-    offsets = mesh_data.read_offsets(mesh) * (node_group.factor(modifier) if modifier else 1.0)
+    offsets = mesh_data.read_offsets(mesh) * (node_group.amount(ob, modifier) if modifier else 1.0)
     if mode == 'SHAPE_KEY':
         _add_key(ob, offsets)
         return

@@ -194,7 +194,7 @@ def to_shape_keys(context, ob, start, end):
     keys = []
 
     def take(frame):
-        offsets = mesh_data.read_offsets(ob.data) * node_group.factor(modifier)
+        offsets = mesh_data.read_offsets(ob.data) * node_group.amount(ob, modifier)
         keys.append((frame, offsets))
 
     with _ShownUpTo(ob, modifier):

@@ -265,10 +265,17 @@ def bind(ob, depsgraph, wait, keep_rest):
     _start(ob, signature, roles)
     settings.signature = signature
     node_group.ensure_modifier(ob)
+    influence_changed(ob)
     targets_changed(ob)
     if wait or deformers.find(signature):
         _finish(signature)
         _bind_finished(ob, depsgraph)
+
+
+def influence_changed(ob):
+    modifier = node_group.find_modifier(ob)
+    if modifier:
+        node_group.set_influence(modifier, ob.detail_deform.influence, ob.detail_deform.invert_influence)
 
 
 def targets_changed(ob):

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Geometry Nodes modifier that shows the result: position + Factor × offset attribute."""
+"""The Geometry Nodes modifier that shows the result: position + Factor × Influence × offset attribute."""
 
 import bpy
+import numpy as np
 
 from . import mesh_data
 
@@ -14,7 +15,7 @@ def _new_interface(group):
     """Sockets of the group; returns that of Factor. Nothing uses Base: a modifier that has an object
     there needs that object's geometry, so Blender evaluates it even where it is hidden."""
     inputs = (('Geometry', 'NodeSocketGeometry'), ('Factor', 'NodeSocketFloat'),
-              ('Base', 'NodeSocketObject'))
+              ('Influence', 'NodeSocketString'), ('Invert', 'NodeSocketBool'), ('Base', 'NodeSocketObject'))
     if hasattr(group, 'interface'):  # 4.0 on
         made = {name: group.interface.new_socket(name, in_out='INPUT', socket_type=kind)
                 for name, kind in inputs}
@@ -22,6 +23,8 @@ def _new_interface(group):
     else:
         made = {name: group.inputs.new(kind, name) for name, kind in inputs}
         group.outputs.new('NodeSocketGeometry', 'Geometry')
+    made['Influence'].description = "Vertex group by whose weights the deformation is shown; all of it when empty"
+    made['Invert'].description = "Show the deformation where the group's weights are low"
     made['Base'].description = "The base object, if there is one: set by Bind"
     return made['Factor']
 
@@ -40,17 +43,42 @@ def _make_group():
         made.location = (x, y)
         return made
 
-    source, target = node('NodeGroupInput', -600, 0), node('NodeGroupOutput', 200, 0)
-    attribute = node('GeometryNodeInputNamedAttribute', -600, -200)
-    attribute.data_type = 'FLOAT_VECTOR'
-    attribute.inputs['Name'].default_value = mesh_data.OFFSET_ATTRIBUTE
+    source, target = node('NodeGroupInput', -1800, 0), node('NodeGroupOutput', 200, 0)
+    link = group.links.new
+
+    def attribute(kind, x, y):
+        made = node('GeometryNodeInputNamedAttribute', x, y)
+        made.data_type = kind
+        value = 'VECTOR' if kind == 'FLOAT_VECTOR' else 'VALUE'
+        return made, next(s for s in made.outputs if s.name == 'Attribute' and s.type == value)
+
+    def math(operation, x, *values):
+        made = node('ShaderNodeMath', x, -400)
+        made.operation = operation
+        for socket, value in zip(made.inputs, values):
+            if isinstance(value, float):
+                socket.default_value = value
+            else:
+                link(value, socket)
+        return made.outputs[0]
+
+    offset, vector = attribute('FLOAT_VECTOR', -600, -200)
+    offset.inputs['Name'].default_value = mesh_data.OFFSET_ATTRIBUTE
+    weights, weight = attribute('FLOAT', -1600, -400)
+    link(source.outputs['Influence'], weights.inputs['Name'])
+    # Inverted: 1 - weight. Without a group's name: 1.
+    invert = source.outputs['Invert']
+    shown = math('MULTIPLY_ADD', -1200, math('MULTIPLY_ADD', -1400, invert, -2.0, 1.0), weight, invert)
+    length = node('FunctionNodeStringLength', -1600, -600)
+    link(source.outputs['Influence'], length.inputs[0])
+    named = math('MINIMUM', -1200, length.outputs[0], 1.0)
+    shown = math('MULTIPLY_ADD', -800, named, math('SUBTRACT', -1000, shown, 1.0), 1.0)
+    amount = math('MULTIPLY', -600, shown, source.outputs['Factor'])
     scale = node('ShaderNodeVectorMath', -300, -150)
     scale.operation = 'SCALE'
     move = node('GeometryNodeSetPosition', 0, 0)
-    vector = next(s for s in attribute.outputs if s.name == 'Attribute' and s.type == 'VECTOR')
-    link = group.links.new
     link(vector, scale.inputs[0])
-    link(source.outputs['Factor'], scale.inputs['Scale'])
+    link(amount, scale.inputs['Scale'])
     link(source.outputs['Geometry'], move.inputs['Geometry'])
     link(scale.outputs[0], move.inputs['Offset'])
     link(move.outputs['Geometry'], target.inputs['Geometry'])
@@ -111,25 +139,61 @@ def _socket(group, name):
     return next(s for s in sockets if s.name == name and getattr(s, 'in_out', 'INPUT') == 'INPUT')
 
 
+def _inputs(modifier):
+    """The modifier's input values by identifier, from 5.2 on; None before."""
+    return getattr(getattr(modifier, 'properties', None), 'inputs', None)
+
+
+def _get(modifier, name):
+    socket = _socket(modifier.node_group, name)
+    inputs = _inputs(modifier)
+    if inputs is not None:
+        return getattr(inputs, socket.identifier).value
+    return modifier.get(socket.identifier, socket.default_value)
+
+
+def _set(modifier, name, value):
+    identifier = _socket(modifier.node_group, name).identifier
+    inputs = _inputs(modifier)
+    if inputs is not None:
+        getattr(inputs, identifier).value = value
+    elif value is None:
+        if identifier in modifier:
+            del modifier[identifier]
+    else:
+        modifier[identifier] = value
+    # Setting the value alone tells Blender neither to evaluate nor what the object now depends on.
+    modifier.node_group = modifier.node_group
+
+
+def factor_property(modifier):
+    """The modifier's Factor as layout.prop() takes it."""
+    identifier = _socket(modifier.node_group, 'Factor').identifier
+    inputs = _inputs(modifier)
+    return (getattr(inputs, identifier), 'value') if inputs is not None else (modifier, f'["{identifier}"]')
+
+
 def factor(modifier):
     """The modifier's Factor; 1 when it is driven by an attribute."""
-    socket = _socket(modifier.node_group, 'Factor')
-    inputs = getattr(getattr(modifier, 'properties', None), 'inputs', None)
-    if inputs is not None:  # 5.2 on
-        return float(getattr(inputs, socket.identifier).value)
-    return float(modifier.get(socket.identifier, socket.default_value))
+    return float(_get(modifier, 'Factor'))
+
+
+def amount(ob, modifier):
+    """How much of the offsets is shown: a number, or (n, 1) of each vertex."""
+    name, invert = _get(modifier, 'Influence'), bool(_get(modifier, 'Invert'))
+    if not name:
+        return factor(modifier)
+    weights = np.zeros(len(ob.data.vertices), np.float32)
+    if name in ob.vertex_groups:
+        weights = mesh_data.group_weights(ob, [name])[0]
+    return factor(modifier) * (1 - weights if invert else weights)[:, None]
+
+
+def set_influence(modifier, group_name, invert):
+    _set(modifier, 'Influence', group_name)
+    _set(modifier, 'Invert', invert)
 
 
 def set_base(modifier, base):
     """Makes the modifier need this object's geometry, or none."""
-    identifier = _socket(modifier.node_group, 'Base').identifier
-    inputs = getattr(getattr(modifier, 'properties', None), 'inputs', None)
-    if inputs is not None:  # 5.2 on
-        getattr(inputs, identifier).value = base
-    elif base is None:
-        if identifier in modifier:
-            del modifier[identifier]
-    else:
-        modifier[identifier] = base
-    # Setting the value alone doesn't tell Blender that the object now depends on another one.
-    modifier.node_group = modifier.node_group
+    _set(modifier, 'Base', base)

@@ -71,6 +71,12 @@ class OBJECT_PT_detail_deform(_ModifierPanel, bpy.types.Panel):
             column.prop(settings, 'volume_tolerance')
             column.prop(settings, 'volume_iterations')
         column.prop(settings, 'output')
+        modifier = node_group.find_modifier(ob)
+        if modifier:
+            column.prop(*node_group.factor_property(modifier), text="Factor", slider=True)
+        row = column.row(align=True)
+        row.prop_search(settings, 'influence', ob, 'vertex_groups')
+        row.prop(settings, 'invert_influence', text="", icon='ARROW_LEFTRIGHT')
 
         layout.separator()
         row = layout.row(align=True)

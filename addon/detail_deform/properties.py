@@ -21,6 +21,10 @@ def _base_changed(self, context):
     binding.targets_changed(self.id_data)
 
 
+def _influence_changed(self, context):
+    binding.influence_changed(self.id_data)
+
+
 def _look_changed(self, context):
     binding.refresh(self.id_data, context.evaluated_depsgraph_get())
 
@@ -124,6 +128,12 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     preview: BoolProperty(
         name="Show Vertices",
         description="Colour the vertices of the region and of the handles in the viewport, outside Edit Mode")
+    influence: StringProperty(
+        name="Influence", update=_influence_changed,
+        description="Vertex group by whose weights the result is shown, as with other modifiers: a soft border, or a part that stays. All of it when empty. Needs no new Bind")
+    invert_influence: BoolProperty(
+        name="Invert", update=_influence_changed,
+        description="Show the result where the weights of the influence group are low")
     live: BoolProperty(
         name="Live", default=True,
         description="Follow every move of the handles. Off: only when Update is pressed")

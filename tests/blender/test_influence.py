@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How much of the result is shown, and where."""
+
+import bpy
+import numpy as np
+import pytest
+
+from conftest import activate, bind, evaluated, make_strip, own, update
+
+
+@pytest.fixture
+def lifted():
+    """Bound and lifted, with a group "soft" whose weights fall from 1 to 0 across the strip."""
+    ob = bind(make_strip())
+    group = ob.vertex_groups.new(name='soft')
+    for vertex, y in enumerate(own(ob)[:, 1]):
+        group.add([vertex], float(y), 'REPLACE')
+    ob.detail_deform.handles[0].target.location.z += 0.4
+    update()
+    return ob
+
+
+def shown(ob):
+    update()
+    return evaluated(ob) - own(ob)
+
+
+def test_a_vertex_group_says_where(lifted):
+    whole, y = shown(lifted), own(lifted)[:, 1:2]
+    assert np.abs(whole).max() > 0.3
+    lifted.detail_deform.influence = 'soft'
+    assert np.abs(shown(lifted) - y * whole).max() < 1e-6
+    lifted.detail_deform.invert_influence = True
+    assert np.abs(shown(lifted) - (1 - y) * whole).max() < 1e-6
+    # The weights are read live: no new bind.
+    lifted.vertex_groups['soft'].add(range(len(y)), 0.25, 'REPLACE')
+    assert np.abs(shown(lifted) - 0.75 * whole).max() < 1e-6
+    lifted.detail_deform.influence = ''
+    assert np.abs(shown(lifted) - whole).max() < 1e-6 and lifted.detail_deform.is_bound
+
+
+def test_it_is_there_before_the_modifier_is(part):
+    ob = make_strip()
+    ob.detail_deform.influence = 'right'
+    bind(ob)
+    ob.detail_deform.handles[0].target.location.z += 0.4
+    moved = np.linalg.norm(shown(ob), axis=1)
+    assert (moved > 0.39).sum() == 75 and (moved == 0).sum() == len(moved) - 75
+
+
+def test_a_group_that_is_gone_shows_nothing(lifted):
+    lifted.detail_deform.influence = 'soft'
+    lifted.vertex_groups.remove(lifted.vertex_groups['soft'])
+    assert np.abs(shown(lifted)).max() == 0
+
+
+@pytest.mark.parametrize('mode', ['MESH', 'SHAPE_KEY'])
+def test_apply_takes_what_is_shown(lifted, mode):
+    lifted.detail_deform.influence, lifted.detail_deform.invert_influence = 'soft', True
+    before = evaluated_now(lifted)
+    activate(lifted)
+    bpy.ops.object.detail_deform_apply(mode=mode)
+    assert np.abs(evaluated_now(lifted) - before).max() < 1e-6
+
+
+def evaluated_now(ob):
+    update()
+    return evaluated(ob)
+
+
+def test_baked_shape_keys_hold_what_is_shown(lifted):
+    lifted.detail_deform.influence = 'soft'
+    before = evaluated_now(lifted)
+    bpy.ops.object.detail_deform_bake(mode='SHAPE_KEYS', frame_start=1, frame_end=1)
+    assert np.abs(evaluated_now(lifted) - before).max() < 1e-6
