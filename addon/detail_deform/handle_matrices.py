@@ -42,12 +42,34 @@ def local_places(ob, depsgraph):
     handles = enabled_handles(ob.detail_deform)
     places = np.empty((len(handles), 4, 4), np.float32)
     for number, handle in enumerate(handles):
+        if handle.mirrors:
+            continue
         if handle.target is None:
             raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
                               "an empty to move it with.")
         places[number] = to_local @ evaluated_world(handle.target, depsgraph,
                                                      f"Handle '{handle.name}': empty")
+    for number, source in mirrored(handles):
+        flip = reflection(handles[number])
+        places[number] = flip @ places[source] @ flip
     return places
+
+
+def mirrored(handles):
+    """(number, number of the one it mirrors) of the handles that mirror another one's motion."""
+    for number, handle in enumerate(handles):
+        if not handle.mirrors:
+            continue
+        source = next((k for k, h in enumerate(handles) if h.name == handle.mirrors and not h.mirrors), None)
+        if source is None:
+            raise MeshProblem(f"Handle '{handle.name}' mirrors '{handle.mirrors}', which is not there, is not "
+                              "enabled or mirrors another one: choose one with an empty.")
+        yield number, source
+
+
+def reflection(handle):
+    """(4, 4): across the object's plane that the handle names."""
+    return np.diag([*(-1.0 if letter == handle.mirror_axis else 1.0 for letter in 'XYZ'), 1.0])
 
 
 def motions(settings, places):
@@ -80,7 +102,8 @@ def store_rest(settings, places, only_new):
     for handle, place in zip(enabled_handles(settings), places):
         if not (only_new and has_rest(handle)):
             handle.rest_matrix = place.ravel().tolist()
-            handle.rest_euler = handle.target.rotation_euler
+            if not handle.mirrors:
+                handle.rest_euler = handle.target.rotation_euler
 
 
 def turns(settings, places, depsgraph):
@@ -88,7 +111,10 @@ def turns(settings, places, depsgraph):
     the empties' Euler rotations tell; zero where there is no such. A matrix alone can't tell whole
     turns apart."""
     result = np.zeros((len(places), 3))
-    for number, handle in enumerate(enabled_handles(settings)):
+    handles = enabled_handles(settings)
+    for number, handle in enumerate(handles):
+        if handle.mirrors:
+            continue
         target = handle.target.evaluated_get(depsgraph)
         if target.rotation_mode in {'QUATERNION', 'AXIS_ANGLE'}:
             continue
@@ -107,4 +133,6 @@ def turns(settings, places, depsgraph):
             continue  # without size there is nothing to turn
         axis = places[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis) @ axis
         result[number] = change[channel] * axis / np.linalg.norm(axis)
+    for number, source in mirrored(handles):
+        result[number] = -reflection(handles[number])[:3, :3] @ result[source]  # as axes of rotation do
     return result

@@ -182,13 +182,31 @@ def _mirror_image(ob, chosen, axis):
     return image, missing
 
 
-def mirror(context, ob, handle, axis):
-    """Adds the mirror image of a handle across the object's own plane; axis: 0, 1 or 2.
+def _mirrored_empty(context, ob, handle, axis, name):
+    source = handle.target
+    depsgraph = context.evaluated_depsgraph_get()
+    # While it is posed, the rest place: that is where its mirror image has its own.
+    local = (np.array(handle.rest_matrix).reshape(4, 4) if handle_matrices.has_rest(handle) else
+             handle_matrices.world_to_local(ob, depsgraph)
+             @ handle_matrices.evaluated_world(source, depsgraph, f"Handle '{handle.name}': empty"))
+    flip = np.diag([-1.0 if k == axis else 1.0 for k in range(3)] + [1.0])
+    place = ob.matrix_world @ Matrix((flip @ local @ flip).tolist())
+    parent = source.parent if source.parent_type == 'OBJECT' else None
+    empty = _make_empty(context, ob, name, place, source.empty_display_size, parent)
+    empty.empty_display_type = source.empty_display_type
+    return empty
+
+
+def mirror(context, ob, handle, axis, symmetric):
+    """Adds the mirror image of a handle across the object's own plane; axis: 0, 1 or 2. symmetric: it gets
+    no empty but mirrors the other's motion.
 
     Returns a sentence about vertices that have no counterpart, or ''."""
     name, letter = handle.name, 'XYZ'[axis]
     if handle.vertex_group not in ob.vertex_groups or handle.target is None:
         raise MeshProblem(f"Handle '{name}' has no vertex group or no empty, so there is nothing to mirror.")
+    if handle.mirrors:
+        raise MeshProblem(f"Handle '{name}' mirrors another one itself: mirror that one.")
     if ob.mode == 'EDIT':
         ob.update_from_editmode()
     chosen = members(ob, handle.vertex_group)
@@ -198,21 +216,13 @@ def mirror(context, ob, handle, axis):
                           "the mesh is not symmetric there, or not about its origin.")
     if (image & chosen).sum() > 0.5 * chosen.sum():
         raise MeshProblem(f"Handle '{name}' lies across the object's {letter} axis: its mirror image is itself.")
-    depsgraph = context.evaluated_depsgraph_get()
-    to_local = handle_matrices.world_to_local(ob, depsgraph)
-    # While it is posed, the rest place: that is where its mirror image has its own.
-    local = (np.array(handle.rest_matrix).reshape(4, 4) if handle_matrices.has_rest(handle) else
-             to_local @ handle_matrices.evaluated_world(handle.target, depsgraph, f"Handle '{name}': empty"))
-    flip = np.diag([-1.0 if k == axis else 1.0 for k in range(3)] + [1.0])
-    place = ob.matrix_world @ Matrix((flip @ local @ flip).tolist())
-
     flipped = bpy.utils.flip_name(name)
     group_name = selection.new_group(ob, flipped if flipped != name else f"{name} Mirrored", image).name
-    source = handle.target
-    parent = source.parent if source.parent_type == 'OBJECT' else None
-    empty = _make_empty(context, ob, group_name, place, source.empty_display_size, parent)
-    empty.empty_display_type = source.empty_display_type
-    _append(ob, group_name, empty).own_group = group_name
+    empty = None if symmetric else _mirrored_empty(context, ob, handle, axis, group_name)
+    made = _append(ob, group_name, empty)
+    made.own_group = group_name
+    if symmetric:
+        made.mirrors, made.mirror_axis = name, letter
     if not missing:
         return ""
     return (f"{len(missing):,} of {chosen.sum():,} vertices of '{name}' (such as vertex {missing[0]}) have no "

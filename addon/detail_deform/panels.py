@@ -157,7 +157,13 @@ class OBJECT_PT_detail_deform_handles(_ModifierPanel, bpy.types.Panel):
                 row.operator('object.detail_deform_handle_select', text="Select")
             column = layout.column()
             column.prop_search(handle, 'vertex_group', ob, 'vertex_groups')
-            column.prop(handle, 'target')
+            target = column.column()
+            target.active = not handle.mirrors
+            target.prop(handle, 'target')
+            row = column.row(align=True)
+            row.prop_search(handle, 'mirrors', settings, 'handles')
+            if handle.mirrors:
+                row.prop(handle, 'mirror_axis', text="")
         layout.prop(settings, 'preview')
 
 

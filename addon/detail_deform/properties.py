@@ -38,6 +38,14 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
         name="Empty", type=bpy.types.Object, poll=lambda self, ob: ob.type == 'EMPTY',
         update=_target_changed,
         description="Empty that moves, turns and scales these vertices; it may be animated, parented or constrained")
+    mirrors: StringProperty(
+        name="Mirrors", update=_target_changed,
+        description="Handle whose motion this one mirrors, in place of an empty of its own: for symmetric editing")
+    mirror_axis: EnumProperty(
+        name="Axis", update=_target_changed,
+        items=[(letter, letter, f"Across the plane through the object's origin at right angles to its {letter} axis")
+               for letter in 'XYZ'],
+        description="Axis of the object across which the motion is mirrored")
     enabled: BoolProperty(
         name="Enabled", default=True, update=_input_changed,
         description="Let this handle hold and move its vertices. Without it they follow the others like the rest of the region. Takes effect at the next Bind")

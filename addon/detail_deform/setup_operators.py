@@ -98,9 +98,11 @@ class OBJECT_OT_detail_deform_handle_mirror(_HandleOperator, bpy.types.Operator)
     axis: EnumProperty(
         name="Axis", items=[(letter, letter, f"Across the plane through the object's origin at right angles to its {letter} axis")
                             for letter in 'XYZ'])
+    symmetric: BoolProperty(
+        name="Symmetric", description="Give it no empty of its own: it mirrors every motion of this one")
 
     def run(self, context, ob):
-        remark = handle_setup.mirror(context, ob, self.handle(ob), 'XYZ'.index(self.axis))
+        remark = handle_setup.mirror(context, ob, self.handle(ob), 'XYZ'.index(self.axis), self.symmetric)
         if remark:
             self.report({'WARNING'}, remark)
 

@@ -341,3 +341,39 @@ def test_pull_that_fails_takes_back_what_it_began():
     assert "larger weight in another handle" in refusal(bpy.ops.object.detail_deform_pull)
     assert ob.mode == 'EDIT' and len(ob.detail_deform.handles) == 1 and len(ob.vertex_groups) == 2
     assert data_blocks() == before
+
+
+def test_a_symmetric_handle_mirrors_every_motion():
+    ob = symmetric()
+    p = own(ob)
+    add_from(ob, (p[:, 0] > 0.4) & (p[:, 1] > 0.2)).name = "ear.L"
+    add_from(ob, p[:, 1] < -0.4)
+    assert bpy.ops.object.detail_deform_handle_mirror(index=0, axis='X', symmetric=True) == {'FINISHED'}
+    follower = ob.detail_deform.handles[-1]
+    assert (follower.name, follower.mirrors, follower.target) == ("ear.R", "ear.L", None)
+    bind(ob)
+    target = ob.detail_deform.handles[0].target
+    target.location += Vector((0.1, 0.05, 0.3))
+    target.rotation_euler.y += 0.5
+    update()
+    moved = evaluated(ob)
+    order = {tuple(np.round(point, 4)): number for number, point in enumerate(p[:, :2])}
+    image = [order[tuple(np.round((-x, y), 4) + 0.0)] for x, y in p[:, :2]]
+    assert np.abs(moved - p).max() > 0.2
+    assert np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-4
+
+    # Whole turns too, in steps.
+    ob.detail_deform.steps = 4
+    target.rotation_euler.y += 2 * np.pi
+    update()
+    bpy.ops.object.detail_deform_update()
+    wound = evaluated(ob)
+    assert np.abs(wound - moved).max() > 0.1
+    assert np.abs(wound[image] * (-1, 1, 1) - wound).max() < 1e-3
+
+    follower.mirrors = "nobody"
+    update()
+    assert "mirrors 'nobody', which is not there" in ob.detail_deform.status
+    follower.mirrors = "ear.L"
+    bpy.ops.object.detail_deform_update()
+    assert ob.detail_deform.is_bound
