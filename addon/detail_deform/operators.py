@@ -7,6 +7,7 @@ from bpy.props import BoolProperty, EnumProperty
 from . import (apply_result, bake, binding, handle_setup, mesh_data, node_group, region_setup, slow_results,
                status)
 from .operator_base import MeshOperator
+from .properties import COPIED_SETTINGS
 
 
 class OBJECT_OT_detail_deform_add(MeshOperator, bpy.types.Operator):
@@ -141,10 +142,26 @@ class OBJECT_OT_detail_deform_base_make(MeshOperator, bpy.types.Operator):
         binding.make_base_object(ob)
 
 
+class OBJECT_OT_detail_deform_copy_settings(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_copy_settings'
+    bl_label = "Copy Settings to Selected"
+    bl_description = ("Give the other selected meshes the method and all other settings of this one. Their handles, "
+                      "regions and base objects stay")
+
+    def run(self, context, ob):
+        others = [other for other in context.selected_objects if other.type == 'MESH' and other != ob]
+        if not others:
+            raise mesh_data.MeshProblem(f"No other mesh is selected: select those to get the settings of '{ob.name}'.")
+        for other in others:
+            for name in COPIED_SETTINGS:
+                setattr(other.detail_deform, name, getattr(ob.detail_deform, name))
+
+
 CLASSES = (OBJECT_OT_detail_deform_add, OBJECT_OT_detail_deform_remove,
            OBJECT_OT_detail_deform_bind, OBJECT_OT_detail_deform_bind_cancel,
            OBJECT_OT_detail_deform_unbind, OBJECT_OT_detail_deform_update,
-           OBJECT_OT_detail_deform_apply, OBJECT_OT_detail_deform_base_make)
+           OBJECT_OT_detail_deform_apply, OBJECT_OT_detail_deform_base_make,
+           OBJECT_OT_detail_deform_copy_settings)
 
 
 def register():

@@ -196,6 +196,7 @@ class OBJECT_PT_detail_deform_advanced(_ModifierPanel, bpy.types.Panel):
         _setting(layout, context, settings, 'steps', look.why_not_in_steps(settings))
         _setting(layout, context, settings, 'formulation',
                  "" if settings.method == 'TRANSFER' else "Only Detail Transfer has formulations.")
+        layout.operator('object.detail_deform_copy_settings', icon='COPYDOWN')
 
 
 def _draw_pull_entry(self, context):

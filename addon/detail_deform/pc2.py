@@ -57,16 +57,16 @@ class Writer:
             self._write_header()
 
     def _open_part(self):
-        # Several processes may get here at once: none truncates what another has written.
+        # Several processes may get here at once: the file has no size or its full size at any moment.
         file = os.fdopen(os.open(self._target, os.O_RDWR | os.O_CREAT | getattr(os, 'O_BINARY', 0), 0o666), 'r+b')
         present = os.fstat(file.fileno()).st_size
         if present not in {0, size(self._points, self._frames)}:
             file.close()
             raise NotACache(f"'{self._path}' is there and is a cache of another size: choose another file, or "
                             "remove it.")
+        file.truncate(size(self._points, self._frames))
         self._file = file
         self._write_header()
-        file.truncate(size(self._points, self._frames))
         file.seek(_HEADER.size + 12 * self._points * self._next)
         return file
 

@@ -169,6 +169,11 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         description="Its driver keeps the empties evaluated where they are hidden; the value is of no use")
 
 
+# What one object's settings and another's may have in common.
+COPIED_SETTINGS = ('method', 'rotation_only', 'refine', 'formulation', 'levels', 'volume_tolerance',
+                   'volume_iterations', 'steps', 'output', 'smoothness', 'base_metric', 'metric_smoothing',
+                   'base_deformer', 'preview', 'live')
+
 CLASSES = (DetailDeformHandle, DetailDeformSettings)
 
 

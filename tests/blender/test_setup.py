@@ -377,3 +377,19 @@ def test_a_symmetric_handle_mirrors_every_motion():
     follower.mirrors = "ear.L"
     bpy.ops.object.detail_deform_update()
     assert ob.detail_deform.is_bound
+
+
+def test_settings_are_copied_to_the_selected():
+    ob, other = make_strip(), make_strip(name="Other")
+    bind(other)
+    values = {'method': 'GRADIENT', 'rotation_only': False, 'refine': 7, 'smoothness': 3, 'levels': 2,
+              'volume_tolerance': 0.5, 'steps': 2, 'metric_smoothing': 1.5, 'base_metric': 'BASE'}
+    for name, value in values.items():
+        setattr(ob.detail_deform, name, value)
+    activate(ob)
+    assert "No other mesh is selected" in refusal(bpy.ops.object.detail_deform_copy_settings)
+    other.select_set(True)
+    assert bpy.ops.object.detail_deform_copy_settings() == {'FINISHED'}
+    assert {name: getattr(other.detail_deform, name) for name in values} == values
+    assert other.detail_deform.region == 'region' and len(other.detail_deform.handles) == 1
+    assert "need a new Bind" in other.detail_deform.stale
