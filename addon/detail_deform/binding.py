@@ -57,7 +57,11 @@ def check_content(ob):
     if ob.type != 'MESH' or not settings.signature or ob.mode == 'EDIT':
         return
     stale = _difference(ob)
-    if settings.stale != stale:
+    if stale and node_group.find_modifier(ob) is None:
+        unbind(ob)
+        settings.problem = ("The modifier was applied by hand, or removed and the mesh edited, so the surface is no "
+                            "longer bound: Bind to go on from here.")
+    elif settings.stale != stale:
         settings.stale = stale
 
 
