@@ -65,6 +65,12 @@ blender_suite() {
     return $status
 }
 
+# in_window SCRIPT: drives Debian's Blender on a screen of its own; the screenshots are kept.
+in_window() {
+    timeout 600 xvfb-run -a -s "-screen 0 1280x800x24" blender --factory-startup \
+        --window-geometry 0 0 1280 800 --python "$1" -- build/gui
+}
+
 prepare_build || { failures+=("getting what the build needs"); failed=1; finish; }
 dd_need_packages ccache python3-numpy python3-pytest || true
 python=python3
@@ -94,6 +100,11 @@ fi
 if prepare_blender && dd_need_packages python3-pytest; then
     step "add-on in $(blender --version | head -n 1)" \
         blender_suite blender --background --factory-startup --python tests/blender/run.py --
+    if dd_need_packages xvfb xauth xdotool imagemagick; then
+        step "add-on in its window" in_window tests/blender/gui/window.py
+    else
+        skip "the window: Xvfb, xdotool or ImageMagick could not be had"
+    fi
     step "the paper's figures" blender --background --factory-startup --python-exit-code 1 \
         --python tests/figures/make_figures.py -- --check
 else

@@ -85,7 +85,7 @@ class OBJECT_PT_detail_deform(_ModifierPanel, bpy.types.Panel):
             row.operator('object.detail_deform_bake_drop', icon='PLAY')
         else:
             row.operator('object.detail_deform_bake', text="Bake", icon='REC')
-        row.operator('object.detail_deform_remove', text="Remove", icon='X')
+        row.operator('object.detail_deform_remove', text="", icon='X')
 
     def draw_state(self, context, layout, settings):
         wrong = settings.stale or settings.problem

@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The add-on in Blender's own window, driven by real key and mouse events.
+
+    xvfb-run -a -s "-screen 0 1280x800x24" blender --factory-startup --window-geometry 0 0 1280 800 \
+        --python tests/blender/gui/window.py -- build/gui
+
+Writes a screenshot of each state into the folder and one line a check; ends with 1 if one failed.
+Needs xdotool and ImageMagick's import.
+"""
+
+import os
+import subprocess
+import sys
+import traceback
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[3]
+OUT = Path(sys.argv[sys.argv.index('--') + 1]).resolve()
+failures = []
+
+
+def check(what, holds):
+    print(('ok    ' if holds else 'FAILED ') + what, flush=True)
+    if not holds:
+        failures.append(what)
+
+
+def xdotool(*words):
+    subprocess.run(['xdotool', *map(str, words)], check=True)
+
+
+def screenshot(name):
+    subprocess.run(['import', '-window', 'root', str(OUT / f'{name}.png')], check=True)
+
+
+def surface():
+    """The mesh with the handle, and its empty. Python references don't outlive undo and loading."""
+    ob = next(o for o in bpy.data.objects if o.type == 'MESH' and o.detail_deform.handles)
+    return ob, ob.detail_deform.handles[0].target
+
+
+def offsets():
+    ob, _ = surface()
+    mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    values, rest = np.empty(3 * len(mesh.vertices), np.float32), np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get('co', values)
+    ob.data.vertices.foreach_get('co', rest)
+    return (values - rest).reshape(-1, 3).astype(float)
+
+
+def held():
+    """(n,) bool: the handle's vertices."""
+    ob, _ = surface()
+    index = ob.vertex_groups[ob.detail_deform.handles[0].vertex_group].index
+    return np.array([any(g.group == index and g.weight > 0.5 for g in v.groups) for v in ob.data.vertices])
+
+
+def area(kind):
+    return next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == kind)
+
+
+def point_at(kind):
+    where = area(kind)
+    window = bpy.context.window_manager.windows[0]
+    xdotool('mousemove', where.x + where.width // 2, window.height - where.y - where.height // 2)
+
+
+def in_view():
+    window, view = bpy.context.window_manager.windows[0], area('VIEW_3D')
+    return bpy.context.temp_override(window=window, area=view,
+                                     region=next(r for r in view.regions if r.type == 'WINDOW'))
+
+
+def activate(ob):
+    for other in bpy.context.view_layer.objects:
+        other.select_set(other == ob)
+    bpy.context.view_layer.objects.active = ob
+
+
+def wait_until(condition, seconds=30):
+    for _ in range(int(10 * seconds)):
+        if condition():
+            return
+        yield 0.1
+
+
+def checks():
+    """Yields the seconds to wait before going on: in between Blender handles its events."""
+    yield from opening()
+    yield from dragging()
+    yield from undoing()
+    yield from reopening()
+    yield from pulling()
+    yield from baking()
+
+
+def opening():
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'bumpy_plane.blend'), load_ui=False)
+    yield 1.0
+    ob, _ = surface()
+    activate(ob)
+    area('PROPERTIES').spaces[0].context = 'MODIFIER'
+    area('OUTLINER').type = 'INFO'
+    yield 0.5
+    panel = area('PROPERTIES')
+    # Its header, below the names and the menu.
+    xdotool('mousemove', panel.x + 60, bpy.context.window_manager.windows[0].height - panel.y - panel.height + 118,
+            'click', 1)
+    yield 0.5
+    screenshot('unbound')
+    with in_view():
+        bpy.ops.object.detail_deform_bind()
+    yield from wait_until(lambda: surface()[0].detail_deform.is_bound)
+    check("a bind in the background ends with the surface bound", surface()[0].detail_deform.is_bound)
+    yield 0.5
+    screenshot('bound')
+
+
+def dragging():
+    _, empty = surface()
+    activate(empty)
+    height, followed = empty.location.z, []
+    members = held()
+    point_at('VIEW_3D')
+    yield 0.3
+    xdotool('key', 'g')
+    yield 0.2
+    xdotool('key', 'z')
+    for _ in range(20):
+        xdotool('mousemove_relative', '--', 0, -6)
+        yield 0.02
+        _, empty = surface()
+        followed.append((empty.location.z - height, offsets()[members][0, 2]))
+    xdotool('key', 'Return')
+    yield 0.3
+    moved, shown = np.array(followed).T
+    check("a drag moves the empty in many steps", len(set(np.round(moved, 6))) > 10 and moved[-1] > 0.05)
+    check("the surface follows at every step", np.abs(moved - shown).max() < 1e-5)
+    _, empty = surface()
+    check("and stays when the drag ends", np.allclose(offsets()[members], (0, 0, empty.location.z - height), atol=1e-5))
+    surface()[0].detail_deform.preview = True
+    activate(surface()[0])
+    yield 0.5
+    screenshot('dragged')
+    surface()[0].detail_deform.preview = False
+
+
+def undoing():
+    before = offsets()
+    point_at('VIEW_3D')
+    yield 0.2
+    activate(surface()[1])
+    bpy.ops.ed.undo_push(message="Selected")
+    yield 0.2
+    for _ in range(2):  # the selection, then the drag
+        xdotool('key', 'ctrl+z')
+        yield 0.5
+    check("undo takes a drag back", np.abs(offsets()).max() < 1e-6)
+    for _ in range(2):
+        xdotool('key', 'ctrl+shift+z')
+        yield 0.5
+    check("redo brings it again", np.abs(offsets() - before).max() < 1e-6)
+    check("and it is bound", surface()[0].detail_deform.is_bound)
+
+
+def reopening():
+    before, path = offsets(), str(OUT / 'posed.blend')
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    yield 1.0
+    check("a reopened file shows what was saved", np.abs(offsets() - before).max() < 1e-6)
+    _, empty = surface()
+    empty.location.z += 0.1
+    yield from wait_until(lambda: surface()[0].detail_deform.is_bound)
+    yield 0.3
+    check("binds by itself when a handle moves, and follows",
+          np.allclose((offsets() - before)[held()], (0, 0, 0.1), atol=1e-5))
+    ob, _ = surface()
+    ob.data.vertices[0].co.z += 0.5
+    ob.data.update()
+    yield 1.0
+    check("an edit of the mesh is noticed", "were moved since Bind" in ob.detail_deform.status)
+    activate(ob)
+    yield 0.5
+    screenshot('stale')
+
+
+def pulling():
+    """From Suzanne in a new scene to the first deformation, by keys."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    yield 1.0
+    with in_view():
+        bpy.ops.mesh.primitive_monkey_add()
+        bpy.context.active_object.modifiers.new("Subdivision", 'SUBSURF').levels = 3
+        bpy.ops.object.modifier_apply(modifier="Subdivision")
+        bpy.ops.view3d.view_selected()
+    ob = bpy.context.active_object
+    chosen = np.array([v.co.x > 1.1 for v in ob.data.vertices])
+    ob.data.vertices.foreach_set('select', chosen)
+    ob.data.edges.foreach_set('select', np.zeros(len(ob.data.edges), bool))
+    ob.data.polygons.foreach_set('select', np.zeros(len(ob.data.polygons), bool))
+    point_at('VIEW_3D')
+    yield 0.3
+    xdotool('key', 'Tab')
+    yield 0.5
+    with in_view():
+        bpy.ops.object.detail_deform_pull('INVOKE_DEFAULT', radius=0.6)
+    yield 0.5
+    xdotool('key', 'g')
+    yield 0.2
+    xdotool('mousemove_relative', '--', 60, -60)
+    yield 0.2
+    xdotool('key', 'Return')
+    yield 0.3
+    lengths = np.linalg.norm(offsets(), axis=1)
+    check("Pull, g and a move of the mouse deform Suzanne", lengths[chosen].min() > 0.05)
+    check("around her ear only", not lengths[[v.co.x < 0 for v in surface()[0].data.vertices]].any())
+    screenshot('pulled')
+
+
+def baking():
+    scene = bpy.context.scene
+    scene.frame_end = 40
+    activate(surface()[0])
+    path = OUT / 'pulled.pc2'
+    for key, ends in (('Escape', False), (None, True)):
+        point_at('VIEW_3D')
+        yield 0.2
+        with in_view():
+            bpy.ops.object.detail_deform_bake('INVOKE_DEFAULT', filepath=str(path))
+        yield 0.5
+        screenshot('bake')
+        xdotool('key', 'Return')
+        yield 0.15
+        if key:
+            xdotool('key', key)
+        yield from wait_until(lambda: path.exists() or key, 20)
+        yield 1.0
+        if ends:
+            check("a bake in the window plays its cache", path.exists() and 'Detail Deform Cache' in surface()[0].modifiers)
+        else:
+            check("Esc leaves nothing behind", not path.exists() and not Path(f'{path}.unfinished').exists())
+    yield 0.5
+    screenshot('baked')
+
+
+def main():
+    sys.path.insert(0, str(ROOT / 'addon'))
+    import detail_deform
+    detail_deform.register()
+    bpy.context.preferences.view.show_splash = False
+    OUT.mkdir(parents=True, exist_ok=True)
+    steps = checks()
+
+    def go_on():
+        try:
+            return next(steps)
+        except StopIteration:
+            pass
+        except Exception:
+            traceback.print_exc()
+            failures.append("an exception")
+            screenshot('exception')
+        print(f"window: {len(failures)} failed", flush=True)
+        os._exit(1 if failures else 0)
+
+    bpy.app.timers.register(go_on, first_interval=1.0, persistent=True)
+
+
+main()
