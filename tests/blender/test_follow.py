@@ -107,7 +107,8 @@ def test_playback_follows_keyframes():
     assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
 
 
-def test_renders_show_the_frame_they_render(tmp_path):
+@pytest.mark.parametrize('engine', ['BLENDER_WORKBENCH', 'CYCLES'])
+def test_renders_show_the_frame_they_render(engine, tmp_path):
     ob = make_strip()
     empty = right(ob)
     for frame, z in ((1, 0.0), (3, 0.6)):
@@ -120,7 +121,14 @@ def test_renders_show_the_frame_they_render(tmp_path):
     scene.collection.objects.link(camera)
     camera.location, camera.rotation_euler = (0.5, -3, 0.3), (math.pi / 2, 0, 0)
     scene.camera = camera
-    scene.render.engine = 'BLENDER_WORKBENCH'
+    scene.render.engine = engine
+    if engine == 'CYCLES':
+        scene.cycles.samples, scene.cycles.use_denoising = 4, False
+        shining = bpy.data.materials.new("Shining")
+        shining.use_nodes = True
+        nodes = shining.node_tree.nodes
+        shining.node_tree.links.new(nodes.new('ShaderNodeEmission').outputs[0], nodes['Material Output'].inputs[0])
+        ob.data.materials.append(shining)
     scene.render.resolution_x, scene.render.resolution_y = 96, 72
     scene.frame_start, scene.frame_end = 1, 3
     scene.render.filepath = str(tmp_path / 'frame_')

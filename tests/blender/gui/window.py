@@ -4,11 +4,12 @@
     xvfb-run -a -s "-screen 0 1280x800x24" blender --factory-startup --window-geometry 0 0 1280 800 \
         --python tests/blender/gui/window.py -- build/gui
 
-Writes a screenshot of each state into the folder and one line a check; ends with 1 if one failed.
+Writes a screenshot of each state into the folder, which is emptied first, and one line a check; ends with 1 if one failed.
 Needs xdotool and ImageMagick's import.
 """
 
 import os
+import shutil
 import subprocess
 import sys
 import traceback
@@ -94,6 +95,7 @@ def checks():
     yield from undoing()
     yield from reopening()
     yield from pulling()
+    yield from rendering()
     yield from baking()
 
 
@@ -221,12 +223,44 @@ def pulling():
     screenshot('pulled')
 
 
+def rendering():
+    """From the window, which computes frames in another thread, whether it may be used meanwhile or not."""
+    scene = bpy.context.scene
+    bpy.context.preferences.view.render_display_type = 'NONE'
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    camera.location, camera.rotation_euler = (0, -7, 1), (1.45, 0, 0)
+    scene.camera = camera
+    scene.render.engine = 'BLENDER_WORKBENCH'
+    scene.render.resolution_x, scene.render.resolution_y = 120, 90
+    scene.frame_start, scene.frame_end = 1, 4
+    _, empty = surface()
+    empty.keyframe_insert('location', frame=1)
+    empty.location.z += 1
+    empty.keyframe_insert('location', frame=4)
+    pictures = {}
+    for lock in (False, True):
+        scene.render.use_lock_interface = lock
+        scene.render.filepath = str(OUT / f'lock_{lock}_')
+        with in_view():
+            bpy.ops.render.render('INVOKE_DEFAULT', animation=True)
+        yield 0.5
+        yield from wait_until(lambda: not bpy.app.is_job_running('RENDER'), 60)
+        pictures[lock] = [np.array(bpy.data.images.load(f'{scene.render.filepath}{frame:04d}.png').pixels[:])
+                          for frame in range(1, 5)]
+    changes = [np.abs(b - a).mean() for a, b in zip(pictures[False], pictures[False][1:])]
+    check("every rendered frame shows its own pose", min(changes) > 1e-3)
+    check("with the interface locked the same", all(
+        np.abs(a - b).max() < 0.02 for a, b in zip(pictures[False], pictures[True])))
+    empty.animation_data_clear()
+
+
 def baking():
     scene = bpy.context.scene
-    scene.frame_end = 40
     activate(surface()[0])
     path = OUT / 'pulled.pc2'
-    for key, ends in (('Escape', False), (None, True)):
+    for key, last in (('Escape', 5000), (None, 40)):
+        scene.frame_end = last
         point_at('VIEW_3D')
         yield 0.2
         with in_view():
@@ -239,7 +273,7 @@ def baking():
             xdotool('key', key)
         yield from wait_until(lambda: path.exists() or key, 20)
         yield 1.0
-        if ends:
+        if not key:
             check("a bake in the window plays its cache", path.exists() and 'Detail Deform Cache' in surface()[0].modifiers)
         else:
             check("Esc leaves nothing behind", not path.exists() and not Path(f'{path}.unfinished').exists())
@@ -252,7 +286,8 @@ def main():
     import detail_deform
     detail_deform.register()
     bpy.context.preferences.view.show_splash = False
-    OUT.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(OUT, ignore_errors=True)
+    OUT.mkdir(parents=True)
     steps = checks()
 
     def go_on():
