@@ -118,3 +118,23 @@ def test_measures_of_a_deformation(native, strip):
     bad[4, 1] = np.nan
     with pytest.raises(native.NativeError, match='ertex 4'):
         native.measure(strip.positions, bad, strip.triangles, strip.roles)
+
+
+def test_distances_go_over_the_surface(native):
+    # A strip folded back over itself: near in space, far along it.
+    n = 21
+    along = np.linspace(0, 1, n)
+    x = np.concatenate([along, along[::-1]])
+    z = np.repeat([0.0, 0.01], n)
+    points = np.stack([np.repeat(x, 2), np.tile([0, 0.1], 2 * n), np.repeat(z, 2)], -1).astype(np.float32)
+    triangles = np.array([t for i in range(2 * n - 1) for t in (
+        (2 * i, 2 * i + 2, 2 * i + 3), (2 * i, 2 * i + 3, 2 * i + 1))], np.int32)
+    sources = np.zeros(len(points), bool)
+    sources[:2] = True
+    points = np.vstack([points, [[9, 9, 9]]]).astype(np.float32)  # loose
+    found = native.distances(points, triangles, np.append(sources, False))
+    expected = np.repeat(np.concatenate([along, 1.01 + along]), 2)
+    assert np.abs(found[:-1] - expected).max() < 1e-5
+    assert np.isinf(found[-1])
+    with pytest.raises(native.NativeError, match="sources has 3 elements"):
+        native.distances(points, triangles, np.ones(3, bool))
