@@ -19,7 +19,7 @@ class OBJECT_OT_detail_deform_bake(MeshOperator, bpy.types.Operator):
     bl_description = "Keep the deformation of a range of frames, so that it plays without the add-on. Esc cancels"
 
     mode: EnumProperty(
-        name="As", default='CACHE',
+        name="As", default='CACHE', description="What the frames are kept as",
         items=[('CACHE', "Mesh Cache", "A point cache (PC2), played by a Mesh Cache modifier in place of the live deformation"),
                ('SHAPE_KEYS', "Shape Keys", "A keyed shape key for each frame, within this file: for few frames"),
                ('ALEMBIC', "Alembic", "The object with all its modifiers as an Alembic file, for other programs")])

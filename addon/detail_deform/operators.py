@@ -106,7 +106,7 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
     bl_description = "Make what is shown part of the mesh, and detach it from its handles"
 
     mode: EnumProperty(
-        name="As", default='MESH',
+        name="As", default='MESH', description="What the deformation becomes part of",
         items=[('MESH', "Mesh", "Move the mesh's vertices, and those of its shape keys with them"),
                ('SHAPE_KEY', "Shape Key", "Add a shape key that holds the deformation, at full value")])
 

@@ -29,6 +29,10 @@ def _look_changed(self, context):
     binding.refresh(self.id_data, context.evaluated_depsgraph_get())
 
 
+AXES = [(letter, letter, f"Across the plane through the object's origin at right angles to its {letter} axis")
+        for letter in 'XYZ']
+
+
 class DetailDeformHandle(bpy.types.PropertyGroup):
     name: StringProperty(name="Name", description="Name of this handle", default="Handle")
     vertex_group: StringProperty(
@@ -42,9 +46,7 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
         name="Mirrors", update=_target_changed,
         description="Handle whose motion this one mirrors, in place of an empty of its own: for symmetric editing")
     mirror_axis: EnumProperty(
-        name="Axis", update=_target_changed,
-        items=[(letter, letter, f"Across the plane through the object's origin at right angles to its {letter} axis")
-               for letter in 'XYZ'],
+        name="Axis", update=_target_changed, items=AXES,
         description="Axis of the object across which the motion is mirrored")
     enabled: BoolProperty(
         name="Enabled", default=True, update=_input_changed,
@@ -65,7 +67,9 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         name="Region", update=_input_changed,
         description="Vertex group of the part that may deform: the vertices with a weight over 0.5. The rest of the mesh stays where it is. Empty: the whole mesh may deform")
     own_region: StringProperty(options={'HIDDEN'})
-    handles: CollectionProperty(type=DetailDeformHandle)
+    handles: CollectionProperty(
+        type=DetailDeformHandle, name="Handles",
+        description="Groups of vertices that are held, each moved by an empty; the rest of the region follows them")
     handle_collection: PointerProperty(
         type=bpy.types.Collection, options={'HIDDEN'}, description="Where the empties are that were made here")
     handle_index: IntProperty(name="Active Handle", options={'HIDDEN'})

@@ -6,6 +6,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 
 from . import binding, handle_matrices, handle_setup, mesh_data, native, region_setup
 from .operator_base import MeshOperator
+from .properties import AXES
 
 
 class _HandleOperator(MeshOperator):
@@ -96,8 +97,7 @@ class OBJECT_OT_detail_deform_handle_mirror(_HandleOperator, bpy.types.Operator)
                       "at the mirrored place. Takes effect at the next Bind")
 
     axis: EnumProperty(
-        name="Axis", items=[(letter, letter, f"Across the plane through the object's origin at right angles to its {letter} axis")
-                            for letter in 'XYZ'])
+        name="Axis", items=AXES, description="The object's own axis across which the handle is mirrored")
     symmetric: BoolProperty(
         name="Symmetric", description="Give it no empty of its own: it mirrors every motion of this one")
 
@@ -146,8 +146,9 @@ class OBJECT_OT_detail_deform_region_around(MeshOperator, bpy.types.Operator):
                       "around the selected vertices. Takes effect at the next Bind")
 
     by: EnumProperty(
-        name="By", items=[('DISTANCE', "Distance", "As far as a distance along the surface"),
-                          ('EDGES', "Edges", "As far as a number of edges, as Select More does")])
+        name="By", description="How far the region reaches",
+        items=[('DISTANCE', "Distance", "As far as a distance along the surface"),
+               ('EDGES', "Edges", "As far as a number of edges, as Select More does")])
     radius: FloatProperty(
         name="Radius", min=0.0, subtype='DISTANCE', options={'SKIP_SAVE'},
         description="Distance along the surface up to which it may deform. 0: a quarter of the object's size")

@@ -29,17 +29,30 @@ def our_handlers(module):
             if getattr(f, '__module__', '').startswith(module.__name__)]
 
 
+def our_menu_entries(module):
+    return [f for menu in dir(bpy.types) if menu.startswith(('VIEW3D_MT', 'OBJECT_MT'))
+            for f in getattr(getattr(bpy.types, menu).draw, '_draw_funcs', ())
+            if getattr(f, '__module__', '').startswith(module.__name__)]
+
+
+def our_types():
+    return [name for name in dir(bpy.types) if 'detail_deform' in name.lower() or name.startswith('DetailDeform')]
+
+
 def test_unregister_leaves_nothing_and_register_brings_all_back(module):
-    assert len(our_handlers(module)) == len(EVENTS)
+    types, entries = our_types(), len(our_menu_entries(module))
+    assert len(our_handlers(module)) == len(EVENTS) and len(types) > 20 and entries >= 2
     module.unregister()
     try:
         assert our_handlers(module) == []
+        assert our_menu_entries(module) == []
+        assert our_types() == []
         assert not hasattr(bpy.types.Object, 'detail_deform')
-        assert not hasattr(bpy.types, 'OBJECT_PT_detail_deform')
-        assert 'detail_deform_bind' not in dir(bpy.ops.object)
+        assert not [name for name in dir(bpy.ops.object) if name.startswith('detail_deform')]
     finally:
         module.register()
     assert len(our_handlers(module)) == len(EVENTS)
+    assert our_types() == types and len(our_menu_entries(module)) == entries
 
 
 def test_bindings_come_back_after_disabling_and_enabling(module):
