@@ -13,6 +13,7 @@ from .mesh_data import MeshProblem
 _POLL_SECONDS = 0.1
 _BASE_CHANGED = "The base object, its mesh or its choice was changed since Bind."
 _TOPOLOGY_CHANGED = "The mesh's vertices or faces were changed since Bind."
+_VERTICES_MOVED = "The mesh's vertices were moved since Bind."
 
 
 # What is bound, and to which content
@@ -57,7 +58,7 @@ def check_content(ob):
     if ob.type != 'MESH' or not settings.signature or ob.mode == 'EDIT':
         return
     stale = _difference(ob)
-    if stale and node_group.find_modifier(ob) is None:
+    if stale in {_TOPOLOGY_CHANGED, _VERTICES_MOVED} and node_group.find_modifier(ob) is None:
         unbind(ob)
         settings.problem = ("The modifier was applied by hand, or removed and the mesh edited, so the surface is no "
                             "longer bound: Bind to go on from here.")
@@ -86,7 +87,7 @@ def _difference(ob):
     if shape[1] != topology:
         return _TOPOLOGY_CHANGED
     if shape[0] != positions:
-        return "The mesh's vertices were moved since Bind."
+        return _VERTICES_MOVED
     try:
         current = _signature(ob, shape, _roles(ob)).split('.', 3)
     except MeshProblem as problem:
@@ -326,8 +327,13 @@ def cancel(signature):
 
 def unbind(ob):
     """Forgets the binding; the mesh shows its rest shape."""
-    signature = ob.detail_deform.signature
-    _forget(ob.detail_deform)
+    settings = ob.detail_deform
+    signature = settings.signature
+    _forget(settings)
+    for handle in settings.handles:
+        handle.property_unset('rest_matrix')
+        handle.property_unset('rest_euler')
+    settings.property_unset('base_rest_matrix')
     slow_results.cancel(ob.name)
     if not _owners(signature):
         cancel(signature)

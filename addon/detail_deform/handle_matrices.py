@@ -43,15 +43,13 @@ def local_places(ob, depsgraph):
     places = np.empty((len(handles), 4, 4), np.float32)
     for number, handle in enumerate(handles):
         if handle.mirrors:
+            places[number] = np.eye(4)  # it has no place of its own
             continue
         if handle.target is None:
             raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
                               "an empty to move it with.")
         places[number] = to_local @ evaluated_world(handle.target, depsgraph,
                                                      f"Handle '{handle.name}': empty")
-    for number, source in mirrored(handles):
-        flip = reflection(handles[number])
-        places[number] = flip @ places[source] @ flip
     return places
 
 
@@ -80,11 +78,17 @@ def motions(settings, places):
     empty that did not move gives the identity to the last digit.
     """
     result = np.empty((len(places), 3, 4))
-    for number, handle in enumerate(enabled_handles(settings)):
+    handles = enabled_handles(settings)
+    for number, handle in enumerate(handles):
+        if handle.mirrors:
+            continue
         rest = np.array(handle.rest_matrix, np.float64).reshape(4, 4)
         inverse = inverse_or_refuse(rest, f"Handle '{handle.name}': its empty had a scale of zero when it was "
                                  "bound. Give it a size and bind again.")
         result[number] = (places[number].astype(np.float64) @ inverse)[:3]
+    for number, source in mirrored(handles):
+        flip = reflection(handles[number])
+        result[number] = flip[:3, :3] @ result[source] @ flip
     return result
 
 
@@ -100,10 +104,9 @@ def has_rest(handle):
 def store_rest(settings, places, only_new):
     """Takes the present places as rest; only_new: for handles that have none yet."""
     for handle, place in zip(enabled_handles(settings), places):
-        if not (only_new and has_rest(handle)):
+        if not handle.mirrors and not (only_new and has_rest(handle)):
             handle.rest_matrix = place.ravel().tolist()
-            if not handle.mirrors:
-                handle.rest_euler = handle.target.rotation_euler
+            handle.rest_euler = handle.target.rotation_euler
 
 
 def turns(settings, places, depsgraph):

@@ -56,12 +56,24 @@ def _place(ob, chosen, align):
 def _collection(context, ob):
     """Where the object's empties are: a collection of their own, so that they can be hidden at once."""
     settings = ob.detail_deform
-    if settings.handle_collection is None:
+    shown = set(_shown_collections(context.view_layer.layer_collection))
+    if settings.handle_collection not in shown:
         made = bpy.data.collections.new(_COLLECTION_NAME.format(ob.name))
-        parents = [c for c in ob.users_collection if not c.library]
+        parents = [c for c in ob.users_collection if c in shown]
         (parents or [context.scene.collection])[0].children.link(made)
         settings.handle_collection = made
     return settings.handle_collection
+
+
+def _shown_collections(layer):
+    """Those of the view layer that something can be put into and is then seen to."""
+    if layer.exclude:
+        return
+    collection = layer.collection
+    if not (collection.library or collection.override_library):
+        yield collection
+    for child in layer.children:
+        yield from _shown_collections(child)
 
 
 def _make_empty(context, ob, name, place, size, parent):
@@ -130,7 +142,7 @@ def remove_handle(ob, index):
 def _shares_group(ob, handle, name):
     """Whether the region or another handle uses the group of that name too."""
     settings = ob.detail_deform
-    return name == settings.region or any(
+    return name in {settings.region, settings.influence} or any(
         h != handle and h.vertex_group == name for h in settings.handles)
 
 
@@ -164,6 +176,8 @@ def _mirror_image(ob, chosen, axis):
     points = mesh_data.positions(ob.data)
     edges = np.empty(2 * len(ob.data.edges), np.int32)
     ob.data.edges.foreach_get('vertices', edges)
+    if not len(edges):
+        return np.zeros(len(points), bool), np.flatnonzero(chosen).tolist()
     ends = points[edges.reshape(-1, 2)]
     near = _MIRROR_TOLERANCE * float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean())
     tree = kdtree.KDTree(len(points))
@@ -231,14 +245,18 @@ def mirror(context, ob, handle, axis, symmetric):
 
 # Back to rest
 
-def to_rest(ob, handles):
+def to_rest(context, ob, handles):
     """Puts the handles' empties where they were when the object was bound."""
-    for handle in handles:
-        if handle.target is None or not handle_matrices.has_rest(handle):
-            continue
+    movable = [h for h in handles if h.target and handle_matrices.has_rest(h)]
+    for handle in sorted(movable, key=lambda h: _depth(h.target)):  # parents first: they move their children
         rest = Matrix(np.array(handle.rest_matrix).reshape(4, 4).tolist())
         handle.target.matrix_world = ob.matrix_world @ rest
         mode = handle.target.rotation_mode
         if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix can't tell whole turns apart
             euler = handle.target.rotation_euler.to_matrix().to_euler(mode, Euler(handle.rest_euler, mode))
             handle.target.rotation_euler = euler
+        context.view_layer.update()
+
+
+def _depth(ob):
+    return 1 + _depth(ob.parent) if ob.parent else 0

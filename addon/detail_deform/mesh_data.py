@@ -15,14 +15,22 @@ class MeshProblem(Exception):
     """A sentence about an object or mesh that can't be used as it is."""
 
 
-def check_object(ob):
-    """Raises MeshProblem when the object's mesh must not or can't be written to."""
+def check_editable(ob):
+    """Raises MeshProblem when the object's settings or mesh belong to another file."""
     if ob is None or ob.type != 'MESH':
         raise MeshProblem("Select a mesh object: only meshes can be deformed.")
-    mesh = ob.data
-    if ob.library or mesh.library:
+    if ob.library or ob.data.library:
         raise MeshProblem(f"'{ob.name}' is linked from another file, so nothing can be stored in its "
                           "mesh: make it local (Object > Relations > Make Local > Selected Objects and Data).")
+    if ob.override_library or ob.data.override_library:
+        raise MeshProblem(f"'{ob.name}' is a library override, whose handles and groups can't be changed: make it "
+                          "local (Object > Relations > Make Local > Selected Objects and Data).")
+
+
+def check_object(ob):
+    """Raises MeshProblem when the object's mesh must not or can't be written to."""
+    check_editable(ob)
+    mesh = ob.data
     if mesh.users > 1 + bool(mesh.use_fake_user):
         raise MeshProblem(f"Mesh '{mesh.name}' is used by {mesh.users - bool(mesh.use_fake_user)} "
                           "objects, which would all be deformed: make it single-user (Object > "

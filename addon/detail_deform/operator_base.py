@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What all operators share."""
 
+import bpy
+
 from . import mesh_data, native
 
 
@@ -21,11 +23,18 @@ class MeshOperator:
         return True
 
     def execute(self, context):
+        ob = context.active_object
         try:
-            return self.run(context, context.active_object) or {'FINISHED'}
+            mesh_data.check_editable(ob)
+            result = self.run(context, ob) or {'FINISHED'}
         except (mesh_data.MeshProblem, native.NativeError) as problem:
             self.report({'ERROR'}, str(problem))
             return {'CANCELLED'}
+        if context.active_object and context.active_object.mode == 'EDIT':
+            # A step of undo in Edit Mode holds the mesh alone, unless data-blocks have come or gone: the
+            # settings must go back with it.
+            bpy.data.texts.remove(bpy.data.texts.new("."))
+        return result
 
 
     @classmethod

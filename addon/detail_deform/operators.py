@@ -119,6 +119,13 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
 
     def run(self, context, ob):
         mesh_data.check_object(ob)
+        modifier = node_group.find_modifier(ob)
+        if node_group.find_cache(ob):
+            raise mesh_data.MeshProblem("A baked cache is played in place of the deformation: press Go Live first, or "
+                                        "apply the cache's modifier.")
+        if modifier and not modifier.show_viewport:
+            raise mesh_data.MeshProblem("The modifier is hidden, so there is nothing to see that could be applied: "
+                                        "show it in the viewport first.")
         binding.settle(ob)
         apply_result.apply(ob, self.mode)
         binding.unbind(ob)

@@ -12,6 +12,18 @@ def _input_changed(self, context):
     binding.check_content(self.id_data)
 
 
+def _region_changed(self, context):
+    self.pulled_region = False
+    binding.check_content(self.id_data)
+
+
+def _name_changed(self, context):
+    """Handles are told apart by name."""
+    others = {h.name for h in self.id_data.detail_deform.handles if h != self}
+    if self.name in others:
+        self.name = next(name for name in (f"{self.name}.{k:03d}" for k in range(1, 10000)) if name not in others)
+
+
 def _target_changed(self, context):
     binding.targets_changed(self.id_data)
 
@@ -34,7 +46,7 @@ AXES = [(letter, letter, f"Across the plane through the object's origin at right
 
 
 class DetailDeformHandle(bpy.types.PropertyGroup):
-    name: StringProperty(name="Name", description="Name of this handle", default="Handle")
+    name: StringProperty(name="Name", description="Name of this handle", default="Handle", update=_name_changed)
     vertex_group: StringProperty(
         name="Vertices", update=_input_changed,
         description="Vertex group that moves as one piece with the empty: the vertices with a weight over 0.5")
@@ -64,9 +76,10 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
 
 class DetailDeformSettings(bpy.types.PropertyGroup):
     region: StringProperty(
-        name="Region", update=_input_changed,
+        name="Region", update=_region_changed,
         description="Vertex group of the part that may deform: the vertices with a weight over 0.5. The rest of the mesh stays where it is. Empty: the whole mesh may deform")
     own_region: StringProperty(options={'HIDDEN'})
+    pulled_region: BoolProperty(options={'HIDDEN'})  # made by Pull, which may change it
     handles: CollectionProperty(
         type=DetailDeformHandle, name="Handles",
         description="Groups of vertices that are held, each moved by an empty; the rest of the region follows them")

@@ -18,10 +18,34 @@ def set_region(ob, members):
     if group and settings.own_region == group.name and all(
             h.vertex_group != group.name for h in settings.handles):
         selection.fill_group(ob, group, members)
+        settings.pulled_region = False
         binding.check_content(ob)
         return
     settings.own_region = selection.new_group(ob, _GROUP_NAME, members).name
     settings.region = settings.own_region
+
+
+def kept(ob):
+    """What restore() brings back: the region's settings, and the vertices of its own group."""
+    settings = ob.detail_deform
+    group = ob.vertex_groups.get(settings.own_region)
+    members = None
+    if group:
+        if ob.mode == 'EDIT':
+            ob.update_from_editmode()
+        members = mesh_data.group_weights(ob, [group.name])[0] > mesh_data.MEMBER_WEIGHT
+    return settings.region, settings.own_region, settings.pulled_region, members
+
+
+def restore(ob, present):
+    settings = ob.detail_deform
+    region, own, pulled, members = present
+    if settings.own_region != own:
+        remove_own(ob)
+    elif members is not None:
+        selection.fill_group(ob, ob.vertex_groups[own], members)
+    settings.own_region, settings.region = own, region
+    settings.pulled_region = pulled
 
 
 def remove_own(ob):

@@ -34,16 +34,25 @@ def select(ob, members, extend):
 
 def fill_group(ob, group, members):
     """Makes these vertices, with weight 1, all that the group has. members: (n,) bool."""
-    mode = ob.mode
-    if mode == 'EDIT':  # weights can't be assigned there from here
-        bpy.ops.object.mode_set(mode='OBJECT')
-    group.remove(range(len(members)))
-    group.add(np.flatnonzero(members).tolist(), 1.0, 'REPLACE')
-    if mode == 'EDIT':
-        bpy.ops.object.mode_set(mode='EDIT')
+    chosen = np.flatnonzero(members).tolist()
+    if ob.mode != 'EDIT':
+        group.remove(range(len(members)))
+        group.add(chosen, 1.0, 'REPLACE')
+        return
+    # Without leaving Edit Mode, where other objects may be too.
+    mesh = bmesh.from_edit_mesh(ob.data)
+    weights, index = mesh.verts.layers.deform.verify(), group.index
+    mesh.verts.ensure_lookup_table()
+    for vertex in mesh.verts:
+        if index in vertex[weights]:
+            del vertex[weights][index]
+    for vertex in chosen:
+        mesh.verts[vertex][weights][index] = 1.0
+    bmesh.update_edit_mesh(ob.data, loop_triangles=False, destructive=False)
+    ob.update_from_editmode()
 
 
 def new_group(ob, name, members):
     group = ob.vertex_groups.new(name=name)
     fill_group(ob, group, members)
-    return ob.vertex_groups[-1]  # of this name: a change of mode has replaced it
+    return group

@@ -123,7 +123,7 @@ class OBJECT_OT_detail_deform_handle_reset(_HandleOperator, bpy.types.Operator):
 
     def run(self, context, ob):
         handles = ob.detail_deform.handles
-        handle_setup.to_rest(ob, list(handles) if self.everything else [self.handle(ob)])
+        handle_setup.to_rest(context, ob, list(handles) if self.everything else [self.handle(ob)])
 
 
 class OBJECT_OT_detail_deform_region_set(MeshOperator, bpy.types.Operator):
@@ -187,22 +187,28 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
 
     def run(self, context, ob):
         settings = ob.detail_deform
-        handle = handle_setup.add_handle(context, ob, "")
+        present = region_setup.kept(ob)
+        handle_setup.add_handle(context, ob, "")
         bpy.ops.object.mode_set(mode='OBJECT')
         try:
-            if settings.region == settings.own_region:
+            mesh_data.check_object(ob)
+            if not settings.region or settings.pulled_region:
                 self.radius = self.radius or region_setup.usual_radius(ob)
                 region_setup.set_region(ob, region_setup.within(ob, region_setup.sources(ob), self.radius))
+                settings.pulled_region = True
             context.view_layer.update()  # the new empty's place
-            binding.bind(ob, context.evaluated_depsgraph_get(), wait=True, keep_rest=True)
+            binding.bind(ob, context.evaluated_depsgraph_get(), wait=True, keep_rest=bool(settings.signature))
         except (mesh_data.MeshProblem, native.NativeError):
-            handle_setup.remove_handle(ob, settings.handle_index)
+            handle_setup.remove_handle(ob, len(settings.handles) - 1)
+            region_setup.restore(ob, present)
+            binding.check_content(ob)
             bpy.ops.object.mode_set(mode='EDIT')
             raise
+        target = settings.handles[-1].target
         for other in context.selected_objects:
             other.select_set(False)
-        handle.target.select_set(True)
-        context.view_layer.objects.active = handle.target
+        target.select_set(True)
+        context.view_layer.objects.active = target
 
 
 CLASSES = (OBJECT_OT_detail_deform_handle_add, OBJECT_OT_detail_deform_handle_remove,
