@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The deformation of a range of frames, kept where the add-on is not needed: a cache or shape keys."""
 
+import contextlib
 import os
 
 import bpy
@@ -23,9 +24,26 @@ def absolute(path):
 
 
 def usual_path(ob):
-    name = bpy.path.clean_name(ob.name)
+    """Beside the file, under a name that no other object's cache has; '' for a file that was never saved."""
+    if not bpy.data.filepath:
+        return ""
     stem = os.path.splitext(os.path.basename(bpy.data.filepath))[0]
-    return f"//{stem}_{name}.pc2" if bpy.data.filepath else ""
+    name = ''.join('_' if letter in '\\/:*?"<>|' or ord(letter) < 32 else letter for letter in ob.name)
+    caches = [node_group.find_cache(other) for other in bpy.data.objects if other.type == 'MESH' and other != ob]
+    taken = {absolute(cache.filepath) for cache in caches if cache}
+    paths = (f"//{stem}_{name}{number}.pc2" for number in ("", *(f" {k}" for k in range(2, 10000))))
+    return next(path for path in paths if absolute(path) not in taken)
+
+
+@contextlib.contextmanager
+def _disk(path, what):
+    """What the disk or a file refuses, as a sentence."""
+    try:
+        yield
+    except OSError as error:
+        raise MeshProblem(f"'{path}' can't be {what}: {error.strerror or error}.") from error
+    except pc2.NotACache as error:
+        raise MeshProblem(str(error)) from error
 
 
 class _ShownUpTo:
@@ -75,14 +93,17 @@ def _over_frames(context, ob, start, end, take):
     Leaves the scene at the frame where it was."""
     _check_range(start, end)
     binding.wait(ob, context.evaluated_depsgraph_get())
-    present = context.scene.frame_current
+    scene = context.scene
+    present, shown = (scene.frame_current, scene.frame_subframe), mesh_data.read_offsets(ob.data)
     try:
         for frame in range(start, end + 1):
             _frame(context, ob, frame)
             take(frame)
             yield (frame + 1 - start) / (end + 1 - start)
     finally:
-        context.scene.frame_set(present)
+        scene.frame_set(present[0], subframe=present[1])
+        if not ob.detail_deform.live:  # nothing else brings back what was shown
+            mesh_data.write_offsets(ob.data, shown.ravel())
 
 
 def _evaluated(context, ob):
@@ -97,6 +118,9 @@ def to_cache(context, ob, start, end, path, whole=None):
     all."""
     first, last = whole or (start, end)
     _check_range(start, end)
+    if context.scene.render.frame_map_old != context.scene.render.frame_map_new:
+        raise MeshProblem("The scene remaps its time (Output > Frame Range > Time Stretching), which a cache doesn't "
+                          "follow: set Old and New alike to bake.")
     if not first <= start <= end <= last:
         raise MeshProblem(f"Frames {start} to {end} are not within the cache's {first} to {last}.")
     modifier = _modifier(ob)
@@ -115,14 +139,11 @@ def to_cache(context, ob, start, end, path, whole=None):
 
     done = False
     try:
-        with _ShownUpTo(ob, modifier):
-            yield from _over_frames(context, ob, start, end, take)
-        writer.finish()
+        with _disk(path, "written"):
+            with _ShownUpTo(ob, modifier):
+                yield from _over_frames(context, ob, start, end, take)
+            writer.finish()
         done = True
-    except OSError as error:
-        raise MeshProblem(f"'{path}' can't be written: {error.strerror or error}.") from error
-    except pc2.NotACache as error:
-        raise MeshProblem(str(error)) from error
     finally:
         if writer and not done:
             writer.give_up()
@@ -131,16 +152,15 @@ def to_cache(context, ob, start, end, path, whole=None):
 def use_cache(ob, path, start):
     """Shows a cache whose first frame is start in place of the live deformation."""
     modifier = _modifier(ob)
-    try:
+    with _disk(path, "read"):
         points, _ = pc2.read_header(absolute(path))
-    except OSError as error:
-        raise MeshProblem(f"'{path}' can't be read: {error.strerror or error}.") from error
-    except pc2.NotACache as error:
-        raise MeshProblem(str(error)) from error
     before = len(ob.data.vertices)
     if points != before and list(ob.modifiers).index(modifier) == 0:
         raise MeshProblem(f"'{path}' holds {points:,} vertices, and '{ob.name}' has {before:,}: bake it anew.")
-    cache = node_group.find_cache(ob) or ob.modifiers.new(node_group.CACHE_NAME, 'MESH_CACHE')
+    cache = node_group.find_cache(ob)
+    if cache is None:
+        cache = ob.modifiers.new(node_group.CACHE_NAME, 'MESH_CACHE')
+        ob.detail_deform.cache_modifier = cache.name
     cache.cache_format = 'PC2'
     cache.filepath = path
     cache.frame_start = start
@@ -160,19 +180,46 @@ def to_alembic(context, ob, start, end, path):
     _check_range(start, end)
     for _ in _over_frames(context, ob, start, start, lambda frame: None):
         pass  # what is wrong is said before the export begins
-    others = [other for other in context.selected_objects if other != ob]
-    for other in others:
-        other.select_set(False)
-    ob.select_set(True)
+    unfinished = f"{path[:-4]}.unfinished.abc"
     try:
-        bpy.ops.wm.alembic_export(filepath=path, start=start, end=end, selected=True, as_background_job=False)
+        with _Exported(context, ob), _disk(path, "written"):
+            bpy.ops.wm.alembic_export(filepath=unfinished, start=start, end=end, selected=True,
+                                      as_background_job=False)
+            os.replace(unfinished, path)
     except RuntimeError as error:
         raise MeshProblem(f"'{path}' can't be written: {str(error).strip()}") from error
     finally:
-        for other in others:
+        if os.path.exists(unfinished):
+            os.remove(unfinished)
+
+
+class _Exported:
+    """While it lasts, the object is all that is selected, and shown and followed as an exporter sees it."""
+
+    def __init__(self, context, ob):
+        self._context, self._ob, self._modifier = context, ob, node_group.find_modifier(ob)
+
+    def __enter__(self):
+        ob = self._ob
+        self._selected = list(self._context.selected_objects)
+        self._kept = [(owner, name, getattr(owner, name)) for owner, name in (
+            (ob, 'hide_select'), (ob, 'hide_viewport'), (ob, 'hide_render'), (ob.detail_deform, 'live'),
+            (self._modifier, 'show_render'), (self._modifier, 'show_viewport'))]
+        self._hidden = ob.hide_get()
+        ob.hide_select = ob.hide_viewport = ob.hide_render = False
+        ob.hide_set(False)
+        ob.detail_deform.live = self._modifier.show_render = self._modifier.show_viewport = True
+        for other in self._selected:
+            other.select_set(False)
+        ob.select_set(True)
+
+    def __exit__(self, *_):
+        self._ob.select_set(False)
+        for other in self._selected:
             other.select_set(True)
-    if not os.path.exists(path):
-        raise MeshProblem(f"'{path}' can't be written: choose another folder.")
+        for owner, name, value in self._kept:
+            setattr(owner, name, value)
+        self._ob.hide_set(self._hidden)
 
 
 def drop_cache(ob):
@@ -191,6 +238,11 @@ def to_shape_keys(context, ob, start, end):
     if earlier != modifier:
         raise MeshProblem(f"Modifier '{earlier.name}' stands before Detail Deform, and shape keys act before both: "
                           "move Detail Deform to the top, or bake a cache.")
+    present = ob.data.shape_keys
+    if present and not present.use_relative:
+        raise MeshProblem("The mesh has absolute shape keys, which can't be added to: make them relative first.")
+    if present and any(key.name.startswith(KEY_NAME.format("")) for key in present.key_blocks):
+        raise MeshProblem("There are baked shape keys already, and the new ones would add to them: remove those first.")
     keys = []
 
     def take(frame):

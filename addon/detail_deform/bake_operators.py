@@ -38,7 +38,7 @@ class OBJECT_OT_detail_deform_bake(MeshOperator, bpy.types.Operator):
         description="When only a part of a cache is baked: the last frame of the whole")
     use: BoolProperty(
         name="Use", default=True, options={'SKIP_SAVE'},
-        description="Play the baked cache in place of the live deformation at once")
+        description="Play the baked cache in place of the live deformation at once, if it is whole")
 
     _work = _timer = None
     _interactive = False
@@ -97,7 +97,7 @@ class OBJECT_OT_detail_deform_bake(MeshOperator, bpy.types.Operator):
 
     def _cache(self, context, ob, start, end, path, whole):
         yield from bake.to_cache(context, ob, start, end, path, whole)
-        if self.use:
+        if self.use and (start, end) == whole:  # a part alone has nothing to show elsewhere
             bake.use_cache(ob, path, whole[0])
 
     def modal(self, context, event):
@@ -116,13 +116,23 @@ class OBJECT_OT_detail_deform_bake(MeshOperator, bpy.types.Operator):
         except (mesh_data.MeshProblem, native.NativeError) as problem:
             self.report({'ERROR'}, str(problem))
             return self._end(context, {'CANCELLED'})
+        except Exception:
+            self._end(context, None)
+            raise
         return {'RUNNING_MODAL'}
+
+    def cancel(self, context):
+        """Blender ends it by itself, as when its window is closed."""
+        if self._work:
+            self._end(context, None)
 
     def _end(self, context, result):
         self._work.close()
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
         context.workspace.status_text_set(None)
+        self._work = self._timer = None
+        self._interactive = False  # it may be repeated without a dialog
         return result
 
 

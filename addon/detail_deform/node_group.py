@@ -9,6 +9,7 @@ from . import mesh_data
 NAME = 'Detail Deform'
 CACHE_NAME = 'Detail Deform Cache'
 _MARK = 'detail_deform_nodes'
+_VERSION = 2  # of the nodes: 2 brought Influence
 
 
 def _new_interface(group):
@@ -31,7 +32,7 @@ def _new_interface(group):
 
 def _make_group():
     group = bpy.data.node_groups.new(NAME, 'GeometryNodeTree')
-    group[_MARK] = 1
+    group[_MARK] = _VERSION
     factor = _new_interface(group)
     factor.default_value = 1.0
     factor.min_value = 0.0
@@ -94,7 +95,7 @@ def find_modifier(ob):
 
 def find_cache(ob):
     """The modifier that plays a baked cache in the place of this one."""
-    cache = ob.modifiers.get(CACHE_NAME)
+    cache = ob.modifiers.get(ob.detail_deform.cache_modifier)
     return cache if cache and cache.type == 'MESH_CACHE' else None
 
 
@@ -107,11 +108,13 @@ def is_shown(ob, depsgraph):
 def ensure_modifier(ob):
     """The object's modifier, added at the end of the stack when there is none."""
     modifier = find_modifier(ob)
+    if modifier and modifier.node_group[_MARK] == _VERSION:
+        return modifier
+    group = next((g for g in bpy.data.node_groups if g.get(_MARK) == _VERSION and not g.library), None)
     if modifier is None:
-        group = next((g for g in bpy.data.node_groups if _MARK in g and not g.library), None)
         modifier = ob.modifiers.new(NAME, 'NODES')
-        modifier.node_group = group or _make_group()
         modifier.show_expanded = False
+    modifier.node_group = group or _make_group()
     return modifier
 
 
@@ -136,7 +139,7 @@ def move_behind(ob, modifier, other):
 
 def _socket(group, name):
     sockets = (group.interface.items_tree if hasattr(group, 'interface') else group.inputs)
-    return next(s for s in sockets if s.name == name and getattr(s, 'in_out', 'INPUT') == 'INPUT')
+    return next((s for s in sockets if s.name == name and getattr(s, 'in_out', 'INPUT') == 'INPUT'), None)
 
 
 def _inputs(modifier):
@@ -146,6 +149,8 @@ def _inputs(modifier):
 
 def _get(modifier, name):
     socket = _socket(modifier.node_group, name)
+    if socket is None:  # of an older version, or edited
+        return {'Factor': 1.0, 'Influence': "", 'Invert': False}[name]
     inputs = _inputs(modifier)
     if inputs is not None:
         return getattr(inputs, socket.identifier).value
@@ -153,8 +158,10 @@ def _get(modifier, name):
 
 
 def _set(modifier, name, value):
-    identifier = _socket(modifier.node_group, name).identifier
-    inputs = _inputs(modifier)
+    socket = _socket(modifier.node_group, name)
+    if socket is None:
+        return
+    identifier, inputs = socket.identifier, _inputs(modifier)
     if inputs is not None:
         getattr(inputs, identifier).value = value
     elif value is None:
@@ -167,9 +174,11 @@ def _set(modifier, name, value):
 
 
 def factor_property(modifier):
-    """The modifier's Factor as layout.prop() takes it."""
-    identifier = _socket(modifier.node_group, 'Factor').identifier
-    inputs = _inputs(modifier)
+    """The modifier's Factor as layout.prop() takes it; None where its nodes have none."""
+    socket = _socket(modifier.node_group, 'Factor')
+    if socket is None:
+        return None
+    identifier, inputs = socket.identifier, _inputs(modifier)
     return (getattr(inputs, identifier), 'value') if inputs is not None else (modifier, f'["{identifier}"]')
 
 

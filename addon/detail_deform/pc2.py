@@ -83,6 +83,9 @@ class Writer:
             os.replace(self._target, self._path)
 
     def give_up(self):
-        self._file.close()
+        try:
+            self._file.close()
+        except OSError:
+            pass  # what could not be written still can't
         if not self._part and os.path.exists(self._target):
             os.remove(self._target)
