@@ -14,6 +14,16 @@ _COLLECTION_NAME = "{} Handles"
 _MIRROR_TOLERANCE = 0.25
 
 
+def owner(empty):
+    """The mesh object that has this empty for a handle, and the handle's number; None and -1 for others."""
+    for ob in bpy.data.objects:
+        if ob.type == 'MESH':
+            for number, handle in enumerate(ob.detail_deform.handles):
+                if handle.target == empty:
+                    return ob, number
+    return None, -1
+
+
 def members(ob, group_name):
     """(n,) bool: the vertices of a group."""
     return mesh_data.group_weights(ob, [group_name])[0] > mesh_data.MEMBER_WEIGHT
@@ -211,6 +221,17 @@ def _mirrored_empty(context, ob, handle, axis, name):
     return empty
 
 
+def _mirror_region(ob, image, axis):
+    """A region made here that doesn't reach the mirrored handle gets its own mirror image too."""
+    settings = ob.detail_deform
+    if not settings.region or settings.region != settings.own_region:
+        return
+    region = members(ob, settings.region)
+    if (region & image).sum() < image.sum():
+        group = ob.vertex_groups[settings.region]
+        selection.fill_group(ob, group, region | image | _mirror_image(ob, region, axis)[0])
+
+
 def mirror(context, ob, handle, axis, symmetric):
     """Adds the mirror image of a handle across the object's own plane; axis: 0, 1 or 2. symmetric: it gets
     no empty but mirrors the other's motion.
@@ -235,6 +256,7 @@ def mirror(context, ob, handle, axis, symmetric):
     empty = None if symmetric else _mirrored_empty(context, ob, handle, axis, group_name)
     made = _append(ob, group_name, empty)
     made.own_group = group_name
+    _mirror_region(ob, image, axis)
     if symmetric:
         made.mirrors, made.mirror_axis = name, letter
     if not missing:

@@ -5,7 +5,7 @@ import textwrap
 
 import bpy
 
-from . import deformers, look, node_group, slow_results
+from . import deformers, handle_setup, look, node_group, slow_results
 
 
 class OBJECT_UL_detail_deform_handles(bpy.types.UIList):
@@ -59,6 +59,9 @@ class OBJECT_PT_detail_deform(_ModifierPanel, bpy.types.Panel):
 
     def draw_settings(self, context, layout, ob, settings):
         self.draw_state(context, layout, settings)
+        if node_group.find_cache(ob):
+            layout.operator('object.detail_deform_bake_drop', icon='PLAY')
+            return
         column = layout.column()
         column.prop(settings, 'method')
         if settings.method in {'TRANSFER', 'GRADIENT'}:
@@ -72,8 +75,9 @@ class OBJECT_PT_detail_deform(_ModifierPanel, bpy.types.Panel):
             column.prop(settings, 'volume_iterations')
         column.prop(settings, 'output')
         modifier = node_group.find_modifier(ob)
-        if modifier:
-            column.prop(*node_group.factor_property(modifier), text="Factor", slider=True)
+        factor = modifier and node_group.factor_property(modifier)
+        if factor:
+            column.prop(*factor, text="Factor", slider=True)
         row = column.row(align=True)
         row.prop_search(settings, 'influence', ob, 'vertex_groups')
         row.prop(settings, 'invert_influence', text="", icon='ARROW_LEFTRIGHT')
@@ -81,11 +85,8 @@ class OBJECT_PT_detail_deform(_ModifierPanel, bpy.types.Panel):
         layout.separator()
         row = layout.row(align=True)
         row.operator_menu_enum('object.detail_deform_apply', 'mode', text="Apply")
-        if node_group.find_cache(ob):
-            row.operator('object.detail_deform_bake_drop', icon='PLAY')
-        else:
-            row.operator('object.detail_deform_bake', text="Bake", icon='REC')
-        row.operator('object.detail_deform_remove', text="", icon='X')
+        row.operator('object.detail_deform_bake', text="Bake", icon='REC')
+        layout.operator('object.detail_deform_remove', text="Remove All", icon='TRASH')
 
     def draw_state(self, context, layout, settings):
         wrong = settings.stale or settings.problem
@@ -94,8 +95,6 @@ class OBJECT_PT_detail_deform(_ModifierPanel, bpy.types.Panel):
         icon = ('ERROR' if wrong else 'SORTTIME' if under_way else
                 'LINKED' if settings.is_bound else 'UNLINKED')
         _draw_text(box, context, settings.status, icon)
-        if settings.is_bound and not wrong:
-            _draw_text(box, context, f"Bind {settings.bind_ms:.0f} ms, update {settings.update_ms:.1f} ms", 'TIME')
 
         row = layout.row(align=True)
         row.use_property_split = False
@@ -103,19 +102,34 @@ class OBJECT_PT_detail_deform(_ModifierPanel, bpy.types.Panel):
             row.enabled = not under_way.cancelled
             row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
             return
+        if node_group.find_cache(context.object):
+            return
         if slow_results.progress(context.object.name) is not None:
             row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
+        if context.object.mode == 'EDIT':
+            layout.operator('object.detail_deform_pull', text="Pull Selected", icon='EMPTY_AXIS')
         if settings.signature:
             if settings.stale:
                 row.operator('object.detail_deform_bind', text="Re-bind", icon='FILE_REFRESH').keep_rest = True
-            row.operator('object.detail_deform_unbind', icon='UNLINKED', depress=True)
+            row.operator('object.detail_deform_unbind', icon='UNLINKED')
             if not settings.stale:
                 row.operator('object.detail_deform_update', text="", icon='FILE_REFRESH')
                 row.prop(settings, 'live', toggle=True)
-        elif context.object.mode == 'EDIT':
-            row.operator('object.detail_deform_pull', text="Pull Selected", icon='EMPTY_AXIS')
         else:
+            row.enabled = bool(settings.handles) or settings.base == 'OBJECT'
             row.operator('object.detail_deform_bind', icon='LINKED').keep_rest = False
+
+
+class OBJECT_MT_detail_deform_mirror(bpy.types.Menu):
+    bl_label = "Mirror Handle"
+
+    def draw(self, context):
+        for symmetric, text in ((False, "{}, with an Empty of Its Own"), (True, "{}, Symmetric")):
+            for axis in 'XYZ':
+                button = self.layout.operator('object.detail_deform_handle_mirror', text=text.format(axis))
+                button.axis, button.symmetric = axis, symmetric
+            if not symmetric:
+                self.layout.separator()
 
 
 class OBJECT_MT_detail_deform_handles(bpy.types.Menu):
@@ -123,9 +137,10 @@ class OBJECT_MT_detail_deform_handles(bpy.types.Menu):
 
     def draw(self, context):
         layout = self.layout
+        layout.operator('object.detail_deform_handle_activate', icon='EMPTY_AXIS')
         layout.operator('object.detail_deform_handle_select', icon='RESTRICT_SELECT_OFF')
         layout.operator('object.detail_deform_handle_assign', icon='GROUP_VERTEX')
-        layout.operator_menu_enum('object.detail_deform_handle_mirror', 'axis', icon='MOD_MIRROR')
+        layout.menu('OBJECT_MT_detail_deform_mirror', icon='MOD_MIRROR')
         layout.separator()
         layout.operator('object.detail_deform_handle_reset', icon='LOOP_BACK')
         layout.operator('object.detail_deform_handle_reset', text="All Back to Rest").everything = True
@@ -136,10 +151,10 @@ class OBJECT_PT_detail_deform_handles(_ModifierPanel, bpy.types.Panel):
     bl_parent_id = 'OBJECT_PT_detail_deform'
 
     def draw_settings(self, context, layout, ob, settings):
+        layout.prop_search(settings, 'region', ob, 'vertex_groups')
         row = layout.row(align=True)
-        row.prop_search(settings, 'region', ob, 'vertex_groups')
-        row.operator('object.detail_deform_region_set', text="", icon='RESTRICT_SELECT_OFF')
-        row.operator('object.detail_deform_region_around', text="", icon='PROP_CON')
+        row.operator('object.detail_deform_region_set', text="From Selection")
+        row.operator('object.detail_deform_region_around', text="By Radius")
 
         row = layout.row()
         row.template_list('OBJECT_UL_detail_deform_handles', "", settings, 'handles', settings,
@@ -160,10 +175,9 @@ class OBJECT_PT_detail_deform_handles(_ModifierPanel, bpy.types.Panel):
             target = column.column()
             target.active = not handle.mirrors
             target.prop(handle, 'target')
-            row = column.row(align=True)
-            row.prop_search(handle, 'mirrors', settings, 'handles')
+            column.prop_search(handle, 'mirrors', settings, 'handles')
             if handle.mirrors:
-                row.prop(handle, 'mirror_axis', text="")
+                column.row().prop(handle, 'mirror_axis', expand=True)
         layout.prop(settings, 'preview')
 
 
@@ -197,6 +211,30 @@ class OBJECT_PT_detail_deform_advanced(_ModifierPanel, bpy.types.Panel):
         _setting(layout, context, settings, 'formulation',
                  "" if settings.method == 'TRANSFER' else "Only Detail Transfer has formulations.")
         layout.operator('object.detail_deform_copy_settings', icon='COPYDOWN')
+        if settings.is_bound:
+            _draw_text(layout, context, f"Bind {settings.bind_ms:.0f} ms, update {settings.update_ms:.1f} ms", 'TIME')
+
+
+class OBJECT_PT_detail_deform_empty(bpy.types.Panel):
+    """For a handle's empty, where the mesh's own panels don't show."""
+    bl_label = "Detail Deform"
+    bl_space_type = 'PROPERTIES'
+    bl_region_type = 'WINDOW'
+    bl_context = 'object'
+
+    @classmethod
+    def poll(cls, context):
+        empty = context.object
+        return empty is not None and empty.type == 'EMPTY' and handle_setup.owner(empty)[0] is not None
+
+    def draw(self, context):
+        layout = self.layout
+        ob, number = handle_setup.owner(context.object)
+        settings = ob.detail_deform
+        _draw_text(layout, context, f"Handle '{settings.handles[number].name}' of '{ob.name}'. {settings.status}",
+                   'ERROR' if settings.stale or settings.problem else 'EMPTY_AXIS')
+        layout.operator('object.detail_deform_mesh_activate', icon='MESH_DATA')
+        layout.prop(settings, 'preview')
 
 
 def _draw_pull_entry(self, context):
@@ -208,8 +246,9 @@ def _draw_add_entry(self, context):
     self.layout.operator('object.detail_deform_add', text="Detail Deform", icon='MOD_MESHDEFORM')
 
 
-CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_MT_detail_deform_handles, OBJECT_PT_detail_deform,
-           OBJECT_PT_detail_deform_handles, OBJECT_PT_detail_deform_base, OBJECT_PT_detail_deform_advanced)
+CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_MT_detail_deform_mirror, OBJECT_MT_detail_deform_handles,
+           OBJECT_PT_detail_deform, OBJECT_PT_detail_deform_handles, OBJECT_PT_detail_deform_base,
+           OBJECT_PT_detail_deform_advanced, OBJECT_PT_detail_deform_empty)
 
 
 def _add_menu():

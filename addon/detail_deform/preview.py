@@ -74,7 +74,7 @@ def _draw():
     from gpu_extras.batch import batch_for_shader
     context = bpy.context
     shown = [ob for ob in context.view_layer.objects if ob.type == 'MESH' and ob.detail_deform.preview
-             and ob.mode != 'EDIT' and ob.visible_get()]
+             and ob.mode not in {'EDIT', 'WEIGHT_PAINT'} and ob.visible_get()]
     if not shown:
         return
     shader = gpu.shader.from_builtin('FLAT_COLOR' if bpy.app.version >= (4, 0) else '3D_FLAT_COLOR')

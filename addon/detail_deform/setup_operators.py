@@ -12,7 +12,7 @@ from .properties import AXES
 class _HandleOperator(MeshOperator):
     """One of the handle with a given number, or of the active one."""
 
-    index: IntProperty(name="Index", default=-1, min=-1, options={'SKIP_SAVE'},
+    index: IntProperty(name="Index", default=-1, min=-1, options={'SKIP_SAVE', 'HIDDEN'},
                        description="Number of the handle; the active one when -1")
 
     @classmethod
@@ -126,6 +126,45 @@ class OBJECT_OT_detail_deform_handle_reset(_HandleOperator, bpy.types.Operator):
         handle_setup.to_rest(context, ob, list(handles) if self.everything else [self.handle(ob)])
 
 
+class OBJECT_OT_detail_deform_handle_activate(_HandleOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_handle_activate'
+    bl_label = "Select Empty"
+    bl_description = "Select the handle's empty alone, to move it"
+
+    def run(self, context, ob):
+        target = self.handle(ob).target
+        if target is None:
+            raise mesh_data.MeshProblem("This handle has no empty to select.")
+        if ob.mode != 'OBJECT':
+            bpy.ops.object.mode_set(mode='OBJECT')
+        activate(context, target)
+
+
+class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
+    bl_idname = 'object.detail_deform_mesh_activate'
+    bl_label = "Select Mesh"
+    bl_description = "Select the mesh that this empty pulls, to see its settings"
+    bl_options = {'REGISTER', 'UNDO'}
+
+    @classmethod
+    def poll(cls, context):
+        return bool(context.active_object and handle_setup.owner(context.active_object)[0])
+
+    def execute(self, context):
+        ob, number = handle_setup.owner(context.active_object)
+        ob.detail_deform.handle_index = number
+        activate(context, ob)
+        return {'FINISHED'}
+
+
+def activate(context, ob):
+    """Selects it alone."""
+    for other in context.selected_objects:
+        other.select_set(False)
+    ob.select_set(True)
+    context.view_layer.objects.active = ob
+
+
 class OBJECT_OT_detail_deform_region_set(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_region_set'
     bl_label = "Set Region"
@@ -156,6 +195,10 @@ class OBJECT_OT_detail_deform_region_around(MeshOperator, bpy.types.Operator):
         name="Edges", default=10, min=1, soft_max=100,
         description="Number of edges up to which the surface may deform")
 
+    def invoke(self, context, event):
+        # A button in Properties has no panel to adjust it in afterwards.
+        return context.window_manager.invoke_props_popup(self, event)
+
     def draw(self, context):
         self.layout.use_property_split = True
         self.layout.prop(self, 'by')
@@ -182,10 +225,20 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
         description="Distance along the surface up to which it follows, where no region was chosen. 0: a quarter of the object's size")
 
     @classmethod
+    def poll(cls, context):
+        # It leaves with the empty active: there its slider is still to be had, which takes it back first.
+        empty = context.active_object
+        if empty and empty.type == 'EMPTY' and handle_setup.owner(empty)[0]:
+            return True
+        return super().poll(context)
+
+    @classmethod
     def poll_object(cls, ob):
         return cls.in_edit_mode(ob)
 
     def run(self, context, ob):
+        if ob.mode != 'EDIT':
+            raise mesh_data.MeshProblem("Select vertices in Edit Mode to pull them.")
         settings = ob.detail_deform
         present = region_setup.kept(ob)
         handle_setup.add_handle(context, ob, "")
@@ -205,15 +258,14 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
             bpy.ops.object.mode_set(mode='EDIT')
             raise
         target = settings.handles[-1].target
-        for other in context.selected_objects:
-            other.select_set(False)
-        target.select_set(True)
-        context.view_layer.objects.active = target
+        activate(context, target)
+        self.report({'INFO'}, "Move the empty (G); F9 changes how far the region reaches")
 
 
 CLASSES = (OBJECT_OT_detail_deform_handle_add, OBJECT_OT_detail_deform_handle_remove,
            OBJECT_OT_detail_deform_handle_select, OBJECT_OT_detail_deform_handle_assign,
            OBJECT_OT_detail_deform_handle_mirror, OBJECT_OT_detail_deform_handle_reset,
+           OBJECT_OT_detail_deform_handle_activate, OBJECT_OT_detail_deform_mesh_activate,
            OBJECT_OT_detail_deform_region_set, OBJECT_OT_detail_deform_region_around,
            OBJECT_OT_detail_deform_pull)
 

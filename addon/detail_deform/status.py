@@ -32,6 +32,8 @@ def text(ob):
         return f"{settings.stale} Re-bind to go on."
     if settings.problem:
         return settings.problem
+    if not settings.signature and not settings.handles and settings.base == 'COMPUTED':
+        return "Not bound: select vertices in Edit Mode and press Pull Selected, or add a handle."
     if not settings.signature:
         return "Not bound."
     bound = deformers.find(settings.signature)

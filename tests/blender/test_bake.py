@@ -218,3 +218,63 @@ def test_what_goes_wrong_in_a_frame_names_it_and_leaves_the_old_cache(strip, tmp
     assert "Frame 5" in sentence and "too large" in sentence
     assert path.read_bytes() == before and os.listdir(tmp_path) == ['strip.pc2']
     assert strip.modifiers["Detail Deform"].show_viewport
+
+
+def test_a_part_of_a_cache_is_not_played(strip, tmp_path):
+    bpy.ops.object.detail_deform_bake(filepath=str(tmp_path / 'strip.pc2'), frame_start=1, frame_end=5,
+                                      cache_start=1, cache_end=12)
+    assert [m.name for m in strip.modifiers] == ["Detail Deform"]
+
+
+def test_objects_of_like_names_have_caches_of_their_own(strip, tmp_path):
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / 'shot.blend'))
+    other = bind(make_strip(name="Strip?"))
+    third = bind(make_strip(name="Strip*"))
+    for ob in (other, third):
+        activate(ob)
+        bpy.ops.object.detail_deform_bake()
+    assert {m.filepath for ob in (other, third) for m in ob.modifiers if m.type == 'MESH_CACHE'} == {
+        '//shot_Strip_.pc2', '//shot_Strip_ 2.pc2'}
+
+
+def test_apply_takes_nothing_that_is_not_shown(strip, tmp_path):
+    bpy.ops.object.detail_deform_bake(filepath=str(tmp_path / 'strip.pc2'))
+    assert "press Go Live first" in refusal(bpy.ops.object.detail_deform_apply, mode='MESH')
+    bpy.ops.object.detail_deform_bake_drop()
+    bpy.ops.object.detail_deform_bake(mode='SHAPE_KEYS', frame_start=3, frame_end=4)
+    assert "is hidden" in refusal(bpy.ops.object.detail_deform_apply, mode='MESH')
+    assert "baked shape keys already" in refusal(bpy.ops.object.detail_deform_bake, mode='SHAPE_KEYS')
+
+
+def test_a_bake_leaves_frame_and_shape_as_they_were(strip, tmp_path):
+    scene = bpy.context.scene
+    strip.detail_deform.live = False
+    scene.frame_set(7, subframe=0.5)
+    bpy.ops.object.detail_deform_update()
+    before = evaluated(strip)
+    bpy.ops.object.detail_deform_bake(filepath=str(tmp_path / 'strip.pc2'), use=False)
+    update()
+    assert (scene.frame_current, scene.frame_subframe) == (7, 0.5)
+    assert np.abs(evaluated(strip) - before).max() < 1e-6
+
+
+def test_stretched_time_is_refused(strip, tmp_path):
+    bpy.context.scene.render.frame_map_new = 200
+    assert "remaps its time" in refusal(bpy.ops.object.detail_deform_bake, filepath=str(tmp_path / 'strip.pc2'))
+
+
+def test_a_full_disk_leaves_nothing_behind(strip, tmp_path, part, monkeypatch):
+    class Full:
+        def __init__(self, path, mode):
+            open(path, mode).close()
+
+        def write(self, data):
+            if len(data) > 100:
+                raise OSError(28, "No space left on device")
+
+        def close(self):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(part('pc2'), 'open', Full, raising=False)
+    assert "No space left" in refusal(bpy.ops.object.detail_deform_bake, filepath=str(tmp_path / 'strip.pc2'))
+    assert os.listdir(tmp_path) == []

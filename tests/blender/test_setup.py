@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from conftest import (activate, bind, evaluated, group, make_strip, members, own, refusal, update, wavy)
+from conftest import activate, bind, evaluated, group, make_strip, members, own, refusal, update, wavy
 
 
 @pytest.fixture
@@ -393,3 +393,134 @@ def test_settings_are_copied_to_the_selected():
     assert {name: getattr(other.detail_deform, name) for name in values} == values
     assert other.detail_deform.region == 'region' and len(other.detail_deform.handles) == 1
     assert "need a new Bind" in other.detail_deform.stale
+
+
+def undone():
+    bpy.ops.ed.undo()
+    update()
+    return next(o for o in bpy.data.objects if o.type == 'MESH')
+
+
+def test_undo_in_edit_mode_takes_the_settings_back_too():
+    ob = make_strip()
+    select(ob, own(ob)[:, 0] > 0.5)
+    bpy.ops.ed.undo_push(message="selected")
+    bpy.ops.object.detail_deform_region_set('EXEC_DEFAULT', True)
+    ob = bpy.context.active_object
+    assert ob.detail_deform.region == 'Region'
+    ob = undone()
+    assert ob.detail_deform.region == 'region' and 'Region' not in ob.vertex_groups
+
+
+def test_a_pull_that_fails_leaves_region_and_binding(part):
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=30, y_subdivisions=30)
+    ob = bpy.context.active_object
+    p = own(ob)
+    select(ob, p[:, 0] > 0.9)
+    bpy.ops.object.detail_deform_pull(radius=0.3)
+    activate(ob)
+    region = members(ob, "Region")
+    select(ob, p[:, 0] > 0.95)
+    assert "larger weight" in refusal(bpy.ops.object.detail_deform_pull, radius=1.0)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    update()
+    assert (members(ob, "Region") == region).all() and ob.detail_deform.is_bound, ob.detail_deform.status
+
+
+def test_a_region_that_was_chosen_is_not_changed_by_pull():
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=30, y_subdivisions=30)
+    ob = bpy.context.active_object
+    p = own(ob)
+    select(ob, p[:, 0] > 0.2)
+    bpy.ops.object.detail_deform_region_set()
+    select(ob, p[:, 0] > 0.9)
+    bpy.ops.object.detail_deform_pull(radius=0.1)
+    assert (members(ob, "Region") == (p[:, 0] > 0.2)).all()
+
+
+def test_poses_are_not_counted_twice():
+    ob = make_strip()
+    p = own(ob)
+    bind(ob)
+    ob.detail_deform.handles[0].target.location.z += 0.4
+    update()
+    activate(ob)
+    bpy.ops.object.detail_deform_apply(mode='MESH')
+    applied = own(ob)
+    select(ob, (p[:, 0] > 0.3) & (p[:, 0] < 0.4))
+    bpy.ops.object.detail_deform_pull()
+    update()
+    assert np.abs(evaluated(ob) - applied).max() < 1e-6
+
+
+def test_empties_go_where_this_view_layer_sees_them():
+    ob = make_strip()
+    hidden = bpy.data.collections.new("Elsewhere")
+    bpy.data.scenes.new("Other").collection.children.link(hidden)
+    hidden.objects.link(ob)
+    bpy.context.scene.collection.objects.unlink(ob)
+    bpy.context.scene.collection.objects.link(ob)
+    select(ob, (own(ob)[:, 0] > 0.3) & (own(ob)[:, 0] < 0.4))
+    bpy.ops.object.detail_deform_pull()
+    assert ob.detail_deform.is_bound and bpy.context.active_object.visible_get()
+
+
+def test_a_handle_made_symmetric_while_the_other_is_posed_takes_its_pose():
+    ob = symmetric()
+    p = own(ob)
+    add_from(ob, (p[:, 0] > 0.4) & (p[:, 1] > 0.2))
+    add_from(ob, p[:, 1] < -0.4)
+    bind(ob)
+    ob.detail_deform.handles[0].target.location.z += 0.3
+    update()
+    bpy.ops.object.detail_deform_handle_mirror(index=0, axis='X', symmetric=True)
+    bind(ob, keep_rest=True)
+    moved = evaluated(ob) - p
+    assert np.allclose(moved[(p[:, 0] < -0.4) & (p[:, 1] > 0.2)], (0, 0, 0.3), atol=1e-5)
+
+
+def test_the_region_of_pull_is_mirrored_with_its_handle():
+    bpy.ops.mesh.primitive_monkey_add()
+    ob = bpy.context.active_object
+    p = own(ob)
+    select(ob, p[:, 0] > 1.2)
+    bpy.ops.object.detail_deform_pull(radius=0.4)
+    activate(ob)
+    one_side = members(ob, "Region").sum()
+    bpy.ops.object.detail_deform_handle_mirror(axis='X', symmetric=True)
+    assert members(ob, "Region").sum() == 2 * one_side
+
+
+def test_parents_go_back_to_rest_before_their_children():
+    ob = make_strip()
+    child = ob.detail_deform.handles[0].target
+    parent = add_from(ob, own(ob)[:, 0] < 0.1).target
+    child.parent = parent
+    child.matrix_parent_inverse = parent.matrix_world.inverted()
+    update()
+    bind(ob)
+    parent.location.z += 0.5
+    parent.rotation_euler.y += 0.5
+    child.location.x += 0.2
+    update()
+    bpy.ops.object.detail_deform_handle_reset(everything=True)
+    update()
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-5
+
+
+def test_handles_are_told_apart_by_name():
+    ob = make_strip()
+    second = add_from(ob, own(ob)[:, 0] < 0.1)
+    second.name = 'right'
+    assert [h.name for h in ob.detail_deform.handles] == ['right', 'right.001']
+
+
+def test_from_mesh_to_empty_and_back():
+    ob = bind(make_strip())
+    bpy.ops.object.detail_deform_handle_activate()
+    empty = ob.detail_deform.handles[0].target
+    assert bpy.context.active_object == empty and bpy.context.selected_objects == [empty]
+    assert bpy.ops.object.detail_deform_pull.poll()  # or its slider would be gone after it has run
+    bpy.ops.object.detail_deform_mesh_activate()
+    assert bpy.context.active_object == ob
+    assert "Edit Mode" in refusal(bpy.ops.object.detail_deform_pull)
