@@ -124,6 +124,11 @@ def to_cache(context, ob, start, end, path, whole=None):
     if not first <= start <= end <= last:
         raise MeshProblem(f"Frames {start} to {end} are not within the cache's {first} to {last}.")
     modifier = _modifier(ob)
+    for other in list(ob.modifiers)[:list(ob.modifiers).index(modifier)]:
+        if other.type in {'SUBSURF', 'MULTIRES'} and other.levels != other.render_levels:
+            raise MeshProblem(f"Modifier '{other.name}' before Detail Deform makes other vertices in renders (level "
+                              f"{other.render_levels}) than in the viewport (level {other.levels}), and a cache holds "
+                              "one kind: make the levels alike.")
     path, writer = absolute(path), None
 
     def take(frame):

@@ -143,6 +143,10 @@ def remove_handle(ob, index):
     settings.handles.remove(index)
     if target and not any(h.target == target for other in bpy.data.objects if other.type == 'MESH'
                           for h in other.detail_deform.handles):
+        for child in target.children:
+            place = child.matrix_world.copy()
+            child.parent = None
+            child.matrix_world = place
         bpy.data.objects.remove(target)
     collection = settings.handle_collection
     if collection and not collection.objects and not collection.children:
@@ -161,13 +165,14 @@ def assign(ob, handle):
     chosen = selection.selected(ob)
     if not chosen.any():
         raise MeshProblem(f"No vertex is selected: select those that '{handle.name}' should move.")
-    group = ob.vertex_groups.get(handle.vertex_group)
-    if group and handle.own_group == group.name and not _shares_group(ob, handle, group.name):
+    group = ob.vertex_groups.get(handle.own_group)
+    if group and not _shares_group(ob, handle, group.name):
         selection.fill_group(ob, group, chosen)
         binding.check_content(ob)
-        return
-    handle.own_group = selection.new_group(ob, handle.name, chosen).name
-    handle.vertex_group = handle.own_group
+    else:
+        handle.own_group = selection.new_group(ob, handle.name, chosen).name
+    if handle.vertex_group != handle.own_group:
+        handle.vertex_group = handle.own_group
 
 
 def select(ob, handle, extend):

@@ -29,7 +29,7 @@ class OBJECT_OT_detail_deform_add(MeshOperator, bpy.types.Operator):
 
 class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_remove'
-    bl_label = "Remove Detail Deform"
+    bl_label = "Remove All of Detail Deform"
     bl_description = ("Leave the object as it was found: remove the modifier, the stored deformation, "
                       "all settings, and the vertex groups and empties that were made here")
 

@@ -14,15 +14,13 @@ _USUAL_RADIUS = 0.25
 def set_region(ob, members):
     """Makes these vertices the region, in a group of its own. members: (n,) bool."""
     settings = ob.detail_deform
-    group = ob.vertex_groups.get(settings.region)
-    if group and settings.own_region == group.name and all(
-            h.vertex_group != group.name for h in settings.handles):
+    group = ob.vertex_groups.get(settings.own_region)
+    if group and all(h.vertex_group != group.name for h in settings.handles):
         selection.fill_group(ob, group, members)
-        settings.pulled_region = False
         binding.check_content(ob)
-        return
-    settings.own_region = selection.new_group(ob, _GROUP_NAME, members).name
-    settings.region = settings.own_region
+    else:
+        settings.own_region = selection.new_group(ob, _GROUP_NAME, members).name
+    settings.region = settings.own_region  # also where it was that: from now on it is not Pull's any more
 
 
 def kept(ob):

@@ -278,3 +278,15 @@ def test_a_full_disk_leaves_nothing_behind(strip, tmp_path, part, monkeypatch):
     monkeypatch.setattr(part('pc2'), 'open', Full, raising=False)
     assert "No space left" in refusal(bpy.ops.object.detail_deform_bake, filepath=str(tmp_path / 'strip.pc2'))
     assert os.listdir(tmp_path) == []
+
+
+def test_other_levels_in_renders_are_refused(strip, tmp_path):
+    smooth = strip.modifiers.new("Subdivision", 'SUBSURF')
+    smooth.levels, smooth.render_levels = 1, 2
+    bpy.ops.object.modifier_move_to_index(modifier="Subdivision", index=0)
+    path = str(tmp_path / 'strip.pc2')
+    assert "make the levels alike" in refusal(bpy.ops.object.detail_deform_bake, filepath=path)
+    smooth.render_levels = 1
+    live = played(strip)
+    bpy.ops.object.detail_deform_bake(filepath=path)
+    assert np.abs(played(strip) - live).max() < 1e-6

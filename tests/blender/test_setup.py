@@ -524,3 +524,21 @@ def test_from_mesh_to_empty_and_back():
     bpy.ops.object.detail_deform_mesh_activate()
     assert bpy.context.active_object == ob
     assert "Edit Mode" in refusal(bpy.ops.object.detail_deform_pull)
+
+
+def test_assigning_again_makes_no_second_group_and_a_child_of_the_empty_stays_in_place():
+    ob = make_strip()
+    handle = add_from(ob, own(ob)[:, 0] < 0.1)
+    child = bpy.data.objects.new("Lamp", None)
+    bpy.context.scene.collection.objects.link(child)
+    child.parent = handle.target
+    update()
+    place = child.matrix_world.copy()
+    handle.vertex_group = 'right'
+    select(ob, own(ob)[:, 0] < 0.2)
+    bpy.ops.object.detail_deform_handle_assign()
+    bpy.ops.object.mode_set(mode='OBJECT')
+    assert handle.vertex_group == handle.own_group and len(ob.vertex_groups) == 3
+    bpy.ops.object.detail_deform_handle_remove()
+    update()
+    assert np.abs(np.array(child.matrix_world) - np.array(place)).max() < 1e-6
