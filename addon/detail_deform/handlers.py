@@ -43,7 +43,8 @@ def _refresh(objects, depsgraph):
 @persistent
 def _depsgraph_updated(scene, depsgraph):
     edited = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
-    preview.forget(edited)
+    if edited:
+        preview.forget(edited)
     objects = binding.bound_objects(scene.objects)
     if not objects:
         return

@@ -14,6 +14,7 @@ _REGION_COLOUR = (0.3, 0.8, 0.75, 0.8)
 _OTHER_COLOUR = (0.5, 0.5, 0.5, 0.35)
 _handle = None
 _colours = {}  # by object: what they were made of, and the colour of each vertex
+_names = None  # of the objects with a preview; None: to be looked for, which takes a while in large scenes
 
 
 def handle_colour(number):
@@ -39,7 +40,10 @@ def vertex_colours(ob):
 
 
 def forget(edited=None):
-    """Colours are made anew where these meshes were edited; without any given, everywhere."""
+    """Colours are made anew where these meshes were edited; without any given, everywhere, and the objects
+    with a preview are looked for again."""
+    global _names
+    _names = None
     for name in list(_colours):
         ob = bpy.data.objects.get(name)
         if edited is None or ob is None or ob.data in edited:
@@ -70,11 +74,14 @@ def _nearer(points, view):
 
 
 def _draw():
+    global _names
     import gpu
     from gpu_extras.batch import batch_for_shader
     context = bpy.context
-    shown = [ob for ob in context.view_layer.objects if ob.type == 'MESH' and ob.detail_deform.preview
-             and ob.mode not in {'EDIT', 'WEIGHT_PAINT'} and ob.visible_get()]
+    if _names is None:
+        _names = [ob.name for ob in bpy.data.objects if ob.type == 'MESH' and ob.detail_deform.preview]
+    shown = [ob for ob in map(context.view_layer.objects.get, _names) if ob is not None
+             and ob.detail_deform.preview and ob.mode not in {'EDIT', 'WEIGHT_PAINT'} and ob.visible_get()]
     if not shown:
         return
     shader = gpu.shader.from_builtin('FLAT_COLOR' if bpy.app.version >= (4, 0) else '3D_FLAT_COLOR')

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import (BoolProperty, CollectionProperty, EnumProperty, FloatProperty,
                        FloatVectorProperty, IntProperty, PointerProperty, StringProperty)
 
-from . import binding, status
+from . import binding, preview, status
 
 
 def _input_changed(self, context):
@@ -31,6 +31,10 @@ def _target_changed(self, context):
 def _base_changed(self, context):
     binding.check_content(self.id_data)
     binding.targets_changed(self.id_data)
+
+
+def _preview_changed(self, context):
+    preview.forget()
 
 
 def _influence_changed(self, context):
@@ -151,7 +155,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         name="Smoothing", default=0.0, min=0.0, soft_max=4.0, max=6.0, update=_input_changed,
         description="Measure the stiffness on a slightly smoothed copy of the surface, in mean edge lengths: evens out the pull where the relief is strong. Takes effect at the next Bind")
     preview: BoolProperty(
-        name="Show Vertices",
+        name="Show Vertices", update=_preview_changed,
         description="Colour the vertices of the region and of the handles in the viewport, outside Edit Mode")
     influence: StringProperty(
         name="Influence", update=_influence_changed,
