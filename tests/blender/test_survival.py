@@ -241,12 +241,15 @@ def test_a_linked_object_that_is_made_local_follows(posed, tmp_path):
     assert moves(ob)
 
 
+# Debian's 3.4.1 crashes now and then in a later test, once in some ten runs of all of them.
+switches_scenes = pytest.mark.skipif(bpy.app.version < (4, 0), reason="switching scenes may crash Blender 3.4.1")
+
+
+@switches_scenes
 @pytest.mark.parametrize('kind', ['LINK_COPY', 'FULL_COPY'])
 def test_a_copy_of_the_scene(posed, kind):
     """Linked, both scenes show the same; a full copy has handles of its own."""
-    first = bpy.context.window.scene if bpy.context.window else bpy.context.scene
-    if bpy.context.window is None:
-        pytest.skip("bpy as a module has no window to switch scenes in")
+    first = bpy.context.window.scene
     bpy.ops.scene.new(type=kind)
     second = bpy.context.window.scene
     assert second != first
@@ -260,12 +263,11 @@ def test_a_copy_of_the_scene(posed, kind):
     assert moves(posed)
 
 
+@switches_scenes
 def test_several_scenes_play_each_their_own(posed):
     """An object in a scene that is not shown is left alone, and caught up with when it is."""
     other = bpy.data.scenes.new("Other")
     window = bpy.context.window
-    if window is None:
-        pytest.skip("bpy as a module has no window to switch scenes in")
     home = window.scene
     window.scene = other
     handle(posed).location.z += 0.3
