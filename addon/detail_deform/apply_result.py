@@ -15,7 +15,7 @@ def apply(ob, mode):
     modifier = node_group.find_modifier(ob)
     offsets = mesh_data.read_offsets(mesh) * (node_group.amount(ob, modifier) if modifier else 1.0)
     if mode == 'SHAPE_KEY':
-        _add_key(ob, offsets)
+        add_key(ob, SHAPE_KEY_NAME, offsets).value = 1.0
         return
     _move(mesh.vertices, offsets)
     if mesh.shape_keys:
@@ -30,9 +30,10 @@ def _move(points, offsets):
     points.foreach_set('co', values + offsets.ravel())
 
 
-def _add_key(ob, offsets):
+def add_key(ob, name, offsets):
+    """A new shape key that moves the mesh by these offsets, not shown yet."""
     if not ob.data.shape_keys:
         ob.shape_key_add(name="Basis", from_mix=False)
-    key = ob.shape_key_add(name=SHAPE_KEY_NAME, from_mix=False)
+    key = ob.shape_key_add(name=name, from_mix=False)
     _move(key.data, offsets)
-    key.value = 1.0
+    return key

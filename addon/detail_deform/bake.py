@@ -5,9 +5,8 @@ import contextlib
 import os
 
 import bpy
-import numpy as np
 
-from . import binding, mesh_data, node_group, pc2
+from . import apply_result, binding, mesh_data, node_group, pc2
 from .mesh_data import MeshProblem
 
 KEY_NAME = "Detail Deform {}"
@@ -136,7 +135,6 @@ def to_cache(context, ob, start, end, path, whole=None):
         positions = _evaluated(context, ob)
         if writer is None:
             writer = pc2.Writer(path, len(positions), last + 1 - first, start - first, end + 1 - first)
-            writer.points = len(positions)
         if len(positions) != writer.points:
             raise MeshProblem(f"Frame {frame}: the modifiers before Detail Deform make {len(positions):,} vertices "
                               f"where they made {writer.points:,}, which a cache can't hold.")
@@ -152,6 +150,10 @@ def to_cache(context, ob, start, end, path, whole=None):
     finally:
         if writer and not done:
             writer.give_up()
+
+
+def _show(modifier, shown):
+    modifier.show_viewport = modifier.show_render = shown
 
 
 def use_cache(ob, path, start):
@@ -172,8 +174,8 @@ def use_cache(ob, path, start):
     cache.interpolation = 'LINEAR'
     node_group.move_behind(ob, cache, modifier)
     # Nothing is computed any more for what is not shown.
-    modifier.show_viewport = modifier.show_render = False
-    cache.show_viewport = cache.show_render = True
+    _show(modifier, False)
+    _show(cache, True)
 
 
 def to_alembic(context, ob, start, end, path):
@@ -185,7 +187,7 @@ def to_alembic(context, ob, start, end, path):
     _check_range(start, end)
     for _ in _over_frames(context, ob, start, start, lambda frame: None):
         pass  # what is wrong is said before the export begins
-    unfinished = f"{path[:-4]}.unfinished.abc"
+    unfinished = f"{os.path.splitext(path)[0]}.unfinished.abc"
     try:
         with _Exported(context, ob), _disk(path, "written"):
             bpy.ops.wm.alembic_export(filepath=unfinished, start=start, end=end, selected=True,
@@ -233,7 +235,7 @@ def drop_cache(ob):
     if cache:
         ob.modifiers.remove(cache)
         if modifier:
-            modifier.show_viewport = modifier.show_render = True
+            _show(modifier, True)
 
 
 def to_shape_keys(context, ob, start, end):
@@ -256,15 +258,10 @@ def to_shape_keys(context, ob, start, end):
 
     with _ShownUpTo(ob, modifier):
         yield from _over_frames(context, ob, start, end, take)
-    if not ob.data.shape_keys:
-        ob.shape_key_add(name="Basis", from_mix=False)
     for frame, offsets in keys:
-        key = ob.shape_key_add(name=KEY_NAME.format(frame), from_mix=False)
-        values = np.empty(offsets.size, np.float32)
-        key.relative_key.data.foreach_get('co', values)
-        key.data.foreach_set('co', values + offsets.ravel())
+        key = apply_result.add_key(ob, KEY_NAME.format(frame), offsets)
         for at, value in ((frame - 1, 0.0), (frame, 1.0), (frame + 1, 0.0)):
             if start <= at <= end:
                 key.value = value
                 key.keyframe_insert('value', frame=at)
-    modifier.show_viewport = modifier.show_render = False
+    _show(modifier, False)

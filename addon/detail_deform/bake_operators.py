@@ -173,12 +173,4 @@ class OBJECT_OT_detail_deform_bake_drop(MeshOperator, bpy.types.Operator):
 
 CLASSES = (OBJECT_OT_detail_deform_bake, OBJECT_OT_detail_deform_bake_use, OBJECT_OT_detail_deform_bake_drop)
 
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister():
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -65,9 +65,9 @@ def mirrored(handles):
         yield number, source
 
 
-def reflection(handle):
-    """(4, 4): across the object's plane that the handle names."""
-    return np.diag([*(-1.0 if letter == handle.mirror_axis else 1.0 for letter in 'XYZ'), 1.0])
+def reflection(axis):
+    """(4, 4): across the object's plane at right angles to its axis X, Y or Z."""
+    return np.diag([*(-1.0 if letter == axis else 1.0 for letter in 'XYZ'), 1.0])
 
 
 def motions(settings, places):
@@ -87,7 +87,7 @@ def motions(settings, places):
                                  "bound. Give it a size and bind again.")
         result[number] = (places[number].astype(np.float64) @ inverse)[:3]
     for number, source in mirrored(handles):
-        flip = reflection(handles[number])
+        flip = reflection(handles[number].mirror_axis)
         result[number] = flip[:3, :3] @ result[source] @ flip
     return result
 
@@ -137,5 +137,5 @@ def turns(settings, places, depsgraph):
         axis = places[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis) @ axis
         result[number] = change[channel] * axis / np.linalg.norm(axis)
     for number, source in mirrored(handles):
-        result[number] = -reflection(handles[number])[:3, :3] @ result[source]  # as axes of rotation do
+        result[number] = -reflection(handles[number].mirror_axis)[:3, :3] @ result[source]  # as axes of rotation do
     return result

@@ -24,11 +24,6 @@ def owner(empty):
     return None, -1
 
 
-def members(ob, group_name):
-    """(n,) bool: the vertices of a group."""
-    return mesh_data.group_weights(ob, [group_name])[0] > mesh_data.MEMBER_WEIGHT
-
-
 def _chosen_group(ob, name):
     if name and name not in ob.vertex_groups:
         raise MeshProblem(f"'{ob.name}' has no vertex group '{name}'.")
@@ -111,7 +106,7 @@ def add_handle(context, ob, group_name, parented=True, align=True):
         group_name = selection.new_group(ob, _GROUP_NAME, chosen).name
     else:
         group_name = _chosen_group(ob, group_name)
-        chosen = members(ob, group_name)
+        chosen = mesh_data.members(ob, group_name)
     if not chosen.any():
         raise MeshProblem(f"The group '{group_name}' has no vertex with a weight over "
                           f"{mesh_data.MEMBER_WEIGHT}: assign the vertices that the handle should move.")
@@ -165,12 +160,9 @@ def assign(ob, handle):
     chosen = selection.selected(ob)
     if not chosen.any():
         raise MeshProblem(f"No vertex is selected: select those that '{handle.name}' should move.")
-    group = ob.vertex_groups.get(handle.own_group)
-    if group and not _shares_group(ob, handle, group.name):
-        selection.fill_group(ob, group, chosen)
-        binding.check_content(ob)
-    else:
-        handle.own_group = selection.new_group(ob, handle.name, chosen).name
+    handle.own_group = selection.fill_own_group(
+        ob, handle.own_group, not _shares_group(ob, handle, handle.own_group), handle.name, chosen)
+    binding.check_content(ob)
     if handle.vertex_group != handle.own_group:
         handle.vertex_group = handle.own_group
 
@@ -180,7 +172,7 @@ def select(ob, handle, extend):
         raise MeshProblem(f"Handle '{handle.name}' has no vertex group: choose the group of the vertices it moves.")
     if ob.mode == 'EDIT':
         ob.update_from_editmode()
-    selection.select(ob, members(ob, handle.vertex_group), extend)
+    selection.select(ob, mesh_data.members(ob, handle.vertex_group), extend)
 
 
 # Mirroring
@@ -189,11 +181,9 @@ def _mirror_image(ob, chosen, axis):
     """(n,) bool: the vertices nearest to the mirror images of the chosen ones, and how many of those
     have none, with an example."""
     points = mesh_data.positions(ob.data)
-    edges = np.empty(2 * len(ob.data.edges), np.int32)
-    ob.data.edges.foreach_get('vertices', edges)
-    if not len(edges):
+    ends = points[mesh_data.edges(ob.data)]
+    if not len(ends):
         return np.zeros(len(points), bool), np.flatnonzero(chosen).tolist()
-    ends = points[edges.reshape(-1, 2)]
     near = _MIRROR_TOLERANCE * float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean())
     tree = kdtree.KDTree(len(points))
     for vertex, point in enumerate(points.tolist()):
@@ -218,7 +208,7 @@ def _mirrored_empty(context, ob, handle, axis, name):
     local = (np.array(handle.rest_matrix).reshape(4, 4) if handle_matrices.has_rest(handle) else
              handle_matrices.world_to_local(ob, depsgraph)
              @ handle_matrices.evaluated_world(source, depsgraph, f"Handle '{handle.name}': empty"))
-    flip = np.diag([-1.0 if k == axis else 1.0 for k in range(3)] + [1.0])
+    flip = handle_matrices.reflection('XYZ'[axis])
     place = ob.matrix_world @ Matrix((flip @ local @ flip).tolist())
     parent = source.parent if source.parent_type == 'OBJECT' else None
     empty = _make_empty(context, ob, name, place, source.empty_display_size, parent)
@@ -231,7 +221,7 @@ def _mirror_region(ob, image, axis):
     settings = ob.detail_deform
     if not settings.region or settings.region != settings.own_region:
         return
-    region = members(ob, settings.region)
+    region = mesh_data.members(ob, settings.region)
     if (region & image).sum() < image.sum():
         group = ob.vertex_groups[settings.region]
         selection.fill_group(ob, group, region | image | _mirror_image(ob, region, axis)[0])
@@ -249,7 +239,7 @@ def mirror(context, ob, handle, axis, symmetric):
         raise MeshProblem(f"Handle '{name}' mirrors another one itself: mirror that one.")
     if ob.mode == 'EDIT':
         ob.update_from_editmode()
-    chosen = members(ob, handle.vertex_group)
+    chosen = mesh_data.members(ob, handle.vertex_group)
     image, missing = _mirror_image(ob, chosen, axis)
     if not image.any():
         raise MeshProblem(f"No vertex of handle '{name}' has a counterpart across the object's {letter} axis: "

@@ -84,6 +84,26 @@ def group_weights(ob, names):
     return weights
 
 
+def members(ob, name):
+    """(n,) bool: the vertices of a group."""
+    return group_weights(ob, [name])[0] > MEMBER_WEIGHT
+
+
+def handle_of_vertices(weights):
+    """(n,) int: of the groups whose (h, n) weights these are, the one that a vertex belongs to; -1: none."""
+    inside = weights > MEMBER_WEIGHT
+    if not len(weights):
+        return np.full(weights.shape[1], -1)
+    return np.where(inside.any(axis=0), np.where(inside, weights, 0).argmax(axis=0), -1)
+
+
+def edges(mesh):
+    """(e, 2) int32: the vertices of every edge."""
+    values = np.empty(2 * len(mesh.edges), np.int32)
+    mesh.edges.foreach_get('vertices', values)
+    return values.reshape(-1, 2)
+
+
 def check_groups(ob, region, handles):
     """Raises MeshProblem when the region or a handle refers to no group of the object.
 
@@ -118,12 +138,10 @@ def roles(ob, region, handles, need_handles=True):
             raise MeshProblem("There is no handle: add one for the vertices to pull.")
         return result
     of_handles = weights[:len(handles)]
-    members = of_handles > MEMBER_WEIGHT
-    winner = np.where(members, of_handles, 0).argmax(axis=0)
-    anywhere = members.any(axis=0)
-    result[anywhere] = winner[anywhere]
+    winner = handle_of_vertices(of_handles)
+    result[winner >= 0] = winner[winner >= 0]
     for number, (name, group) in enumerate(handles):
-        if not members[number].any():
+        if not (of_handles[number] > MEMBER_WEIGHT).any():
             raise MeshProblem(f"Handle '{name}': its group '{group}' has no vertex with a weight over "
                               f"{MEMBER_WEIGHT}.")
         if not (result == number).any():

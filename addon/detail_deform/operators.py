@@ -170,12 +170,4 @@ CLASSES = (OBJECT_OT_detail_deform_add, OBJECT_OT_detail_deform_remove,
            OBJECT_OT_detail_deform_apply, OBJECT_OT_detail_deform_base_make,
            OBJECT_OT_detail_deform_copy_settings)
 
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister():
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -43,7 +43,7 @@ class Writer:
     """
 
     def __init__(self, path, point_count, frame_count, first=0, last=None):
-        self._path, self._points, self._frames = path, point_count, frame_count
+        self._path, self.points, self._frames = path, point_count, frame_count
         self._next = first
         self._part = last is not None and (first, last) != (0, frame_count)
         needed = size(point_count, frame_count)
@@ -60,18 +60,18 @@ class Writer:
         # Several processes may get here at once: the file has no size or its full size at any moment.
         file = os.fdopen(os.open(self._target, os.O_RDWR | os.O_CREAT | getattr(os, 'O_BINARY', 0), 0o666), 'r+b')
         present = os.fstat(file.fileno()).st_size
-        if present not in {0, size(self._points, self._frames)}:
+        if present not in {0, size(self.points, self._frames)}:
             file.close()
             raise NotACache(f"'{self._path}' is there and is a cache of another size: choose another file, or "
                             "remove it.")
-        file.truncate(size(self._points, self._frames))
+        file.truncate(size(self.points, self._frames))
         self._file = file
         self._write_header()
-        file.seek(_HEADER.size + 12 * self._points * self._next)
+        file.seek(_HEADER.size + 12 * self.points * self._next)
         return file
 
     def _write_header(self):
-        self._file.write(_HEADER.pack(_MARK, 1, self._points, 1.0, 1.0, self._frames))
+        self._file.write(_HEADER.pack(_MARK, 1, self.points, 1.0, 1.0, self._frames))
 
     def write(self, positions):
         """positions: (n, 3) float32 of the next frame."""

@@ -15,6 +15,7 @@ _OTHER_COLOUR = (0.5, 0.5, 0.5, 0.35)
 _handle = None
 _colours = {}  # by object: what they were made of, and the colour of each vertex
 _names = None  # of the objects with a preview; None: to be looked for, which takes a while in large scenes
+_object_count = 0  # when they were
 
 
 def handle_colour(number):
@@ -28,14 +29,13 @@ def vertex_colours(ob):
     handles = [h for h in handle_matrices.enabled_handles(settings) if h.vertex_group in ob.vertex_groups]
     region = settings.region if settings.region in ob.vertex_groups else ""
     weights = mesh_data.group_weights(ob, [h.vertex_group for h in handles] + [region] * bool(region))
-    members = weights > mesh_data.MEMBER_WEIGHT
     colours = np.empty((len(ob.data.vertices), 4), np.float32)
     colours[:] = _REGION_COLOUR
     if region:
-        colours[~members[-1]] = _OTHER_COLOUR
-    winner = np.where(members, weights, 0)[:len(handles)].argmax(axis=0) if handles else None
+        colours[weights[-1] <= mesh_data.MEMBER_WEIGHT] = _OTHER_COLOUR
+    winner = mesh_data.handle_of_vertices(weights[:len(handles)])
     for number in range(len(handles)):
-        colours[members[:len(handles)].any(axis=0) & (winner == number)] = handle_colour(number)
+        colours[winner == number] = handle_colour(number)
     return colours
 
 
@@ -43,7 +43,8 @@ def forget(edited=None):
     """Colours are made anew where these meshes were edited; without any given, everywhere, and the objects
     with a preview are looked for again."""
     global _names
-    _names = None
+    if edited is None:
+        _names = None
     for name in list(_colours):
         ob = bpy.data.objects.get(name)
         if edited is None or ob is None or ob.data in edited:
@@ -74,11 +75,12 @@ def _nearer(points, view):
 
 
 def _draw():
-    global _names
+    global _names, _object_count
     import gpu
     from gpu_extras.batch import batch_for_shader
     context = bpy.context
-    if _names is None:
+    if _names is None or _object_count != len(bpy.data.objects):
+        _object_count = len(bpy.data.objects)
         _names = [ob.name for ob in bpy.data.objects if ob.type == 'MESH' and ob.detail_deform.preview]
     shown = [ob for ob in map(context.view_layer.objects.get, _names) if ob is not None
              and ob.detail_deform.preview and ob.mode not in {'EDIT', 'WEIGHT_PAINT'} and ob.visible_get()]

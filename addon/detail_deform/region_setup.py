@@ -14,12 +14,8 @@ _USUAL_RADIUS = 0.25
 def set_region(ob, members):
     """Makes these vertices the region, in a group of its own. members: (n,) bool."""
     settings = ob.detail_deform
-    group = ob.vertex_groups.get(settings.own_region)
-    if group and all(h.vertex_group != group.name for h in settings.handles):
-        selection.fill_group(ob, group, members)
-        binding.check_content(ob)
-    else:
-        settings.own_region = selection.new_group(ob, _GROUP_NAME, members).name
+    may_change = all(h.vertex_group != settings.own_region for h in settings.handles)
+    settings.own_region = selection.fill_own_group(ob, settings.own_region, may_change, _GROUP_NAME, members)
     settings.region = settings.own_region  # also where it was that: from now on it is not Pull's any more
 
 
@@ -31,7 +27,7 @@ def kept(ob):
     if group:
         if ob.mode == 'EDIT':
             ob.update_from_editmode()
-        members = mesh_data.group_weights(ob, [group.name])[0] > mesh_data.MEMBER_WEIGHT
+        members = mesh_data.members(ob, group.name)
     return settings.region, settings.own_region, settings.pulled_region, members
 
 
@@ -88,9 +84,7 @@ def within(ob, start, radius):
 
 def grown(ob, start, steps):
     """(n,) bool: the vertices that so many edges lead to."""
-    edges = np.empty(2 * len(ob.data.edges), np.int32)
-    ob.data.edges.foreach_get('vertices', edges)
-    a, b = edges.reshape(-1, 2).T
+    a, b = mesh_data.edges(ob.data).T
     reached = start.copy()
     for _ in range(steps):
         before = reached.copy()

@@ -56,3 +56,12 @@ def new_group(ob, name, members):
     group = ob.vertex_groups.new(name=name)
     fill_group(ob, group, members)
     return group
+
+
+def fill_own_group(ob, own, may_change, name, members):
+    """Fills the group called own, if there is one that may be changed, or else a new one. Returns its name."""
+    group = ob.vertex_groups.get(own)
+    if group and may_change:
+        fill_group(ob, group, members)
+        return own
+    return new_group(ob, name, members).name

@@ -269,12 +269,4 @@ CLASSES = (OBJECT_OT_detail_deform_handle_add, OBJECT_OT_detail_deform_handle_re
            OBJECT_OT_detail_deform_region_set, OBJECT_OT_detail_deform_region_around,
            OBJECT_OT_detail_deform_pull)
 
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister():
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)
