@@ -5,7 +5,7 @@
 #include <CGAL/Surface_mesh.h>
 #include <CGAL/Surface_mesh_deformation.h>
 
-#include <chrono>
+#include "timing.h"
 
 namespace dd::bench {
 
@@ -15,12 +15,8 @@ using Kernel = CGAL::Simple_cartesian<double>;
 using Surface = CGAL::Surface_mesh<Kernel::Point_3>;
 
 template <CGAL::Deformation_algorithm_tag algorithm>
-CgalResult deformed(const Mesh& mesh, const std::vector<int>& roles, const test::Affine& motion,
+PeerResult deformed(const Mesh& mesh, const std::vector<int>& roles, const test::Affine& motion,
                     int iterations) {
-  using Clock = std::chrono::steady_clock;
-  const auto milliseconds_since = [](Clock::time_point start) {
-    return 1e3 * std::chrono::duration<double>(Clock::now() - start).count();
-  };
   Surface surface;
   std::vector<Surface::Vertex_index> vertices;
   for (Index v = 0; v < mesh.positions.rows(); ++v)
@@ -38,7 +34,7 @@ CgalResult deformed(const Mesh& mesh, const std::vector<int>& roles, const test:
   }
   const auto prepare = Clock::now();
   deformation.preprocess();
-  CgalResult result;
+  PeerResult result;
   result.preparing_ms = milliseconds_since(prepare);
   const auto move = Clock::now();
   for (size_t v = 0; v < vertices.size(); ++v) {
@@ -58,7 +54,7 @@ CgalResult deformed(const Mesh& mesh, const std::vector<int>& roles, const test:
 
 }  // namespace
 
-CgalResult deform_with_cgal(const Mesh& mesh, const std::vector<int>& roles,
+PeerResult deform_with_cgal(const Mesh& mesh, const std::vector<int>& roles,
                             const test::Affine& motion, CgalMethod method, int iterations) {
   return method == CgalMethod::arap
              ? deformed<CGAL::SPOKES_AND_RIMS>(mesh, roles, motion, iterations)

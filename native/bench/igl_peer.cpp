@@ -5,16 +5,12 @@
 #include <igl/harmonic.h>
 #include <igl/min_quad_with_fixed.h>
 
-#include <chrono>
+#include "timing.h"
 
 namespace dd::bench {
 
-IglResult deform_with_igl(const Mesh& mesh, const std::vector<int>& roles,
-                          const test::Affine& motion, IglMethod method, int iterations) {
-  using Clock = std::chrono::steady_clock;
-  const auto milliseconds_since = [](Clock::time_point start) {
-    return 1e3 * std::chrono::duration<double>(Clock::now() - start).count();
-  };
+PeerResult deform_with_igl(const Mesh& mesh, const std::vector<int>& roles,
+                           const test::Affine& motion, IglMethod method, int iterations) {
   const Eigen::MatrixXd rest = mesh.positions;
   const Eigen::MatrixXi triangles = mesh.triangles;
   std::vector<int> list;
@@ -27,7 +23,7 @@ IglResult deform_with_igl(const Mesh& mesh, const std::vector<int>& roles,
     if (roles[size_t(held[i])] >= 0) target.row(i) = test::transformed(motion, target.row(i));
   }
 
-  IglResult result;
+  PeerResult result;
   Eigen::MatrixXd deformed = rest;
   if (method == IglMethod::arap) {
     igl::ARAPData data;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // All methods on the four deformations of the survey of Botsch and Sorkine (2008), meshes our own.
-#include <chrono>
 #include <cstdio>
 
 #include "cases.h"
 #include "deformer.h"
 #include "measures.h"
 #include "split_motion.h"
+#include "timing.h"
 #ifdef DD_HAVE_CGAL
 #include "cgal_peer.h"
 #endif
@@ -35,9 +35,7 @@ std::vector<Row> rows() {
           {"  refined, 16", {MethodKind::transfer, {true, 16}, shown}}};
 }
 
-double milliseconds_since(std::chrono::steady_clock::time_point start) {
-  return 1e3 * std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
+using dd::bench::milliseconds_since;
 
 void print(const char* name, const dd::Measures& m, double milliseconds) {
   std::printf("  %-24s %8d %8d %8.3f %8.2f %8.3f %8.3f %8.1f\n", name, m.intersecting_triangles,
@@ -48,7 +46,7 @@ void print(const char* name, const dd::Measures& m, double milliseconds) {
 }  // namespace
 
 int main() {
-  using Clock = std::chrono::steady_clock;
+  using dd::bench::Clock;
   for (const dd::test::Case& one : dd::test::survey_cases()) {
     dd::Deformer deformer(one.mesh, one.roles, 1, dd::BindOptions{});
     std::vector<char> free;

@@ -10,7 +10,6 @@
 
 #include <Eigen/SparseCholesky>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -27,6 +26,7 @@
 #include "free_block.h"
 #include "kernels.h"
 #include "meshes.h"
+#include "timing.h"
 #ifdef DD_HAVE_CGAL
 #include "cgal_peer.h"
 #endif
@@ -44,13 +44,7 @@
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-double milliseconds(const std::function<void()>& body) {
-  const auto start = Clock::now();
-  body();
-  return 1e3 * std::chrono::duration<double>(Clock::now() - start).count();
-}
+using dd::bench::milliseconds;
 
 double median(std::vector<double> times) {
   std::nth_element(times.begin(), times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2),

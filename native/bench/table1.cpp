@@ -2,7 +2,6 @@
 // The paper's Table 1 on meshes of the same sizes: deformation transfer by fourth points
 // (volumetric) against the surface formulation, the same solver for both.
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <functional>
 #include <string>
@@ -17,18 +16,13 @@
 #include "free_block.h"
 #include "operators.h"
 #include "tets.h"
+#include "timing.h"
 #include "volumetric_transfer.h"
 
 namespace {
 
 using dd::SparseMatrix;
-using Clock = std::chrono::steady_clock;
-
-double milliseconds(const std::function<void()>& body) {
-  const auto start = Clock::now();
-  body();
-  return 1e3 * std::chrono::duration<double>(Clock::now() - start).count();
-}
+using dd::bench::milliseconds;
 
 /// The median of a few runs.
 double median(const std::function<void()>& body) {
