@@ -134,3 +134,41 @@ def refusal(operator, **arguments):
 def open_fixture(name):
     bpy.ops.wm.open_mainfile(filepath=str(FIXTURES / f'{name}.blend'), load_ui=False)
     return activate(next(ob for ob in bpy.data.objects if ob.type == 'MESH'))
+
+
+def select(ob, chosen):
+    activate(ob)
+    bpy.ops.object.mode_set(mode='EDIT')
+    bpy.ops.mesh.select_all(action='DESELECT')
+    bpy.ops.object.mode_set(mode='OBJECT')
+    ob.data.vertices.foreach_set('select', np.asarray(chosen, bool))
+    bpy.ops.object.mode_set(mode='EDIT')
+
+
+def add_from(ob, chosen, **options):
+    select(ob, chosen)
+    assert bpy.ops.object.detail_deform_handle_add(**options) == {'FINISHED'}
+    bpy.ops.object.mode_set(mode='OBJECT')
+    return ob.detail_deform.handles[-1]
+
+
+def data_blocks():
+    return {(kind, block.name) for kind in ('objects', 'collections', 'node_groups', 'meshes', 'actions')
+            for block in getattr(bpy.data, kind)}
+
+
+def symmetric(n=25):
+    """A wavy square about the origin, mirror image of itself across x = 0, its triangles too."""
+    p = wavy(n)
+    p[:, :2] -= 0.5
+    p[:, 2] = 0.03 * np.cos(40 * p[:, 0]) * np.cos(31 * p[:, 1])
+    faces = []
+    for i in range(n - 1):
+        for j in range(n - 1):
+            a, b, c, d = i * n + j, (i + 1) * n + j, (i + 1) * n + j + 1, i * n + j + 1
+            faces += [(a, b, c), (a, c, d)] if i < n // 2 else [(a, b, d), (b, c, d)]
+    mesh = bpy.data.meshes.new("Square")
+    mesh.from_pydata(p.tolist(), [], faces)
+    ob = bpy.data.objects.new("Square", mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    return activate(ob)

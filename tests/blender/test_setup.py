@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handles and regions made from selections, from one another, and taken away."""
+"""Handles and regions made from selections and groups, and taken away."""
 
 import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from conftest import activate, bind, evaluated, group, make_strip, members, own, refusal, update, wavy
+from conftest import (activate, add_from, bind, data_blocks, evaluated, group,
+                      make_strip, members, own, refusal, select, update)
 
 
 @pytest.fixture
@@ -16,30 +17,9 @@ def plane():
     return bpy.context.active_object
 
 
-def select(ob, chosen):
-    activate(ob)
-    bpy.ops.object.mode_set(mode='EDIT')
-    bpy.ops.mesh.select_all(action='DESELECT')
-    bpy.ops.object.mode_set(mode='OBJECT')
-    ob.data.vertices.foreach_set('select', np.asarray(chosen, bool))
-    bpy.ops.object.mode_set(mode='EDIT')
-
-
 def selected(ob):
     ob.update_from_editmode()
     return np.array([v.select for v in ob.data.vertices])
-
-
-def add_from(ob, chosen, **options):
-    select(ob, chosen)
-    assert bpy.ops.object.detail_deform_handle_add(**options) == {'FINISHED'}
-    bpy.ops.object.mode_set(mode='OBJECT')
-    return ob.detail_deform.handles[-1]
-
-
-def data_blocks():
-    return {(kind, block.name) for kind in ('objects', 'collections', 'node_groups', 'meshes', 'actions')
-            for block in getattr(bpy.data, kind)}
 
 
 def test_a_handle_from_a_selection(plane):
@@ -194,76 +174,6 @@ def test_assigning_to_a_bound_handle_asks_for_a_new_bind():
     bind(ob, keep_rest=True)
 
 
-def symmetric(n=25):
-    """A wavy square about the origin, mirror image of itself across x = 0, its triangles too."""
-    p = wavy(n)
-    p[:, :2] -= 0.5
-    p[:, 2] = 0.03 * np.cos(40 * p[:, 0]) * np.cos(31 * p[:, 1])
-    faces = []
-    for i in range(n - 1):
-        for j in range(n - 1):
-            a, b, c, d = i * n + j, (i + 1) * n + j, (i + 1) * n + j + 1, i * n + j + 1
-            faces += [(a, b, c), (a, c, d)] if i < n // 2 else [(a, b, d), (b, c, d)]
-    mesh = bpy.data.meshes.new("Square")
-    mesh.from_pydata(p.tolist(), [], faces)
-    ob = bpy.data.objects.new("Square", mesh)
-    bpy.context.scene.collection.objects.link(ob)
-    return activate(ob)
-
-
-def test_a_mirrored_handle_bends_the_other_side_alike():
-    ob = symmetric()
-    p = own(ob)
-    handle = add_from(ob, (p[:, 0] > 0.4) & (p[:, 1] > 0.2))
-    handle.name = "ear.L"
-    handle.target.rotation_euler = (0.3, 0.2, 0.1)
-    add_from(ob, p[:, 1] < -0.4)
-    ob.detail_deform.handle_index = 0
-    assert bpy.ops.object.detail_deform_handle_mirror(axis='X') == {'FINISHED'}
-    mirrored = ob.detail_deform.handles[-1]
-    assert mirrored.name == "ear.R"
-    assert (members(ob, mirrored.vertex_group) == ((p[:, 0] < -0.4) & (p[:, 1] > 0.2))).all()
-    bind(ob)
-    # Mirrored motions, in the empties' own spaces, give a mirrored surface.
-    flip = Matrix.Diagonal((-1, 1, 1, 1))
-    motion = Matrix.Translation((0.1, 0.05, 0.3)) @ Matrix.Rotation(0.5, 4, 'Y')
-    left, right = (h.target for h in (ob.detail_deform.handles[0], mirrored))
-    left.matrix_world = motion @ left.matrix_world
-    right.matrix_world = flip @ motion @ flip @ right.matrix_world
-    update()
-    moved = evaluated(ob)
-    assert np.abs(moved - p).max() > 0.1
-    order = {tuple(np.round(point, 4)): number for number, point in enumerate(p[:, :2])}
-    image = [order[tuple(np.round((-x, y), 4) + 0.0)] for x, y in p[:, :2]]
-    assert np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-4
-
-
-def test_mirroring_a_posed_handle_goes_by_its_rest():
-    ob = symmetric()
-    p = own(ob)
-    handle = add_from(ob, (p[:, 0] > 0.4) & (p[:, 1] > 0.2))
-    bind(ob)
-    update()
-    rest = handle.target.matrix_world.copy()
-    handle.target.location.z += 1
-    update()
-    bpy.ops.object.detail_deform_handle_mirror(axis='X')
-    update()
-    place = ob.detail_deform.handles[-1].target.matrix_world.translation
-    assert (place - Vector((-rest.translation.x, *rest.translation.yz))).length < 1e-5
-
-
-def test_mirroring_is_refused_where_it_makes_no_sense():
-    ob = symmetric()
-    p = own(ob)
-    add_from(ob, np.abs(p[:, 0]) < 0.1)
-    assert "its mirror image is itself" in refusal(bpy.ops.object.detail_deform_handle_mirror, axis='X')
-    add_from(ob, p[:, 0] > 0.4)
-    p[p[:, 0] < 0, 2] += 5
-    ob.data.vertices.foreach_set('co', p.astype(np.float32).ravel())
-    assert "not symmetric" in refusal(bpy.ops.object.detail_deform_handle_mirror, axis='X')
-
-
 def test_back_to_rest():
     ob = make_strip()
     p = own(ob)
@@ -301,84 +211,6 @@ def test_sentences():
     assert "no handle" in refusal(bpy.ops.object.detail_deform_handle_select)
 
 
-def test_pull_makes_all_of_it_at_once():
-    """From Suzanne in a new scene: Edit Mode, a selection, Pull, a move of the empty."""
-    bpy.ops.mesh.primitive_monkey_add()
-    ob = bpy.context.active_object
-    p = own(ob)
-    select(ob, p[:, 0] > 1.2)
-    assert bpy.ops.object.detail_deform_pull(radius=0.4) == {'FINISHED'}
-    assert ob.mode == 'OBJECT' and ob.detail_deform.is_bound, ob.detail_deform.status
-    empty = bpy.context.active_object
-    assert empty == ob.detail_deform.handles[0].target and bpy.context.selected_objects == [empty]
-    empty.location.x += 0.3
-    update()
-    moved = np.linalg.norm(evaluated(ob) - p, axis=1)
-    assert np.allclose(moved[p[:, 0] > 1.2], 0.3, atol=1e-5)
-    assert not moved[p[:, 0] < 0.5].any()
-
-    # A second handle: the first keeps its pose, and the region reaches around both.
-    select(ob, p[:, 0] < -1.2)
-    assert bpy.ops.object.detail_deform_pull(radius=0.4) == {'FINISHED'}
-    moved = np.linalg.norm(evaluated(ob) - p, axis=1)
-    assert np.allclose(moved[p[:, 0] > 1.2], 0.3, atol=1e-5) and not moved[p[:, 0] < 0].any()
-    activate(ob)
-    bpy.ops.object.detail_deform_remove()
-    assert not ob.vertex_groups and not bpy.data.collections and len(bpy.data.objects) == 1
-
-
-def test_pull_keeps_a_region_of_the_users_own():
-    ob = make_strip()
-    select(ob, (own(ob)[:, 0] > 0.4) & (own(ob)[:, 0] < 0.5))
-    bpy.ops.object.detail_deform_pull()
-    assert ob.detail_deform.region == 'region' and len(ob.detail_deform.handles) == 2
-
-
-def test_pull_that_fails_takes_back_what_it_began():
-    ob = make_strip()
-    before = data_blocks()
-    select(ob, own(ob)[:, 0] > 0.95)  # all of them are in the other handle
-    assert "larger weight in another handle" in refusal(bpy.ops.object.detail_deform_pull)
-    assert ob.mode == 'EDIT' and len(ob.detail_deform.handles) == 1 and len(ob.vertex_groups) == 2
-    assert data_blocks() == before
-
-
-def test_a_symmetric_handle_mirrors_every_motion():
-    ob = symmetric()
-    p = own(ob)
-    add_from(ob, (p[:, 0] > 0.4) & (p[:, 1] > 0.2)).name = "ear.L"
-    add_from(ob, p[:, 1] < -0.4)
-    assert bpy.ops.object.detail_deform_handle_mirror(index=0, axis='X', symmetric=True) == {'FINISHED'}
-    follower = ob.detail_deform.handles[-1]
-    assert (follower.name, follower.mirrors, follower.target) == ("ear.R", "ear.L", None)
-    bind(ob)
-    target = ob.detail_deform.handles[0].target
-    target.location += Vector((0.1, 0.05, 0.3))
-    target.rotation_euler.y += 0.5
-    update()
-    moved = evaluated(ob)
-    order = {tuple(np.round(point, 4)): number for number, point in enumerate(p[:, :2])}
-    image = [order[tuple(np.round((-x, y), 4) + 0.0)] for x, y in p[:, :2]]
-    assert np.abs(moved - p).max() > 0.2
-    assert np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-4
-
-    # Whole turns too, in steps.
-    ob.detail_deform.steps = 4
-    target.rotation_euler.y += 2 * np.pi
-    update()
-    bpy.ops.object.detail_deform_update()
-    wound = evaluated(ob)
-    assert np.abs(wound - moved).max() > 0.1
-    assert np.abs(wound[image] * (-1, 1, 1) - wound).max() < 1e-3
-
-    follower.mirrors = "nobody"
-    update()
-    assert "mirrors 'nobody', which is not there" in ob.detail_deform.status
-    follower.mirrors = "ear.L"
-    bpy.ops.object.detail_deform_update()
-    assert ob.detail_deform.is_bound
-
-
 def test_settings_are_copied_to_the_selected():
     ob, other = make_strip(), make_strip(name="Other")
     bind(other)
@@ -412,85 +244,6 @@ def test_undo_in_edit_mode_takes_the_settings_back_too():
     assert ob.detail_deform.region == 'region' and 'Region' not in ob.vertex_groups
 
 
-def test_a_pull_that_fails_leaves_region_and_binding(part):
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=30, y_subdivisions=30)
-    ob = bpy.context.active_object
-    p = own(ob)
-    select(ob, p[:, 0] > 0.9)
-    bpy.ops.object.detail_deform_pull(radius=0.3)
-    activate(ob)
-    region = members(ob, "Region")
-    select(ob, p[:, 0] > 0.95)
-    assert "larger weight" in refusal(bpy.ops.object.detail_deform_pull, radius=1.0)
-    bpy.ops.object.mode_set(mode='OBJECT')
-    update()
-    assert (members(ob, "Region") == region).all() and ob.detail_deform.is_bound, ob.detail_deform.status
-
-
-def test_a_region_that_was_chosen_is_not_changed_by_pull():
-    bpy.ops.mesh.primitive_grid_add(x_subdivisions=30, y_subdivisions=30)
-    ob = bpy.context.active_object
-    p = own(ob)
-    select(ob, p[:, 0] > 0.2)
-    bpy.ops.object.detail_deform_region_set()
-    select(ob, p[:, 0] > 0.9)
-    bpy.ops.object.detail_deform_pull(radius=0.1)
-    assert (members(ob, "Region") == (p[:, 0] > 0.2)).all()
-
-
-def test_poses_are_not_counted_twice():
-    ob = make_strip()
-    p = own(ob)
-    bind(ob)
-    ob.detail_deform.handles[0].target.location.z += 0.4
-    update()
-    activate(ob)
-    bpy.ops.object.detail_deform_apply(mode='MESH')
-    applied = own(ob)
-    select(ob, (p[:, 0] > 0.3) & (p[:, 0] < 0.4))
-    bpy.ops.object.detail_deform_pull()
-    update()
-    assert np.abs(evaluated(ob) - applied).max() < 1e-6
-
-
-def test_empties_go_where_this_view_layer_sees_them():
-    ob = make_strip()
-    hidden = bpy.data.collections.new("Elsewhere")
-    bpy.data.scenes.new("Other").collection.children.link(hidden)
-    hidden.objects.link(ob)
-    bpy.context.scene.collection.objects.unlink(ob)
-    bpy.context.scene.collection.objects.link(ob)
-    select(ob, (own(ob)[:, 0] > 0.3) & (own(ob)[:, 0] < 0.4))
-    bpy.ops.object.detail_deform_pull()
-    assert ob.detail_deform.is_bound and bpy.context.active_object.visible_get()
-
-
-def test_a_handle_made_symmetric_while_the_other_is_posed_takes_its_pose():
-    ob = symmetric()
-    p = own(ob)
-    add_from(ob, (p[:, 0] > 0.4) & (p[:, 1] > 0.2))
-    add_from(ob, p[:, 1] < -0.4)
-    bind(ob)
-    ob.detail_deform.handles[0].target.location.z += 0.3
-    update()
-    bpy.ops.object.detail_deform_handle_mirror(index=0, axis='X', symmetric=True)
-    bind(ob, keep_rest=True)
-    moved = evaluated(ob) - p
-    assert np.allclose(moved[(p[:, 0] < -0.4) & (p[:, 1] > 0.2)], (0, 0, 0.3), atol=1e-5)
-
-
-def test_the_region_of_pull_is_mirrored_with_its_handle():
-    bpy.ops.mesh.primitive_monkey_add()
-    ob = bpy.context.active_object
-    p = own(ob)
-    select(ob, p[:, 0] > 1.2)
-    bpy.ops.object.detail_deform_pull(radius=0.4)
-    activate(ob)
-    one_side = members(ob, "Region").sum()
-    bpy.ops.object.detail_deform_handle_mirror(axis='X', symmetric=True)
-    assert members(ob, "Region").sum() == 2 * one_side
-
-
 def test_parents_go_back_to_rest_before_their_children():
     ob = make_strip()
     child = ob.detail_deform.handles[0].target
@@ -513,17 +266,6 @@ def test_handles_are_told_apart_by_name():
     second = add_from(ob, own(ob)[:, 0] < 0.1)
     second.name = 'right'
     assert [h.name for h in ob.detail_deform.handles] == ['right', 'right.001']
-
-
-def test_from_mesh_to_empty_and_back():
-    ob = bind(make_strip())
-    bpy.ops.object.detail_deform_handle_activate()
-    empty = ob.detail_deform.handles[0].target
-    assert bpy.context.active_object == empty and bpy.context.selected_objects == [empty]
-    assert bpy.ops.object.detail_deform_pull.poll()  # or its slider would be gone after it has run
-    bpy.ops.object.detail_deform_mesh_activate()
-    assert bpy.context.active_object == ob
-    assert "Edit Mode" in refusal(bpy.ops.object.detail_deform_pull)
 
 
 def test_assigning_again_makes_no_second_group_and_a_child_of_the_empty_stays_in_place():

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pull: a handle, a region and a binding from a selection, in one action."""
+
+import bpy
+import numpy as np
+
+from conftest import (activate, bind, data_blocks, evaluated, make_strip,
+                      members, own, refusal, select, update)
+
+
+def test_pull_makes_all_of_it_at_once():
+    """From Suzanne in a new scene: Edit Mode, a selection, Pull, a move of the empty."""
+    bpy.ops.mesh.primitive_monkey_add()
+    ob = bpy.context.active_object
+    p = own(ob)
+    select(ob, p[:, 0] > 1.2)
+    assert bpy.ops.object.detail_deform_pull(radius=0.4) == {'FINISHED'}
+    assert ob.mode == 'OBJECT' and ob.detail_deform.is_bound, ob.detail_deform.status
+    empty = bpy.context.active_object
+    assert empty == ob.detail_deform.handles[0].target and bpy.context.selected_objects == [empty]
+    empty.location.x += 0.3
+    update()
+    moved = np.linalg.norm(evaluated(ob) - p, axis=1)
+    assert np.allclose(moved[p[:, 0] > 1.2], 0.3, atol=1e-5)
+    assert not moved[p[:, 0] < 0.5].any()
+
+    # A second handle: the first keeps its pose, and the region reaches around both.
+    select(ob, p[:, 0] < -1.2)
+    assert bpy.ops.object.detail_deform_pull(radius=0.4) == {'FINISHED'}
+    moved = np.linalg.norm(evaluated(ob) - p, axis=1)
+    assert np.allclose(moved[p[:, 0] > 1.2], 0.3, atol=1e-5) and not moved[p[:, 0] < 0].any()
+    activate(ob)
+    bpy.ops.object.detail_deform_remove()
+    assert not ob.vertex_groups and not bpy.data.collections and len(bpy.data.objects) == 1
+
+
+def test_pull_keeps_a_region_of_the_users_own():
+    ob = make_strip()
+    select(ob, (own(ob)[:, 0] > 0.4) & (own(ob)[:, 0] < 0.5))
+    bpy.ops.object.detail_deform_pull()
+    assert ob.detail_deform.region == 'region' and len(ob.detail_deform.handles) == 2
+
+
+def test_pull_that_fails_takes_back_what_it_began():
+    ob = make_strip()
+    before = data_blocks()
+    select(ob, own(ob)[:, 0] > 0.95)  # all of them are in the other handle
+    assert "larger weight in another handle" in refusal(bpy.ops.object.detail_deform_pull)
+    assert ob.mode == 'EDIT' and len(ob.detail_deform.handles) == 1 and len(ob.vertex_groups) == 2
+    assert data_blocks() == before
+
+
+def test_a_pull_that_fails_leaves_region_and_binding(part):
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=30, y_subdivisions=30)
+    ob = bpy.context.active_object
+    p = own(ob)
+    select(ob, p[:, 0] > 0.9)
+    bpy.ops.object.detail_deform_pull(radius=0.3)
+    activate(ob)
+    region = members(ob, "Region")
+    select(ob, p[:, 0] > 0.95)
+    assert "larger weight" in refusal(bpy.ops.object.detail_deform_pull, radius=1.0)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    update()
+    assert (members(ob, "Region") == region).all() and ob.detail_deform.is_bound, ob.detail_deform.status
+
+
+def test_a_region_that_was_chosen_is_not_changed_by_pull():
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=30, y_subdivisions=30)
+    ob = bpy.context.active_object
+    p = own(ob)
+    select(ob, p[:, 0] > 0.2)
+    bpy.ops.object.detail_deform_region_set()
+    select(ob, p[:, 0] > 0.9)
+    bpy.ops.object.detail_deform_pull(radius=0.1)
+    assert (members(ob, "Region") == (p[:, 0] > 0.2)).all()
+
+
+def test_poses_are_not_counted_twice():
+    ob = make_strip()
+    p = own(ob)
+    bind(ob)
+    ob.detail_deform.handles[0].target.location.z += 0.4
+    update()
+    activate(ob)
+    bpy.ops.object.detail_deform_apply(mode='MESH')
+    applied = own(ob)
+    select(ob, (p[:, 0] > 0.3) & (p[:, 0] < 0.4))
+    bpy.ops.object.detail_deform_pull()
+    update()
+    assert np.abs(evaluated(ob) - applied).max() < 1e-6
+
+
+def test_empties_go_where_this_view_layer_sees_them():
+    ob = make_strip()
+    hidden = bpy.data.collections.new("Elsewhere")
+    bpy.data.scenes.new("Other").collection.children.link(hidden)
+    hidden.objects.link(ob)
+    bpy.context.scene.collection.objects.unlink(ob)
+    bpy.context.scene.collection.objects.link(ob)
+    select(ob, (own(ob)[:, 0] > 0.3) & (own(ob)[:, 0] < 0.4))
+    bpy.ops.object.detail_deform_pull()
+    assert ob.detail_deform.is_bound and bpy.context.active_object.visible_get()
+
+
+def test_from_mesh_to_empty_and_back():
+    ob = bind(make_strip())
+    bpy.ops.object.detail_deform_handle_activate()
+    empty = ob.detail_deform.handles[0].target
+    assert bpy.context.active_object == empty and bpy.context.selected_objects == [empty]
+    assert bpy.ops.object.detail_deform_pull.poll()  # or its slider would be gone after it has run
+    bpy.ops.object.detail_deform_mesh_activate()
+    assert bpy.context.active_object == ob
+    assert "Edit Mode" in refusal(bpy.ops.object.detail_deform_pull)
