@@ -72,7 +72,8 @@ class Info(ctypes.Structure):
             'resting_part_count', 'resting_example', 'loose_count', 'loose_example',
             'degenerate_count', 'degenerate_example', 'borrowed_count', 'unrepresented_count',
             'unrepresented_example')] + [
-        ('bind_seconds', ctypes.c_double), ('bytes', ctypes.c_double)]
+        ('bind_seconds', ctypes.c_double), ('bytes', ctypes.c_double),
+        ('idle_handle_count', ctypes.c_int32), ('idle_handle_example', ctypes.c_int32)]
 
 
 def library_path():

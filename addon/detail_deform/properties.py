@@ -18,10 +18,16 @@ def _region_changed(self, context):
 
 
 def _name_changed(self, context):
-    """Handles are told apart by name."""
-    others = {h.name for h in self.id_data.detail_deform.handles if h != self}
-    if self.name in others:
-        self.name = next(name for name in (f"{self.name}.{k:03d}" for k in range(1, 10000)) if name not in others)
+    """Handles are told apart by name; those that mirror this one keep to it."""
+    others = [h for h in self.id_data.detail_deform.handles if h != self]
+    taken = {h.name for h in others}
+    if self.name in taken:
+        self.name = next(name for name in (f"{self.name}.{k:03d}" for k in range(1, 10000)) if name not in taken)
+        return  # having come here again
+    earlier, self.earlier_name = self.earlier_name, self.name
+    for handle in others:
+        if earlier and handle.mirrors == earlier:
+            handle.mirrors = self.name
 
 
 def _target_changed(self, context):
@@ -73,6 +79,7 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
     rest_euler: FloatVectorProperty(
         name="Rest Euler", size=3, options={'HIDDEN'},
         description="The empty's own Euler rotation when it was bound: its whole turns are counted from there")
+    earlier_name: StringProperty(options={'HIDDEN'})
     # What was made for it, and goes with it.
     own_group: StringProperty(options={'HIDDEN'})
     own_target: PointerProperty(type=bpy.types.Object, options={'HIDDEN'})

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
 
-from . import deformers, look, node_group, slow_results
+from . import deformers, handle_matrices, look, node_group, slow_results
 
 
 def is_bound(ob):
@@ -102,6 +102,13 @@ def _remarks(ob, bound):
         yield (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
                f"(such as triangle {info.degenerate_example}).")
     settings = ob.detail_deform
+    if info.idle_handle_count:
+        idle = handle_matrices.enabled_handles(settings)[info.idle_handle_example].name
+        yield (f"Nothing follows {_count(info.idle_handle_count, 'handle', 'handles')} (such as '{idle}'): no vertex of "
+               "the region is beside. Enlarge the region (Around Handles), or take another.")
+    if settings.influence and settings.influence in {*ob.data.attributes.keys(), 'position', 'normal', 'index', 'id'}:
+        yield (f"The influence group '{settings.influence}' has the name of an attribute, which is taken in its place: "
+               "rename the group.")
     if look.is_slow(settings):
         yield from _shown_slow(ob, bound)
     if settings.method == 'NORMAL' and info.unrepresented_count:

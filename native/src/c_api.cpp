@@ -383,6 +383,8 @@ int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info
     facts.resting_example = region.resting_example;
     facts.loose_count = region.loose_count;
     facts.loose_example = region.loose_example;
+    facts.idle_handle_count = static_cast<int32_t>(region.idle_handles.size());
+    facts.idle_handle_example = region.idle_handles.empty() ? -1 : region.idle_handles.front();
     facts.degenerate_count = static_cast<int32_t>(degenerate.size());
     facts.degenerate_example = degenerate.empty() ? -1 : degenerate.front();
     facts.borrowed_count = bound.borrowed_count();

@@ -87,6 +87,17 @@ Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_
         "of the mesh than the region (vertex " +
             std::to_string(region.resting_count ? region.resting_example : region.loose_example) +
             ", for one). Put a handle on the part that should deform.");
+
+  std::vector<char> pulls(static_cast<size_t>(handle_count), 0);
+  for (Index j = 0; j < mesh.triangles.rows(); ++j) {
+    const auto corners = mesh.triangles.row(j);
+    const bool follows = (region.role[corners[0]] == kFree) || (region.role[corners[1]] == kFree) ||
+                         (region.role[corners[2]] == kFree);
+    for (const int v : corners)
+      if (follows && region.role[v] >= 0) pulls[region.role[v]] = 1;
+  }
+  for (int h = 0; h < handle_count; ++h)
+    if (!pulls[h]) region.idle_handles.push_back(h);
   return region;
 }
 

@@ -90,6 +90,7 @@ def test_info(native, strip):
     assert info.handle_count == 1
     assert info.free_count == (strip.roles == -1).sum()
     assert (info.resting_example, info.loose_example, info.degenerate_example) == (-1, -1, -1)
+    assert (info.idle_handle_count, info.idle_handle_example) == (0, -1)
     assert info.bind_seconds > 0 and info.bytes > 1000
 
 

@@ -5,16 +5,16 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, bind, evaluated, make_strip, own, update
+from conftest import activate, bind, evaluated, group, make_strip, own, update
 
 
 @pytest.fixture
 def lifted():
     """Bound and lifted, with a group "soft" whose weights fall from 1 to 0 across the strip."""
     ob = bind(make_strip())
-    group = ob.vertex_groups.new(name='soft')
+    soft = ob.vertex_groups.new(name='soft')
     for vertex, y in enumerate(own(ob)[:, 1]):
-        group.add([vertex], float(y), 'REPLACE')
+        soft.add([vertex], float(y), 'REPLACE')
     ob.detail_deform.handles[0].target.location.z += 0.4
     update()
     return ob
@@ -73,3 +73,12 @@ def test_baked_shape_keys_hold_what_is_shown(lifted):
     before = evaluated_now(lifted)
     bpy.ops.object.detail_deform_bake(mode='SHAPE_KEYS', frame_start=1, frame_end=1)
     assert np.abs(evaluated_now(lifted) - before).max() < 1e-6
+
+
+def test_an_influence_group_named_like_an_attribute_is_told():
+    ob = bind(make_strip())
+    group(ob, 'position', [0])
+    ob.detail_deform.influence = 'position'
+    assert "'position' has the name of an attribute" in ob.detail_deform.status
+    ob.detail_deform.influence = 'right'
+    assert "attribute" not in ob.detail_deform.status

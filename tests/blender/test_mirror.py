@@ -94,8 +94,10 @@ def test_a_symmetric_handle_mirrors_every_motion():
     update()
     assert "mirrors 'nobody', which is not there" in ob.detail_deform.status
     follower.mirrors = "ear.L"
+    ob.detail_deform.handles[0].name = "left ear"
+    assert follower.mirrors == "left ear"
     bpy.ops.object.detail_deform_update()
-    assert ob.detail_deform.is_bound
+    assert ob.detail_deform.is_bound and np.abs(evaluated(ob) - wound).max() < 1e-5
 
 
 def test_a_handle_made_symmetric_while_the_other_is_posed_takes_its_pose():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix, Vector
 
-from conftest import (activate, add_from, bind, data_blocks, evaluated, group,
+from conftest import (activate, add_empty, add_from, add_handle, bind, data_blocks, evaluated, group,
                       make_strip, members, own, refusal, select, update)
 
 
@@ -284,3 +284,13 @@ def test_assigning_again_makes_no_second_group_and_a_child_of_the_empty_stays_in
     bpy.ops.object.detail_deform_handle_remove()
     update()
     assert np.abs(np.array(child.matrix_world) - np.array(place)).max() < 1e-6
+
+
+def test_a_handle_that_nothing_follows_is_told():
+    ob = make_strip()
+    group(ob, 'corner', [0])
+    add_handle(ob, 'corner', add_empty("Corner", (0, 0, 0)))
+    bind(ob)
+    assert "Nothing follows 1 handle (such as 'corner')" in ob.detail_deform.status
+    ob.detail_deform.handles[1].enabled = False
+    assert "Nothing follows" not in bind(ob).detail_deform.status

@@ -53,6 +53,14 @@ TEST_CASE("parts that no handle reaches rest, and are counted") {
   for (int v = n; v < mesh.vertex_count(); ++v) CHECK(region.role[v] == kFixed);
 }
 
+TEST_CASE("handles that nothing follows are named") {
+  const Mesh mesh = test::bumpy_plane(8, 2);
+  auto roles = test::strip_roles(8, 8, 5, 7);  // columns 0 to 4 are fixed
+  CHECK(split_region(mesh, roles, 1).idle_handles.empty());
+  roles[0] = 1;
+  CHECK(split_region(mesh, roles, 2).idle_handles == std::vector<int>{1});
+}
+
 TEST_CASE("roles that leave nothing to do are refused with a sentence") {
   const Mesh mesh = test::sphere(1);
   const auto size = static_cast<size_t>(mesh.vertex_count());

@@ -208,6 +208,9 @@ typedef struct dd_deformer_info {
   int32_t unrepresented_example; /* one of them */
   double bind_seconds;
   double bytes; /* memory held by the bound deformer */
+  int32_t idle_handle_count;   /* handles without a free vertex beside them: they move their own
+                                  vertices and nothing follows */
+  int32_t idle_handle_example; /* one of them */
 } dd_deformer_info;
 
 /* The ABI of the library that was loaded; compare with DD_ABI_VERSION before anything else. */

@@ -252,6 +252,18 @@ def rendering():
     check("every rendered frame shows its own pose", min(changes) > 1e-3)
     check("with the interface locked the same", all(
         np.abs(a - b).max() < 0.02 for a, b in zip(pictures[False], pictures[True])))
+    eevee = []
+    scene.render.engine, scene.eevee.taa_render_samples = 'BLENDER_EEVEE', 1
+    scene.render.resolution_x, scene.render.resolution_y = 60, 45
+    scene.render.film_transparent = True
+    for frame in (1, 4):
+        scene.frame_set(frame)
+        scene.render.filepath = str(OUT / f'eevee_{frame}.png')
+        with in_view():
+            bpy.ops.render.render(write_still=True)
+        yield 0.2
+        eevee.append(np.array(bpy.data.images.load(scene.render.filepath).pixels[:]).reshape(-1, 4)[:, 3])
+    check("EEVEE shows each frame's pose", min(a.sum() for a in eevee) > 100 and np.abs(eevee[1] - eevee[0]).sum() > 5)
     empty.animation_data_clear()
 
 
