@@ -64,6 +64,11 @@ void spread(std::vector<int>& source_of, const Triangles& t, Join join) {
 
 }  // namespace
 
+void fill_from_neighbours(std::vector<int>& source_of, const Triangles& t) {
+  spread(source_of, t, Join::edges);
+  spread(source_of, t, Join::vertices);
+}
+
 GradientSources gradient_sources(const Positions& base, const Triangles& t, double size) {
   const double shortest = kShortest * size;
   const int m = static_cast<int>(t.rows());
@@ -76,8 +81,7 @@ GradientSources gradient_sources(const Positions& base, const Triangles& t, doub
       ++sources.borrowed_count;
   }
   if (sources.borrowed_count == 0) return sources;
-  spread(sources.of_triangle, t, Join::edges);
-  spread(sources.of_triangle, t, Join::vertices);
+  fill_from_neighbours(sources.of_triangle, t);
   return sources;
 }
 
