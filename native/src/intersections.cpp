@@ -4,73 +4,12 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+
+#include "box_tree.h"
 
 namespace dd {
 
 namespace {
-
-using Box = Eigen::AlignedBox3d;
-
-/// A tree of boxes over the triangles: each node holds the range [begin, end) of order_, and its
-/// children the halves of it.
-class BoxTree {
- public:
-  explicit BoxTree(const Mesh& mesh) : boxes_(static_cast<size_t>(mesh.triangle_count())) {
-    for (int j = 0; j < mesh.triangle_count(); ++j)
-      for (int k = 0; k < 3; ++k)
-        boxes_[j].extend(mesh.positions.row(mesh.triangles(j, k)).transpose());
-    order_.resize(boxes_.size());
-    std::iota(order_.begin(), order_.end(), 0);
-    build(0, static_cast<int>(order_.size()));
-  }
-
-  /// Calls visit(j) for each triangle whose box meets that of the given one.
-  template <class Visit>
-  void meet(int triangle, const Visit& visit) const {
-    std::vector<int> open{0};
-    while (!open.empty()) {
-      const Node& node = nodes_[open.back()];
-      open.pop_back();
-      if (!node.box.intersects(boxes_[triangle])) continue;
-      if (node.left >= 0) {
-        open.push_back(node.left);
-        open.push_back(node.right);
-        continue;
-      }
-      for (int i = node.begin; i < node.end; ++i)
-        if (boxes_[order_[i]].intersects(boxes_[triangle])) visit(order_[i]);
-    }
-  }
-
- private:
-  static constexpr int kLeaf = 8;
-  struct Node {
-    Box box;
-    int begin, end, left = -1, right = -1;
-  };
-
-  int build(int begin, int end) {
-    const int number = static_cast<int>(nodes_.size());
-    nodes_.push_back({Box(), begin, end});
-    for (int i = begin; i < end; ++i) nodes_[number].box.extend(boxes_[order_[i]]);
-    if (end - begin <= kLeaf) return number;
-    Index axis = 0;
-    nodes_[number].box.sizes().maxCoeff(&axis);
-    const int middle = begin + (end - begin) / 2;
-    std::nth_element(
-        order_.begin() + begin, order_.begin() + middle, order_.begin() + end,
-        [&](int a, int b) { return boxes_[a].center()[axis] < boxes_[b].center()[axis]; });
-    const int left = build(begin, middle), right = build(middle, end);
-    nodes_[number].left = left;
-    nodes_[number].right = right;
-    return number;
-  }
-
-  std::vector<Box> boxes_;
-  std::vector<int> order_;
-  std::vector<Node> nodes_;
-};
 
 double volume(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c,
               const Eigen::Vector3d& d) {

@@ -3,7 +3,6 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <numeric>
 #include <string>
@@ -67,37 +66,18 @@ std::vector<int> checked_anchors(const TransferOptions& options, const Mesh& tar
 Similarity fitted_placement(const Mesh& source, const Mesh& target,
                             const Correspondence& correspondence) {
   const Eigen::VectorXd areas = triangle_areas(target);
-  Eigen::Vector3d from_mean = Eigen::Vector3d::Zero(), to_mean = Eigen::Vector3d::Zero();
-  double weight = 0;
-  const auto each_pair = [&](const auto& body) {
-    for (int j = 0; j < correspondence.target_count(); ++j) {
-      const int first = correspondence.begin[j], end = correspondence.begin[j + 1];
-      for (int k = first; k < end; ++k)
-        body(centre(source.positions, source.triangles, correspondence.source[k]),
-             centre(target.positions, target.triangles, j), areas[j] / (end - first));
+  const Index count = static_cast<Index>(correspondence.source.size());
+  Positions from(count, 3), to(count, 3);
+  Eigen::VectorXd weights(count);
+  for (int j = 0; j < correspondence.target_count(); ++j) {
+    const int first = correspondence.begin[j], end = correspondence.begin[j + 1];
+    for (int k = first; k < end; ++k) {
+      from.row(k) = centre(source.positions, source.triangles, correspondence.source[k]);
+      to.row(k) = centre(target.positions, target.triangles, j);
+      weights[k] = areas[j] / (end - first);
     }
-  };
-  each_pair([&](const Eigen::Vector3d& from, const Eigen::Vector3d& to, double w) {
-    from_mean += w * from;
-    to_mean += w * to;
-    weight += w;
-  });
-  Similarity fit;
-  if (weight == 0) return fit;
-  from_mean /= weight;
-  to_mean /= weight;
-  Eigen::Matrix3d both = Eigen::Matrix3d::Zero();
-  double from_spread = 0, to_spread = 0;
-  each_pair([&](const Eigen::Vector3d& from, const Eigen::Vector3d& to, double w) {
-    both += w * (to - to_mean) * (from - from_mean).transpose();
-    from_spread += w * (from - from_mean).squaredNorm();
-    to_spread += w * (to - to_mean).squaredNorm();
-  });
-  const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(both).singularValues();
-  if (values[1] > 1e-6 * values[0]) fit.rotation = polar_rotation(both);
-  if (from_spread > 0 && to_spread > 0) fit.scale = std::sqrt(to_spread / from_spread);
-  fit.shift = to_mean - fit.scale * (fit.rotation * from_mean);
-  return fit;
+  }
+  return fitted_similarity(from, to, weights);
 }
 
 MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& correspondence,

@@ -7,6 +7,7 @@
 #include "correspondence.h"
 #include "gradients.h"
 #include "methods/method.h"
+#include "similarity.h"
 #include "tets.h"
 
 namespace dd {
@@ -17,17 +18,6 @@ enum class Anchor {
   centroid = 1,  ///< the centre of the surface stays
   vertices = 2,  ///< the mean of the given vertices stays, or goes to the mean of given places
   pinned = 3     ///< each of the given vertices stays, or goes to its given place
-};
-
-/// A rotation, scale and shift.
-struct Similarity {
-  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  double scale = 1;
-  Eigen::Vector3d shift = Eigen::Vector3d::Zero();
-
-  Eigen::Vector3d operator()(const Eigen::Vector3d& point) const {
-    return scale * (rotation * point) + shift;
-  }
 };
 
 struct TransferOptions {

@@ -13,7 +13,7 @@ using Progress = std::function<bool(double fraction, const char* stage)>;
 
 inline void report(const Progress& progress, double fraction, const char* stage) {
   if (progress && !progress(fraction, stage))
-    throw Error(Status::cancelled, "The bind was cancelled.");
+    throw Error(Status::cancelled, "It was cancelled.");
 }
 
 /// Progress of a part of the work: 0 to 1 there are begin to end of the whole.

@@ -338,7 +338,7 @@ def test_a_bind_in_the_background_notices_what_happens_meanwhile(part):
     assert "vertices were moved" in changed.detail_deform.status
     assert unbound.detail_deform.status == "Not bound."
     # A cancel may come too late; then the surface is simply bound.
-    assert cancelled.detail_deform.status == "The bind was cancelled." or cancelled.detail_deform.is_bound
+    assert cancelled.detail_deform.status == "It was cancelled." or cancelled.detail_deform.is_bound
 
 
 def test_a_new_bind_right_after_unbinding_is_not_taken_for_the_old_one(part):

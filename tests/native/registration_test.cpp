@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "registration.h"
+
+#include <cmath>
+#include <random>
+
+#include "box_tree.h"
+#include "catch.h"
+#include "error.h"
+#include "measures.h"
+#include "meshes.h"
+
+using namespace dd;
+using test::largest_difference;
+
+namespace {
+
+/// A smooth map far from a similarity: pulled long, bent, thicker at one end.
+Eigen::RowVector3d shaped(const Eigen::RowVector3d& p) {
+  const double x = 2.5 * p[0], y = p[1] * (1 + 0.3 * p[0]), z = p[2] * (1 + 0.3 * p[0]);
+  return {x, y + 0.15 * x * x, z};
+}
+
+Mesh shaped_sphere(int levels, const Eigen::Matrix3d& turn) {
+  Mesh mesh = test::sphere(levels);
+  mesh.positions = mesh.positions * turn.transpose();
+  for (Index v = 0; v < mesh.positions.rows(); ++v)
+    mesh.positions.row(v) = shaped(mesh.positions.row(v));
+  return mesh;
+}
+
+Mesh turned_sphere(int levels) {
+  Mesh mesh = test::sphere(levels);
+  mesh.positions *=
+      Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix().transpose();
+  return mesh;
+}
+
+int nearest_vertex(const Mesh& mesh, const Eigen::RowVector3d& point) {
+  Index best = 0;
+  (mesh.positions.rowwise() - point).rowwise().squaredNorm().minCoeff(&best);
+  return static_cast<int>(best);
+}
+
+/// Markers at the ends of the axes and between two of them.
+Pairs markers(const Mesh& source, const Mesh& target) {
+  Pairs pairs;
+  for (const Eigen::RowVector3d& point :
+       {Eigen::RowVector3d(1, 0, 0), Eigen::RowVector3d(-1, 0, 0), Eigen::RowVector3d(0, 1, 0),
+        Eigen::RowVector3d(0, -1, 0), Eigen::RowVector3d(0, 0, 1), Eigen::RowVector3d(0, 0, -1)}) {
+    const int from = nearest_vertex(source, point);
+    pairs.push_back({from, nearest_vertex(target, shaped(source.positions.row(from)))});
+  }
+  return pairs;
+}
+
+double largest_distance(const Positions& points, const Mesh& mesh) {
+  const BoxTree tree(mesh);
+  double largest = 0;
+  for (Index v = 0; v < points.rows(); ++v)
+    largest = std::max(
+        largest,
+        tree.nearest(points.row(v).transpose(), 1e9, [](int) { return true; }).squared_distance);
+  return std::sqrt(largest);
+}
+
+std::string refusal(const Mesh& source, const Mesh& target, const Pairs& pairs) {
+  try {
+    register_onto(source, target, pairs, {});
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+}  // namespace
+
+TEST_CASE("the nearest point of a mesh is that of a search through all triangles") {
+  const Mesh mesh = test::rough_sphere(3, 0.3);
+  const BoxTree tree(mesh);
+  std::mt19937 random(2);
+  std::uniform_real_distribution<double> uniform(-1.5, 1.5);
+  for (int i = 0; i < 200; ++i) {
+    const Eigen::Vector3d point(uniform(random), uniform(random), uniform(random));
+    const auto odd = [](int j) { return j % 2 == 1; };
+    double least = 1e9;
+    for (int j = 1; j < mesh.triangle_count(); j += 2) {
+      // By descent over the weights of a fine grid, refined: no formula shared with the core's.
+      const Eigen::Vector3d a = mesh.positions.row(mesh.triangles(j, 0)),
+                            b = mesh.positions.row(mesh.triangles(j, 1)),
+                            c = mesh.positions.row(mesh.triangles(j, 2));
+      double u = 1.0 / 3, v = 1.0 / 3, step = 1.0 / 3;
+      const auto distance = [&](double at_u, double at_v) {
+        return (a + at_u * (b - a) + at_v * (c - a) - point).norm();
+      };
+      double here = distance(u, v);
+      while (step > 1e-7) {
+        bool moved = false;
+        const double moves[6][2] = {{1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, -1}, {-1, 1}};
+        for (const auto& move : moves) {
+          const double next_u = u + step * move[0], next_v = v + step * move[1];
+          if (next_u < 0 || next_v < 0 || next_u + next_v > 1) continue;
+          if (distance(next_u, next_v) < here - 1e-15) {
+            u = next_u, v = next_v, here = distance(u, v), moved = true;
+          }
+        }
+        if (!moved) step /= 2;
+      }
+      least = std::min(least, here);
+    }
+    const PointOnTriangle found = tree.nearest(point, 10, odd);
+    CHECK(std::sqrt(found.squared_distance) == Approx(least).margin(1e-5));
+    CHECK(odd(found.triangle));
+    const auto corner = mesh.triangles.row(found.triangle);
+    const Eigen::RowVector3d by_weights = found.weights[0] * mesh.positions.row(corner[0]) +
+                                          found.weights[1] * mesh.positions.row(corner[1]) +
+                                          found.weights[2] * mesh.positions.row(corner[2]);
+    CHECK((by_weights - found.place.transpose()).norm() < 1e-12);
+    CHECK(tree.nearest(point, 0.5 * least, odd).triangle < 0);
+  }
+}
+
+TEST_CASE("registered by markers, a mesh lies on another of different topology") {
+  const Mesh source = turned_sphere(4), target = shaped_sphere(5, Eigen::Matrix3d::Identity());
+  const double box = bounding_box_diagonal(target.positions);
+  const Pairs pairs = markers(source, target);
+  const Positions fitted = register_onto(source, target, pairs, {});
+  for (const auto& [from, to] : pairs)
+    CHECK((fitted.row(from) - target.positions.row(to)).norm() < 1e-9 * box);
+  CHECK(largest_distance(fitted, target) < 2e-3 * box);
+  // It lies about where the map takes it, and no triangle is turned over.
+  Positions mapped = source.positions;
+  for (Index v = 0; v < mapped.rows(); ++v) mapped.row(v) = shaped(mapped.row(v));
+  CHECK((fitted - mapped).rowwise().norm().mean() < 0.02 * box);
+  CHECK(measure({mapped, source.triangles}, fitted,
+                std::vector<char>(size_t(source.vertex_count()), 1))
+            .new_intersecting_pairs == 0);
+
+  const Match match = match_triangles({fitted, source.triangles}, target, 0.1);
+  double worst = 1, mean = 0;
+  for (float confidence : match.confidence) {
+    worst = std::min(worst, double(confidence));
+    mean += confidence / double(match.confidence.size());
+  }
+  CHECK(worst > 0.7);
+  CHECK(mean > 0.97);
+  std::vector<char> used(size_t(source.triangle_count()), 0);
+  for (int j : match.correspondence.source) used[j] = 1;
+  CHECK(std::find(used.begin(), used.end(), 0) == used.end());
+  for (int j = 0; j < target.triangle_count(); ++j) CHECK(match.correspondence.has_source(j));
+}
+
+TEST_CASE("registration depends neither on units nor on where the source lies") {
+  const Mesh source = turned_sphere(3), target = shaped_sphere(3, Eigen::Matrix3d::Identity());
+  const Pairs pairs = markers(source, target);
+  const Positions fitted = register_onto(source, target, pairs, {});
+  const test::Affine motion = test::rotation_about(2, {1, 1, 3}, {0, 0, 0}, {50, 0, 3});
+  const Mesh moved = {1e3 * test::transformed(motion, source.positions), source.triangles};
+  const Mesh small = {1e-3 * target.positions, target.triangles};
+  const double box = bounding_box_diagonal(target.positions);
+  CHECK(largest_difference(1e3 * register_onto(moved, small, pairs, {}), fitted) < 1e-6 * box);
+}
+
+TEST_CASE("an open source is not pulled beyond an open target's border") {
+  // A square onto half of itself: what has no partner must not be heaped on the border.
+  const Mesh source = test::grid(21, 21, [](double, double) { return 0.0; });
+  const Mesh target = test::grid(11, 21, [](double x, double y) { return 0.02 * x * y; });
+  Mesh half = target;
+  half.positions.col(0) *= 0.5;
+  const Pairs pairs = {{0, 0}, {20, 20}, {10 * 21, 10 * 21}, {10 * 21 + 20, 10 * 21 + 20}};
+  const Positions fitted = register_onto(source, half, pairs, {});
+  CHECK(std::abs(fitted.row(20 * 21 + 10)[0] - 1) < 0.1);
+  CHECK(largest_distance(fitted.topRows(10 * 21), half) < 0.01);
+}
+
+TEST_CASE("markers that are few, contradictory, in a line or out of range are refused") {
+  const Mesh source = test::sphere(2), target = test::sphere(3);
+  const Pairs good = {{0, 0}, {2, 2}, {4, 4}};
+  CHECK(refusal(source, target, good) == "accepted");
+  CHECK(refusal(source, target, {{0, 0}, {2, 2}, {4, 4}, {4, 4}}) == "accepted");
+  CHECK_THAT(refusal(source, target, {}), contains("There are 0 markers"));
+  CHECK_THAT(refusal(source, target, {{0, 0}, {2, 2}}), contains("three pairs"));
+  CHECK_THAT(refusal(source, target, {{0, 0}, {2, 2}, {4, 4}, {4, 5}}), contains("contradict"));
+  CHECK_THAT(refusal(source, target, {{0, 0}, {2, 2}, {4, 9999}}),
+             contains("vertex 9999 of the target"));
+  Mesh flat = test::grid(5, 5, [](double, double) { return 0.0; });
+  CHECK_THAT(refusal(flat, target, {{0, 0}, {1, 2}, {2, 4}}),
+             contains("of the source lie on a line"));
+  CHECK_THROWS_WITH(
+      register_onto(source, target, good, {}, [](double done, const char*) { return done < 0.3; }),
+      contains("cancelled"));
+}
