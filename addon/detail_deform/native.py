@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The C library: found, loaded, checked. The only file that knows it."""
+"""The C library: found, loaded, checked. Only this file and native_transfer.py know it."""
 
 import ctypes
 import os
@@ -15,6 +15,8 @@ METRICS = {'SURFACE': 0, 'BASE': 1}
 PRECISIONS = {'SINGLE': 0, 'DOUBLE': 1}
 METHODS = {'TRANSFER': 0, 'VARIATIONAL': 1, 'NORMAL': 2, 'GRADIENT': 3, 'VOLUMES': 4}
 SHOWN = {'RESULT': 0, 'BASE': 1}
+PAIRS_OF = {'TRIANGLES': 0, 'VERTICES': 1}
+ANCHORS = {'SOURCE': 0, 'CENTROID': 1, 'VERTICES': 2, 'PINNED': 3}
 FORMULATIONS = {'SURFACE': 0, 'FOURTH_POINTS': 1, 'FOURTH_POINTS_UNWEIGHTED': 2}
 
 _ERROR_CANCELLED = 6
@@ -74,6 +76,27 @@ class Info(ctypes.Structure):
             'unrepresented_example')] + [
         ('bind_seconds', ctypes.c_double), ('bytes', ctypes.c_double),
         ('idle_handle_count', ctypes.c_int32), ('idle_handle_example', ctypes.c_int32)]
+
+
+class _TransferOptions(ctypes.Structure):
+    _fields_ = [('struct_size', ctypes.c_uint32), ('pairs_of', ctypes.c_int32), ('formulation', ctypes.c_int32),
+                ('anchor', ctypes.c_int32), ('anchors', ctypes.c_void_p), ('anchor_count', ctypes.c_size_t),
+                ('placement', ctypes.c_void_p), ('precision', ctypes.c_int32), ('threads', ctypes.c_int32)]
+
+
+class TransferInfo(ctypes.Structure):
+    """Facts about a source and a target that correspond: dd_transfer_info."""
+    _fields_ = [('struct_size', ctypes.c_uint32)] + [
+        (name, ctypes.c_int32) for name in (
+            'unmatched_count', 'unmatched_example', 'unmatched_part_count', 'unmatched_part_example',
+            'loose_count', 'degenerate_count', 'degenerate_example', 'unknowns')] + [
+        ('nonzeros', ctypes.c_double), ('placement', ctypes.c_double * 12)]
+
+
+class _MatchOptions(ctypes.Structure):
+    _fields_ = [('struct_size', ctypes.c_uint32)] + [
+        (name, ctypes.c_int32) for name in ('stages', 'rounds', 'threads')] + [
+        (name, ctypes.c_double) for name in ('smoothness', 'identity', 'reach')]
 
 
 def library_path():
@@ -142,6 +165,20 @@ def _load(path):
         'dd_split_finish': [handle, _FLOATS, size],
         'dd_split_get_info': [handle, ctypes.POINTER(SplitInfo)],
         'dd_split_free': [handle],
+        'dd_transfer_create': [*[_FLOATS, size, _INTS, size] * 2, handle, size,
+                               ctypes.POINTER(_TransferOptions), ctypes.POINTER(handle)],
+        'dd_transfer_apply': [handle, _FLOATS, size, ctypes.c_int32, handle, size, _FLOATS, size],
+        'dd_transfer_get_info': [handle, ctypes.POINTER(TransferInfo)],
+        'dd_transfer_free': [handle],
+        'dd_match_start': [*[_FLOATS, size, _INTS, size] * 2, _INTS, size,
+                           ctypes.POINTER(_MatchOptions), ctypes.POINTER(handle)],
+        'dd_match_poll': [handle, ctypes.POINTER(_BindProgress)],
+        'dd_match_cancel': [handle],
+        'dd_match_finish': [handle],
+        'dd_match_get_positions': [handle, _FLOATS, size],
+        'dd_match_get_pairs': [handle, handle, size, ctypes.POINTER(size)],
+        'dd_match_get_confidence': [handle, _FLOATS, size],
+        'dd_match_free': [handle],
     }
     for name, argtypes in signatures.items():
         function = getattr(lib, name)
@@ -197,7 +234,7 @@ def _update_options(rotation_only=True, method='TRANSFER', refine=4, shown='RESU
 
 
 class _Job:
-    """Work under way in a thread of the library. kind: 'bind' or 'split', as in its functions' names."""
+    """Work under way in a thread of the library. kind: 'bind', 'split' or 'match', as in its functions' names."""
 
     def __init__(self, kind, *arguments):
         self.cancelled = False

@@ -6,8 +6,8 @@
 #include <limits>
 #include <memory>
 #include <string>
-#include <thread>
 
+#include "c_api_job.h"
 #include "c_api_support.h"
 #include "deformer.h"
 #include "kernels.h"
@@ -130,67 +130,6 @@ struct dd_deformer {
   std::atomic<bool> busy{false};
 };
 
-namespace {
-
-/// Work in a thread of its own that can be watched and cancelled.
-class Job {
- public:
-  ~Job() {
-    cancelled_ = true;
-    if (worker_.joinable()) worker_.join();
-  }
-
-  /// body: called with a dd::Progress, in the thread.
-  template <class Body>
-  void start(Body body) {
-    worker_ = std::thread([this, body = std::move(body)]() mutable {
-      status_ = guarded([&] {
-        body([this](double fraction, const char* stage) {
-          fraction_ = fraction;
-          stage_ = stage;
-          return !cancelled_ || fraction >= 1;
-        });
-      });
-      if (status_ != DD_OK) {
-        try {
-          message_ = last_message;
-        } catch (...) {
-          message_.clear();
-        }
-      }
-      state_ = status_ == DD_OK ? DD_BIND_DONE : DD_BIND_FAILED;
-    });
-  }
-
-  void poll(dd_bind_progress* progress) const {
-    dd_bind_progress now{};
-    now.state = state_;
-    now.fraction = fraction_;
-    now.stage = stage_;
-    write_struct("progress", progress, now);
-  }
-
-  void cancel() { cancelled_ = true; }
-
-  /// Waits; throws what the body threw.
-  void finish() {
-    if (worker_.joinable()) worker_.join();
-    if (status_ != DD_OK) throw dd::Error(static_cast<dd::Status>(status_), message_);
-  }
-
- private:
-  std::thread worker_;
-  std::atomic<double> fraction_{0};
-  std::atomic<const char*> stage_{"Checking the mesh"};
-  std::atomic<bool> cancelled_{false};
-  std::atomic<int32_t> state_{DD_BIND_RUNNING};
-  // Written by the worker before state_ leaves DD_BIND_RUNNING, read after.
-  int32_t status_ = DD_OK;
-  std::string message_;
-};
-
-}  // namespace
-
 // The job comes last: it is joined before what it writes to is gone.
 struct dd_bind {
   std::unique_ptr<dd_deformer> result;
@@ -203,25 +142,6 @@ struct dd_split {
   int32_t output = DD_OUTPUT_POSITIONS;
   Job job;
 };
-
-namespace {
-
-/// Marks a deformer as in use for the length of a call.
-class InUse {
- public:
-  explicit InUse(std::atomic<bool>& flag) : flag_(flag) {
-    if (flag_.exchange(true))
-      throw dd::Error(dd::Status::busy, "This deformer is in use by another thread.");
-  }
-  ~InUse() { flag_ = false; }
-  InUse(const InUse&) = delete;
-  InUse& operator=(const InUse&) = delete;
-
- private:
-  std::atomic<bool>& flag_;
-};
-
-}  // namespace
 
 extern "C" {
 
@@ -285,7 +205,7 @@ int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices, size_t
     require(deformer, "deformer is null.");
     require(matrices || matrix_value_count == 0, "matrices is null.");
     require(out, "out is null.");
-    const InUse in_use(deformer->busy);
+    const InUse in_use(deformer->busy, "deformer");
     dd::Deformer& bound = deformer->deformer;
     require_size("matrices", matrix_value_count,
                  12 * static_cast<size_t>(bound.region().handle_count));

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cstdio>
 #include <cstring>
 #include <limits>
@@ -100,5 +101,20 @@ inline Positions read_base(const float* base, size_t count, size_t wanted) {
   require_size("options.base", count, wanted);
   return Eigen::Map<const FloatRows>(base, static_cast<Eigen::Index>(count / 3), 3).cast<double>();
 }
+
+/// Marks an object as in use for the length of a call.
+class InUse {
+ public:
+  InUse(std::atomic<bool>& flag, const char* what) : flag_(flag) {
+    if (flag_.exchange(true))
+      throw Error(Status::busy, std::string("This ") + what + " is in use by another thread.");
+  }
+  ~InUse() { flag_ = false; }
+  InUse(const InUse&) = delete;
+  InUse& operator=(const InUse&) = delete;
+
+ private:
+  std::atomic<bool>& flag_;
+};
 
 }  // namespace dd::c_api

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The C ABI through the add-on's own ctypes layer, without Blender."""
 
-import importlib.util
+import importlib
 import sys
+import types
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +18,21 @@ def rotation(angle, shift):
     return np.array([[[c, 0, s, shift[0]], [0, 1, 0, shift[1]], [-s, 0, c, shift[2]]]])
 
 
+def _part(name):
+    """A module of the add-on that needs no Blender, without the package's own __init__."""
+    package = sys.modules.setdefault('detail_deform_parts', types.ModuleType('detail_deform_parts'))
+    package.__path__ = [str(ADDON)]
+    return importlib.import_module(f'detail_deform_parts.{name}')
+
+
 @pytest.fixture(scope='session')
 def native():
-    spec = importlib.util.spec_from_file_location('detail_deform_native', ADDON / 'native.py')
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return _part('native')
+
+
+@pytest.fixture(scope='session')
+def native_transfer():
+    return _part('native_transfer')
 
 
 class Strip:

@@ -369,6 +369,125 @@ DD_API int32_t dd_tets_update(const dd_tets* tets, const double* matrices,
 
 DD_API void dd_tets_free(dd_tets* tets);
 
+/* ---- Deformation transfer between meshes (§3, §5) ----
+ *
+ *   dd_transfer_create(source_positions, 3 * n, source_triangles, 3 * m, target_positions, ...,
+ *                      pairs, 2 * pair_count, NULL, &transfer);
+ *   dd_transfer_apply(transfer, pose, 3 * n, 1, NULL, 0, out, 3 * target_n);   (for each pose)
+ *   dd_transfer_free(transfer);
+ *
+ * Pairs of meshes whose correspondences aren't known are matched first: dd_match_start. */
+
+typedef struct dd_transfer dd_transfer; /* a source and a target, factored */
+typedef struct dd_match dd_match;       /* a search for correspondences under way, or its result */
+
+/* What pairs are of. */
+enum dd_pairs_of {
+  DD_PAIRS_OF_TRIANGLES = 0,
+  DD_PAIRS_OF_VERTICES = 1 /* a triangle's sources: those with the most corners paired with its own */
+};
+
+/* What decides where a transferred pose is: gradients leave the place of each loose part open. */
+enum dd_anchor {
+  DD_ANCHOR_SOURCE = 0,   /* every part moves along with its source */
+  DD_ANCHOR_CENTROID = 1, /* the centre of the surface stays */
+  DD_ANCHOR_VERTICES = 2, /* the mean of the anchors stays, or goes to the mean of given places */
+  DD_ANCHOR_PINNED = 3    /* each anchor stays, or goes to its given place */
+};
+
+/* Zero is every field's default; a null pointer stands for all defaults. */
+typedef struct dd_transfer_options {
+  uint32_t struct_size;
+  int32_t pairs_of;         /* dd_pairs_of */
+  int32_t formulation;      /* dd_formulation: (14), n unknowns, or the original (10), n + m */
+  int32_t anchor;           /* dd_anchor */
+  const int32_t* anchors;   /* vertices of the target, for DD_ANCHOR_VERTICES and DD_ANCHOR_PINNED */
+  size_t anchor_count;
+  const double* placement;  /* 12: row-major 3x4, the rotation, scale and shift that takes the source
+                               onto the target; deformations are turned with it. Null: as the pairs
+                               say, exact where the target is a moved and scaled copy */
+  int32_t precision;        /* dd_precision; of the system. DD_PRECISION_SINGLE for live use */
+  int32_t threads;          /* as for dd_bind_options */
+} dd_transfer_options;
+
+typedef struct dd_transfer_info {
+  uint32_t struct_size; /* set by the caller */
+  int32_t unmatched_count;        /* triangles of the target without a source: they go with the
+                                     nearest that has one over the surface */
+  int32_t unmatched_example;      /* one of them, or -1 */
+  int32_t unmatched_part_count;   /* loose parts of the target none of whose triangles has a source */
+  int32_t unmatched_part_example; /* a vertex of one, or -1 */
+  int32_t loose_count;            /* vertices of the target without a triangle: they stay */
+  int32_t degenerate_count;       /* triangles of the target with next to no area */
+  int32_t degenerate_example;     /* one of them, or -1 */
+  int32_t unknowns;               /* rows of the system */
+  double nonzeros;                /* of the system */
+  double placement[12];           /* row-major 3x4: of the source onto the target */
+} dd_transfer_info;
+
+/* Factors the target's system. Positions: 3 floats a vertex, triangles: 3 vertex numbers each, as for
+ * dd_bind_start. pairs: pair_value_count = 2 x count numbers, source and target, from 0; a target's
+ * triangle may have none, one or many sources, which are averaged. Null and 0: the meshes are of the same
+ * topology, each triangle its own source. */
+DD_API int32_t dd_transfer_create(const float* source_positions, size_t source_position_count,
+                                  const int32_t* source_triangles, size_t source_index_count,
+                                  const float* target_positions, size_t target_position_count,
+                                  const int32_t* target_triangles, size_t target_index_count,
+                                  const int32_t* pairs, size_t pair_value_count,
+                                  const dd_transfer_options* options, dd_transfer** transfer);
+
+/* One pose: the target deformed as the source is, by (15) and (14) or (10), and one
+ * back-substitution.
+ *   pose           pose_count = 3 floats a vertex of the source: S'
+ *   rotation_only  1: deformation gradients reduced to their rotations; 0: whole
+ *   places         place_count = 3 floats an anchor: where the anchors go; null and 0: they stay
+ *   out            out_count = 3 floats a vertex of the target: T' */
+DD_API int32_t dd_transfer_apply(dd_transfer* transfer, const float* pose, size_t pose_count,
+                                 int32_t rotation_only, const float* places, size_t place_count,
+                                 float* out, size_t out_count);
+
+DD_API int32_t dd_transfer_get_info(const dd_transfer* transfer, dd_transfer_info* info);
+
+/* Releases a transfer. Null is allowed. */
+DD_API void dd_transfer_free(dd_transfer* transfer);
+
+/* Zero is every field's default; a null pointer stands for all defaults. */
+typedef struct dd_match_options {
+  uint32_t struct_size;
+  int32_t stages;    /* of growing pull to the target; 0 stands for 8 */
+  int32_t rounds;    /* of searching nearest points in each stage; 0 stands for 3 */
+  int32_t threads;   /* as for dd_bind_options */
+  double smoothness; /* weight of alike gradients of neighbours; 0 stands for 1 */
+  double identity;   /* weight of gradients near the identity; 0 stands for 0.001 */
+  double reach;      /* of the target's box: what is further apart doesn't correspond; 0 stands for
+                        0.1 */
+} dd_match_options;
+
+/* Starts to deform the source onto the target (Sumner and Popović 2004) and to look for corresponding
+ * triangles, in a thread of the library; returns at once.
+ *   markers   marker_value_count = 2 x count vertex numbers, source and target, from 0: three
+ *             pairs or more that must fall on one another, not on a line */
+DD_API int32_t dd_match_start(const float* source_positions, size_t source_position_count,
+                              const int32_t* source_triangles, size_t source_index_count,
+                              const float* target_positions, size_t target_position_count,
+                              const int32_t* target_triangles, size_t target_index_count,
+                              const int32_t* markers, size_t marker_value_count,
+                              const dd_match_options* options, dd_match** match);
+DD_API int32_t dd_match_poll(dd_match* match, dd_bind_progress* progress);
+DD_API int32_t dd_match_cancel(dd_match* match);
+/* Waits; the status of the search. What follows may then be asked for, any number of times. */
+DD_API int32_t dd_match_finish(dd_match* match);
+/* The source deformed onto the target: 3 floats a vertex of the source. */
+DD_API int32_t dd_match_get_positions(dd_match* match, float* out, size_t out_count);
+/* Pairs of triangles, source and target, for dd_transfer_create: their number of values, and, where
+ * capacity isn't 0, the values. */
+DD_API int32_t dd_match_get_pairs(dd_match* match, int32_t* pairs, size_t capacity,
+                                  size_t* value_count);
+/* How well each triangle of the target is matched, 0 to 1. */
+DD_API int32_t dd_match_get_confidence(dd_match* match, float* out, size_t out_count);
+/* Releases a match; one under way is cancelled and waited for. Null is allowed. */
+DD_API void dd_match_free(dd_match* match);
+
 #ifdef __cplusplus
 }
 #endif

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The C ABI: deformation transfer between meshes, and the search for what corresponds."""
+import ctypes
+
+import numpy as np
+import pytest
+
+from conftest import Strip, rotation
+
+
+def mesh(strip):
+    return strip.positions, strip.triangles
+
+
+def bent(p):
+    """Strips bent about their width, and twisted a little."""
+    angle, radius = p[:, 0] / 16, 16 + p[:, 2]
+    return np.stack([radius * np.sin(angle), p[:, 1] + 0.02 * p[:, 0] * p[:, 2], radius * np.cos(angle) - 16],
+                    -1).astype(np.float32)
+
+
+def test_onto_itself_a_pose_comes_back(native_transfer, strip):
+    pose = bent(strip.positions)
+    for pairs_of, count in (('TRIANGLES', len(strip.triangles)), ('VERTICES', len(strip.positions))):
+        for pairs in (None, np.repeat(np.arange(count)[:, None], 2, axis=1)):
+            transfer = native_transfer.Transfer(mesh(strip), mesh(strip), pairs, pairs_of)
+            assert np.abs(transfer.apply(pose) - pose).max() < 1e-5
+            assert np.allclose(np.reshape(transfer.info.placement, (3, 4)), np.eye(4)[:3], atol=1e-6)
+    single = native_transfer.Transfer(mesh(strip), mesh(strip), precision='SINGLE')
+    assert np.abs(single.apply(pose) - pose).max() < 3e-4
+    assert (transfer.info.unmatched_count, transfer.info.unmatched_example, transfer.info.degenerate_count) == (0, -1, 0)
+    assert transfer.info.unknowns == len(strip.positions) and transfer.info.nonzeros > 5 * len(strip.positions)
+
+
+def test_anchors_go_where_they_are_told(native_transfer, strip):
+    pose = bent(strip.positions)
+    anchors = [3, 80]
+    places = strip.positions[anchors] + np.float32([[0, 0, 1], [0, 2, 0]])
+    pinned = native_transfer.Transfer(mesh(strip), mesh(strip), anchor='PINNED', anchors=anchors)
+    assert np.allclose(pinned.apply(pose)[anchors], strip.positions[anchors], atol=1e-5)
+    assert np.allclose(pinned.apply(pose, places=places)[anchors], places, atol=1e-5)
+    mean = native_transfer.Transfer(mesh(strip), mesh(strip), anchor='VERTICES', anchors=anchors)
+    assert np.allclose(mean.apply(pose, places=places)[anchors].mean(0), places.mean(0), atol=1e-5)
+    centred = native_transfer.Transfer(mesh(strip), mesh(strip), anchor='CENTROID')
+    assert np.abs(centred.apply(pose + np.float32(100)) - centred.apply(pose)).max() < 1e-3
+
+
+def test_the_volumetric_original_and_a_given_placement(native_transfer, strip):
+    turn = rotation(0.7, (1, 2, 3))[0]
+    moved = (strip.positions @ turn[:, :3].T + turn[:, 3]).astype(np.float32)
+    for formulation in ('SURFACE', 'FOURTH_POINTS', 'FOURTH_POINTS_UNWEIGHTED'):
+        # As they stand in the same space, without regard to how the target is turned.
+        as_is = native_transfer.Transfer(mesh(strip), (moved, strip.triangles), placement=np.eye(4)[:3],
+                                         formulation=formulation)
+        spin = rotation(-1.1, (0, 0, 0))[0][:, :3].T
+        assert np.abs(as_is.apply(strip.positions @ spin) - moved @ spin).max() < 1e-4
+    fitted = native_transfer.Transfer(mesh(strip), (moved, strip.triangles))
+    pose = bent(strip.positions)
+    assert np.abs(fitted.apply(pose) - (pose @ turn[:, :3].T + turn[:, 3])).max() < 1e-4
+
+
+@pytest.mark.parametrize('change, sentence', [
+    (dict(pairs=[[0, 0], [1, 999999]]), "Pair 1 names number 999999 of the target"),
+    (dict(pairs=[[-1, 0]]), "Pair 0 names number -1 of the source"),
+    (dict(anchor='PINNED'), "There is no anchor"),
+    (dict(anchor='VERTICES', anchors=[5, 5]), "named as an anchor more than once"),
+    (dict(placement=np.diag([1, 2, 1, 1])[:3]), "not a rotation"),
+    (dict(threads=-1), "options.threads is -1"),
+])
+def test_refusals(native, native_transfer, strip, change, sentence):
+    with pytest.raises(native.NativeError, match=sentence):
+        native_transfer.Transfer(mesh(strip), mesh(strip), **change)
+
+
+def test_refusals_of_meshes_and_poses(native, native_transfer, strip):
+    longer = Strip(30)
+    with pytest.raises(native.NativeError, match="not of the same topology"):
+        native_transfer.Transfer(mesh(strip), mesh(longer))
+    broken = strip.positions.copy()
+    broken[7] = np.nan
+    with pytest.raises(native.NativeError, match="The target: Vertex 7"):
+        native_transfer.Transfer(mesh(strip), (broken, strip.triangles))
+    transfer = native_transfer.Transfer(mesh(strip), mesh(strip))
+    with pytest.raises(native.NativeError, match="pose has"):
+        transfer.apply(longer.positions)
+    with pytest.raises(native.NativeError, match="Vertex 7 of the pose"):
+        transfer.apply(broken)
+    with pytest.raises(native.NativeError, match="places has"):
+        transfer.apply(strip.positions, places=strip.positions[:2])
+    with pytest.raises(native.NativeError, match="too large"):
+        transfer.apply(strip.positions * np.float32(1e37))
+
+
+def waved(n, scale):
+    """A strip of n columns over the same area, with one wave."""
+    strip = Strip(n)
+    strip.positions[:, 0] *= 23 / (n - 1)
+    strip.positions[:, 2] = scale * np.sin(strip.positions[:, 0] / 4) + 0.1 * strip.positions[:, 1] ** 2
+    return strip
+
+
+def test_matching_by_markers(native_transfer):
+    source, target = waved(24, 1.0), waved(47, 2.0)
+    markers = [[8 * column + row, 16 * column + row] for column in (0, 11, 23) for row in (0, 7)]
+    match = native_transfer.Match(mesh(source), mesh(target), markers)
+    fractions, running = [], True
+    while running:
+        running, fraction, stage = match.progress()
+        fractions.append(fraction)
+    assert fractions == sorted(fractions) and stage
+    pairs, confidence, fitted = match.finish()
+    assert len(confidence) == len(target.triangles) and confidence.min() > 0.5 and confidence.max() <= 1
+    assert set(pairs[:, 1]) == set(range(len(target.triangles)))
+    for from_vertex, to_vertex in markers:
+        assert np.allclose(fitted[from_vertex], target.positions[to_vertex], atol=1e-4)
+    # What corresponds lies at about the same place along the strip.
+    along = [side.positions[side.triangles].mean(1)[:, 0] for side in (source, target)]
+    assert np.abs(along[0][pairs[:, 0]] - along[1][pairs[:, 1]]).max() < 2
+    # And a pose carries over: the target bends as far as the source does.
+    posed = native_transfer.Transfer(mesh(source), mesh(target), pairs).apply(bent(source.positions))
+    end, expected = posed[-1] - posed[0], bent(target.positions)[-1] - bent(target.positions)[0]
+    assert np.linalg.norm(end - expected) < 0.1 * np.linalg.norm(expected)
+
+
+def test_matching_refuses_and_cancels(native, native_transfer, strip):
+    with pytest.raises(native.NativeError, match="three pairs"):
+        native_transfer.Match(mesh(strip), mesh(strip), [[0, 0], [1, 1]]).finish()
+    with pytest.raises(native.NativeError, match="contradict"):
+        native_transfer.Match(mesh(strip), mesh(strip), [[0, 0], [0, 1], [9, 9], [100, 100]]).finish()
+    with pytest.raises(native.NativeError, match="negative"):
+        native_transfer.Match(mesh(strip), mesh(strip), [[0, 0]], reach=-1.0)
+    big = Strip(3000)
+    match = native_transfer.Match(mesh(big), mesh(big), [[0, 0], [7, 7], [20000, 20000]])
+    match.cancel()
+    with pytest.raises(native.NativeError, match="cancelled") as caught:
+        match.finish()
+    assert caught.value.cancelled
+    native_transfer.Match(mesh(big), mesh(big), [[0, 0], [7, 7], [20000, 20000]]).close()  # ends it
+
+
+def test_null_pointers_and_unfinished_matches_are_refused(native, native_transfer, strip):
+    lib = native.library()
+    assert lib.dd_transfer_get_info(None, None) != 0
+    assert lib.dd_match_poll(None, None) != 0
+    lib.dd_transfer_free(None)
+    lib.dd_match_free(None)
+    match = native_transfer.Match(mesh(Strip(3000)), mesh(Strip(3000)), [[0, 0], [7, 7], [20000, 20000]])
+    count = ctypes.c_size_t()
+    assert lib.dd_match_get_pairs(match._handle, None, 0, count) != 0
+    assert "dd_match_finish comes first" in lib.dd_last_message().decode()
+    match.close()
