@@ -77,7 +77,7 @@ Similarity fitted_placement(const Mesh& source, const Mesh& target,
       weights[k] = areas[j] / (end - first);
     }
   }
-  return fitted_similarity(from, to, weights);
+  return fitted_stance(from, to, weights);
 }
 
 MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& correspondence,

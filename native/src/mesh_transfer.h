@@ -31,8 +31,7 @@ struct TransferOptions {
 };
 
 /// The similarity that takes the centres of source triangles next to those of the target triangles
-/// they correspond to, weighted by the target's areas: exact where the target is a rotated, scaled,
-/// shifted copy. Where the centres lie on a line it turns nothing.
+/// they correspond to, weighted by the target's areas: see fitted_stance().
 Similarity fitted_placement(const Mesh& source, const Mesh& target,
                             const Correspondence& correspondence);
 

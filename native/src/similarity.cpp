@@ -1,29 +1,77 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "similarity.h"
 
+#include <Eigen/LU>
 #include <Eigen/SVD>
+#include <algorithm>
 #include <cmath>
 
 #include "rotations.h"
 
 namespace dd {
 
+namespace {
+
+/// Points about their weighted mean.
+struct Spread {
+  Spread(const Positions& points, const Eigen::VectorXd& weights)
+      : mean(weights.transpose() * points / weights.sum()),
+        arms(points.rowwise() - mean),
+        square(arms.rowwise().squaredNorm().dot(weights)) {}
+  Eigen::RowVector3d mean;
+  Positions arms;
+  double square;
+};
+
+constexpr double kExact = 1e-3;  // misfit over spread
+
+Similarity with_rotation(const Eigen::Matrix3d& rotation, const Spread& from, const Spread& to) {
+  Similarity fit;
+  fit.rotation = rotation;
+  if (from.square > 0 && to.square > 0) fit.scale = std::sqrt(to.square / from.square);
+  fit.shift = (to.mean - fit.scale * from.mean * rotation.transpose()).transpose();
+  return fit;
+}
+
+Eigen::Matrix3d nearest_of_axes(const Eigen::Matrix3d& rotation) {
+  Eigen::Matrix3d best = Eigen::Matrix3d::Identity();
+  int order[3] = {0, 1, 2};
+  do {
+    for (int signs = 0; signs < 8; ++signs) {
+      Eigen::Matrix3d candidate = Eigen::Matrix3d::Zero();
+      for (int k = 0; k < 3; ++k) candidate(order[k], k) = (signs >> k & 1) ? -1 : 1;
+      if (candidate.determinant() > 0 &&
+          candidate.cwiseProduct(rotation).sum() > best.cwiseProduct(rotation).sum())
+        best = candidate;
+    }
+  } while (std::next_permutation(order, order + 3));
+  return best;
+}
+
+}  // namespace
+
 Similarity fitted_similarity(const Positions& from, const Positions& to,
                              const Eigen::VectorXd& weights) {
-  Similarity fit;
-  const double whole = weights.sum();
-  if (!(whole > 0)) return fit;
-  const Eigen::RowVector3d from_mean = weights.transpose() * from / whole;
-  const Eigen::RowVector3d to_mean = weights.transpose() * to / whole;
-  const Positions from_arms = from.rowwise() - from_mean, to_arms = to.rowwise() - to_mean;
-  const Eigen::Matrix3d both = to_arms.transpose() * weights.asDiagonal() * from_arms;
+  if (!(weights.sum() > 0)) return {};
+  const Spread of(from, weights), onto(to, weights);
+  const Eigen::Matrix3d both = onto.arms.transpose() * weights.asDiagonal() * of.arms;
   const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(both).singularValues();
-  if (values[1] > 1e-6 * values[0]) fit.rotation = polar_rotation(both);
-  const double from_spread = from_arms.rowwise().squaredNorm().dot(weights);
-  const double to_spread = to_arms.rowwise().squaredNorm().dot(weights);
-  if (from_spread > 0 && to_spread > 0) fit.scale = std::sqrt(to_spread / from_spread);
-  fit.shift = (to_mean - fit.scale * from_mean * fit.rotation.transpose()).transpose();
-  return fit;
+  const bool on_a_line = !(values[1] > 1e-6 * values[0]);
+  return with_rotation(
+      on_a_line ? Eigen::Matrix3d(Eigen::Matrix3d::Identity()) : polar_rotation(both), of, onto);
+}
+
+Similarity fitted_stance(const Positions& from, const Positions& to,
+                         const Eigen::VectorXd& weights) {
+  const Similarity fit = fitted_similarity(from, to, weights);
+  if (!(weights.sum() > 0)) return fit;
+  const Spread of(from, weights), onto(to, weights);
+  const Positions misfit = onto.arms - fit.scale * of.arms * fit.rotation.transpose();
+  if (misfit.rowwise().squaredNorm().dot(weights) < kExact * kExact * onto.square) return fit;
+  const Eigen::Matrix3d upright = nearest_of_axes(fit.rotation);
+  const double turn = rotation_vector(upright.transpose() * fit.rotation).norm();
+  const double least = 20 * std::acos(-1.0) / 180;
+  return turn < least ? with_rotation(upright, of, onto) : fit;
 }
 
 }  // namespace dd

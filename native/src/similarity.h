@@ -21,4 +21,10 @@ struct Similarity {
 Similarity fitted_similarity(const Positions& from, const Positions& to,
                              const Eigen::VectorXd& weights);
 
+/// The same with a rotation that tells how two meshes stand, not how their shapes differ: where the points
+/// don't fit exactly and the rotation is less than 20° off one of the 24 that take axes to axes, that
+/// one.
+Similarity fitted_stance(const Positions& from, const Positions& to,
+                         const Eigen::VectorXd& weights);
+
 }  // namespace dd

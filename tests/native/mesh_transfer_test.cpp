@@ -342,3 +342,20 @@ TEST_CASE("what can't be transferred is refused with a sentence") {
   CHECK_THROWS_WITH(triangle_correspondence({{0, 0}, {m, 1}}, m, m), contains("Pair 1 names"));
   CHECK_THROWS_WITH(vertex_correspondence({{0, 999}}, mesh, mesh), contains("of the target"));
 }
+
+TEST_CASE("a target that stands otherwise turns the deformations, one of another shape doesn't") {
+  const Mesh mesh = test::rough_sphere(3, 0.2);
+  const Correspondence same = same_topology(mesh, mesh);
+  const auto placed = [&](double angle, double sheared) {
+    Mesh target = mesh;
+    const Eigen::Matrix3d turn = rotation_by(angle * Eigen::Vector3d(1, 0, 0));
+    target.positions *= turn.transpose();
+    target.positions.col(0) += sheared * target.positions.col(1);
+    return fitted_placement(mesh, target, same).rotation;
+  };
+  const double degree = std::acos(-1.0) / 180;
+  CHECK(placed(8 * degree, 0).isApprox(rotation_by({8 * degree, 0, 0}), 1e-9));
+  CHECK(placed(8 * degree, 0.1).isIdentity(1e-12));
+  CHECK(placed(98 * degree, 0.1).isApprox(rotation_by({90 * degree, 0, 0}), 1e-9));
+  CHECK(rotation_vector(placed(35 * degree, 0.1)).norm() == Approx(35 * degree).margin(6 * degree));
+}

@@ -405,7 +405,8 @@ typedef struct dd_transfer_options {
   size_t anchor_count;
   const double* placement;  /* 12: row-major 3x4, the rotation, scale and shift that takes the source
                                onto the target; deformations are turned with it. Null: as the pairs
-                               say, exact where the target is a moved and scaled copy */
+                               say, exact where the target is a moved and scaled copy; a rotation of
+                               less than 20 degrees between different shapes counts as part of these */
   int32_t precision;        /* dd_precision; of the system. DD_PRECISION_SINGLE for live use */
   int32_t threads;          /* as for dd_bind_options */
 } dd_transfer_options;
