@@ -30,6 +30,13 @@ def _move(points, offsets):
     points.foreach_set('co', values + offsets.ravel())
 
 
+def set_key(ob, key, offsets):
+    """Makes a present shape key move the mesh by these offsets."""
+    values = np.empty(offsets.size, np.float32)
+    ob.data.vertices.foreach_get('co', values)
+    key.data.foreach_set('co', values + offsets.ravel())
+
+
 def add_key(ob, name, offsets):
     """A new shape key that moves the mesh by these offsets, not shown yet."""
     if not ob.data.shape_keys:

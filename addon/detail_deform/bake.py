@@ -35,7 +35,7 @@ def usual_path(ob):
 
 
 @contextlib.contextmanager
-def _disk(path, what):
+def disk(path, what):
     """What the disk or a file refuses, as a sentence."""
     try:
         yield
@@ -142,7 +142,7 @@ def to_cache(context, ob, start, end, path, whole=None):
 
     done = False
     try:
-        with _disk(path, "written"):
+        with disk(path, "written"):
             with _ShownUpTo(ob, modifier):
                 yield from _over_frames(context, ob, start, end, take)
             writer.finish()
@@ -159,7 +159,7 @@ def _show(modifier, shown):
 def use_cache(ob, path, start):
     """Shows a cache whose first frame is start in place of the live deformation."""
     modifier = _modifier(ob)
-    with _disk(path, "read"):
+    with disk(path, "read"):
         points, _ = pc2.read_header(absolute(path))
     before = len(ob.data.vertices)
     if points != before and list(ob.modifiers).index(modifier) == 0:
@@ -168,10 +168,7 @@ def use_cache(ob, path, start):
     if cache is None:
         cache = ob.modifiers.new(node_group.CACHE_NAME, 'MESH_CACHE')
         ob.detail_deform.cache_modifier = cache.name
-    cache.cache_format = 'PC2'
-    cache.filepath = path
-    cache.frame_start = start
-    cache.interpolation = 'LINEAR'
+    node_group.set_up_cache(cache, path, start)
     node_group.move_behind(ob, cache, modifier)
     # Nothing is computed any more for what is not shown.
     _show(modifier, False)
@@ -189,7 +186,7 @@ def to_alembic(context, ob, start, end, path):
         pass  # what is wrong is said before the export begins
     unfinished = f"{os.path.splitext(path)[0]}.unfinished.abc"
     try:
-        with _Exported(context, ob), _disk(path, "written"):
+        with _Exported(context, ob), disk(path, "written"):
             bpy.ops.wm.alembic_export(filepath=unfinished, start=start, end=end, selected=True,
                                       as_background_job=False)
             os.replace(unfinished, path)
@@ -245,23 +242,33 @@ def to_shape_keys(context, ob, start, end):
     if earlier != modifier:
         raise MeshProblem(f"Modifier '{earlier.name}' stands before Detail Deform, and shape keys act before both: "
                           "move Detail Deform to the top, or bake a cache.")
+    check_keyed_keys(ob)
+    frames = []
+
+    def take(frame):
+        offsets = mesh_data.read_offsets(ob.data) * node_group.amount(ob, modifier)
+        frames.append((frame, offsets))
+
+    with _ShownUpTo(ob, modifier):
+        yield from _over_frames(context, ob, start, end, take)
+    add_keyed_keys(ob, frames, start, end)
+    _show(modifier, False)
+
+
+def check_keyed_keys(ob):
+    """Raises MeshProblem where keyed shape keys can't be added."""
     present = ob.data.shape_keys
     if present and not present.use_relative:
         raise MeshProblem("The mesh has absolute shape keys, which can't be added to: make them relative first.")
     if present and any(key.name.startswith(KEY_NAME.format("")) for key in present.key_blocks):
         raise MeshProblem("There are baked shape keys already, and the new ones would add to them: remove those first.")
-    keys = []
 
-    def take(frame):
-        offsets = mesh_data.read_offsets(ob.data) * node_group.amount(ob, modifier)
-        keys.append((frame, offsets))
 
-    with _ShownUpTo(ob, modifier):
-        yield from _over_frames(context, ob, start, end, take)
-    for frame, offsets in keys:
+def add_keyed_keys(ob, frames, start, end):
+    """frames: [(frame, (n, 3) offsets)] from start to end; each gets a shape key that is keyed to show there."""
+    for frame, offsets in frames:
         key = apply_result.add_key(ob, KEY_NAME.format(frame), offsets)
         for at, value in ((frame - 1, 0.0), (frame, 1.0), (frame + 1, 0.0)):
             if start <= at <= end:
                 key.value = value
                 key.keyframe_insert('value', frame=at)
-    _show(modifier, False)

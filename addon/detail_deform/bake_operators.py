@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Operators that bake; scripts call these as bpy.ops.object.detail_deform_bake..."""
 
-import time
-
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
-from . import bake, mesh_data, native, node_group
-from .operator_base import MeshOperator
+from . import bake, mesh_data, node_group
+from .operator_base import LongOperator, MeshOperator
 
-_TICK_SECONDS = 0.05
 _PATH_OPTIONS = {'SKIP_SAVE'} | ({'PATH_SUPPORTS_BLEND_RELATIVE'} if bpy.app.version >= (4, 5) else set())
 
 
-class OBJECT_OT_detail_deform_bake(MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_bake'
     bl_label = "Bake Detail Deform"
     bl_description = "Keep the deformation of a range of frames, so that it plays without the add-on. Esc cancels"
+    doing = "Baking Detail Deform"
 
     mode: EnumProperty(
         name="As", default='CACHE', description="What the frames are kept as",
@@ -40,9 +38,6 @@ class OBJECT_OT_detail_deform_bake(MeshOperator, bpy.types.Operator):
         name="Use", default=True, options={'SKIP_SAVE'},
         description="Play the baked cache in place of the live deformation at once, if it is whole")
 
-    _work = _timer = None
-    _interactive = False
-
     @classmethod
     def poll_object(cls, ob):
         if not ob.detail_deform.signature:
@@ -50,17 +45,14 @@ class OBJECT_OT_detail_deform_bake(MeshOperator, bpy.types.Operator):
             return False
         return True
 
-    def _given(self, name, otherwise):
-        return getattr(self, name) if self.properties.is_property_set(name) else otherwise
-
     def _range(self, context):
-        return (self._given('frame_start', context.scene.frame_start),
-                self._given('frame_end', context.scene.frame_end))
+        return (self.given('frame_start', context.scene.frame_start),
+                self.given('frame_end', context.scene.frame_end))
 
     def invoke(self, context, event):
         self.frame_start, self.frame_end = self._range(context)
         self.filepath = self.filepath or bake.usual_path(context.active_object)
-        self._interactive = True
+        self.interactive = True
         return context.window_manager.invoke_props_dialog(self, width=400)
 
     def draw(self, context):
@@ -81,59 +73,16 @@ class OBJECT_OT_detail_deform_bake(MeshOperator, bpy.types.Operator):
             bake.to_alembic(context, ob, start, end, path[:-4] + '.abc' if path.endswith('.pc2') else path)
             return None
         if self.mode == 'SHAPE_KEYS':
-            self._work = bake.to_shape_keys(context, ob, start, end)
+            work = bake.to_shape_keys(context, ob, start, end)
         else:
-            whole = (self._given('cache_start', start), self._given('cache_end', end))
-            self._work = self._cache(context, ob, start, end, path, whole)
-        if self._interactive:
-            manager = context.window_manager
-            self._timer = manager.event_timer_add(_TICK_SECONDS, window=context.window)
-            manager.progress_begin(0, 1)
-            manager.modal_handler_add(self)
-            return {'RUNNING_MODAL'}
-        for _ in self._work:
-            pass
-        return None
+            whole = (self.given('cache_start', start), self.given('cache_end', end))
+            work = self._cache(context, ob, start, end, path, whole)
+        return self.start(context, work)
 
     def _cache(self, context, ob, start, end, path, whole):
         yield from bake.to_cache(context, ob, start, end, path, whole)
         if self.use and (start, end) == whole:  # a part alone has nothing to show elsewhere
             bake.use_cache(ob, path, whole[0])
-
-    def modal(self, context, event):
-        if event.type == 'ESC':
-            return self._end(context, {'CANCELLED'})
-        if event.type != 'TIMER':
-            return {'RUNNING_MODAL'}
-        until = time.monotonic() + _TICK_SECONDS
-        try:
-            while time.monotonic() < until:
-                done = next(self._work)
-            context.window_manager.progress_update(done)
-            context.workspace.status_text_set(f"Baking Detail Deform, {100 * done:.0f}%. Esc: cancel")
-        except StopIteration:
-            return self._end(context, {'FINISHED'})
-        except (mesh_data.MeshProblem, native.NativeError) as problem:
-            self.report({'ERROR'}, str(problem))
-            return self._end(context, {'CANCELLED'})
-        except Exception:
-            self._end(context, None)
-            raise
-        return {'RUNNING_MODAL'}
-
-    def cancel(self, context):
-        """Blender ends it by itself, as when its window is closed."""
-        if self._work:
-            self._end(context, None)
-
-    def _end(self, context, result):
-        self._work.close()
-        context.window_manager.event_timer_remove(self._timer)
-        context.window_manager.progress_end()
-        context.workspace.status_text_set(None)
-        self._work = self._timer = None
-        self._interactive = False  # it may be repeated without a dialog
-        return result
 
 
 class OBJECT_OT_detail_deform_bake_use(MeshOperator, bpy.types.Operator):

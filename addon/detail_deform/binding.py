@@ -258,6 +258,9 @@ def bind(ob, depsgraph, wait, keep_rest):
     mesh_data.check_object(ob)
     native.library()
     settings = ob.detail_deform
+    if settings.transfer.live:
+        raise MeshProblem(f"'{ob.name}' follows '{settings.transfer.source.name if settings.transfer.source else ''}' "
+                          "(Transfer): stop that before binding it to handles.")
     roles = _roles(ob)
     places = handle_matrices.local_places(ob, depsgraph)
     _forget(settings)

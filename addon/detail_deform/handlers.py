@@ -4,7 +4,7 @@
 import bpy
 from bpy.app.handlers import persistent
 
-from . import binding, deformers, preview, slow_results
+from . import binding, deformers, live_transfer, preview, slow_results
 
 # A paint stroke tags the mesh at every dab, a dragged slider of a shape key at every step: in the
 # window comparing waits until that has paused for so long.
@@ -45,9 +45,12 @@ def _depsgraph_updated(scene, depsgraph):
     edited = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
     if edited:
         preview.forget(edited)
+    for ob in live_transfer.following(scene.objects):
+        source = ob.detail_deform.transfer.source
+        if ob.data in edited or (source and source.data in edited):
+            live_transfer.check(ob)
+        live_transfer.refresh(ob, depsgraph)
     objects = binding.bound_objects(scene.objects)
-    if not objects:
-        return
     for ob in objects:
         if ob.data in edited:  # the object alone is tagged by whatever its modifiers depend on
             _edited(ob)
@@ -59,6 +62,8 @@ def _depsgraph_updated(scene, depsgraph):
 
 @persistent
 def _frame_changed(scene, depsgraph):
+    for ob in live_transfer.following(scene.objects):
+        live_transfer.refresh(ob, depsgraph)
     _refresh(binding.bound_objects(scene.objects), depsgraph)
 
 
@@ -66,6 +71,7 @@ def _frame_changed(scene, depsgraph):
 def _data_replaced(*_):
     """Undo, redo, loading: the attributes may hold any earlier result."""
     deformers.forget_shown()
+    live_transfer.forget_shown()
     preview.forget()
 
 
@@ -87,3 +93,4 @@ def unregister():
     binding.stop_polling()
     slow_results.clear()
     deformers.clear()
+    live_transfer.clear()

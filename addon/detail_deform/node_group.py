@@ -133,8 +133,20 @@ def move_behind(ob, modifier, other):
     """Puts a modifier directly behind another one."""
     modifiers = list(ob.modifiers)
     at, behind = modifiers.index(modifier), modifiers.index(other)
+    move_to(ob, modifier, behind + (at > behind))
+
+
+def move_to(ob, modifier, index):
     with bpy.context.temp_override(object=ob, active_object=ob):
-        bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=behind + (at > behind))
+        bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
+
+
+def set_up_cache(cache, path, start):
+    """Has a Mesh Cache modifier play a point cache from this frame on."""
+    cache.cache_format = 'PC2'
+    cache.filepath = path
+    cache.frame_start = start
+    cache.interpolation = 'LINEAR'
 
 
 def _socket(group, name):

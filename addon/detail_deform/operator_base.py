@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What all operators share."""
 
+import time
+
 import bpy
 
 from . import mesh_data, native
+
+_TICK_SECONDS = 0.05
 
 
 class MeshOperator:
@@ -36,6 +40,9 @@ class MeshOperator:
             bpy.data.texts.remove(bpy.data.texts.new("."))
         return result
 
+    def given(self, name, otherwise):
+        """A property's value where the caller has set it."""
+        return getattr(self, name) if self.properties.is_property_set(name) else otherwise
 
     @classmethod
     def in_edit_mode(cls, ob):
@@ -44,3 +51,59 @@ class MeshOperator:
             cls.poll_message_set("Select vertices in Edit Mode")
             return False
         return True
+
+
+class LongOperator(MeshOperator):
+    """Work that goes on for a while, as a generator that yields the fraction done: from the window (interactive)
+    with progress and Esc, from scripts at once."""
+    doing = ""  # as the status bar says it
+    interactive = False
+    _work = _timer = None
+
+    def start(self, context, work):
+        """What run() returns."""
+        self._work = work
+        if not self.interactive:
+            for _ in work:
+                pass
+            return None
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(_TICK_SECONDS, window=context.window)
+        manager.progress_begin(0, 1)
+        manager.modal_handler_add(self)
+        return {'RUNNING_MODAL'}
+
+    def modal(self, context, event):
+        if event.type == 'ESC':
+            return self._end(context, {'CANCELLED'})
+        if event.type != 'TIMER':
+            return {'RUNNING_MODAL'}
+        until = time.monotonic() + _TICK_SECONDS
+        try:
+            while time.monotonic() < until:
+                done = next(self._work)
+            context.window_manager.progress_update(done)
+            context.workspace.status_text_set(f"{self.doing}, {100 * done:.0f}%. Esc: cancel")
+        except StopIteration:
+            return self._end(context, {'FINISHED'})
+        except (mesh_data.MeshProblem, native.NativeError) as problem:
+            self.report({'ERROR'}, str(problem))
+            return self._end(context, {'CANCELLED'})
+        except Exception:
+            self._end(context, None)
+            raise
+        return {'RUNNING_MODAL'}
+
+    def cancel(self, context):
+        """Blender ends it by itself, as when its window is closed."""
+        if self._work:
+            self._end(context, None)
+
+    def _end(self, context, result):
+        self._work.close()
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        context.workspace.status_text_set(None)
+        self._work = self._timer = None
+        self.interactive = False  # it may be repeated without a dialog
+        return result

@@ -4,8 +4,8 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from . import (apply_result, bake, binding, handle_setup, mesh_data, node_group, region_setup, slow_results,
-               status)
+from . import (apply_result, bake, binding, correspondence, handle_setup, live_transfer, mesh_data, node_group,
+               region_setup, slow_results, status)
 from .operator_base import MeshOperator
 from .properties import COPIED_SETTINGS
 
@@ -36,6 +36,8 @@ class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
     def run(self, context, ob):
         mesh_data.check_object(ob)
         binding.unbind(ob)
+        live_transfer.stop(ob)
+        correspondence.forget(ob)
         bake.drop_cache(ob)
         node_group.remove_modifier(ob)
         for index in reversed(range(len(ob.detail_deform.handles))):

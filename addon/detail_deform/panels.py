@@ -19,7 +19,7 @@ class OBJECT_UL_detail_deform_handles(bpy.types.UIList):
                  icon='CHECKBOX_HLT' if item.enabled else 'CHECKBOX_DEHLT')
 
 
-def _draw_text(layout, context, text, icon):
+def draw_text(layout, context, text, icon):
     """Wraps a sentence to the panel's width; labels don't."""
     scale = context.preferences.system.ui_scale
     width = max(20, int(context.region.width / (7 * scale)) - 6)
@@ -29,7 +29,7 @@ def _draw_text(layout, context, text, icon):
         column.label(text=line, icon=icon if number == 0 else 'BLANK1')
 
 
-class _ModifierPanel:
+class ModifierPanel:
     bl_space_type = 'PROPERTIES'
     bl_region_type = 'WINDOW'
     bl_context = 'modifier'
@@ -50,10 +50,10 @@ def _setting(layout, context, settings, name, why_not):
     column.active = not why_not
     column.prop(settings, name)
     if why_not:
-        _draw_text(column, context, why_not, 'INFO')
+        draw_text(column, context, why_not, 'INFO')
 
 
-class OBJECT_PT_detail_deform(_ModifierPanel, bpy.types.Panel):
+class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
     bl_label = "Detail Deform"
     bl_options = {'DEFAULT_CLOSED'}
 
@@ -94,7 +94,7 @@ class OBJECT_PT_detail_deform(_ModifierPanel, bpy.types.Panel):
         box = layout.box()
         icon = ('ERROR' if wrong else 'SORTTIME' if under_way else
                 'LINKED' if settings.is_bound else 'UNLINKED')
-        _draw_text(box, context, settings.status, icon)
+        draw_text(box, context, settings.status, icon)
 
         row = layout.row(align=True)
         row.use_property_split = False
@@ -146,7 +146,7 @@ class OBJECT_MT_detail_deform_handles(bpy.types.Menu):
         layout.operator('object.detail_deform_handle_reset', text="All Back to Rest").everything = True
 
 
-class OBJECT_PT_detail_deform_handles(_ModifierPanel, bpy.types.Panel):
+class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
     bl_label = "Handles"
     bl_parent_id = 'OBJECT_PT_detail_deform'
 
@@ -181,7 +181,7 @@ class OBJECT_PT_detail_deform_handles(_ModifierPanel, bpy.types.Panel):
         layout.prop(settings, 'preview')
 
 
-class OBJECT_PT_detail_deform_base(_ModifierPanel, bpy.types.Panel):
+class OBJECT_PT_detail_deform_base(ModifierPanel, bpy.types.Panel):
     bl_label = "Base Surface"
     bl_parent_id = 'OBJECT_PT_detail_deform'
     bl_options = {'DEFAULT_CLOSED'}
@@ -189,7 +189,7 @@ class OBJECT_PT_detail_deform_base(_ModifierPanel, bpy.types.Panel):
     def draw_settings(self, context, layout, ob, settings):
         if settings.method == 'GRADIENT' and settings.output == 'RESULT':
             layout.active = False
-            _draw_text(layout, context, "Gradient Editing has no base surface.", 'INFO')
+            draw_text(layout, context, "Gradient Editing has no base surface.", 'INFO')
         column = layout.column()
         column.prop(settings, 'base')
         if settings.base == 'OBJECT':
@@ -201,7 +201,7 @@ class OBJECT_PT_detail_deform_base(_ModifierPanel, bpy.types.Panel):
         layout.operator('object.detail_deform_base_make', icon='MOD_SMOOTH')
 
 
-class OBJECT_PT_detail_deform_advanced(_ModifierPanel, bpy.types.Panel):
+class OBJECT_PT_detail_deform_advanced(ModifierPanel, bpy.types.Panel):
     bl_label = "Advanced"
     bl_parent_id = 'OBJECT_PT_detail_deform'
     bl_options = {'DEFAULT_CLOSED'}
@@ -212,7 +212,7 @@ class OBJECT_PT_detail_deform_advanced(_ModifierPanel, bpy.types.Panel):
                  "" if settings.method == 'TRANSFER' else "Only Detail Transfer has formulations.")
         layout.operator('object.detail_deform_copy_settings', icon='COPYDOWN')
         if settings.is_bound:
-            _draw_text(layout, context, f"Bind {settings.bind_ms:.0f} ms, update {settings.update_ms:.1f} ms", 'TIME')
+            draw_text(layout, context, f"Bind {settings.bind_ms:.0f} ms, update {settings.update_ms:.1f} ms", 'TIME')
 
 
 class OBJECT_PT_detail_deform_empty(bpy.types.Panel):
@@ -231,7 +231,7 @@ class OBJECT_PT_detail_deform_empty(bpy.types.Panel):
         layout = self.layout
         ob, number = handle_setup.owner(context.object)
         settings = ob.detail_deform
-        _draw_text(layout, context, f"Handle '{settings.handles[number].name}' of '{ob.name}'. {settings.status}",
+        draw_text(layout, context, f"Handle '{settings.handles[number].name}' of '{ob.name}'. {settings.status}",
                    'ERROR' if settings.stale or settings.problem else 'EMPTY_AXIS')
         layout.operator('object.detail_deform_mesh_activate', icon='MESH_DATA')
         layout.prop(settings, 'preview')

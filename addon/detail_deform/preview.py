@@ -6,12 +6,13 @@ import colorsys
 import bpy
 import numpy as np
 
-from . import handle_matrices, mesh_data
+from . import correspondence, handle_matrices, mesh_data
 
 _POINT_SIZE = 4.0
 _NEARER = 0.004  # of the way to the eye, so that the surface doesn't cover its own vertices
 _REGION_COLOUR = (0.3, 0.8, 0.75, 0.8)
 _OTHER_COLOUR = (0.5, 0.5, 0.5, 0.35)
+_BAD_COLOUR, _GOOD_COLOUR = (0.9, 0.1, 0.1, 0.9), (0.2, 0.8, 0.2, 0.9)
 _handle = None
 _colours = {}  # by object: what they were made of, and the colour of each vertex
 _names = None  # of the objects with a preview; None: to be looked for, which takes a while in large scenes
@@ -24,8 +25,13 @@ def handle_colour(number):
 
 
 def vertex_colours(ob):
-    """(n, 4) float32: what belongs to whom, by weights alone, so that it shows before a Bind too."""
+    """(n, 4) float32: how well vertices are matched with a source, or what belongs to whom, by weights alone, so
+    that it shows before a Bind too."""
     settings = ob.detail_deform
+    match = correspondence.vertex_confidence(ob) if settings.transfer.show_match else None
+    if match is not None:
+        bad, good = np.float32([_BAD_COLOUR, _GOOD_COLOUR])
+        return bad + match[:, None] * (good - bad)
     handles = [h for h in handle_matrices.enabled_handles(settings) if h.vertex_group in ob.vertex_groups]
     region = settings.region if settings.region in ob.vertex_groups else ""
     weights = mesh_data.group_weights(ob, [h.vertex_group for h in handles] + [region] * bool(region))
@@ -37,6 +43,10 @@ def vertex_colours(ob):
     for number in range(len(handles)):
         colours[winner == number] = handle_colour(number)
     return colours
+
+
+def _is_wanted(ob):
+    return ob.detail_deform.preview or ob.detail_deform.transfer.show_match
 
 
 def forget(edited=None):
@@ -57,7 +67,7 @@ def _points(ob, depsgraph):
     if len(mesh.vertices) != len(ob.data.vertices):
         return None
     settings = ob.detail_deform
-    made_of = (settings.region, len(ob.data.vertices),
+    made_of = (settings.region, settings.transfer.show_match, len(ob.data.vertices),
                *((h.vertex_group, h.enabled) for h in settings.handles))
     known = _colours.get(ob.name)
     if known is None or known[0] != made_of:
@@ -81,9 +91,9 @@ def _draw():
     context = bpy.context
     if _names is None or _object_count != len(bpy.data.objects):
         _object_count = len(bpy.data.objects)
-        _names = [ob.name for ob in bpy.data.objects if ob.type == 'MESH' and ob.detail_deform.preview]
+        _names = [ob.name for ob in bpy.data.objects if ob.type == 'MESH' and _is_wanted(ob)]
     shown = [ob for ob in map(context.view_layer.objects.get, _names) if ob is not None
-             and ob.detail_deform.preview and ob.mode not in {'EDIT', 'WEIGHT_PAINT'} and ob.visible_get()]
+             and _is_wanted(ob) and ob.mode not in {'EDIT', 'WEIGHT_PAINT'} and ob.visible_get()]
     if not shown:
         return
     shader = gpu.shader.from_builtin('FLAT_COLOR' if bpy.app.version >= (4, 0) else '3D_FLAT_COLOR')

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import (BoolProperty, CollectionProperty, EnumProperty, FloatProperty,
                        FloatVectorProperty, IntProperty, PointerProperty, StringProperty)
 
-from . import binding, preview, status
+from . import binding, preview, status, transfer_settings
 
 
 def _input_changed(self, context):
@@ -170,6 +170,9 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     invert_influence: BoolProperty(
         name="Invert", update=_influence_changed,
         description="Show the result where the weights of the influence group are low")
+    transfer: PointerProperty(
+        type=transfer_settings.DetailDeformTransfer, name="Transfer",
+        description="From where and how deformations are carried over to this mesh")
     live: BoolProperty(
         name="Live", default=True,
         description="Follow every move of the handles. Off: only when Update is pressed")
@@ -207,6 +210,7 @@ CLASSES = (DetailDeformHandle, DetailDeformSettings)
 
 
 def register():
+    transfer_settings.register()
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Object.detail_deform = PointerProperty(type=DetailDeformSettings)
@@ -216,3 +220,4 @@ def unregister():
     del bpy.types.Object.detail_deform
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
+    transfer_settings.unregister()

@@ -1,0 +1,345 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Deformations carried over from one mesh to another."""
+
+import bpy
+import numpy as np
+import pytest
+
+from conftest import activate, add_empty, bind, evaluated, group, make_strip, own, refusal, select, update
+
+transfer = bpy.ops.object.detail_deform_transfer
+
+
+def bent(p, bend=1.0):
+    """Bent upwards about the width, without stretch along the middle."""
+    angle, radius = bend * p[:, 0], 1 / bend - p[:, 2]
+    return np.stack([radius * np.sin(angle), p[:, 1], 1 / bend - radius * np.cos(angle)], -1)
+
+
+def raw_strip(name, n=25):
+    ob = make_strip(n, name=name)
+    ob.detail_deform.handles.clear()
+    ob.vertex_groups.clear()
+    ob.detail_deform.region = ""
+    return ob
+
+
+def add_key(ob, name, positions, **values):
+    if not ob.data.shape_keys:
+        ob.shape_key_add(name="Basis", from_mix=False)
+    key = ob.shape_key_add(name=name, from_mix=False)
+    key.data.foreach_set('co', np.asarray(positions, np.float32).ravel())
+    for prop, value in values.items():
+        setattr(key, prop, value)
+    return key
+
+
+def coordinates(key):
+    values = np.empty(3 * len(key.data), np.float32)
+    key.data.foreach_get('co', values)
+    return values.reshape(-1, 3).astype(float)
+
+
+@pytest.fixture
+def pair():
+    """Source with two keys, and a target like it, active."""
+    source, target = raw_strip("Source"), raw_strip("Target")
+    add_key(source, "Bend", bent(own(source)), slider_min=-1.0, slider_max=2.0, value=0.25)
+    add_key(source, "Twist", own(source) + 0.2 * own(source)[:, [2, 0, 1]] * own(source)[:, :1])
+    source.active_shape_key_index = 2
+    activate(target)
+    return source, target
+
+
+def test_all_shape_keys_with_names_ranges_and_drivers(pair):
+    source, target = pair
+    curve = source.data.shape_keys.key_blocks["Twist"].driver_add('value')
+    curve.driver.expression = "0.5"
+    assert transfer(source="Source", what='ALL_KEYS', drivers=True) == {'FINISHED'}
+    keys = target.data.shape_keys.key_blocks
+    assert [key.name for key in keys] == ["Basis", "Bend", "Twist"]
+    for name in ("Bend", "Twist"):
+        assert np.abs(coordinates(keys[name]) - coordinates(source.data.shape_keys.key_blocks[name])).max() < 1e-5
+    assert (keys["Bend"].slider_min, keys["Bend"].slider_max, keys["Bend"].value) == (-1, 2, 0.25)
+    update()
+    assert keys["Twist"].value == 0.5
+    assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-5
+
+
+def test_keys_are_added_beside_others_or_replace_them(pair):
+    source, target = pair
+    mine = own(target) + (0, 0, 1)
+    add_key(target, "Bend", mine)
+    transfer(source="Source", what='ALL_KEYS', pattern="B*")
+    keys = target.data.shape_keys.key_blocks
+    assert [key.name for key in keys] == ["Basis", "Bend", "Bend.001"]
+    assert np.abs(coordinates(keys["Bend"]) - mine).max() < 1e-6
+    transfer(source="Source", what='ALL_KEYS', pattern="Bend", replace=True)
+    assert len(keys) == 3
+    assert np.abs(coordinates(keys["Bend"]) - bent(own(source))).max() < 1e-5
+
+
+def test_the_active_key_and_one_relative_to_another(pair):
+    source, target = pair
+    rest = own(source)
+    both = add_key(source, "Lifted Bend", bent(rest) + rest[:, :1] * (0, 0, 0.1))
+    both.relative_key = source.data.shape_keys.key_blocks["Bend"]
+    source.active_shape_key_index = 3
+    transfer(source="Source", what='ACTIVE_KEY')
+    keys = target.data.shape_keys.key_blocks
+    assert [key.name for key in keys] == ["Basis", "Lifted Bend"]
+    assert np.abs(coordinates(keys["Lifted Bend"]) - rest - rest[:, :1] * (0, 0, 0.1)).max() < 1e-5
+
+
+def test_the_current_pose_by_modifiers(pair):
+    source, target = pair
+    modifier = source.modifiers.new("Deform", 'SIMPLE_DEFORM')
+    modifier.deform_method, modifier.angle = 'TWIST', 1.0
+    update()
+    assert transfer(source="Source") == {'FINISHED'}
+    key = target.data.shape_keys.key_blocks["Source Pose"]
+    assert key.value == 1 and np.abs(evaluated(target) - evaluated(source)).max() < 1e-5
+    assert np.abs(own(target) - own(source)).max() == 0
+
+
+def test_a_target_that_stands_otherwise_is_deformed_accordingly(pair):
+    source, target = pair
+    turn = np.array([[0, -2, 0], [2, 0, 0], [0, 0, 2]])  # a quarter turn about z, twice the size
+    target.data.vertices.foreach_set('co', (own(target) @ turn.T + (3, 1, 0)).astype(np.float32).ravel())
+    transfer(source="Source", what='ALL_KEYS')
+    expected = bent(own(source)) @ turn.T + (3, 1, 0)
+    assert np.abs(coordinates(target.data.shape_keys.key_blocks["Bend"]) - expected).max() < 1e-4
+
+
+def test_animation_as_a_cache_and_as_keyed_keys(pair, tmp_path):
+    source, target = pair
+    key = source.data.shape_keys.key_blocks["Bend"]
+    for frame, value in ((1, 0.0), (5, 1.0)):
+        key.value = value
+        key.keyframe_insert('value', frame=frame)
+    scene = bpy.context.scene
+    scene.frame_set(2)
+    path = str(tmp_path / "target.pc2")
+    transfer(source="Source", what='ANIMATION', frame_start=1, frame_end=5, cache_path=path)
+    assert scene.frame_current == 2
+    assert target.modifiers[0].type == 'MESH_CACHE'
+    other = raw_strip("Other")
+    transfer(source="Source", what='ANIMATION', bake_as='SHAPE_KEYS', frame_start=1, frame_end=5)
+    for frame in range(1, 6):
+        scene.frame_set(frame)
+        assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-5
+        assert np.abs(evaluated(other) - evaluated(source)).max() < 1e-5
+    # Again, and there is one modifier still.
+    activate(target)
+    transfer(source="Source", what='ANIMATION', frame_start=1, frame_end=3, cache_path=path)
+    assert len(target.modifiers) == 1
+
+
+@pytest.mark.parametrize('pairs_of', ['TRIANGLES', 'VERTICES'])
+def test_by_a_list_of_pairs(pair, tmp_path, pairs_of):
+    source, target = pair
+    target.data.calc_loop_triangles()
+    count = len(target.data.loop_triangles) if pairs_of == 'TRIANGLES' else len(target.data.vertices)
+    path = tmp_path / "pairs.txt"
+    path.write_text(f"# source, target\n{count}\n" + ''.join(f"{k}, {k}, 0.5\n" for k in range(count)))
+    transfer(source="Source", what='ACTIVE_KEY', correspondence='LIST', filepath=str(path), pairs_of=pairs_of)
+    twist = coordinates(source.data.shape_keys.key_blocks["Twist"])
+    assert np.abs(coordinates(target.data.shape_keys.key_blocks["Twist"]) - twist).max() < 1e-5
+    # It is kept, and can be used and written again.
+    transfer(source="Source", what='ALL_KEYS', correspondence='STORED', pattern="Bend")
+    assert np.abs(coordinates(target.data.shape_keys.key_blocks["Bend"]) - bent(own(source))).max() < 1e-5
+    target.detail_deform.transfer.source = source
+    bpy.ops.object.detail_deform_transfer_save(filepath=str(tmp_path / "again.txt"))
+    assert np.array_equal(np.loadtxt(tmp_path / "again.txt", dtype=int), np.stack([np.arange(count)] * 2, -1))
+
+
+def mark(ob, n, as_empties):
+    """Corners, middles of the sides and centre of an n × n strip."""
+    for number, (i, j) in enumerate([(a, b) for a in (0, n // 2, n - 1) for b in (0, n // 2, n - 1)], 1):
+        if as_empties:
+            empty = add_empty(f"Marker {number}", own(ob)[i * n + j] + (0, 0, 0.01), parent=ob)
+            assert empty.name.startswith(f"Marker {number}")
+        else:
+            group(ob, f"Marker {number}", [i * n + j])
+    update()
+
+
+@pytest.mark.parametrize('as_empties', [False, True])
+def test_by_markers_onto_another_topology(as_empties, tmp_path):
+    source, target = raw_strip("Source", 21), raw_strip("Target", 33)
+    p = own(target)
+    p[:, 2] = 0.05 * np.sin(20 * p[:, 1])  # other relief
+    target.data.vertices.foreach_set('co', p.astype(np.float32).ravel())
+    add_key(source, "Bend", bent(own(source)))
+    mark(source, 21, as_empties)
+    mark(target, 33, False)
+    activate(target)
+    assert transfer(source="Source", what='ALL_KEYS', correspondence='MARKERS', rotation_only=True) == {'FINISHED'}
+    found = coordinates(target.data.shape_keys.key_blocks["Bend"])
+    shift = (found - bent(p)).mean(0)
+    assert np.abs(found - bent(p) - shift).max() < 0.03
+    # Kept with the target, through the file.
+    path = str(tmp_path / "kept.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    target = activate(bpy.data.objects["Target"])
+    transfer(source="Source", what='ALL_KEYS', correspondence='STORED', rotation_only=True)
+    assert np.abs(coordinates(target.data.shape_keys.key_blocks["Bend.001"]) - found).max() == 0
+
+
+def test_correspondences_are_found_shown_and_forgotten(part):
+    source, target = raw_strip("Source", 21), raw_strip("Target", 33)
+    mark(source, 21, False)
+    mark(target, 33, False)
+    settings = target.detail_deform.transfer
+    settings.source = source
+    activate(target)
+    assert bpy.ops.object.detail_deform_transfer_match() == {'FINISHED'}
+    assert settings.correspondence == 'STORED'
+    confidence = part('correspondence').vertex_confidence(target)
+    assert confidence.shape == (33 * 33,) and confidence.min() > 0.5
+    settings.show_match = True
+    colours = part('preview').vertex_colours(target)
+    assert (colours[:, 1] > colours[:, 0]).all()  # green
+    bpy.ops.object.detail_deform_transfer_forget()
+    assert settings.correspondence == 'TOPOLOGY' and not settings.show_match
+    assert not [name for name in target.data.keys() if 'detail_deform' in name]
+
+
+def test_markers_are_numbered_as_they_are_added():
+    ob = raw_strip("Strip")
+    for number, vertex in ((1, 7), (2, 300)):
+        select(ob, np.arange(625) == vertex)
+        assert bpy.ops.object.detail_deform_marker_add() == {'FINISHED'}
+        bpy.ops.object.mode_set(mode='OBJECT')
+        assert ob.vertex_groups[-1].name == f"Marker {number}"
+        assert [v.index for v in ob.data.vertices if any(g.group == number - 1 for g in v.groups)] == [vertex]
+    select(ob, np.arange(625) == 9)
+    assert "has a marker 2 already" in refusal(bpy.ops.object.detail_deform_marker_add, number=2)
+    select(ob, np.zeros(625))
+    assert "No vertex is selected" in refusal(bpy.ops.object.detail_deform_marker_add)
+
+
+def test_anchors(pair):
+    source, target = pair
+    group(target, 'left', range(25))
+    transfer(source="Source", what='ALL_KEYS', pattern="Bend", anchor='PINNED', anchor_group='left')
+    found = coordinates(target.data.shape_keys.key_blocks["Bend"])
+    assert np.abs(found[:25] - own(target)[:25]).max() < 1e-6 and np.abs(found[-1] - own(target)[-1]).max() > 0.2
+    transfer(source="Source", what='ALL_KEYS', pattern="Bend", anchor='CENTROID', replace=True)
+    found = coordinates(target.data.shape_keys.key_blocks["Bend"])
+    assert np.abs((found - own(target)).mean(0)).max() < 0.02
+
+
+def test_a_target_follows_its_source_live(pair, tmp_path):
+    source, target = pair
+    key = source.data.shape_keys.key_blocks["Bend"]
+    assert bpy.ops.object.detail_deform_transfer_live(source="Source") == {'FINISHED'}
+    assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
+    for value in (1.0, 0.5):
+        key.value = value
+        update()
+        assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
+    assert np.abs(own(target) - own(source)).max() == 0
+    # In playback, with the source hidden.
+    for frame, value in ((1, 0.0), (10, 1.0)):
+        key.value = value
+        key.keyframe_insert('value', frame=frame)
+    source.hide_viewport = source.hide_render = True
+    for frame in (1, 7):
+        bpy.context.scene.frame_set(frame)
+        expected = own(source) + key.value * (bent(own(source)) - own(source))
+        assert np.abs(evaluated(target) - expected).max() < 1e-4
+    source.hide_viewport = False
+    # Through the file.
+    path = str(tmp_path / "live.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    source, target = bpy.data.objects["Source"], activate(bpy.data.objects["Target"])
+    bpy.context.scene.frame_set(10)
+    assert np.abs(evaluated(target) - bent(own(source))).max() < 1e-4
+    # The target's mesh edited: it goes on from there.
+    target.data.vertices.foreach_set('co', (own(target) + (0, 0, 2)).astype(np.float32).ravel())
+    target.data.update()
+    update()
+    bpy.context.scene.frame_set(9)
+    bpy.context.scene.frame_set(10)
+    assert np.abs(evaluated(target) - bent(own(source)) - (0, 0, 2)).max() < 1e-4
+    # What goes wrong is said.
+    bpy.data.objects.remove(source)
+    update()
+    bpy.context.scene.frame_set(3)
+    assert "source was deleted" in target.detail_deform.transfer.problem
+    bpy.ops.object.detail_deform_transfer_live(on=False)
+    assert np.abs(evaluated(target) - own(target)).max() == 0
+    assert not target.detail_deform.transfer.problem
+
+
+def test_following_and_handles_exclude_one_another(pair):
+    source, _ = pair
+    strip = bind(make_strip())
+    assert "bound to handles" in refusal(bpy.ops.object.detail_deform_transfer_live, source="Source")
+    bpy.ops.object.detail_deform_unbind()
+    bpy.ops.object.detail_deform_transfer_live(source="Source")
+    assert "follows 'Source'" in refusal(bpy.ops.object.detail_deform_bind)
+    bpy.ops.object.detail_deform_remove()
+    assert not strip.detail_deform.transfer.live and not strip.modifiers
+
+
+def test_refusals(pair, tmp_path):
+    source, target = pair
+    other = raw_strip("Other", 20)
+    assert "There is no object 'Nobody'" in refusal(transfer, source="Nobody")
+    assert "both source and target" in refusal(transfer, source="Other")
+    assert "There is no source" in refusal(transfer)
+    assert "not of the same topology" in refusal(transfer, source="Source")
+    assert "'Source' has 0 markers" in refusal(transfer, source="Source", correspondence='MARKERS')
+    assert "holds no correspondences" in refusal(transfer, source="Source", correspondence='STORED')
+    assert "has no shape keys" in refusal(transfer, source="Target", what='ALL_KEYS')
+    assert "whose name fits 'x*'" in refusal(transfer, source="Source", what='ALL_KEYS', pattern="x*")
+    source.active_shape_key_index = 0
+    assert "is its basis" in refusal(transfer, source="Source", what='ACTIVE_KEY')
+    activate(target)
+    assert "no vertex group 'feet'" in refusal(transfer, source="Source", anchor='PINNED', anchor_group='feet')
+    assert "never saved" in refusal(transfer, source="Source", what='ANIMATION', cache_path="//x.pc2")
+    assert "is before the first" in refusal(transfer, source="Source", what='ANIMATION', frame_start=5, frame_end=1,
+                                            cache_path=str(tmp_path / "x.pc2"))
+    path = tmp_path / "list.txt"
+    for text, sentence in (("0 0\n1 zwei\n", "line 2"), ("# nothing\n", "has no pairs"), ("0 0\n3 99999\n", "pair 2 names number 99999"),
+                           ("-1 0\n", "number -1 of 'Source'"), ("0 99999999999\n", "a number over")):
+        path.write_text(text)
+        assert sentence in refusal(transfer, source="Source", correspondence='LIST', filepath=str(path))
+    path.write_bytes(b'\xff\xfe\x00')
+    assert "it is no text" in refusal(transfer, source="Source", correspondence='LIST', filepath=str(path))
+    assert "can't be read" in refusal(transfer, source="Source", correspondence='LIST', filepath=str(tmp_path / "none"))
+    source.modifiers.new("Array", 'ARRAY')
+    update()
+    assert "hide those that don't only move vertices" in refusal(transfer, source="Source")
+    # Nothing of all that has left a trace.
+    assert not target.data.shape_keys and not target.modifiers and not list(tmp_path.glob("*.pc2*"))
+
+
+def test_markers_that_contradict_or_lie_on_a_line_are_refused(pair):
+    source, target = pair
+    for number in (1, 2, 3):
+        for ob in pair:
+            group(ob, f"Marker {number}", [number])
+    assert "lie on a line" in refusal(transfer, source="Source", correspondence='MARKERS')
+    group(source, "marker.1", [5])
+    assert "two markers with the number 1" in refusal(transfer, source="Source", correspondence='MARKERS')
+    source.vertex_groups.remove(source.vertex_groups["marker.1"])
+    group(source, "Marker 4", [1])
+    group(target, "Marker 4", [77])
+    assert "contradict" in refusal(transfer, source="Source", correspondence='MARKERS')
+    group(source, "Marker 5", [])
+    assert "has no vertex" in refusal(transfer, source="Source", correspondence='MARKERS')
+
+
+def test_kept_correspondences_of_another_mesh_are_refused(pair, tmp_path):
+    source, target = pair
+    path = tmp_path / "pairs.txt"
+    path.write_text("0 0\n5 5\n")
+    transfer(source="Source", correspondence='LIST', filepath=str(path))
+    raw_strip("Other", 20)
+    activate(target)
+    assert "were made for 'Source'" in refusal(transfer, source="Other", correspondence='STORED')
