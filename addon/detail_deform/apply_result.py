@@ -42,5 +42,6 @@ def add_key(ob, name, offsets):
     if not ob.data.shape_keys:
         ob.shape_key_add(name="Basis", from_mix=False)
     key = ob.shape_key_add(name=name, from_mix=False)
+    key.value = 0.0  # from 5.2 on they come with 1
     _move(key.data, offsets)
     return key

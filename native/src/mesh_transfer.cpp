@@ -17,6 +17,7 @@ namespace dd {
 namespace {
 
 constexpr int kLeastRange = 512;  // triangles that are worth a task
+constexpr double kStill = 1e-2;  // ‖S_j − I‖ below which a triangle is as good as one that rests
 
 Mesh validated(Mesh mesh, const char* which) {
   try {
@@ -214,7 +215,6 @@ void MeshTransfer::find_parts() {
     if (!matched_[j]) continue;
     Part& part = parts_[number[components.of_vertex[target_.triangles(j, 0)]]];
     part.triangles.push_back(j);
-    part.area += areas_[j];
   }
   for (const Part& part : parts_)
     if (part.triangles.empty() && unmatched_part_count++ == 0)
@@ -337,10 +337,11 @@ void MeshTransfer::place(const Positions& pose, bool rotation_only,
   std::vector<Eigen::RowVector3d> missing;
   // What pinned parts miss of where their sources went, all others miss too.
   Eigen::RowVector3d of_pinned = Eigen::RowVector3d::Zero(), of_matched = of_pinned;
-  double pinned_area = 0, matched_area = 0;
+  double pinned_weight = 0, matched_weight = 0;
   for (const Part& part : parts_) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     Eigen::Vector3d moved = Eigen::Vector3d::Zero();
+    double of_part = 0;
     for (int j : part.triangles) {
       Eigen::Vector3d before = Eigen::Vector3d::Zero(), after = before;
       for (int k = begin_[j]; k < end_[j]; ++k) {
@@ -350,23 +351,26 @@ void MeshTransfer::place(const Positions& pose, bool rotation_only,
       }
       const double count = end_[j] - begin_[j];
       const Eigen::Vector3d own = centre(target_.positions, target_.triangles, j);
+      const Eigen::Matrix3d S = gradient(j, rotation_only);
       const Eigen::Vector3d wanted =
-          placement_(after / count) +
-          gradient(j, rotation_only) * (own - placement_(before / count));
-      sum += areas_[j] * (wanted - centre(result_, target_.triangles, j));
-      moved += areas_[j] * (wanted - own);
+          placement_(after / count) + S * (own - placement_(before / count));
+      const double change = (S - Eigen::Matrix3d::Identity()).squaredNorm();
+      const double weight = areas_[j] / (kStill * kStill + change);
+      sum += weight * (wanted - centre(result_, target_.triangles, j));
+      moved += weight * (wanted - own);
+      of_part += weight;
     }
-    missing.push_back(part.area > 0 ? Eigen::RowVector3d(sum.transpose() / part.area)
-                                    : Eigen::RowVector3d::Zero());
+    missing.push_back(of_part > 0 ? Eigen::RowVector3d(sum.transpose() / of_part)
+                                  : Eigen::RowVector3d::Zero());
     if (part.pinned) {
       of_pinned += sum.transpose();
-      pinned_area += part.area;
+      pinned_weight += of_part;
     }
     of_matched += moved.transpose();
-    matched_area += part.area;
+    matched_weight += of_part;
   }
-  if (pinned_area > 0) of_pinned /= pinned_area;
-  if (matched_area > 0) of_matched /= matched_area;
+  if (pinned_weight > 0) of_pinned /= pinned_weight;
+  if (matched_weight > 0) of_matched /= matched_weight;
 
   for (size_t i = 0; i < parts_.size(); ++i) {
     if (parts_[i].pinned) continue;

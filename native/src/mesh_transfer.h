@@ -42,9 +42,11 @@ Similarity fitted_placement(const Mesh& source, const Mesh& target,
 /// shared edges, or else vertices.
 ///
 /// Each part of T that nothing pins is put where its source went: with A the placement, b_j the centre
-/// of the sources of triangle j, c_j its own, weighted by area,
+/// of the sources of triangle j, c_j its own,
 ///
-///   Σ_j A_j c'_j = Σ_j A_j (A(b'_j) + S_j (c_j − A(b_j))).
+///   Σ_j w_j c'_j = Σ_j w_j (A(b'_j) + S_j (c_j − A(b_j))),   w_j = area_j / (ε² + ‖S_j − I‖²):
+///
+/// what doesn't deform decides, so that the shoulders rest while the jaw opens.
 class MeshTransfer {
  public:
   /// Both meshes as for validate(); correspondence in their triangles. Throws Error.
@@ -77,7 +79,6 @@ class MeshTransfer {
   struct Part {
     std::vector<int> vertices;
     std::vector<int> triangles;  // those with a source
-    double area = 0;             // of these
     bool pinned = false;
   };
   void match(const Correspondence& correspondence);
