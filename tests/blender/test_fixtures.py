@@ -113,3 +113,84 @@ def test_tentacle_animated():
         assert np.abs(moved - expected)[handle].max() < 1e-4
         assert np.isfinite(moved).all()
     assert np.linalg.norm(moved - rest, axis=1).max() > 1
+
+
+# Pairs of markers at both ends of a limb, as blend_fixtures/build_creatures.py numbers them.
+LIMBS = ((18, 20), (19, 21), (20, 24), (21, 25), (28, 30), (29, 31), (30, 34), (31, 35))
+
+
+def directions(points, markers):
+    arms = np.array([points[markers[b]] - points[markers[a]] for a, b in LIMBS])
+    return arms / np.linalg.norm(arms, axis=1)[:, None]
+
+
+def turned(before, after):
+    return np.degrees(np.arccos(np.clip((before * after).sum(1), -1, 1)))
+
+
+def test_the_calfs_poses_carry_over_to_the_giraffe(part):
+    open_fixture('creatures')
+    calf, giraffe = bpy.data.objects["Calf"], bpy.data.objects["Giraffe"]
+    bpy.context.view_layer.objects.active = giraffe
+    assert len(triangles(calf)) > 1.5 * len(triangles(giraffe)) > 25000
+    assert bpy.ops.object.detail_deform_transfer_match() == {'FINISHED'}
+    assert np.mean(giraffe.data['detail_deform_match']['confidence']) > 0.97
+    rests, marked = [own(calf), own(giraffe)], [part('markers').of(ob) for ob in (calf, giraffe)]
+    native, scene = part('native'), bpy.context.scene
+    hooves = members(giraffe, "Hooves")
+    for frame in (9, 17, 24):
+        scene.frame_set(frame)
+        name = "Calf Pose"
+        for anchor in ('SOURCE', 'PINNED'):
+            bpy.ops.object.detail_deform_transfer(anchor=anchor, anchor_group="Hooves", replace=True)
+            poses = [evaluated(calf), evaluated(giraffe)]
+            if anchor == 'PINNED':
+                assert np.abs(poses[1][hooves] - rests[1][hooves]).max() < 1e-5
+                continue
+            # The limbs turn as the calf's do, where these turn much.
+            arms = [[directions(points, m) for points in (rest, pose)] for rest, pose, m in zip(rests, poses, marked)]
+            by_calf, by_giraffe = (turned(*pair) for pair in arms)
+            assert by_calf.max() > 30
+            assert np.abs(by_calf - by_giraffe).max() < 8, (by_calf, by_giraffe)
+            # And the giraffe meets itself no more than the calf does.
+            shares = []
+            for ob, rest, pose in zip((calf, giraffe), rests, poses):
+                tris = triangles(ob)
+                found = native.measure(rest.astype(np.float32), np.ascontiguousarray(pose, np.float32), tris,
+                                       np.full(len(rest), -1, np.int32))
+                shares.append(found.intersecting_triangles / len(tris))
+            assert shares[1] <= shares[0] + 0.001, shares
+    assert [key.name for key in giraffe.data.shape_keys.key_blocks] == ["Basis", name]
+
+
+def test_52_shape_keys_take_one_factorization(part, monkeypatch):
+    source = open_fixture('suzanne')
+    rest = own(source)
+    target = source.copy()
+    target.data = source.data.copy()
+    bpy.context.scene.collection.objects.link(target)
+    target.data.vertices.foreach_set('co', (rest * (1, 1.3, 0.9)).astype(np.float32).ravel())
+    source.shape_key_add(name="Basis", from_mix=False)
+    random = np.random.default_rng(3)
+    for number in range(52):
+        centre = rest[random.integers(len(rest))]
+        near = np.exp(-((rest - centre) ** 2).sum(1) / 0.02)[:, None]
+        key = source.shape_key_add(name=f"Key {number}", from_mix=False)
+        key.data.foreach_set('co', (rest + 0.1 * near * random.normal(size=3)).astype(np.float32).ravel())
+    transfers = []
+    kind = part('native_transfer').Transfer
+    monkeypatch.setattr(part('native_transfer'), 'Transfer', lambda *a, **k: transfers.append(kind(*a, **k)) or transfers[-1])
+    bpy.context.view_layer.objects.active = target
+    bpy.ops.object.detail_deform_transfer(source=source.name, what='ALL_KEYS')
+    assert len(transfers) == 1
+    keys = target.data.shape_keys.key_blocks
+    assert [key.name for key in keys] == [key.name for key in source.data.shape_keys.key_blocks]
+    # Each key moves about what the source's moves, as far and no further.
+    for key in list(keys)[1:]:
+        moved = [np.empty(rest.size, np.float32) for _ in range(2)]
+        for values, of in zip(moved, (source.data.shape_keys.key_blocks[key.name], key)):
+            of.data.foreach_get('co', values)
+        a, b = (values.reshape(-1, 3) - start for values, start in zip(moved, (rest, own(target))))
+        lengths = [np.linalg.norm(m, axis=1) for m in (a, b)]
+        assert lengths[1][lengths[0] < 1e-4 * lengths[0].max()].max() < 0.05 * lengths[0].max()
+        assert 0.6 < lengths[1].max() / lengths[0].max() < 1.6
