@@ -28,6 +28,9 @@ def text(ob):
             return "Cancelling."
         _, fraction, stage = under_way.progress()
         return f"Binding, {100 * fraction:.0f}%: {stage}."
+    if settings.transfer.live:
+        source = settings.transfer.source
+        return settings.transfer.problem or f"Follows '{source.name}': see Transfer."
     if settings.stale:
         return f"{settings.stale} Re-bind to go on."
     if settings.problem:

@@ -8,15 +8,15 @@ from .panels import ModifierPanel, draw_text
 
 
 class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
-    bl_label = "Transfer from Another Mesh"
-    bl_parent_id = 'OBJECT_PT_detail_deform'
+    bl_label = "Detail Deform: Transfer"
     bl_options = {'DEFAULT_CLOSED'}
 
     def draw_settings(self, context, layout, ob, all_settings):
         settings = all_settings.transfer
         source = settings.source
-        if settings.problem:
-            draw_text(layout.box(), context, settings.problem, 'ERROR')
+        if settings.live:
+            draw_text(layout.box(), context, settings.problem or f"Follows '{source.name}'.",
+                      'ERROR' if settings.problem else 'LINKED')
         column = layout.column()
         column.enabled = not settings.live
         column.prop(settings, 'source')

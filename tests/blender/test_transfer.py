@@ -236,6 +236,7 @@ def test_a_target_follows_its_source_live(pair, tmp_path):
     source, target = pair
     key = source.data.shape_keys.key_blocks["Bend"]
     assert bpy.ops.object.detail_deform_transfer_live(source="Source") == {'FINISHED'}
+    assert target.detail_deform.status == "Follows 'Source': see Transfer."
     assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
     for value in (1.0, 0.5):
         key.value = value

@@ -20,6 +20,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[3]
 OUT = Path(sys.argv[sys.argv.index('--') + 1]).resolve()
+HEADERS = (141, 166)  # of the two panels in the full window, pixels from its top, while the first is closed
 failures = []
 
 
@@ -43,13 +44,19 @@ def surface():
     return ob, ob.detail_deform.handles[0].target
 
 
+def coordinates(mesh):
+    values = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get('co', values)
+    return values.reshape(-1, 3).astype(float)
+
+
+def evaluated(ob):
+    return coordinates(ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data)
+
+
 def offsets():
     ob, _ = surface()
-    mesh = ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-    values, rest = np.empty(3 * len(mesh.vertices), np.float32), np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get('co', values)
-    ob.data.vertices.foreach_get('co', rest)
-    return (values - rest).reshape(-1, 3).astype(float)
+    return evaluated(ob) - coordinates(ob.data)
 
 
 def held():
@@ -94,6 +101,7 @@ def checks():
     yield from dragging()
     yield from undoing()
     yield from reopening()
+    yield from transferring()
     yield from pulling()
     yield from rendering()
     yield from baking()
@@ -188,6 +196,50 @@ def reopening():
     activate(ob)
     yield 0.5
     screenshot('stale')
+
+
+def transferring():
+    """A calf's motion onto a giraffe, by markers, with progress."""
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'creatures.blend'), load_ui=False)
+    yield 1.0
+    giraffe, calf = bpy.data.objects["Giraffe"], bpy.data.objects["Calf"]
+    activate(giraffe)
+    with in_view():
+        bpy.ops.object.detail_deform_transfer_match('INVOKE_DEFAULT')
+    yield 0.2
+    screenshot('matching')
+    settings = giraffe.detail_deform.transfer
+    yield from wait_until(lambda: settings.correspondence == 'STORED', 60)
+    check("correspondences are found in the background", settings.correspondence == 'STORED')
+    settings.show_match = True
+    with in_view():
+        bpy.ops.view3d.view_camera()
+    yield 0.5
+    screenshot('matched')
+    settings.show_match = False
+    with in_view():
+        bpy.ops.object.detail_deform_transfer_live('INVOKE_DEFAULT')
+    rest = evaluated(giraffe)
+    with in_view():
+        bpy.ops.screen.animation_play()
+    yield 1.5
+    with in_view():
+        bpy.ops.screen.animation_cancel(restore_frame=False)
+    bpy.context.scene.frame_set(17)
+    yield 0.3
+    check("the giraffe follows the calf", np.abs(evaluated(giraffe) - rest).max() > 0.5 and not settings.problem)
+    view = {'window': bpy.context.window_manager.windows[0], 'area': area('PROPERTIES')}
+    with bpy.context.temp_override(**view):
+        bpy.ops.screen.screen_full_area()
+    yield 0.5
+    for header in HEADERS:  # the first closed, the next opened
+        xdotool('mousemove', 60, header, 'click', 1)
+        yield 0.5
+    screenshot('transfer_panel')
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area('PROPERTIES')):
+        bpy.ops.screen.back_to_previous()
+    yield 0.3
+    screenshot('following')
 
 
 def pulling():
