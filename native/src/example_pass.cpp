@@ -237,21 +237,25 @@ Rows ExamplePass<Real>::misfit_divergence(int row_count) const {
 }
 
 template <class Real>
+typename ExamplePass<Real>::Vector ExamplePass<Real>::spin(const Pose& pose, const Vector& by) {
+  const Vector once = cross(pose.turn, by[0], by[1], by[2]);
+  const Vector twice = cross(pose.turn, once[0], once[1], once[2]);
+  Vector spin;
+  for (size_t c = 0; c < 3; ++c) spin[c] = by[c] + pose.versine * once[c] + pose.cubic * twice[c];
+  return spin;
+}
+
+template <class Real>
 void ExamplePass<Real>::slope(int example, int part, double* rows) {
   for (int b = layout_.begin[part]; b < layout_.begin[part + 1]; ++b) {
     const Pose& pose = pose_[b];
     const size_t place = size_t(b) * size_t(example_count_) + size_t(example);
     const Change& change = changes_[place];
-    // d exp(r) = [J dr]× exp(r) with the left Jacobian J.
-    const Vector& dr = change.turn;
-    const Vector once = cross(pose.turn, dr[0], dr[1], dr[2]);
-    const Vector twice = cross(pose.turn, once[0], once[1], once[2]);
-    Vector spin;
-    for (size_t c = 0; c < 3; ++c) spin[c] = dr[c] + pose.versine * once[c] + pose.cubic * twice[c];
+    const Vector spins = spin(pose, change.turn);
     Gradient slope;
     for (size_t column = 0; column < 6; column += 3) {
       const Vector spun =
-          cross(spin, pose.whole[column], pose.whole[column + 1], pose.whole[column + 2]);
+          cross(spins, pose.whole[column], pose.whole[column + 1], pose.whole[column + 2]);
       for (size_t c = 0; c < 3; ++c) slope[column + c] = spun[c];
     }
     if (!pose.rotation_only) {
@@ -273,33 +277,64 @@ void ExamplePass<Real>::project(int example, const Rows& offsets) {
 }
 
 template <class Real>
-void ExamplePass<Real>::normal_equations(Eigen::MatrixXd& products,
-                                         Eigen::VectorXd& with_misfit) const {
-  // Of each chunk, in every lane: for each example its products with the ones before and itself,
-  // then with the misfit.
+void ExamplePass<Real>::second_order(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) const {
+  // Of each chunk, in every lane: for each example its row up to the diagonal, then its gradient.
   const size_t count = size_t(example_count_), row = count * (count + 3) / 2;
   std::vector<Lanes> sums(size_t(chunk_count()) * row, Lanes::Zero());
+  std::vector<Bend> bends(size_t(chunk_count()) * count);
   by_chunks([&](int b, int chunk) {
     Lanes* sum = sums.data() + size_t(chunk) * row;
+    Bend* bend = bends.data() + size_t(chunk) * count;
     const Gradient* slopes = slopes_.data() + size_t(b) * count;
-    const auto dot = [](const Gradient& x, const Gradient& y) -> Lanes {
-      return x[0] * y[0] + x[1] * y[1] + x[2] * y[2] + x[3] * y[3] + x[4] * y[4] + x[5] * y[5];
-    };
+    take_bends(b, bend);
     for (size_t i = 0; i < count; ++i) {
-      for (size_t k = 0; k <= i; ++k) *sum++ += dot(slopes[i], slopes[k]);
+      for (size_t k = 0; k <= i; ++k)
+        *sum++ += dot(slopes[i], slopes[k]) + dot(bend[k].spin, bend[i].pull) +
+                  dot(bend[i].spin, bend[k].stretch_pull);
       *sum++ += dot(slopes[i], misfit_[b]);
     }
   });
-  products.setZero(example_count_, example_count_);
-  with_misfit.setZero(example_count_);
+  hessian.setZero(example_count_, example_count_);
+  gradient.setZero(example_count_);
   for (int chunk = 0; chunk < chunk_count(); ++chunk) {
     const Lanes* sum = sums.data() + size_t(chunk) * row;
     for (int i = 0; i < example_count_; ++i) {
-      for (int k = 0; k <= i; ++k) products(i, k) += (sum++)->template cast<double>().sum();
-      with_misfit[i] += (sum++)->template cast<double>().sum();
+      for (int k = 0; k <= i; ++k) hessian(i, k) += (sum++)->template cast<double>().sum();
+      gradient[i] += (sum++)->template cast<double>().sum();
     }
   }
-  products.triangularView<Eigen::StrictlyUpper>() = products.transpose();
+  hessian.template triangularView<Eigen::StrictlyUpper>() = hessian.transpose();
+}
+
+/// With T'' to second order in spins, and the spins' own derivative left out, which vanishes where
+/// the examples turn about one axis: r · T''_ik = a_iᵀ K a_k + a_i · t_k + t_i · a_k.
+template <class Real>
+void ExamplePass<Real>::take_bends(int b, Bend* bends) const {
+  const Pose& pose = pose_[b];
+  const Gradient& misfit = misfit_[b];
+  std::array<Vector, 3> K;
+  for (size_t p = 0; p < 3; ++p)
+    for (size_t q = 0; q < 3; ++q)
+      K[p][q] = Real(0.5) * (misfit[p] * pose.whole[q] + misfit[q] * pose.whole[p] +
+                             misfit[3 + p] * pose.whole[3 + q] + misfit[3 + q] * pose.whole[3 + p]);
+  const Lanes trace = K[0][0] + K[1][1] + K[2][2];
+  for (size_t p = 0; p < 3; ++p) K[p][p] -= trace;
+  for (int i = 0; i < example_count_; ++i) {
+    const Change& change = changes_[size_t(b) * size_t(example_count_) + size_t(i)];
+    Bend& bend = bends[i];
+    bend.spin = spin(pose, change.turn);
+    bend.stretch_pull.fill(Lanes::Zero());
+    if (!pose.rotation_only) {
+      Gradient turned = change.stretch;
+      add_turned(pose.turn, pose.sine, pose.versine, change.stretch, turned);
+      for (size_t column = 0; column < 6; column += 3) {
+        const Vector pull = cross({turned[column], turned[column + 1], turned[column + 2]},
+                                  misfit[column], misfit[column + 1], misfit[column + 2]);
+        for (size_t c = 0; c < 3; ++c) bend.stretch_pull[c] += pull[c];
+      }
+    }
+    for (size_t c = 0; c < 3; ++c) bend.pull[c] = dot(K[c], bend.spin) + bend.stretch_pull[c];
+  }
 }
 
 template <class Real>

@@ -43,8 +43,8 @@ class ExamplePass {
   /// Takes G_j(offsets) from that derivative: with the solution for its divergence, what remains is
   /// the part of it that no positions can follow.
   void project(int example, const Rows& offsets);
-  /// The normal equations of the projected derivatives: products with each other and with the misfit.
-  void normal_equations(Eigen::MatrixXd& products, Eigen::VectorXd& with_misfit) const;
+  /// Half the energy's second and first derivatives by the weights.
+  void second_order(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) const;
 
   double bytes() const;
 
@@ -72,6 +72,17 @@ class ExamplePass {
     bool rotation_only;
   };
 
+  /// What the misfit makes of an example's second derivatives: see take_bends().
+  struct Bend {
+    Vector spin, pull, stretch_pull;  // a_i, K a_i + t_i, t_i
+  };
+
+  static Lanes dot(const Vector& u, const Vector& v) {
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
+  }
+  static Lanes dot(const Gradient& X, const Gradient& Y) {
+    return X[0] * Y[0] + X[1] * Y[1] + X[2] * Y[2] + X[3] * Y[3] + X[4] * Y[4] + X[5] * Y[5];
+  }
   Gradient gradient(const Block& block, const Rows& x) const;
   static void add_divergence(const Block& block, const Gradient& X, const int32_t (*to)[kLanes],
                              double* rows);
@@ -79,6 +90,9 @@ class ExamplePass {
   /// out += (first [r]× + second [r]×²) X.
   static void add_turned(const Vector& turn, const Lanes& first, const Lanes& second,
                          const Gradient& X, Gradient& out);
+  /// The spin a of d exp(r) = [a]× exp(r) where r changes by that: its left Jacobian's image.
+  static Vector spin(const Pose& pose, const Vector& by);
+  void take_bends(int block, Bend* bends) const;
   /// Calls body(block, chunk) for all blocks, in chunks whose number depends on the mesh alone, so
   /// that sums do not depend on the threads.
   template <class Body>

@@ -10,25 +10,41 @@ namespace dd {
 
 namespace {
 
-constexpr double kSmallWeights = 1e-6;  // κ
-constexpr double kBeyond = 1e-2;        // μ
-constexpr double kLeastSize = 1e-9;     // of the surface's area: what D_i is at least
+constexpr double kToGuess = 1e-3;     // κ
+constexpr double kBeyond = 1e-2;      // μ
+constexpr double kLeastSize = 1e-9;   // of the surface's area: what D_i is at least
+constexpr double kIrrelevant = 1e-6;  // of D_i: what handles tell of an example at least
 constexpr int kMostSteps = 10;
-constexpr int kMostHalvings = 6;
-constexpr double kLastStep = 1e-4;  // the error after such a step is far smaller
+constexpr double kLastStep = 3e-4;  // Newton's error after such a step is far smaller
+constexpr double kLeastDamping = 1e-4, kMostDamping = 1e6;
 
 /// How far a weight is out of 0 to 1, with its sign.
 double beyond(double w) { return w - std::clamp(w, 0.0, 1.0); }
 
-double penalty(const Eigen::VectorXd& sizes, const Eigen::VectorXd& weights) {
-  double sum = 0;
-  for (Index i = 0; i < weights.size(); ++i)
-    sum += sizes[i] *
-           (kSmallWeights * std::pow(weights[i], 2) + kBeyond * std::pow(beyond(weights[i]), 4));
-  return sum;
-}
-
 }  // namespace
+
+/// The energy's second sum, s Σ_i D_i (κ (w_i − g_i)² + μ o(w_i)⁴).
+struct Restraint {
+  Eigen::VectorXd sizes, guess;  // s D_i, g_i
+
+  double energy(const Eigen::VectorXd& weights) const {
+    double sum = 0;
+    for (Index i = 0; i < weights.size(); ++i)
+      sum += sizes[i] * (kToGuess * std::pow(weights[i] - guess[i], 2) +
+                         kBeyond * std::pow(beyond(weights[i]), 4));
+    return sum;
+  }
+  /// Half its derivatives.
+  void add_to(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient,
+              const Eigen::VectorXd& weights) const {
+    for (Index i = 0; i < weights.size(); ++i) {
+      const double out = beyond(weights[i]);
+      gradient[i] +=
+          sizes[i] * (kToGuess * (weights[i] - guess[i]) + 2 * kBeyond * out * out * out);
+      hessian(i, i) += sizes[i] * (kToGuess + 6 * kBeyond * out * out);
+    }
+  }
+};
 
 template <class Real>
 Examples<Real>::LetGo::LetGo(const BoundSurface& bound, const ExampleTurns& turns) {
@@ -121,65 +137,78 @@ const typename Examples<Real>::Starts& Examples<Real>::starts(bool rotation_only
 }
 
 template <class Real>
-Eigen::VectorXd Examples<Real>::step(const Starts& starts, double stiffness) {
-  const Index count = pass_.example_count();
-  for (int i = 0; i < count; ++i) {
+Eigen::VectorXd Examples<Real>::guess(const Starts& starts, double at_rest,
+                                      const Eigen::VectorXd& handles) const {
+  const Eigen::VectorXd along = starts.forces.transpose() * handles;
+  Eigen::VectorXd parts(along.size()), shares(along.size());
+  double whole = 1 / at_rest;
+  for (Index i = 0; i < along.size(); ++i) {
+    const double least = kIrrelevant * starts.sizes[i], constant = starts.constants[i];
+    parts[i] = std::clamp(along[i] / (constant + least), 0.0, 1.0);
+    const double left =
+        std::max(0.0, at_rest - 2 * parts[i] * along[i] + parts[i] * parts[i] * constant);
+    shares[i] = std::max(0.0, 1 - left / at_rest) / (left + least);
+    whole += shares[i];
+  }
+  return parts.cwiseProduct(shares) / whole;
+}
+
+template <class Real>
+void Examples<Real>::derive(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) {
+  for (int i = 0; i < pass_.example_count(); ++i) {
     bound_.poisson->solve(
         nothing_, [&](int part, double* rows) { pass_.slope(i, part, rows); }, follow_);
     pass_.project(i, follow_);
   }
-  Eigen::MatrixXd products;
-  Eigen::VectorXd gradient;
-  pass_.normal_equations(products, gradient);
-  for (Index i = 0; i < count; ++i) {
-    const double w = weights_[i], out = beyond(w), size = stiffness * starts.sizes[i];
-    gradient[i] += size * (kSmallWeights * w + 2 * kBeyond * out * out * out);
-    products(i, i) += size * (kSmallWeights + 6 * kBeyond * out * out);
-  }
-  // In units in which all examples are of one size.
-  const Eigen::VectorXd unit = starts.sizes.cwiseSqrt().cwiseInverse();
-  products = unit.asDiagonal() * products * unit.asDiagonal();
-  Eigen::VectorXd step =
-      -(unit.asDiagonal() * products.ldlt().solve(unit.asDiagonal() * gradient)).eval();
-  return step / std::max(1.0, step.cwiseAbs().maxCoeff());
+  pass_.second_order(hessian, gradient);
 }
 
 template <class Real>
 void Examples<Real>::fit(const MethodOptions& options, Rows& offsets) {
   const Index count = pass_.example_count();
-  const bool rotation_only = options.rotation_only;
-  const Starts& at = starts(rotation_only);
+  const Starts& at = starts(options.rotation_only);
   weights_.setZero();
-  double energy = take(weights_, rotation_only, offsets);
-  if (count == 0 || energy == 0) return;
+  const double at_rest = take(weights_, options.rotation_only, offsets);
+  if (count == 0 || at_rest == 0) return;
 
   const RowOrder& order = bound_.order();
   const Eigen::Map<const Eigen::VectorXd> handles(offsets.data() + 4 * Index(order.free_count),
-                                                  4 * (order.fixed_begin - order.free_count));
-  const double stiffness = options.example_stiffness;
-  Index nearest;
-  if ((at.constants - 2 * at.forces.transpose() * handles + stiffness * kSmallWeights * at.sizes)
-          .minCoeff(&nearest) < 0) {
-    weights_[nearest] = 1;
-    energy = take(weights_, rotation_only, offsets) + stiffness * penalty(at.sizes, weights_);
-  }
+                                                  4 * Index(order.fixed_begin - order.free_count));
+  const Restraint restraint = {options.example_stiffness * at.sizes, guess(at, at_rest, handles)};
+  const auto try_out = [&](const Eigen::VectorXd& weights) {
+    weights_ = weights;
+    return take(weights_, options.rotation_only, offsets) + restraint.energy(weights_);
+  };
+  double energy = try_out(restraint.guess);
 
+  // In units in which all examples are of one size.
+  const auto unit = at.sizes.cwiseSqrt().cwiseInverse().asDiagonal();
   // What rounding may add to an energy that falls.
   const double rounding = sizeof(Real) == sizeof(float) ? 1e-6 : 1e-12;
-  for (int round = 0; round < kMostSteps; ++round) {
-    Eigen::VectorXd change = step(at, stiffness);
-    const double largest = change.cwiseAbs().maxCoeff();
-    const Eigen::VectorXd from = weights_;
-    const double before = energy;
-    for (int halvings = 0;; ++halvings, change *= 0.5) {
-      weights_ = from + change;
-      energy = take(weights_, rotation_only, offsets) + stiffness * penalty(at.sizes, weights_);
-      if (largest < kLastStep) return;
-      if (energy <= before * (1 + rounding)) break;
-      if (halvings < kMostHalvings) continue;
-      weights_ = from;
-      take(weights_, rotation_only, offsets);
-      return;
+  double damping = 0;
+  Eigen::MatrixXd hessian;
+  Eigen::VectorXd gradient;
+  for (int step = 0; step < kMostSteps; ++step) {
+    derive(hessian, gradient);
+    restraint.add_to(hessian, gradient, weights_);
+    const Eigen::VectorXd from = weights_, slope = unit * gradient;
+    for (;; damping = std::max(10 * damping, kLeastDamping)) {
+      if (damping > kMostDamping) {
+        try_out(from);
+        return;
+      }
+      Eigen::MatrixXd damped = unit * hessian * unit;
+      damped.diagonal().array() += damping;
+      const Eigen::LLT<Eigen::MatrixXd> factor(damped);
+      if (factor.info() != Eigen::Success) continue;
+      const Eigen::VectorXd way = factor.solve(-slope), change = unit * way;
+      const double now = try_out(from + change);
+      if (change.cwiseAbs().maxCoeff() < kLastStep) return;
+      if (!(now <= energy * (1 + rounding))) continue;
+      const double foreseen = damping * way.squaredNorm() - way.dot(slope);
+      damping *= energy - now > 0.7 * foreseen ? 0.03 : energy - now > 0.3 * foreseen ? 0.3 : 3;
+      energy = now;
+      break;
     }
   }
 }

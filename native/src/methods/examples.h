@@ -30,27 +30,35 @@ std::unique_ptr<ExamplesMethod> make_examples(BoundSurface& bound);
 ///
 /// and the pose is the one nearest to what the handles ask for, over the free p' and w at once,
 ///
-///   E(w, p') = Σ_j A_j ‖G_j(p') − G_j(p) T_j(w)ᵀ‖² + s Σ_i D_i (κ w_i² + μ o(w_i)⁴)
+///   E(w, p') = Σ_j A_j ‖G_j(p') − G_j(p) T_j(w)ᵀ‖² + s Σ_i D_i (κ (w_i − g_i)² + μ o(w_i)⁴)
 ///
-/// With p' = L⁻¹ div(G T(w)ᵀ) eliminated, on the factor that all methods share, Gauss–Newton in w:
-/// the derivatives J_i = ∂T/∂w_i less the part that positions can follow, Ĵ_i = J_i − G L⁻¹ div J_i,
-/// (ĴᵀDĴ) dw = −ĴᵀD r, a solve for each example. ĴᵀDĴ is JᵀDJ − Bᵀ L⁻¹ B with B = div J, but as
-/// products of what remains, so that what cancels doesn't cost the digits of single precision.
+/// With p' = L⁻¹ div(G T(w)ᵀ) eliminated, on the factor that all methods share, this is Newton's
+/// method in w. First derivatives are J_i = ∂T/∂w_i less the part that positions can follow,
+/// Ĵ_i = J_i − G L⁻¹ div J_i, a solve for each example; the Hessian is ĴᵀDĴ + r · ∂²T/∂w_i∂w_k, r
+/// the misfit. ĴᵀDĴ is JᵀDJ − Bᵀ L⁻¹ B with B = div J, but as products of what remains, so that
+/// what cancels doesn't cost the digits of single precision.
 ///
 /// What the literature leaves open:
+/// - Gauss–Newton, which leaves r · T'' out, isn't enough: a handle says next to nothing about how
+///   overlapping examples share a bend, and along such valleys r · T'' is most of the Hessian. With
+///   ten of them it had not converged after 10 steps; Newton's takes 4 to 8. Where the Hessian is
+///   not positive or the energy rises it is damped (Levenberg, Marquardt), examples by their sizes.
 /// - Logarithms are chosen to be continuous over the surface: ExampleTurns.
 /// - U_ij is what the turn taken leaves of the example's own gradient, on the triangle's plane: so
 ///   w_i = 1 is the example exactly, for triangles without area as well. (15)'s normal has no say.
-/// - Weights are kept small by D_i = Σ_j A_j ‖G_j(p) (S_ij − I)ᵀ‖², how much the example differs
-///   from the rest: a change of a corner of the mouth is judged by the mouth, not by the body. κ
-///   decides between examples that are alike, and is too small to be seen. o(w) is how far w is out
-///   of 0 to 1, to the fourth power: a little is cheap, far out a handle that asks for more than
-///   the examples know stretches the surface instead of exaggerating them.
-/// - Every update starts anew, from the rest or the example with the least energy, so that the
-///   result depends on the handles alone. From the rest alone an example that turns a limb by half a
-///   turn has no slope, and one beyond has it the wrong way. E at an example is quadratic in the
-///   handles: E(e_i) = E(0) − 2 Σ_v x_v · q_iv + c_i with x their displacements, q_i, c_i constants.
-/// - Steps are halved while the energy rises, and no weight changes by more than 1 in one.
+/// - Weights are judged by D_i = Σ_j A_j ‖G_j(p) (S_ij − I)ᵀ‖², how much the example differs from
+///   the rest: a change of a corner of the mouth is measured by the mouth, not by the body.
+/// - What the handles leave open is decided by a guess g at the weights, which is also where every
+///   update starts: the result depends on the handles alone. With positions and constant gradients
+///   blended linearly, example i alone would fit them best at t_i in 0 to 1, with energy E_i, where
+///   the rest has E_0; g_i = t_i a_i/E_i / (1/E_0 + Σ_k a_k/E_k), a_i = 1 − E_i/E_0. So g is an
+///   example where the handles are at it, whatever else could reach them, zero at rest and for
+///   examples that don't move the handles, and continuous in between. As E_i = E_0 − 2 t_i f_i +
+///   t_i² c_i with f_i = Σ_v x_v · q_iv, x the handles' displacements, q_i and c_i constants, it
+///   costs nothing. A start at rest would find no slope towards an example that turns a limb by
+///   half a turn, and beyond it the wrong one.
+/// - o(w) is how far w is out of 0 to 1, to the fourth power: a little is cheap; a handle far from
+///   what the examples know stretches the surface instead of exaggerating them.
 /// - rotation_only leaves U_ij out: limbs bend, nothing swells; examples that swell are not met.
 /// - Weights given, the handles are let go: their vertices are free in a system of its own, and what
 ///   then floats is placed by ExamplePlaces.
@@ -83,9 +91,12 @@ class Examples : public ExamplesMethod {
   const Starts& starts(bool rotation_only);
   /// Solves for the pose with these weights and takes it; the energy's first sum.
   double take(const Eigen::VectorXd& weights, bool rotation_only, Rows& offsets);
+  /// The guess g. at_rest: E_0. handles: displacements of their vertices, 4 numbers each.
+  Eigen::VectorXd guess(const Starts& starts, double at_rest, const Eigen::VectorXd& handles) const;
+  /// Half the derivatives of the energy's first sum in the pose taken.
+  void derive(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient);
   /// The weights of the least energy, with their pose taken.
   void fit(const MethodOptions& options, Rows& offsets);
-  Eigen::VectorXd step(const Starts& starts, double stiffness);
 
   BoundSurface& bound_;
   ExampleTurns turns_;
