@@ -16,14 +16,19 @@ namespace dd {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kNoAxis = 0.5;  // radians to a whole turn: a rotation that has no axis to speak of
+constexpr double kMostSwing = 0.5;  // radians
 
 /// The chosen triangles and, for each vertex, the places of those about it.
 struct Patch {
-  Patch(const Triangles& t, std::vector<int> chosen, int vertex_count)
-      : triangles(std::move(chosen)), begin(static_cast<size_t>(vertex_count) + 1, 0) {
+  Patch(const Triangles& t, std::vector<int> chosen, const Region& region)
+      : triangles(std::move(chosen)), begin(region.role.size() + 1, 0) {
     corners.resize(static_cast<Index>(triangles.size()), 3);
-    for (size_t i = 0; i < triangles.size(); ++i) corners.row(Index(i)) = t.row(triangles[i]);
+    for (size_t i = 0; i < triangles.size(); ++i) {
+      corners.row(Index(i)) = t.row(triangles[i]);
+      bool touches = false;
+      for (int k = 0; k < 3; ++k) touches |= region.role[t(triangles[i], k)] == kFixed;
+      at_fixed.push_back(touches);
+    }
     for (Index k = 0; k < corners.size(); ++k) ++begin[corners.data()[k] + 1];
     std::partial_sum(begin.begin(), begin.end(), begin.begin());
     about.resize(static_cast<size_t>(corners.size()));
@@ -33,6 +38,7 @@ struct Patch {
   }
   std::vector<int> triangles;
   Triangles corners;
+  std::vector<char> at_fixed;  // whether a triangle has a fixed corner
   std::vector<int> begin, about;
 };
 
@@ -40,14 +46,17 @@ Eigen::Quaterniond quaternion(const Rows& quaternions, Index i) {
   return Eigen::Quaterniond(Eigen::Vector4d(quaternions.row(i).transpose()));
 }
 
-/// The logarithm of a rotation that goes on from its neighbour's.
+/// The rotation vector that goes on from the neighbour's.
 Eigen::Vector3d continued(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& neighbour) {
-  const Eigen::AngleAxisd shortest(rotation);
   const double length = neighbour.norm();
-  if (length < kPi || shortest.angle() > kNoAxis) return rotation_vector_near(shortest, neighbour);
-  const Eigen::Vector3d axis = neighbour / length;
-  const double along = shortest.angle() * shortest.axis().dot(axis);
-  return (along + 2 * kPi * std::round((length - along) / (2 * kPi))) * axis;
+  if (length > kPi) {
+    const Eigen::Vector3d axis = neighbour / length;
+    const double along = rotation.vec().dot(axis), twist = 2 * std::atan2(along, rotation.w());
+    const double swing = 2 * std::acos(std::min(1.0, std::hypot(along, rotation.w())));
+    if (swing < kMostSwing)
+      return (twist + 2 * kPi * std::round((length - twist) / (2 * kPi))) * axis;
+  }
+  return rotation_vector_near(Eigen::AngleAxisd(rotation), neighbour);
 }
 
 Positions continuous_logarithms(const Rows& rotations, const Patch& patch) {
@@ -75,7 +84,8 @@ Positions continuous_logarithms(const Rows& rotations, const Patch& patch) {
   std::vector<int> starts(static_cast<size_t>(count));
   std::iota(starts.begin(), starts.end(), 0);
   std::sort(starts.begin(), starts.end(), [&](int a, int b) {
-    return std::make_pair(-rotations(a, 3), a) < std::make_pair(-rotations(b, 3), b);
+    return std::make_tuple(!patch.at_fixed[a], -rotations(a, 3), a) <
+           std::make_tuple(!patch.at_fixed[b], -rotations(b, 3), b);
   });
   for (int start : starts) {
     if (done[start]) continue;
@@ -103,7 +113,7 @@ ExampleTurns::ExampleTurns(const BoundSurface& bound)
         place_[j] = static_cast<int>(chosen.size());
         chosen.push_back(j);
       }
-  const Patch patch(t, std::move(chosen), bound.mesh.vertex_count());
+  const Patch patch(t, std::move(chosen), bound.region);
   const double size = bounding_box_diagonal(rest);
 
   turns_.resize(bound.examples.size());

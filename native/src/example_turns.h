@@ -12,13 +12,15 @@ namespace dd {
 ///
 /// A logarithm is one of many that differ by whole turns. They are chosen to be continuous over the
 /// surface, so that a limb may turn by more than half a turn along its length: from the triangle of
-/// each part that turns least into its neighbours, across those edges first whose two triangles turn
+/// each part that turns least, of those beside fixed vertices where there are any (another may be
+/// back from a whole turn), into its neighbours, across those edges first whose two triangles turn
 /// most alike, and across single vertices only where no edge leads on. Breadth first would do where
 /// an example is smooth; this order leaves what is creased or folded to the end, where it can't lead
 /// others astray.
 ///
-/// About a whole turn the exponential is singular: whatever a triangle's rotation lacks to the axis
-/// of its neighbour is left out there, of half a radian at most.
+/// Beyond half a turn the logarithm exaggerates: towards a whole one the least tilt of a rotation,
+/// as a shear gives, turns its axis over. There only the turn about the neighbour's axis is taken,
+/// and the tilt left out where it is less than half a radian.
 class ExampleTurns {
  public:
   /// Of the triangles with a corner that isn't fixed.
