@@ -12,10 +12,10 @@ namespace dd {
 /// The passes over triangles that posing by example is made of, in blocks of kLanes triangles.
 ///
 /// Only what a 3×3 matrix T does within its triangle's plane matters, so gradients are 3×2 here, in
-/// units that make sums of squares areas: with three numbers a triangle, g_0 = (a, 0),
-/// g_1 = (b, 1/(2a)), g_2 = −g_0 − g_1 from its cotangents, g_k · g_l is its part of L, the gradient
-/// of positions x is x_0 g_0ᵀ + x_1 g_1ᵀ + x_2 g_2ᵀ and A_j ‖G_j(x)‖² its square; the divergence of
-/// a gradient X at corner k is X g_k. That is the flux of corner_divergence(), safe for triangles
+/// units that make sums of squares areas. With three numbers a triangle, from its cotangents,
+/// g_0 = (a, 0), g_1 = (b, 1/(2a)), g_2 = −g_0 − g_1: g_k · g_l is the triangle's part of L, the
+/// gradient of positions x is x_0 g_0ᵀ + x_1 g_1ᵀ + x_2 g_2ᵀ with A_j ‖G_j(x)‖² its square, and the
+/// divergence of a gradient X at corner k is X g_k. That is the flux of corner_divergence(), safe for triangles
 /// without area in the same way. All are differences from the rest: a surface at rest gives exact
 /// zeros.
 template <class Real>
@@ -26,8 +26,8 @@ class ExamplePass {
 
   int example_count() const { return example_count_; }
 
-  /// Takes the pose with these weights, (T_j − I) of each triangle of a part, and adds its divergence
-  /// to rows, as PoissonSystem::solve() asks.
+  /// Takes the pose with these weights, (T_j − I) of each triangle of a part, and adds its
+  /// divergence to rows, as PoissonSystem::solve() asks.
   void pose(int part, const Eigen::VectorXd& weights, bool rotation_only, double* rows);
 
   /// Sum of squares of the pose taken: how far it is from the rest, as an area.

@@ -15,7 +15,7 @@ constexpr double kBeyond = 1e-2;      // μ
 constexpr double kLeastSize = 1e-9;   // of the surface's area: what D_i is at least
 constexpr double kIrrelevant = 1e-6;  // of D_i: what handles tell of an example at least
 constexpr int kMostSteps = 10;
-constexpr double kLastStep = 3e-4;  // Newton's error after such a step is far smaller
+constexpr double kLastStep = 1e-3;  // Newton's error after such a step is far smaller
 constexpr double kLeastDamping = 1e-4, kMostDamping = 1e6;
 
 /// How far a weight is out of 0 to 1, with its sign.

@@ -41,7 +41,7 @@ std::unique_ptr<ExamplesMethod> make_examples(BoundSurface& bound);
 /// What the literature leaves open:
 /// - Gauss–Newton, which leaves r · T'' out, isn't enough: a handle says next to nothing about how
 ///   overlapping examples share a bend, and along such valleys r · T'' is most of the Hessian. With
-///   ten of them it had not converged after 10 steps; Newton's takes 4 to 8. Where the Hessian is
+///   ten of them it had not converged after 10 steps; Newton's takes 3 to 8. Where the Hessian is
 ///   not positive or the energy rises it is damped (Levenberg, Marquardt), examples by their sizes.
 /// - Logarithms are chosen to be continuous over the surface: ExampleTurns.
 /// - U_ij is what the turn taken leaves of the example's own gradient, on the triangle's plane: so
@@ -60,8 +60,8 @@ std::unique_ptr<ExamplesMethod> make_examples(BoundSurface& bound);
 /// - o(w) is how far w is out of 0 to 1, to the fourth power: a little is cheap; a handle far from
 ///   what the examples know stretches the surface instead of exaggerating them.
 /// - rotation_only leaves U_ij out: limbs bend, nothing swells; examples that swell are not met.
-/// - Weights given, the handles are let go: their vertices are free in a system of its own, and what
-///   then floats is placed by ExamplePlaces.
+/// - Weights given, the handles are let go: their vertices are free in a system of its own, and
+///   what then floats is placed by ExamplePlaces.
 /// Without examples, or with such as equal the rest, it is p' = L⁻¹ div(G) with handles.
 template <class Real>
 class Examples : public ExamplesMethod {
