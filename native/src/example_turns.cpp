@@ -51,8 +51,9 @@ Eigen::Vector3d continued(const Eigen::Quaterniond& rotation, const Eigen::Vecto
   const double length = neighbour.norm();
   if (length > kPi) {
     const Eigen::Vector3d axis = neighbour / length;
-    const double along = rotation.vec().dot(axis), twist = 2 * std::atan2(along, rotation.w());
-    const double swing = 2 * std::acos(std::min(1.0, std::hypot(along, rotation.w())));
+    const double along = rotation.vec().dot(axis), w = rotation.w();
+    const double twist = 2 * std::atan2(along, w);
+    const double swing = 2 * std::acos(std::min(1.0, std::sqrt(along * along + w * w)));
     if (swing < kMostSwing)
       return (twist + 2 * kPi * std::round((length - twist) / (2 * kPi))) * axis;
   }

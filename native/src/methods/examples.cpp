@@ -21,8 +21,6 @@ constexpr double kLeastDamping = 1e-4, kMostDamping = 1e6;
 /// How far a weight is out of 0 to 1, with its sign.
 double beyond(double w) { return w - std::clamp(w, 0.0, 1.0); }
 
-}  // namespace
-
 /// The energy's second sum, s Σ_i D_i (κ (w_i − g_i)² + μ o(w_i)⁴).
 struct Restraint {
   Eigen::VectorXd sizes, guess;  // s D_i, g_i
@@ -45,6 +43,8 @@ struct Restraint {
     }
   }
 };
+
+}  // namespace
 
 template <class Real>
 Examples<Real>::LetGo::LetGo(const BoundSurface& bound, const ExampleTurns& turns) {
