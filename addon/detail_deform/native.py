@@ -13,7 +13,8 @@ ROLE_FREE = -1
 ROLE_FIXED = -2
 METRICS = {'SURFACE': 0, 'BASE': 1}
 PRECISIONS = {'SINGLE': 0, 'DOUBLE': 1}
-METHODS = {'TRANSFER': 0, 'VARIATIONAL': 1, 'NORMAL': 2, 'GRADIENT': 3, 'VOLUMES': 4}
+METHODS = {'TRANSFER': 0, 'VARIATIONAL': 1, 'NORMAL': 2, 'GRADIENT': 3, 'VOLUMES': 4,
+           'EXAMPLES': 5}
 SHOWN = {'RESULT': 0, 'BASE': 1}
 PAIRS_OF = {'TRIANGLES': 0, 'VERTICES': 1}
 ANCHORS = {'SOURCE': 0, 'CENTROID': 1, 'VERTICES': 2, 'PINNED': 3}
@@ -36,7 +37,9 @@ class _BindOptions(ctypes.Structure):
     _fields_ = [('struct_size', ctypes.c_uint32), ('base_metric', ctypes.c_int32),
                 ('metric_smoothing', ctypes.c_double), ('smoothness', ctypes.c_int32),
                 ('base', ctypes.c_void_p), ('base_count', ctypes.c_size_t),
-                ('precision', ctypes.c_int32), ('threads', ctypes.c_int32)]
+                ('precision', ctypes.c_int32), ('threads', ctypes.c_int32),
+                ('examples', ctypes.c_void_p), ('example_value_count', ctypes.c_size_t),
+                ('example_count', ctypes.c_int32)]
 
 
 class _UpdateOptions(ctypes.Structure):
@@ -44,7 +47,9 @@ class _UpdateOptions(ctypes.Structure):
                 ('output', ctypes.c_int32), ('method', ctypes.c_int32), ('refine', ctypes.c_int32),
                 ('shown', ctypes.c_int32), ('levels', ctypes.c_int32), ('base', ctypes.c_void_p),
                 ('base_count', ctypes.c_size_t), ('volume_tolerance', ctypes.c_double),
-                ('volume_iterations', ctypes.c_int32), ('formulation', ctypes.c_int32)]
+                ('volume_iterations', ctypes.c_int32), ('formulation', ctypes.c_int32),
+                ('example_weights', ctypes.c_void_p), ('example_weight_count', ctypes.c_size_t),
+                ('example_stiffness', ctypes.c_double)]
 
 
 class _BindProgress(ctypes.Structure):
@@ -153,6 +158,7 @@ def _load(path):
         'dd_bind_free': [handle],
         'dd_deformer_update': [handle, _DOUBLES, size, ctypes.POINTER(_UpdateOptions), _FLOATS, size],
         'dd_deformer_get_info': [handle, ctypes.POINTER(Info)],
+        'dd_deformer_get_example_weights': [handle, _DOUBLES, size],
         'dd_deformer_free': [handle],
         'dd_measure': [_FLOATS, _FLOATS, size, _INTS, size, _INTS, size, handle, handle,
                        ctypes.POINTER(Measures)],
@@ -197,7 +203,7 @@ def instruction_set():
 
 
 def _pointer(array):
-    """Address and number of elements of a contiguous float32 array, which must stay alive; or of None."""
+    """Address and number of elements of a contiguous array, which must stay alive; or of None."""
     return (None, 0) if array is None else (array.ctypes.data, array.size)
 
 
@@ -208,29 +214,34 @@ def _check(status):
 
 
 def _bind_arguments(positions, triangles, roles, handle_count, base_metric='SURFACE',
-                    metric_smoothing=0.0, smoothness=2, base=None, precision='SINGLE', threads=0):
+                    metric_smoothing=0.0, smoothness=2, base=None, precision='SINGLE', threads=0,
+                    examples=None):
     """What Bind and Split take, as the library does, and what must stay alive during the call.
 
     positions: (n, 3) float32; triangles: (m, 3) int32; roles: (n,) int32, ROLE_FREE, ROLE_FIXED or a
     handle number below handle_count. All are copied. Options as in dd_bind_options, base_metric and
-    precision by their names in METRICS and PRECISIONS, base (n, 3) float32 or None."""
+    precision by their names in METRICS and PRECISIONS, base (n, 3) float32 or None, examples
+    (count, n, 3) float32 or None."""
+    examples = None if examples is None else np.ascontiguousarray(examples, np.float32)
     base = None if base is None else np.ascontiguousarray(base, np.float32)
     options = _BindOptions(ctypes.sizeof(_BindOptions), METRICS[base_metric], metric_smoothing,
-                           smoothness, *_pointer(base), PRECISIONS[precision], threads)
+                           smoothness, *_pointer(base), PRECISIONS[precision], threads,
+                           *_pointer(examples), 0 if examples is None else len(examples))
     positions = np.ascontiguousarray(positions, np.float32)
     triangles = np.ascontiguousarray(triangles, np.int32)
     roles = np.ascontiguousarray(roles, np.int32)
     return [positions, positions.size, triangles, triangles.size, roles, roles.size, handle_count,
-            options], base
+            options], (base, examples)
 
 
 def _update_options(rotation_only=True, method='TRANSFER', refine=4, shown='RESULT', levels=1,
                     base=None, volume_tolerance=0.0, volume_iterations=0,
-                    formulation='SURFACE'):
-    """dd_update_options by the names in METHODS, SHOWN and FORMULATIONS, for offsets."""
+                    formulation='SURFACE', example_weights=None, example_stiffness=0.0):
+    """dd_update_options by the names in METHODS, SHOWN and FORMULATIONS, for offsets. base and
+    example_weights, (count,) float64, must be contiguous and stay alive."""
     return _UpdateOptions(ctypes.sizeof(_UpdateOptions), rotation_only, _OUTPUT_OFFSETS,
                           METHODS[method], refine, SHOWN[shown], levels, *_pointer(base), volume_tolerance, volume_iterations,
-                          FORMULATIONS[formulation])
+                          FORMULATIONS[formulation], *_pointer(example_weights), example_stiffness)
 
 
 class _Job:
@@ -275,6 +286,7 @@ class Bind(_Job):
 
     def __init__(self, *mesh, **options):
         arguments, _alive = _bind_arguments(*mesh, **options)
+        self._example_count = arguments[-1].example_count
         super().__init__('bind', *arguments)
 
     def finish(self):
@@ -284,7 +296,7 @@ class Bind(_Job):
             self._call('finish', self._handle, deformer)
         finally:
             self.close()
-        return Deformer(deformer)
+        return Deformer(deformer, self._example_count)
 
 
 class Split(_Job):
@@ -332,8 +344,9 @@ def distances(positions, triangles, sources):
 class Deformer:
     """A bound surface. One update at a time: renders come from another thread than the window."""
 
-    def __init__(self, handle):
+    def __init__(self, handle, example_count=0):
         self._handle = handle
+        self._example_count = example_count
         self._lock = threading.Lock()
         self.info = self._read_info()
         self._offsets = np.zeros(3 * self.info.vertex_count, np.float32)
@@ -343,19 +356,29 @@ class Deformer:
         _check(library().dd_deformer_get_info(self._handle, info))
         return info
 
-    def offsets(self, matrices, base=None, **look):
+    def offsets(self, matrices, base=None, example_weights=None, **look):
         """matrices: (h, 3, 4) float64, rest to present, object space. look: as of _update_options.
-        base: (n, 3) float32 where the bind was given one. Calls are serialized.
+        base: (n, 3) float32 where the bind was given one. example_weights: by method EXAMPLES, the
+        pose of these weights, handles let go; None: those that fit the handles. Calls are serialized.
         Returns (3 n,) float32, deformed minus rest; the array is reused by the next call. info is
         brought up to date: methods are prepared when they are first used."""
         matrices = np.ascontiguousarray(matrices, np.float64)
         base = None if base is None else np.ascontiguousarray(base, np.float32)
-        options = _update_options(base=base, **look)
+        if example_weights is not None:
+            example_weights = np.ascontiguousarray(example_weights, np.float64)
+        options = _update_options(base=base, example_weights=example_weights, **look)
         with self._lock:
             _check(library().dd_deformer_update(self._handle, matrices, matrices.size, options,
                                                 self._offsets, self._offsets.size))
             self.info = self._read_info()
         return self._offsets
+
+    def example_weights(self):
+        """(count,) float64: of the last update by method EXAMPLES."""
+        weights = np.zeros(self._example_count)
+        with self._lock:
+            _check(library().dd_deformer_get_example_weights(self._handle, weights, weights.size))
+        return weights
 
     def close(self):
         with self._lock:

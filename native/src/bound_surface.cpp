@@ -42,7 +42,8 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
                            Workers& workers, const Progress& progress)
     : mesh(std::move(surface)),
       region(its_region),
-      operators(surface_operators(mesh.positions, mesh.triangles)) {
+      operators(surface_operators(mesh.positions, mesh.triangles)),
+      examples(options.examples) {
   report(progress, 0.05, "Factoring the Poisson system");
   SparseMatrix block = free_block(operators.laplacian, region);
   const Dissection dissection = free_dissection(block, region, mesh.positions);
@@ -128,7 +129,7 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
 }
 
 double BoundSurface::bytes() const {
-  const auto doubles = mesh.positions.size() + base.size() + basis.weights.size() +
+  const auto doubles = mesh.positions.size() * Index(1 + examples.size()) + base.size() + basis.weights.size() +
                        surface_basis.weights.size() + operators.metric.cotangents.size() +
                        operators.metric.areas.size() + operators.masses.size() + rest.size() +
                        rest_base.size();

@@ -20,6 +20,8 @@ struct BindOptions {
   Precision precision = Precision::full;
   /// For the bind and every frame, the caller's among them; 0: what the machine has.
   int threads = 0;
+  /// Poses of the same vertices, each n×3 in the mesh's units, for MethodKind::examples.
+  std::vector<Positions> examples = {};
 };
 
 /// All that a bind makes once and the methods share.
@@ -39,6 +41,7 @@ struct BoundSurface {
   HandleBasis surface_basis;
 
   Rows rest, rest_base;  ///< S and B as rows in order()
+  std::vector<Positions> examples;  ///< where S is, n×3
 
   const RowOrder& order() const { return poisson->order(); }
   /// Whether B comes from outside: then its motion does too, and there are no weights.

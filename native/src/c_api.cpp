@@ -39,19 +39,20 @@ dd::BindOptions read_options(const dd_bind_options* given, size_t position_count
           static_cast<dd::Smoothness>(smoothness),
           read_base(options.base, options.base_count, position_count),
           options.precision == DD_PRECISION_SINGLE ? dd::Precision::single : dd::Precision::full,
-          options.threads};
+          options.threads,
+          read_examples(options, position_count)};
 }
 
 dd_update_options read_options(const dd_update_options* given) {
   dd_update_options options = read_struct(
       "options", given,
       dd_update_options{sizeof(dd_update_options), 1, DD_OUTPUT_POSITIONS, DD_METHOD_TRANSFER, 4,
-                        DD_SHOWN_RESULT, 1, nullptr, 0, 0, 0, 0});
+                        DD_SHOWN_RESULT, 1, nullptr, 0, 0, 0, 0, nullptr, 0, 0});
   require(options.rotation_only == 0 || options.rotation_only == 1,
           "options.rotation_only must be 0 or 1.");
   require(options.output == DD_OUTPUT_POSITIONS || options.output == DD_OUTPUT_OFFSETS,
           "options.output is " + std::to_string(options.output) + ", which is no output.");
-  require(options.method >= DD_METHOD_TRANSFER && options.method <= DD_METHOD_VOLUMES,
+  require(options.method >= DD_METHOD_TRANSFER && options.method <= DD_METHOD_EXAMPLES,
           "options.method is " + std::to_string(options.method) + ", which is no method.");
   require(options.refine >= 0 && options.refine <= 10000,
           "options.refine is " + std::to_string(options.refine) + ", not between 0 and 10000.");
@@ -66,7 +67,12 @@ dd_update_options read_options(const dd_update_options* given) {
   require(options.formulation >= DD_FORMULATION_SURFACE &&
               options.formulation <= DD_FORMULATION_FOURTH_POINTS_UNWEIGHTED,
           "options.formulation is " + std::to_string(options.formulation) + ", which is none.");
+  require(options.example_weights || options.example_weight_count == 0,
+          "options.example_weights is null, but options.example_weight_count is not 0.");
+  require(options.example_stiffness >= 0 && std::isfinite(options.example_stiffness),
+          "options.example_stiffness must be zero or more.");
   const dd::MethodOptions defaults;
+  if (options.example_stiffness == 0) options.example_stiffness = defaults.example_stiffness;
   if (options.levels == 0) options.levels = defaults.levels;
   if (options.volume_tolerance == 0) options.volume_tolerance = defaults.volume_tolerance;
   if (options.volume_iterations == 0) options.volume_iterations = defaults.volume_iterations;
@@ -96,15 +102,20 @@ BindInput read_bind_input(const float* positions, size_t position_count, const i
 }
 
 dd::UpdateOptions update_options(const dd_update_options& how) {
-  return {static_cast<dd::MethodKind>(how.method),
-          {how.rotation_only == 1,
-           how.refine,
-           how.levels,
-           how.volume_tolerance,
-           how.volume_iterations,
-           static_cast<dd::Formulation>(how.formulation),
-           {}},
-          static_cast<dd::Shown>(how.shown)};
+  dd::UpdateOptions options{static_cast<dd::MethodKind>(how.method),
+                            {how.rotation_only == 1,
+                             how.refine,
+                             how.levels,
+                             how.volume_tolerance,
+                             how.volume_iterations,
+                             static_cast<dd::Formulation>(how.formulation),
+                             {}},
+                            static_cast<dd::Shown>(how.shown)};
+  if (how.example_weights)
+    options.of_method.example_weights.emplace(how.example_weights,
+                                              how.example_weights + how.example_weight_count);
+  options.of_method.example_stiffness = how.example_stiffness;
+  return options;
 }
 
 /// Positions or offsets as floats; refuses what leaves their range.
@@ -314,6 +325,16 @@ int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info
     facts.bind_seconds = deformer->bind_seconds;
     facts.bytes = bound.bytes();
     write_struct("info", info, facts);
+  });
+}
+
+int32_t dd_deformer_get_example_weights(const dd_deformer* deformer, double* out, size_t count) {
+  return guarded([&] {
+    require(deformer, "deformer is null.");
+    require(out || count == 0, "out is null.");
+    const std::vector<double> weights = deformer->deformer.example_weights();
+    require_size("out", count, weights.size());
+    std::copy(weights.begin(), weights.end(), out);
   });
 }
 

@@ -9,6 +9,7 @@
 #include <limits>
 #include <new>
 #include <string>
+#include <vector>
 
 #include "detail_deform/detail_deform.h"
 #include "error.h"
@@ -116,5 +117,21 @@ class InUse {
  private:
   std::atomic<bool>& flag_;
 };
+
+/// The examples of a bind, each n×3.
+inline std::vector<Positions> read_examples(const dd_bind_options& options, size_t position_count) {
+  const int32_t count = options.example_count;
+  require(count >= 0 && count <= 1000,
+          "options.example_count is " + std::to_string(count) + ", not between 0 and 1000.");
+  require(options.examples || count == 0,
+          "options.examples is null, but options.example_count is " + std::to_string(count) + ".");
+  require_size("options.examples", options.example_value_count,
+               position_count * static_cast<size_t>(count));
+  std::vector<Positions> examples;
+  for (size_t i = 0; i < static_cast<size_t>(count); ++i)
+    examples.push_back(
+        read_base(options.examples + i * position_count, position_count, position_count));
+  return examples;
+}
 
 }  // namespace dd::c_api

@@ -10,6 +10,7 @@
 
 #include "floating_parts.h"
 #include "methods/displacement_volumes.h"
+#include "methods/examples.h"
 #include "methods/gradient_editing.h"
 #include "methods/normal_displacement.h"
 #include "methods/transfer.h"
@@ -20,6 +21,19 @@ namespace dd {
 namespace {
 
 constexpr int kLeastRange = 1024;  // rows that are worth a task
+
+void validate_example(const Positions& example, int number, const Mesh& mesh) {
+  const std::string name = "Example " + std::to_string(number);
+  if (example.rows() != mesh.vertex_count())
+    throw Error(Status::argument, name + " has " + std::to_string(example.rows()) +
+                                      " vertices, the mesh " + std::to_string(mesh.vertex_count()) +
+                                      ": examples are poses of the same vertices.");
+  for (Index v = 0; v < example.rows(); ++v)
+    if (!(example.row(v).cwiseAbs().maxCoeff() <= kFarthest) || !example.row(v).allFinite())
+      throw Error(Status::argument, name + ": vertex " + std::to_string(v) +
+                                        " has a coordinate that is not finite or too far away to "
+                                        "compute with. Move that vertex.");
+}
 
 Mesh validated(Mesh mesh) {
   validate(mesh);
@@ -39,6 +53,10 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
   centre_ = 0.5 * (mesh_.positions.colwise().maxCoeff() + mesh_.positions.colwise().minCoeff());
   BindOptions in_unit = options;
   in_unit.base = to_unit(options.base);
+  for (size_t i = 0; i < options.examples.size(); ++i) {
+    validate_example(options.examples[i], static_cast<int>(i), mesh_);
+    in_unit.examples[i] = to_unit(options.examples[i]);
+  }
   bound_ = std::make_unique<BoundSurface>(Mesh{to_unit(mesh_.positions), mesh_.triangles}, region_,
                                           in_unit, workers_, progress);
   if (!region_.grounds.empty()) floating_ = std::make_unique<FloatingParts>(*bound_);
@@ -162,6 +180,9 @@ Method& Deformer::method(const UpdateOptions& options) {
     case MethodKind::volumes:
       if (!made) made = std::make_unique<DisplacementVolumes>(*bound_);
       break;
+    case MethodKind::examples:
+      if (!made) made = make_examples(*bound_);
+      break;
   }
   return *made;
 }
@@ -205,6 +226,13 @@ const NormalDisplacement* Deformer::normal_displacement() const {
 const DisplacementVolumes* Deformer::displacement_volumes() const {
   return static_cast<const DisplacementVolumes*>(
       methods_[static_cast<int>(MethodKind::volumes)].get());
+}
+
+std::vector<double> Deformer::example_weights() const {
+  const auto& made = methods_[static_cast<int>(MethodKind::examples)];
+  if (!made) return std::vector<double>(bound_->examples.size(), 0);
+  const Eigen::VectorXd& weights = static_cast<const ExamplesMethod&>(*made).weights();
+  return {weights.begin(), weights.end()};
 }
 
 double Deformer::bytes() const {

@@ -59,6 +59,8 @@ class Deformer {
   /// Null before the first update by that method.
   const NormalDisplacement* normal_displacement() const;
   const DisplacementVolumes* displacement_volumes() const;
+  /// Of the last update by examples, one for each; before it, zeros.
+  std::vector<double> example_weights() const;
   double bytes() const;
 
   /// B at rest and as of the last update, n×3, in the mesh's units.
@@ -84,7 +86,7 @@ class Deformer {
   double scale_ = 1;
   Eigen::RowVector3d centre_ = Eigen::RowVector3d::Zero();
   std::unique_ptr<BoundSurface> bound_;
-  std::unique_ptr<Method> methods_[5];  // by MethodKind
+  std::unique_ptr<Method> methods_[6];  // by MethodKind
 
   RowMatrix coefficients_;  // 4h×4, unit box
   std::vector<Eigen::Matrix3d> linear_;

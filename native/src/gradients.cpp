@@ -69,13 +69,14 @@ void fill_from_neighbours(std::vector<int>& source_of, const Triangles& t) {
   spread(source_of, t, Join::vertices);
 }
 
-GradientSources gradient_sources(const Positions& base, const Triangles& t, double size) {
+GradientSources gradient_sources(const Positions& base, const Triangles& t, double size,
+                                 const Positions* moved) {
   const double shortest = kShortest * size;
   const int m = static_cast<int>(t.rows());
   GradientSources sources;
   sources.of_triangle.assign(static_cast<size_t>(m), -1);
   for (int j = 0; j < m; ++j) {
-    if (has_area(base, t, j, shortest))
+    if (has_area(base, t, j, shortest) && (!moved || has_area(*moved, t, j, shortest)))
       sources.of_triangle[j] = j;
     else
       ++sources.borrowed_count;

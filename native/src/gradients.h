@@ -15,12 +15,14 @@ namespace dd {
 /// "No area": longest edge under 1e-9 of size, or height over it under 1e-2 of it: a
 /// flatter one turns the rounding of B into a rotation. Chosen over
 /// clamping because a neighbour's S_j is still exact for rigid and affine motions of the base.
-/// size: of the surface S, whose base may have collapsed.
+/// size: of the surface S, whose base may have collapsed. moved: where given, a source has an area
+/// there as well, in the same measure.
 struct GradientSources {
   std::vector<int> of_triangle;
   int borrowed_count = 0;
 };
-GradientSources gradient_sources(const Positions& base, const Triangles& triangles, double size);
+GradientSources gradient_sources(const Positions& base, const Triangles& triangles, double size,
+                                 const Positions* moved = nullptr);
 
 /// Gives each triangle whose source is -1 that of the nearest triangle with one across shared edges, or
 /// else vertices, unless its whole part has none.

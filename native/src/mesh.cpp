@@ -10,12 +10,6 @@
 
 namespace dd {
 
-namespace {
-
-constexpr double kFarthest = 1e30;  // single precision ends at 3.4e38, with squares far before
-
-}  // namespace
-
 void validate(const Mesh& mesh) {
   const int n = mesh.vertex_count();
   if (n == 0) throw Error(Status::mesh, "The mesh has no vertices: there is nothing to deform.");

@@ -16,8 +16,11 @@ struct Mesh {
   int triangle_count() const { return static_cast<int>(triangles.rows()); }
 };
 
+/// Coordinates beyond are refused: single precision ends at 3.4e38, with squares far before.
+constexpr double kFarthest = 1e30;
+
 /// Throws Error(mesh) naming the first vertex or triangle that makes the mesh unusable: nothing in
-/// it, coordinates that are not finite or beyond 1e30, vertex numbers out of range or twice in a
+/// it, coordinates that are not finite or beyond kFarthest, vertex numbers out of range or twice in a
 /// triangle, no extent.
 void validate(const Mesh& mesh);
 

@@ -1,11 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "rotations.h"
 
-#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <Eigen/SVD>
+#include <cmath>
 
 namespace dd {
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+}  // namespace
 
 Eigen::Matrix3d polar_rotation(const Eigen::Matrix3d& A) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(A, Eigen::ComputeFullU | Eigen::ComputeFullV);
@@ -23,6 +29,15 @@ Eigen::Matrix3d rotation_by(const Eigen::Vector3d& turn) {
   const double angle = turn.norm();
   if (angle == 0) return Eigen::Matrix3d::Identity();
   return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
+}
+
+Eigen::Vector3d rotation_vector_near(const Eigen::AngleAxisd& shortest,
+                                     const Eigen::Vector3d& near) {
+  Eigen::Vector3d axis = shortest.axis();
+  // Next to no turn has no axis of its own.
+  if (shortest.angle() < 1e-9 && near.norm() > kPi) axis = near.normalized();
+  const double whole_turns = std::round((near.dot(axis) - shortest.angle()) / (2 * kPi));
+  return (shortest.angle() + 2 * kPi * whole_turns) * axis;
 }
 
 }  // namespace dd

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 namespace dd {
 
@@ -12,5 +13,10 @@ Eigen::Matrix3d polar_rotation(const Eigen::Matrix3d& A);
 /// The logarithm of a rotation, axis times angle, at most half a turn; and its inverse.
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R);
 Eigen::Matrix3d rotation_by(const Eigen::Vector3d& turn);
+
+/// The rotation vector of the given rotation, at most half a turn, that is nearest to near: angles
+/// differ by whole turns.
+Eigen::Vector3d rotation_vector_near(const Eigen::AngleAxisd& shortest,
+                                     const Eigen::Vector3d& near);
 
 }  // namespace dd

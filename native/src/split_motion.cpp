@@ -12,22 +12,6 @@
 
 namespace dd {
 
-namespace {
-
-constexpr double kPi = 3.14159265358979323846;
-
-/// The rotation vector of R that is nearest to the given one: angles differ by whole turns.
-Eigen::Vector3d logarithm_near(const Eigen::Matrix3d& R, const Eigen::Vector3d& near) {
-  const Eigen::AngleAxisd shortest(R);
-  Eigen::Vector3d axis = shortest.axis();
-  // Next to no turn has no axis of its own.
-  if (shortest.angle() < 1e-9 && near.norm() > kPi) axis = near.normalized();
-  const double whole_turns = std::round((near.dot(axis) - shortest.angle()) / (2 * kPi));
-  return (shortest.angle() + 2 * kPi * whole_turns) * axis;
-}
-
-}  // namespace
-
 ScrewMotion::ScrewMotion(const Affine& motion, const Eigen::Vector3d& about,
                          const Eigen::Vector3d& turn)
     : motion_(motion), about_(about) {
@@ -37,7 +21,7 @@ ScrewMotion::ScrewMotion(const Affine& motion, const Eigen::Vector3d& about,
                 "its motion flattens or mirrors, which can't be split into steps. Use one step.");
   const Eigen::Matrix3d R = polar_rotation(A);
   stretch_ = R.transpose() * A - Eigen::Matrix3d::Identity();
-  turn_ = logarithm_near(R, turn);
+  turn_ = rotation_vector_near(Eigen::AngleAxisd(R), turn);
   shift_ = A * about + motion.col(3) - about;
 }
 
@@ -70,6 +54,9 @@ SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int ha
                          const Positions* deformed_base) {
   if (bind.base.size() && motion.steps != 1)
     throw Error(Status::argument, "A base from outside has no motion that could be split.");
+  if (update.method == MethodKind::examples && motion.steps != 1)
+    throw Error(Status::argument,
+                "Posing by example goes to any pose in one step: steps would forget the rest.");
   validate(mesh);
   const Region region =
       split_region(mesh, roles, handle_count, bind.base.size() ? MovedBy::base : MovedBy::handles);

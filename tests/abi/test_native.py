@@ -306,7 +306,7 @@ def test_a_library_of_another_version_is_refused(tmp_path):
     assert 'of another version' in answer and '99' in answer
 
 
-METHODS = ('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT', 'VOLUMES')
+METHODS = ('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT', 'VOLUMES', 'EXAMPLES')
 
 
 def test_methods_differ_and_switch_on_one_deformer(native, strip):

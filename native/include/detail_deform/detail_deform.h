@@ -87,7 +87,12 @@ enum dd_method {
   DD_METHOD_NORMAL = 2,      /* a smooth base bends, details stand on it along its normals */
   DD_METHOD_GRADIENT = 3,    /* the handles' rotation and scale spread over the surface; what a
                                 handle is merely moved by turns nothing */
-  DD_METHOD_VOLUMES = 4      /* details keep their volume over the base; slow: see dd_split_start */
+  DD_METHOD_VOLUMES = 4,     /* details keep their volume over the base; slow: see dd_split_start */
+  DD_METHOD_EXAMPLES = 5     /* posing by example: the blend of the examples given at the bind that
+                                fits the handles best. T_j(w) = exp(sum_i w_i log R_ij)
+                                (I + sum_i w_i (U_ij - I)), S_ij = R_ij U_ij by (15) from S to
+                                example i, in L p' = div(G T^T) (4), over all w and p' at once.
+                                Without examples: p' = L^-1 div(G). In one step only */
 };
 
 /* Geometry on which the energy that deforms the base surface is built. */
@@ -153,15 +158,23 @@ typedef struct dd_bind_options {
   int32_t precision; /* dd_precision */
   int32_t threads;   /* that the bind and each update may use, the caller's among them; 0 stands for
                         as many as the machine has, at most 8. Results don't depend on it */
+  const float* examples; /* of DD_METHOD_EXAMPLES: poses of S, the n positions of each, one example
+                            after the other; null where there are none. They matter to nothing
+                            else and cost nothing before that method is used. An example's
+                            translation doesn't matter, its rotation does */
+  size_t example_value_count; /* 3 n x example_count */
+  int32_t example_count;      /* 0 .. 1000 */
 } dd_bind_options;
 
 /* Options of one update. A null pointer stands for the paper's method with rotations only, refined
- * by 4 iterations, as positions: {sizeof(dd_update_options), 1, 0, 0, 4, 0, 1, NULL, 0, 0, 0, 0}.
+ * by 4 iterations, as positions: {sizeof(dd_update_options), 1, 0, 0, 4, 0, 1, NULL, 0, 0, 0, 0,
+ * NULL, 0, 0}.
  */
 typedef struct dd_update_options {
   uint32_t struct_size;
   int32_t rotation_only; /* 1: S_j is replaced by its rotation (polar decomposition); 0: S_j whole.
-                            Of no meaning to DD_METHOD_VARIATIONAL */
+                            Of no meaning to DD_METHOD_VARIATIONAL. By DD_METHOD_EXAMPLES: of each
+                            S_ij; examples with stretches are met with 0 only */
   int32_t output;        /* dd_output */
   int32_t method;        /* dd_method */
   int32_t refine;    /* >= 0: iterations on top of DD_METHOD_TRANSFER with rotation_only, each of
@@ -177,6 +190,13 @@ typedef struct dd_update_options {
   int32_t volume_iterations; /* of DD_METHOD_VOLUMES: steps after which it stops anyway; 0 stands
                                 for 50 */
   int32_t formulation;       /* dd_formulation; others than the surface's are not refined */
+  const double* example_weights; /* of DD_METHOD_EXAMPLES: the pose of these weights, w, is shown and
+                                    the handles are let go, 1 being an example, 0 the rest; parts
+                                    that nothing fixes go where the examples' centres take them.
+                                    Null: the weights that fit the handles */
+  size_t example_weight_count;   /* as many as examples, or 0 */
+  double example_stiffness; /* of DD_METHOD_EXAMPLES, >= 0: a factor on what keeps weights near a
+                               guess from the handles' places and within 0 to 1; 0 stands for 1 */
 } dd_update_options;
 
 typedef struct dd_bind_progress {
@@ -265,6 +285,11 @@ DD_API int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices,
 
 DD_API int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info);
 
+/* The weights of the last update by DD_METHOD_EXAMPLES, found or given; zeros before it.
+ *   out   count doubles, as many as there are examples */
+DD_API int32_t dd_deformer_get_example_weights(const dd_deformer* deformer, double* out,
+                                               size_t count);
+
 /* Facts about a finished split. */
 typedef struct dd_split_info {
   uint32_t struct_size;    /* set by the caller */
@@ -276,6 +301,7 @@ typedef struct dd_split_info {
 /* A large motion in steps (§6): the handles' motions are cut along their screw motions, all in step,
  * and after each step the surface is bound anew to its result. Works in a thread of the library and
  * returns at once; one step is what dd_deformer_update gives, and the way to use slow methods.
+ * DD_METHOD_EXAMPLES knows one step only.
  *   positions ... options   as for dd_bind_start; with a base from outside steps must be 1
  *   matrices, update        as for dd_deformer_update
  *   turns                   turn_count = 3 x handle_count doubles: a rotation vector for each handle,

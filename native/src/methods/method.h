@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "../bound_surface.h"
@@ -8,7 +9,7 @@
 namespace dd {
 
 /// How the surface follows its handles. The values are those of dd_method in the public header.
-enum class MethodKind { transfer = 0, variational = 1, normal = 2, gradient = 3, volumes = 4 };
+enum class MethodKind { transfer = 0, variational = 1, normal = 2, gradient = 3, volumes = 4, examples = 5 };
 
 /// How transfer makes (14) or (10) of the deformation gradients.
 enum class Formulation {
@@ -26,6 +27,9 @@ struct MethodOptions {
   Formulation formulation =
       Formulation::surface;  ///< of transfer; others than surface aren't refined
   Progress progress = {};    ///< told how far a slow method is
+  /// Of examples: the pose with these weights, handles let go; else the weights that fit the handles.
+  std::optional<std::vector<double>> example_weights = {};
+  double example_stiffness = 1;  ///< of examples: factor on what keeps weights small
 };
 
 /// One update on its way through a method.
@@ -41,7 +45,7 @@ struct Frame {
 class Method {
  public:
   virtual ~Method() = default;
-  /// Sets the free rows of frame.offsets.
+  /// Sets the free rows of frame.offsets; those of handles too where these are let go.
   virtual void update(const Frame& frame, const MethodOptions& options) = 0;
   virtual double bytes() const = 0;
 };

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Posing by example through the C ABI."""
+
+import ctypes
+
+import numpy as np
+import pytest
+
+from conftest import IDENTITY, Strip, rotation
+
+
+def bound(native, mesh, **options):
+    return native.Bind(mesh.positions, mesh.triangles, mesh.roles, 1, **options).finish()
+
+
+def posed_strip(native):
+    mesh = Strip(60)
+    bend = rotation(-0.9, (0, 0, 0))[0]
+    beyond = mesh.positions[:, 0] > 30
+    bent = mesh.positions.copy()
+    pivot = np.float32([30, 0, 0])
+    bent[beyond] = (bent[beyond] - pivot) @ bend[:, :3].T.astype(np.float32) + pivot
+    lifted = mesh.positions + np.float32([0, 0, 0.4]) * np.clip(mesh.positions[:, :1] - 2, 0, None)
+    matrix = bend.copy()
+    matrix[:, 3] = pivot - bend[:, :3] @ pivot
+    return mesh, np.stack([lifted, bent]), matrix[None]
+
+
+def split(native, mesh, examples, matrix, steps):
+    job = native.Split(((mesh.positions, mesh.triangles, mesh.roles, 1), {'examples': examples}),
+                       matrix, np.zeros((1, 3)), steps, {'method': 'EXAMPLES'})
+    return job.finish()
+
+
+def test_examples_are_met_and_their_weights_told(native):
+    mesh, examples, matrix = posed_strip(native)
+    deformer = bound(native, mesh, examples=examples)
+    assert (deformer.example_weights() == 0).all() and deformer.example_weights().shape == (2,)
+    offsets = deformer.offsets(matrix, method='EXAMPLES', rotation_only=False).reshape(-1, 3)
+    assert np.abs(mesh.positions + offsets - examples[1]).max() < 1e-4 * 60
+    assert np.allclose(deformer.example_weights(), [0, 1], atol=1e-3)
+    # Other methods neither see the examples nor touch the weights.
+    assert (deformer.offsets(matrix) == bound(native, mesh).offsets(matrix)).all()
+    assert np.allclose(deformer.example_weights(), [0, 1], atol=1e-3)
+    for weights in ([1, 0], [0, 1], [0, 0]):
+        offsets = deformer.offsets(matrix, method='EXAMPLES', rotation_only=False,
+                                   example_weights=weights).reshape(-1, 3)
+        expected = [*examples, mesh.positions][[[1, 0], [0, 1], [0, 0]].index(weights)]
+        assert np.abs(mesh.positions + offsets - expected).max() < 1e-3
+        assert (deformer.example_weights() == weights).all()
+    stiff = deformer.offsets(2 * matrix, method='EXAMPLES', example_stiffness=1e5).copy()
+    assert np.abs(deformer.offsets(2 * matrix, method='EXAMPLES') - stiff).max() > 1e-2
+
+
+def test_a_split_knows_posing_by_example_in_one_step(native):
+    mesh, examples, matrix = posed_strip(native)
+    offsets, _ = split(native, mesh, examples, matrix, 1)
+    assert (offsets == bound(native, mesh, examples=examples).offsets(matrix, method='EXAMPLES')).all()
+    with pytest.raises(native.NativeError, match='one step'):
+        split(native, mesh, examples, matrix, 2)
+
+
+def test_unusable_examples_and_weights_are_refused(native):
+    mesh, examples, matrix = posed_strip(native)
+    with pytest.raises(native.NativeError, match='options.examples has 2832 elements, not 2880'):
+        bound(native, mesh, examples=examples[:, :-8])
+    broken = examples.copy()
+    broken[1, 7, 2] = np.inf
+    with pytest.raises(native.NativeError, match='Example 1: vertex 7'):
+        bound(native, mesh, examples=broken)
+    deformer = bound(native, mesh, examples=examples)
+    for weights, sentence in (([1.0], '1 example weights, but 2'), ([], '0 example weights'),
+                              ([1, np.nan], 'example 1 is not finite')):
+        with pytest.raises(native.NativeError, match=sentence):
+            deformer.offsets(matrix, method='EXAMPLES', example_weights=weights)
+    with pytest.raises(native.NativeError, match='example_stiffness'):
+        deformer.offsets(matrix, method='EXAMPLES', example_stiffness=-1.0)
+    lib, out = native.library(), np.zeros(3)
+    assert lib.dd_deformer_get_example_weights(deformer._handle, out, 3) == 1
+    assert b'out has 3 elements, not 2' in lib.dd_last_message()
+    assert lib.dd_deformer_get_example_weights(None, out, 2) == 1
+    mesh_arguments, _alive = native._bind_arguments(mesh.positions, mesh.triangles, mesh.roles, 1)
+    handle = ctypes.c_void_p()
+    for field, value in (('example_count', -1), ('example_count', 2), ('example_value_count', 3)):
+        options = native._BindOptions(ctypes.sizeof(native._BindOptions))
+        setattr(options, field, value)
+        assert lib.dd_bind_start(*mesh_arguments[:-1], options, handle) == 1
+        assert b'options.example' in lib.dd_last_message()
+
+
+def test_structs_from_before_examples_are_understood(native, strip):
+    arguments, _alive = native._bind_arguments(strip.positions, strip.triangles, strip.roles, 1)
+    arguments[-1].struct_size = native._BindOptions.examples.offset
+    arguments[-1].example_count = 99  # beyond what the struct says it holds
+    bind = ctypes.c_void_p()
+    deformer = ctypes.c_void_p()
+    lib = native.library()
+    assert lib.dd_bind_start(*arguments, bind) == 0
+    assert lib.dd_bind_finish(bind, deformer) == 0
+    lib.dd_bind_free(bind)
+    look = native._update_options(method='EXAMPLES')
+    look.struct_size = native._UpdateOptions.example_weights.offset
+    look.example_stiffness = -1
+    out = np.zeros(strip.positions.size, np.float32)
+    assert lib.dd_deformer_update(deformer, IDENTITY.copy(), 12, look, out, out.size) == 0
+    lib.dd_deformer_free(deformer)
