@@ -6,7 +6,7 @@ import time
 import bpy
 import numpy as np
 
-from . import (deformers, dependency, handle_matrices, look, mesh_data, native, node_group,
+from . import (deformers, dependency, examples, handle_matrices, look, mesh_data, native, node_group,
                outside_base, slow_results)
 from .mesh_data import MeshProblem
 
@@ -28,13 +28,15 @@ def _options(ob):
     if settings.base == 'OBJECT':
         return {'base': outside_base.rest_positions(ob)}
     smoothing = settings.metric_smoothing if settings.base_metric == 'SURFACE' else 0.0
-    return {'base_metric': settings.base_metric, 'metric_smoothing': smoothing,
-            'smoothness': settings.smoothness}
+    options = {'base_metric': settings.base_metric, 'metric_smoothing': smoothing,
+               'smoothness': settings.smoothness}
+    poses = examples.positions(ob)
+    return options if poses is None else {**options, 'examples': poses}
 
 
 def _signature(ob, shape, roles):
     return '.'.join([*shape, mesh_data.signature(roles), *(
-        mesh_data.signature(value) if name == 'base' else f"{value:g}" if name == 'metric_smoothing'
+        mesh_data.signature(value) if name in {'base', 'examples'} else f"{value:g}" if name == 'metric_smoothing'
         else str(value) for name, value in _options(ob).items())])
 
 
@@ -98,7 +100,7 @@ def _difference(ob):
         return ""
     if settings.base == 'OBJECT':
         return _BASE_CHANGED
-    return "Settings that need a new Bind were changed."
+    return "Settings or examples that need a new Bind were changed."
 
 
 # Following the handles
@@ -156,6 +158,8 @@ def _follow(ob, bound, depsgraph, force):
     bound.only_moved[ob.name] = [
         handle.name for handle, motion in zip(handle_matrices.enabled_handles(settings), motions)
         if handle_matrices.only_moves(motion)]
+    if settings.method == 'EXAMPLES':
+        bound.example_weights[ob.name] = bound.deformer.example_weights().tolist()
     bound.update_ms = 1e3 * (time.perf_counter() - start)
     slow_results.cancel(ob.name)
     if slow and not (base is None and np.abs(motions - np.eye(4)[:3]).max() < 1e-6 and not turns.any()):

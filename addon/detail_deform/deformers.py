@@ -27,6 +27,8 @@ class Bound:
         self.slow = {}
         # By object name: the handles that are moved without being turned or scaled.
         self.only_moved = {}
+        # By object name: how much of each example its pose has.
+        self.example_weights = {}
 
 
 _bound = {}

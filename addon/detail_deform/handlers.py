@@ -54,6 +54,8 @@ def _depsgraph_updated(scene, depsgraph):
     for ob in objects:
         if ob.data in edited:  # the object alone is tagged by whatever its modifiers depend on
             _edited(ob)
+        if any(example.object and example.object.data in edited for example in ob.detail_deform.examples):
+            _edited(ob)
         base = ob.detail_deform.base_object
         if base and base.data in edited:
             binding.check_base(ob)

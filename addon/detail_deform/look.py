@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What an update is asked for beside the handles' places: the settings that need no new bind."""
 
+from . import examples
+
 
 def options(settings):
     """Options of an update: what can change without a new bind. Those that don't matter to the method
@@ -13,6 +15,11 @@ def options(settings):
         look['formulation'] = settings.formulation
     if settings.method == 'NORMAL':
         look['levels'] = settings.levels
+    if settings.method == 'EXAMPLES':
+        look['rotation_only'] = False  # examples that swell are to be met
+        look['example_stiffness'] = settings.example_stiffness
+        if settings.weights_by == 'SLIDERS':
+            look['example_weights'] = examples.weights(settings)
     if settings.method == 'VOLUMES':
         look['volume_tolerance'] = settings.volume_tolerance
         look['volume_iterations'] = settings.volume_iterations
@@ -36,6 +43,8 @@ def why_not_smoothed(settings):
 
 
 def why_not_in_steps(settings):
+    if settings.method == 'EXAMPLES':
+        return "Examples are not approached in steps: add examples of the larger motion."
     return "" if settings.base == 'COMPUTED' else "The motion of a base object can't be split."
 
 
@@ -48,7 +57,7 @@ def quick(asked):
 
 def steps(settings):
     """How many; a base from outside has no motion that could be split."""
-    return settings.steps if settings.base == 'COMPUTED' else 1
+    return 1 if why_not_in_steps(settings) else settings.steps
 
 
 def is_slow(settings):

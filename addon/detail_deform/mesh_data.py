@@ -46,6 +46,13 @@ def positions(mesh):
     return values.reshape(-1, 3)
 
 
+def key_positions(key):
+    """(n, 3) float32 of a shape key."""
+    values = np.empty(3 * len(key.data), np.float32)
+    key.data.foreach_get('co', values)
+    return values.reshape(-1, 3)
+
+
 def triangles(mesh):
     """(m, 3) int32: Blender's own triangulation of the faces."""
     mesh.calc_loop_triangles()

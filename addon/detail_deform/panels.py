@@ -181,15 +181,51 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
         layout.prop(settings, 'preview')
 
 
+class OBJECT_UL_detail_deform_examples(bpy.types.UIList):
+    def draw_item(self, context, layout, data, item, icon, active_data, active_propname, index=0):
+        row = layout.row()
+        row.use_property_split = False
+        name = row.row()
+        name.active = item.enabled
+        name.label(text=item.object.name if item.object else item.name, icon='OBJECT_DATA' if item.object else 'SHAPEKEY_DATA')
+        weight = row.row()
+        weight.active = item.enabled
+        weight.prop(item, 'weight' if data.weights_by == 'SLIDERS' else 'found_weight', text="", emboss=False)
+        row.prop(item, 'enabled', text="", emboss=False,
+                 icon='CHECKBOX_HLT' if item.enabled else 'CHECKBOX_DEHLT')
+
+
+class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
+    bl_label = "Examples"
+    bl_parent_id = 'OBJECT_PT_detail_deform'
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.object.detail_deform.method == 'EXAMPLES'
+
+    def draw_settings(self, context, layout, ob, settings):
+        row = layout.row()
+        row.template_list('OBJECT_UL_detail_deform_examples', "", settings, 'examples', settings, 'example_index', rows=4)
+        buttons = row.column(align=True)
+        buttons.operator('object.detail_deform_examples_from_keys', text="", icon='SHAPEKEY_DATA')
+        buttons.operator('object.detail_deform_examples_from_objects', text="", icon='OBJECT_DATA')
+        buttons.operator('object.detail_deform_example_remove', text="", icon='REMOVE')
+        layout.row().prop(settings, 'weights_by', expand=True)
+        if settings.weights_by == 'HANDLES':
+            layout.prop(settings, 'example_stiffness')
+        elif 0 <= settings.example_index < len(settings.examples):
+            layout.prop(settings.examples[settings.example_index], 'weight', slider=True)
+
+
 class OBJECT_PT_detail_deform_base(ModifierPanel, bpy.types.Panel):
     bl_label = "Base Surface"
     bl_parent_id = 'OBJECT_PT_detail_deform'
     bl_options = {'DEFAULT_CLOSED'}
 
     def draw_settings(self, context, layout, ob, settings):
-        if settings.method == 'GRADIENT' and settings.output == 'RESULT':
+        if settings.method in {'GRADIENT', 'EXAMPLES'} and settings.output == 'RESULT':
             layout.active = False
-            draw_text(layout, context, "Gradient Editing has no base surface.", 'INFO')
+            draw_text(layout, context, "This method has no base surface.", 'INFO')
         column = layout.column()
         column.prop(settings, 'base')
         if settings.base == 'OBJECT':
@@ -246,8 +282,9 @@ def _draw_add_entry(self, context):
     self.layout.operator('object.detail_deform_add', text="Detail Deform", icon='MOD_MESHDEFORM')
 
 
-CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_MT_detail_deform_mirror, OBJECT_MT_detail_deform_handles,
-           OBJECT_PT_detail_deform, OBJECT_PT_detail_deform_handles, OBJECT_PT_detail_deform_base,
+CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_UL_detail_deform_examples, OBJECT_MT_detail_deform_mirror, OBJECT_MT_detail_deform_handles,
+           OBJECT_PT_detail_deform, OBJECT_PT_detail_deform_examples, OBJECT_PT_detail_deform_handles,
+           OBJECT_PT_detail_deform_base,
            OBJECT_PT_detail_deform_advanced, OBJECT_PT_detail_deform_empty)
 
 

@@ -51,6 +51,20 @@ def _look_changed(self, context):
     binding.refresh(self.id_data, context.evaluated_depsgraph_get())
 
 
+def _example_changed(self, context):
+    binding.check_content(self.id_data)
+    _look_changed(self, context)
+
+
+def _weights_by_changed(self, context):
+    """The sliders go on from what the handles asked for."""
+    if self.weights_by == 'SLIDERS':
+        found = [example.found_weight for example in self.examples]
+        for example, weight in zip(self.examples, found):
+            example.weight = weight
+    _look_changed(self, context)
+
+
 AXES = [(letter, letter, f"Across the plane through the object's origin at right angles to its {letter} axis")
         for letter in 'XYZ']
 
@@ -85,6 +99,25 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
     own_target: PointerProperty(type=bpy.types.Object, options={'HIDDEN'})
 
 
+class DetailDeformExample(bpy.types.PropertyGroup):
+    name: StringProperty(
+        name="Example", update=_example_changed,
+        description="Shape key that is this example pose, unless there is an object for it")
+    object: PointerProperty(
+        name="Object", type=bpy.types.Object, update=_example_changed,
+        poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
+        description="Object with the same vertices and faces in another pose; its mesh without modifiers and shape keys counts")
+    enabled: BoolProperty(
+        name="Enabled", default=True, update=_example_changed,
+        description="Take this example into account. Takes effect at the next Bind")
+    weight: FloatProperty(
+        name="Weight", soft_min=0.0, soft_max=1.0, min=-10.0, max=10.0, update=_look_changed,
+        description="How much of this example the pose has, where weights are set by sliders")
+    found_weight: FloatProperty(
+        name="Weight", get=lambda self: status.example_weight(self.id_data, self),
+        description="How much of this example the handles asked for")
+
+
 class DetailDeformSettings(bpy.types.PropertyGroup):
     region: StringProperty(
         name="Region", update=_region_changed,
@@ -103,7 +136,8 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
                ('VARIATIONAL', "Smooth Displacement", "The smoothest displacement that follows the handles: details are moved but not turned, so they shear (variational minimization)"),
                ('NORMAL', "Normal Displacement", "A smooth base surface bends, and details stand on it along its normals: fails where they overhang, and self-intersects in tight bends"),
                ('GRADIENT', "Gradient Editing", "The handles' rotation and scale spread over the surface; a handle that is only moved turns nothing (differential coordinates)"),
-               ('VOLUMES', "Displacement Volumes", "The space between the smooth base and the surface keeps its volume: bulges where it is pressed together. Slow: while you drag, Detail Transfer is shown, and the result follows when you pause")],
+               ('VOLUMES', "Displacement Volumes", "The space between the smooth base and the surface keeps its volume: bulges where it is pressed together. Slow: while you drag, Detail Transfer is shown, and the result follows when you pause"),
+               ('EXAMPLES', "Examples", "Poses by example: the handles pull the mesh between shape keys or posed copies of it, and what turns there turns along an arc (mesh-based inverse kinematics). It bends as the examples do, not as a base surface")],
         description="How the surface follows its handles. Switching needs no new Bind")
     rotation_only: BoolProperty(
         name="Rotation Only", default=True, update=_look_changed,
@@ -120,6 +154,18 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     levels: IntProperty(
         name="Levels", default=1, min=1, max=20, soft_max=5, update=_look_changed,
         description="Surfaces between the detailed and the smooth one, each displaced from the next smoother one: shorter displacements, which intersect later")
+    examples: CollectionProperty(
+        type=DetailDeformExample, name="Examples",
+        description="Poses that the method Examples mixes, beside the rest shape")
+    example_index: IntProperty(name="Active Example", options={'HIDDEN'})
+    weights_by: EnumProperty(
+        name="Weights by", update=_weights_by_changed,
+        items=[('HANDLES', "Handles", "The weights are those that fit the handles best"),
+               ('SLIDERS', "Sliders", "The weights are set by hand, and the handles let go")],
+        description="Where the weights of the examples come from")
+    example_stiffness: FloatProperty(
+        name="Stiffness", default=1.0, min=0.0, soft_max=10.0, max=1e4, update=_look_changed,
+        description="How much the mesh keeps to single examples and between rest and example, rather than to what fits the handles most closely by mixing and exaggerating them")
     volume_tolerance: FloatProperty(
         name="Tolerance", default=0.01, min=1e-6, max=1.0, precision=4, update=_look_changed,
         description="Displacement volumes are found when no vertex moves by more than this from one iteration to the next, in mean heights of the details")
@@ -204,9 +250,9 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
 # What one object's settings and another's may have in common.
 COPIED_SETTINGS = ('method', 'rotation_only', 'refine', 'formulation', 'levels', 'volume_tolerance',
                    'volume_iterations', 'steps', 'output', 'smoothness', 'base_metric', 'metric_smoothing',
-                   'base_deformer', 'preview', 'live')
+                   'base_deformer', 'example_stiffness', 'preview', 'live')
 
-CLASSES = (DetailDeformHandle, DetailDeformSettings)
+CLASSES = (DetailDeformHandle, DetailDeformExample, DetailDeformSettings)
 
 
 def register():

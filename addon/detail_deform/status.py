@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
 
-from . import deformers, handle_matrices, look, node_group, slow_results
+from . import deformers, examples, handle_matrices, look, node_group, slow_results
 
 
 def is_bound(ob):
@@ -17,6 +17,14 @@ def bind_ms(ob):
 def update_ms(ob):
     bound = deformers.find(ob.detail_deform.signature)
     return bound.update_ms if bound else 0.0
+
+
+def example_weight(ob, example):
+    """How much of an example the handles asked for."""
+    found = deformers.find(ob.detail_deform.signature)
+    weights = found.example_weights.get(ob.name, ()) if found else ()
+    number = next((k for k, e in enumerate(examples.enabled(ob.detail_deform)) if e == example), len(weights))
+    return weights[number] if number < len(weights) else 0.0
 
 
 def text(ob):
@@ -118,6 +126,14 @@ def _remarks(ob, bound):
         yield (f"{_count(info.unrepresented_count, 'vertex', 'vertices')} (such as vertex "
                f"{info.unrepresented_example}) {'overhangs' if info.unrepresented_count == 1 else 'overhang'} "
                "the base, where normal displacements fail: use Detail Transfer, or a smaller region.")
+    if settings.method == 'EXAMPLES':
+        if settings.base == 'OBJECT':
+            yield "Examples go by the handles and not by a base object: choose another method to follow it."
+        elif not examples.enabled(settings):
+            yield "There are no examples, so the rest shape alone is pulled: add shape keys or posed copies (Examples)."
+        shown = examples.shown_keys(ob)
+        if shown:
+            yield f"Shape keys that are examples are shown too, as {_names(shown[:3])}: set their values to 0."
     if settings.method == 'GRADIENT' and settings.base == 'OBJECT':
         yield "Gradient editing goes by the handles and not by the base: choose another method to follow it."
     if settings.method == 'GRADIENT':

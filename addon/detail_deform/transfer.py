@@ -72,12 +72,6 @@ def chosen_keys(source, active_only, pattern):
     return chosen
 
 
-def _coordinates(key):
-    values = np.empty(3 * len(key.data), np.float32)
-    key.data.foreach_get('co', values)
-    return values.reshape(-1, 3)
-
-
 def _transferred(transfer, target, poses, count, rotation_only):
     """Generator: the offsets of the target for each of the source's poses into a list, which it returns; yields
     the fraction done. Nothing is changed before all are there."""
@@ -110,8 +104,8 @@ def pose_to_key(context, transfer, source, target, rotation_only, replace):
 
 def keys_to_keys(transfer, source, target, keys, rotation_only, replace, drivers):
     """Generator: shape keys with the names, ranges and values of the source's; yields the fraction done."""
-    rest = _coordinates(source.data.shape_keys.reference_key)
-    poses = (rest + _coordinates(key) - _coordinates(key.relative_key) for key in keys)
+    rest = mesh_data.key_positions(source.data.shape_keys.reference_key)
+    poses = (rest + mesh_data.key_positions(key) - mesh_data.key_positions(key.relative_key) for key in keys)
     offsets = yield from _transferred(transfer, target, poses, len(keys), rotation_only)
     for key, of_key in zip(keys, offsets):
         copy = _put_key(target, key.name, of_key, replace)

@@ -165,7 +165,10 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         prepared = transfer.prepare(source, ob, matched, self.given('anchor', settings.anchor),
                                     self.anchor_group or settings.anchor_group)
         yield begin
+        started = time.perf_counter()
         yield from self._share(self._carry(context, prepared, source, ob, keys), begin, 1)
+        what = "1 shape key" if keys is not None and len(keys) == 1 else f"{len(keys)} shape keys" if keys else self.what.lower()
+        self.report({'INFO'}, f"Transferred from '{source.name}': {what}, in {time.perf_counter() - started:.1f} s")
         for remark in transfer.remarks(prepared):
             self.report({'INFO'}, remark)
 

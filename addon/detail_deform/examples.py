@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Example poses: shape keys of the mesh, or other objects of the same topology."""
+
+import numpy as np
+
+from . import mesh_data
+from .mesh_data import MeshProblem
+
+
+def enabled(settings):
+    return [example for example in settings.examples if example.enabled]
+
+
+def positions(ob):
+    """(count, n, 3) float32 of the enabled examples, or None where there are none. Raises MeshProblem."""
+    chosen = enabled(ob.detail_deform)
+    return np.stack([_positions_of(ob, example) for example in chosen]) if chosen else None
+
+
+def _positions_of(ob, example):
+    if example.object is not None:
+        return _positions_of_object(ob, example.object)
+    keys = ob.data.shape_keys
+    key = keys and keys.key_blocks.get(example.name)
+    if not key:
+        raise MeshProblem(f"Example '{example.name}': '{ob.name}' has no shape key of that name. Choose another one, or "
+                          "remove it from the examples.")
+    rest = mesh_data.key_positions(keys.reference_key)
+    return rest + mesh_data.key_positions(key) - mesh_data.key_positions(key.relative_key)
+
+
+def _positions_of_object(ob, other):
+    if other.type != 'MESH' or len(other.data.vertices) != len(ob.data.vertices):
+        count = f"{len(other.data.vertices):,} vertices" if other.type == 'MESH' else "no mesh"
+        raise MeshProblem(f"Example '{other.name}' has {count}, and '{ob.name}' {len(ob.data.vertices):,}: an example is "
+                          "another pose of the same vertices.")
+    if mesh_data.topology_signature(other.data) != mesh_data.topology_signature(ob.data):
+        raise MeshProblem(f"The faces of example '{other.name}' join other vertices than those of '{ob.name}': an example "
+                          "is another pose of the same mesh.")
+    return mesh_data.positions(other.data)
+
+
+def weights(settings):
+    """Those of the sliders."""
+    return tuple(example.weight for example in enabled(settings))
+
+
+def add_keys(ob):
+    """Adds the mesh's shape keys that are no examples yet; the number of them. Raises MeshProblem."""
+    keys = ob.data.shape_keys
+    if not keys or len(keys.key_blocks) < 2:
+        raise MeshProblem(f"'{ob.name}' has no shape keys: make one for each example pose, or add posed copies of the "
+                          "object.")
+    if not keys.use_relative:
+        raise MeshProblem(f"'{ob.name}' has absolute shape keys: make them relative first.")
+    examples = ob.detail_deform.examples
+    present = {example.name for example in examples if example.object is None}
+    new = [key.name for key in keys.key_blocks if key != keys.reference_key and key.name not in present]
+    for name in new:
+        examples.add().name = name
+    return len(new)
+
+
+def add_objects(ob, others):
+    """Adds posed copies of the object. Raises MeshProblem; nothing is added then."""
+    others = [other for other in others if other != ob and other.type == 'MESH']
+    if not others:
+        raise MeshProblem(f"Select posed copies of '{ob.name}' beside it: those become examples.")
+    for other in others:
+        _positions_of_object(ob, other)
+    present = {example.object for example in ob.detail_deform.examples}
+    for other in others:
+        if other not in present:
+            example = ob.detail_deform.examples.add()
+            example.name, example.object = other.name, other
+
+
+def shown_keys(ob):
+    """Names of the examples that are shape keys with a value, which comes on top of what is found."""
+    keys = ob.data.shape_keys
+    blocks = keys.key_blocks if keys else {}
+    return [e.name for e in enabled(ob.detail_deform)
+            if e.object is None and e.name in blocks and blocks[e.name].value and not blocks[e.name].mute]
