@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Deformation transfer between meshes: what a source and a target cost once and each pose after
+// that, by the surface formulation and by the original one with fourth points; and how long
+// matching two meshes by markers takes.
+//
+//   transfer [side]     of square sheets of side² vertices; 159: 50,000 triangles
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <vector>
+
+#include "mesh_transfer.h"
+#include "meshes.h"
+#include "registration.h"
+#include "timing.h"
+
+namespace {
+
+dd::Mesh sheet(int columns, int rows, double relief) {
+  return dd::test::grid(columns, rows, [relief](double x, double y) {
+    return relief * std::sin(9 * x) * std::cos(7 * y) + 0.004 * std::sin(80 * x) * std::sin(80 * y);
+  });
+}
+
+dd::Positions rolled(const dd::Positions& p, double angle) {
+  dd::Positions result(p.rows(), 3);
+  for (dd::Index v = 0; v < p.rows(); ++v) {
+    const double turn = angle * p(v, 0), radius = 1 / angle + p(v, 2);
+    result.row(v) << radius * std::sin(turn), p(v, 1), radius * std::cos(turn) - 1 / angle;
+  }
+  return result;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const int side = argc > 1 ? std::atoi(argv[1]) : 159;
+  const dd::Mesh source = sheet(side, side, 0.03), target = sheet(side + 20, side - 18, 0.06);
+  std::printf("source %d triangles, target %d\n", source.triangle_count(), target.triangle_count());
+
+  dd::Pairs markers;
+  for (int i : {0, 1, 2})
+    for (int j : {0, 1, 2})
+      markers.push_back({i * (side - 1) / 2 * side + j * (side - 1) / 2,
+                         i * (side + 19) / 2 * (side - 18) + j * (side - 19) / 2});
+  dd::Match match;
+  const double matching = dd::bench::milliseconds([&] {
+    const dd::Positions fitted = dd::register_onto(source, target, markers, {});
+    match = dd::match_triangles({fitted, source.triangles}, target, 0.1);
+  });
+  std::printf("matching by %d markers: %.1f s\n", int(markers.size()), matching / 1e3);
+
+  double surface_pose = 0, surface_once = 0;
+  for (const dd::Formulation formulation :
+       {dd::Formulation::surface, dd::Formulation::fourth_points}) {
+    dd::TransferOptions options;
+    options.formulation = formulation;
+    std::unique_ptr<dd::MeshTransfer> transfer;
+    const double once = dd::bench::milliseconds([&] {
+      transfer = std::make_unique<dd::MeshTransfer>(source, target, match.correspondence, options);
+    });
+    std::vector<double> poses;
+    for (int k = 1; k <= 15; ++k) {
+      const dd::Positions pose = rolled(source.positions, 0.1 * k);
+      poses.push_back(dd::bench::milliseconds([&] { transfer->apply(pose, false); }));
+    }
+    std::nth_element(poses.begin(), poses.begin() + 7, poses.end());
+    const bool on_surface = formulation == dd::Formulation::surface;
+    if (on_surface) surface_pose = poses[7], surface_once = once;
+    std::printf("%-14s %7d unknowns, %8.0f non-zeros: once %7.1f ms, a pose %6.2f ms",
+                on_surface ? "surface" : "fourth points", transfer->unknowns(),
+                transfer->nonzeros(), once, poses[7]);
+    std::printf(on_surface ? "\n" : " (%.1f and %.1f times the surface's)\n", once / surface_once,
+                poses[7] / surface_pose);
+  }
+  return 0;
+}

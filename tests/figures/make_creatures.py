@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes creatures.jpg: a calf's poses carried over to a giraffe, and the calf posed by example.
+
+blender --background --factory-startup --python-exit-code 1 --python tests/figures/make_creatures.py
+"""
+import sys
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "addon"))
+import detail_deform  # noqa: E402
+from detail_deform import markers, mesh_data  # noqa: E402
+
+FRAMES = (9, 17, 24)
+SIZE = (480, 400)
+
+
+def picture(folder, eye, look_at, lens):
+    """(rows, columns, 4) of the scene as it is now."""
+    scene = bpy.context.scene
+    scene.camera.location = eye
+    scene.camera.rotation_euler = (Vector(look_at) - Vector(eye)).to_track_quat("-Z", "Y").to_euler()
+    scene.camera.data.lens = lens
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.render.filepath = str(Path(folder) / "picture.png")
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(scene.render.filepath)
+    pixels = np.array(image.pixels[:], np.float32).reshape(SIZE[1], SIZE[0], 4)
+    bpy.data.images.remove(image)
+    return pixels
+
+
+def transferred(folder):
+    """The giraffe follows the calf."""
+    bpy.context.view_layer.objects.active = bpy.data.objects["Giraffe"]
+    bpy.ops.object.detail_deform_transfer_match()
+    bpy.ops.object.detail_deform_transfer_live()
+    for frame in (1, *FRAMES):
+        bpy.context.scene.frame_set(frame)
+        yield picture(folder, (6.4, -10.0, 3.2), (0.35, 1.0, 1.72), 92)
+    bpy.ops.object.detail_deform_transfer_live(on=False)
+
+
+def posed(folder):
+    """The calf's own poses as examples, pulled by its hooves and its muzzle."""
+    scene, calf = bpy.context.scene, bpy.data.objects["Calf"]
+    bpy.data.objects["Giraffe"].hide_render = True
+    examples = []
+    for frame in FRAMES:
+        scene.frame_set(frame)
+        mesh = bpy.data.meshes.new_from_object(calf.evaluated_get(bpy.context.evaluated_depsgraph_get()))
+        example = bpy.data.objects.new(f"Frame {frame}", mesh)
+        scene.collection.objects.link(example)
+        example.hide_render = True
+        examples.append(example)
+    scene.frame_set(1)
+    calf.modifiers.remove(calf.modifiers["Armature"])
+    for other in scene.objects:
+        other.select_set(other in examples)
+    bpy.context.view_layer.objects.active = calf
+    settings = calf.detail_deform
+    settings.method = "EXAMPLES"
+    bpy.ops.object.detail_deform_examples_from_objects()
+    points, targets = mesh_data.positions(calf.data), {}
+    for name, marker in (("muzzle", 1), ("hoof L", 26), ("hoof R", 27), ("heel L", 36), ("heel R", 37)):
+        near = np.linalg.norm(points - points[markers.of(calf)[marker]], axis=1) < 0.09
+        calf.vertex_groups.new(name=name).add(np.flatnonzero(near).tolist(), 1.0, "REPLACE")
+        bpy.ops.object.detail_deform_handle_add(vertex_group=name, align=False)
+        targets[name] = settings.handles[-1].target
+        targets[name].empty_display_size = 0.15
+    bpy.context.view_layer.update()
+    bpy.ops.object.detail_deform_bind(wait=True)
+    for name, move in ((None, None), ("hoof L", (0.32, 0, 0.30)), ("muzzle", (-0.25, 0, -0.75)),
+                       ("heel R", (-0.22, 0, 0.10))):
+        if name:
+            targets[name].location += Vector(move)
+            bpy.context.view_layer.update()
+        yield picture(folder, (2.5, -5.4, 2.0), (0.1, 0, 0.78), 68)
+
+
+def main():
+    detail_deform.register()
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / "blend_fixtures" / "creatures.blend"))
+    with tempfile.TemporaryDirectory() as folder:
+        rows = [np.concatenate(list(make(folder)), axis=1) for make in (transferred, posed)]
+        sheet = np.concatenate(rows[::-1], axis=0)  # images begin at the bottom
+    image = bpy.data.images.new("creatures", sheet.shape[1], sheet.shape[0])
+    image.pixels.foreach_set(sheet.ravel())
+    image.file_format = "JPEG"
+    image.filepath_raw = str(Path(__file__).parent / "creatures.jpg")
+    image.save()
+    detail_deform.unregister()
+
+
+main()
