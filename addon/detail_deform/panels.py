@@ -206,10 +206,10 @@ class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
     def draw_settings(self, context, layout, ob, settings):
         row = layout.row()
         row.template_list('OBJECT_UL_detail_deform_examples', "", settings, 'examples', settings, 'example_index', rows=4)
-        buttons = row.column(align=True)
-        buttons.operator('object.detail_deform_examples_from_keys', text="", icon='SHAPEKEY_DATA')
-        buttons.operator('object.detail_deform_examples_from_objects', text="", icon='OBJECT_DATA')
-        buttons.operator('object.detail_deform_example_remove', text="", icon='REMOVE')
+        row.operator('object.detail_deform_example_remove', text="", icon='REMOVE')
+        row = layout.row(align=True)
+        row.operator('object.detail_deform_examples_from_keys', text="Add Shape Keys", icon='SHAPEKEY_DATA')
+        row.operator('object.detail_deform_examples_from_objects', text="Add Selected Objects", icon='OBJECT_DATA')
         layout.row().prop(settings, 'weights_by', expand=True)
         if settings.weights_by == 'HANDLES':
             layout.prop(settings, 'example_stiffness')

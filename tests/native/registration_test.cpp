@@ -190,3 +190,27 @@ TEST_CASE("markers that are few, contradictory, in a line or out of range are re
       register_onto(source, target, good, {}, [](double done, const char*) { return done < 0.3; }),
       contains("cancelled"));
 }
+
+TEST_CASE("real meshes' faults are survived: loose, doubled, degenerate, in parts") {
+  const Mesh ball = turned_sphere(3);
+  Mesh source = test::appended(ball, {0.3 * ball.positions, ball.triangles});  // a part inside
+  const Index n = source.positions.rows(), m = source.triangles.rows();
+  source.positions.conservativeResize(n + 2, 3);
+  source.positions.bottomRows(2) << 0.5, 0.5, 0.5, source.positions.row(7);  // loose; doubled
+  source.triangles.conservativeResize(m + 3, 3);
+  source.triangles.bottomRows(3) << source.triangles.row(5),  // twice the same face
+      7, 8, static_cast<int>(n + 1),                          // no area
+      source.triangles(9, 0), source.triangles(9, 1), 100;    // a third face at an edge
+  Mesh target = shaped_sphere(4, Eigen::Matrix3d::Identity());
+  target.triangles.conservativeResize(target.triangles.rows() + 1, 3);
+  target.triangles.bottomRows(1) << 3, 4, 300;
+  const Pairs pairs = markers(ball, target);
+  const Positions fitted = register_onto(source, target, pairs, {});
+  CHECK(fitted.allFinite());
+  for (const auto& [from, to] : pairs)
+    CHECK((fitted.row(from) - target.positions.row(to)).norm() < 1e-9);
+  CHECK(largest_distance(fitted.topRows(ball.positions.rows()), target) < 0.1);
+  const Match match = match_triangles({fitted, source.triangles}, target, 0.1);
+  CHECK(match.confidence.size() == size_t(target.triangle_count()));
+  CHECK(match.correspondence.target_count() == target.triangle_count());
+}
