@@ -8,10 +8,10 @@ from .mesh_data import MeshProblem
 
 
 class _Prepared:
-    """A factored transfer, what it was made of, and the pose that the target shows."""
+    """A factored transfer, what it was made of, whose that was, and the pose that the target shows."""
 
-    def __init__(self, made_of, transfer_, rest):
-        self.made_of, self.transfer, self.rest = made_of, transfer_, rest
+    def __init__(self, made_of, owners, transfer_, rest):
+        self.made_of, self.owners, self.transfer, self.rest = made_of, owners, transfer_, rest
         self.shown = None
 
 
@@ -68,8 +68,13 @@ def _made_of(source, ob):
     anchors = ""
     if settings.anchor_group in ob.vertex_groups and settings.anchor in {'VERTICES', 'PINNED'}:
         anchors = mesh_data.signature(mesh_data.members(ob, settings.anchor_group))
-    return (source.name, *mesh_data.shape_signature(source.data), *mesh_data.shape_signature(ob.data),
+    return (*mesh_data.shape_signature(source.data), *mesh_data.shape_signature(ob.data),
             settings.correspondence, settings.anchor, settings.anchor_group, anchors)
+
+
+def _owners(source, ob):
+    """To notice that names stand for others now: never followed, only compared."""
+    return tuple(block.as_pointer() for block in (source, source.data, ob, ob.data))
 
 
 def forget(ob):
@@ -82,6 +87,8 @@ def check(ob):
     known, source = _prepared.get(ob.name), ob.detail_deform.transfer.source
     if known and (source is None or known.made_of != _made_of(source, ob)):
         forget(ob)
+    elif known:
+        known.owners = _owners(source, ob)
 
 
 def refresh(ob, depsgraph, force=False):
@@ -109,12 +116,15 @@ def _follow(ob, settings, depsgraph):
             raise MeshProblem("The source was deleted: choose another one, or stop following.")
         return
     known = _prepared.get(ob.name)
+    if known and known.owners != _owners(source, ob):
+        check(ob)
+        known = _prepared.get(ob.name)
     if known is None:
         made_of = _made_of(source, ob)
         # Single precision is what a viewport shows, and takes half the time.
         prepared = transfer.prepare(source, ob, _matched(source, ob), settings.anchor, settings.anchor_group,
                                     precision='SINGLE')
-        known = _prepared[ob.name] = _Prepared(made_of, prepared, mesh_data.positions(ob.data))
+        known = _prepared[ob.name] = _Prepared(made_of, _owners(source, ob), prepared, mesh_data.positions(ob.data))
     pose = transfer.evaluated_pose(source, depsgraph)
     shown = (pose.tobytes(), settings.rotation_only)
     if known.shown != shown:

@@ -345,3 +345,19 @@ def test_kept_correspondences_of_another_mesh_are_refused(pair, tmp_path):
     raw_strip("Other", 20)
     activate(target)
     assert "were made for 'Source'" in refusal(transfer, source="Other", correspondence='STORED')
+
+
+def test_followers_that_swap_their_names_keep_to_their_own_sources(pair):
+    source, target = pair
+    other_source, other = raw_strip("Other Source", 15), raw_strip("Other", 15)
+    add_key(other_source, "Bend", bent(own(other_source)))
+    for ob, follows in ((target, "Source"), (other, "Other Source")):
+        activate(ob)
+        bpy.ops.object.detail_deform_transfer_live(source=follows)
+    target.name, other.name, target.name = "Swap", "Target", "Other"
+    source.name = "Renamed"
+    for key in (source.data.shape_keys.key_blocks["Bend"], other_source.data.shape_keys.key_blocks["Bend"]):
+        key.value = 1.0
+    update()
+    for ob, follows in ((target, source), (other, other_source)):
+        assert np.abs(evaluated(ob) - evaluated(follows)).max() < 1e-4
