@@ -32,9 +32,8 @@ def _move(points, offsets):
 
 def set_key(ob, key, offsets):
     """Makes a present shape key move the mesh by these offsets."""
-    values = np.empty(offsets.size, np.float32)
-    ob.data.vertices.foreach_get('co', values)
-    key.data.foreach_set('co', values + offsets.ravel())
+    key.relative_key = ob.data.shape_keys.reference_key
+    key.data.foreach_set('co', (mesh_data.rest(ob.data) + offsets).ravel())
 
 
 def add_key(ob, name, offsets):

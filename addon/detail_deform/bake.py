@@ -22,14 +22,15 @@ def absolute(path):
     return os.path.abspath(bpy.path.abspath(path))
 
 
-def usual_path(ob):
-    """Beside the file, under a name that no other object's cache has; '' for a file that was never saved."""
+def usual_path(ob, present):
+    """Beside the file, under a name that no other cache has; '' for a file that was never saved. present: the
+    modifier that will play it, if it is there already."""
     if not bpy.data.filepath:
         return ""
     stem = os.path.splitext(os.path.basename(bpy.data.filepath))[0]
     name = ''.join('_' if letter in '\\/:*?"<>|' or ord(letter) < 32 else letter for letter in ob.name)
-    caches = [node_group.find_cache(other) for other in bpy.data.objects if other.type == 'MESH' and other != ob]
-    taken = {absolute(cache.filepath) for cache in caches if cache}
+    taken = {absolute(modifier.filepath) for other in bpy.data.objects for modifier in other.modifiers
+             if modifier.type == 'MESH_CACHE' and modifier.filepath and modifier != present}
     paths = (f"//{stem}_{name}{number}.pc2" for number in ("", *(f" {k}" for k in range(2, 10000))))
     return next(path for path in paths if absolute(path) not in taken)
 
@@ -82,15 +83,22 @@ def _modifier(ob):
     return modifier
 
 
-def _check_range(start, end):
+def check_range(start, end):
     if end < start:
         raise MeshProblem(f"The last frame, {end}, is before the first, {start}.")
+
+
+def check_time(context):
+    """Raises MeshProblem where a cache would play at other times than it was baked."""
+    if context.scene.render.frame_map_old != context.scene.render.frame_map_new:
+        raise MeshProblem("The scene remaps its time (Output > Frame Range > Time Stretching), which a cache doesn't "
+                          "follow: set Old and New alike to bake.")
 
 
 def _over_frames(context, ob, start, end, take):
     """Generator: take(frame) after bringing all to each frame from start to end; yields the fraction done.
     Leaves the scene at the frame where it was."""
-    _check_range(start, end)
+    check_range(start, end)
     binding.wait(ob, context.evaluated_depsgraph_get())
     scene = context.scene
     present, shown = (scene.frame_current, scene.frame_subframe), mesh_data.read_offsets(ob.data)
@@ -116,10 +124,8 @@ def to_cache(context, ob, start, end, path, whole=None):
     whole: first and last frame of the cache, of which start to end are written now; None: these are
     all."""
     first, last = whole or (start, end)
-    _check_range(start, end)
-    if context.scene.render.frame_map_old != context.scene.render.frame_map_new:
-        raise MeshProblem("The scene remaps its time (Output > Frame Range > Time Stretching), which a cache doesn't "
-                          "follow: set Old and New alike to bake.")
+    check_range(start, end)
+    check_time(context)
     if not first <= start <= end <= last:
         raise MeshProblem(f"Frames {start} to {end} are not within the cache's {first} to {last}.")
     modifier = _modifier(ob)
@@ -181,7 +187,7 @@ def to_alembic(context, ob, start, end, path):
     if not bpy.app.build_options.alembic:
         raise MeshProblem("This Blender was built without Alembic: bake a Mesh Cache, or use an official build.")
     path = absolute(path)
-    _check_range(start, end)
+    check_range(start, end)
     for _ in _over_frames(context, ob, start, start, lambda frame: None):
         pass  # what is wrong is said before the export begins
     unfinished = f"{os.path.splitext(path)[0]}.unfinished.abc"

@@ -10,6 +10,10 @@ from .operator_base import LongOperator, MeshOperator
 _PATH_OPTIONS = {'SKIP_SAVE'} | ({'PATH_SUPPORTS_BLEND_RELATIVE'} if bpy.app.version >= (4, 5) else set())
 
 
+def _usual_path(ob):
+    return bake.usual_path(ob, node_group.find_cache(ob))
+
+
 class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_bake'
     bl_label = "Bake Detail Deform"
@@ -51,7 +55,7 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
 
     def invoke(self, context, event):
         self.frame_start, self.frame_end = self._range(context)
-        self.filepath = self.filepath or bake.usual_path(context.active_object)
+        self.filepath = self.filepath or _usual_path(context.active_object)
         self.interactive = True
         return context.window_manager.invoke_props_dialog(self, width=400)
 
@@ -67,7 +71,7 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
 
     def run(self, context, ob):
         start, end = self._range(context)
-        path = self.filepath or bake.usual_path(ob)
+        path = self.filepath or _usual_path(ob)
         mesh_data.check_object(ob)
         if self.mode == 'ALEMBIC':
             bake.to_alembic(context, ob, start, end, path[:-4] + '.abc' if path.endswith('.pc2') else path)

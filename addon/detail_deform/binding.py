@@ -11,6 +11,7 @@ from . import (deformers, dependency, examples, handle_matrices, look, mesh_data
 from .mesh_data import MeshProblem
 
 _POLL_SECONDS = 0.1
+_EXAMPLES = 'examples-'  # before their part of a signature
 _BASE_CHANGED = "The base object, its mesh or its choice was changed since Bind."
 _TOPOLOGY_CHANGED = "The mesh's vertices or faces were changed since Bind."
 _VERTICES_MOVED = "The mesh's vertices were moved since Bind."
@@ -30,14 +31,19 @@ def _options(ob):
     smoothing = settings.metric_smoothing if settings.base_metric == 'SURFACE' else 0.0
     options = {'base_metric': settings.base_metric, 'metric_smoothing': smoothing,
                'smoothness': settings.smoothness}
-    poses = examples.positions(ob)
+    try:
+        poses = examples.positions(ob)
+    except MeshProblem:
+        if settings.method == 'EXAMPLES':
+            raise
+        poses = None  # they matter to that method alone
     return options if poses is None else {**options, 'examples': poses}
 
 
 def _signature(ob, shape, roles):
     return '.'.join([*shape, mesh_data.signature(roles), *(
-        mesh_data.signature(value) if name in {'base', 'examples'} else f"{value:g}" if name == 'metric_smoothing'
-        else str(value) for name, value in _options(ob).items())])
+        _EXAMPLES + mesh_data.signature(value) if name == 'examples' else mesh_data.signature(value) if name == 'base'
+        else f"{value:g}" if name == 'metric_smoothing' else str(value) for name, value in _options(ob).items())])
 
 
 def _roles(ob):
@@ -98,9 +104,15 @@ def _difference(ob):
         return "The region, the handles or their vertex groups were changed since Bind."
     if current[3:] == options:
         return ""
+    if settings.method != 'EXAMPLES' and _without_examples(current[3]) == _without_examples(options[0]):
+        return ""
     if settings.base == 'OBJECT':
         return _BASE_CHANGED
     return "Settings or examples that need a new Bind were changed."
+
+
+def _without_examples(options):
+    return options.split(f'.{_EXAMPLES}')[0]
 
 
 # Following the handles

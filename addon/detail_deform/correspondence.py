@@ -9,6 +9,7 @@ from . import markers, mesh_data, native_transfer
 from .mesh_data import MeshProblem
 
 _PROPERTY = 'detail_deform_match'
+_SAYS = {'TRIANGLES': "pairs of triangles", 'VERTICES': "pairs of vertices"}  # files that were written here
 
 
 class Matched:
@@ -51,15 +52,18 @@ def by_topology(source, target):
     return Matched(triangles, triangles, None, np.ones(len(triangles), np.float32))
 
 
-def read_pairs(path):
+def read_pairs(path, pairs_of):
     """(k, 2) int32 from a file with a pair of numbers a line, source then target, from 0.
 
     Numbers may be parted by spaces, commas, colons or semicolons; what follows them, comments after # and a
     first line with nothing but a count are passed over."""
     pairs = []
     try:
-        with open(path, encoding='utf-8') as file:
+        with open(path, encoding='utf-8-sig') as file:
             for number, line in enumerate(file, 1):
+                said = next((kind for kind in _SAYS if _SAYS[kind] in line), pairs_of)
+                if said != pairs_of:
+                    raise MeshProblem(f"'{path}' says that it holds pairs of {said.lower()}: choose that (Pairs of).")
                 words = line.split('#')[0].replace(',', ' ').replace(';', ' ').replace(':', ' ').split()
                 if not words or (len(words) == 1 and not pairs and words[0].isdigit()):
                     continue
@@ -78,17 +82,17 @@ def read_pairs(path):
     return np.array(pairs, np.int32)
 
 
-def write_pairs(path, pairs):
+def write_pairs(path, matched):
     """As read_pairs() reads them."""
     try:
-        np.savetxt(path, pairs, fmt='%d')
+        np.savetxt(path, matched.pairs, fmt='%d', header=f"{_SAYS[matched.pairs_of]}, source and target, from 0")
     except OSError as error:
         raise MeshProblem(f"'{path}' can't be written: {error.strerror}.") from error
 
 
 def by_list(source, target, path, pairs_of):
     """From a file of pairs of triangles, or of vertices."""
-    matched = Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data), read_pairs(path), None)
+    matched = Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data), read_pairs(path, pairs_of), None)
     counts = {'TRIANGLES': (len(matched.source_triangles), len(matched.target_triangles)),
               'VERTICES': (len(source.data.vertices), len(target.data.vertices))}[pairs_of]
     outside = np.argwhere((matched.pairs < 0) | (matched.pairs >= counts))
@@ -103,19 +107,35 @@ def by_list(source, target, path, pairs_of):
     return matched
 
 
+_last = ((), None)  # what was found last, and of what: a transfer may be repeated with other settings
+
+
+def _searched_for(source, target):
+    return (*(mesh_data.signature(mesh_data.rest(ob.data)) + mesh_data.topology_signature(ob.data) for ob in (source, target)),
+            markers.pairs(source, target).tobytes())
+
+
+def found_before(source, target):
+    """The correspondence when it was the last one found, or None. Raises MeshProblem."""
+    made_of, matched = _last
+    return matched if made_of == _searched_for(source, target) else None
+
+
 def search(source, target):
     """Starts to look for what corresponds, from the markers of both objects: a native Match, which works in the
     background, and what finished() takes. Raises MeshProblem or native.NativeError."""
     pairs = markers.pairs(source, target)
     matched = Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
-    match = native_transfer.Match((mesh_data.positions(source.data), matched.source_triangles),
-                                  (mesh_data.positions(target.data), matched.target_triangles), pairs)
+    match = native_transfer.Match((mesh_data.rest(source.data), matched.source_triangles),
+                                  (mesh_data.rest(target.data), matched.target_triangles), pairs)
     return match, matched
 
 
-def finished(match, matched):
+def finished(match, matched, source, target):
     """Waits for a search. Raises native.NativeError."""
+    global _last
     matched.pairs, matched.confidence, _ = match.finish()
+    _last = (_searched_for(source, target), matched)
     return matched
 
 
@@ -124,7 +144,7 @@ def finished(match, matched):
 def store(matched, source, target):
     """Keeps a correspondence with the target, by which its mesh and the source's are known again."""
     target.data[_PROPERTY] = {
-        'source': source.name, 'pairs_of': matched.pairs_of,
+        'source': source.name, 'pairs_of': matched.pairs_of, 'digest': mesh_data.signature(matched.pairs),
         'source_topology': mesh_data.topology_signature(source.data),
         'target_topology': mesh_data.topology_signature(target.data),
         # Of faces with more corners Blender makes triangles by their shape, which may change.
@@ -139,6 +159,11 @@ def _as_list(values):
 
 def _kept(target):
     return target.data.get(_PROPERTY)
+
+
+def digest(target):
+    """A short text: equal texts, equal correspondences kept."""
+    return _kept(target)['digest'] if is_stored(target) else ""
 
 
 def is_stored(target):

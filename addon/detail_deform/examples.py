@@ -20,13 +20,15 @@ def positions(ob):
 def _positions_of(ob, example):
     if example.object is not None:
         return _positions_of_object(ob, example.object)
+    if example.is_object:
+        raise MeshProblem(f"The object of example '{example.name}' was deleted: choose another one, or remove it from the "
+                          "examples.")
     keys = ob.data.shape_keys
     key = keys and keys.key_blocks.get(example.name)
     if not key:
         raise MeshProblem(f"Example '{example.name}': '{ob.name}' has no shape key of that name. Choose another one, or "
                           "remove it from the examples.")
-    rest = mesh_data.key_positions(keys.reference_key)
-    return rest + mesh_data.key_positions(key) - mesh_data.key_positions(key.relative_key)
+    return mesh_data.key_shape(ob.data, key)
 
 
 def _positions_of_object(ob, other):
@@ -66,13 +68,16 @@ def add_objects(ob, others):
     others = [other for other in others if other != ob and other.type == 'MESH']
     if not others:
         raise MeshProblem(f"Select posed copies of '{ob.name}' beside it: those become examples.")
+    rest = mesh_data.rest(ob.data)
     for other in others:
-        _positions_of_object(ob, other)
+        if np.abs(_positions_of_object(ob, other) - rest).max() == 0:
+            raise MeshProblem(f"The mesh of '{other.name}' is that of '{ob.name}' at rest: its modifiers and shape keys don't "
+                              "count, apply them first.")
     present = {example.object for example in ob.detail_deform.examples}
     for other in others:
         if other not in present:
             example = ob.detail_deform.examples.add()
-            example.name, example.object = other.name, other
+            example.is_object, example.name, example.object = True, other.name, other
 
 
 def shown_keys(ob):

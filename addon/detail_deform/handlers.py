@@ -16,6 +16,10 @@ def _compare():
     for ob in binding.bound_objects(bpy.data.objects):
         if ob.name in _to_compare:
             binding.check_content(ob)
+    for ob in live_transfer.following(bpy.data.objects):
+        if ob.name in _to_compare:
+            live_transfer.check(ob)
+            live_transfer.refresh(ob, bpy.context.evaluated_depsgraph_get())
     _to_compare.clear()
     binding.redraw_panels()
 
@@ -28,6 +32,7 @@ def _forget_to_compare():
 def _edited(ob):
     if bpy.app.background:
         binding.check_content(ob)
+        live_transfer.check(ob)
         return
     _to_compare.add(ob.name)
     _forget_to_compare()
@@ -45,11 +50,6 @@ def _depsgraph_updated(scene, depsgraph):
     edited = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
     if edited:
         preview.forget(edited)
-    for ob in live_transfer.following(scene.objects):
-        source = ob.detail_deform.transfer.source
-        if ob.data in edited or (source and source.data in edited):
-            live_transfer.check(ob)
-        live_transfer.refresh(ob, depsgraph)
     objects = binding.bound_objects(scene.objects)
     for ob in objects:
         if ob.data in edited:  # the object alone is tagged by whatever its modifiers depend on
@@ -60,20 +60,25 @@ def _depsgraph_updated(scene, depsgraph):
         if base and base.data in edited:
             binding.check_base(ob)
     _refresh(objects, depsgraph)
+    for ob in live_transfer.following(scene.objects):  # which may follow those
+        source = ob.detail_deform.transfer.source
+        if ob.data in edited or (source and source.data in edited):
+            _edited(ob)
+        live_transfer.refresh(ob, depsgraph)
 
 
 @persistent
 def _frame_changed(scene, depsgraph):
+    _refresh(binding.bound_objects(scene.objects), depsgraph)
     for ob in live_transfer.following(scene.objects):
         live_transfer.refresh(ob, depsgraph)
-    _refresh(binding.bound_objects(scene.objects), depsgraph)
 
 
 @persistent
 def _data_replaced(*_):
     """Undo, redo, loading: the attributes may hold any earlier result."""
     deformers.forget_shown()
-    live_transfer.forget_shown()
+    live_transfer.forget_shown(bpy.data.objects)
     preview.forget()
 
 

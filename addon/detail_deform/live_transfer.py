@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A mesh that follows the deformation of another one, live: in the viewport, in playback, in renders."""
 
-import bpy
-
 from . import binding, correspondence, mesh_data, native, node_group, transfer
 from .mesh_data import MeshProblem
 
@@ -10,8 +8,13 @@ from .mesh_data import MeshProblem
 class _Prepared:
     """A factored transfer, what it was made of, whose that was, and the pose that the target shows."""
 
-    def __init__(self, made_of, owners, transfer_, rest):
-        self.made_of, self.owners, self.transfer, self.rest = made_of, owners, transfer_, rest
+    def __init__(self, source, ob):
+        settings = ob.detail_deform.transfer
+        self.made_of, self.owners = _made_of(source, ob), _owners(source, ob)
+        # Single precision is what a viewport shows, and takes half the time.
+        self.transfer = transfer.prepare(source, ob, _matched(source, ob), settings.anchor, settings.anchor_group,
+                                         precision='SINGLE')
+        self.rest = mesh_data.rest(ob.data)
         self.shown = None
 
 
@@ -19,8 +22,17 @@ _prepared = {}  # by name of the target
 
 
 def following(objects):
-    """Those that follow a source."""
-    return [ob for ob in objects if ob.type == 'MESH' and ob.detail_deform.transfer.live]
+    """Those that follow a source, each after those that it follows."""
+    found = [ob for ob in objects if ob.type == 'MESH' and ob.detail_deform.transfer.live]
+    return sorted(found, key=_depth) if len(found) > 1 else found
+
+
+def _depth(ob):
+    """Of a chain of followers, at most ten: one may bite its own tail."""
+    depth = 0
+    while ob is not None and ob.detail_deform.transfer.live and depth < 10:
+        ob, depth = ob.detail_deform.transfer.source, depth + 1
+    return depth
 
 
 def start(context, ob, source):
@@ -28,22 +40,23 @@ def start(context, ob, source):
     settings = ob.detail_deform
     if settings.signature:
         raise MeshProblem(f"'{ob.name}' is bound to handles, which move it already: Unbind first.")
-    _matched(source, ob)
-    settings.transfer.source = source
-    settings.transfer.live = True
+    prepared = _Prepared(source, ob)
+    transfer.evaluated_pose(source, context.evaluated_depsgraph_get())
     modifier = node_group.ensure_modifier(ob)
+    _prepared[ob.name] = prepared
+    settings.transfer.live = True
+    if settings.transfer.source != source:
+        settings.transfer.source = source
     node_group.set_base(modifier, source)  # evaluated where it is hidden, too
     binding.influence_changed(ob)
     refresh(ob, context.evaluated_depsgraph_get(), force=True)
-    problem = settings.transfer.problem
-    if problem:
-        stop(ob)
-        raise MeshProblem(problem)
 
 
 def stop(ob):
     """The mesh shows its rest shape again."""
     settings = ob.detail_deform.transfer
+    if not settings.live:
+        return
     settings.live = False
     settings.problem = ""
     forget(ob)
@@ -51,6 +64,24 @@ def stop(ob):
     if modifier:
         node_group.set_base(modifier, None)
     mesh_data.remove_offsets(ob.data)
+    if not ob.detail_deform.handles:  # nobody else has use for it
+        node_group.remove_modifier(ob)
+
+
+def source_changed(ob):
+    """To follow another one."""
+    settings, modifier = ob.detail_deform.transfer, node_group.find_modifier(ob)
+    if settings.live and modifier:
+        node_group.set_base(modifier, settings.source)
+
+
+def state(ob):
+    """How a follower fares, in a sentence."""
+    settings = ob.detail_deform.transfer
+    return settings.problem or (f"Follows '{settings.source.name}'." if settings.source else _GONE)
+
+
+_GONE = "The source was deleted: choose another one, or stop following."
 
 
 def _matched(source, ob):
@@ -68,8 +99,9 @@ def _made_of(source, ob):
     anchors = ""
     if settings.anchor_group in ob.vertex_groups and settings.anchor in {'VERTICES', 'PINNED'}:
         anchors = mesh_data.signature(mesh_data.members(ob, settings.anchor_group))
-    return (*mesh_data.shape_signature(source.data), *mesh_data.shape_signature(ob.data),
-            settings.correspondence, settings.anchor, settings.anchor_group, anchors)
+    return (*(mesh_data.signature(mesh_data.rest(mesh)) + mesh_data.topology_signature(mesh) for mesh in (source.data, ob.data)),
+            settings.correspondence, correspondence.digest(ob), settings.anchor, settings.anchor_group, anchors,
+            *(tuple(transfer.proportions(side)) for side in (source, ob)))
 
 
 def _owners(source, ob):
@@ -97,10 +129,15 @@ def refresh(ob, depsgraph, force=False):
 
     Never raises for what the user can cause: the sentence goes to the settings."""
     settings = ob.detail_deform.transfer
-    if not settings.live or ob.mode == 'EDIT' or not (force or node_group.is_shown(ob, depsgraph)):
+    if not settings.live or ob.mode == 'EDIT':
         return
     try:
-        _follow(ob, settings, depsgraph)
+        if settings.source is None or not settings.source.users_scene:
+            raise MeshProblem(_GONE)
+        if node_group.find_modifier(ob) is None:
+            raise MeshProblem("Its modifier was removed or applied by hand: press Follow to stop, and again to go on.")
+        if force or node_group.is_shown(ob, depsgraph):
+            _follow(ob, settings, depsgraph)
         problem = ""
     except (MeshProblem, native.NativeError) as error:
         problem = str(error)
@@ -110,21 +147,15 @@ def refresh(ob, depsgraph, force=False):
 
 def _follow(ob, settings, depsgraph):
     source = settings.source
-    mesh_data.check_object(ob)
-    if source is None or source.mode == 'EDIT':
-        if source is None:
-            raise MeshProblem("The source was deleted: choose another one, or stop following.")
+    if source.mode == 'EDIT':
         return
+    mesh_data.check_object(ob)
     known = _prepared.get(ob.name)
     if known and known.owners != _owners(source, ob):
         check(ob)
         known = _prepared.get(ob.name)
     if known is None:
-        made_of = _made_of(source, ob)
-        # Single precision is what a viewport shows, and takes half the time.
-        prepared = transfer.prepare(source, ob, _matched(source, ob), settings.anchor, settings.anchor_group,
-                                    precision='SINGLE')
-        known = _prepared[ob.name] = _Prepared(made_of, _owners(source, ob), prepared, mesh_data.positions(ob.data))
+        known = _prepared[ob.name] = _Prepared(source, ob)
     pose = transfer.evaluated_pose(source, depsgraph)
     shown = (pose.tobytes(), settings.rotation_only)
     if known.shown != shown:
@@ -132,9 +163,9 @@ def _follow(ob, settings, depsgraph):
         known.shown = shown
 
 
-def forget_shown():
+def forget_shown(objects):
     """What meshes hold is not known any more: after undo, redo and loading."""
-    for ob in following(bpy.data.objects):
+    for ob in following(objects):
         check(ob)
     for known in _prepared.values():
         known.shown = None

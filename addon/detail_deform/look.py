@@ -18,7 +18,7 @@ def options(settings):
     if settings.method == 'EXAMPLES':
         look['rotation_only'] = False  # examples that swell are to be met
         look['example_stiffness'] = settings.example_stiffness
-        if settings.weights_by == 'SLIDERS':
+        if settings.weights_by == 'SLIDERS' and settings.base == 'COMPUTED':
             look['example_weights'] = examples.weights(settings)
     if settings.method == 'VOLUMES':
         look['volume_tolerance'] = settings.volume_tolerance

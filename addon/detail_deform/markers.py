@@ -48,6 +48,8 @@ def _by_empties(ob):
 
 def of(ob):
     """{number: vertex} of a mesh object. Raises MeshProblem."""
+    if not ob.data.vertices:
+        raise MeshProblem(f"'{ob.name}' has no vertices.")
     groups, empties = _by_groups(ob), _by_empties(ob)
     twice = groups.keys() & empties.keys()
     if twice:
@@ -55,10 +57,16 @@ def of(ob):
     return {**groups, **empties}
 
 
-def count(ob):
-    """How many there are, for the panel: names alone."""
-    return len({_number(name) for name in [*ob.vertex_groups.keys(), *(c.name for c in ob.children if c.type == 'EMPTY')]}
-               - {None})
+def counts(ob, source):
+    """How many there are here, on the source, and with the same numbers on both, for the panel."""
+    here, there = _numbers(ob), _numbers(source) if source else set()
+    return len(here), len(there), len(here & there)
+
+
+def _numbers(ob):
+    """Those in use, by names alone."""
+    names = [*ob.vertex_groups.keys(), *(child.name for child in ob.children if child.type == 'EMPTY')]
+    return {_number(name) for name in names} - {None}
 
 
 def pairs(source, target):
@@ -67,7 +75,7 @@ def pairs(source, target):
     both = sorted(of_source.keys() & of_target.keys())
     if len(both) < _FEWEST:
         raise MeshProblem(f"'{source.name}' has {len(of_source)} markers and '{target.name}' {len(of_target)}, {len(both)} "
-                          f"with the same numbers: mark at least {_FEWEST} places on both, better ten (Add Marker).")
+                          f"with the same numbers: mark at least {_FEWEST} places on both, better ten (Add Marker, in Edit Mode).")
     return np.array([[of_source[number], of_target[number]] for number in both], np.int32)
 
 
@@ -76,7 +84,7 @@ def add(ob, number):
     chosen = np.flatnonzero(selection.selected(ob))
     if not len(chosen):
         raise MeshProblem("No vertex is selected: select the one to mark.")
-    used = {_number(group.name) for group in ob.vertex_groups}
+    used = _numbers(ob)
     number = number or next(k for k in range(1, len(used) + 2) if k not in used)
     if number in used:
         raise MeshProblem(f"'{ob.name}' has a marker {number} already: choose another number.")

@@ -46,11 +46,21 @@ def positions(mesh):
     return values.reshape(-1, 3)
 
 
+def rest(mesh):
+    """(n, 3) float32: without shape keys, which start from their basis and not from the mesh's own vertices."""
+    return key_positions(mesh.shape_keys.reference_key) if mesh.shape_keys else positions(mesh)
+
+
 def key_positions(key):
     """(n, 3) float32 of a shape key."""
     values = np.empty(3 * len(key.data), np.float32)
     key.data.foreach_get('co', values)
     return values.reshape(-1, 3)
+
+
+def key_shape(mesh, key):
+    """(n, 3) float32: the rest as this key alone deforms it, whatever it is relative to."""
+    return rest(mesh) + key_positions(key) - key_positions(key.relative_key)
 
 
 def triangles(mesh):

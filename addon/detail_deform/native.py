@@ -94,7 +94,7 @@ class TransferInfo(ctypes.Structure):
     _fields_ = [('struct_size', ctypes.c_uint32)] + [
         (name, ctypes.c_int32) for name in (
             'unmatched_count', 'unmatched_example', 'unmatched_part_count', 'unmatched_part_example',
-            'loose_count', 'degenerate_count', 'degenerate_example', 'unknowns')] + [
+            'loose_count', 'degenerate_count', 'degenerate_example', 'mirrored', 'unknowns')] + [
         ('nonzeros', ctypes.c_double), ('placement', ctypes.c_double * 12)]
 
 

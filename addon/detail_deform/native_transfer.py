@@ -37,7 +37,7 @@ class Transfer:
             *_mesh(*source), *_mesh(*target), *native._pointer(pairs), options, handle))
         self._handle = handle
         self._lock = threading.Lock()
-        self._anchor_size, self._size = 3 * anchors.size, np.asarray(target[0]).size
+        self._size = np.asarray(target[0]).size
         self.info = native.TransferInfo(ctypes.sizeof(native.TransferInfo))
         native._check(native.library().dd_transfer_get_info(self._handle, self.info))
 

@@ -85,6 +85,7 @@ class OBJECT_OT_detail_deform_unbind(MeshOperator, bpy.types.Operator):
     def run(self, context, ob):
         mesh_data.check_object(ob)
         binding.unbind(ob)
+        live_transfer.stop(ob)
 
 
 class OBJECT_OT_detail_deform_update(MeshOperator, bpy.types.Operator):
@@ -131,6 +132,7 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
         binding.settle(ob)
         apply_result.apply(ob, self.mode)
         binding.unbind(ob)
+        live_transfer.stop(ob)
         node_group.remove_modifier(ob)
 
 

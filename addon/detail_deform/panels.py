@@ -210,11 +210,17 @@ class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator('object.detail_deform_examples_from_keys', text="Add Shape Keys", icon='SHAPEKEY_DATA')
         row.operator('object.detail_deform_examples_from_objects', text="Add Selected Objects", icon='OBJECT_DATA')
+        if 0 <= settings.example_index < len(settings.examples):
+            example = settings.examples[settings.example_index]
+            if example.is_object:
+                layout.prop(example, 'object')
+            elif ob.data.shape_keys:
+                layout.prop_search(example, 'name', ob.data.shape_keys, 'key_blocks', text="Shape Key")
+            if settings.weights_by == 'SLIDERS':
+                layout.prop(example, 'weight', slider=True)
         layout.row().prop(settings, 'weights_by', expand=True)
         if settings.weights_by == 'HANDLES':
             layout.prop(settings, 'example_stiffness')
-        elif 0 <= settings.example_index < len(settings.examples):
-            layout.prop(settings.examples[settings.example_index], 'weight', slider=True)
 
 
 class OBJECT_PT_detail_deform_base(ModifierPanel, bpy.types.Panel):

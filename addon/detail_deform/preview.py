@@ -67,7 +67,7 @@ def _points(ob, depsgraph):
     if len(mesh.vertices) != len(ob.data.vertices):
         return None
     settings = ob.detail_deform
-    made_of = (settings.region, settings.transfer.show_match, len(ob.data.vertices),
+    made_of = (settings.region, settings.transfer.show_match, correspondence.digest(ob), len(ob.data.vertices),
                *((h.vertex_group, h.enabled) for h in settings.handles))
     known = _colours.get(ob.name)
     if known is None or known[0] != made_of:

@@ -47,6 +47,11 @@ def _influence_changed(self, context):
     binding.influence_changed(self.id_data)
 
 
+def _method_changed(self, context):
+    binding.check_content(self.id_data)  # examples matter to one of them
+    _look_changed(self, context)
+
+
 def _look_changed(self, context):
     binding.refresh(self.id_data, context.evaluated_depsgraph_get())
 
@@ -58,9 +63,9 @@ def _example_changed(self, context):
 
 def _weights_by_changed(self, context):
     """The sliders go on from what the handles asked for."""
-    if self.weights_by == 'SLIDERS':
-        found = [example.found_weight for example in self.examples]
-        for example, weight in zip(self.examples, found):
+    if self.weights_by == 'SLIDERS' and status.weights_are_found(self.id_data):
+        found = [(example, example.found_weight) for example in self.examples if example.enabled]
+        for example, weight in found:
             example.weight = weight
     _look_changed(self, context)
 
@@ -107,6 +112,7 @@ class DetailDeformExample(bpy.types.PropertyGroup):
         name="Object", type=bpy.types.Object, update=_example_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
         description="Object with the same vertices and faces in another pose; its mesh without modifiers and shape keys counts")
+    is_object: BoolProperty(options={'HIDDEN'})
     enabled: BoolProperty(
         name="Enabled", default=True, update=_example_changed,
         description="Take this example into account. Takes effect at the next Bind")
@@ -131,7 +137,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         type=bpy.types.Collection, options={'HIDDEN'}, description="Where the empties are that were made here")
     handle_index: IntProperty(name="Active Handle", options={'HIDDEN'})
     method: EnumProperty(
-        name="Method", update=_look_changed,
+        name="Method", update=_method_changed,
         items=[('TRANSFER', "Detail Transfer", "A smooth base surface bends, and details turn with it (Botsch, Sumner, Pauly, Gross 2006). The best choice nearly always"),
                ('VARIATIONAL', "Smooth Displacement", "The smoothest displacement that follows the handles: details are moved but not turned, so they shear (variational minimization)"),
                ('NORMAL', "Normal Displacement", "A smooth base surface bends, and details stand on it along its normals: fails where they overhang, and self-intersects in tight bends"),

@@ -27,6 +27,12 @@ def example_weight(ob, example):
     return weights[number] if number < len(weights) else 0.0
 
 
+def weights_are_found(ob):
+    """Whether the handles have asked for weights since Bind."""
+    found = deformers.find(ob.detail_deform.signature)
+    return bool(found and found.example_weights.get(ob.name))
+
+
 def text(ob):
     """One or more sentences; the first says how things stand."""
     settings = ob.detail_deform
@@ -37,8 +43,7 @@ def text(ob):
         _, fraction, stage = under_way.progress()
         return f"Binding, {100 * fraction:.0f}%: {stage}."
     if settings.transfer.live:
-        source = settings.transfer.source
-        return settings.transfer.problem or f"Follows '{source.name}': see Transfer."
+        return settings.transfer.state
     if settings.stale:
         return f"{settings.stale} Re-bind to go on."
     if settings.problem:

@@ -16,6 +16,10 @@ _SHARE_OF_SEARCH = 0.8
 _PATH_OPTIONS = {'SKIP_SAVE'} | ({'PATH_SUPPORTS_BLEND_RELATIVE'} if bpy.app.version >= (4, 5) else set())
 
 
+def _usual_path(ob):
+    return bake.usual_path(ob, transfer.find_cache(ob))
+
+
 def _source_of(ob, name):
     source = bpy.data.objects.get(name) if name else ob.detail_deform.transfer.source
     if name and source is None:
@@ -25,7 +29,10 @@ def _source_of(ob, name):
 
 
 def _searched(source, target):
-    """Generator: the correspondence found by markers, and kept; yields the fraction done."""
+    """Generator: the correspondence found by markers; yields the fraction done."""
+    known = correspondence.found_before(source, target)
+    if known:
+        return known
     match, matched = correspondence.search(source, target)
     try:
         running = True
@@ -34,10 +41,9 @@ def _searched(source, target):
             yield fraction
             if running:
                 time.sleep(_POLL_SECONDS)
-        matched = correspondence.finished(match, matched)
+        matched = correspondence.finished(match, matched, source, target)
     finally:
         match.close()
-    correspondence.store(matched, source, target)
     return matched
 
 
@@ -76,7 +82,7 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         description="Of all shape keys those whose names fit, such as mouth* (* stands for any letters)")
     replace: BoolProperty(
         name="Replace", default=False,
-        description="Give shape keys of the same names the new shape, instead of adding others beside them")
+        description="Give shape keys of the same names that were not transferred before the new shape, too, instead of adding others beside them")
     drivers: BoolProperty(
         name="Copy Drivers", default=False,
         description="Copy the drivers of the source's shape keys to the new ones")
@@ -99,7 +105,7 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
             if not self.properties.is_property_set(name):
                 setattr(self, name, getattr(settings, name))
         self.frame_start, self.frame_end = self._range(context)
-        self.cache_path = self.cache_path or bake.usual_path(ob)
+        self.cache_path = self.cache_path or _usual_path(ob)
         self.interactive = True
         return context.window_manager.invoke_props_dialog(self, width=400)
 
@@ -133,16 +139,22 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
                 self.given('frame_end', context.scene.frame_end))
 
     def run(self, context, ob):
+        settings = ob.detail_deform.transfer
         mesh_data.check_object(ob)
         source = _source_of(ob, self.source)
+        if settings.live:
+            raise mesh_data.MeshProblem(f"'{ob.name}' follows '{settings.source.name if settings.source else ''}' already, "
+                                        "which would be doubled: stop that first (Follow).")
         keys = None
         if self.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
             keys = transfer.chosen_keys(source, self.what == 'ACTIVE_KEY', self.pattern)
         if self.what == 'ANIMATION':
+            bake.check_range(*self._range(context))
             if self.bake_as == 'SHAPE_KEYS':
                 bake.check_keyed_keys(ob)
             else:
-                bake.absolute(self.cache_path or bake.usual_path(ob))
+                bake.absolute(self.cache_path or _usual_path(ob))
+                bake.check_time(context)
         return self.start(context, self._all(context, source, ob, keys))
 
     def _all(self, context, source, ob, keys):
@@ -157,7 +169,6 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         elif how == 'LIST':
             path = bpy.path.abspath(self.filepath or settings.filepath)
             matched = correspondence.by_list(source, ob, path, self.given('pairs_of', settings.pairs_of))
-            correspondence.store(matched, source, ob)
         elif how == 'STORED':
             matched = correspondence.stored(source, ob)
         else:
@@ -166,9 +177,10 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
                                     self.anchor_group or settings.anchor_group)
         yield begin
         started = time.perf_counter()
-        yield from self._share(self._carry(context, prepared, source, ob, keys), begin, 1)
-        what = "1 shape key" if keys is not None and len(keys) == 1 else f"{len(keys)} shape keys" if keys else self.what.lower()
-        self.report({'INFO'}, f"Transferred from '{source.name}': {what}, in {time.perf_counter() - started:.1f} s")
+        made = yield from self._share(self._carry(context, prepared, source, ob, keys), begin, 1)
+        if how in {'MARKERS', 'LIST'}:
+            correspondence.store(matched, source, ob)
+        self.report({'INFO'}, f"{made} from '{source.name}', in {time.perf_counter() - started:.1f} s")
         for remark in transfer.remarks(prepared):
             self.report({'INFO'}, remark)
 
@@ -187,18 +199,23 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
                 raise
 
     def _carry(self, context, prepared, source, ob, keys):
+        """Generator of the fraction done; returns what was made, in words."""
         rotation_only = self.given('rotation_only', ob.detail_deform.transfer.rotation_only)
         start, end = self._range(context)
         if self.what == 'POSE':
-            yield from transfer.pose_to_key(context, prepared, source, ob, rotation_only, self.replace)
+            names = yield from transfer.pose_to_key(context, prepared, source, ob, rotation_only, self.replace)
         elif keys is not None:
-            yield from transfer.keys_to_keys(prepared, source, ob, keys, rotation_only, self.replace, self.drivers)
+            names = yield from transfer.keys_to_keys(prepared, source, ob, keys, rotation_only, self.replace, self.drivers)
         elif self.bake_as == 'SHAPE_KEYS':
             yield from transfer.to_keyed_keys(context, prepared, source, ob, start, end, rotation_only)
+            return f"{end + 1 - start} keyed shape keys"
         else:
-            path = self.cache_path or bake.usual_path(ob)
+            path = self.cache_path or _usual_path(ob)
             yield from transfer.to_cache(context, prepared, source, start, end, path, rotation_only)
             transfer.use_cache(ob, path, start)
+            return f"{end + 1 - start} frames"
+        more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+        return f"Shape {'key' if len(names) == 1 else 'keys'} {', '.join(map(repr, names[:3]))}{more}"
 
 
 class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
@@ -223,6 +240,7 @@ class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
 
     def _find(self, source, ob):
         matched = yield from _searched(source, ob)
+        correspondence.store(matched, source, ob)
         ob.detail_deform.transfer.correspondence = 'STORED'
         self.report({'INFO'}, f"Correspondences found: {100 * matched.confidence.mean():.0f}% alike on the whole, "
                               f"{100 * (matched.confidence < 0.5).mean():.0f}% of the faces less than half.")
@@ -252,7 +270,7 @@ class OBJECT_OT_detail_deform_transfer_save(MeshOperator, bpy.types.Operator):
 
     def run(self, context, ob):
         source = _source_of(ob, self.source)
-        correspondence.write_pairs(bpy.path.abspath(self.filepath), correspondence.stored(source, ob).pairs)
+        correspondence.write_pairs(bpy.path.abspath(self.filepath), correspondence.stored(source, ob))
 
 
 class OBJECT_OT_detail_deform_transfer_forget(MeshOperator, bpy.types.Operator):
@@ -263,6 +281,8 @@ class OBJECT_OT_detail_deform_transfer_forget(MeshOperator, bpy.types.Operator):
     poll_object = OBJECT_OT_detail_deform_transfer_save.poll_object
 
     def run(self, context, ob):
+        if ob.detail_deform.transfer.live:
+            raise mesh_data.MeshProblem(f"'{ob.name}' follows its source by them: stop that first (Follow).")
         correspondence.forget(ob)
         ob.detail_deform.transfer.property_unset('correspondence')
         ob.detail_deform.transfer.show_match = False

@@ -15,21 +15,21 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         settings = all_settings.transfer
         source = settings.source
         if settings.live:
-            draw_text(layout.box(), context, settings.problem or f"Follows '{source.name}'.",
-                      'ERROR' if settings.problem else 'LINKED')
+            draw_text(layout.box(), context, settings.state, 'ERROR' if settings.problem else 'LINKED')
+        layout.prop(settings, 'source')
         column = layout.column()
         column.enabled = not settings.live
-        column.prop(settings, 'source')
         column.prop(settings, 'correspondence')
         if settings.correspondence == 'LIST':
             column.prop(settings, 'filepath')
             column.prop(settings, 'pairs_of')
-        if settings.correspondence == 'MARKERS':
-            counts = f"{markers.count(ob)} markers here, {markers.count(source) if source else 0} on the source"
-            draw_text(column, context, counts, 'EMPTY_AXIS')
-            if ob.mode == 'EDIT':
-                column.operator('object.detail_deform_marker_add', icon='ADD')
+        here, there, both = markers.counts(ob, source)
+        if settings.correspondence == 'MARKERS' or here:
+            counts = f"{here} markers here, {there} on the source, {both} with the same numbers"
+            draw_text(column, context, counts if source else f"{here} markers here", 'EMPTY_AXIS')
             column.operator('object.detail_deform_transfer_match', icon='VIEWZOOM')
+        if ob.mode == 'EDIT' or settings.correspondence == 'MARKERS':
+            column.operator('object.detail_deform_marker_add', icon='ADD')
         if correspondence.is_stored(ob):
             row = column.row(align=True)
             row.prop(settings, 'show_match', toggle=True)

@@ -21,6 +21,11 @@ ANCHORS = [
     ('PINNED', "Pinned Group", "Each vertex of the anchor group stays in place")]
 
 
+def _source_changed(self, context):
+    live_transfer.source_changed(self.id_data)
+    _changed(self, context)
+
+
 def _changed(self, context):
     live_transfer.forget(self.id_data)
     live_transfer.refresh(self.id_data, context.evaluated_depsgraph_get())
@@ -32,7 +37,7 @@ def _preview_changed(self, context):
 
 class DetailDeformTransfer(bpy.types.PropertyGroup):
     source: PointerProperty(
-        name="Source", type=bpy.types.Object, update=_changed,
+        name="Source", type=bpy.types.Object, update=_source_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
         description="Mesh object whose deformation is carried over to this one. Its mesh without shape keys and modifiers is the rest")
     correspondence: EnumProperty(
@@ -53,6 +58,9 @@ class DetailDeformTransfer(bpy.types.PropertyGroup):
     show_match: BoolProperty(
         name="Show Match", update=_preview_changed,
         description="Colour the vertices by how well they are matched: green where the fitted source lies on this mesh, red where it doesn't")
+    state: StringProperty(
+        name="State", get=lambda self: live_transfer.state(self.id_data),
+        description="Whom this mesh follows, or what is wrong and what to do")
     live: BoolProperty(options={'HIDDEN'})
     problem: StringProperty(options={'HIDDEN'})
 

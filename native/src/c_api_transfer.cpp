@@ -35,17 +35,6 @@ struct dd_match {
 
 namespace {
 
-dd::Mesh read_side(const char* side, const float* positions, size_t position_count,
-                   const int32_t* triangles, size_t index_count) {
-  try {
-    dd::Mesh mesh = read_mesh(positions, position_count, triangles, index_count);
-    dd::validate(mesh);
-    return mesh;
-  } catch (const dd::Error& error) {
-    throw dd::Error(error.status(), std::string("The ") + side + ": " + error.what());
-  }
-}
-
 dd::Pairs read_pairs(const char* name, const int32_t* values, size_t count) {
   require(values || count == 0, std::string(name) + " is null.");
   require(count % 2 == 0, std::string(name) + " has " + std::to_string(count) +
@@ -67,9 +56,9 @@ dd::Similarity read_placement(const double* values) {
   return placement;
 }
 
-dd::Correspondence read_correspondence(const dd::Pairs& pairs, int32_t pairs_of,
+dd::Correspondence read_correspondence(bool given, const dd::Pairs& pairs, int32_t pairs_of,
                                        const dd::Mesh& source, const dd::Mesh& target) {
-  if (pairs.empty()) return dd::same_topology(source, target);
+  if (!given) return dd::same_topology(source, target);
   if (pairs_of == DD_PAIRS_OF_VERTICES) return dd::vertex_correspondence(pairs, source, target);
   return dd::triangle_correspondence(pairs, source.triangle_count(), target.triangle_count());
 }
@@ -113,12 +102,13 @@ int32_t dd_transfer_create(const float* source_positions, size_t source_position
         "options.precision is " + std::to_string(options.precision) + ", not single or double.");
     require(options.threads >= 0 && options.threads <= 1024,
             "options.threads is " + std::to_string(options.threads) + ", not between 0 and 1024.");
-    dd::Mesh source = read_side("source", source_positions, source_position_count, source_triangles,
-                                source_index_count);
-    dd::Mesh target = read_side("target", target_positions, target_position_count, target_triangles,
-                                target_index_count);
-    const dd::Correspondence correspondence = read_correspondence(
-        read_pairs("pairs", pairs, pair_value_count), options.pairs_of, source, target);
+    dd::Mesh source =
+        read_mesh(source_positions, source_position_count, source_triangles, source_index_count);
+    dd::Mesh target =
+        read_mesh(target_positions, target_position_count, target_triangles, target_index_count);
+    const dd::Correspondence correspondence =
+        read_correspondence(pairs != nullptr, read_pairs("pairs", pairs, pair_value_count),
+                            options.pairs_of, source, target);
     dd::Similarity placement;
     dd::TransferOptions how;
     if (options.placement) {
@@ -171,6 +161,7 @@ int32_t dd_transfer_get_info(const dd_transfer* transfer, dd_transfer_info* info
     const std::vector<int>& degenerate = bound.degenerate_triangles();
     facts.degenerate_count = static_cast<int32_t>(degenerate.size());
     facts.degenerate_example = degenerate.empty() ? -1 : degenerate.front();
+    facts.mirrored = bound.mirrored();
     facts.unknowns = bound.unknowns();
     facts.nonzeros = bound.nonzeros();
     Eigen::Map<Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> placement(facts.placement);
@@ -206,18 +197,18 @@ int32_t dd_match_start(const float* source_positions, size_t source_position_cou
     if (options.reach > 0) how.reach = options.reach;
     how.threads = options.threads;
     auto started = std::make_unique<dd_match>();
-    started->source = read_side("source", source_positions, source_position_count, source_triangles,
-                                source_index_count);
-    started->target = read_side("target", target_positions, target_position_count, target_triangles,
-                                target_index_count);
-    started->job.start(
-        [&of = *started, how,
-         pairs = read_pairs("markers", markers, marker_value_count)](const dd::Progress& progress) {
-          of.fitted = dd::register_onto(of.source, of.target, pairs, how, dd::within(progress, 0, 0.9));
-          of.match = dd::match_triangles({of.fitted, of.source.triangles}, of.target, how.reach,
-                                         dd::within(progress, 0.9, 1));
-          of.found = true;
-        });
+    started->source =
+        read_mesh(source_positions, source_position_count, source_triangles, source_index_count);
+    started->target =
+        read_mesh(target_positions, target_position_count, target_triangles, target_index_count);
+    started->job.start([&of = *started, how,
+                        pairs = read_pairs("markers", markers, marker_value_count)](
+                           const dd::Progress& progress) {
+      of.fitted = dd::register_onto(of.source, of.target, pairs, how, dd::within(progress, 0, 0.9));
+      of.match = dd::match_triangles({of.fitted, of.source.triangles}, of.target, how.reach,
+                                     how.threads, dd::within(progress, 0.9, 1));
+      of.found = true;
+    });
     *match = started.release();
   });
 }

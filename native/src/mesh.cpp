@@ -44,6 +44,18 @@ void validate(const Mesh& mesh) {
     throw Error(Status::mesh, "All vertices are at one point: the mesh has no surface to deform.");
 }
 
+void validate(const Mesh& mesh, const char* which) {
+  try {
+    validate(mesh);
+  } catch (const Error& error) {
+    throw Error(error.status(), std::string("The ") + which + ": " + error.what());
+  }
+}
+
+Eigen::Vector3d triangle_centre(const Positions& p, const Triangles& t, Index j) {
+  return (p.row(t(j, 0)) + p.row(t(j, 1)) + p.row(t(j, 2))).transpose() / 3;
+}
+
 double bounding_box_diagonal(const Positions& positions) {
   return (positions.colwise().maxCoeff() - positions.colwise().minCoeff()).norm();
 }

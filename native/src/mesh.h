@@ -24,6 +24,11 @@ constexpr double kFarthest = 1e30;
 /// triangle, no extent.
 void validate(const Mesh& mesh);
 
+/// The same of one of several meshes, which the sentence then begins with: "The source: ...".
+void validate(const Mesh& mesh, const char* which);
+
+Eigen::Vector3d triangle_centre(const Positions& positions, const Triangles& triangles, Index j);
+
 /// Length of the bounding box's diagonal.
 double bounding_box_diagonal(const Positions& positions);
 

@@ -17,19 +17,13 @@ namespace dd {
 namespace {
 
 constexpr int kLeastRange = 512;  // triangles that are worth a task
+constexpr double kCollapsed =
+    1e-5;                        // area over squared edge of a posed triangle that has no rotation
 constexpr double kStill = 1e-2;  // ‖S_j − I‖ below which a triangle is as good as one that rests
 
 Mesh validated(Mesh mesh, const char* which) {
-  try {
-    validate(mesh);
-  } catch (const Error& error) {
-    throw Error(error.status(), std::string("The ") + which + ": " + error.what());
-  }
+  validate(mesh, which);
   return mesh;
-}
-
-Eigen::Vector3d centre(const Positions& p, const Triangles& t, Index j) {
-  return (p.row(t(j, 0)) + p.row(t(j, 1)) + p.row(t(j, 2))).transpose() / 3;
 }
 
 Eigen::VectorXd triangle_areas(const Mesh& mesh) {
@@ -73,8 +67,8 @@ Similarity fitted_placement(const Mesh& source, const Mesh& target,
   for (int j = 0; j < correspondence.target_count(); ++j) {
     const int first = correspondence.begin[j], end = correspondence.begin[j + 1];
     for (int k = first; k < end; ++k) {
-      from.row(k) = centre(source.positions, source.triangles, correspondence.source[k]);
-      to.row(k) = centre(target.positions, target.triangles, j);
+      from.row(k) = triangle_centre(source.positions, source.triangles, correspondence.source[k]);
+      to.row(k) = triangle_centre(target.positions, target.triangles, j);
       weights[k] = areas[j] / (end - first);
     }
   }
@@ -136,6 +130,7 @@ void MeshTransfer::match(const Correspondence& correspondence) {
 void MeshTransfer::prepare_source() {
   const GradientSources sources = gradient_sources(source_.positions, source_.triangles,
                                                    bounding_box_diagonal(source_.positions));
+  source_stand_in_ = sources.of_triangle;
   RowOrder as_they_are;
   as_they_are.row_of_vertex.resize(static_cast<size_t>(source_.vertex_count()));
   std::iota(as_they_are.row_of_vertex.begin(), as_they_are.row_of_vertex.end(), 0);
@@ -267,6 +262,7 @@ void MeshTransfer::find_source_gradients(const Positions& pose, bool rotation_on
                         static_cast<int>(end - begin), rotation_blocks_.data() + begin,
                         source_rows_.data(), quaternions_.row(kLanes * begin).data());
                   });
+    replace_collapsed(pose);
   }
   const Eigen::Quaterniond turn(placement_.rotation);
   workers_.over(static_cast<int64_t>(used_.size()), kLeastRange, [&](int64_t begin, int64_t end) {
@@ -283,6 +279,31 @@ void MeshTransfer::find_source_gradients(const Positions& pose, bool rotation_on
       }
     }
   });
+}
+
+void MeshTransfer::replace_collapsed(const Positions& pose) {
+  const auto has_area = [&](int j) {
+    const Eigen::Matrix3d e = edges_and_normal(pose, source_.triangles, j);
+    const double longest = std::max(e.col(0).squaredNorm(), e.col(1).squaredNorm());
+    return e.col(0).cross(e.col(1)).norm() > kCollapsed * longest;
+  };
+  std::vector<int> collapsed;
+  for (size_t i = 0; i < used_.size(); ++i)
+    if (stand_in_[i] >= 0 && !has_area(stand_in_[i])) collapsed.push_back(static_cast<int>(i));
+  if (collapsed.empty()) return;
+  std::vector<int> turning(source_stand_in_.size(), -1);
+  for (int j = 0; j < source_.triangle_count(); ++j)
+    if (source_stand_in_[j] == j && has_area(j)) turning[j] = j;
+  fill_from_neighbours(turning, source_.triangles);
+  for (int i : collapsed) {
+    const int j = turning[used_[i]];
+    Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
+    if (j >= 0)
+      rotation =
+          polar_rotation(edges_and_normal(pose, source_.triangles, j) *
+                         edges_and_normal(source_.positions, source_.triangles, j).inverse());
+    quaternions_.row(i) = rotation.coeffs().transpose();
+  }
 }
 
 Eigen::Matrix3d MeshTransfer::gradient(int triangle, bool rotation_only) const {
@@ -346,17 +367,17 @@ void MeshTransfer::place(const Positions& pose, bool rotation_only,
       Eigen::Vector3d before = Eigen::Vector3d::Zero(), after = before;
       for (int k = begin_[j]; k < end_[j]; ++k) {
         const int source = used_[sources_[k]];
-        before += centre(source_.positions, source_.triangles, source);
-        after += centre(pose, source_.triangles, source);
+        before += triangle_centre(source_.positions, source_.triangles, source);
+        after += triangle_centre(pose, source_.triangles, source);
       }
       const double count = end_[j] - begin_[j];
-      const Eigen::Vector3d own = centre(target_.positions, target_.triangles, j);
+      const Eigen::Vector3d own = triangle_centre(target_.positions, target_.triangles, j);
       const Eigen::Matrix3d S = gradient(j, rotation_only);
       const Eigen::Vector3d wanted =
           placement_(after / count) + S * (own - placement_(before / count));
       const double change = (S - Eigen::Matrix3d::Identity()).squaredNorm();
       const double weight = areas_[j] / (kStill * kStill + change);
-      sum += weight * (wanted - centre(result_, target_.triangles, j));
+      sum += weight * (wanted - triangle_centre(result_, target_.triangles, j));
       moved += weight * (wanted - own);
       of_part += weight;
     }
@@ -384,13 +405,18 @@ void MeshTransfer::place(const Positions& pose, bool rotation_only,
   Eigen::RowVector3d shift = Eigen::RowVector3d::Zero();
   if (anchor_ == Anchor::centroid) {
     for (int j = 0; j < target_.triangle_count(); ++j)
-      shift += areas_[j] * (centre(target_.positions, target_.triangles, j) -
-                            centre(result_, target_.triangles, j))
+      shift += areas_[j] * (triangle_centre(target_.positions, target_.triangles, j) -
+                            triangle_centre(result_, target_.triangles, j))
                                .transpose();
     shift /= areas_.sum();
   } else {
-    for (int i = 0; i < anchor_count(); ++i)
-      shift += (anchor_places.row(i) - result_.row(anchors_[i])) / anchor_count();
+    int count = 0;
+    for (int i = 0; i < anchor_count(); ++i) {
+      if (region_.role[anchors_[i]] == kFixed) continue;  // without a triangle: it stays anyway
+      shift += anchor_places.row(i) - result_.row(anchors_[i]);
+      ++count;
+    }
+    shift /= std::max(count, 1);
   }
   for (const Part& part : parts_)
     for (int v : part.vertices) result_.row(v) += shift;

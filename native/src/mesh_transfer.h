@@ -63,6 +63,8 @@ class MeshTransfer {
   const Mesh& target() const { return target_; }
   int anchor_count() const { return static_cast<int>(anchors_.size()); }
   const Similarity& placement() const { return placement_; }
+  /// Whether the target corresponds to a mirror image, of which the nearest rotation is taken.
+  bool mirrored() const { return placement_.mirrored; }
 
   /// Target triangles without a source of their own, and one of them; -1: none.
   int unmatched_count = 0, unmatched_example = -1;
@@ -86,6 +88,8 @@ class MeshTransfer {
   void factor(const TransferOptions& options);
   void find_parts();
   void find_source_gradients(const Positions& pose, bool rotation_only);
+  /// Rotations of used triangles that a pose leaves without area, which has none: their neighbours'.
+  void replace_collapsed(const Positions& pose);
   Eigen::Matrix3d gradient(int triangle, bool rotation_only) const;
   void solve_on_surface(bool rotation_only);
   void solve_with_fourth_points(bool rotation_only);
@@ -104,6 +108,7 @@ class MeshTransfer {
   std::vector<char> matched_;  // has sources of its own
 
   // The triangles of the source that are asked for, numbered anew.
+  std::vector<int> source_stand_in_;  // of every triangle of the source
   std::vector<int> used_, stand_in_;  // triangle, and the one whose motion it takes; -1: none
   std::vector<Eigen::Matrix3d> rest_inverse_;  // [e1 e2 n]⁻¹ (15) of stand_in_
   std::vector<RotationBlock<double>> rotation_blocks_;

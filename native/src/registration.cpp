@@ -43,13 +43,6 @@ Positions vertex_normals(const Mesh& mesh) {
   return normals;
 }
 
-Eigen::Vector3d triangle_centre(const Mesh& mesh, Index j) {
-  return (mesh.positions.row(mesh.triangles(j, 0)) + mesh.positions.row(mesh.triangles(j, 1)) +
-          mesh.positions.row(mesh.triangles(j, 2)))
-             .transpose() /
-         3;
-}
-
 /// Edges as low vertex, high vertex, 3 × triangle + corner before it; sorted.
 std::vector<std::array<int, 3>> sorted_edges(const Triangles& t) {
   std::vector<std::array<int, 3>> edges;
@@ -303,6 +296,8 @@ class Registration {
 Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& given,
                         const RegistrationOptions& options, const Progress& progress) {
   report(progress, 0.01, "Looking at the meshes");
+  validate(source, "source");
+  validate(target, "target");
   const Pairs markers = checked_markers(given, source, target);
   const Similarity onto = onto_markers(source, target, markers);
   const double scale = bounding_box_diagonal(target.positions);
@@ -326,14 +321,14 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
   return (scale * registration.positions()).rowwise() + middle;
 }
 
-Match match_triangles(const Mesh& registered, const Mesh& target, double reach,
+Match match_triangles(const Mesh& registered, const Mesh& target, double reach, int threads,
                       const Progress& progress) {
   const double box = bounding_box_diagonal(target.positions);
   const Mesh* meshes[2] = {&registered, &target};
   Pairs pairs;
   Match match;
   match.confidence.assign(static_cast<size_t>(target.triangle_count()), 0.0f);
-  Workers workers;
+  Workers workers(threads);
   for (const int from : {0, 1}) {
     report(progress, 0.5 * from, "Looking for corresponding triangles");
     const Mesh &mesh = *meshes[from], &other = *meshes[1 - from];
@@ -342,9 +337,9 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach,
     std::vector<PointOnTriangle> found(static_cast<size_t>(mesh.triangle_count()));
     workers.over(mesh.triangle_count(), kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t j = begin; j < end; ++j)
-        found[size_t(j)] = tree.nearest(triangle_centre(mesh, j), reach * box, [&](int k) {
-          return others.row(k).dot(normals.row(j)) > 0;
-        });
+        found[size_t(j)] =
+            tree.nearest(triangle_centre(mesh.positions, mesh.triangles, j), reach * box,
+                         [&](int k) { return others.row(k).dot(normals.row(j)) > 0; });
     });
     for (int j = 0; j < mesh.triangle_count(); ++j) {
       const PointOnTriangle& point = found[size_t(j)];

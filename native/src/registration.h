@@ -48,7 +48,7 @@ struct Match {
 /// For each triangle of either mesh the one of the other whose surface is nearest to its centre and
 /// whose normal is less than a right angle off. registered: the source's triangles with the positions
 /// that register_onto() gave.
-Match match_triangles(const Mesh& registered, const Mesh& target, double reach,
+Match match_triangles(const Mesh& registered, const Mesh& target, double reach, int threads = 0,
                       const Progress& progress = {});
 
 }  // namespace dd

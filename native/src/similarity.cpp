@@ -24,6 +24,7 @@ struct Spread {
 };
 
 constexpr double kExact = 1e-3;  // misfit over spread
+constexpr double kSolid = 1e-2;  // least over largest extent of points that tell left from right
 
 Similarity with_rotation(const Eigen::Matrix3d& rotation, const Spread& from, const Spread& to) {
   Similarity fit;
@@ -57,8 +58,11 @@ Similarity fitted_similarity(const Positions& from, const Positions& to,
   const Eigen::Matrix3d both = onto.arms.transpose() * weights.asDiagonal() * of.arms;
   const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(both).singularValues();
   const bool on_a_line = !(values[1] > 1e-6 * values[0]);
-  return with_rotation(
+  Similarity fit = with_rotation(
       on_a_line ? Eigen::Matrix3d(Eigen::Matrix3d::Identity()) : polar_rotation(both), of, onto);
+  // Of points in a plane either would do.
+  fit.mirrored = both.determinant() < 0 && values[2] > kSolid * values[0];
+  return fit;
 }
 
 Similarity fitted_stance(const Positions& from, const Positions& to,
@@ -71,7 +75,9 @@ Similarity fitted_stance(const Positions& from, const Positions& to,
   const Eigen::Matrix3d upright = nearest_of_axes(fit.rotation);
   const double turn = rotation_vector(upright.transpose() * fit.rotation).norm();
   const double least = 20 * std::acos(-1.0) / 180;
-  return turn < least ? with_rotation(upright, of, onto) : fit;
+  Similarity stance = turn < least ? with_rotation(upright, of, onto) : fit;
+  stance.mirrored = fit.mirrored;
+  return stance;
 }
 
 }  // namespace dd

@@ -10,6 +10,7 @@ struct Similarity {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   double scale = 1;
   Eigen::Vector3d shift = Eigen::Vector3d::Zero();
+  bool mirrored = false;  ///< when fitted: a reflection would have fitted better
 
   Eigen::Vector3d operator()(const Eigen::Vector3d& point) const {
     return scale * (rotation * point) + shift;

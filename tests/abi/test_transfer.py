@@ -60,6 +60,7 @@ def test_the_volumetric_original_and_a_given_placement(native_transfer, strip):
 
 
 @pytest.mark.parametrize('change, sentence', [
+    (dict(pairs=np.zeros((0, 2))), "There is no pair"),
     (dict(pairs=[[0, 0], [1, 999999]]), "Pair 1 names number 999999 of the target"),
     (dict(pairs=[[-1, 0]]), "Pair 0 names number -1 of the source"),
     (dict(anchor='PINNED'), "There is no anchor"),

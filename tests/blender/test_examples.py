@@ -107,8 +107,6 @@ def test_weights_by_sliders(limb):
     for frame, weight in ((1, 0.0), (11, 1.0)):
         settings.examples[0].weight = weight
         settings.examples[0].keyframe_insert('weight', frame=frame)
-    for curve in limb.animation_data.action.fcurves if hasattr(limb.animation_data.action, 'fcurves') else ():
-        curve.keyframe_points[0].interpolation = 'LINEAR'
     bpy.context.scene.frame_set(11)
     assert np.abs(evaluated(limb) - curled(own(limb), 2 * np.pi / 3)).max() < 0.02
     bpy.context.scene.frame_set(1)
@@ -194,3 +192,43 @@ def test_what_is_wrong_with_examples_is_said(limb):
     other.select_set(True)
     assert "another pose of the same vertices" in refusal(bpy.ops.object.detail_deform_examples_from_objects)
     assert "has no shape keys" in refusal(lambda: activate(other) and bpy.ops.object.detail_deform_examples_from_keys())
+
+
+def test_sliders_keep_what_was_set_before_bind(limb):
+    settings = limb.detail_deform
+    settings.examples[0].weight = 0.7
+    settings.weights_by = 'SLIDERS'
+    assert abs(settings.examples[0].weight - 0.7) < 1e-6
+    bind(limb)
+    assert np.abs(evaluated(limb) - curled(own(limb), 0.7 * 2 * np.pi / 3)).max() < 0.03
+
+
+def test_examples_matter_to_their_method_alone(limb):
+    settings = limb.detail_deform
+    settings.method = 'TRANSFER'
+    bind(limb)
+    limb.data.shape_keys.key_blocks["Bend"].name = "Renamed"
+    limb.data.update()
+    update()
+    assert limb.detail_deform.is_bound
+    bind(limb)
+    settings.method = 'EXAMPLES'
+    assert "has no shape key of that name" in settings.status
+    settings.examples[0].name = "Renamed"
+    bind(limb)
+    pull(limb, 2 * np.pi / 3)
+    assert np.abs(evaluated(limb) - curled(own(limb), 2 * np.pi / 3)).max() < 5e-3
+
+
+def test_a_posed_copy_at_rest_or_gone_is_told(limb):
+    limb.detail_deform.examples.clear()
+    copy = bpy.data.objects.new("Copy", limb.data.copy())
+    copy.shape_key_clear()
+    bpy.context.scene.collection.objects.link(copy)
+    activate(limb)
+    copy.select_set(True)
+    assert "at rest" in refusal(bpy.ops.object.detail_deform_examples_from_objects)
+    copy.data.vertices[30].co.z += 1
+    bpy.ops.object.detail_deform_examples_from_objects()
+    bpy.data.objects.remove(copy)
+    assert "was deleted" in refusal(bpy.ops.object.detail_deform_bind)

@@ -185,7 +185,7 @@ def test_by_markers_onto_another_topology(as_empties, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=path)
     target = activate(bpy.data.objects["Target"])
     transfer(source="Source", what='ALL_KEYS', correspondence='STORED', rotation_only=True)
-    assert np.abs(coordinates(target.data.shape_keys.key_blocks["Bend.001"]) - found).max() == 0
+    assert np.abs(coordinates(target.data.shape_keys.key_blocks["Bend"]) - found).max() == 0
 
 
 def test_correspondences_are_found_shown_and_forgotten(part):
@@ -236,7 +236,7 @@ def test_a_target_follows_its_source_live(pair, tmp_path):
     source, target = pair
     key = source.data.shape_keys.key_blocks["Bend"]
     assert bpy.ops.object.detail_deform_transfer_live(source="Source") == {'FINISHED'}
-    assert target.detail_deform.status == "Follows 'Source': see Transfer."
+    assert target.detail_deform.status == "Follows 'Source'."
     assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
     for value in (1.0, 0.5):
         key.value = value
@@ -361,3 +361,176 @@ def test_followers_that_swap_their_names_keep_to_their_own_sources(pair):
     update()
     for ob, follows in ((target, source), (other, other_source)):
         assert np.abs(evaluated(ob) - evaluated(follows)).max() < 1e-4
+
+
+def test_what_was_transferred_before_is_replaced_and_not_doubled(pair):
+    source, target = pair
+    modifier = source.modifiers.new("Deform", 'SIMPLE_DEFORM')
+    modifier.deform_method = 'TWIST'
+    source.name = "S" * 62  # with " Pose" longer than names may be
+    for angle in (1.0, 0.5):
+        modifier.angle = angle
+        update()
+        transfer(source=source.name)
+        assert len(target.data.shape_keys.key_blocks) == 2
+        assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-5
+    assert target.active_shape_key_index == 1
+    # A key that came to depend on another one is made whole again.
+    target.data.shape_keys.key_blocks[1].relative_key = add_key(target, "Other", own(target) + 1)
+    transfer(source=source.name)
+    assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-5
+
+
+def test_ranges_and_names_of_all_kinds(pair):
+    source, target = pair
+    key = add_key(source, 'say "a\\b"', bent(own(source)), slider_max=5.0, slider_min=2.0, value=3.0)
+    key.driver_add('value').driver.expression = "2.5"
+    assert transfer(source="Source", what='ALL_KEYS', pattern=key.name, drivers=True) == {'FINISHED'}
+    copy = target.data.shape_keys.key_blocks[key.name]
+    assert (copy.slider_min, copy.slider_max) == (2, 5)
+    update()
+    assert abs(copy.value - 2.5) < 1e-6
+    assert transfer(source="Source", what='ALL_KEYS', pattern="BEND") == {'FINISHED'}
+    assert "Bend" in target.data.shape_keys.key_blocks
+
+
+def test_objects_scaled_unevenly_are_taken_as_they_look(pair):
+    source, target = pair
+    target.data.vertices.foreach_set('co', (own(target) / (4, 1, 1)).astype(np.float32).ravel())
+    target.scale = (4, 1, 1)
+    update()
+    transfer(source="Source", what='ALL_KEYS', pattern="Bend")
+    found = coordinates(target.data.shape_keys.key_blocks["Bend"]) * (4, 1, 1)
+    assert np.abs(found - bent(own(source))).max() < 1e-4
+
+
+def test_keys_start_from_the_basis_whatever_the_vertices_say(pair):
+    source, target = pair
+    source.data.vertices.foreach_set('co', (own(source) * 1.5).astype(np.float32).ravel())
+    add_key(source, "Nothing", coordinates(source.data.shape_keys.reference_key))
+    transfer(source="Source", what='ALL_KEYS', pattern="Nothing")
+    assert np.abs(coordinates(target.data.shape_keys.key_blocks["Nothing"]) - own(target)).max() < 1e-5
+
+
+def test_a_source_that_is_not_evaluated_is_refused(pair):
+    source, _ = pair
+    source.hide_viewport = True
+    update()
+    assert "hidden by its monitor icon" in refusal(transfer, source="Source")
+
+
+def test_caches_don_t_overwrite_one_another(pair, tmp_path):
+    source, target = pair
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    other = raw_strip("Other")
+    for ob in (target, other, target):
+        activate(ob)
+        transfer(source="Source", what='ANIMATION', frame_start=1, frame_end=2)
+    paths = [ob.modifiers[0].filepath for ob in (target, other)]
+    assert len(target.modifiers) == 1 and len(set(paths)) == 2
+    strip = bind(make_strip(name="Target/"))
+    bpy.ops.object.detail_deform_bake(frame_start=1, frame_end=2)
+    assert strip.modifiers["Detail Deform Cache"].filepath not in paths
+    bpy.context.scene.render.frame_map_new = 200
+    activate(target)
+    assert "remaps its time" in refusal(transfer, source="Source", what='ANIMATION')
+
+
+def test_a_refused_transfer_leaves_what_was_kept(pair, tmp_path):
+    source, target = pair
+    path = tmp_path / "pairs.txt"
+    path.write_text("0 0\n")
+    transfer(source="Source", what='ACTIVE_KEY', correspondence='LIST', filepath=str(path))
+    before = list(target.data['detail_deform_match']['pairs'])
+    path.write_text("1 1\n5 5\n")
+    assert "no vertex group" in refusal(transfer, source="Source", correspondence='LIST', filepath=str(path),
+                                        anchor='PINNED', anchor_group='none')
+    assert list(target.data['detail_deform_match']['pairs']) == before == [0, 0]
+    # Another kind of pairs than the file says.
+    target.detail_deform.transfer.source = source
+    bpy.ops.object.detail_deform_transfer_save(filepath=str(path))
+    assert "holds pairs of triangles" in refusal(transfer, source="Source", correspondence='LIST', filepath=str(path),
+                                                 pairs_of='VERTICES')
+
+
+def test_a_bound_source_is_followed_without_delay(pair):
+    _, target = pair
+    strip = bind(make_strip(name="Strip"))
+    empty = strip.detail_deform.handles[0].target
+    activate(target)
+    bpy.ops.object.detail_deform_transfer_live(source="Strip")
+    last = raw_strip("A follower of the follower")
+    bpy.ops.object.detail_deform_transfer_live(source="Target")
+    for frame, height in ((1, 0.0), (10, 0.4)):
+        empty.location.z = height
+        empty.keyframe_insert('location', frame=frame)
+    for frame in (1, 10, 1, 10):
+        bpy.context.scene.frame_set(frame)
+        shown = evaluated(strip)
+        assert (np.abs(shown - own(strip)).max() > 0.3) == (frame == 10)
+        for follower in (target, last):
+            assert np.abs(evaluated(follower) - shown).max() < 1e-4
+    empty.animation_data_clear()
+    empty.location.z = 0.2
+    update()
+    assert np.abs(evaluated(target) - evaluated(strip)).max() < 1e-4
+
+
+def test_the_ends_of_following(pair):
+    source, target = pair
+    source.data.shape_keys.key_blocks["Bend"].value = 1
+    live = bpy.ops.object.detail_deform_transfer_live
+    settings = target.detail_deform.transfer
+    bent_pose = bent(own(source))
+
+    live(source="Source")
+    assert "would be doubled" in refusal(transfer, source="Source")
+    bpy.ops.object.detail_deform_apply(mode='SHAPE_KEY')
+    assert not settings.live and not target.modifiers
+    assert np.abs(evaluated(target) - bent_pose).max() < 1e-4
+    target.shape_key_clear()
+
+    live(source="Source")
+    bpy.ops.object.detail_deform_unbind()
+    assert not settings.live and np.abs(evaluated(target) - own(target)).max() == 0
+
+    live(source="Source")
+    target.modifiers.remove(target.modifiers[0])
+    update()
+    bpy.context.scene.frame_set(2)
+    assert "modifier was removed" in target.detail_deform.status
+    live(on=False)
+
+    live(source="Source")
+    activate(source)
+    bpy.ops.object.delete()
+    bpy.context.scene.frame_set(3)
+    assert "source was deleted" in target.detail_deform.status
+    activate(target)
+    live(on=False)
+    assert not target.detail_deform.transfer.live
+
+
+def test_a_start_that_is_refused_changes_nothing(pair):
+    source, target = pair
+    other = raw_strip("Other", 20)
+    activate(target)
+    assert "not of the same topology" in refusal(bpy.ops.object.detail_deform_transfer_live, source="Other")
+    settings = target.detail_deform.transfer
+    assert not target.modifiers and not settings.live and settings.source is None
+    bpy.ops.object.detail_deform_transfer_live(source="Source")
+    assert "not of the same topology" in refusal(bpy.ops.object.detail_deform_transfer_live, source=other.name)
+    assert settings.live and settings.source == source
+    # What it follows by can't be forgotten meanwhile.
+    assert "No correspondences" in refusal(bpy.ops.object.detail_deform_transfer_forget)
+
+
+def test_undo_takes_a_transfer_back(pair):
+    source, target = pair
+    bpy.ops.ed.undo_push(message="Before")
+    transfer(source="Source", what='ALL_KEYS')
+    bpy.ops.ed.undo_push(message="Transferred")
+    bpy.ops.ed.undo()
+    assert bpy.data.objects["Target"].data.shape_keys is None
+    bpy.ops.ed.redo()
+    assert len(bpy.data.objects["Target"].data.shape_keys.key_blocks) == 3

@@ -7,7 +7,7 @@ import pytest
 
 def described():
     settings = bpy.types.Object.bl_rna.properties['detail_deform'].fixed_type
-    groups = [settings, settings.properties['handles'].fixed_type]
+    groups = [settings, *(settings.properties[name].fixed_type for name in ('handles', 'examples', 'transfer'))]
     operators = [getattr(bpy.ops.object, name).get_rna_type() for name in dir(bpy.ops.object)
                  if name.startswith('detail_deform')]
     return groups, operators
@@ -38,7 +38,7 @@ def test_tooltips_end_as_blenders_do():
             assert not text.endswith('.'), text
 
 
-@pytest.mark.parametrize('name', ['Detail Deform', 'Handles', 'Base Surface', 'Advanced'])
+@pytest.mark.parametrize('name', ['Detail Deform', 'Handles', 'Examples', 'Base Surface', 'Advanced', 'Detail Deform: Transfer'])
 def test_panels_are_there(name):
     assert any(getattr(getattr(bpy.types, kind), 'bl_label', "") == name for kind in dir(bpy.types)
                if kind.startswith('OBJECT_PT_detail_deform'))

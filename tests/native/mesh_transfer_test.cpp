@@ -359,3 +359,44 @@ TEST_CASE("a target that stands otherwise turns the deformations, one of another
   CHECK(placed(98 * degree, 0.1).isApprox(rotation_by({90 * degree, 0, 0}), 1e-9));
   CHECK(rotation_vector(placed(35 * degree, 0.1)).norm() == Approx(35 * degree).margin(6 * degree));
 }
+
+TEST_CASE("triangles that a pose collapses turn with their neighbours") {
+  const Mesh mesh = test::rough_sphere(4, 0.05);
+  MeshTransfer transfer = onto(mesh, mesh);
+  const auto squeezed = [&](double height) {  // a cap pressed flat against a line
+    Positions pose = bent(mesh.positions);
+    for (Index v = 0; v < pose.rows(); ++v)
+      if (mesh.positions(v, 0) > 0.8)
+        pose.row(v) << pose(v, 0), height * pose(v, 1), 0.3 + height * pose(v, 2);
+    return pose;
+  };
+  // What is left of their rotations is rounding, which must not show.
+  const Positions quite = transfer.apply(squeezed(0), true);
+  CHECK(largest_difference(transfer.apply(squeezed(1e-9), true), quite) < 1e-6);
+  const Positions nothing = Positions::Zero(mesh.positions.rows(), 3);
+  const Positions stays = transfer.apply(nothing, true);
+  const Eigen::RowVector3d shift = stays.row(0) - mesh.positions.row(0);
+  CHECK(largest_difference(stays, mesh.positions.rowwise() + shift) < 1e-9);
+}
+
+TEST_CASE("a mirrored target is told") {
+  const Mesh mesh = test::rough_sphere(3, 0.2);
+  Mesh target = mesh;
+  CHECK(!onto(mesh, target).mirrored());
+  target.positions.col(0) *= -1;
+  CHECK(onto(mesh, target).mirrored());
+}
+
+TEST_CASE("anchors without a triangle don't move the rest") {
+  Mesh mesh = test::rough_sphere(2, 0.2);
+  mesh.positions.conservativeResize(mesh.positions.rows() + 1, 3);
+  mesh.positions.bottomRows(1) << 5, 5, 5;
+  TransferOptions options;
+  options.anchor = Anchor::vertices;
+  options.anchors = {0, mesh.vertex_count() - 1};
+  Positions places(2, 3);
+  places << 1, 2, 3, 9, 9, 9;
+  const Positions found = onto(mesh, mesh, options).apply(bent(mesh.positions), true, &places);
+  CHECK((found.row(0) - places.row(0)).norm() < 1e-9);
+  CHECK(found.bottomRows(1) == mesh.positions.bottomRows(1));
+}

@@ -29,12 +29,13 @@
  * Ownership
  *   All arrays belong to the caller and are only read or written during the call (dd_bind_start
  *   copies its inputs). Every array comes with its number of elements, which is checked.
- *   A dd_bind and a dd_deformer belong to the caller and are released by their _free function.
+ *   What is returned as a pointer (dd_bind, dd_deformer, dd_split, dd_transfer, dd_match) belongs to
+ *   the caller and is released by its _free function.
  *
  * Threads
  *   Different objects may be used by different threads at the same time. One object is used by one
- *   thread at a time; an update that finds its deformer busy returns DD_ERROR_BUSY.
- *   A bind works in a thread of its own, which never calls back.
+ *   thread at a time; an update or a pose that finds its object busy returns DD_ERROR_BUSY.
+ *   Binds, splits and matches work in threads of their own, which never call back.
  *
  * Units
  *   Lengths are in the caller's unit throughout; the result does not depend on that unit.
@@ -447,6 +448,8 @@ typedef struct dd_transfer_info {
   int32_t loose_count;            /* vertices of the target without a triangle: they stay */
   int32_t degenerate_count;       /* triangles of the target with next to no area */
   int32_t degenerate_example;     /* one of them, or -1 */
+  int32_t mirrored;               /* 1: the target corresponds to the source's mirror image, of which
+                                     only the nearest rotation is taken */
   int32_t unknowns;               /* rows of the system */
   double nonzeros;                /* of the system */
   double placement[12];           /* row-major 3x4: of the source onto the target */
