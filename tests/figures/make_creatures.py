@@ -42,7 +42,7 @@ def transferred(folder):
     bpy.ops.object.detail_deform_transfer_live()
     for frame in (1, *FRAMES):
         bpy.context.scene.frame_set(frame)
-        yield picture(folder, (6.4, -10.0, 3.2), (0.35, 1.0, 1.72), 92)
+        yield picture(folder, (6.4, -10.0, 3.2), (0.3, 1.0, 1.72), 77)
     bpy.ops.object.detail_deform_transfer_live(on=False)
 
 

@@ -169,3 +169,23 @@ TEST_CASE("EXAMPLES: what can't be used is refused with a sentence") {
                            Status::argument),
              contains("one step"));
 }
+
+TEST_CASE("EXAMPLES: a handle out of reach doesn't turn a bulge into a pinch") {
+  const Limb limb;
+  Positions bulge = limb.mesh.positions;
+  for (Index v = 0; v < bulge.rows(); ++v)
+    bulge.row(v).head<2>() *= 1 + 0.8 * std::exp(-std::pow((bulge(v, 2) - 0.5) / 0.15, 2));
+  Deformer deformer(limb.mesh, test::ends_held(limb.mesh, 0.1, 0.95), 1,
+                    with({limb.bent(100, 0.7), bulge}));
+  for (const double aside : {0.3, 0.6, 0.9}) {
+    Affine moved = test::identity();  // without the turn that the bend would have
+    moved.col(3) << aside, 0, -0.5 * aside;
+    surface(deformer, {moved}, posed());
+    const std::vector<double> weights = deformer.example_weights();
+    CHECK(weights[0] > 0.1);
+    for (const double weight : weights) {
+      CHECK(weight > -0.3);
+      CHECK(weight < 1.3);
+    }
+  }
+}
