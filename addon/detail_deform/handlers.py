@@ -4,7 +4,7 @@
 import bpy
 from bpy.app.handlers import persistent
 
-from . import binding, deformers, live_transfer, preview, slow_results
+from . import binding, deformers, live_transfer, marker_preview, preview, slow_results
 
 # A paint stroke tags the mesh at every dab, a dragged slider of a shape key at every step: in the
 # window comparing waits until that has paused for so long.
@@ -50,6 +50,7 @@ def _depsgraph_updated(scene, depsgraph):
     edited = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
     if edited:
         preview.forget(edited)
+        marker_preview.forget(edited)
     objects = binding.bound_objects(scene.objects)
     for ob in objects:
         if ob.data in edited:  # the object alone is tagged by whatever its modifiers depend on

@@ -22,6 +22,8 @@ def _by_groups(ob):
     """{number: vertex}: of each numbered group the vertex with the largest weight."""
     groups = [(group.name, _number(group.name)) for group in ob.vertex_groups if _number(group.name) is not None]
     found = {}
+    if not groups:  # reading weights takes a while
+        return found
     for (name, number), weights in zip(groups, mesh_data.group_weights(ob, [name for name, _ in groups])):
         if weights.max(initial=0) <= 0:
             raise MeshProblem(f"The group '{name}' of '{ob.name}' has no vertex: assign the one that it marks.")

@@ -55,6 +55,9 @@ class DetailDeformTransfer(bpy.types.PropertyGroup):
         description="What stays in place: how a mesh bends says nothing of where it is")
     anchor_group: StringProperty(
         name="Anchor Group", update=_changed, description="Vertex group of this mesh that stays in place")
+    show_markers: BoolProperty(
+        name="Show Markers", default=True,
+        description="Number the markers of this mesh and of the source in the viewport while this mesh is active: yellow where both have the number, red where one has")
     show_match: BoolProperty(
         name="Show Match", update=_preview_changed,
         description="Colour the vertices by how well they are matched: green where the fitted source lies on this mesh, red where it doesn't")

@@ -205,6 +205,10 @@ def transferring():
     giraffe, calf = bpy.data.objects["Giraffe"], bpy.data.objects["Calf"]
     activate(giraffe)
     with in_view():
+        bpy.ops.view3d.view_selected()
+    yield 0.5
+    screenshot('markers')
+    with in_view():
         bpy.ops.object.detail_deform_transfer_match('INVOKE_DEFAULT')
     yield 0.2
     screenshot('matching')
