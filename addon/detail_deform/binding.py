@@ -172,6 +172,8 @@ def _follow(ob, bound, depsgraph, force):
         if handle_matrices.only_moves(motion)]
     if settings.method == 'EXAMPLES':
         bound.example_weights[ob.name] = bound.deformer.example_weights().tolist()
+        if depsgraph.mode == 'VIEWPORT' and not bpy.app.background:
+            redraw_panels()  # they show the weights
     bound.update_ms = 1e3 * (time.perf_counter() - start)
     slow_results.cancel(ob.name)
     if slow and not (base is None and np.abs(motions - np.eye(4)[:3]).max() < 1e-6 and not turns.any()):
@@ -279,6 +281,8 @@ def bind(ob, depsgraph, wait, keep_rest):
                           "(Transfer): stop that before binding it to handles.")
     roles = _roles(ob)
     places = handle_matrices.local_places(ob, depsgraph)
+    if settings.base == 'COMPUTED':
+        _options(ob)  # what it refuses leaves the present binding
     _forget(settings)
     if settings.base == 'OBJECT':
         outside_base.store_rest(ob, depsgraph, only_new=keep_rest)

@@ -40,6 +40,8 @@ def start(context, ob, source):
     settings = ob.detail_deform
     if settings.signature:
         raise MeshProblem(f"'{ob.name}' is bound to handles, which move it already: Unbind first.")
+    _check_circle(source, ob)
+    transfer.check_not_shown(ob)
     prepared = _Prepared(source, ob)
     transfer.evaluated_pose(source, context.evaluated_depsgraph_get())
     modifier = node_group.ensure_modifier(ob)
@@ -50,6 +52,15 @@ def start(context, ob, source):
     node_group.set_base(modifier, source)  # evaluated where it is hidden, too
     binding.influence_changed(ob)
     refresh(ob, context.evaluated_depsgraph_get(), force=True)
+
+
+def _check_circle(source, ob):
+    seen, follower = {ob}, source
+    while follower is not None and follower.detail_deform.transfer.live:
+        follower = follower.detail_deform.transfer.source
+        if follower in seen:
+            raise MeshProblem(f"'{source.name}' follows '{ob.name}' already, itself or by way of others: stop that first.")
+        seen.add(follower)
 
 
 def stop(ob):

@@ -277,6 +277,8 @@ class OBJECT_PT_detail_deform_empty(bpy.types.Panel):
                    'ERROR' if settings.stale or settings.problem else 'EMPTY_AXIS')
         layout.operator('object.detail_deform_mesh_activate', icon='MESH_DATA')
         layout.prop(settings, 'preview')
+        if settings.method == 'EXAMPLES':
+            layout.template_list('OBJECT_UL_detail_deform_examples', "", settings, 'examples', settings, 'example_index')
 
 
 def _draw_pull_entry(self, context):

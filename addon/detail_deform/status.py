@@ -49,7 +49,8 @@ def text(ob):
     if settings.problem:
         return settings.problem
     if not settings.signature and not settings.handles and settings.base == 'COMPUTED':
-        return "Not bound: select vertices in Edit Mode and press Pull Selected, or add a handle."
+        also = ", and examples to mix" if settings.method == 'EXAMPLES' else ""
+        return f"Not bound: select vertices in Edit Mode and press Pull Selected, or add a handle{also}."
     if not settings.signature:
         return "Not bound."
     bound = deformers.find(settings.signature)

@@ -160,6 +160,18 @@ def pose_to_key(context, transfer, source, target, rotation_only, replace):
     return [key.name]
 
 
+def check_not_shown(target):
+    """Raises MeshProblem where something that was transferred shows already, and following would double it."""
+    if find_cache(target):
+        raise MeshProblem(f"'{target.name}' plays a transferred animation: remove its modifier '{CACHE_NAME}' first.")
+    made = target.data.get(_MADE_KEYS, "").split('\n')
+    shown = [key.name for key in target.data.shape_keys.key_blocks
+             if key.name in made and key.value and not key.mute] if target.data.shape_keys else []
+    if shown:
+        raise MeshProblem(f"Shape keys that were transferred are shown, as '{shown[0]}', and would be doubled: set their values "
+                          "to 0 first.")
+
+
 def settle(context, source):
     """Brings a source that is bound itself to the end of what its handles ask for."""
     if source.detail_deform.signature:

@@ -184,6 +184,8 @@ def test_what_is_wrong_with_examples_is_said(limb):
     settings.examples[0].name = "Nothing"
     assert "has no shape key of that name" in settings.status
     assert "has no shape key of that name" in refusal(bpy.ops.object.detail_deform_bind)
+    settings.examples[0].name = "Bend"  # the refused Bind has left the present one
+    assert settings.is_bound
     settings.examples.clear()
     bind(limb)
     assert "There are no examples" in settings.status

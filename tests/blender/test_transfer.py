@@ -550,3 +550,20 @@ def test_markers_are_shown_with_their_numbers(pair, part):
         assert (number, on_both) == (n, b) and np.allclose(place, p, atol=1e-6)
     group(source, "Marker 2", [6])
     assert [on_both for _, _, on_both in labels(target)] == [True] * 4
+
+
+def test_following_is_not_doubled_and_goes_in_no_circle(pair, tmp_path):
+    source, target = pair
+    live = bpy.ops.object.detail_deform_transfer_live
+    source.data.shape_keys.key_blocks["Bend"].value = 1
+    transfer(source="Source")
+    assert "as 'Source Pose', and would be doubled" in refusal(live, source="Source")
+    target.data.shape_keys.key_blocks["Source Pose"].value = 0
+    assert live(source="Source") == {'FINISHED'}
+    source.data.shape_keys.key_blocks["Bend"].value = 0
+    activate(source)
+    assert "follows 'Source' already" in refusal(live, source="Target")
+    activate(target)
+    live(on=False)
+    transfer(source="Source", what='ANIMATION', frame_start=1, frame_end=2, cache_path=str(tmp_path / "t.pc2"))
+    assert "plays a transferred animation" in refusal(live, source="Source")
