@@ -13,7 +13,7 @@ class _Prepared:
         self.made_of, self.owners = _made_of(source, ob), _owners(source, ob)
         # Single precision is what a viewport shows, and takes half the time.
         self.transfer = transfer.prepare(source, ob, _matched(source, ob), settings.anchor, settings.anchor_group,
-                                         precision='SINGLE')
+                                         settings.formulation, precision='SINGLE')
         self.rest = mesh_data.rest(ob.data)
         self.shown = None
 
@@ -111,7 +111,7 @@ def _made_of(source, ob):
     if settings.anchor_group in ob.vertex_groups and settings.anchor in {'VERTICES', 'PINNED'}:
         anchors = mesh_data.signature(mesh_data.members(ob, settings.anchor_group))
     return (*(mesh_data.signature(mesh_data.rest(mesh)) + mesh_data.topology_signature(mesh) for mesh in (source.data, ob.data)),
-            settings.correspondence, correspondence.digest(ob), settings.anchor, settings.anchor_group, anchors,
+            settings.correspondence, correspondence.digest(ob), settings.anchor, settings.anchor_group, anchors, settings.formulation,
             *(tuple(transfer.proportions(side)) for side in (source, ob)))
 
 

@@ -153,9 +153,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         description="Passes that take the turn of the details from the result and solve again: less stretch and shrinking in large bends. Each costs about as much as three updates without. 0: the paper's linear result")
     formulation: EnumProperty(
         name="Formulation", update=_look_changed,
-        items=[('SURFACE', "Surface", "One unknown a vertex: the paper's, fast, and refined"),
-               ('FOURTH_POINTS', "Fourth Points", "One unknown a vertex and a face, as in the original deformation transfer, weighted by volumes: to compare with"),
-               ('FOURTH_POINTS_UNWEIGHTED', "Fourth Points, Unweighted", "The original deformation transfer as it was: small faces count as much as large ones")],
+        items=transfer_settings.FORMULATIONS,
         description="Which system carries the turn of the base over to the details")
     levels: IntProperty(
         name="Levels", default=1, min=1, max=20, soft_max=5, update=_look_changed,

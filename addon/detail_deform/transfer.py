@@ -39,8 +39,8 @@ def proportions(ob):
     return np.where(np.abs(scale) > 1e-6, np.abs(scale), np.float32(1))
 
 
-def prepare(source, target, matched, anchor, anchor_group, precision='DOUBLE'):
-    """The factored transfer of these objects. anchor: as in transfer_settings. Raises MeshProblem or native.NativeError."""
+def prepare(source, target, matched, anchor, anchor_group, formulation='SURFACE', precision='DOUBLE'):
+    """The factored transfer of these objects. anchor and formulation: as in transfer_settings. Raises MeshProblem or native.NativeError."""
     anchors = ()
     if anchor in {'VERTICES', 'PINNED'}:
         if anchor_group not in target.vertex_groups:
@@ -53,7 +53,8 @@ def prepare(source, target, matched, anchor, anchor_group, precision='DOUBLE'):
     return Prepared(native_transfer.Transfer(
         (mesh_data.rest(source.data) * proportions(source), matched.source_triangles),
         (mesh_data.rest(target.data) * proportions(target), matched.target_triangles),
-        matched.pairs, matched.pairs_of, anchor=anchor, anchors=anchors, precision=precision), source, target)
+        matched.pairs, matched.pairs_of, anchor=anchor, anchors=anchors, formulation=formulation,
+        precision=precision), source, target)
 
 
 def remarks(transfer):

@@ -9,7 +9,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from . import bake, correspondence, live_transfer, markers, mesh_data, transfer
 from .operator_base import LongOperator, MeshOperator
-from .transfer_settings import ANCHORS, CORRESPONDENCES, PAIRS_OF
+from .transfer_settings import ANCHORS, CORRESPONDENCES, FORMULATIONS, PAIRS_OF
 
 _POLL_SECONDS = 0.02
 _SHARE_OF_SEARCH = 0.8
@@ -77,6 +77,9 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         description="What stays in place; as in the panel unless given")
     anchor_group: StringProperty(
         name="Anchor Group", options={'SKIP_SAVE'}, description="Vertex group of this mesh that stays in place")
+    formulation: EnumProperty(
+        name="Formulation", items=FORMULATIONS, options={'SKIP_SAVE'},
+        description="Which system turns the deformation of faces into that of the mesh; as in the panel unless given")
     pattern: StringProperty(
         name="Keys", default="*", options={'SKIP_SAVE'},
         description="Of all shape keys those whose names fit, such as mouth* (* stands for any letters)")
@@ -101,7 +104,7 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         settings = ob.detail_deform.transfer
         if not self.source and settings.source:
             self.source = settings.source.name
-        for name in ('correspondence', 'rotation_only', 'anchor', 'anchor_group', 'filepath', 'pairs_of'):
+        for name in ('correspondence', 'rotation_only', 'anchor', 'anchor_group', 'filepath', 'pairs_of', 'formulation'):
             if not self.properties.is_property_set(name):
                 setattr(self, name, getattr(settings, name))
         self.frame_start, self.frame_end = self._range(context)
@@ -133,6 +136,9 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
             column.prop(self, 'filepath')
             column.prop(self, 'pairs_of')
         column.prop(self, 'rotation_only')
+        column.prop(self, 'anchor')
+        if self.anchor in {'VERTICES', 'PINNED'}:
+            column.prop_search(self, 'anchor_group', context.active_object, 'vertex_groups')
 
     def _range(self, context):
         return (self.given('frame_start', context.scene.frame_start),
@@ -174,7 +180,8 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         else:
             matched = correspondence.by_topology(source, ob)
         prepared = transfer.prepare(source, ob, matched, self.given('anchor', settings.anchor),
-                                    self.anchor_group or settings.anchor_group)
+                                    self.anchor_group or settings.anchor_group,
+                                    self.given('formulation', settings.formulation))
         yield begin
         started = time.perf_counter()
         made = yield from self._share(self._carry(context, prepared, source, ob, keys), begin, 1)

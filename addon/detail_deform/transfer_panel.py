@@ -41,6 +41,7 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         column.prop(settings, 'anchor')
         if settings.anchor in {'VERTICES', 'PINNED'}:
             column.prop_search(settings, 'anchor_group', ob, 'vertex_groups')
+        column.prop(settings, 'formulation')
         layout.separator()
         row = layout.row(align=True)
         row.enabled = source is not None

@@ -14,6 +14,10 @@ CORRESPONDENCES = [
 PAIRS_OF = [
     ('TRIANGLES', "Triangles", "Numbers of triangles; those of faces where all of them are triangles"),
     ('VERTICES', "Vertices", "Numbers of vertices")]
+FORMULATIONS = [
+    ('SURFACE', "Surface", "One unknown a vertex: the paper's, fast, and refined"),
+    ('FOURTH_POINTS', "Fourth Points", "One unknown a vertex and a face, as in the original deformation transfer, weighted by volumes: to compare with"),
+    ('FOURTH_POINTS_UNWEIGHTED', "Fourth Points, Unweighted", "The original deformation transfer as it was: small faces count as much as large ones")]
 ANCHORS = [
     ('SOURCE', "With Source", "Every loose part moves along with what it corresponds to"),
     ('CENTROID', "Centre", "The centre of the mesh stays in place"),
@@ -55,6 +59,9 @@ class DetailDeformTransfer(bpy.types.PropertyGroup):
         description="What stays in place: how a mesh bends says nothing of where it is")
     anchor_group: StringProperty(
         name="Anchor Group", update=_changed, description="Vertex group of this mesh that stays in place")
+    formulation: EnumProperty(
+        name="Formulation", items=FORMULATIONS, update=_changed,
+        description="Which system turns the deformation of faces into that of the mesh")
     show_markers: BoolProperty(
         name="Show Markers", default=True,
         description="Number the markers of this mesh and of the source in the viewport while this mesh is active: yellow where both have the number, red where one has")

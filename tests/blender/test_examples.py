@@ -73,7 +73,7 @@ def test_a_handle_at_an_examples_place_gives_the_example(limb):
     box = np.linalg.norm(np.ptp(own(limb), axis=0))
     for angle, weights in ((2 * np.pi / 3, (1, 0)), (-np.pi / 3, (0, 1))):
         pull(limb, angle)
-        assert np.abs(evaluated(limb) - curled(own(limb), angle)).max() < 1e-3 * box
+        assert np.abs(evaluated(limb) - curled(own(limb), angle)).max() < 1e-4 * box
         assert np.allclose(found(limb), weights, atol=2e-2)
     pull(limb, 0)
     assert np.abs(evaluated(limb) - own(limb)).max() < 1e-4

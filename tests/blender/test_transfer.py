@@ -567,3 +567,19 @@ def test_following_is_not_doubled_and_goes_in_no_circle(pair, tmp_path):
     live(on=False)
     transfer(source="Source", what='ANIMATION', frame_start=1, frame_end=2, cache_path=str(tmp_path / "t.pc2"))
     assert "plays a transferred animation" in refusal(live, source="Source")
+
+
+def test_the_original_formulation_with_fourth_points(pair):
+    source, target = pair
+    other = raw_strip("Other")
+    other.data.vertices.foreach_set('co', (own(other) * (1, 1, 4)).astype(np.float32).ravel())
+    found = []
+    for formulation in ('SURFACE', 'FOURTH_POINTS', 'FOURTH_POINTS_UNWEIGHTED'):
+        for ob in (target, other):
+            activate(ob)
+            transfer(source="Source", what='ALL_KEYS', pattern="Bend", formulation=formulation)
+        # Onto a mesh at the same rest it comes back by each, onto another one they differ a little.
+        assert np.abs(coordinates(target.data.shape_keys.key_blocks["Bend"]) - bent(own(source))).max() < 1e-5
+        found.append(coordinates(other.data.shape_keys.key_blocks["Bend"]))
+    for original in found[1:]:
+        assert 1e-5 < np.abs(original - found[0]).max() < 0.05
