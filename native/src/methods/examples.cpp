@@ -11,7 +11,7 @@ namespace dd {
 namespace {
 
 constexpr double kToGuess = 1e-3;     // κ
-constexpr double kBeyond = 1;         // μ
+constexpr double kBeyond = 0.3;       // μ
 constexpr double kLeastSize = 1e-9;   // of the surface's area: what D_i is at least
 constexpr double kIrrelevant = 1e-6;  // of D_i: what handles tell of an example at least
 constexpr int kMostSteps = 10;

@@ -57,9 +57,9 @@ std::unique_ptr<ExamplesMethod> make_examples(BoundSurface& bound);
 ///   t_i² c_i with f_i = Σ_v x_v · q_iv, x the handles' displacements, q_i and c_i constants, it
 ///   costs nothing. A start at rest would find no slope towards an example that turns a limb by
 ///   half a turn, and beyond it the wrong one.
-/// - o(w) is how far w is out of 0 to 1, to the fourth power: up to a quarter is cheap; a handle far
+/// - o(w) is how far w is out of 0 to 1, to the fourth power: up to a third is cheap; a handle far
 ///   from what the examples know stretches the surface instead of exaggerating them. With a
-///   hundredth of this weight, a muscle that bulges was turned into one that pinches the limb.
+///   thirtieth of this weight, a muscle that bulges was turned into one that pinches the limb.
 /// - rotation_only leaves U_ij out: limbs bend, nothing swells; examples that swell are not met.
 /// - Weights given, the handles are let go: their vertices are free in a system of its own, and
 ///   what then floats is placed by ExamplePlaces.
