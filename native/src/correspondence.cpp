@@ -48,6 +48,8 @@ Correspondence triangle_correspondence(const Pairs& pairs, int source_triangles,
 }
 
 Correspondence vertex_correspondence(const Pairs& pairs, const Mesh& source, const Mesh& target) {
+  validate(source, "source");
+  validate(target, "target");
   check_range(pairs, source.vertex_count(), target.vertex_count(), "vertices");
   std::vector<std::vector<int>> partners(static_cast<size_t>(target.vertex_count()));
   for (const auto& [from, to] : pairs) partners[to].push_back(from);

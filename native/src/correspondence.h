@@ -28,7 +28,7 @@ Correspondence triangle_correspondence(const Pairs& pairs, int source_triangles,
                                        int target_triangles);
 
 /// From pairs of vertices: a target triangle's sources are the triangles of the source that have the
-/// most corners among those paired with its own. Throws as triangle_correspondence().
+/// most corners among those paired with its own. Throws as triangle_correspondence() and validate().
 Correspondence vertex_correspondence(const Pairs& pairs, const Mesh& source, const Mesh& target);
 
 /// Of each triangle number itself.

@@ -81,6 +81,11 @@ def test_refusals_of_meshes_and_poses(native, native_transfer, strip):
     broken[7] = np.nan
     with pytest.raises(native.NativeError, match="The target: Vertex 7"):
         native_transfer.Transfer(mesh(strip), (broken, strip.triangles))
+    beyond = strip.triangles.copy()
+    beyond[3, 1] = 10**6
+    for pairs_of in ('TRIANGLES', 'VERTICES'):
+        with pytest.raises(native.NativeError, match="The target: .*1000000"):
+            native_transfer.Transfer(mesh(strip), (strip.positions, beyond), [[0, 0]], pairs_of)
     transfer = native_transfer.Transfer(mesh(strip), mesh(strip))
     with pytest.raises(native.NativeError, match="pose has"):
         transfer.apply(longer.positions)
