@@ -5,9 +5,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from . import bake, mesh_data, node_group
-from .operator_base import LongOperator, MeshOperator
-
-_PATH_OPTIONS = {'SKIP_SAVE'} | ({'PATH_SUPPORTS_BLEND_RELATIVE'} if bpy.app.version >= (4, 5) else set())
+from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
 
 
 def _usual_path(ob):
@@ -30,7 +28,7 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
     frame_end: IntProperty(
         name="Last Frame", description="Last frame to bake; that of the scene unless given")
     filepath: StringProperty(
-        name="File", subtype='FILE_PATH', options=_PATH_OPTIONS,
+        name="File", subtype='FILE_PATH', options=PATH_OPTIONS,
         description="Where the cache goes; // is the folder of this file")
     cache_start: IntProperty(
         name="Cache's First Frame", options={'SKIP_SAVE'},
@@ -49,12 +47,8 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
             return False
         return True
 
-    def _range(self, context):
-        return (self.given('frame_start', context.scene.frame_start),
-                self.given('frame_end', context.scene.frame_end))
-
     def invoke(self, context, event):
-        self.frame_start, self.frame_end = self._range(context)
+        self.frame_start, self.frame_end = self.frame_range(context)
         self.filepath = self.filepath or _usual_path(context.active_object)
         self.interactive = True
         return context.window_manager.invoke_props_dialog(self, width=400)
@@ -70,7 +64,7 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
             column.prop(self, 'filepath')
 
     def run(self, context, ob):
-        start, end = self._range(context)
+        start, end = self.frame_range(context)
         path = self.filepath or _usual_path(ob)
         mesh_data.check_object(ob)
         if self.mode == 'ALEMBIC':
@@ -94,7 +88,7 @@ class OBJECT_OT_detail_deform_bake_use(MeshOperator, bpy.types.Operator):
     bl_label = "Use Baked Cache"
     bl_description = "Play a cache that was baked, by whichever Blender, in place of the live deformation"
 
-    filepath: StringProperty(name="File", subtype='FILE_PATH', options=_PATH_OPTIONS,
+    filepath: StringProperty(name="File", subtype='FILE_PATH', options=PATH_OPTIONS,
                              description="A point cache (PC2)")
     filter_glob: StringProperty(default="*.pc2", options={'HIDDEN'})
     frame_start: IntProperty(name="First Frame", default=1, description="First frame of the cache")

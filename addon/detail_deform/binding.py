@@ -41,9 +41,10 @@ def _options(ob):
 
 
 def _signature(ob, shape, roles):
-    return '.'.join([*shape, mesh_data.signature(roles), *(
-        _EXAMPLES + mesh_data.signature(value) if name == 'examples' else mesh_data.signature(value) if name == 'base'
-        else f"{value:g}" if name == 'metric_smoothing' else str(value) for name, value in _options(ob).items())])
+    texts = {'examples': lambda value: _EXAMPLES + mesh_data.signature(value), 'base': mesh_data.signature,
+             'metric_smoothing': "{:g}".format}
+    return '.'.join([*shape, mesh_data.signature(roles),
+                     *(texts.get(name, str)(value) for name, value in _options(ob).items())])
 
 
 def _roles(ob):

@@ -49,15 +49,13 @@ def weights(settings):
 
 def add_keys(ob):
     """Adds the mesh's shape keys that are no examples yet; the number of them. Raises MeshProblem."""
-    keys = ob.data.shape_keys
-    if not keys or len(keys.key_blocks) < 2:
+    keys = mesh_data.relative_keys(ob)
+    if not keys:
         raise MeshProblem(f"'{ob.name}' has no shape keys: make one for each example pose, or add posed copies of the "
                           "object.")
-    if not keys.use_relative:
-        raise MeshProblem(f"'{ob.name}' has absolute shape keys: make them relative first.")
     examples = ob.detail_deform.examples
     present = {example.name for example in examples if example.object is None}
-    new = [key.name for key in keys.key_blocks if key != keys.reference_key and key.name not in present]
+    new = [key.name for key in keys if key.name not in present]
     for name in new:
         examples.add().name = name
     return len(new)

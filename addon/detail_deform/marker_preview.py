@@ -2,14 +2,13 @@
 """The markers of a mesh and of its source as numbered dots in the viewport."""
 
 import bpy
-from mathutils import Vector
 
-from . import markers, mesh_data
+from . import markers
 from .mesh_data import MeshProblem
+from .preview import Drawing
 
 _BOTH_COLOUR, _ONE_COLOUR = (1.0, 0.85, 0.1, 1.0), (1.0, 0.25, 0.2, 1.0)
 _TEXT_SIZE = 14
-_handle = None
 _found = {}  # by object: what they were found in, and the vertex of each number
 
 
@@ -42,9 +41,9 @@ def labels(ob):
     both = set.intersection(*(set(found) for _, found in sides))
     result = []
     for side, found in sides:
-        points = mesh_data.positions(side.data)
-        result += [(number, side.matrix_world @ Vector(points[vertex]), number in both)
-                   for number, vertex in found.items() if vertex < len(points)]
+        vertices = side.data.vertices
+        result += [(number, side.matrix_world @ vertices[vertex].co, number in both)
+                   for number, vertex in found.items() if vertex < len(vertices)]
     return result
 
 
@@ -72,15 +71,10 @@ def _draw():
     blf.disable(0, blf.SHADOW)
 
 
-def register():
-    global _handle
-    if not bpy.app.background:  # without a window there is nothing to draw on
-        _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), 'WINDOW', 'POST_PIXEL')
+_drawing = Drawing(_draw, 'POST_PIXEL')
+register = _drawing.register
 
 
 def unregister():
-    global _handle
-    if _handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle, 'WINDOW')
-        _handle = None
+    _drawing.unregister()
     _found.clear()

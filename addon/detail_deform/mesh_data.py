@@ -58,6 +58,15 @@ def key_positions(key):
     return values.reshape(-1, 3)
 
 
+def relative_keys(ob):
+    """The shape keys beside the basis. Raises MeshProblem where they are absolute."""
+    keys = ob.data.shape_keys
+    blocks = [key for key in keys.key_blocks if key != keys.reference_key] if keys else []
+    if blocks and not keys.use_relative:
+        raise MeshProblem(f"'{ob.name}' has absolute shape keys: make them relative first.")
+    return blocks
+
+
 def key_shape(mesh, key):
     """(n, 3) float32: the rest as this key alone deforms it, whatever it is relative to."""
     return rest(mesh) + key_positions(key) - key_positions(key.relative_key)

@@ -8,6 +8,7 @@ import bpy
 from . import mesh_data, native
 
 _TICK_SECONDS = 0.05
+PATH_OPTIONS = {'SKIP_SAVE'} | ({'PATH_SUPPORTS_BLEND_RELATIVE'} if bpy.app.version >= (4, 5) else set())
 
 
 class MeshOperator:
@@ -59,6 +60,11 @@ class LongOperator(MeshOperator):
     doing = ""  # as the status bar says it
     interactive = False
     _work = _timer = None
+
+    def frame_range(self, context):
+        """First and last frame, of those that work on frames: the scene's unless given."""
+        return (self.given('frame_start', context.scene.frame_start),
+                self.given('frame_end', context.scene.frame_end))
 
     def start(self, context, work):
         """What run() returns."""

@@ -13,10 +13,25 @@ _NEARER = 0.004  # of the way to the eye, so that the surface doesn't cover its 
 _REGION_COLOUR = (0.3, 0.8, 0.75, 0.8)
 _OTHER_COLOUR = (0.5, 0.5, 0.5, 0.35)
 _BAD_COLOUR, _GOOD_COLOUR = (0.9, 0.1, 0.1, 0.9), (0.2, 0.8, 0.2, 0.9)
-_handle = None
 _colours = {}  # by object: what they were made of, and the colour of each vertex
 _names = None  # of the objects with a preview; None: to be looked for, which takes a while in large scenes
 _object_count = 0  # when they were
+
+
+class Drawing:
+    """A function that draws into every 3D view, while it is registered."""
+
+    def __init__(self, draw, kind):
+        self._draw, self._kind, self._handle = draw, kind, None
+
+    def register(self):
+        if not bpy.app.background:  # without a window there is nothing to draw on
+            self._handle = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), 'WINDOW', self._kind)
+
+    def unregister(self):
+        if self._handle is not None:
+            bpy.types.SpaceView3D.draw_handler_remove(self._handle, 'WINDOW')
+            self._handle = None
 
 
 def handle_colour(number):
@@ -109,15 +124,10 @@ def _draw():
     gpu.state.blend_set('NONE')
 
 
-def register():
-    global _handle
-    if not bpy.app.background:  # without a window there is nothing to draw on
-        _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), 'WINDOW', 'POST_VIEW')
+_drawing = Drawing(_draw, 'POST_VIEW')
+register = _drawing.register
 
 
 def unregister():
-    global _handle
-    if _handle is not None:
-        bpy.types.SpaceView3D.draw_handler_remove(_handle, 'WINDOW')
-        _handle = None
+    _drawing.unregister()
     _colours.clear()

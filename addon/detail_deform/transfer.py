@@ -12,7 +12,6 @@ from .mesh_data import MeshProblem
 POSE_NAME = "{} Pose"
 CACHE_NAME = "Detail Deform Transfer"
 
-
 _MAKERS = {'SUBSURF', 'MULTIRES', 'MIRROR', 'ARRAY', 'SOLIDIFY', 'BEVEL', 'DECIMATE', 'REMESH', 'SKIN', 'SCREW', 'BOOLEAN',
            'BUILD', 'EDGE_SPLIT', 'MASK', 'TRIANGULATE', 'WELD', 'WIREFRAME', 'NODES'}
 _MADE_KEYS = 'detail_deform_transferred_keys'  # of the mesh: names of those that were made here
@@ -91,12 +90,11 @@ def _not_yet_shown(source, mesh):
     """What Detail Deform has computed for the source itself since it was evaluated, as when it is bound or follows
     another mesh. Right where its modifier is the last that moves vertices."""
     modifier = node_group.find_modifier(source)
-    attribute = mesh.attributes.get(mesh_data.OFFSET_ATTRIBUTE)
     if modifier is None or not modifier.show_viewport:
         return np.float32(0)
-    change = mesh_data.read_offsets(source.data)
-    if attribute is not None:
-        change = change - mesh_data.read_offsets(mesh)
+    change = mesh_data.read_offsets(source.data) - mesh_data.read_offsets(mesh)
+    if not change.any():  # reading an influence group takes a while
+        return np.float32(0)
     return (change * node_group.amount(source, modifier)).astype(np.float32)
 
 
@@ -104,12 +102,9 @@ def _not_yet_shown(source, mesh):
 
 def chosen_keys(source, active_only, pattern):
     """The source's shape keys beside its basis. Raises MeshProblem when there is none."""
-    keys = source.data.shape_keys
-    if keys is None or len(keys.key_blocks) < 2:
+    blocks = mesh_data.relative_keys(source)
+    if not blocks:
         raise MeshProblem(f"'{source.name}' has no shape keys to transfer.")
-    if not keys.use_relative:
-        raise MeshProblem(f"'{source.name}' has absolute shape keys: make them relative first.")
-    blocks = [key for key in keys.key_blocks if key != keys.reference_key]
     if active_only:
         if source.active_shape_key in blocks:
             return [source.active_shape_key]
@@ -205,6 +200,7 @@ def _copy_drivers(source_keys, name, target_keys, copy_name):
     animation = source_keys.animation_data
     if animation is None:
         return
+
     def path_of(key_name, prop):
         return f'key_blocks["{bpy.utils.escape_identifier(key_name)}"].{prop}'
 

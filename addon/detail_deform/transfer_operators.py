@@ -8,12 +8,11 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from . import bake, correspondence, live_transfer, markers, mesh_data, transfer
-from .operator_base import LongOperator, MeshOperator
+from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
 from .transfer_settings import ANCHORS, CORRESPONDENCES, FORMULATIONS, PAIRS_OF
 
 _POLL_SECONDS = 0.02
 _SHARE_OF_SEARCH = 0.8
-_PATH_OPTIONS = {'SKIP_SAVE'} | ({'PATH_SUPPORTS_BLEND_RELATIVE'} if bpy.app.version >= (4, 5) else set())
 
 
 def _usual_path(ob):
@@ -66,7 +65,7 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         name="Correspondence", items=CORRESPONDENCES, options={'SKIP_SAVE'},
         description="How it is known which part of the source belongs to which of this mesh; as in the panel unless given")
     filepath: StringProperty(
-        name="List", subtype='FILE_PATH', options=_PATH_OPTIONS,
+        name="List", subtype='FILE_PATH', options=PATH_OPTIONS,
         description="Text file with a pair of numbers a line, source then target, counted from 0")
     pairs_of: EnumProperty(name="Pairs of", items=PAIRS_OF, options={'SKIP_SAVE'}, description="What the list's numbers count")
     rotation_only: BoolProperty(
@@ -96,7 +95,7 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
     frame_start: IntProperty(name="First Frame", options={'SKIP_SAVE'}, description="That of the scene unless given")
     frame_end: IntProperty(name="Last Frame", options={'SKIP_SAVE'}, description="That of the scene unless given")
     cache_path: StringProperty(
-        name="Cache", subtype='FILE_PATH', options=_PATH_OPTIONS,
+        name="Cache", subtype='FILE_PATH', options=PATH_OPTIONS,
         description="Where an animation's cache goes; beside this file unless given")
 
     def invoke(self, context, event):
@@ -107,7 +106,7 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         for name in ('correspondence', 'rotation_only', 'anchor', 'anchor_group', 'filepath', 'pairs_of', 'formulation'):
             if not self.properties.is_property_set(name):
                 setattr(self, name, getattr(settings, name))
-        self.frame_start, self.frame_end = self._range(context)
+        self.frame_start, self.frame_end = self.frame_range(context)
         self.cache_path = self.cache_path or _usual_path(ob)
         self.interactive = True
         return context.window_manager.invoke_props_dialog(self, width=400)
@@ -140,10 +139,6 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         if self.anchor in {'VERTICES', 'PINNED'}:
             column.prop_search(self, 'anchor_group', context.active_object, 'vertex_groups')
 
-    def _range(self, context):
-        return (self.given('frame_start', context.scene.frame_start),
-                self.given('frame_end', context.scene.frame_end))
-
     def run(self, context, ob):
         settings = ob.detail_deform.transfer
         mesh_data.check_object(ob)
@@ -155,7 +150,7 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         if self.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
             keys = transfer.chosen_keys(source, self.what == 'ACTIVE_KEY', self.pattern)
         if self.what == 'ANIMATION':
-            bake.check_range(*self._range(context))
+            bake.check_range(*self.frame_range(context))
             if self.bake_as == 'SHAPE_KEYS':
                 bake.check_keyed_keys(ob)
             else:
@@ -208,7 +203,7 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
     def _carry(self, context, prepared, source, ob, keys):
         """Generator of the fraction done; returns what was made, in words."""
         rotation_only = self.given('rotation_only', ob.detail_deform.transfer.rotation_only)
-        start, end = self._range(context)
+        start, end = self.frame_range(context)
         if self.what == 'POSE':
             names = yield from transfer.pose_to_key(context, prepared, source, ob, rotation_only, self.replace)
         elif keys is not None:
@@ -261,7 +256,7 @@ class OBJECT_OT_detail_deform_transfer_save(MeshOperator, bpy.types.Operator):
 
     source: StringProperty(
         name="Source", options={'SKIP_SAVE'}, description="Name of the mesh object they were found for; that of the panel unless given")
-    filepath: StringProperty(name="File", subtype='FILE_PATH', options=_PATH_OPTIONS, description="Where the list goes")
+    filepath: StringProperty(name="File", subtype='FILE_PATH', options=PATH_OPTIONS, description="Where the list goes")
 
     @classmethod
     def poll_object(cls, ob):

@@ -15,7 +15,6 @@ namespace dd {
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kMostSwing = 0.5;  // radians
 
 /// The chosen triangles and, for each vertex, the places of those about it.
@@ -41,10 +40,6 @@ struct Patch {
   std::vector<char> at_fixed;  // whether a triangle has a fixed corner
   std::vector<int> begin, about;
 };
-
-Eigen::Quaterniond quaternion(const Rows& quaternions, Index i) {
-  return Eigen::Quaterniond(Eigen::Vector4d(quaternions.row(i).transpose()));
-}
 
 /// The rotation vector that goes on from the neighbour's.
 Eigen::Vector3d continued(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& neighbour) {

@@ -35,10 +35,6 @@ Eigen::VectorXd triangle_areas(const Mesh& mesh) {
   return areas;
 }
 
-Eigen::Quaterniond as_quaternion(const Rows& rows, Index r) {
-  return Eigen::Quaterniond(Eigen::Vector4d(rows.row(r).transpose()));
-}
-
 std::vector<int> checked_anchors(const TransferOptions& options, const Mesh& target) {
   if (options.anchor == Anchor::source || options.anchor == Anchor::centroid) return {};
   if (options.anchors.empty())
@@ -93,6 +89,7 @@ MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& corre
   prepare_source();
   factor(options);
   find_parts();
+  gradients_.resize(static_cast<size_t>(target_.triangle_count()));
   displacement_ = result_ = Positions::Zero(target_.vertex_count(), 3);
 }
 
@@ -236,17 +233,21 @@ const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
     throw Error(Status::argument, "The place of an anchor is not finite.");
 
   find_source_gradients(pose, rotation_only);
+  workers_.over(target_.triangle_count(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int64_t j = begin; j < end; ++j)
+      gradients_[j] = gradient(static_cast<int>(j), rotation_only);
+  });
   displacement_.setZero();
   if (anchor_ == Anchor::pinned)
     for (int i = 0; i < anchor_count(); ++i)
       displacement_.row(anchors_[i]) =
           (anchor_places.row(i) - target_.positions.row(anchors_[i])) / scale_;
   if (poisson_)
-    solve_on_surface(rotation_only);
+    solve_on_surface();
   else
-    solve_with_fourth_points(rotation_only);
+    solve_with_fourth_points();
   result_ = target_.positions + scale_ * displacement_;
-  place(pose, rotation_only, anchor_places);
+  place(pose, anchor_places);
   if (!result_.allFinite())
     throw Error(Status::numeric,
                 "The transferred pose is not finite: the source's pose is too large.");
@@ -269,7 +270,7 @@ void MeshTransfer::find_source_gradients(const Positions& pose, bool rotation_on
     for (int64_t i = begin; i < end; ++i) {
       if (rotation_only) {
         quaternions_.row(i) =
-            (turn * as_quaternion(quaternions_, i) * turn.conjugate()).coeffs().transpose();
+            (turn * quaternion(quaternions_, i) * turn.conjugate()).coeffs().transpose();
       } else if (stand_in_[i] < 0) {
         source_gradients_[i].setIdentity();
       } else {
@@ -324,15 +325,14 @@ Eigen::Matrix3d MeshTransfer::gradient(int triangle, bool rotation_only) const {
   return sum / (end - begin);
 }
 
-void MeshTransfer::solve_on_surface(bool rotation_only) {
+void MeshTransfer::solve_on_surface() {
   const RowOrder& order = poisson_->order();
   const ActiveTriangles& active = poisson_->active();
   Rows offsets = in_order(displacement_, order);
   const auto add = [&](int part, double* rows) {
     for (int i = active.begin[part]; i < active.begin[part + 1]; ++i) {
       const int j = active.triangles[i];
-      const Eigen::Matrix3d turned =
-          gradient(j, rotation_only) * flux_.middleRows<3>(3 * Index(j)).transpose();
+      const Eigen::Matrix3d turned = gradients_[j] * flux_.middleRows<3>(3 * Index(j)).transpose();
       for (int k = 0; k < 3; ++k)
         Eigen::Map<Eigen::Vector3d>(
             rows + 4 * Index(poisson_->target(part, target_.triangles(j, k)))) += turned.col(k);
@@ -343,18 +343,17 @@ void MeshTransfer::solve_on_surface(bool rotation_only) {
     displacement_.row(order.vertex_of_row[r]) = offsets.row(r).head<3>();
 }
 
-void MeshTransfer::solve_with_fourth_points(bool rotation_only) {
+void MeshTransfer::solve_with_fourth_points() {
   const Index n = target_.vertex_count();
   Positions constrained = tets_.positions;
   constrained.topRows(n) += displacement_;
   RowMatrix gradients(3 * tets_.tet_count(), 3);
   for (int j = 0; j < tets_.tet_count(); ++j)
-    gradients.middleRows<3>(3 * Index(j)) = gradient(j, rotation_only).transpose();
+    gradients.middleRows<3>(3 * Index(j)) = gradients_[j].transpose();
   displacement_ = (volumetric_->solve(constrained, gradients) - tets_.positions).topRows(n);
 }
 
-void MeshTransfer::place(const Positions& pose, bool rotation_only,
-                         const Positions& anchor_places) {
+void MeshTransfer::place(const Positions& pose, const Positions& anchor_places) {
   std::vector<Eigen::RowVector3d> missing;
   // What pinned parts miss of where their sources went, all others miss too.
   Eigen::RowVector3d of_pinned = Eigen::RowVector3d::Zero(), of_matched = of_pinned;
@@ -372,7 +371,7 @@ void MeshTransfer::place(const Positions& pose, bool rotation_only,
       }
       const double count = end_[j] - begin_[j];
       const Eigen::Vector3d own = triangle_centre(target_.positions, target_.triangles, j);
-      const Eigen::Matrix3d S = gradient(j, rotation_only);
+      const Eigen::Matrix3d& S = gradients_[j];
       const Eigen::Vector3d wanted =
           placement_(after / count) + S * (own - placement_(before / count));
       const double change = (S - Eigen::Matrix3d::Identity()).squaredNorm();

@@ -91,10 +91,10 @@ class MeshTransfer {
   /// Rotations of used triangles that a pose leaves without area, which has none: their neighbours'.
   void replace_collapsed(const Positions& pose);
   Eigen::Matrix3d gradient(int triangle, bool rotation_only) const;
-  void solve_on_surface(bool rotation_only);
-  void solve_with_fourth_points(bool rotation_only);
+  void solve_on_surface();
+  void solve_with_fourth_points();
   /// Moves the floating parts of result_ to their sources, then all as the anchor says.
-  void place(const Positions& pose, bool rotation_only, const Positions& anchor_places);
+  void place(const Positions& pose, const Positions& anchor_places);
 
   Workers workers_;
   Mesh source_, target_;
@@ -114,6 +114,7 @@ class MeshTransfer {
   std::vector<RotationBlock<double>> rotation_blocks_;
   std::vector<Eigen::Matrix3d> source_gradients_;
   Rows source_rows_, quaternions_;
+  std::vector<Eigen::Matrix3d> gradients_;  // S_j of each target triangle
 
   double scale_ = 1;  // of the target; all below is solved in a box of diagonal 1
   Region region_;

@@ -156,7 +156,7 @@ class Registration {
 
   /// One stage: waves of this length and longer follow the target; 0: the markers alone pull.
   void run(double wave, const Progress& progress) {
-    const double two_pi = 2 * std::acos(-1.0);
+    const double two_pi = 2 * kPi;
     const double pull =
         wave == 0 ? 0 : std::pow(edge_ * two_pi * two_pi / (wave * wave), 2) / (edge_ * edge_);
     factor(pull, progress);
@@ -167,6 +167,8 @@ class Registration {
   }
 
   const Positions& positions() const { return now_.positions; }
+  /// Mean length of the source's edges.
+  double edge() const { return edge_; }
 
  private:
   static std::vector<int> usable_triangles(const Mesh& mesh) {
@@ -310,8 +312,7 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
         (onto(source.positions.row(v).transpose()).transpose() - middle) / scale;
 
   Registration registration(start, unit, markers, options);
-  const double edge = mean_edge_length(start.positions, start.triangles);
-  const double last = std::min(kLongestWave, kShortestWave * edge);
+  const double last = std::min(kLongestWave, kShortestWave * registration.edge());
   for (int stage = 0; stage <= options.stages; ++stage) {
     const double share = options.stages > 1 ? (stage - 1.0) / (options.stages - 1) : 1;
     const double wave = stage == 0 ? 0 : kLongestWave * std::pow(last / kLongestWave, share);

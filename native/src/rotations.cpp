@@ -7,12 +7,6 @@
 
 namespace dd {
 
-namespace {
-
-constexpr double kPi = 3.14159265358979323846;
-
-}  // namespace
-
 Eigen::Matrix3d polar_rotation(const Eigen::Matrix3d& A) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(A, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Matrix3d U = svd.matrixU();

@@ -1,10 +1,18 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "types.h"
+
 namespace dd {
+
+constexpr double kPi = 3.14159265358979323846;
+
+/// A row x y z w.
+inline Eigen::Quaterniond quaternion(const Rows& rows, Index r) {
+  return Eigen::Quaterniond(Eigen::Vector4d(rows.row(r).transpose()));
+}
 
 /// The rotation R nearest to A, the one of its polar decomposition A = R U where A keeps
 /// orientation; its determinant is +1 whatever A is.

@@ -74,7 +74,7 @@ Similarity fitted_stance(const Positions& from, const Positions& to,
   if (misfit.rowwise().squaredNorm().dot(weights) < kExact * kExact * onto.square) return fit;
   const Eigen::Matrix3d upright = nearest_of_axes(fit.rotation);
   const double turn = rotation_vector(upright.transpose() * fit.rotation).norm();
-  const double least = 20 * std::acos(-1.0) / 180;
+  const double least = 20 * kPi / 180;
   Similarity stance = turn < least ? with_rotation(upright, of, onto) : fit;
   stance.mirrored = fit.mirrored;
   return stance;
