@@ -1,8 +1,9 @@
 # Stages the add-on in a folder of its own, for one platform, and zips it.
 file(REMOVE_RECURSE ${STAGE} ${ZIP})
 set(target ${STAGE}/detail_deform)
-file(GLOB sources ${SOURCE}/*.py)
-file(COPY ${sources} ${LICENSE} DESTINATION ${target})
+file(COPY ${SOURCE}/ DESTINATION ${target} FILES_MATCHING PATTERN "*.py"
+  PATTERN __pycache__ EXCLUDE PATTERN lib EXCLUDE)
+file(COPY ${LICENSE} DESTINATION ${target})
 file(COPY ${LIBRARY} DESTINATION ${target}/lib)
 
 # A zip holds the library of one platform and must not offer itself to others.

@@ -5,7 +5,9 @@ import bpy
 from bpy.props import (BoolProperty, CollectionProperty, EnumProperty, FloatProperty,
                        FloatVectorProperty, IntProperty, PointerProperty, StringProperty)
 
-from . import binding, preview, status, transfer_settings
+from . import transfer_settings
+from .follow import binding, status
+from .ui import preview
 
 
 def _input_changed(self, context):

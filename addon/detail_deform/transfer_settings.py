@@ -4,7 +4,8 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, PointerProperty, StringProperty
 
-from . import live_transfer, preview
+from .follow import live_transfer
+from .ui import preview
 
 CORRESPONDENCES = [
     ('TOPOLOGY', "Same Topology", "Both meshes have the same vertices and faces in the same order"),

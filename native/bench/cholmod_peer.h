@@ -3,7 +3,7 @@
 
 #include <cholmod.h>
 
-#include "types.h"
+#include "support/types.h"
 
 namespace dd::bench {
 

@@ -109,7 +109,7 @@ def playback(native):
 def main():
     sys.path.insert(0, str(ROOT / 'addon'))
     import detail_deform
-    from detail_deform import native
+    from detail_deform.library import native
 
     detail_deform.register()
     moves(native)

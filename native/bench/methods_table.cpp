@@ -3,9 +3,9 @@
 #include <cstdio>
 
 #include "cases.h"
-#include "deformer.h"
-#include "measures.h"
-#include "split_motion.h"
+#include "deform/deformer.h"
+#include "deform/split_motion.h"
+#include "mesh/measures.h"
 #include "timing.h"
 #ifdef DD_HAVE_CGAL
 #include "cgal_peer.h"

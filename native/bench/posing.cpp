@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "cases.h"
-#include "deformer.h"
+#include "deform/deformer.h"
 #include "timing.h"
 
 namespace {

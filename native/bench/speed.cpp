@@ -21,11 +21,11 @@
 #include <thread>
 #include <vector>
 
-#include "bending_system.h"
-#include "deformer.h"
-#include "free_block.h"
-#include "kernels.h"
+#include "deform/deformer.h"
+#include "kernels/kernels.h"
 #include "meshes.h"
+#include "surface/bending_system.h"
+#include "surface/free_block.h"
 #include "timing.h"
 #ifdef DD_HAVE_CGAL
 #include "cgal_peer.h"

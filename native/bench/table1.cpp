@@ -12,12 +12,12 @@
 #endif
 
 #include "cases.h"
-#include "fill_reducing_order.h"
-#include "free_block.h"
-#include "operators.h"
-#include "tets.h"
+#include "solver/fill_reducing_order.h"
+#include "surface/free_block.h"
+#include "surface/operators.h"
+#include "surface/tets.h"
+#include "surface/volumetric_transfer.h"
 #include "timing.h"
-#include "volumetric_transfer.h"
 
 namespace {
 

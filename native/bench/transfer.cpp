@@ -11,10 +11,10 @@
 #include <memory>
 #include <vector>
 
-#include "mesh_transfer.h"
 #include "meshes.h"
-#include "registration.h"
 #include "timing.h"
+#include "transfer/mesh_transfer.h"
+#include "transfer/registration.h"
 
 namespace {
 

@@ -27,12 +27,12 @@ def _part(name):
 
 @pytest.fixture(scope='session')
 def native():
-    return _part('native')
+    return _part('library.native')
 
 
 @pytest.fixture(scope='session')
 def native_transfer():
-    return _part('native_transfer')
+    return _part('library.native_transfer')
 
 
 class Strip:

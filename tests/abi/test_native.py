@@ -279,7 +279,7 @@ def load_elsewhere(path):
     program = ("import importlib.util as u; s = u.spec_from_file_location('n', %r); "
                "n = u.module_from_spec(s); s.loader.exec_module(n)\n"
                "try: print(n.version())\nexcept n.NativeError as e: print('refused:', e)"
-               % str(ADDON / 'native.py'))
+               % str(ADDON / 'library' / 'native.py'))
     return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
                           env={**os.environ, 'DETAIL_DEFORM_LIBRARY': str(path)}).stdout
 

@@ -21,7 +21,7 @@ def module():
 
 @pytest.fixture
 def part(module):
-    """part('binding'): a module of the installed add-on."""
+    """part('follow.binding'): a module of the installed add-on."""
     return lambda name: importlib.import_module(f'{module.__name__}.{name}')
 
 

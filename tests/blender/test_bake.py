@@ -64,7 +64,7 @@ def test_a_cache_shows_what_was_live(strip, tmp_path):
 def test_nothing_is_computed_while_a_cache_plays(strip, tmp_path, part, monkeypatch):
     bpy.ops.object.detail_deform_bake(filepath=str(tmp_path / 'strip.pc2'))
     computed = []
-    monkeypatch.setattr(part('native').Deformer, 'offsets', lambda *_, **__: computed.append(1))
+    monkeypatch.setattr(part('library.native').Deformer, 'offsets', lambda *_, **__: computed.append(1))
     played(strip)
     assert not computed
 
@@ -275,7 +275,7 @@ def test_a_full_disk_leaves_nothing_behind(strip, tmp_path, part, monkeypatch):
         def close(self):
             raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(part('pc2'), 'open', Full, raising=False)
+    monkeypatch.setattr(part('scene.pc2'), 'open', Full, raising=False)
     assert "No space left" in refusal(bpy.ops.object.detail_deform_bake, filepath=str(tmp_path / 'strip.pc2'))
     assert os.listdir(tmp_path) == []
 

@@ -252,7 +252,7 @@ def test_renaming_keeps_the_binding():
 
 def test_undo_of_a_drag_costs_no_bind(part):
     ob = bind(make_strip())
-    native = part('native')
+    native = part('library.native')
     bpy.ops.ed.undo_push(message="bound")
     right(ob).location.z += 0.4
     update()
@@ -312,7 +312,7 @@ def finish_in_background(binding, deformers):
 
 
 def test_a_bind_in_the_background_ends_with_the_surface_bound(part):
-    binding, deformers = part('binding'), part('deformers')
+    binding, deformers = part('follow.binding'), part('follow.deformers')
     ob = make_strip(37)  # of a size that no other test has bound already
     binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
     assert deformers.binds_under_way() and "Binding" in ob.detail_deform.status
@@ -325,7 +325,7 @@ def test_a_bind_in_the_background_ends_with_the_surface_bound(part):
 
 
 def test_a_bind_in_the_background_notices_what_happens_meanwhile(part):
-    binding, deformers = part('binding'), part('deformers')
+    binding, deformers = part('follow.binding'), part('follow.deformers')
     changed, deleted, unbound, cancelled = (make_strip(n, name=str(n)) for n in (31, 32, 33, 61))
     for ob in (changed, deleted, unbound, cancelled):
         binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
@@ -342,7 +342,7 @@ def test_a_bind_in_the_background_notices_what_happens_meanwhile(part):
 
 
 def test_a_new_bind_right_after_unbinding_is_not_taken_for_the_old_one(part):
-    binding, deformers = part('binding'), part('deformers')
+    binding, deformers = part('follow.binding'), part('follow.deformers')
     ob = make_strip(83)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     for _ in range(3):

@@ -135,8 +135,8 @@ def test_the_calfs_poses_carry_over_to_the_giraffe(part):
     assert len(triangles(calf)) > 1.5 * len(triangles(giraffe)) > 25000
     assert bpy.ops.object.detail_deform_transfer_match() == {'FINISHED'}
     assert np.mean(giraffe.data['detail_deform_match']['confidence']) > 0.97
-    rests, marked = [own(calf), own(giraffe)], [part('markers').of(ob) for ob in (calf, giraffe)]
-    native, scene = part('native'), bpy.context.scene
+    rests, marked = [own(calf), own(giraffe)], [part('setup.markers').of(ob) for ob in (calf, giraffe)]
+    native, scene = part('library.native'), bpy.context.scene
     hooves = members(giraffe, "Hooves")
     for frame in (9, 17, 24):
         scene.frame_set(frame)
@@ -178,8 +178,8 @@ def test_52_shape_keys_take_one_factorization(part, monkeypatch):
         key = source.shape_key_add(name=f"Key {number}", from_mix=False)
         key.data.foreach_set('co', (rest + 0.1 * near * random.normal(size=3)).astype(np.float32).ravel())
     transfers = []
-    kind = part('native_transfer').Transfer
-    monkeypatch.setattr(part('native_transfer'), 'Transfer', lambda *a, **k: transfers.append(kind(*a, **k)) or transfers[-1])
+    kind = part('library.native_transfer').Transfer
+    monkeypatch.setattr(part('library.native_transfer'), 'Transfer', lambda *a, **k: transfers.append(kind(*a, **k)) or transfers[-1])
     bpy.context.view_layer.objects.active = target
     bpy.ops.object.detail_deform_transfer(source=source.name, what='ALL_KEYS')
     assert len(transfers) == 1

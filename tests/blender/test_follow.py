@@ -222,7 +222,7 @@ def test_no_work_without_a_move(part):
     bind(ob)
     lift(ob)
     writes = []
-    mesh_data = part('mesh_data')
+    mesh_data = part('scene.mesh_data')
     original = mesh_data.write_offsets
     mesh_data.write_offsets = lambda *arguments: (writes.append(1), original(*arguments))
     try:
@@ -252,7 +252,7 @@ def test_factor_and_the_place_in_the_stack(part):
     ob = make_strip()
     bind(ob)
     full = lift(ob)
-    node_group = part('node_group')
+    node_group = part('scene.node_group')
     modifier = node_group.find_modifier(ob)
     assert modifier.name == 'Detail Deform'
     assert node_group.factor(modifier) == 1

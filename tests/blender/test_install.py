@@ -17,7 +17,7 @@ EVENTS = ('depsgraph_update_post', 'frame_change_post', 'undo_post', 'redo_post'
 def test_the_installed_zip_is_what_runs(module, part):
     resources = Path(os.environ['BLENDER_USER_RESOURCES']).resolve()
     assert resources in Path(module.__file__).resolve().parents
-    native = part('native')
+    native = part('library.native')
     assert resources in Path(native.library_path()).resolve().parents
     bind(make_strip(9))
     maps = open('/proc/self/maps').read() if os.path.exists('/proc/self/maps') else native.library_path()

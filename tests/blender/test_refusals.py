@@ -273,7 +273,7 @@ def test_handles_far_out_of_range_are_reported():
 
 
 def test_library_missing_or_of_another_version(part, monkeypatch, tmp_path):
-    native = part('native')
+    native = part('library.native')
     ob = make_strip()
     monkeypatch.setattr(native, '_library', None)
     monkeypatch.setenv('DETAIL_DEFORM_LIBRARY', str(tmp_path / 'none.so'))
@@ -284,7 +284,7 @@ def test_library_missing_or_of_another_version(part, monkeypatch, tmp_path):
 
 
 def test_binding_from_a_file_without_the_library_is_reported(part, monkeypatch, tmp_path):
-    native, deformers = part('native'), part('deformers')
+    native, deformers = part('library.native'), part('follow.deformers')
     ob = bind(make_strip())
     deformers.clear()
     monkeypatch.setattr(native, '_library', None)

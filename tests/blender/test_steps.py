@@ -98,7 +98,7 @@ def test_apply_takes_the_result_in_steps(strip):
 
 def test_steps_arrive_when_the_handles_pause(strip, part, monkeypatch):
     """The window's way: quick result first, the steps by a timer, the last pose wins."""
-    slow_results = part('slow_results')
+    slow_results = part('follow.slow_results')
 
     class Window:
         def __getattr__(self, name):
@@ -110,7 +110,7 @@ def test_steps_arrive_when_the_handles_pause(strip, part, monkeypatch):
         def __getattr__(self, name):
             return getattr(bpy, name)
 
-    monkeypatch.setattr(part('binding'), 'bpy', Bpy())
+    monkeypatch.setattr(part('follow.binding'), 'bpy', Bpy())
     strip.detail_deform.steps = 5
     bend(strip, -60)
     quick = evaluated(strip)

@@ -197,10 +197,10 @@ def test_correspondences_are_found_shown_and_forgotten(part):
     activate(target)
     assert bpy.ops.object.detail_deform_transfer_match() == {'FINISHED'}
     assert settings.correspondence == 'STORED'
-    confidence = part('correspondence').vertex_confidence(target)
+    confidence = part('setup.correspondence').vertex_confidence(target)
     assert confidence.shape == (33 * 33,) and confidence.min() > 0.5
     settings.show_match = True
-    colours = part('preview').vertex_colours(target)
+    colours = part('ui.preview').vertex_colours(target)
     assert (colours[:, 1] > colours[:, 0]).all()  # green
     bpy.ops.object.detail_deform_transfer_forget()
     assert settings.correspondence == 'TOPOLOGY' and not settings.show_match
@@ -544,7 +544,7 @@ def test_markers_are_shown_with_their_numbers(pair, part):
     group(target, "Marker 2", [600])
     group(source, "Marker 1", [5])
     update()
-    labels = part('marker_preview').labels
+    labels = part('ui.marker_preview').labels
     expected = [(1, own(target)[4], True), (2, own(target)[600], False), (1, own(source)[5] + (3, 0, 0), True)]
     for (number, place, on_both), (n, p, b) in zip(labels(target), expected):
         assert (number, on_both) == (n, b) and np.allclose(place, p, atol=1e-6)

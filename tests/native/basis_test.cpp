@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "basis.h"
+#include "surface/basis.h"
 
 #include <Eigen/Dense>
 
-#include "base_surface.h"
 #include "catch.h"
 #include "dense_reference.h"
-#include "free_block.h"
 #include "meshes.h"
+#include "surface/base_surface.h"
+#include "surface/free_block.h"
 
 using namespace dd;
 

@@ -5,7 +5,7 @@
 #include <functional>
 
 #include "catch.h"
-#include "deformer.h"
+#include "deform/deformer.h"
 #include "meshes.h"
 
 namespace dd::test {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "deformer.h"
+#include "deform/deformer.h"
 
 #include <Eigen/Dense>
 #include <limits>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "distances.h"
+#include "mesh/distances.h"
 
 #include <cmath>
 #include <limits>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "catch.h"
+#include "deform/split_motion.h"
 #include "limbs.h"
-#include "split_motion.h"
 
 using namespace dd;
 using test::Affine;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "gradients.h"
+#include "surface/gradients.h"
 
 #include <Eigen/Dense>
 #include <numeric>
@@ -7,7 +7,7 @@
 #include "catch.h"
 #include "dense_reference.h"
 #include "meshes.h"
-#include "operators.h"
+#include "surface/operators.h"
 
 using namespace dd;
 

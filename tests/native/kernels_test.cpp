@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "kernels.h"
+#include "kernels/kernels.h"
 
 #include <cmath>
 #include <random>

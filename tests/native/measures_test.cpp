@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "measures.h"
+#include "mesh/measures.h"
 
 #include <Eigen/Dense>
 
 #include "catch.h"
 #include "dense_reference.h"
-#include "intersections.h"
+#include "mesh/intersections.h"
 #include "meshes.h"
 
 using namespace dd;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "mesh.h"
+#include "mesh/mesh.h"
 
 #include <limits>
 
 #include "catch.h"
-#include "error.h"
 #include "meshes.h"
+#include "support/error.h"
 
 using namespace dd;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "mesh_transfer.h"
+#include "transfer/mesh_transfer.h"
 
 #include <Eigen/Dense>
 #include <random>
@@ -7,7 +7,7 @@
 #include "catch.h"
 #include "dense_reference.h"
 #include "meshes.h"
-#include "rotations.h"
+#include "support/rotations.h"
 
 using namespace dd;
 using test::largest_difference;

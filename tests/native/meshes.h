@@ -9,8 +9,8 @@
 #include <random>
 #include <vector>
 
-#include "mesh.h"
-#include "region.h"
+#include "mesh/mesh.h"
+#include "surface/region.h"
 
 namespace dd::test {
 

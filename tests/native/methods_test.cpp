@@ -6,10 +6,10 @@
 #include "catch.h"
 #include "deform.h"
 #include "dense_reference.h"
-#include "measures.h"
+#include "mesh/measures.h"
 #include "methods/displacement_volumes.h"
 #include "methods/normal_displacement.h"
-#include "rotations.h"
+#include "support/rotations.h"
 
 using namespace dd;
 using test::Affine;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "operators.h"
+#include "surface/operators.h"
 
 #include <Eigen/Dense>
 
-#include "base_surface.h"
 #include "catch.h"
 #include "dense_reference.h"
 #include "meshes.h"
+#include "surface/base_surface.h"
 
 using namespace dd;
 

@@ -7,8 +7,8 @@
 #include "catch.h"
 #include "deform.h"
 #include "dense_reference.h"
-#include "intersections.h"
-#include "measures.h"
+#include "mesh/intersections.h"
+#include "mesh/measures.h"
 
 using namespace dd;
 using test::Affine;

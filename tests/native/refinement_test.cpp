@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "refinement.h"
+#include "surface/refinement.h"
 
 #include <Eigen/Dense>
 
@@ -7,7 +7,7 @@
 #include "catch.h"
 #include "deform.h"
 #include "dense_reference.h"
-#include "measures.h"
+#include "mesh/measures.h"
 
 using namespace dd;
 using test::Affine;

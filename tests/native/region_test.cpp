@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "region.h"
+#include "surface/region.h"
 
 #include "catch.h"
-#include "error.h"
 #include "meshes.h"
+#include "support/error.h"
 
 using namespace dd;
 

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "registration.h"
+#include "transfer/registration.h"
 
 #include <cmath>
 #include <random>
 
-#include "box_tree.h"
 #include "catch.h"
-#include "error.h"
-#include "measures.h"
+#include "mesh/box_tree.h"
+#include "mesh/measures.h"
 #include "meshes.h"
+#include "support/error.h"
 
 using namespace dd;
 using test::largest_difference;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "sparse_cholesky.h"
+#include "solver/sparse_cholesky.h"
 
 #include <Eigen/Dense>
 #include <Eigen/SparseCholesky>
@@ -7,9 +7,9 @@
 #include <numeric>
 
 #include "catch.h"
-#include "free_block.h"
 #include "meshes.h"
-#include "operators.h"
+#include "surface/free_block.h"
+#include "surface/operators.h"
 
 using namespace dd;
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "split_motion.h"
+#include "deform/split_motion.h"
 
 #include <Eigen/Dense>
 
 #include "cases.h"
 #include "catch.h"
 #include "deform.h"
-#include "measures.h"
+#include "mesh/measures.h"
 
 using namespace dd;
 using test::Affine;

@@ -191,12 +191,13 @@ typedef struct dd_update_options {
   int32_t volume_iterations; /* of DD_METHOD_VOLUMES: steps after which it stops anyway; 0 stands
                                 for 50 */
   int32_t formulation;       /* dd_formulation; others than the surface's are not refined */
-  const double* example_weights; /* of DD_METHOD_EXAMPLES: the pose of these weights, w, is shown and
+  const double*
+      example_weights;         /* of DD_METHOD_EXAMPLES: the pose of these weights, w, is shown and
                                     the handles are let go, 1 being an example, 0 the rest; parts
                                     that nothing fixes go where the examples' centres take them.
                                     Null: the weights that fit the handles */
-  size_t example_weight_count;   /* as many as examples, or 0 */
-  double example_stiffness; /* of DD_METHOD_EXAMPLES, >= 0: a factor on what keeps weights near a
+  size_t example_weight_count; /* as many as examples, or 0 */
+  double example_stiffness;    /* of DD_METHOD_EXAMPLES, >= 0: a factor on what keeps weights near a
                                guess from the handles' places and within 0 to 1; 0 stands for 1 */
 } dd_update_options;
 
@@ -228,7 +229,7 @@ typedef struct dd_deformer_info {
                                     fails; 0 before its first update */
   int32_t unrepresented_example; /* one of them */
   double bind_seconds;
-  double bytes; /* memory held by the bound deformer */
+  double bytes;                /* memory held by the bound deformer */
   int32_t idle_handle_count;   /* handles without a free vertex beside them: they move their own
                                   vertices and nothing follows */
   int32_t idle_handle_example; /* one of them */
@@ -352,10 +353,9 @@ DD_API int32_t dd_measure(const float* rest, const float* deformed, size_t posit
  *   positions, triangles   as for dd_bind_start
  *   sources                source_count = n numbers, not 0 for a source
  *   out                    out_count = n floats, in the unit of the positions */
-DD_API int32_t dd_distances(const float* positions, size_t position_count,
-                            const int32_t* triangles, size_t triangle_index_count,
-                            const int32_t* sources, size_t source_count, float* out,
-                            size_t out_count);
+DD_API int32_t dd_distances(const float* positions, size_t position_count, const int32_t* triangles,
+                            size_t triangle_index_count, const int32_t* sources,
+                            size_t source_count, float* out, size_t out_count);
 
 /* Solids: tetrahedral meshes (§4), in double precision throughout. Synchronous. */
 typedef struct dd_tets dd_tets;
@@ -411,7 +411,8 @@ typedef struct dd_match dd_match;       /* a search for correspondences under wa
 /* What pairs are of. */
 enum dd_pairs_of {
   DD_PAIRS_OF_TRIANGLES = 0,
-  DD_PAIRS_OF_VERTICES = 1 /* a triangle's sources: those with the most corners paired with its own */
+  DD_PAIRS_OF_VERTICES =
+      1 /* a triangle's sources: those with the most corners paired with its own */
 };
 
 /* What decides where a transferred pose is: gradients leave the place of each loose part open. */
@@ -425,34 +426,34 @@ enum dd_anchor {
 /* Zero is every field's default; a null pointer stands for all defaults. */
 typedef struct dd_transfer_options {
   uint32_t struct_size;
-  int32_t pairs_of;         /* dd_pairs_of */
-  int32_t formulation;      /* dd_formulation: (14), n unknowns, or the original (10), n + m */
-  int32_t anchor;           /* dd_anchor */
-  const int32_t* anchors;   /* vertices of the target, for DD_ANCHOR_VERTICES and DD_ANCHOR_PINNED */
+  int32_t pairs_of;       /* dd_pairs_of */
+  int32_t formulation;    /* dd_formulation: (14), n unknowns, or the original (10), n + m */
+  int32_t anchor;         /* dd_anchor */
+  const int32_t* anchors; /* vertices of the target, for DD_ANCHOR_VERTICES and DD_ANCHOR_PINNED */
   size_t anchor_count;
-  const double* placement;  /* 12: row-major 3x4, the rotation, scale and shift that takes the source
+  const double* placement; /* 12: row-major 3x4, the rotation, scale and shift that takes the source
                                onto the target; deformations are turned with it. Null: as the pairs
                                say, exact where the target is a moved and scaled copy; a rotation of
                                less than 20 degrees between different shapes counts as part of these */
-  int32_t precision;        /* dd_precision; of the system. DD_PRECISION_SINGLE for live use */
-  int32_t threads;          /* as for dd_bind_options */
+  int32_t precision;       /* dd_precision; of the system. DD_PRECISION_SINGLE for live use */
+  int32_t threads;         /* as for dd_bind_options */
 } dd_transfer_options;
 
 typedef struct dd_transfer_info {
-  uint32_t struct_size; /* set by the caller */
-  int32_t unmatched_count;        /* triangles of the target without a source: they go with the
+  uint32_t struct_size;         /* set by the caller */
+  int32_t unmatched_count;      /* triangles of the target without a source: they go with the
                                      nearest that has one over the surface */
-  int32_t unmatched_example;      /* one of them, or -1 */
-  int32_t unmatched_part_count;   /* loose parts of the target none of whose triangles has a source */
+  int32_t unmatched_example;    /* one of them, or -1 */
+  int32_t unmatched_part_count; /* loose parts of the target none of whose triangles has a source */
   int32_t unmatched_part_example; /* a vertex of one, or -1 */
   int32_t loose_count;            /* vertices of the target without a triangle: they stay */
   int32_t degenerate_count;       /* triangles of the target with next to no area */
   int32_t degenerate_example;     /* one of them, or -1 */
-  int32_t mirrored;               /* 1: the target corresponds to the source's mirror image, of which
+  int32_t mirrored;     /* 1: the target corresponds to the source's mirror image, of which
                                      only the nearest rotation is taken */
-  int32_t unknowns;               /* rows of the system */
-  double nonzeros;                /* of the system */
-  double placement[12];           /* row-major 3x4: of the source onto the target */
+  int32_t unknowns;     /* rows of the system */
+  double nonzeros;      /* of the system */
+  double placement[12]; /* row-major 3x4: of the source onto the target */
 } dd_transfer_info;
 
 /* Factors the target's system. Positions: 3 floats a vertex, triangles: 3 vertex numbers each, as for

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "displacement_volumes.h"
+#include "methods/displacement_volumes.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
-#include "../free_block.h"
+#include "surface/free_block.h"
 
 namespace dd {
 

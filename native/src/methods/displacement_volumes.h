@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
-#include "normal_displacement.h"
-#include "transfer.h"
+#include "methods/normal_displacement.h"
+#include "methods/transfer.h"
 
 namespace dd {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "gradient_editing.h"
+#include "methods/gradient_editing.h"
 
-#include "../handle_blend.h"
+#include "surface/handle_blend.h"
 
 namespace dd {
 

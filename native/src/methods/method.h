@@ -4,12 +4,19 @@
 #include <optional>
 #include <vector>
 
-#include "../bound_surface.h"
+#include "surface/bound_surface.h"
 
 namespace dd {
 
 /// How the surface follows its handles. The values are those of dd_method in the public header.
-enum class MethodKind { transfer = 0, variational = 1, normal = 2, gradient = 3, volumes = 4, examples = 5 };
+enum class MethodKind {
+  transfer = 0,
+  variational = 1,
+  normal = 2,
+  gradient = 3,
+  volumes = 4,
+  examples = 5
+};
 
 /// How transfer makes (14) or (10) of the deformation gradients.
 enum class Formulation {

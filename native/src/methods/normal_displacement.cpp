@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "normal_displacement.h"
+#include "methods/normal_displacement.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -10,7 +10,7 @@
 #include <queue>
 #include <utility>
 
-#include "../base_surface.h"
+#include "surface/base_surface.h"
 
 namespace dd {
 

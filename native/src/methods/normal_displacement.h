@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "method.h"
+#include "methods/method.h"
 
 namespace dd {
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "transfer.h"
+#include "methods/transfer.h"
 
 #include <algorithm>
 
-#include "../rotations.h"
+#include "support/rotations.h"
 
 namespace dd {
 

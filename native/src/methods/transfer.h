@@ -3,10 +3,10 @@
 
 #include <memory>
 
-#include "../gradients.h"
-#include "../refinement.h"
-#include "../volumetric_transfer.h"
-#include "method.h"
+#include "methods/method.h"
+#include "surface/gradients.h"
+#include "surface/refinement.h"
+#include "surface/volumetric_transfer.h"
 
 namespace dd {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "variational.h"
+#include "methods/variational.h"
 
 namespace dd {
 

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
+
+from ..scene import examples, handle_matrices, node_group
+from . import deformers, look, slow_results
+
+
+def is_bound(ob):
+    settings = ob.detail_deform
+    return bool(settings.signature and not settings.stale and deformers.find(settings.signature))
+
+
+def bind_ms(ob):
+    bound = deformers.find(ob.detail_deform.signature)
+    return bound.bind_ms if bound else 0.0
+
+
+def update_ms(ob):
+    bound = deformers.find(ob.detail_deform.signature)
+    return bound.update_ms if bound else 0.0
+
+
+def example_weight(ob, example):
+    """How much of an example the handles asked for."""
+    found = deformers.find(ob.detail_deform.signature)
+    weights = found.example_weights.get(ob.name, ()) if found else ()
+    number = next((k for k, e in enumerate(examples.enabled(ob.detail_deform)) if e == example), len(weights))
+    return weights[number] if number < len(weights) else 0.0
+
+
+def weights_are_found(ob):
+    """Whether the handles have asked for weights since Bind."""
+    found = deformers.find(ob.detail_deform.signature)
+    return bool(found and found.example_weights.get(ob.name))
+
+
+def text(ob):
+    """One or more sentences; the first says how things stand."""
+    settings = ob.detail_deform
+    under_way = deformers.bind_under_way(settings.signature)
+    if under_way:
+        if under_way.cancelled:
+            return "Cancelling."
+        _, fraction, stage = under_way.progress()
+        return f"Binding, {100 * fraction:.0f}%: {stage}."
+    if settings.transfer.live:
+        return settings.transfer.state
+    if settings.stale:
+        return f"{settings.stale} Re-bind to go on."
+    if settings.problem:
+        return settings.problem
+    if not settings.signature and not settings.handles and settings.base == 'COMPUTED':
+        also = ", and examples to mix" if settings.method == 'EXAMPLES' else ""
+        return f"Not bound: select vertices in Edit Mode and press Pull Selected, or add a handle{also}."
+    if not settings.signature:
+        return "Not bound."
+    bound = deformers.find(settings.signature)
+    if bound is None:
+        return "Bound; the handles will be followed again after the next update."
+    return ' '.join([_summary(settings, bound.deformer.info), *_remarks(ob, bound)])
+
+
+def _count(number, one, many):
+    return f"{number:,} {one if number == 1 else many}"
+
+
+def _summary(settings, info):
+    movers = [_count(info.handle_count, 'handle', 'handles')] * bool(info.handle_count)
+    base = settings.base_object if settings.base == 'OBJECT' else None
+    if base:
+        movers.insert(0, f"base '{base.name}'")
+    one = len(movers) == 1 and (base or info.handle_count == 1)
+    return (f"Bound: {' and '.join(movers)} {'moves' if one else 'move'} "
+            f"{_count(info.free_count, 'free vertex', 'free vertices')}.")
+
+
+def _shown_slow(ob, bound):
+    """Which of the two results is shown, and what there is to know about it."""
+    settings = ob.detail_deform
+    what = "by displacement volumes" if settings.method == 'VOLUMES' else ""
+    if look.steps(settings) > 1:
+        what = f"{what} in {settings.steps} steps".strip()
+    done = slow_results.progress(ob.name)
+    shown, info = bound.slow.get(ob.name, (None, None))
+    if done is not None:
+        yield f"Shown is the quick result; that {what} is under way, {100 * done:.0f}%."
+    elif shown is None or shown != bound.shown.get(ob.name):
+        yield f"Shown is the quick result; that {what} follows when a handle is moved or Update is pressed."
+    elif info is not None:
+        yield f"Shown is the result {what}."
+        if settings.method == 'VOLUMES':
+            yield f"Volumes are kept within {100 * info.volume_error:.2g}%."
+            if not info.volumes_settled:
+                yield "The search for them stopped at its limit of iterations: raise it for a better result."
+
+
+def _names(names):
+    return ', '.join(f"'{name}'" for name in names)
+
+
+def _remarks(ob, bound):
+    """What the user may not expect of this mesh, or of this method."""
+    info = bound.deformer.info
+    modifier = node_group.find_modifier(ob)
+    if node_group.find_cache(ob):
+        yield "A baked cache is played in its place: press Go Live to follow the handles again."
+    elif modifier is None:
+        yield "Its modifier was removed, so nothing is shown: bind again to add it."
+    elif not modifier.show_viewport:
+        yield "Its modifier is hidden, so nothing is computed."
+    if info.resting_count:
+        yield (f"{_count(info.resting_part_count, 'loose part', 'loose parts')} of the region "
+               f"({_count(info.resting_count, 'vertex', 'vertices')}, such as vertex "
+               f"{info.resting_example}) {'stays' if info.resting_part_count == 1 else 'stay'} at rest: "
+               f"no handle is on {'it' if info.resting_part_count == 1 else 'them'}.")
+    if info.loose_count:
+        yield (f"{_count(info.loose_count, 'vertex', 'vertices')} without faces (such as vertex "
+               f"{info.loose_example}) {'stays' if info.loose_count == 1 else 'stay'} at rest.")
+    if info.degenerate_count:
+        yield (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
+               f"(such as triangle {info.degenerate_example}).")
+    settings = ob.detail_deform
+    if info.idle_handle_count:
+        idle = handle_matrices.enabled_handles(settings)[info.idle_handle_example].name
+        yield (f"Nothing follows {_count(info.idle_handle_count, 'handle', 'handles')} (such as '{idle}'): no vertex of "
+               "the region is beside. Enlarge the region (Around Handles), or take another.")
+    if settings.influence and settings.influence in {*ob.data.attributes.keys(), 'position', 'normal', 'index', 'id'}:
+        yield (f"The influence group '{settings.influence}' has the name of an attribute, which is taken in its place: "
+               "rename the group.")
+    if look.is_slow(settings):
+        yield from _shown_slow(ob, bound)
+    if settings.method == 'NORMAL' and info.unrepresented_count:
+        yield (f"{_count(info.unrepresented_count, 'vertex', 'vertices')} (such as vertex "
+               f"{info.unrepresented_example}) {'overhangs' if info.unrepresented_count == 1 else 'overhang'} "
+               "the base, where normal displacements fail: use Detail Transfer, or a smaller region.")
+    if settings.method == 'EXAMPLES':
+        if settings.base == 'OBJECT':
+            yield "Examples go by the handles and not by a base object: choose another method to follow it."
+        elif not examples.enabled(settings):
+            yield "There are no examples, so the rest shape alone is pulled: add shape keys or posed copies (Examples)."
+        shown = examples.shown_keys(ob)
+        if shown:
+            yield f"Shape keys that are examples are shown too, as {_names(shown[:3])}: set their values to 0."
+    if settings.method == 'GRADIENT' and settings.base == 'OBJECT':
+        yield "Gradient editing goes by the handles and not by the base: choose another method to follow it."
+    if settings.method == 'GRADIENT':
+        moved = bound.only_moved.get(ob.name, ())
+        if moved:
+            yield (f"Gradient editing turns nothing where a handle is only moved, as {_names(moved)} "
+                   f"{'is' if len(moved) == 1 else 'are'}: turn the empty too, or use Detail Transfer.")

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What all operators share."""
+
+import time
+
+import bpy
+
+from ..library import native
+from ..scene import mesh_data
+
+_TICK_SECONDS = 0.05
+PATH_OPTIONS = {'SKIP_SAVE'} | ({'PATH_SUPPORTS_BLEND_RELATIVE'} if bpy.app.version >= (4, 5) else set())
+
+
+class MeshOperator:
+    """Undo, a poll message, and a report for every sentence the user should see."""
+    bl_options = {'REGISTER', 'UNDO'}
+
+    @classmethod
+    def poll(cls, context):
+        ob = context.active_object
+        if ob is None or ob.type != 'MESH':
+            cls.poll_message_set("Select a mesh object")
+            return False
+        return cls.poll_object(ob)
+
+    @classmethod
+    def poll_object(cls, ob):
+        return True
+
+    def execute(self, context):
+        ob = context.active_object
+        try:
+            mesh_data.check_editable(ob)
+            result = self.run(context, ob) or {'FINISHED'}
+        except (mesh_data.MeshProblem, native.NativeError) as problem:
+            self.report({'ERROR'}, str(problem))
+            return {'CANCELLED'}
+        if context.active_object and context.active_object.mode == 'EDIT':
+            # A step of undo in Edit Mode holds the mesh alone, unless data-blocks have come or gone: the
+            # settings must go back with it.
+            bpy.data.texts.remove(bpy.data.texts.new("."))
+        return result
+
+    def given(self, name, otherwise):
+        """A property's value where the caller has set it."""
+        return getattr(self, name) if self.properties.is_property_set(name) else otherwise
+
+    @classmethod
+    def in_edit_mode(cls, ob):
+        """For poll_object of what takes the vertices selected in Edit Mode."""
+        if ob.mode != 'EDIT':
+            cls.poll_message_set("Select vertices in Edit Mode")
+            return False
+        return True
+
+
+class LongOperator(MeshOperator):
+    """Work that goes on for a while, as a generator that yields the fraction done: from the window (interactive)
+    with progress and Esc, from scripts at once."""
+    doing = ""  # as the status bar says it
+    interactive = False
+    _work = _timer = None
+
+    def frame_range(self, context):
+        """First and last frame, of those that work on frames: the scene's unless given."""
+        return (self.given('frame_start', context.scene.frame_start),
+                self.given('frame_end', context.scene.frame_end))
+
+    def start(self, context, work):
+        """What run() returns."""
+        self._work = work
+        if not self.interactive:
+            for _ in work:
+                pass
+            return None
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(_TICK_SECONDS, window=context.window)
+        manager.progress_begin(0, 1)
+        manager.modal_handler_add(self)
+        return {'RUNNING_MODAL'}
+
+    def modal(self, context, event):
+        if event.type == 'ESC':
+            return self._end(context, {'CANCELLED'})
+        if event.type != 'TIMER':
+            return {'RUNNING_MODAL'}
+        until = time.monotonic() + _TICK_SECONDS
+        try:
+            while time.monotonic() < until:
+                done = next(self._work)
+            context.window_manager.progress_update(done)
+            context.workspace.status_text_set(f"{self.doing}, {100 * done:.0f}%. Esc: cancel")
+        except StopIteration:
+            return self._end(context, {'FINISHED'})
+        except (mesh_data.MeshProblem, native.NativeError) as problem:
+            self.report({'ERROR'}, str(problem))
+            return self._end(context, {'CANCELLED'})
+        except Exception:
+            self._end(context, None)
+            raise
+        return {'RUNNING_MODAL'}
+
+    def cancel(self, context):
+        """Blender ends it by itself, as when its window is closed."""
+        if self._work:
+            self._end(context, None)
+
+    def _end(self, context, result):
+        self._work.close()
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        context.workspace.status_text_set(None)
+        self._work = self._timer = None
+        self.interactive = False  # it may be repeated without a dialog
+        return result

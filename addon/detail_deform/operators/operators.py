@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the user can do; scripts call these as bpy.ops.object.detail_deform_..."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty
+
+from ..follow import binding, live_transfer, slow_results, status
+from ..scene import apply_result, mesh_data, node_group
+from ..setup import bake, correspondence, handle_setup, region_setup
+from .operator_base import MeshOperator
+from ..properties import COPIED_SETTINGS
+
+
+class OBJECT_OT_detail_deform_add(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_add'
+    bl_label = "Add Detail Deform"
+    bl_description = "Add the modifier that shows the deformation. The mesh itself stays as it is"
+
+    @classmethod
+    def poll_object(cls, ob):
+        if node_group.find_modifier(ob):
+            cls.poll_message_set("The object has Detail Deform already")
+            return False
+        return True
+
+    def run(self, context, ob):
+        mesh_data.check_object(ob)
+        node_group.ensure_modifier(ob)
+
+
+class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_remove'
+    bl_label = "Remove All of Detail Deform"
+    bl_description = ("Leave the object as it was found: remove the modifier, the stored deformation, "
+                      "all settings, and the vertex groups and empties that were made here")
+
+    def run(self, context, ob):
+        mesh_data.check_object(ob)
+        binding.unbind(ob)
+        live_transfer.stop(ob)
+        correspondence.forget(ob)
+        bake.drop_cache(ob)
+        node_group.remove_modifier(ob)
+        for index in reversed(range(len(ob.detail_deform.handles))):
+            handle_setup.remove_handle(ob, index)
+        region_setup.remove_own(ob)
+        ob.property_unset('detail_deform')
+
+
+class OBJECT_OT_detail_deform_bind(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_bind'
+    bl_label = "Bind"
+    bl_description = ("Attach the region to its handles: the empties' present places are the rest. From "
+                      "then on the surface follows them")
+
+    wait: BoolProperty(
+        name="Wait", default=False, options={'SKIP_SAVE'},
+        description="Return when the surface is bound, instead of binding in the background")
+    keep_rest: BoolProperty(
+        name="Keep Rest", default=False, options={'SKIP_SAVE'},
+        description="Keep the rest places of the last Bind, so that the present pose stays")
+
+    def run(self, context, ob):
+        wait = self.wait or bpy.app.background
+        binding.bind(ob, context.evaluated_depsgraph_get(), wait, self.keep_rest)
+        if ob.detail_deform.problem:
+            self.report({'WARNING'}, ob.detail_deform.problem)
+
+
+class OBJECT_OT_detail_deform_bind_cancel(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_bind_cancel'
+    bl_label = "Cancel"
+    bl_description = "Stop the bind, or the slow result, that is under way"
+    bl_options = {'REGISTER'}
+
+    def run(self, context, ob):
+        binding.cancel(ob.detail_deform.signature)
+        slow_results.cancel(ob.name)
+
+
+class OBJECT_OT_detail_deform_unbind(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_unbind'
+    bl_label = "Unbind"
+    bl_description = "Detach the surface from its handles and show its rest shape. Settings stay"
+
+    def run(self, context, ob):
+        mesh_data.check_object(ob)
+        binding.unbind(ob)
+        live_transfer.stop(ob)
+
+
+class OBJECT_OT_detail_deform_update(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_update'
+    bl_label = "Update"
+    bl_description = "Bring the surface up to date with its handles now"
+
+    def run(self, context, ob):
+        settings = ob.detail_deform
+        if not settings.signature:
+            raise mesh_data.MeshProblem(f"'{ob.name}' is not bound: press Bind first.")
+        binding.check_content(ob)
+        binding.refresh(ob, context.evaluated_depsgraph_get(), force=True)
+        if settings.stale or settings.problem:
+            raise mesh_data.MeshProblem(status.text(ob))
+
+
+class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_apply'
+    bl_label = "Apply Detail Deform"
+    bl_description = "Make what is shown part of the mesh, and detach it from its handles"
+
+    mode: EnumProperty(
+        name="As", default='MESH', description="What the deformation becomes part of",
+        items=[('MESH', "Mesh", "Move the mesh's vertices, and those of its shape keys with them"),
+               ('SHAPE_KEY', "Shape Key", "Add a shape key that holds the deformation, at full value")])
+
+    @classmethod
+    def poll_object(cls, ob):
+        if mesh_data.OFFSET_ATTRIBUTE not in ob.data.attributes:
+            cls.poll_message_set("There is no deformation to apply: bind and move a handle first")
+            return False
+        return True
+
+    def run(self, context, ob):
+        mesh_data.check_object(ob)
+        modifier = node_group.find_modifier(ob)
+        if node_group.find_cache(ob):
+            raise mesh_data.MeshProblem("A baked cache is played in place of the deformation: press Go Live first, or "
+                                        "apply the cache's modifier.")
+        if modifier and not modifier.show_viewport:
+            raise mesh_data.MeshProblem("The modifier is hidden, so there is nothing to see that could be applied: "
+                                        "show it in the viewport first.")
+        binding.settle(ob)
+        apply_result.apply(ob, self.mode)
+        binding.unbind(ob)
+        live_transfer.stop(ob)
+        node_group.remove_modifier(ob)
+
+
+class OBJECT_OT_detail_deform_base_make(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_base_make'
+    bl_label = "Make Base Object"
+    bl_description = ("Make the computed base surface an object of its own, with the vertex groups of this "
+                      "one: rig or deform it in any way, and the details follow after the next Bind")
+
+    @classmethod
+    def poll_object(cls, ob):
+        if ob.detail_deform.base == 'OBJECT' and ob.detail_deform.base_object:
+            cls.poll_message_set("There is a base object already")
+            return False
+        return True
+
+    def run(self, context, ob):
+        binding.make_base_object(ob)
+
+
+class OBJECT_OT_detail_deform_copy_settings(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_copy_settings'
+    bl_label = "Copy Settings to Selected"
+    bl_description = ("Give the other selected meshes the method and all other settings of this one. Their handles, "
+                      "regions and base objects stay")
+
+    def run(self, context, ob):
+        others = [other for other in context.selected_objects if other.type == 'MESH' and other != ob]
+        if not others:
+            raise mesh_data.MeshProblem(f"No other mesh is selected: select those to get the settings of '{ob.name}'.")
+        for other in others:
+            for name in COPIED_SETTINGS:
+                setattr(other.detail_deform, name, getattr(ob.detail_deform, name))
+
+
+CLASSES = (OBJECT_OT_detail_deform_add, OBJECT_OT_detail_deform_remove,
+           OBJECT_OT_detail_deform_bind, OBJECT_OT_detail_deform_bind_cancel,
+           OBJECT_OT_detail_deform_unbind, OBJECT_OT_detail_deform_update,
+           OBJECT_OT_detail_deform_apply, OBJECT_OT_detail_deform_base_make,
+           OBJECT_OT_detail_deform_copy_settings)
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

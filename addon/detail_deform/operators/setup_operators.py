@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators that make handles and regions; scripts call these as bpy.ops.object.detail_deform_..."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+
+from ..follow import binding
+from ..library import native
+from ..scene import handle_matrices, mesh_data
+from ..setup import handle_setup, region_setup
+from .operator_base import MeshOperator
+from ..properties import AXES
+
+
+class _HandleOperator(MeshOperator):
+    """One of the handle with a given number, or of the active one."""
+
+    index: IntProperty(name="Index", default=-1, min=-1, options={'SKIP_SAVE', 'HIDDEN'},
+                       description="Number of the handle; the active one when -1")
+
+    @classmethod
+    def poll_object(cls, ob):
+        if not ob.detail_deform.handles:
+            cls.poll_message_set("There is no handle")
+            return False
+        return True
+
+    def number(self, ob):
+        settings = ob.detail_deform
+        index = settings.handle_index if self.index < 0 else self.index
+        if index >= len(settings.handles):
+            raise mesh_data.MeshProblem(f"There is no handle {index}.")
+        return index
+
+    def handle(self, ob):
+        return ob.detail_deform.handles[self.number(ob)]
+
+
+class OBJECT_OT_detail_deform_handle_add(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_handle_add'
+    bl_label = "Add Handle"
+    bl_description = ("Add a handle with a new empty at the middle of its vertices. In Edit Mode it takes "
+                      "the selected vertices, else those of the given vertex group")
+
+    vertex_group: StringProperty(
+        name="Vertex Group", options={'SKIP_SAVE'},
+        description="Group of the handle's vertices, outside Edit Mode; the active group when empty")
+    align: BoolProperty(
+        name="Align to Normal", default=True,
+        description="Let the empty's Z axis point away from the surface; off: along the world's")
+    parented: BoolProperty(
+        name="Parent to Object", default=True,
+        description="Make the empty a child of the object, so that moving the object takes it along")
+
+    def run(self, context, ob):
+        handle_setup.add_handle(context, ob, self.vertex_group, self.parented, self.align)
+
+
+class OBJECT_OT_detail_deform_handle_remove(_HandleOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_handle_remove'
+    bl_label = "Remove Handle"
+    bl_description = "Remove a handle, and the vertex group and the empty if they were made for it"
+
+    def run(self, context, ob):
+        settings, index = ob.detail_deform, self.number(ob)
+        handle_setup.remove_handle(ob, index)
+        settings.handle_index = max(0, min(index, len(settings.handles) - 1))
+        binding.check_content(ob)
+
+
+class OBJECT_OT_detail_deform_handle_select(_HandleOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_handle_select'
+    bl_label = "Select Vertices"
+    bl_description = "Select the handle's vertices in Edit Mode"
+
+    extend: BoolProperty(name="Extend", description="Keep what is selected")
+
+    def run(self, context, ob):
+        handle_setup.select(ob, self.handle(ob), self.extend)
+
+
+class OBJECT_OT_detail_deform_handle_assign(_HandleOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_handle_assign'
+    bl_label = "Assign Selected"
+    bl_description = ("Make the selected vertices those of the handle. A vertex group that was not made for it "
+                      "stays as it is, and the handle gets one of its own. Takes effect at the next Bind")
+
+    @classmethod
+    def poll_object(cls, ob):
+        return super().poll_object(ob) and cls.in_edit_mode(ob)
+
+    def run(self, context, ob):
+        handle_setup.assign(ob, self.handle(ob))
+
+
+class OBJECT_OT_detail_deform_handle_mirror(_HandleOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_handle_mirror'
+    bl_label = "Mirror Handle"
+    bl_description = ("Add a handle on the other side: the vertices that mirror those of this one, and an empty "
+                      "at the mirrored place. Takes effect at the next Bind")
+
+    axis: EnumProperty(
+        name="Axis", items=AXES, description="The object's own axis across which the handle is mirrored")
+    symmetric: BoolProperty(
+        name="Symmetric", description="Give it no empty of its own: it mirrors every motion of this one")
+
+    def run(self, context, ob):
+        remark = handle_setup.mirror(context, ob, self.handle(ob), 'XYZ'.index(self.axis), self.symmetric)
+        if remark:
+            self.report({'WARNING'}, remark)
+
+
+class OBJECT_OT_detail_deform_handle_reset(_HandleOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_handle_reset'
+    bl_label = "Back to Rest"
+    bl_description = "Put the handle's empty back where it was when the object was bound"
+
+    everything: BoolProperty(name="All", options={'SKIP_SAVE'}, description="Do so with all handles")
+
+    @classmethod
+    def poll_object(cls, ob):
+        if not any(handle_matrices.has_rest(h) for h in ob.detail_deform.handles):
+            cls.poll_message_set("No handle was bound, so none has a rest place")
+            return False
+        return True
+
+    def run(self, context, ob):
+        handles = ob.detail_deform.handles
+        handle_setup.to_rest(context, ob, list(handles) if self.everything else [self.handle(ob)])
+
+
+class OBJECT_OT_detail_deform_handle_activate(_HandleOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_handle_activate'
+    bl_label = "Select Empty"
+    bl_description = "Select the handle's empty alone, to move it"
+
+    def run(self, context, ob):
+        target = self.handle(ob).target
+        if target is None:
+            raise mesh_data.MeshProblem("This handle has no empty to select.")
+        if ob.mode != 'OBJECT':
+            bpy.ops.object.mode_set(mode='OBJECT')
+        activate(context, target)
+
+
+class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
+    bl_idname = 'object.detail_deform_mesh_activate'
+    bl_label = "Select Mesh"
+    bl_description = "Select the mesh that this empty pulls, to see its settings"
+    bl_options = {'REGISTER', 'UNDO'}
+
+    @classmethod
+    def poll(cls, context):
+        return bool(context.active_object and handle_setup.owner(context.active_object)[0])
+
+    def execute(self, context):
+        ob, number = handle_setup.owner(context.active_object)
+        ob.detail_deform.handle_index = number
+        activate(context, ob)
+        return {'FINISHED'}
+
+
+def activate(context, ob):
+    """Selects it alone."""
+    for other in context.selected_objects:
+        other.select_set(False)
+    ob.select_set(True)
+    context.view_layer.objects.active = ob
+
+
+class OBJECT_OT_detail_deform_region_set(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_region_set'
+    bl_label = "Set Region"
+    bl_description = "Make the selected vertices the region that may deform. Takes effect at the next Bind"
+
+    @classmethod
+    def poll_object(cls, ob):
+        return cls.in_edit_mode(ob)
+
+    def run(self, context, ob):
+        region_setup.from_selection(ob)
+
+
+class OBJECT_OT_detail_deform_region_around(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_region_around'
+    bl_label = "Set Region by Radius"
+    bl_description = ("Make what lies around the handles the region that may deform; in Edit Mode, what lies "
+                      "around the selected vertices. Takes effect at the next Bind")
+
+    by: EnumProperty(
+        name="By", description="How far the region reaches",
+        items=[('DISTANCE', "Distance", "As far as a distance along the surface"),
+               ('EDGES', "Edges", "As far as a number of edges, as Select More does")])
+    radius: FloatProperty(
+        name="Radius", min=0.0, subtype='DISTANCE', options={'SKIP_SAVE'},
+        description="Distance along the surface up to which it may deform. 0: a quarter of the object's size")
+    steps: IntProperty(
+        name="Edges", default=10, min=1, soft_max=100,
+        description="Number of edges up to which the surface may deform")
+
+    def invoke(self, context, event):
+        # A button in Properties has no panel to adjust it in afterwards.
+        return context.window_manager.invoke_props_popup(self, event)
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        self.layout.prop(self, 'by')
+        self.layout.prop(self, 'radius' if self.by == 'DISTANCE' else 'steps')
+
+    def run(self, context, ob):
+        start = region_setup.sources(ob)
+        if self.by == 'EDGES':
+            members = region_setup.grown(ob, start, self.steps)
+        else:
+            self.radius = self.radius or region_setup.usual_radius(ob)
+            members = region_setup.within(ob, start, self.radius)
+        region_setup.set_region(ob, members)
+
+
+class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_pull'
+    bl_label = "Pull with Detail Deform"
+    bl_description = ("All in one: a handle for the selected vertices, a region around it, and Bind. The handle's "
+                      "empty is selected: move it, and the surface follows")
+
+    radius: FloatProperty(
+        name="Radius", min=0.0, subtype='DISTANCE', options={'SKIP_SAVE'},
+        description="Distance along the surface up to which it follows, where no region was chosen. 0: a quarter of the object's size")
+
+    @classmethod
+    def poll(cls, context):
+        # It leaves with the empty active: there its slider is still to be had, which takes it back first.
+        empty = context.active_object
+        if empty and empty.type == 'EMPTY' and handle_setup.owner(empty)[0]:
+            return True
+        return super().poll(context)
+
+    @classmethod
+    def poll_object(cls, ob):
+        return cls.in_edit_mode(ob)
+
+    def run(self, context, ob):
+        if ob.mode != 'EDIT':
+            raise mesh_data.MeshProblem("Select vertices in Edit Mode to pull them.")
+        settings = ob.detail_deform
+        present = region_setup.kept(ob)
+        handle_setup.add_handle(context, ob, "")
+        bpy.ops.object.mode_set(mode='OBJECT')
+        try:
+            mesh_data.check_object(ob)
+            if not settings.region or settings.pulled_region:
+                self.radius = self.radius or region_setup.usual_radius(ob)
+                region_setup.set_region(ob, region_setup.within(ob, region_setup.sources(ob), self.radius))
+                settings.pulled_region = True
+            context.view_layer.update()  # the new empty's place
+            binding.bind(ob, context.evaluated_depsgraph_get(), wait=True, keep_rest=bool(settings.signature))
+        except (mesh_data.MeshProblem, native.NativeError):
+            handle_setup.remove_handle(ob, len(settings.handles) - 1)
+            region_setup.restore(ob, present)
+            binding.check_content(ob)
+            bpy.ops.object.mode_set(mode='EDIT')
+            raise
+        target = settings.handles[-1].target
+        activate(context, target)
+        self.report({'INFO'}, "Move the empty (G); F9 changes how far the region reaches")
+
+
+CLASSES = (OBJECT_OT_detail_deform_handle_add, OBJECT_OT_detail_deform_handle_remove,
+           OBJECT_OT_detail_deform_handle_select, OBJECT_OT_detail_deform_handle_assign,
+           OBJECT_OT_detail_deform_handle_mirror, OBJECT_OT_detail_deform_handle_reset,
+           OBJECT_OT_detail_deform_handle_activate, OBJECT_OT_detail_deform_mesh_activate,
+           OBJECT_OT_detail_deform_region_set, OBJECT_OT_detail_deform_region_around,
+           OBJECT_OT_detail_deform_pull)
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

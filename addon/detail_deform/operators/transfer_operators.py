@@ -1,0 +1,334 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators that carry deformations from one mesh to another; scripts call these as
+bpy.ops.object.detail_deform_transfer..."""
+
+import time
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+
+from ..follow import live_transfer
+from ..scene import mesh_data
+from ..setup import bake, correspondence, markers, transfer
+from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
+from ..transfer_settings import ANCHORS, CORRESPONDENCES, FORMULATIONS, PAIRS_OF
+
+_POLL_SECONDS = 0.02
+_SHARE_OF_SEARCH = 0.8
+
+
+def _usual_path(ob):
+    return bake.usual_path(ob, transfer.find_cache(ob))
+
+
+def _source_of(ob, name):
+    source = bpy.data.objects.get(name) if name else ob.detail_deform.transfer.source
+    if name and source is None:
+        raise mesh_data.MeshProblem(f"There is no object '{name}' to transfer from.")
+    correspondence.check_source(source, ob)
+    return source
+
+
+def _searched(source, target):
+    """Generator: the correspondence found by markers; yields the fraction done."""
+    known = correspondence.found_before(source, target)
+    if known:
+        return known
+    match, matched = correspondence.search(source, target)
+    try:
+        running = True
+        while running:
+            running, fraction, _ = match.progress()
+            yield fraction
+            if running:
+                time.sleep(_POLL_SECONDS)
+        matched = correspondence.finished(match, matched, source, target)
+    finally:
+        match.close()
+    return matched
+
+
+class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_transfer'
+    bl_label = "Transfer Deformation"
+    bl_description = "Deform this mesh as another one is deformed. Esc cancels"
+    doing = "Transferring the deformation"
+
+    source: StringProperty(
+        name="Source", options={'SKIP_SAVE'},
+        description="Name of the mesh object whose deformation is transferred; that of the panel unless given")
+    what: EnumProperty(
+        name="What", default='POSE', description="What of the source's deformation is transferred",
+        items=[('POSE', "Current Pose", "What its modifiers and shape keys make of it now, as a shape key"),
+               ('ACTIVE_KEY', "Active Shape Key", "Its active shape key, as one of the same name"),
+               ('ALL_KEYS', "All Shape Keys", "Each of its shape keys, as one of the same name and range"),
+               ('ANIMATION', "Animation", "A range of frames, as a cache that a Mesh Cache modifier plays, or as keyed shape keys")])
+    correspondence: EnumProperty(
+        name="Correspondence", items=CORRESPONDENCES, options={'SKIP_SAVE'},
+        description="How it is known which part of the source belongs to which of this mesh; as in the panel unless given")
+    filepath: StringProperty(
+        name="List", subtype='FILE_PATH', options=PATH_OPTIONS,
+        description="Text file with a pair of numbers a line, source then target, counted from 0")
+    pairs_of: EnumProperty(name="Pairs of", items=PAIRS_OF, options={'SKIP_SAVE'}, description="What the list's numbers count")
+    rotation_only: BoolProperty(
+        name="Rotation Only", options={'SKIP_SAVE'},
+        description="Only turn with the source, without its stretch; as in the panel unless given")
+    anchor: EnumProperty(
+        name="Anchor", items=ANCHORS, options={'SKIP_SAVE'},
+        description="What stays in place; as in the panel unless given")
+    anchor_group: StringProperty(
+        name="Anchor Group", options={'SKIP_SAVE'}, description="Vertex group of this mesh that stays in place")
+    formulation: EnumProperty(
+        name="Formulation", items=FORMULATIONS, options={'SKIP_SAVE'},
+        description="Which system turns the deformation of faces into that of the mesh; as in the panel unless given")
+    pattern: StringProperty(
+        name="Keys", default="*", options={'SKIP_SAVE'},
+        description="Of all shape keys those whose names fit, such as mouth* (* stands for any letters)")
+    replace: BoolProperty(
+        name="Replace", default=False,
+        description="Give shape keys of the same names that were not transferred before the new shape, too, instead of adding others beside them")
+    drivers: BoolProperty(
+        name="Copy Drivers", default=False,
+        description="Copy the drivers of the source's shape keys to the new ones")
+    bake_as: EnumProperty(
+        name="As", description="What an animation is kept as",
+        items=[('CACHE', "Mesh Cache", "A point cache (PC2), played by a Mesh Cache modifier"),
+               ('SHAPE_KEYS', "Shape Keys", "A keyed shape key for each frame: for few frames")])
+    frame_start: IntProperty(name="First Frame", options={'SKIP_SAVE'}, description="That of the scene unless given")
+    frame_end: IntProperty(name="Last Frame", options={'SKIP_SAVE'}, description="That of the scene unless given")
+    cache_path: StringProperty(
+        name="Cache", subtype='FILE_PATH', options=PATH_OPTIONS,
+        description="Where an animation's cache goes; beside this file unless given")
+
+    def invoke(self, context, event):
+        ob = context.active_object
+        settings = ob.detail_deform.transfer
+        if not self.source and settings.source:
+            self.source = settings.source.name
+        for name in ('correspondence', 'rotation_only', 'anchor', 'anchor_group', 'filepath', 'pairs_of', 'formulation'):
+            if not self.properties.is_property_set(name):
+                setattr(self, name, getattr(settings, name))
+        self.frame_start, self.frame_end = self.frame_range(context)
+        self.cache_path = self.cache_path or _usual_path(ob)
+        self.interactive = True
+        return context.window_manager.invoke_props_dialog(self, width=400)
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        column = layout.column()
+        column.prop_search(self, 'source', bpy.data, 'objects')
+        column.prop(self, 'what')
+        if self.what == 'ALL_KEYS':
+            column.prop(self, 'pattern')
+        if self.what == 'ANIMATION':
+            column.prop(self, 'bake_as')
+            column.prop(self, 'frame_start')
+            column.prop(self, 'frame_end')
+            if self.bake_as == 'CACHE':
+                column.prop(self, 'cache_path')
+        else:
+            column.prop(self, 'replace')
+        if self.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
+            column.prop(self, 'drivers')
+        column.separator()
+        column.prop(self, 'correspondence')
+        if self.correspondence == 'LIST':
+            column.prop(self, 'filepath')
+            column.prop(self, 'pairs_of')
+        column.prop(self, 'rotation_only')
+        column.prop(self, 'anchor')
+        if self.anchor in {'VERTICES', 'PINNED'}:
+            column.prop_search(self, 'anchor_group', context.active_object, 'vertex_groups')
+
+    def run(self, context, ob):
+        settings = ob.detail_deform.transfer
+        mesh_data.check_object(ob)
+        source = _source_of(ob, self.source)
+        if settings.live:
+            raise mesh_data.MeshProblem(f"'{ob.name}' follows '{settings.source.name if settings.source else ''}' already, "
+                                        "which would be doubled: stop that first (Follow).")
+        keys = None
+        if self.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
+            keys = transfer.chosen_keys(source, self.what == 'ACTIVE_KEY', self.pattern)
+        if self.what == 'ANIMATION':
+            bake.check_range(*self.frame_range(context))
+            if self.bake_as == 'SHAPE_KEYS':
+                bake.check_keyed_keys(ob)
+            else:
+                bake.absolute(self.cache_path or _usual_path(ob))
+                bake.check_time(context)
+        return self.start(context, self._all(context, source, ob, keys))
+
+    def _all(self, context, source, ob, keys):
+        """Generator of the fraction done."""
+        settings = ob.detail_deform.transfer
+        how = self.given('correspondence', settings.correspondence)
+        begin = 0
+        if how == 'MARKERS':
+            search = _searched(source, ob)
+            matched = yield from self._share(search, 0, _SHARE_OF_SEARCH)
+            begin = _SHARE_OF_SEARCH
+        elif how == 'LIST':
+            path = bpy.path.abspath(self.filepath or settings.filepath)
+            matched = correspondence.by_list(source, ob, path, self.given('pairs_of', settings.pairs_of))
+        elif how == 'STORED':
+            matched = correspondence.stored(source, ob)
+        else:
+            matched = correspondence.by_topology(source, ob)
+        prepared = transfer.prepare(source, ob, matched, self.given('anchor', settings.anchor),
+                                    self.anchor_group or settings.anchor_group,
+                                    self.given('formulation', settings.formulation))
+        yield begin
+        started = time.perf_counter()
+        made = yield from self._share(self._carry(context, prepared, source, ob, keys), begin, 1)
+        if how in {'MARKERS', 'LIST'}:
+            correspondence.store(matched, source, ob)
+        self.report({'INFO'}, f"{made} from '{source.name}', in {time.perf_counter() - started:.1f} s")
+        for remark in transfer.remarks(prepared):
+            self.report({'INFO'}, remark)
+
+    @staticmethod
+    def _share(work, begin, end):
+        """Of a longer work: its fractions as part of the whole; returns what it returns."""
+        while True:
+            try:
+                done = next(work)
+            except StopIteration as finished:
+                return finished.value
+            try:
+                yield begin + (end - begin) * done
+            except GeneratorExit:
+                work.close()
+                raise
+
+    def _carry(self, context, prepared, source, ob, keys):
+        """Generator of the fraction done; returns what was made, in words."""
+        rotation_only = self.given('rotation_only', ob.detail_deform.transfer.rotation_only)
+        start, end = self.frame_range(context)
+        if self.what == 'POSE':
+            names = yield from transfer.pose_to_key(context, prepared, source, ob, rotation_only, self.replace)
+        elif keys is not None:
+            names = yield from transfer.keys_to_keys(prepared, source, ob, keys, rotation_only, self.replace, self.drivers)
+        elif self.bake_as == 'SHAPE_KEYS':
+            yield from transfer.to_keyed_keys(context, prepared, source, ob, start, end, rotation_only)
+            return f"{end + 1 - start} keyed shape keys"
+        else:
+            path = self.cache_path or _usual_path(ob)
+            yield from transfer.to_cache(context, prepared, source, start, end, path, rotation_only)
+            transfer.use_cache(ob, path, start)
+            return f"{end + 1 - start} frames"
+        more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+        return f"Shape {'key' if len(names) == 1 else 'keys'} {', '.join(map(repr, names[:3]))}{more}"
+
+
+class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_transfer_match'
+    bl_label = "Find Correspondences"
+    bl_description = ("Fit the source to this mesh by the markers on both and keep which faces correspond, to be used "
+                      "again. Esc cancels")
+    doing = "Looking for what corresponds"
+
+    source: StringProperty(
+        name="Source", options={'SKIP_SAVE'}, description="Name of the mesh object to transfer from; that of the panel unless given")
+
+    def invoke(self, context, event):
+        self.interactive = True
+        return self.execute(context)
+
+    def run(self, context, ob):
+        mesh_data.check_object(ob)
+        source = _source_of(ob, self.source)
+        markers.pairs(source, ob)
+        return self.start(context, self._find(source, ob))
+
+    def _find(self, source, ob):
+        matched = yield from _searched(source, ob)
+        correspondence.store(matched, source, ob)
+        ob.detail_deform.transfer.correspondence = 'STORED'
+        self.report({'INFO'}, f"Correspondences found: {100 * matched.confidence.mean():.0f}% alike on the whole, "
+                              f"{100 * (matched.confidence < 0.5).mean():.0f}% of the faces less than half.")
+
+
+class OBJECT_OT_detail_deform_transfer_save(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_transfer_save'
+    bl_label = "Save Correspondences"
+    bl_description = "Write the kept pairs of triangles to a text file, one pair a line, source then target, counted from 0"
+    bl_options = {'REGISTER'}
+
+    source: StringProperty(
+        name="Source", options={'SKIP_SAVE'}, description="Name of the mesh object they were found for; that of the panel unless given")
+    filepath: StringProperty(name="File", subtype='FILE_PATH', options=PATH_OPTIONS, description="Where the list goes")
+
+    @classmethod
+    def poll_object(cls, ob):
+        if not correspondence.is_stored(ob):
+            cls.poll_message_set("No correspondences are kept with this mesh")
+            return False
+        return True
+
+    def invoke(self, context, event):
+        self.filepath = self.filepath or "correspondences.txt"
+        context.window_manager.fileselect_add(self)
+        return {'RUNNING_MODAL'}
+
+    def run(self, context, ob):
+        source = _source_of(ob, self.source)
+        correspondence.write_pairs(bpy.path.abspath(self.filepath), correspondence.stored(source, ob))
+
+
+class OBJECT_OT_detail_deform_transfer_forget(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_transfer_forget'
+    bl_label = "Forget Correspondences"
+    bl_description = "Remove the correspondences that are kept with this mesh"
+
+    poll_object = OBJECT_OT_detail_deform_transfer_save.poll_object
+
+    def run(self, context, ob):
+        if ob.detail_deform.transfer.live:
+            raise mesh_data.MeshProblem(f"'{ob.name}' follows its source by them: stop that first (Follow).")
+        correspondence.forget(ob)
+        ob.detail_deform.transfer.property_unset('correspondence')
+        ob.detail_deform.transfer.show_match = False
+
+
+class OBJECT_OT_detail_deform_marker_add(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_marker_add'
+    bl_label = "Add Marker"
+    bl_description = ("Mark the selected vertex with the next number, as a vertex group. The vertex that corresponds on "
+                      "the other mesh gets the same number")
+
+    number: IntProperty(name="Number", min=0, description="Number of the marker; 0 for the next free one", options={'SKIP_SAVE'})
+
+    @classmethod
+    def poll_object(cls, ob):
+        return cls.in_edit_mode(ob)
+
+    def run(self, context, ob):
+        name = markers.add(ob, self.number)
+        self.report({'INFO'}, f"'{name}' added to '{ob.name}'")
+
+
+class OBJECT_OT_detail_deform_transfer_live(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_transfer_live'
+    bl_label = "Follow Source"
+    bl_description = "Let this mesh follow the source's deformation from now on, or stop it"
+
+    source: StringProperty(
+        name="Source", options={'SKIP_SAVE'}, description="Name of the mesh object to follow; that of the panel unless given")
+    on: BoolProperty(name="On", default=True, options={'SKIP_SAVE'}, description="Follow; off: stop, and show the rest shape")
+
+    def run(self, context, ob):
+        if not self.on:
+            live_transfer.stop(ob)
+            return
+        mesh_data.check_object(ob)
+        source = _source_of(ob, self.source)
+        live_transfer.start(context, ob, source)
+
+
+CLASSES = (OBJECT_OT_detail_deform_transfer, OBJECT_OT_detail_deform_transfer_match,
+           OBJECT_OT_detail_deform_transfer_save, OBJECT_OT_detail_deform_transfer_forget,
+           OBJECT_OT_detail_deform_marker_add, OBJECT_OT_detail_deform_transfer_live)
+
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

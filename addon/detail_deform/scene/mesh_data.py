@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the library needs from a Blender mesh, and the one attribute it gives back."""
+
+import hashlib
+
+import numpy as np
+
+from ..library import native
+
+OFFSET_ATTRIBUTE = 'detail_deform_offset'
+MEMBER_WEIGHT = 0.5
+
+
+class MeshProblem(Exception):
+    """A sentence about an object or mesh that can't be used as it is."""
+
+
+def check_editable(ob):
+    """Raises MeshProblem when the object's settings or mesh belong to another file."""
+    if ob is None or ob.type != 'MESH':
+        raise MeshProblem("Select a mesh object: only meshes can be deformed.")
+    if ob.library or ob.data.library:
+        raise MeshProblem(f"'{ob.name}' is linked from another file, so nothing can be stored in its "
+                          "mesh: make it local (Object > Relations > Make Local > Selected Objects and Data).")
+    if ob.override_library or ob.data.override_library:
+        raise MeshProblem(f"'{ob.name}' is a library override, whose handles and groups can't be changed: make it "
+                          "local (Object > Relations > Make Local > Selected Objects and Data).")
+
+
+def check_object(ob):
+    """Raises MeshProblem when the object's mesh must not or can't be written to."""
+    check_editable(ob)
+    mesh = ob.data
+    if mesh.users > 1 + bool(mesh.use_fake_user):
+        raise MeshProblem(f"Mesh '{mesh.name}' is used by {mesh.users - bool(mesh.use_fake_user)} "
+                          "objects, which would all be deformed: make it single-user (Object > "
+                          "Relations > Make Single User > Object & Data).")
+    if ob.mode == 'EDIT':
+        raise MeshProblem(f"'{ob.name}' is in Edit Mode: leave it (Tab) first.")
+
+
+def positions(mesh):
+    """(n, 3) float32"""
+    values = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get('co', values)
+    return values.reshape(-1, 3)
+
+
+def rest(mesh):
+    """(n, 3) float32: without shape keys, which start from their basis and not from the mesh's own vertices."""
+    return key_positions(mesh.shape_keys.reference_key) if mesh.shape_keys else positions(mesh)
+
+
+def key_positions(key):
+    """(n, 3) float32 of a shape key."""
+    values = np.empty(3 * len(key.data), np.float32)
+    key.data.foreach_get('co', values)
+    return values.reshape(-1, 3)
+
+
+def relative_keys(ob):
+    """The shape keys beside the basis. Raises MeshProblem where they are absolute."""
+    keys = ob.data.shape_keys
+    blocks = [key for key in keys.key_blocks if key != keys.reference_key] if keys else []
+    if blocks and not keys.use_relative:
+        raise MeshProblem(f"'{ob.name}' has absolute shape keys: make them relative first.")
+    return blocks
+
+
+def key_shape(mesh, key):
+    """(n, 3) float32: the rest as this key alone deforms it, whatever it is relative to."""
+    return rest(mesh) + key_positions(key) - key_positions(key.relative_key)
+
+
+def triangles(mesh):
+    """(m, 3) int32: Blender's own triangulation of the faces."""
+    mesh.calc_loop_triangles()
+    values = np.empty(3 * len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get('vertices', values)
+    return values.reshape(-1, 3)
+
+
+def _faces(mesh):
+    """The corners of all faces and where each face starts: the topology, cheaper than triangles."""
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get('vertex_index', corners)
+    starts = np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get('loop_start', starts)
+    return corners, starts
+
+
+def group_weights(ob, names):
+    """(groups, n) float32: the weight of every vertex in the named groups, 0 outside."""
+    mesh = ob.data
+    weights = np.zeros((len(names), len(mesh.vertices)), np.float32)
+    rows = {}
+    for row, name in enumerate(names):
+        rows.setdefault(ob.vertex_groups[name].index, []).append(row)
+    # There is no foreach_get for vertex groups in any version, so this is the slow way; it runs
+    # when something is bound or edited, never in a frame.
+    entries = [(index, element.group, element.weight)
+               for index, vertex in enumerate(mesh.vertices) for element in vertex.groups
+               if element.group in rows]
+    if entries:
+        vertices, groups, values = (np.array(column) for column in zip(*entries))
+        for group, group_rows in rows.items():
+            chosen = groups == group
+            for row in group_rows:
+                weights[row, vertices[chosen]] = values[chosen]
+    return weights
+
+
+def members(ob, name):
+    """(n,) bool: the vertices of a group."""
+    return group_weights(ob, [name])[0] > MEMBER_WEIGHT
+
+
+def handle_of_vertices(weights):
+    """(n,) int: of the groups whose (h, n) weights these are, the one that a vertex belongs to; -1: none."""
+    inside = weights > MEMBER_WEIGHT
+    if not len(weights):
+        return np.full(weights.shape[1], -1)
+    return np.where(inside.any(axis=0), np.where(inside, weights, 0).argmax(axis=0), -1)
+
+
+def edges(mesh):
+    """(e, 2) int32: the vertices of every edge."""
+    values = np.empty(2 * len(mesh.edges), np.int32)
+    mesh.edges.foreach_get('vertices', values)
+    return values.reshape(-1, 2)
+
+
+def check_groups(ob, region, handles):
+    """Raises MeshProblem when the region or a handle refers to no group of the object.
+
+    region: group name, '' for the whole mesh. handles: [(handle name, group name)]."""
+    for what, group in [("The region", region)] * bool(region) + [
+            (f"Handle '{name}'", group) for name, group in handles]:
+        if not group:
+            raise MeshProblem(f"{what} has no vertex group: choose the group of the vertices it moves.")
+        if group not in ob.vertex_groups:
+            raise MeshProblem(f"{what} refers to the vertex group '{group}', which '{ob.name}' does "
+                              "not have: choose another group.")
+
+
+def roles(ob, region, handles, need_handles=True):
+    """(n,) int32 roles for native.Bind; region and handles as of check_groups.
+
+    A vertex is in a group when its weight is over 0.5; in two handles it belongs to the one with
+    the larger weight; outside the region and every handle it is fixed.
+    Raises MeshProblem naming the group or handle.
+    """
+    check_groups(ob, region, handles)
+    weights = group_weights(ob, [group for _, group in handles] + [region] * bool(region))
+    result = np.full(len(ob.data.vertices), native.ROLE_FREE, np.int32)
+    if region:
+        inside = weights[-1] > MEMBER_WEIGHT
+        if not inside.any():
+            raise MeshProblem(f"The region group '{region}' has no vertex with a weight over "
+                              f"{MEMBER_WEIGHT}: assign the vertices that may deform.")
+        result[~inside] = native.ROLE_FIXED
+    if not handles:
+        if need_handles:
+            raise MeshProblem("There is no handle: add one for the vertices to pull.")
+        return result
+    of_handles = weights[:len(handles)]
+    winner = handle_of_vertices(of_handles)
+    result[winner >= 0] = winner[winner >= 0]
+    for number, (name, group) in enumerate(handles):
+        if not (of_handles[number] > MEMBER_WEIGHT).any():
+            raise MeshProblem(f"Handle '{name}': its group '{group}' has no vertex with a weight over "
+                              f"{MEMBER_WEIGHT}.")
+        if not (result == number).any():
+            raise MeshProblem(f"Handle '{name}': every vertex of its group '{group}' has a larger "
+                              "weight in another handle.")
+    if not (result == native.ROLE_FREE).any():
+        raise MeshProblem("No vertex is free to follow: every vertex of the region is in a handle. "
+                          "Enlarge the region or shrink the handles.")
+    return result
+
+
+def _digest(*arrays):
+    state = hashlib.blake2b(digest_size=8)
+    for array in arrays:
+        state.update(np.ascontiguousarray(array))
+    return state.hexdigest()
+
+
+def topology_signature(mesh):
+    return _digest(*_faces(mesh))
+
+
+def shape_signature(mesh):
+    """[positions, topology] as short texts: equal texts, equal content."""
+    return [_digest(positions(mesh)), topology_signature(mesh)]
+
+
+def signature(array):
+    """A short text: equal texts, equal content."""
+    return _digest(array)
+
+
+def write_offsets(mesh, offsets):
+    """offsets: (3 n,) float32. Creates the attribute when it isn't there."""
+    attribute = mesh.attributes.get(OFFSET_ATTRIBUTE)
+    if attribute is not None and (attribute.data_type, attribute.domain) != ('FLOAT_VECTOR', 'POINT'):
+        mesh.attributes.remove(attribute)
+        attribute = None
+    if attribute is None:
+        attribute = mesh.attributes.new(OFFSET_ATTRIBUTE, 'FLOAT_VECTOR', 'POINT')
+    attribute.data.foreach_set('vector', offsets)
+    mesh.update_tag()
+
+
+def read_offsets(mesh):
+    """(n, 3) float32; zero where there is no attribute."""
+    values = np.zeros(3 * len(mesh.vertices), np.float32)
+    attribute = mesh.attributes.get(OFFSET_ATTRIBUTE)
+    if attribute is not None:
+        attribute.data.foreach_get('vector', values)
+    return values.reshape(-1, 3)
+
+
+def remove_offsets(mesh):
+    """A missing attribute reads as zero: the mesh shows its rest shape."""
+    attribute = mesh.attributes.get(OFFSET_ATTRIBUTE)
+    if attribute is not None:
+        mesh.attributes.remove(attribute)
+        mesh.update_tag()

@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Handles made from a selection, a group or another handle, changed, and taken away again."""
+
+import bpy
+import numpy as np
+from mathutils import Euler, Matrix, Vector, kdtree
+
+from ..follow import binding
+from ..scene import handle_matrices, mesh_data, selection
+from ..scene.mesh_data import MeshProblem
+
+_GROUP_NAME = "Handle"
+_COLLECTION_NAME = "{} Handles"
+# Of the mean edge length: as far may a vertex be from the mirror image of another.
+_MIRROR_TOLERANCE = 0.25
+
+
+def owner(empty):
+    """The mesh object that has this empty for a handle, and the handle's number; None and -1 for others."""
+    for ob in bpy.data.objects:
+        if ob.type == 'MESH':
+            for number, handle in enumerate(ob.detail_deform.handles):
+                if handle.target == empty:
+                    return ob, number
+    return None, -1
+
+
+def _chosen_group(ob, name):
+    if name and name not in ob.vertex_groups:
+        raise MeshProblem(f"'{ob.name}' has no vertex group '{name}'.")
+    if not name and not ob.vertex_groups.active:
+        raise MeshProblem(f"'{ob.name}' has no vertex group: select vertices in Edit Mode, or make a group.")
+    return name or ob.vertex_groups.active.name
+
+
+def _normal(ob, chosen):
+    """The area-weighted normal of the faces around these vertices, or zero."""
+    triangles = mesh_data.triangles(ob.data)
+    near = triangles[chosen[triangles].any(axis=1)]
+    a, b, c = np.moveaxis(mesh_data.positions(ob.data).astype(float)[near], 1, 0)
+    crosses = np.cross(b - a, c - a)
+    total = crosses.sum(0)
+    # A ring around a limb points nowhere.
+    if np.linalg.norm(total) <= 0.2 * np.linalg.norm(crosses, axis=1).sum():
+        return np.zeros(3)
+    return total
+
+
+def _place(ob, chosen, align):
+    """World matrix at the middle of these vertices, with its Z axis along their normal if asked, and
+    half the extent of their box."""
+    points = mesh_data.positions(ob.data)[chosen]
+    low, high, middle = (ob.matrix_world @ Vector(p) for p in (points.min(0), points.max(0), points.mean(0)))
+    normal = Vector(_normal(ob, chosen)) if align else Vector()
+    place = Matrix.Translation(middle)
+    if normal.length > 0:
+        normal = ob.matrix_world.to_3x3().inverted_safe().transposed() @ normal
+        place = place @ normal.to_track_quat('Z', 'Y').to_matrix().to_4x4()
+    return place, 0.5 * (high - low).length
+
+
+def _collection(context, ob):
+    """Where the object's empties are: a collection of their own, so that they can be hidden at once."""
+    settings = ob.detail_deform
+    shown = set(_shown_collections(context.view_layer.layer_collection))
+    if settings.handle_collection not in shown:
+        made = bpy.data.collections.new(_COLLECTION_NAME.format(ob.name))
+        parents = [c for c in ob.users_collection if c in shown]
+        (parents or [context.scene.collection])[0].children.link(made)
+        settings.handle_collection = made
+    return settings.handle_collection
+
+
+def _shown_collections(layer):
+    """Those of the view layer that something can be put into and is then seen to."""
+    if layer.exclude:
+        return
+    collection = layer.collection
+    if not (collection.library or collection.override_library):
+        yield collection
+    for child in layer.children:
+        yield from _shown_collections(child)
+
+
+def _make_empty(context, ob, name, place, size, parent):
+    empty = bpy.data.objects.new(f"{ob.name} {name}", None)
+    empty.empty_display_type = 'ARROWS'
+    empty.empty_display_size = size
+    empty.show_in_front = True
+    _collection(context, ob).objects.link(empty)
+    if parent:
+        empty.parent = parent
+        empty.matrix_parent_inverse = parent.matrix_world.inverted_safe()
+    empty.matrix_basis = place
+    return empty
+
+
+def add_handle(context, ob, group_name, parented=True, align=True):
+    """Adds a handle of the object's settings; see the operator."""
+    if ob.library or ob.data.library:
+        mesh_data.check_object(ob)
+    from_selection = ob.mode == 'EDIT'
+    if from_selection:
+        chosen = selection.selected(ob)
+        if not chosen.any():
+            raise MeshProblem("No vertex is selected: select those that the handle should move.")
+        group_name = selection.new_group(ob, _GROUP_NAME, chosen).name
+    else:
+        group_name = _chosen_group(ob, group_name)
+        chosen = mesh_data.members(ob, group_name)
+    if not chosen.any():
+        raise MeshProblem(f"The group '{group_name}' has no vertex with a weight over "
+                          f"{mesh_data.MEMBER_WEIGHT}: assign the vertices that the handle should move.")
+    place, extent = _place(ob, chosen, align)
+    size = max(extent, 0.05 * max(ob.dimensions), 1e-3)
+    handle = _append(ob, group_name,
+                     _make_empty(context, ob, group_name, place, size, ob if parented else None))
+    handle.own_group = group_name if from_selection else ""
+    return handle
+
+
+def _append(ob, group_name, empty):
+    settings = ob.detail_deform
+    handle = settings.handles.add()
+    settings.handle_index = len(settings.handles) - 1
+    handle.name = group_name
+    handle.target = handle.own_target = empty
+    handle.vertex_group = group_name
+    return handle
+
+
+def remove_handle(ob, index):
+    """Removes a handle with the group and the empty that were made for it."""
+    settings = ob.detail_deform
+    handle = settings.handles[index]
+    group, target = ob.vertex_groups.get(handle.own_group), handle.own_target
+    if group and not _shares_group(ob, handle, group.name):
+        ob.vertex_groups.remove(group)
+    settings.handles.remove(index)
+    if target and not any(h.target == target for other in bpy.data.objects if other.type == 'MESH'
+                          for h in other.detail_deform.handles):
+        for child in target.children:
+            place = child.matrix_world.copy()
+            child.parent = None
+            child.matrix_world = place
+        bpy.data.objects.remove(target)
+    collection = settings.handle_collection
+    if collection and not collection.objects and not collection.children:
+        bpy.data.collections.remove(collection)
+
+
+def _shares_group(ob, handle, name):
+    """Whether the region or another handle uses the group of that name too."""
+    settings = ob.detail_deform
+    return name in {settings.region, settings.influence} or any(
+        h != handle and h.vertex_group == name for h in settings.handles)
+
+
+def assign(ob, handle):
+    """Gives the handle the selected vertices. A group that is not its own alone stays as it is."""
+    chosen = selection.selected(ob)
+    if not chosen.any():
+        raise MeshProblem(f"No vertex is selected: select those that '{handle.name}' should move.")
+    handle.own_group = selection.fill_own_group(
+        ob, handle.own_group, not _shares_group(ob, handle, handle.own_group), handle.name, chosen)
+    binding.check_content(ob)
+    if handle.vertex_group != handle.own_group:
+        handle.vertex_group = handle.own_group
+
+
+def select(ob, handle, extend):
+    if handle.vertex_group not in ob.vertex_groups:
+        raise MeshProblem(f"Handle '{handle.name}' has no vertex group: choose the group of the vertices it moves.")
+    if ob.mode == 'EDIT':
+        ob.update_from_editmode()
+    selection.select(ob, mesh_data.members(ob, handle.vertex_group), extend)
+
+
+# Mirroring
+
+def _mirror_image(ob, chosen, axis):
+    """(n,) bool: the vertices nearest to the mirror images of the chosen ones, and how many of those
+    have none, with an example."""
+    points = mesh_data.positions(ob.data)
+    ends = points[mesh_data.edges(ob.data)]
+    if not len(ends):
+        return np.zeros(len(points), bool), np.flatnonzero(chosen).tolist()
+    near = _MIRROR_TOLERANCE * float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean())
+    tree = kdtree.KDTree(len(points))
+    for vertex, point in enumerate(points.tolist()):
+        tree.insert(point, vertex)
+    tree.balance()
+    image, missing = np.zeros(len(points), bool), []
+    for vertex in np.flatnonzero(chosen).tolist():
+        point = points[vertex].tolist()
+        point[axis] = -point[axis]
+        _, other, distance = tree.find(point)
+        if distance <= near:
+            image[other] = True
+        else:
+            missing.append(vertex)
+    return image, missing
+
+
+def _mirrored_empty(context, ob, handle, axis, name):
+    source = handle.target
+    depsgraph = context.evaluated_depsgraph_get()
+    # While it is posed, the rest place: that is where its mirror image has its own.
+    local = (np.array(handle.rest_matrix).reshape(4, 4) if handle_matrices.has_rest(handle) else
+             handle_matrices.world_to_local(ob, depsgraph)
+             @ handle_matrices.evaluated_world(source, depsgraph, f"Handle '{handle.name}': empty"))
+    flip = handle_matrices.reflection('XYZ'[axis])
+    place = ob.matrix_world @ Matrix((flip @ local @ flip).tolist())
+    parent = source.parent if source.parent_type == 'OBJECT' else None
+    empty = _make_empty(context, ob, name, place, source.empty_display_size, parent)
+    empty.empty_display_type = source.empty_display_type
+    return empty
+
+
+def _mirror_region(ob, image, axis):
+    """A region made here that doesn't reach the mirrored handle gets its own mirror image too."""
+    settings = ob.detail_deform
+    if not settings.region or settings.region != settings.own_region:
+        return
+    region = mesh_data.members(ob, settings.region)
+    if (region & image).sum() < image.sum():
+        group = ob.vertex_groups[settings.region]
+        selection.fill_group(ob, group, region | image | _mirror_image(ob, region, axis)[0])
+
+
+def mirror(context, ob, handle, axis, symmetric):
+    """Adds the mirror image of a handle across the object's own plane; axis: 0, 1 or 2. symmetric: it gets
+    no empty but mirrors the other's motion.
+
+    Returns a sentence about vertices that have no counterpart, or ''."""
+    name, letter = handle.name, 'XYZ'[axis]
+    if handle.vertex_group not in ob.vertex_groups or handle.target is None:
+        raise MeshProblem(f"Handle '{name}' has no vertex group or no empty, so there is nothing to mirror.")
+    if handle.mirrors:
+        raise MeshProblem(f"Handle '{name}' mirrors another one itself: mirror that one.")
+    if ob.mode == 'EDIT':
+        ob.update_from_editmode()
+    chosen = mesh_data.members(ob, handle.vertex_group)
+    image, missing = _mirror_image(ob, chosen, axis)
+    if not image.any():
+        raise MeshProblem(f"No vertex of handle '{name}' has a counterpart across the object's {letter} axis: "
+                          "the mesh is not symmetric there, or not about its origin.")
+    if (image & chosen).sum() > 0.5 * chosen.sum():
+        raise MeshProblem(f"Handle '{name}' lies across the object's {letter} axis: its mirror image is itself.")
+    flipped = bpy.utils.flip_name(name)
+    group_name = selection.new_group(ob, flipped if flipped != name else f"{name} Mirrored", image).name
+    empty = None if symmetric else _mirrored_empty(context, ob, handle, axis, group_name)
+    made = _append(ob, group_name, empty)
+    made.own_group = group_name
+    _mirror_region(ob, image, axis)
+    if symmetric:
+        made.mirrors, made.mirror_axis = name, letter
+    if not missing:
+        return ""
+    return (f"{len(missing):,} of {chosen.sum():,} vertices of '{name}' (such as vertex {missing[0]}) have no "
+            f"counterpart across the object's {letter} axis and were left out.")
+
+
+# Back to rest
+
+def to_rest(context, ob, handles):
+    """Puts the handles' empties where they were when the object was bound."""
+    movable = [h for h in handles if h.target and handle_matrices.has_rest(h)]
+    for handle in sorted(movable, key=lambda h: _depth(h.target)):  # parents first: they move their children
+        rest = Matrix(np.array(handle.rest_matrix).reshape(4, 4).tolist())
+        handle.target.matrix_world = ob.matrix_world @ rest
+        mode = handle.target.rotation_mode
+        if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix can't tell whole turns apart
+            euler = handle.target.rotation_euler.to_matrix().to_euler(mode, Euler(handle.rest_euler, mode))
+            handle.target.rotation_euler = euler
+        context.view_layer.update()
+
+
+def _depth(ob):
+    return 1 + _depth(ob.parent) if ob.parent else 0

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pairs of vertices that correspond on two meshes: numbered vertex groups, or empties parented to them."""
+
+import re
+
+import numpy as np
+
+from ..scene import mesh_data, selection
+from ..scene.mesh_data import MeshProblem
+
+NAME = "Marker {}"
+_NUMBERED = re.compile(r'marker[\s._-]*(\d+)', re.IGNORECASE)  # "Marker 3", "marker.003", "Marker 3.001"
+_FEWEST = 3
+
+
+def _number(name):
+    found = _NUMBERED.match(name)
+    return int(found.group(1)) if found else None
+
+
+def _by_groups(ob):
+    """{number: vertex}: of each numbered group the vertex with the largest weight."""
+    groups = [(group.name, _number(group.name)) for group in ob.vertex_groups if _number(group.name) is not None]
+    found = {}
+    if not groups:  # reading weights takes a while
+        return found
+    for (name, number), weights in zip(groups, mesh_data.group_weights(ob, [name for name, _ in groups])):
+        if weights.max(initial=0) <= 0:
+            raise MeshProblem(f"The group '{name}' of '{ob.name}' has no vertex: assign the one that it marks.")
+        if number in found:
+            raise MeshProblem(f"'{ob.name}' has two markers with the number {number}: rename one of the groups.")
+        found[number] = int(weights.argmax())
+    return found
+
+
+def _by_empties(ob):
+    """{number: vertex}: of each numbered empty that is parented to the object the nearest vertex."""
+    found, points = {}, None
+    for child in ob.children:
+        number = _number(child.name) if child.type == 'EMPTY' else None
+        if number is None:
+            continue
+        if number in found:
+            raise MeshProblem(f"'{ob.name}' has two markers with the number {number}: rename one of the empties.")
+        points = mesh_data.positions(ob.data) if points is None else points
+        place = ob.matrix_world.inverted_safe() @ child.matrix_world.translation
+        found[number] = int(np.linalg.norm(points - np.array(place, np.float32), axis=1).argmin())
+    return found
+
+
+def of(ob):
+    """{number: vertex} of a mesh object. Raises MeshProblem."""
+    if not ob.data.vertices:
+        raise MeshProblem(f"'{ob.name}' has no vertices.")
+    groups, empties = _by_groups(ob), _by_empties(ob)
+    twice = groups.keys() & empties.keys()
+    if twice:
+        raise MeshProblem(f"'{ob.name}' has a group and an empty for marker {min(twice)}: rename one of them.")
+    return {**groups, **empties}
+
+
+def counts(ob, source):
+    """How many there are here, on the source, and with the same numbers on both, for the panel."""
+    here, there = _numbers(ob), _numbers(source) if source else set()
+    return len(here), len(there), len(here & there)
+
+
+def _numbers(ob):
+    """Those in use, by names alone."""
+    names = [*ob.vertex_groups.keys(), *(child.name for child in ob.children if child.type == 'EMPTY')]
+    return {_number(name) for name in names} - {None}
+
+
+def pairs(source, target):
+    """(k, 2) int32: vertices of source and target that the same number marks. Raises MeshProblem."""
+    of_source, of_target = of(source), of(target)
+    both = sorted(of_source.keys() & of_target.keys())
+    if len(both) < _FEWEST:
+        raise MeshProblem(f"'{source.name}' has {len(of_source)} markers and '{target.name}' {len(of_target)}, {len(both)} "
+                          f"with the same numbers: mark at least {_FEWEST} places on both, better ten (Add Marker, in Edit Mode).")
+    return np.array([[of_source[number], of_target[number]] for number in both], np.int32)
+
+
+def add(ob, number):
+    """Marks the selected vertex, or the middle one of several, with a number; 0: the next free one."""
+    chosen = np.flatnonzero(selection.selected(ob))
+    if not len(chosen):
+        raise MeshProblem("No vertex is selected: select the one to mark.")
+    used = _numbers(ob)
+    number = number or next(k for k in range(1, len(used) + 2) if k not in used)
+    if number in used:
+        raise MeshProblem(f"'{ob.name}' has a marker {number} already: choose another number.")
+    points = mesh_data.positions(ob.data)[chosen]
+    middle = chosen[np.linalg.norm(points - points.mean(0), axis=1).argmin()]
+    only = np.zeros(len(ob.data.vertices), bool)
+    only[middle] = True
+    return selection.new_group(ob, NAME.format(number), only).name

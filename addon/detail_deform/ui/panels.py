@@ -1,0 +1,321 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panels in Properties > Modifiers."""
+
+import textwrap
+
+import bpy
+
+from ..follow import deformers, look, slow_results
+from ..scene import node_group
+from ..setup import handle_setup
+
+
+class OBJECT_UL_detail_deform_handles(bpy.types.UIList):
+    def draw_item(self, context, layout, data, item, icon, active_data, active_propname, index=0):
+        row = layout.row()
+        row.use_property_split = False
+        name = row.row()
+        name.active = item.enabled
+        name.prop(item, 'name', text="", emboss=False, icon='EMPTY_AXIS')
+        row.prop(item, 'enabled', text="", emboss=False,
+                 icon='CHECKBOX_HLT' if item.enabled else 'CHECKBOX_DEHLT')
+
+
+def draw_text(layout, context, text, icon):
+    """Wraps a sentence to the panel's width; labels don't."""
+    scale = context.preferences.system.ui_scale
+    width = max(20, int(context.region.width / (7 * scale)) - 6)
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for number, line in enumerate(textwrap.wrap(text, width)):
+        column.label(text=line, icon=icon if number == 0 else 'BLANK1')
+
+
+class ModifierPanel:
+    bl_space_type = 'PROPERTIES'
+    bl_region_type = 'WINDOW'
+    bl_context = 'modifier'
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and context.object.type == 'MESH'
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        self.draw_settings(context, self.layout, context.object, context.object.detail_deform)
+
+
+def _setting(layout, context, settings, name, why_not):
+    """A setting; when there is a reason why it has no effect now, greyed and followed by it."""
+    column = layout.column()
+    column.active = not why_not
+    column.prop(settings, name)
+    if why_not:
+        draw_text(column, context, why_not, 'INFO')
+
+
+class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
+    bl_label = "Detail Deform"
+    bl_options = {'DEFAULT_CLOSED'}
+
+    def draw_settings(self, context, layout, ob, settings):
+        self.draw_state(context, layout, settings)
+        if node_group.find_cache(ob):
+            layout.operator('object.detail_deform_bake_drop', icon='PLAY')
+            return
+        column = layout.column()
+        column.prop(settings, 'method')
+        if settings.method in {'TRANSFER', 'GRADIENT'}:
+            column.prop(settings, 'rotation_only')
+        if settings.method == 'TRANSFER':
+            _setting(column, context, settings, 'refine', look.why_not_refined(settings))
+        if settings.method == 'NORMAL':
+            column.prop(settings, 'levels')
+        if settings.method == 'VOLUMES':
+            column.prop(settings, 'volume_tolerance')
+            column.prop(settings, 'volume_iterations')
+        column.prop(settings, 'output')
+        modifier = node_group.find_modifier(ob)
+        factor = modifier and node_group.factor_property(modifier)
+        if factor:
+            column.prop(*factor, text="Factor", slider=True)
+        row = column.row(align=True)
+        row.prop_search(settings, 'influence', ob, 'vertex_groups')
+        row.prop(settings, 'invert_influence', text="", icon='ARROW_LEFTRIGHT')
+
+        layout.separator()
+        row = layout.row(align=True)
+        row.operator_menu_enum('object.detail_deform_apply', 'mode', text="Apply")
+        row.operator('object.detail_deform_bake', text="Bake", icon='REC')
+        layout.operator('object.detail_deform_remove', text="Remove All", icon='TRASH')
+
+    def draw_state(self, context, layout, settings):
+        wrong = settings.stale or settings.problem
+        under_way = deformers.bind_under_way(settings.signature)
+        box = layout.box()
+        icon = ('ERROR' if wrong else 'SORTTIME' if under_way else
+                'LINKED' if settings.is_bound else 'UNLINKED')
+        draw_text(box, context, settings.status, icon)
+
+        row = layout.row(align=True)
+        row.use_property_split = False
+        if under_way:
+            row.enabled = not under_way.cancelled
+            row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
+            return
+        if node_group.find_cache(context.object):
+            return
+        if slow_results.progress(context.object.name) is not None:
+            row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
+        if context.object.mode == 'EDIT':
+            layout.operator('object.detail_deform_pull', text="Pull Selected", icon='EMPTY_AXIS')
+        if settings.signature:
+            if settings.stale:
+                row.operator('object.detail_deform_bind', text="Re-bind", icon='FILE_REFRESH').keep_rest = True
+            row.operator('object.detail_deform_unbind', icon='UNLINKED')
+            if not settings.stale:
+                row.operator('object.detail_deform_update', text="", icon='FILE_REFRESH')
+                row.prop(settings, 'live', toggle=True)
+        else:
+            row.enabled = bool(settings.handles) or settings.base == 'OBJECT'
+            row.operator('object.detail_deform_bind', icon='LINKED').keep_rest = False
+
+
+class OBJECT_MT_detail_deform_mirror(bpy.types.Menu):
+    bl_label = "Mirror Handle"
+
+    def draw(self, context):
+        for symmetric, text in ((False, "{}, with an Empty of Its Own"), (True, "{}, Symmetric")):
+            for axis in 'XYZ':
+                button = self.layout.operator('object.detail_deform_handle_mirror', text=text.format(axis))
+                button.axis, button.symmetric = axis, symmetric
+            if not symmetric:
+                self.layout.separator()
+
+
+class OBJECT_MT_detail_deform_handles(bpy.types.Menu):
+    bl_label = "Handle Specials"
+
+    def draw(self, context):
+        layout = self.layout
+        layout.operator('object.detail_deform_handle_activate', icon='EMPTY_AXIS')
+        layout.operator('object.detail_deform_handle_select', icon='RESTRICT_SELECT_OFF')
+        layout.operator('object.detail_deform_handle_assign', icon='GROUP_VERTEX')
+        layout.menu('OBJECT_MT_detail_deform_mirror', icon='MOD_MIRROR')
+        layout.separator()
+        layout.operator('object.detail_deform_handle_reset', icon='LOOP_BACK')
+        layout.operator('object.detail_deform_handle_reset', text="All Back to Rest").everything = True
+
+
+class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
+    bl_label = "Handles"
+    bl_parent_id = 'OBJECT_PT_detail_deform'
+
+    def draw_settings(self, context, layout, ob, settings):
+        layout.prop_search(settings, 'region', ob, 'vertex_groups')
+        row = layout.row(align=True)
+        row.operator('object.detail_deform_region_set', text="From Selection")
+        row.operator('object.detail_deform_region_around', text="By Radius")
+
+        row = layout.row()
+        row.template_list('OBJECT_UL_detail_deform_handles', "", settings, 'handles', settings,
+                          'handle_index', rows=4)
+        buttons = row.column(align=True)
+        buttons.operator('object.detail_deform_handle_add', text="", icon='ADD')
+        buttons.operator('object.detail_deform_handle_remove', text="", icon='REMOVE')
+        buttons.separator()
+        buttons.menu('OBJECT_MT_detail_deform_handles', text="", icon='DOWNARROW_HLT')
+        if 0 <= settings.handle_index < len(settings.handles):
+            handle = settings.handles[settings.handle_index]
+            if ob.mode == 'EDIT':
+                row = layout.row(align=True)
+                row.operator('object.detail_deform_handle_assign', text="Assign")
+                row.operator('object.detail_deform_handle_select', text="Select")
+            column = layout.column()
+            column.prop_search(handle, 'vertex_group', ob, 'vertex_groups')
+            target = column.column()
+            target.active = not handle.mirrors
+            target.prop(handle, 'target')
+            column.prop_search(handle, 'mirrors', settings, 'handles')
+            if handle.mirrors:
+                column.row().prop(handle, 'mirror_axis', expand=True)
+        layout.prop(settings, 'preview')
+
+
+class OBJECT_UL_detail_deform_examples(bpy.types.UIList):
+    def draw_item(self, context, layout, data, item, icon, active_data, active_propname, index=0):
+        row = layout.row()
+        row.use_property_split = False
+        name = row.row()
+        name.active = item.enabled
+        name.label(text=item.object.name if item.object else item.name, icon='OBJECT_DATA' if item.object else 'SHAPEKEY_DATA')
+        weight = row.row()
+        weight.active = item.enabled
+        weight.prop(item, 'weight' if data.weights_by == 'SLIDERS' else 'found_weight', text="", emboss=False)
+        row.prop(item, 'enabled', text="", emboss=False,
+                 icon='CHECKBOX_HLT' if item.enabled else 'CHECKBOX_DEHLT')
+
+
+class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
+    bl_label = "Examples"
+    bl_parent_id = 'OBJECT_PT_detail_deform'
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.object.detail_deform.method == 'EXAMPLES'
+
+    def draw_settings(self, context, layout, ob, settings):
+        row = layout.row()
+        row.template_list('OBJECT_UL_detail_deform_examples', "", settings, 'examples', settings, 'example_index', rows=4)
+        row.operator('object.detail_deform_example_remove', text="", icon='REMOVE')
+        row = layout.row(align=True)
+        row.operator('object.detail_deform_examples_from_keys', text="Add Shape Keys", icon='SHAPEKEY_DATA')
+        row.operator('object.detail_deform_examples_from_objects', text="Add Selected Objects", icon='OBJECT_DATA')
+        if 0 <= settings.example_index < len(settings.examples):
+            example = settings.examples[settings.example_index]
+            if example.is_object:
+                layout.prop(example, 'object')
+            elif ob.data.shape_keys:
+                layout.prop_search(example, 'name', ob.data.shape_keys, 'key_blocks', text="Shape Key")
+            if settings.weights_by == 'SLIDERS':
+                layout.prop(example, 'weight', slider=True)
+        layout.row().prop(settings, 'weights_by', expand=True)
+        if settings.weights_by == 'HANDLES':
+            layout.prop(settings, 'example_stiffness')
+
+
+class OBJECT_PT_detail_deform_base(ModifierPanel, bpy.types.Panel):
+    bl_label = "Base Surface"
+    bl_parent_id = 'OBJECT_PT_detail_deform'
+    bl_options = {'DEFAULT_CLOSED'}
+
+    def draw_settings(self, context, layout, ob, settings):
+        if settings.method in {'GRADIENT', 'EXAMPLES'} and settings.output == 'RESULT':
+            layout.active = False
+            draw_text(layout, context, "This method has no base surface.", 'INFO')
+        column = layout.column()
+        column.prop(settings, 'base')
+        if settings.base == 'OBJECT':
+            column.prop(settings, 'base_object')
+            return
+        column.prop(settings, 'smoothness')
+        column.prop(settings, 'base_metric')
+        _setting(column, context, settings, 'metric_smoothing', look.why_not_smoothed(settings))
+        layout.operator('object.detail_deform_base_make', icon='MOD_SMOOTH')
+
+
+class OBJECT_PT_detail_deform_advanced(ModifierPanel, bpy.types.Panel):
+    bl_label = "Advanced"
+    bl_parent_id = 'OBJECT_PT_detail_deform'
+    bl_options = {'DEFAULT_CLOSED'}
+
+    def draw_settings(self, context, layout, ob, settings):
+        _setting(layout, context, settings, 'steps', look.why_not_in_steps(settings))
+        _setting(layout, context, settings, 'formulation',
+                 "" if settings.method == 'TRANSFER' else "Only Detail Transfer has formulations.")
+        layout.operator('object.detail_deform_copy_settings', icon='COPYDOWN')
+        if settings.is_bound:
+            draw_text(layout, context, f"Bind {settings.bind_ms:.0f} ms, update {settings.update_ms:.1f} ms", 'TIME')
+
+
+class OBJECT_PT_detail_deform_empty(bpy.types.Panel):
+    """For a handle's empty, where the mesh's own panels don't show."""
+    bl_label = "Detail Deform"
+    bl_space_type = 'PROPERTIES'
+    bl_region_type = 'WINDOW'
+    bl_context = 'object'
+
+    @classmethod
+    def poll(cls, context):
+        empty = context.object
+        return empty is not None and empty.type == 'EMPTY' and handle_setup.owner(empty)[0] is not None
+
+    def draw(self, context):
+        layout = self.layout
+        ob, number = handle_setup.owner(context.object)
+        settings = ob.detail_deform
+        draw_text(layout, context, f"Handle '{settings.handles[number].name}' of '{ob.name}'. {settings.status}",
+                   'ERROR' if settings.stale or settings.problem else 'EMPTY_AXIS')
+        layout.operator('object.detail_deform_mesh_activate', icon='MESH_DATA')
+        layout.prop(settings, 'preview')
+        if settings.method == 'EXAMPLES':
+            layout.template_list('OBJECT_UL_detail_deform_examples', "", settings, 'examples', settings, 'example_index')
+
+
+def _draw_pull_entry(self, context):
+    self.layout.separator()
+    self.layout.operator('object.detail_deform_pull', icon='MOD_MESHDEFORM')
+
+
+def _draw_add_entry(self, context):
+    self.layout.operator('object.detail_deform_add', text="Detail Deform", icon='MOD_MESHDEFORM')
+
+
+CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_UL_detail_deform_examples, OBJECT_MT_detail_deform_mirror, OBJECT_MT_detail_deform_handles,
+           OBJECT_PT_detail_deform, OBJECT_PT_detail_deform_examples, OBJECT_PT_detail_deform_handles,
+           OBJECT_PT_detail_deform_base,
+           OBJECT_PT_detail_deform_advanced, OBJECT_PT_detail_deform_empty)
+
+
+def _add_menu():
+    # 4.2 on; before, the modifier menu can't be added to and the panel is the way in.
+    return getattr(bpy.types, 'OBJECT_MT_modifier_add_deform', None)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.VIEW3D_MT_edit_mesh_context_menu.append(_draw_pull_entry)
+    bpy.types.VIEW3D_MT_edit_mesh_vertices.append(_draw_pull_entry)
+    if _add_menu():
+        _add_menu().append(_draw_add_entry)
+
+
+def unregister():
+    bpy.types.VIEW3D_MT_edit_mesh_context_menu.remove(_draw_pull_entry)
+    bpy.types.VIEW3D_MT_edit_mesh_vertices.remove(_draw_pull_entry)
+    if _add_menu():
+        _add_menu().remove(_draw_add_entry)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The region's and the handles' vertices as coloured points in the viewport."""
+
+import colorsys
+
+import bpy
+import numpy as np
+
+from ..scene import handle_matrices, mesh_data
+from ..setup import correspondence
+
+_POINT_SIZE = 4.0
+_NEARER = 0.004  # of the way to the eye, so that the surface doesn't cover its own vertices
+_REGION_COLOUR = (0.3, 0.8, 0.75, 0.8)
+_OTHER_COLOUR = (0.5, 0.5, 0.5, 0.35)
+_BAD_COLOUR, _GOOD_COLOUR = (0.9, 0.1, 0.1, 0.9), (0.2, 0.8, 0.2, 0.9)
+_colours = {}  # by object: what they were made of, and the colour of each vertex
+_names = None  # of the objects with a preview; None: to be looked for, which takes a while in large scenes
+_object_count = 0  # when they were
+
+
+class Drawing:
+    """A function that draws into every 3D view, while it is registered."""
+
+    def __init__(self, draw, kind):
+        self._draw, self._kind, self._handle = draw, kind, None
+
+    def register(self):
+        if not bpy.app.background:  # without a window there is nothing to draw on
+            self._handle = bpy.types.SpaceView3D.draw_handler_add(self._draw, (), 'WINDOW', self._kind)
+
+    def unregister(self):
+        if self._handle is not None:
+            bpy.types.SpaceView3D.draw_handler_remove(self._handle, 'WINDOW')
+            self._handle = None
+
+
+def handle_colour(number):
+    """Hues as far from one another as they come."""
+    return (*colorsys.hsv_to_rgb((0.08 + 0.618 * number) % 1.0, 0.9, 1.0), 1.0)
+
+
+def vertex_colours(ob):
+    """(n, 4) float32: how well vertices are matched with a source, or what belongs to whom, by weights alone, so
+    that it shows before a Bind too."""
+    settings = ob.detail_deform
+    match = correspondence.vertex_confidence(ob) if settings.transfer.show_match else None
+    if match is not None:
+        bad, good = np.float32([_BAD_COLOUR, _GOOD_COLOUR])
+        return bad + match[:, None] * (good - bad)
+    handles = [h for h in handle_matrices.enabled_handles(settings) if h.vertex_group in ob.vertex_groups]
+    region = settings.region if settings.region in ob.vertex_groups else ""
+    weights = mesh_data.group_weights(ob, [h.vertex_group for h in handles] + [region] * bool(region))
+    colours = np.empty((len(ob.data.vertices), 4), np.float32)
+    colours[:] = _REGION_COLOUR
+    if region:
+        colours[weights[-1] <= mesh_data.MEMBER_WEIGHT] = _OTHER_COLOUR
+    winner = mesh_data.handle_of_vertices(weights[:len(handles)])
+    for number in range(len(handles)):
+        colours[winner == number] = handle_colour(number)
+    return colours
+
+
+def _is_wanted(ob):
+    return ob.detail_deform.preview or ob.detail_deform.transfer.show_match
+
+
+def forget(edited=None):
+    """Colours are made anew where these meshes were edited; without any given, everywhere, and the objects
+    with a preview are looked for again."""
+    global _names
+    if edited is None:
+        _names = None
+    for name in list(_colours):
+        ob = bpy.data.objects.get(name)
+        if edited is None or ob is None or ob.data in edited:
+            del _colours[name]
+
+
+def _points(ob, depsgraph):
+    """World positions and colours, or None where the modifiers make other vertices of the mesh."""
+    mesh = ob.evaluated_get(depsgraph).data
+    if len(mesh.vertices) != len(ob.data.vertices):
+        return None
+    settings = ob.detail_deform
+    made_of = (settings.region, settings.transfer.show_match, correspondence.digest(ob), len(ob.data.vertices),
+               *((h.vertex_group, h.enabled) for h in settings.handles))
+    known = _colours.get(ob.name)
+    if known is None or known[0] != made_of:
+        known = _colours[ob.name] = (made_of, vertex_colours(ob))
+    world = np.array(ob.matrix_world, np.float32)
+    return mesh_data.positions(mesh) @ world[:3, :3].T + world[:3, 3], known[1]
+
+
+def _nearer(points, view):
+    """A little towards the eye of a RegionView3D."""
+    back = np.array(view.view_matrix.inverted(), np.float32)
+    if view.is_perspective:
+        return points + _NEARER * (back[:3, 3] - points)
+    return points + _NEARER * view.view_distance * back[:3, 2]
+
+
+def _draw():
+    global _names, _object_count
+    import gpu
+    from gpu_extras.batch import batch_for_shader
+    context = bpy.context
+    if _names is None or _object_count != len(bpy.data.objects):
+        _object_count = len(bpy.data.objects)
+        _names = [ob.name for ob in bpy.data.objects if ob.type == 'MESH' and _is_wanted(ob)]
+    shown = [ob for ob in map(context.view_layer.objects.get, _names) if ob is not None
+             and _is_wanted(ob) and ob.mode not in {'EDIT', 'WEIGHT_PAINT'} and ob.visible_get()]
+    if not shown:
+        return
+    shader = gpu.shader.from_builtin('FLAT_COLOR' if bpy.app.version >= (4, 0) else '3D_FLAT_COLOR')
+    gpu.state.blend_set('ALPHA')
+    gpu.state.depth_test_set('LESS_EQUAL')
+    gpu.state.point_size_set(_POINT_SIZE)
+    for ob in shown:
+        points = _points(ob, context.evaluated_depsgraph_get())
+        if points is not None:
+            batch_for_shader(shader, 'POINTS', {'pos': _nearer(points[0], context.region_data), 'color': points[1]}).draw(shader)
+    gpu.state.point_size_set(1.0)
+    gpu.state.depth_test_set('NONE')
+    gpu.state.blend_set('NONE')
+
+
+_drawing = Drawing(_draw, 'POST_VIEW')
+register = _drawing.register
+
+
+def unregister():
+    _drawing.unregister()
+    _colours.clear()

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel for deformations carried over from other meshes."""
+
+import bpy
+
+from ..setup import correspondence, markers
+from .panels import ModifierPanel, draw_text
+
+
+class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
+    bl_label = "Detail Deform: Transfer"
+    bl_options = {'DEFAULT_CLOSED'}
+
+    def draw_settings(self, context, layout, ob, all_settings):
+        settings = all_settings.transfer
+        source = settings.source
+        if settings.live:
+            draw_text(layout.box(), context, settings.state, 'ERROR' if settings.problem else 'LINKED')
+        layout.prop(settings, 'source')
+        column = layout.column()
+        column.enabled = not settings.live
+        column.prop(settings, 'correspondence')
+        if settings.correspondence == 'LIST':
+            column.prop(settings, 'filepath')
+            column.prop(settings, 'pairs_of')
+        here, there, both = markers.counts(ob, source)
+        if settings.correspondence == 'MARKERS' or here:
+            counts = f"{here} markers here, {there} on the source, {both} with the same numbers"
+            draw_text(column, context, counts if source else f"{here} markers here", 'EMPTY_AXIS')
+            column.prop(settings, 'show_markers')
+            column.operator('object.detail_deform_transfer_match', icon='VIEWZOOM')
+        if ob.mode == 'EDIT' or settings.correspondence == 'MARKERS':
+            column.operator('object.detail_deform_marker_add', icon='ADD')
+        if correspondence.is_stored(ob):
+            row = column.row(align=True)
+            row.prop(settings, 'show_match', toggle=True)
+            row.operator('object.detail_deform_transfer_save', text="", icon='EXPORT')
+            row.operator('object.detail_deform_transfer_forget', text="", icon='TRASH')
+        column = layout.column()
+        column.prop(settings, 'rotation_only')
+        column.prop(settings, 'anchor')
+        if settings.anchor in {'VERTICES', 'PINNED'}:
+            column.prop_search(settings, 'anchor_group', ob, 'vertex_groups')
+        column.prop(settings, 'formulation')
+        layout.separator()
+        row = layout.row(align=True)
+        row.enabled = source is not None
+        row.operator_menu_enum('object.detail_deform_transfer', 'what', text="Transfer")
+        button = row.operator('object.detail_deform_transfer_live', text="Follow", depress=settings.live,
+                              icon='PAUSE' if settings.live else 'PLAY')
+        button.on = not settings.live
+
+
+def _draw_marker_entry(self, context):
+    self.layout.operator('object.detail_deform_marker_add', icon='EMPTY_AXIS')
+
+
+CLASSES = (OBJECT_PT_detail_deform_transfer,)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.VIEW3D_MT_edit_mesh_context_menu.append(_draw_marker_entry)
+
+
+def unregister():
+    bpy.types.VIEW3D_MT_edit_mesh_context_menu.remove(_draw_marker_entry)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "deform/split_motion.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "methods/displacement_volumes.h"
+#include "support/rotations.h"
+
+namespace dd {
+
+ScrewMotion::ScrewMotion(const Affine& motion, const Eigen::Vector3d& about,
+                         const Eigen::Vector3d& turn)
+    : motion_(motion), about_(about) {
+  const Eigen::Matrix3d A = motion.leftCols<3>();
+  if (!(A.determinant() > 1e-12 * std::pow(A.norm(), 3)))
+    throw Error(Status::argument,
+                "its motion flattens or mirrors, which can't be split into steps. Use one step.");
+  const Eigen::Matrix3d R = polar_rotation(A);
+  stretch_ = R.transpose() * A - Eigen::Matrix3d::Identity();
+  turn_ = rotation_vector_near(Eigen::AngleAxisd(R), turn);
+  shift_ = A * about + motion.col(3) - about;
+}
+
+ScrewMotion::Affine ScrewMotion::at(double s) const {
+  if (s == 1) return motion_;
+  // The centre's path: with angle θ about the unit axis a, the shift d splits into a slide along a
+  // and a turn about a point off it by (d⊥ + cot(θ/2) a × d⊥) / 2.
+  const double angle = turn_.norm();
+  Eigen::Vector3d moved = s * shift_;
+  if (angle > 1e-9) {
+    const Eigen::Vector3d axis = turn_ / angle, slide = axis * axis.dot(shift_);
+    const Eigen::Vector3d across = shift_ - slide;
+    const double half = std::sin(angle / 2);
+    // Whole turns that also move the centre across the axis have no screw: that part goes straight.
+    if (std::abs(half) > 1e-6) {
+      const Eigen::Vector3d pivot =
+          0.5 * (across + std::cos(angle / 2) / half * axis.cross(across));
+      moved = s * slide + pivot - rotation_by(s * turn_) * pivot;
+    }
+  }
+  Affine result;
+  result.leftCols<3>() = rotation_by(s * turn_) * (Eigen::Matrix3d::Identity() + s * stretch_);
+  result.col(3) = about_ + moved - result.leftCols<3>() * about_;
+  return result;
+}
+
+SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
+                         const BindOptions& bind, const SplitMotion& motion,
+                         const UpdateOptions& update, const Progress& progress,
+                         const Positions* deformed_base) {
+  if (bind.base.size() && motion.steps != 1)
+    throw Error(Status::argument, "A base from outside has no motion that could be split.");
+  if (update.method == MethodKind::examples && motion.steps != 1)
+    throw Error(Status::argument,
+                "Posing by example goes to any pose in one step: steps would forget the rest.");
+  validate(mesh);
+  const Region region =
+      split_region(mesh, roles, handle_count, bind.base.size() ? MovedBy::base : MovedBy::handles);
+  const Positions centres = handle_centres(region, mesh.positions);
+  std::vector<ScrewMotion> screws;  // of no need, and maybe not to be had, for one step
+  for (int h = 0; h < handle_count && motion.steps > 1; ++h) {
+    const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> matrix(
+        motion.matrices.data() + 12 * static_cast<size_t>(h));
+    Eigen::Vector3d turn = Eigen::Vector3d::Zero();
+    if (!motion.turns.empty())
+      turn = Eigen::Map<const Eigen::Vector3d>(motion.turns.data() + 3 * static_cast<size_t>(h));
+    try {
+      if (!matrix.allFinite() || !turn.allFinite())
+        throw Error(Status::argument, "its matrix is not finite.");
+      screws.emplace_back(matrix, centres.row(h).transpose(), turn);
+    } catch (const Error& error) {
+      throw Error(error.status(), "Handle " + std::to_string(h) + ": " + error.what());
+    }
+  }
+
+  // A method that is slow takes the larger part of a step.
+  const double bound_at = update.method == MethodKind::volumes ? 0.2 : 0.95;
+  Mesh surface = mesh;
+  SplitResult result;
+  for (int step = 1; step <= motion.steps; ++step) {
+    const double before = double(step - 1) / motion.steps, now = double(step) / motion.steps;
+    const auto tell = [&](double within_step, const char* stage) {
+      return !progress || progress(before + within_step * (now - before), stage);
+    };
+    std::vector<double> matrices = motion.steps > 1 ? std::vector<double>() : motion.matrices;
+    for (const ScrewMotion& screw : screws) {
+      Eigen::Matrix4d from = Eigen::Matrix4d::Identity(), to = from;
+      from.topRows<3>() = screw.at(before);
+      to.topRows<3>() = screw.at(now);
+      const Eigen::Matrix<double, 3, 4, Eigen::RowMajor> change =
+          (to * from.inverse()).topRows<3>();
+      matrices.insert(matrices.end(), change.data(), change.data() + 12);
+    }
+    UpdateOptions options = update;
+    if (step < motion.steps) options.shown = Shown::result;
+    options.of_method.progress = [&](double fraction, const char* stage) {
+      return tell(bound_at + (1 - bound_at) * fraction, stage);
+    };
+    try {
+      Deformer deformer(surface, roles, handle_count, bind,
+                        [&](double fraction, const char* stage) {
+                          return tell(bound_at * std::min(fraction, 0.999), stage);
+                        });
+      surface.positions += deformer.update(matrices.data(), options, deformed_base);
+      if (const DisplacementVolumes* volumes = deformer.displacement_volumes()) {
+        result.volume_error = volumes->volume_error();
+        result.volumes_settled = volumes->settled();
+      }
+    } catch (const Error& error) {
+      if (error.status() == Status::cancelled || motion.steps == 1) throw;
+      throw Error(error.status(), "In step " + std::to_string(step) + " of " +
+                                      std::to_string(motion.steps) + ": " + error.what());
+    }
+  }
+  report(progress, 1.0, "Done");
+  result.offsets = surface.positions - mesh.positions;
+  return result;
+}
+
+}  // namespace dd

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "deform/deformer.h"
+
+namespace dd {
+
+/// A handle's motion M = (A, t), A = R U, cut into parts along its screw motion: M(s) turns by
+/// s times the angle about the screw's axis while it slides s times along it, after the stretch
+/// I + s (U − I) about the point that the screw moves least from the handle's centre.
+class ScrewMotion {
+ public:
+  using Affine = Eigen::Matrix<double, 3, 4>;
+  /// about: the centre of the stretch. turn: rotation vector (axis times radians) near which the
+  /// logarithm of R is taken, so that more than half a turn can be asked for; zero: the shortest.
+  /// Throws Error(argument) when A has no inverse or mirrors.
+  ScrewMotion(const Affine& motion, const Eigen::Vector3d& about, const Eigen::Vector3d& turn);
+
+  /// M(s): the identity at 0, M at 1.
+  Affine at(double s) const;
+
+ private:
+  Affine motion_;
+  Eigen::Vector3d about_, turn_, shift_;  // rotation vector; where the centre goes
+  Eigen::Matrix3d stretch_;               // U − I
+};
+
+/// T-split (§6): the handles' motions in steps, all in step, each step on a surface bound anew to
+/// the last one's result. One step is Deformer::update().
+struct SplitMotion {
+  std::vector<double> matrices;  ///< as for Deformer::update()
+  std::vector<double> turns;     ///< 3 a handle, as for ScrewMotion; or none: all zero
+  int steps = 1;
+};
+
+/// What a split gives: the displacement of every vertex, n×3, and of the last step, by displacement
+/// volumes, how well these were kept.
+struct SplitResult {
+  Positions offsets;
+  double volume_error = 0;
+  bool volumes_settled = true;
+};
+
+/// Arguments as for Deformer and its update; a base from outside has no motion that could be split and
+/// allows one step only. Throws Error, with the step where it happened.
+SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
+                         const BindOptions& bind, const SplitMotion& motion,
+                         const UpdateOptions& update, const Progress& progress = {},
+                         const Positions* deformed_base = nullptr);
+
+}  // namespace dd

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The kernels themselves, included once for each instruction set. See kernels.h for why nothing
+// here may come from Eigen or the standard library's templates.
+#include "kernels/kernels_solve.h"
+#include "kernels/kernels_triangles.h"
+
+namespace dd {
+
+namespace {
+
+template <class Real>
+constexpr KernelsOf<Real> kernels_of() {
+  return {forward<Real>,       backward<Real>,       gradient_pass<Real>,
+          rotation_pass<Real>, mean_rotations<Real>, turn_pass<Real>};
+}
+
+}  // namespace
+
+extern const Kernels DD_KERNEL_SET;
+const Kernels DD_KERNEL_SET = {DD_KERNEL_NAME, kernels_of<float>(), kernels_of<double>(), blend};
+
+}  // namespace dd

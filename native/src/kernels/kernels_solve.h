@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Forward and backward substitution, included once for each instruction set: see kernels_impl.h.
+#pragma once
+
+#include "kernels/kernels_rows.h"
+
+namespace dd {
+
+namespace {
+
+// Four numbers of a row of x at once.
+#ifdef __AVX2__
+inline __m128 get(const float* p) { return _mm_loadu_ps(p); }
+inline __m256d get(const double* p) { return _mm256_loadu_pd(p); }
+inline void put(float* p, __m128 x) { _mm_storeu_ps(p, x); }
+inline void put(double* p, __m256d x) { _mm256_storeu_pd(p, x); }
+inline __m128 minus(__m128 a, __m128 b) { return _mm_sub_ps(a, b); }
+inline __m256d minus(__m256d a, __m256d b) { return _mm256_sub_pd(a, b); }
+inline __m128 plus_product(__m128 sum, const float* factor, __m128 x) {
+  return _mm_fmadd_ps(_mm_broadcast_ss(factor), x, sum);
+}
+inline __m256d plus_product(__m256d sum, const double* factor, __m256d x) {
+  return _mm256_fmadd_pd(_mm256_broadcast_sd(factor), x, sum);
+}
+#else
+template <class Real>
+inline RowOf<Real> get(const Real* p) {
+  return load(p);
+}
+template <class Real>
+inline void put(Real* p, const RowOf<Real>& x) {
+  store(p, x);
+}
+template <class Real>
+inline RowOf<Real> minus(RowOf<Real> a, const RowOf<Real>& b) {
+  for (int c = 0; c < 4; ++c) a.v[c] -= b.v[c];
+  return a;
+}
+template <class Real>
+inline RowOf<Real> plus_product(RowOf<Real> sum, const Real* factor, const RowOf<Real>& x) {
+  add_scaled(sum, *factor, x);
+  return sum;
+}
+#endif
+
+template <class Real>
+constexpr Real kZeros[4] = {};
+template <class Real>
+using Four = decltype(get(kZeros<Real>));
+
+// The products below read their values in the order in which they stand, forward from the first, in
+// the other sense from the last: memory that is read in one direction comes twice as fast.
+
+/// target(i, Σ_c values[c·Count + i] · own[c]) for `Count` rows of values.
+template <int Count, class Real, class Target>
+inline void forward_rows(int width, const Real* values, const Real* own, const Target& target) {
+  Four<Real> sums[Count];
+  for (int i = 0; i < Count; ++i) sums[i] = get(kZeros<Real>);
+  for (int c = 0; c < width; ++c, values += Count) {
+    const Four<Real> x = get(own + 4 * c);
+    for (int i = 0; i < Count; ++i) sums[i] = plus_product(sums[i], values + i, x);
+  }
+  for (int i = 0; i < Count; ++i) target(i, sums[i]);
+}
+
+/// own[c] −= Σ_i values[c·Count + i] · source(i).
+template <int Count, class Real, class Source>
+inline void backward_rows(int width, const Real* values, const Source& source, Real* own) {
+  Four<Real> rows[Count];
+  for (int i = 0; i < Count; ++i) rows[i] = source(i);
+  values += Count * static_cast<int64_t>(width);
+  for (int c = width - 1; c >= 0; --c) {
+    values -= Count;
+    Four<Real> sum = get(kZeros<Real>);
+    for (int i = 0; i < Count; ++i) sum = plus_product(sum, values + i, rows[i]);
+    put(own + 4 * c, minus(get(own + 4 * c), sum));
+  }
+}
+
+// The same for blocks of eight rows, on the first three of four.
+#ifdef __AVX2__
+template <int Blocks, class Target>
+inline void forward_blocks(int width, const float* values, const float* own, const Target& target) {
+  __m256 sums[Blocks][4];
+  for (int b = 0; b < Blocks; ++b)
+    for (int k = 0; k < 4; ++k) sums[b][k] = _mm256_setzero_ps();
+  for (int c = 0; c < width; ++c) {
+    __m256 column[Blocks];
+    for (int b = 0; b < Blocks; ++b, values += 8) column[b] = _mm256_loadu_ps(values);
+    for (int k = 0; k < 3; ++k) {
+      const __m256 factor = _mm256_broadcast_ss(own + 4 * c + k);
+      for (int b = 0; b < Blocks; ++b) sums[b][k] = _mm256_fmadd_ps(column[b], factor, sums[b][k]);
+    }
+  }
+  for (int b = 0; b < Blocks; ++b) {
+    __m256* r = sums[b];
+    transpose_quarters(r[0], r[1], r[2], r[3]);
+    for (int i = 0; i < 4; ++i) target(8 * b + i, _mm256_castps256_ps128(r[i]));
+    for (int i = 0; i < 4; ++i) target(8 * b + 4 + i, _mm256_extractf128_ps(r[i], 1));
+  }
+}
+
+template <int Blocks, class Source>
+inline void backward_blocks(int width, const float* values, const Source& source, float* own) {
+  __m256 rows[Blocks][4];
+  for (int b = 0; b < Blocks; ++b) {
+    __m256* r = rows[b];
+    for (int i = 0; i < 4; ++i)
+      r[i] =
+          _mm256_insertf128_ps(_mm256_castps128_ps256(source(8 * b + i)), source(8 * b + 4 + i), 1);
+    transpose_quarters(r[0], r[1], r[2], r[3]);
+  }
+  values += 8 * Blocks * static_cast<int64_t>(width);
+  for (int c = width - 1; c >= 0; --c) {
+    __m256 s[3];
+    for (int b = Blocks - 1; b >= 0; --b) {
+      values -= 8;
+      const __m256 column = _mm256_loadu_ps(values);
+      for (int k = 0; k < 3; ++k)
+        s[k] = b == Blocks - 1 ? _mm256_mul_ps(column, rows[b][k])
+                               : _mm256_fmadd_ps(column, rows[b][k], s[k]);
+    }
+    const __m256 sums =
+        _mm256_hadd_ps(_mm256_hadd_ps(s[0], s[1]), _mm256_hadd_ps(s[2], _mm256_setzero_ps()));
+    const __m128 sum = _mm_add_ps(_mm256_castps256_ps128(sums), _mm256_extractf128_ps(sums, 1));
+    put(own + 4 * c, minus(get(own + 4 * c), sum));
+  }
+}
+#else
+template <int Blocks, class Target>
+inline void forward_blocks(int width, const float* values, const float* own, const Target& target) {
+  float sums[3][8 * Blocks] = {};
+  for (int c = 0; c < width; ++c, values += 8 * Blocks)
+    for (int k = 0; k < 3; ++k)
+      for (int i = 0; i < 8 * Blocks; ++i) sums[k][i] += values[i] * own[4 * c + k];
+  for (int i = 0; i < 8 * Blocks; ++i)
+    target(i, RowOf<float>{{sums[0][i], sums[1][i], sums[2][i], 0}});
+}
+
+template <int Blocks, class Source>
+inline void backward_blocks(int width, const float* values, const Source& source, float* own) {
+  RowOf<float> rows[8 * Blocks];
+  for (int i = 0; i < 8 * Blocks; ++i) rows[i] = source(i);
+  values += 8 * Blocks * static_cast<int64_t>(width);
+  for (int c = width - 1; c >= 0; --c) {
+    values -= 8 * Blocks;
+    for (int k = 0; k < 3; ++k)
+      for (int i = 0; i < 8 * Blocks; ++i) own[4 * c + k] -= values[i] * rows[i].v[k];
+  }
+}
+#endif
+
+/// Calls body with the powers of two that make up count, from Most, as often as it fits, down: the
+/// groups of rows_together().
+template <int Most, class Body>
+inline void in_groups(int count, const Body& body) {
+  for (; count >= Most; count -= Most) body(Constant<Most>{});
+  if constexpr (Most > 1) in_groups<Most / 2>(count, body);
+}
+
+/// The other way round.
+template <int Most, class Body>
+inline void in_groups_from_end(int count, const Body& body) {
+  if constexpr (Most > 1) in_groups_from_end<Most / 2>(count % Most, body);
+  for (; count >= Most; count -= Most) body(Constant<Most>{});
+}
+
+/// Forward and backward products of a group of so many rows.
+template <int Count, class Real, class Target>
+inline void forward_group(int width, const Real* values, const Real* own, const Target& target) {
+  if constexpr (Count % 8 == 0)
+    forward_blocks<Count / 8>(width, values, own, target);
+  else
+    forward_rows<Count>(width, values, own, target);
+}
+template <int Count, class Real, class Source>
+inline void backward_group(int width, const Real* values, const Source& source, Real* own) {
+  if constexpr (Count % 8 == 0)
+    backward_blocks<Count / 8>(width, values, source, own);
+  else
+    backward_rows<Count>(width, values, source, own);
+}
+
+template <class Real>
+void forward(const FactorView<Real>& factor, int first, int last, const double* right, Real* x) {
+  for (int s = first; s < last; ++s) {
+    const int begin = factor.begin[s], width = factor.begin[s + 1] - begin;
+    const Real* values = factor.values + factor.value_begin[s];
+    Real* own = x + 4 * static_cast<int64_t>(begin);
+    const double* given = right + 4 * static_cast<int64_t>(begin);
+    for (int k = 0; k < 4 * width; ++k) own[k] += static_cast<Real>(given[k]);
+
+    // C_ss⁻¹ in place, from its last rows, which need all others.
+    int j = width;
+    in_groups<kTriangleRows<Real>>(width, [&](auto group) {
+      constexpr int kCount = decltype(group)::value;
+      const Real* rows = values;
+      values += kCount * j;
+      j -= kCount;
+      forward_group<kCount>(j + kCount, rows, own,
+                            [&](int i, const Four<Real>& sum) { put(own + 4 * (j + i), sum); });
+    });
+
+    const int32_t* slot = factor.slots + factor.row_begin[s];
+    const int height = static_cast<int>(factor.row_begin[s + 1] - factor.row_begin[s]);
+    in_groups<kRowsBelow<Real>>(height, [&](auto group) {
+      constexpr int kCount = decltype(group)::value;
+      forward_group<kCount>(width, values, own, [&](int i, const Four<Real>& sum) {
+        Real* row = x + 4 * static_cast<int64_t>(slot[i]);
+        put(row, minus(get(row), sum));
+      });
+      slot += kCount;
+      values += kCount * static_cast<int64_t>(width);
+    });
+  }
+}
+
+template <class Real>
+void backward(const FactorView<Real>& factor, int first, int last, Real* x) {
+  for (int s = last - 1; s >= first; --s) {
+    const int begin = factor.begin[s], width = factor.begin[s + 1] - begin;
+    const int height = static_cast<int>(factor.row_begin[s + 1] - factor.row_begin[s]);
+    const Real* values = factor.values + factor.value_begin[s + 1];
+    Real* own = x + 4 * static_cast<int64_t>(begin);
+    const int32_t* slot = factor.slots + factor.row_begin[s + 1];
+    in_groups_from_end<kRowsBelow<Real>>(height, [&](auto group) {
+      constexpr int kCount = decltype(group)::value;
+      slot -= kCount;
+      values -= kCount * static_cast<int64_t>(width);
+      backward_group<kCount>(
+          width, values, [&](int i) { return get(x + 4 * static_cast<int64_t>(slot[i])); }, own);
+    });
+
+    // C_ss⁻ᵀ in place, from its first columns, which no later one needs.
+    int j = 0;
+    in_groups_from_end<kTriangleRows<Real>>(width, [&](auto group) {
+      constexpr int kCount = decltype(group)::value;
+      values -= kCount * (j + kCount);
+      backward_group<kCount>(
+          j + kCount, values,
+          [&](int i) {
+            Real* row = own + 4 * (j + i);
+            const Four<Real> value = minus(get(kZeros<Real>), get(row));
+            put(row, get(kZeros<Real>));
+            return value;
+          },
+          own);
+      j += kCount;
+    });
+  }
+}
+
+}  // namespace
+
+}  // namespace dd

@@ -1,0 +1,412 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The passes over vertices and triangles of a frame, included once for each instruction set: see
+// kernels_impl.h.
+#pragma once
+
+#include "kernels/kernels_rows.h"
+
+namespace dd {
+
+namespace {
+
+void blend(int row_count, int term_count, const double* weights, const double* coefficients,
+           const double* rest, double* out) {
+  for (int64_t r = 0; r < row_count; ++r) {
+    Row sum = load(rest + 4 * r);
+    const double* w = weights + r * term_count;
+    for (int k = 0; k < term_count; ++k) add_scaled(sum, w[k], load(coefficients + 4 * k));
+    store(out + 4 * r, sum);
+  }
+}
+
+/// Below this a squared length counts as zero: its direction then becomes the zero vector, and
+/// whatever a triangle collapsed to stays finite. Lengths are in those of the triangle at rest.
+template <class Real>
+constexpr Real kTiny = static_cast<Real>(sizeof(Real) == 4 ? 1e-30 : 1e-280);
+
+inline float square_root(float x) { return sqrtf(x); }
+inline double square_root(double x) { return sqrt(x); }
+
+template <class Real>
+inline Real guarded_inverse_sqrt(Real x) {
+  return 1 / square_root(x > kTiny<Real> ? x : kTiny<Real>);
+}
+
+/// Numbers of a block's triangles, one in each lane.
+template <class Real>
+using Lanes = Real[kLanes];
+
+/// Two edges of each lane's triangle, from its first corner.
+template <class Real>
+struct Edges {
+  Lanes<Real> first[3], second[3];
+};
+
+/// Differences are taken in double whatever follows: positions are larger than edges.
+template <class Real>
+inline void gather_edges(const int32_t (&source)[3][kLanes], const double* positions,
+                         Edges<Real>& edges) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const double* p0 = positions + 4 * static_cast<int64_t>(source[0][lane]);
+    const double* p1 = positions + 4 * static_cast<int64_t>(source[1][lane]);
+    const double* p2 = positions + 4 * static_cast<int64_t>(source[2][lane]);
+    for (int c = 0; c < 3; ++c) {
+      edges.first[c][lane] = static_cast<Real>(p1[c] - p0[c]);
+      edges.second[c][lane] = static_cast<Real>(p2[c] - p0[c]);
+    }
+  }
+}
+
+/// Adds the flux of corners 0 and 1 to their rows and takes both from that of corner 2.
+template <class Real>
+inline void scatter(const int32_t (&target)[3][kLanes], const Real (&flux)[2][3][kLanes],
+                    double* right_hand_side) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    double* r0 = right_hand_side + 4 * static_cast<int64_t>(target[0][lane]);
+    double* r1 = right_hand_side + 4 * static_cast<int64_t>(target[1][lane]);
+    double* r2 = right_hand_side + 4 * static_cast<int64_t>(target[2][lane]);
+    for (int c = 0; c < 3; ++c) {
+      r0[c] += flux[0][c][lane];
+      r1[c] += flux[1][c][lane];
+      r2[c] -= flux[0][c][lane] + flux[1][c][lane];
+    }
+  }
+}
+
+#ifdef __AVX2__
+/// Eight rows of four as four lanes of eight.
+inline void transpose_to_lanes(const __m128 (&rows)[kLanes], float (*lanes)[kLanes]) {
+  __m256 r[4];
+  for (int i = 0; i < 4; ++i)
+    r[i] = _mm256_insertf128_ps(_mm256_castps128_ps256(rows[i]), rows[i + 4], 1);
+  transpose_quarters(r[0], r[1], r[2], r[3]);
+  for (int c = 0; c < 3; ++c) _mm256_storeu_ps(lanes[c], r[c]);
+}
+
+inline void gather_edges(const int32_t (&source)[3][kLanes], const double* positions,
+                         Edges<float>& edges) {
+  __m128 first[kLanes], second[kLanes];
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const __m256d p0 = _mm256_loadu_pd(positions + 4 * static_cast<int64_t>(source[0][lane]));
+    const __m256d p1 = _mm256_loadu_pd(positions + 4 * static_cast<int64_t>(source[1][lane]));
+    const __m256d p2 = _mm256_loadu_pd(positions + 4 * static_cast<int64_t>(source[2][lane]));
+    first[lane] = _mm256_cvtpd_ps(_mm256_sub_pd(p1, p0));
+    second[lane] = _mm256_cvtpd_ps(_mm256_sub_pd(p2, p0));
+  }
+  transpose_to_lanes(first, edges.first);
+  transpose_to_lanes(second, edges.second);
+}
+
+inline void scatter(const int32_t (&target)[3][kLanes], const float (&flux)[2][3][kLanes],
+                    double* right_hand_side) {
+  __m256 r[2][4];
+  for (int k = 0; k < 2; ++k) {
+    for (int c = 0; c < 3; ++c) r[k][c] = _mm256_loadu_ps(flux[k][c]);
+    r[k][3] = _mm256_setzero_ps();
+    transpose_quarters(r[k][0], r[k][1], r[k][2], r[k][3]);
+  }
+  const auto add = [&](int corner, int lane, __m256d value) {
+    double* row = right_hand_side + 4 * static_cast<int64_t>(target[corner][lane]);
+    _mm256_storeu_pd(row, _mm256_add_pd(_mm256_loadu_pd(row), value));
+  };
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const auto part = [&](int k) {
+      return _mm256_cvtps_pd(lane < 4 ? _mm256_castps256_ps128(r[k][lane])
+                                      : _mm256_extractf128_ps(r[k][lane & 3], 1));
+    };
+    const __m256d first = part(0), second = part(1);
+    add(0, lane, first);
+    add(1, lane, second);
+    add(2, lane, _mm256_sub_pd(_mm256_setzero_pd(), _mm256_add_pd(first, second)));
+  }
+}
+#endif
+
+/// A lane's triangle as it is now: the axes t = e1/|e1|, b = n × t and n, and the upper triangular
+/// matrix [a s; 0 d] that takes its shape at rest to that of now.
+template <class Real>
+struct Present {
+  Real tx, ty, tz, bx, by, bz, nx, ny, nz, a, s, d;
+};
+
+template <class Real>
+inline Present<Real> present(const Edges<Real>& edges, const TriangleShape<Real>& shape, int lane) {
+  const Real unit = shape.inverse_length[lane];
+  const Real x1 = unit * edges.first[0][lane], y1 = unit * edges.first[1][lane],
+             z1 = unit * edges.first[2][lane];
+  const Real x2 = unit * edges.second[0][lane], y2 = unit * edges.second[1][lane],
+             z2 = unit * edges.second[2][lane];
+  const Real l2 = x1 * x1 + y1 * y1 + z1 * z1;
+  const Real inv_l = guarded_inverse_sqrt(l2);
+  const Real tx = x1 * inv_l, ty = y1 * inv_l, tz = z1 * inv_l;
+  const Real cx = y1 * z2 - z1 * y2, cy = z1 * x2 - x1 * z2, cz = x1 * y2 - y1 * x2;
+  const Real n2 = cx * cx + cy * cy + cz * cz;
+  const Real inv_n = guarded_inverse_sqrt(n2);
+  const Real nx = cx * inv_n, ny = cy * inv_n, nz = cz * inv_n;
+  const Real length = l2 * inv_l, along = tx * x2 + ty * y2 + tz * z2, height = n2 * inv_n * inv_l;
+  const Real stretch = shape.inverse_height[lane];
+  return {tx,
+          ty,
+          tz,
+          ny * tz - nz * ty,
+          nz * tx - nx * tz,
+          nx * ty - ny * tx,
+          nx,
+          ny,
+          nz,
+          length,
+          along * stretch - length * shape.shear[lane],
+          height * stretch};
+}
+
+/// RotationOnly is known to the compiler, which can make vector code of the lanes only without a
+/// branch in them.
+template <bool RotationOnly, class Real>
+void gradient_pass_as(int block_count, const TriangleBlock<Real>* blocks, const double* base,
+                      double* right_hand_side) {
+  for (int b = 0; b < block_count; ++b) {
+    const TriangleBlock<Real>& block = blocks[b];
+    Edges<Real> edges;
+    gather_edges(block.source, base, edges);
+
+    // S_j takes the rest frame (t1, t2, n) of the triangle to the present one (t1', t2', n') and
+    // in between shears the plane by the upper triangular 2×2 matrix [a s; 0 d]. The rotation
+    // in its polar decomposition is that of the 2×2 matrix, in closed form, with determinant +1.
+    Real flux[2][3][kLanes];
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const Present<Real> now = present(edges, block.shape, lane);
+      Real a = now.a, s = now.s, d = now.d, q = 0;
+      if (RotationOnly) {
+        const Real cosine = a + d;
+        const Real scale = guarded_inverse_sqrt(cosine * cosine + s * s);
+        a = d = cosine * scale;
+        s *= scale;
+        q = -s;
+      }
+      for (int corner = 0; corner < 2; ++corner) {
+        const Real u = block.flux[corner][0][lane], v = block.flux[corner][1][lane],
+                   w = block.flux[corner][2][lane];
+        const Real f = a * u + s * v, g = q * u + d * v;
+        flux[corner][0][lane] = now.tx * f + now.bx * g + now.nx * w;
+        flux[corner][1][lane] = now.ty * f + now.by * g + now.ny * w;
+        flux[corner][2][lane] = now.tz * f + now.bz * g + now.nz * w;
+      }
+    }
+
+    scatter(block.target, flux, right_hand_side);
+  }
+}
+
+template <class Real>
+void gradient_pass(int block_count, const TriangleBlock<Real>* blocks, const double* base,
+                   bool rotation_only, double* right_hand_side) {
+  (rotation_only ? gradient_pass_as<true, Real>
+                 : gradient_pass_as<false, Real>)(block_count, blocks, base, right_hand_side);
+}
+
+/// kLanes rows, one after the other.
+template <class Real>
+inline void store_rows(const Real (&lanes)[4][kLanes], Real* rows) {
+  for (int lane = 0; lane < kLanes; ++lane)
+    for (int c = 0; c < 4; ++c) rows[4 * lane + c] = lanes[c][lane];
+}
+
+/// In each lane Σ_k weights[k] · rows[index[k]], k below count.
+template <class Real>
+inline void weighted_sums(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
+                          const Real* rows, Real (&lanes)[4][kLanes]) {
+  RowOf<Real> sums[kLanes] = {};
+  for (int k = 0; k < count; ++k)
+    for (int lane = 0; lane < kLanes; ++lane)
+      add_scaled(sums[lane], weights[k][lane],
+                 load(rows + 4 * static_cast<int64_t>(index[k][lane])));
+  for (int lane = 0; lane < kLanes; ++lane)
+    for (int c = 0; c < 4; ++c) lanes[c][lane] = sums[lane].v[c];
+}
+
+#ifdef __AVX2__
+inline void store_rows(const float (&lanes)[4][kLanes], float* rows) {
+  __m256 r[4];
+  for (int c = 0; c < 4; ++c) r[c] = _mm256_loadu_ps(lanes[c]);
+  transpose_quarters(r[0], r[1], r[2], r[3]);
+  for (int i = 0; i < 4; ++i) {
+    _mm_storeu_ps(rows + 4 * i, _mm256_castps256_ps128(r[i]));
+    _mm_storeu_ps(rows + 4 * (i + 4), _mm256_extractf128_ps(r[i], 1));
+  }
+}
+
+inline void weighted_sums(int count, const int32_t (*index)[kLanes], const float (*weights)[kLanes],
+                          const float* rows, float (&lanes)[4][kLanes]) {
+  __m256 sums[4];
+  for (int i = 0; i < 4; ++i) sums[i] = _mm256_setzero_ps();
+  for (int k = 0; k < count; ++k) {
+    const __m256 weight = _mm256_loadu_ps(weights[k]);
+    const auto pair = [&](int i) {
+      return _mm256_insertf128_ps(
+          _mm256_castps128_ps256(_mm_loadu_ps(rows + 4 * static_cast<int64_t>(index[k][i]))),
+          _mm_loadu_ps(rows + 4 * static_cast<int64_t>(index[k][i + 4])), 1);
+    };
+    sums[0] = _mm256_fmadd_ps(_mm256_permute_ps(weight, 0x00), pair(0), sums[0]);
+    sums[1] = _mm256_fmadd_ps(_mm256_permute_ps(weight, 0x55), pair(1), sums[1]);
+    sums[2] = _mm256_fmadd_ps(_mm256_permute_ps(weight, 0xAA), pair(2), sums[2]);
+    sums[3] = _mm256_fmadd_ps(_mm256_permute_ps(weight, 0xFF), pair(3), sums[3]);
+  }
+  transpose_quarters(sums[0], sums[1], sums[2], sums[3]);
+  for (int c = 0; c < 4; ++c) _mm256_storeu_ps(lanes[c], sums[c]);
+}
+#endif
+
+/// Squared: shorter sums may be of quaternions whose signs differ.
+template <class Real>
+constexpr Real kShort = Real(0.8);
+
+/// Sums up again, with signs that agree with the first, in lanes where the sum came out short.
+template <class Real>
+void agree_in_sign(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
+                   const Real* rows, Real (&lanes)[4][kLanes], Real (&length)[kLanes]) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (length[lane] >= kShort<Real>) continue;
+    const RowOf<Real> first = load(rows + 4 * static_cast<int64_t>(index[0][lane]));
+    RowOf<Real> sum = {};
+    for (int k = 0; k < count; ++k) {
+      const RowOf<Real> q = load(rows + 4 * static_cast<int64_t>(index[k][lane]));
+      Real cosine = 0;
+      for (int c = 0; c < 4; ++c) cosine += q.v[c] * first.v[c];
+      add_scaled(sum, cosine < 0 ? -weights[k][lane] : weights[k][lane], q);
+    }
+    length[lane] = 0;
+    for (int c = 0; c < 4; ++c) {
+      lanes[c][lane] = sum.v[c];
+      length[lane] += sum.v[c] * sum.v[c];
+    }
+  }
+}
+
+/// The same sums, normalized. Rotations that lie close together sum up to nearly 1, unless the signs
+/// of their quaternions differ.
+template <class Real>
+inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
+                         const Real* rows, Real (&lanes)[4][kLanes]) {
+  weighted_sums(count, index, weights, rows, lanes);
+  Real length[kLanes], shortest = 1;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    length[lane] = 0;
+    for (int c = 0; c < 4; ++c) length[lane] += lanes[c][lane] * lanes[c][lane];
+    if (length[lane] < shortest) shortest = length[lane];
+  }
+  if (shortest < kShort<Real>) agree_in_sign(count, index, weights, rows, lanes, length);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const Real scale = guarded_inverse_sqrt(length[lane]);
+    for (int c = 0; c < 4; ++c) lanes[c][lane] *= scale;
+  }
+}
+
+#ifdef __AVX2__
+/// By hand: compilers take these roots one by one.
+inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const float (*weights)[kLanes],
+                         const float* rows, float (&lanes)[4][kLanes]) {
+  weighted_sums(count, index, weights, rows, lanes);
+  __m256 length = _mm256_setzero_ps();
+  for (const float(&sum)[kLanes] : lanes)
+    length = _mm256_fmadd_ps(_mm256_loadu_ps(sum), _mm256_loadu_ps(sum), length);
+  const __m256 is_short = _mm256_cmp_ps(length, _mm256_set1_ps(kShort<float>), _CMP_LT_OQ);
+  if (_mm256_movemask_ps(is_short)) {
+    float lengths[kLanes];
+    _mm256_storeu_ps(lengths, length);
+    agree_in_sign(count, index, weights, rows, lanes, lengths);
+    length = _mm256_loadu_ps(lengths);
+  }
+  length = _mm256_sqrt_ps(_mm256_max_ps(length, _mm256_set1_ps(kTiny<float>)));
+  const __m256 scale = _mm256_div_ps(_mm256_set1_ps(1), length);
+  for (float(&sum)[kLanes] : lanes)
+    _mm256_storeu_ps(sum, _mm256_mul_ps(_mm256_loadu_ps(sum), scale));
+}
+#endif
+
+template <class Real>
+void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const double* positions,
+                   Real* quaternions) {
+  for (int b = 0; b < block_count; ++b) {
+    const RotationBlock<Real>& block = blocks[b];
+    Edges<Real> edges;
+    gather_edges(block.source, positions, edges);
+    Real q[4][kLanes];
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const Present<Real> now = present(edges, block.shape, lane);
+      // The frame turned within its plane, as the 2×2 matrix [a s; 0 d] of gradient_pass asks.
+      const Real trace = now.a + now.d;
+      const Real scale = guarded_inverse_sqrt(trace * trace + now.s * now.s);
+      const Real cosine = trace * scale, sine = -now.s * scale;
+      const Real ux = cosine * now.tx + sine * now.bx, uy = cosine * now.ty + sine * now.by,
+                 uz = cosine * now.tz + sine * now.bz;
+      const Real vx = cosine * now.bx - sine * now.tx, vy = cosine * now.by - sine * now.ty,
+                 vz = cosine * now.bz - sine * now.tz;
+
+      // Four times the products of each quaternion component with all; the largest square is safe
+      // to divide by.
+      const Real ww = 1 + ux + vy + now.nz, xx = 1 + ux - vy - now.nz, yy = 1 - ux + vy - now.nz,
+                 zz = 1 - ux - vy + now.nz;
+      const Real wx = vz - now.ny, wy = now.nx - uz, wz = uy - vx;
+      const Real xy = uy + vx, xz = uz + now.nx, yz = vz + now.ny;
+      const bool w_or_x = ww + xx > yy + zz;  // w² + x² > 1/2, or else y² + z² is
+      const bool second = w_or_x ? xx > ww : zz > yy;
+      const Real px = w_or_x ? (second ? xx : wx) : (second ? xz : xy);
+      const Real py = w_or_x ? (second ? xy : wy) : (second ? yz : yy);
+      const Real pz = w_or_x ? (second ? xz : wz) : (second ? zz : yz);
+      const Real pw = w_or_x ? (second ? wx : ww) : (second ? wz : wy);
+      const Real unit = guarded_inverse_sqrt(px * px + py * py + pz * pz + pw * pw);
+
+      // now · from_rest
+      const Real rx = block.from_rest[0][lane], ry = block.from_rest[1][lane],
+                 rz = block.from_rest[2][lane], rw = block.from_rest[3][lane];
+      const Real turn_w = pw * rw - px * rx - py * ry - pz * rz;
+      const Real sign = turn_w < 0 ? -unit : unit;
+      q[0][lane] = sign * (pw * rx + px * rw + py * rz - pz * ry);
+      q[1][lane] = sign * (pw * ry - px * rz + py * rw + pz * rx);
+      q[2][lane] = sign * (pw * rz + px * ry - py * rx + pz * rw);
+      q[3][lane] = sign * turn_w;
+    }
+    store_rows(q, quaternions + 4 * kLanes * static_cast<int64_t>(b));
+  }
+}
+
+template <class Real>
+void mean_rotations(int first, int last, const int* starts, const int32_t (*index)[kLanes],
+                    const Real (*weights)[kLanes], const Real* in, Real* out) {
+  for (int b = first; b < last; ++b) {
+    Real q[4][kLanes];
+    mean_of_rows(starts[b + 1] - starts[b], index + starts[b], weights + starts[b], in, q);
+    store_rows(q, out + 4 * kLanes * static_cast<int64_t>(b));
+  }
+}
+
+template <class Real>
+void turn_pass(int block_count, const TurnBlock<Real>* blocks, const Real* quaternions,
+               double* right_hand_side) {
+  Real thirds[3][kLanes];
+  for (auto& weights : thirds)
+    for (Real& weight : weights) weight = Real(1) / 3;
+  for (int b = 0; b < block_count; ++b) {
+    const TurnBlock<Real>& block = blocks[b];
+    Real q[4][kLanes];
+    mean_of_rows(3, block.corner, thirds, quaternions, q);
+    Real flux[2][3][kLanes];
+    for (int corner = 0; corner < 2; ++corner) {
+      for (int lane = 0; lane < kLanes; ++lane) {
+        const Real x = q[0][lane], y = q[1][lane], z = q[2][lane], w = q[3][lane];
+        const Real fx = block.flux[corner][0][lane], fy = block.flux[corner][1][lane],
+                   fz = block.flux[corner][2][lane];
+        const Real cx = 2 * (y * fz - z * fy), cy = 2 * (z * fx - x * fz),
+                   cz = 2 * (x * fy - y * fx);
+        flux[corner][0][lane] = fx + w * cx + (y * cz - z * cy);
+        flux[corner][1][lane] = fy + w * cy + (z * cx - x * cz);
+        flux[corner][2][lane] = fz + w * cz + (x * cy - y * cx);
+      }
+    }
+    scatter(block.target, flux, right_hand_side);
+  }
+}
+
+}  // namespace
+
+}  // namespace dd

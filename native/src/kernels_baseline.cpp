@@ -1,4 +1,0 @@
-// SPDX-License-Identifier: GPL-3.0-or-later
-#define DD_KERNEL_SET kBaselineKernels
-#define DD_KERNEL_NAME "baseline"
-#include "kernels_impl.h"

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <limits>
+#include <numeric>
+#include <utility>
+#include <vector>
+
+#include "mesh/mesh.h"
+
+namespace dd {
+
+/// A point of a triangle: the mean of its corners with these weights.
+struct PointOnTriangle {
+  int triangle = -1;  // -1: none
+  Eigen::Vector3d weights = Eigen::Vector3d::Zero();
+  Eigen::Vector3d place = Eigen::Vector3d::Zero();
+  double squared_distance = std::numeric_limits<double>::infinity();
+};
+
+/// The point of triangle j that is nearest to another point (Ericson 2004).
+PointOnTriangle nearest_on_triangle(const Mesh& mesh, int j, const Eigen::Vector3d& point);
+
+/// A tree of boxes over a mesh's triangles: each node holds the range [begin, end) of order_, and its
+/// children the halves of it. The mesh must outlive it.
+class BoxTree {
+ public:
+  explicit BoxTree(const Mesh& mesh);
+
+  /// Calls visit(j) for each triangle whose box meets that of the given one.
+  template <class Visit>
+  void meet(int triangle, const Visit& visit) const {
+    std::vector<int> open{0};
+    while (!open.empty()) {
+      const Node& node = nodes_[open.back()];
+      open.pop_back();
+      if (!node.box.intersects(boxes_[triangle])) continue;
+      if (node.left >= 0) {
+        open.push_back(node.left);
+        open.push_back(node.right);
+        continue;
+      }
+      for (int i = node.begin; i < node.end; ++i)
+        if (boxes_[order_[i]].intersects(boxes_[triangle])) visit(order_[i]);
+    }
+  }
+
+  /// The nearest point of those triangles that accept(j) takes, within reach.
+  template <class Accept>
+  PointOnTriangle nearest(const Eigen::Vector3d& point, double reach, const Accept& accept) const {
+    PointOnTriangle best;
+    best.squared_distance = reach * reach;
+    if (nodes_.empty()) return best;
+    std::vector<std::pair<double, int>> open{{nodes_[0].box.squaredExteriorDistance(point), 0}};
+    while (!open.empty()) {
+      const auto [distance, number] = open.back();
+      open.pop_back();
+      if (distance >= best.squared_distance) continue;
+      const Node& node = nodes_[number];
+      if (node.left >= 0) {
+        std::pair<double, int> left{nodes_[node.left].box.squaredExteriorDistance(point),
+                                    node.left};
+        std::pair<double, int> right{nodes_[node.right].box.squaredExteriorDistance(point),
+                                     node.right};
+        if (left.first < right.first) std::swap(left, right);
+        open.push_back(left);  // the nearer one last, to be looked at first
+        open.push_back(right);
+        continue;
+      }
+      for (int i = node.begin; i < node.end; ++i) {
+        const int j = order_[i];
+        if (boxes_[j].squaredExteriorDistance(point) >= best.squared_distance || !accept(j))
+          continue;
+        const PointOnTriangle found = nearest_on_triangle(mesh_, j, point);
+        if (found.squared_distance < best.squared_distance) best = found;
+      }
+    }
+    return best;
+  }
+
+ private:
+  static constexpr int kLeaf = 8;
+  struct Node {
+    Eigen::AlignedBox3d box;
+    int begin, end, left = -1, right = -1;
+  };
+  int build(int begin, int end);
+
+  const Mesh& mesh_;
+  std::vector<Eigen::AlignedBox3d> boxes_;
+  std::vector<int> order_;
+  std::vector<Node> nodes_;
+};
+
+}  // namespace dd

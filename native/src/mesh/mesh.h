@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "support/types.h"
+
+namespace dd {
+
+/// A triangle soup: every edge may have any number of triangles, vertices may have none.
+struct Mesh {
+  Positions positions;
+  Triangles triangles;
+
+  int vertex_count() const { return static_cast<int>(positions.rows()); }
+  int triangle_count() const { return static_cast<int>(triangles.rows()); }
+};
+
+/// Coordinates beyond are refused: single precision ends at 3.4e38, with squares far before.
+constexpr double kFarthest = 1e30;
+
+/// Throws Error(mesh) naming the first vertex or triangle that makes the mesh unusable: nothing in
+/// it, coordinates that are not finite or beyond kFarthest, vertex numbers out of range or twice in a
+/// triangle, no extent.
+void validate(const Mesh& mesh);
+
+/// The same of one of several meshes, which the sentence then begins with: "The source: ...".
+void validate(const Mesh& mesh, const char* which);
+
+Eigen::Vector3d triangle_centre(const Positions& positions, const Triangles& triangles, Index j);
+
+/// Length of the bounding box's diagonal.
+double bounding_box_diagonal(const Positions& positions);
+
+/// Loose parts: for each vertex the number of its part, connected through triangles. A vertex
+/// without a triangle is a part by itself.
+struct Components {
+  std::vector<int> of_vertex;
+  int count = 0;
+};
+Components connected_components(const Mesh& mesh);
+
+}  // namespace dd

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "methods/examples/example_turns.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <queue>
+#include <tuple>
+
+#include "support/rotations.h"
+#include "surface/gradients.h"
+
+namespace dd {
+
+namespace {
+
+constexpr double kMostSwing = 0.5;  // radians
+
+/// The chosen triangles and, for each vertex, the places of those about it.
+struct Patch {
+  Patch(const Triangles& t, std::vector<int> chosen, const Region& region)
+      : triangles(std::move(chosen)), begin(region.role.size() + 1, 0) {
+    corners.resize(static_cast<Index>(triangles.size()), 3);
+    for (size_t i = 0; i < triangles.size(); ++i) {
+      corners.row(Index(i)) = t.row(triangles[i]);
+      bool touches = false;
+      for (int k = 0; k < 3; ++k) touches |= region.role[t(triangles[i], k)] == kFixed;
+      at_fixed.push_back(touches);
+    }
+    for (Index k = 0; k < corners.size(); ++k) ++begin[corners.data()[k] + 1];
+    std::partial_sum(begin.begin(), begin.end(), begin.begin());
+    about.resize(static_cast<size_t>(corners.size()));
+    std::vector<int> next = begin;
+    for (Index k = 0; k < corners.size(); ++k)
+      about[next[corners.data()[k]]++] = static_cast<int>(k / 3);
+  }
+  std::vector<int> triangles;
+  Triangles corners;
+  std::vector<char> at_fixed;  // whether a triangle has a fixed corner
+  std::vector<int> begin, about;
+};
+
+/// The rotation vector that goes on from the neighbour's.
+Eigen::Vector3d continued(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& neighbour) {
+  const double length = neighbour.norm();
+  if (length > kPi) {
+    const Eigen::Vector3d axis = neighbour / length;
+    const double along = rotation.vec().dot(axis), w = rotation.w();
+    const double twist = 2 * std::atan2(along, w);
+    const double swing = 2 * std::acos(std::min(1.0, std::sqrt(along * along + w * w)));
+    if (swing < kMostSwing)
+      return (twist + 2 * kPi * std::round((length - twist) / (2 * kPi))) * axis;
+  }
+  return rotation_vector_near(Eigen::AngleAxisd(rotation), neighbour);
+}
+
+Positions continuous_logarithms(const Rows& rotations, const Patch& patch) {
+  const int count = static_cast<int>(patch.triangles.size());
+  Positions turns(count, 3);
+  std::vector<char> done(static_cast<size_t>(count), 0);
+  // How unlike the two triangles turn, the one ahead, the one behind.
+  using Step = std::tuple<double, int, int>;
+  std::priority_queue<Step, std::vector<Step>, std::greater<Step>> ahead;
+  const auto settle = [&](int i, const Eigen::Vector3d& turn) {
+    turns.row(i) = turn.transpose();
+    done[i] = 1;
+    const auto corners = patch.corners.row(i);
+    for (int k = 0; k < 3; ++k)
+      for (int at = patch.begin[corners[k]]; at < patch.begin[corners[k] + 1]; ++at) {
+        const int other = patch.about[at];
+        if (done[other]) continue;
+        int shared = 0;
+        for (int c = 0; c < 3; ++c) shared += (corners.array() == patch.corners(other, c)).any();
+        const double unlike = 1 - std::abs(rotations.row(i).dot(rotations.row(other)));
+        ahead.emplace(shared > 1 ? unlike : unlike + 2, other, i);
+      }
+  };
+
+  std::vector<int> starts(static_cast<size_t>(count));
+  std::iota(starts.begin(), starts.end(), 0);
+  std::sort(starts.begin(), starts.end(), [&](int a, int b) {
+    return std::make_tuple(!patch.at_fixed[a], -rotations(a, 3), a) <
+           std::make_tuple(!patch.at_fixed[b], -rotations(b, 3), b);
+  });
+  for (int start : starts) {
+    if (done[start]) continue;
+    const Eigen::AngleAxisd shortest(quaternion(rotations, start));
+    settle(start, shortest.angle() * shortest.axis());
+    while (!ahead.empty()) {
+      const auto [unlike, i, from] = ahead.top();
+      ahead.pop();
+      if (!done[i]) settle(i, continued(quaternion(rotations, i), turns.row(from).transpose()));
+    }
+  }
+  return turns;
+}
+
+}  // namespace
+
+ExampleTurns::ExampleTurns(const BoundSurface& bound)
+    : place_(static_cast<size_t>(bound.mesh.triangle_count()), -1) {
+  const Triangles& t = bound.mesh.triangles;
+  const Positions& rest = bound.mesh.positions;
+  std::vector<int> chosen;
+  for (int j = 0; j < bound.mesh.triangle_count(); ++j)
+    for (int k = 0; k < 3; ++k)
+      if (place_[j] < 0 && bound.region.role[t(j, k)] != kFixed) {
+        place_[j] = static_cast<int>(chosen.size());
+        chosen.push_back(j);
+      }
+  const Patch patch(t, std::move(chosen), bound.region);
+  const double size = bounding_box_diagonal(rest);
+
+  turns_.resize(bound.examples.size());
+  bound.poisson->workers().run(static_cast<int>(turns_.size()), [&](int i) {
+    const Positions& example = bound.examples[i];
+    const auto blocks = rotation_blocks<double>(
+        rest, t, patch.triangles, gradient_sources(rest, t, size, &example), bound.order());
+    Rows rotations(kLanes * static_cast<Index>(blocks.size()), 4);
+    kernels().full.rotation_pass(static_cast<int>(blocks.size()), blocks.data(),
+                                 in_order(example, bound.order()).data(), rotations.data());
+    turns_[i] = continuous_logarithms(rotations, patch);
+  });
+}
+
+double ExampleTurns::bytes() const {
+  double bytes = static_cast<double>(place_.size() * sizeof(int));
+  for (const Positions& turns : turns_)
+    bytes += static_cast<double>(turns.size() * Index(sizeof(double)));
+  return bytes;
+}
+
+}  // namespace dd

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "surface/bound_surface.h"
+
+namespace dd {
+
+/// How each example turns each triangle: r_ij = log R_ij, R_ij the rotation of S_ij (15) from S at
+/// rest to the example. A triangle without area, at rest or there, takes that of its
+/// GradientSources.
+///
+/// A logarithm is one of many that differ by whole turns. They are chosen to be continuous over the
+/// surface, so that a limb may turn by more than half a turn along its length: from the triangle of
+/// each part that turns least, of those beside fixed vertices where there are any (another may be
+/// back from a whole turn), into its neighbours, across those edges first whose two triangles turn
+/// most alike, and across single vertices only where no edge leads on. Breadth first would do where
+/// an example is smooth; this order leaves what is creased or folded to the end, where it can't
+/// lead others astray.
+///
+/// Beyond half a turn the logarithm exaggerates: towards a whole one the least tilt of a rotation,
+/// as a shear gives, turns its axis over. There only the turn about the neighbour's axis is taken,
+/// and the tilt left out where it is less than half a radian.
+class ExampleTurns {
+ public:
+  /// Of the triangles with a corner that isn't fixed.
+  explicit ExampleTurns(const BoundSurface& bound);
+
+  Eigen::Vector3d at(int example, int triangle) const {
+    return turns_[example].row(place_[triangle]).transpose();
+  }
+  double bytes() const;
+
+ private:
+  std::vector<int> place_;        // of each triangle; -1: not among them
+  std::vector<Positions> turns_;  // by example
+};
+
+}  // namespace dd

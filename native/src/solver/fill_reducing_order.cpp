@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/fill_reducing_order.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/OrderingMethods>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+namespace dd {
+
+namespace {
+
+constexpr int kSmallest = 8;            // parts that are not cut further
+constexpr int kMostBins = 256;          // places of a cut along one direction
+constexpr double kLeastShare = 0.3;     // of a part, on each side of a cut
+constexpr double kNarrow = 0.2;         // of the largest spread
+constexpr double kGoodSeparator = 1.5;  // times the root of a part's size; on a square grid it is 1
+constexpr double kParallel = 0.99;      // cosine: directions that are the same
+
+/// A cut in front of a bin along a direction; the separator is taken from one side.
+struct Cut {
+  double cost = std::numeric_limits<double>::infinity();
+  int bin = 0;
+  bool separator_below = true;
+  Eigen::Vector3d direction = Eigen::Vector3d::Zero();
+};
+
+}  // namespace
+
+class Bisector {
+ public:
+  Bisector(const SparseMatrix& graph, const Positions& places, Dissection& result)
+      : graph_(graph),
+        places_(places),
+        result_(result),
+        order_(static_cast<size_t>(graph.cols())),
+        part_(order_.size(), 0),
+        bin_(order_.size(), 0) {
+    std::iota(order_.begin(), order_.end(), 0);
+    bisect(0, static_cast<int>(order_.size()), 0);
+  }
+
+ private:
+  void bisect(int begin, int end, int depth) {
+    if (end - begin <= kSmallest || depth == Dissection::kMostCuts) return;
+    const Cut cut = best_cut(begin, end);
+    set_bins(begin, end, cut.direction);
+    const uint32_t bit = uint32_t{1} << depth;
+    const int part_above = next_part_++;
+    for (int i = begin; i < end; ++i) {
+      const int v = order_[i];
+      const bool above = bin_[v] >= cut.bin;
+      if (above) {
+        result_.sides_[v] |= bit;
+        part_[v] = part_above;
+      }
+      if (!cut.separator_below) result_.separator_sides_[v] |= bit;
+      ++result_.cut_count_[v];
+    }
+    const auto middle = std::stable_partition(order_.begin() + begin, order_.begin() + end,
+                                              [&](int v) { return part_[v] != part_above; }) -
+                        order_.begin();
+    bisect(begin, static_cast<int>(middle), depth + 1);
+    bisect(static_cast<int>(middle), end, depth + 1);
+  }
+
+  Cut best_cut(int begin, int end) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (int i = begin; i < end; ++i) mean += places_.row(order_[i]).transpose();
+    mean /= end - begin;
+    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+    for (int i = begin; i < end; ++i) {
+      const Eigen::Vector3d x = places_.row(order_[i]).transpose() - mean;
+      spread += x * x.transpose();
+    }
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes;
+    axes.computeDirect(spread);
+    const double narrow = kNarrow * axes.eigenvalues()[2];
+    Cut best;
+    // A part that is long in one direction is cut across it. Only where that separator is long as well,
+    // because triangles are thin, the others are tried.
+    const double good = kGoodSeparator * std::sqrt(static_cast<double>(end - begin));
+    for (const bool wide : {true, false}) {
+      if (best.cost < good) break;
+      for (int k = 2; k >= 0; --k)
+        if ((axes.eigenvalues()[k] > narrow) == wide)
+          consider(begin, end, axes.eigenvectors().col(k), best);
+      // Many a mesh was made along the coordinates.
+      for (int k = 0; k < 3; ++k)
+        if ((spread(k, k) > narrow) == wide &&
+            axes.eigenvectors().row(k).cwiseAbs().maxCoeff() < kParallel)
+          consider(begin, end, Eigen::Vector3d::Unit(k), best);
+    }
+    // All in one place, or a few large steps: by number, in halves.
+    if (!(best.cost < std::numeric_limits<double>::infinity()))
+      consider(begin, end, Eigen::Vector3d::Zero(), best);
+    return best;
+  }
+
+  static int bin_count(int begin, int end) { return std::min(kMostBins, end - begin); }
+
+  /// Bins of equal width along a direction; in the order at hand where it is zero.
+  void set_bins(int begin, int end, const Eigen::Vector3d& direction) {
+    const int bins = bin_count(begin, end);
+    if (direction.isZero()) {
+      for (int i = begin; i < end; ++i)
+        bin_[order_[i]] = static_cast<int>(static_cast<int64_t>(i - begin) * bins / (end - begin));
+      return;
+    }
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    for (int i = begin; i < end; ++i) {
+      const double x = places_.row(order_[i]).dot(direction);
+      low = std::min(low, x);
+      high = std::max(high, x);
+    }
+    const double scale = high > low ? (bins - 1e-6) / (high - low) : 0;
+    for (int i = begin; i < end; ++i)
+      bin_[order_[i]] = static_cast<int>((places_.row(order_[i]).dot(direction) - low) * scale);
+  }
+
+  void consider(int begin, int end, const Eigen::Vector3d& direction, Cut& best) {
+    set_bins(begin, end, direction);
+    const int bins = bin_count(begin, end), part = part_[order_[begin]];
+    // How many vertices lie below a cut, and how many of either side have a neighbour across.
+    int counts[kMostBins + 1], below[kMostBins + 1], above[kMostBins + 1];
+    for (int* values : {counts, below, above}) std::fill_n(values, bins + 1, 0);
+    const int *starts = graph_.outerIndexPtr(), *neighbours = graph_.innerIndexPtr();
+    for (int i = begin; i < end; ++i) {
+      const int v = order_[i], own = bin_[v];
+      int lowest = own, highest = own;
+      for (int k = starts[v]; k < starts[v + 1]; ++k) {
+        const int u = neighbours[k];
+        if (part_[u] != part) continue;
+        lowest = std::min(lowest, bin_[u]);
+        highest = std::max(highest, bin_[u]);
+      }
+      ++counts[own + 1];
+      ++below[own + 1], --below[highest + 1];
+      ++above[lowest + 1], --above[own + 1];
+    }
+    const double size = end - begin;
+    int under = 0, low_side = 0, high_side = 0;
+    for (int cut = 1; cut < bins; ++cut) {
+      under += counts[cut];
+      low_side += below[cut];
+      high_side += above[cut];
+      const double share = under / size;
+      if (share < kLeastShare || share > 1 - kLeastShare) continue;
+      const double lean = 1 + 4 * (share - 0.5) * (share - 0.5);
+      const double cost = lean * std::min(low_side, high_side);
+      if (cost < best.cost) best = {cost, cut, low_side <= high_side, direction};
+    }
+  }
+
+  const SparseMatrix& graph_;
+  const Positions& places_;
+  Dissection& result_;
+  std::vector<int> order_;
+  std::vector<int> part_;  // of each vertex: the part that it is in
+  std::vector<int> bin_;
+  int next_part_ = 1;
+};
+
+Dissection::Dissection(const SparseMatrix& graph, const Positions& places)
+    : sides_(static_cast<size_t>(graph.cols()), 0),
+      separator_sides_(sides_.size(), 0),
+      cut_count_(sides_.size(), 0) {
+  const Bisector bisector(graph, places, *this);
+}
+
+std::vector<int> Dissection::order(const SparseMatrix& pattern) const {
+  // What lies below a cut comes first, then what lies above, then the separator: digits 0, 1, 2.
+  std::vector<std::pair<uint64_t, int>> keys;
+  keys.reserve(sides_.size());
+  const int *starts = pattern.outerIndexPtr(), *neighbours = pattern.innerIndexPtr();
+  for (int v = 0; v < static_cast<int>(sides_.size()); ++v) {
+    // Cuts that part v from a neighbour, from the first one down to where they parted; v is in the
+    // separator of the first that takes it from its side.
+    uint32_t parted = 0;
+    for (int k = starts[v]; k < starts[v + 1]; ++k) {
+      const uint32_t differing = sides_[v] ^ sides_[neighbours[k]];
+      parted |= differing & (~differing + 1);
+    }
+    parted &= ~(sides_[v] ^ separator_sides_[v]);
+    uint64_t key = 0;
+    for (int cut = 0; cut < kMostCuts; ++cut) {
+      const bool in_separator = parted >> cut & 1;
+      const uint64_t digit = in_separator ? 2 : cut < cut_count_[v] ? sides_[v] >> cut & 1 : 0;
+      key |= digit << 2 * (kMostCuts - 1 - cut);
+      if (in_separator) break;
+    }
+    keys.emplace_back(key, v);
+  }
+  std::sort(keys.begin(), keys.end());
+  std::vector<int> result;
+  result.reserve(keys.size());
+  for (const auto& [key, v] : keys) result.push_back(v);
+  return result;
+}
+
+std::vector<int> minimum_degree(const SparseMatrix& pattern) {
+  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> permutation;
+  Eigen::AMDOrdering<int>()(pattern, permutation);
+  const int* order = permutation.indices().data();
+  return {order, order + pattern.cols()};
+}
+
+}  // namespace dd

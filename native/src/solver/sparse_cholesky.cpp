@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/sparse_cholesky.h"
+
+#include <algorithm>
+#include <array>
+#include <mutex>
+#include <string>
+#include <utility>
+
+#include "kernels/dense_kernels.h"
+#include "solver/fill_reducing_order.h"
+
+namespace dd {
+
+SingularMatrix::SingularMatrix(int row)
+    : Error(Status::numeric,
+            "The system has no unique solution at row " + std::to_string(row) + "."),
+      row_(row) {}
+
+SparseCholesky::SparseCholesky(const SparseMatrix& A, const FactorOptions& options)
+    : SparseCholesky(A, std::make_shared<Elimination>(A, minimum_degree(A)), options) {}
+
+SparseCholesky::SparseCholesky(const SparseMatrix& A,
+                               std::shared_ptr<const Elimination> elimination,
+                               const FactorOptions& options)
+    : elimination_(std::move(elimination)), precision_(options.precision) {
+  const Elimination& e = *elimination_;
+  value_begin_.push_back(0);
+  for (int s = 0; s < e.supernode_count(); ++s) {
+    const int width = e.width(s);
+    const int64_t triangle = precision_ == Precision::single ? packed_triangle_size<float>(width)
+                                                             : packed_triangle_size<double>(width);
+    value_begin_.push_back(value_begin_.back() + triangle + int64_t{width} * e.height(s));
+  }
+  if (precision_ == Precision::single)
+    single_ = RawArray<float>(static_cast<size_t>(entries()));
+  else
+    full_ = RawArray<double>(static_cast<size_t>(entries()));
+  factor(A, options);
+}
+
+namespace {
+
+constexpr int kChunk = 96;  // rows or columns of a front that are computed together
+
+/// Memory that fronts pass on to later ones. Asked for anew each time it would cost a fifth of a large
+/// factorization to get its pages cleared.
+class Buffers {
+ public:
+  RawArray<double> take(size_t size) {
+    const size_t size_class = class_of(size);
+    const std::lock_guard<std::mutex> lock(mutex_);
+    std::vector<RawArray<double>>& free = free_[size_class];
+    if (free.empty()) return RawArray<double>(size_t{1} << size_class);
+    RawArray<double> buffer = std::move(free.back());
+    free.pop_back();
+    return buffer;
+  }
+  void give_back(RawArray<double> buffer) {
+    const size_t size_class = class_of(buffer.size());
+    const std::lock_guard<std::mutex> lock(mutex_);
+    free_[size_class].push_back(std::move(buffer));
+  }
+
+ private:
+  /// The binary logarithm, rounded up.
+  static size_t class_of(size_t size) {
+    size_t result = 0;
+    while ((size_t{1} << result) < size) ++result;
+    return result;
+  }
+  std::mutex mutex_;
+  std::array<std::vector<RawArray<double>>, 64> free_;
+};
+
+/// The fronts of a factorization on their way up the tree.
+class Fronts {
+ public:
+  Fronts(const SparseMatrix& A, const Elimination& e, double smallest_pivot)
+      : A_(A),
+        e_(e),
+        smallest_pivot_(smallest_pivot),
+        updates_(static_cast<size_t>(e.supernode_count())),
+        children_(updates_.size()) {
+    for (int s = 0; s < e.supernode_count(); ++s)
+      if (e.parent[s] >= 0) children_[e.parent[s]].push_back(s);
+  }
+
+  /// Scratch of one thread.
+  struct Scratch {
+    std::vector<double> panel, inverse, bounds;
+    std::vector<int> place, position;
+  };
+
+  /// Factors supernode s: its columns in scratch.panel, first C_ss⁻¹ in scratch.inverse, below it
+  /// the rows Y at the place that is returned.
+  const double* eliminate(int s, Scratch& scratch, Workers* workers) {
+    const int width = e_.width(s), height = e_.height(s), size = width + height;
+    const int first = e_.begin[s];
+    const int* rows = e_.rows.data() + e_.row_begin[s];
+    scratch.place.resize(static_cast<size_t>(e_.size()));
+    for (int i = 0; i < width; ++i) scratch.place[first + i] = i;
+    for (int i = 0; i < height; ++i) scratch.place[rows[i]] = width + i;
+
+    // The pivot columns, then Y beside them; what is left for the parent apart.
+    scratch.panel.assign(static_cast<size_t>(size + height) * static_cast<size_t>(width), 0.0);
+    double* panel = scratch.panel.data();
+    double* y = panel + static_cast<size_t>(size) * static_cast<size_t>(width);
+    RawArray<double>& update = updates_[s];
+    const size_t update_size = static_cast<size_t>(height) * static_cast<size_t>(height);
+    update = buffers_.take(update_size);
+    std::fill_n(update.data(), update_size, 0.0);
+    scratch.bounds.resize(static_cast<size_t>(width));
+    for (int j = 0; j < width; ++j) {
+      double diagonal = 0;
+      for (SparseMatrix::InnerIterator it(A_, e_.order[first + j]); it; ++it) {
+        const int row = e_.place_of[it.row()];
+        if (row < first + j) continue;
+        panel[static_cast<size_t>(j) * size + scratch.place[row]] = it.value();
+        if (row == first + j) diagonal = it.value();
+      }
+      scratch.bounds[j] = smallest_pivot_ * diagonal;
+    }
+    for (int child : children_[s]) add(child, scratch, panel, size, width, update.data(), height);
+
+    const DenseKernels& dense = dense_kernels();
+    scratch.inverse.resize(static_cast<size_t>(width) * static_cast<size_t>(width));
+    const int bad =
+        dense.factor_pivot(width, panel, size, scratch.bounds.data(), scratch.inverse.data());
+    if (bad >= 0) throw SingularMatrix(e_.order[first + bad]);
+    if (height == 0) return y;
+    // In chunks that don't depend on the threads, so that no rounding does either.
+    const auto in_chunks = [&](const auto& work) {
+      const auto chunk = [&](int i) { work(i * kChunk, std::min(height, (i + 1) * kChunk)); };
+      run_tasks(workers, (height + kChunk - 1) / kChunk, chunk);
+    };
+    in_chunks([&](int begin, int end) {
+      dense.solve_rows(width, end - begin, scratch.inverse.data(), panel + width + begin, size,
+                       y + begin, height);
+    });
+    in_chunks([&](int begin, int end) {
+      dense.subtract_products(width, height, begin, end, y, height, update.data(), height);
+    });
+    return y;
+  }
+
+ private:
+  void add(int child, Scratch& scratch, double* panel, int size, int width, double* update,
+           int height) {
+    const int count = e_.height(child);
+    const int* rows = e_.rows.data() + e_.row_begin[child];
+    scratch.position.resize(static_cast<size_t>(count));
+    for (int i = 0; i < count; ++i) scratch.position[i] = scratch.place[rows[i]];
+    const int* position = scratch.position.data();
+    const double* from = updates_[child].data();
+    for (int j = 0; j < count; ++j, from += count) {
+      const int column = position[j];
+      double* target = column < width
+                           ? panel + static_cast<size_t>(column) * size
+                           : update + static_cast<size_t>(column - width) * height - width;
+      for (int i = j; i < count; ++i) target[position[i]] += from[i];
+    }
+    buffers_.give_back(std::exchange(updates_[child], {}));
+  }
+
+  const SparseMatrix& A_;
+  const Elimination& e_;
+  double smallest_pivot_;
+  Buffers buffers_;
+  std::vector<RawArray<double>> updates_;  // of each supernode, for its parent
+  std::vector<std::vector<int>> children_;
+};
+
+}  // namespace
+
+void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options) {
+  const Elimination& e = *elimination_;
+  Fronts fronts(A, e, options.smallest_pivot);
+  std::mutex reporting;
+  int64_t done = 0;  // entries, under the mutex
+  const auto keep = [&](int s, const Fronts::Scratch& scratch, const double* y) {
+    const int width = e.width(s), height = e.height(s);
+    const auto write = [&](auto* out) {
+      using Real = std::decay_t<decltype(*out)>;
+      const auto group = [&out](const double* columns, int stride, int first, int rows,
+                                int length) {
+        for (int j = 0; j < length; ++j)
+          for (int i = first; i < first + rows; ++i)
+            *out++ = static_cast<Real>(columns[size_t(j) * stride + i]);
+      };
+      for (int left = width, rows = 0; left > 0; left -= rows) {
+        rows = rows_together(left, kTriangleRows<Real>);
+        group(scratch.inverse.data(), width, left - rows, rows, left);
+      }
+      for (int i = 0, rows = 0; i < height; i += rows) {
+        rows = rows_together(height - i, kRowsBelow<Real>);
+        group(y, height, i, rows, width);
+      }
+    };
+    if (precision_ == Precision::single)
+      write(single_.data() + value_begin_[s]);
+    else
+      write(full_.data() + value_begin_[s]);
+  };
+  const auto run = [&](int first, int last, Workers* workers) {
+    Fronts::Scratch scratch;
+    int64_t since_report = 0;
+    for (int s = first; s < last; ++s) {
+      keep(s, scratch, fronts.eliminate(s, scratch, workers));
+      since_report += value_begin_[s + 1] - value_begin_[s];
+      if (!options.progress || since_report < entries() / 100) continue;
+      const std::lock_guard<std::mutex> lock(reporting);
+      done += std::exchange(since_report, 0);
+      report(options.progress, static_cast<double>(done) / static_cast<double>(entries()),
+             options.stage);
+    }
+  };
+  run_tasks(options.workers, e.domain_count(),
+            [&](int d) { run(e.domain_begin[d], e.domain_begin[d + 1], nullptr); });
+  run(e.domain_begin[e.domain_count()], e.supernode_count(), options.workers);
+}
+
+template <class Real>
+FactorView<Real> SparseCholesky::view() const {
+  const Elimination& e = *elimination_;
+  const Real* values;
+  if constexpr (sizeof(Real) == sizeof(float))
+    values = single_.data();
+  else
+    values = full_.data();
+  return {e.begin.data(), e.row_begin.data(), e.slots.data(), value_begin_.data(), values};
+}
+
+template <class Real>
+void SparseCholesky::prepare(RawArray<Real>& x) const {
+  const size_t size = 4 * static_cast<size_t>(elimination_->slotted_size());
+  if (x.size() != size) x = RawArray<Real>(size);
+}
+
+template <class Real>
+void SparseCholesky::forward(int part, const double* right, RawArray<Real>& x) const {
+  const Elimination& e = *elimination_;
+  const auto clear = [&](int begin, int end) {
+    std::fill(x.data() + 4 * std::ptrdiff_t(begin), x.data() + 4 * std::ptrdiff_t(end), Real(0));
+  };
+  clear(e.part_begin(part), e.part_begin(part + 1));
+  if (part == e.domain_count()) {
+    for (size_t k = 0; k < e.slot_target.size(); ++k) {
+      const size_t slot = 4 * (size_t(size()) + k);
+      for (size_t c = 0; c < 4; ++c)
+        x.data()[4 * size_t(e.slot_target[k]) + c] +=
+            x.data()[slot + c] + static_cast<Real>(right[slot + c]);
+    }
+  } else {
+    clear(size() + e.slot_begin[part], size() + e.slot_begin[part + 1]);
+  }
+  kernels().of<Real>().forward(view<Real>(), e.first_supernode(part), e.first_supernode(part + 1),
+                               right, x.data());
+}
+
+template <class Real>
+void SparseCholesky::backward(int part, RawArray<Real>& x) const {
+  const Elimination& e = *elimination_;
+  if (part < e.domain_count())
+    for (int k = e.slot_begin[part]; k < e.slot_begin[part + 1]; ++k)
+      std::copy_n(x.data() + 4 * std::ptrdiff_t(e.slot_target[k]), 4,
+                  x.data() + 4 * (std::ptrdiff_t(size()) + k));
+  kernels().of<Real>().backward(view<Real>(), e.first_supernode(part), e.first_supernode(part + 1),
+                                x.data());
+}
+
+RowMatrix SparseCholesky::solve(const RowMatrix& B, Workers* workers) const {
+  RowMatrix X(B.rows(), B.cols());
+  Rows panel = Rows::Zero(elimination_->slotted_size(), 4);
+  Space space;
+  const Index at_once = precision_ == Precision::single ? kColumns<float> : kColumns<double>;
+  for (Index first = 0; first < B.cols(); first += at_once) {
+    const Index width = std::min(at_once, B.cols() - first);
+    for (Index k = 0; k < B.rows(); ++k)
+      panel.row(k).head(width) = B.row(order()[k]).segment(first, width);
+    solve_in_order(
+        panel.data(), space, workers, [](int) {},
+        [&](int begin, int end, const auto* x) {
+          for (int k = begin; k < end; ++k, x += 4)
+            for (Index c = 0; c < width; ++c) X(order()[k], first + c) = x[c];
+        });
+  }
+  return X;
+}
+
+double SparseCholesky::bytes() const {
+  const Elimination& e = *elimination_;
+  return static_cast<double>(full_.size() * sizeof(double) + single_.size() * sizeof(float) +
+                             (e.rows.size() + e.slots.size() + 2 * e.order.size()) * sizeof(int) +
+                             value_begin_.size() * 2 * sizeof(int64_t));
+}
+
+template void SparseCholesky::prepare(RawArray<float>&) const;
+template void SparseCholesky::prepare(RawArray<double>&) const;
+template void SparseCholesky::forward(int, const double*, RawArray<float>&) const;
+template void SparseCholesky::forward(int, const double*, RawArray<double>&) const;
+template void SparseCholesky::backward(int, RawArray<float>&) const;
+template void SparseCholesky::backward(int, RawArray<double>&) const;
+
+}  // namespace dd

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "kernels/kernels.h"
+#include "solver/elimination.h"
+#include "support/error.h"
+#include "support/progress.h"
+#include "support/raw_array.h"
+#include "support/types.h"
+#include "support/workers.h"
+
+namespace dd {
+
+/// A matrix that is not positive definite to working precision.
+class SingularMatrix : public Error {
+ public:
+  explicit SingularMatrix(int row);
+  /// Where the factorization broke down, as a row of the matrix.
+  int row() const { return row_; }
+
+ private:
+  int row_;
+};
+
+/// How the factor is kept. It is computed in double always.
+enum class Precision { single, full };
+
+struct FactorOptions {
+  /// A pivot of less than this times its diagonal entry is refused: that far it cancelled. Rounding
+  /// leaves up to 1e-13 of it in a singular Laplacian of 65,000 rows.
+  double smallest_pivot = 1e-12;
+  Precision precision = Precision::full;
+  Workers* workers = nullptr;  ///< null: the caller's thread alone
+  Progress progress = {};      ///< asked now and then, from any thread but one at a time
+  const char* stage = "Factoring the Poisson system";  ///< what it is told
+};
+
+/// The factor of a symmetric positive definite matrix, A = C Cᵀ, in supernodes: for each the inverse
+/// of its diagonal block, C_ss⁻¹, and the rows below it, dense. A solve reads each block twice, in
+/// order, and gives all its time to products of small dense matrices with up to four columns at once;
+/// what bounds it is how fast the factor comes from memory, which single precision halves.
+///
+/// Factored by fronts (multifrontal: Duff, Reid 1983; Liu 1992). Domains of the elimination run in
+/// parallel, in the factorization and in each solve.
+class SparseCholesky {
+ public:
+  /// A: both triangles stored, with the pattern that the elimination was made of.
+  /// Throws SingularMatrix; Error(cancelled).
+  SparseCholesky(const SparseMatrix& A, std::shared_ptr<const Elimination> elimination,
+                 const FactorOptions& options = {});
+  /// Ordered by minimum degree (AMD).
+  explicit SparseCholesky(const SparseMatrix& A, const FactorOptions& options = {});
+
+  const Elimination& elimination() const { return *elimination_; }
+  std::shared_ptr<const Elimination> shared_elimination() const { return elimination_; }
+  int size() const { return elimination_->size(); }
+  /// order()[k] is the row of A that stands at place k of the factor.
+  const std::vector<int>& order() const { return elimination_->order; }
+  Precision precision() const { return precision_; }
+
+  /// Work space of a solve, slotted_size()×4, to be kept between solves.
+  struct Space {
+    RawArray<float> single;
+    RawArray<double> full;
+  };
+
+  /// Solves A X = B for four columns, in single precision three, rows in the factor's order.
+  /// right: slotted_size()×4, row-major; what belongs to a row of the top may be spread over its
+  /// slots. fill(part) is called before the rows and slots of a part are read: a frame makes its
+  /// right-hand side there, where the caches have it. done(begin, end, x) gives the rows of x at
+  /// these places, float or double as precision() says. Each part once, from any thread.
+  template <class Fill, class Done>
+  void solve_in_order(const double* right, Space& space, Workers* workers, const Fill& fill,
+                      const Done& done) const {
+    if (precision_ == Precision::single)
+      solve_as(right, space.single, workers, fill, done);
+    else
+      solve_as(right, space.full, workers, fill, done);
+  }
+
+  /// Solves A X = B, rows in A's own order, any number of columns.
+  RowMatrix solve(const RowMatrix& B, Workers* workers = nullptr) const;
+
+  /// Entries that are stored, zeros in supernodes among them.
+  int64_t entries() const { return value_begin_.empty() ? 0 : value_begin_.back(); }
+  double bytes() const;
+
+ private:
+  template <class Real>
+  FactorView<Real> view() const;
+  void factor(const SparseMatrix& A, const FactorOptions& options);
+  template <class Real>
+  void prepare(RawArray<Real>& x) const;
+  template <class Real>
+  void forward(int part, const double* right, RawArray<Real>& x) const;
+  template <class Real>
+  void backward(int part, RawArray<Real>& x) const;
+
+  template <class Real, class Fill, class Done>
+  void solve_as(const double* right, RawArray<Real>& x, Workers* workers, const Fill& fill,
+                const Done& done) const {
+    const Elimination& e = *elimination_;
+    const int domains = e.domain_count();
+    prepare(x);
+    const auto finish = [&](int part) {
+      backward(part, x);
+      const int begin = e.part_begin(part);
+      done(begin, e.part_begin(part + 1), x.data() + 4 * static_cast<size_t>(begin));
+    };
+    run_tasks(workers, domains, [&](int d) {
+      fill(d);
+      forward(d, right, x);
+    });
+    fill(domains);
+    forward(domains, right, x);
+    finish(domains);
+    run_tasks(workers, domains, finish);
+  }
+
+  std::shared_ptr<const Elimination> elimination_;
+  Precision precision_ = Precision::full;
+  // Of each supernode C_ss⁻¹, then the rows below, in groups: see rows_together().
+  std::vector<int64_t> value_begin_;
+  RawArray<double> full_;
+  RawArray<float> single_;
+};
+
+}  // namespace dd

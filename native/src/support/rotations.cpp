@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "support/rotations.h"
+
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <cmath>
+
+namespace dd {
+
+Eigen::Matrix3d polar_rotation(const Eigen::Matrix3d& A) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(A, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d U = svd.matrixU();
+  if ((U * svd.matrixV().transpose()).determinant() < 0) U.col(2) *= -1;
+  return U * svd.matrixV().transpose();
+}
+
+Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R) {
+  const Eigen::AngleAxisd turn(R);
+  return turn.angle() * turn.axis();
+}
+
+Eigen::Matrix3d rotation_by(const Eigen::Vector3d& turn) {
+  const double angle = turn.norm();
+  if (angle == 0) return Eigen::Matrix3d::Identity();
+  return Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
+}
+
+Eigen::Vector3d rotation_vector_near(const Eigen::AngleAxisd& shortest,
+                                     const Eigen::Vector3d& near) {
+  Eigen::Vector3d axis = shortest.axis();
+  // Next to no turn has no axis of its own.
+  if (shortest.angle() < 1e-9 && near.norm() > kPi) axis = near.normalized();
+  const double whole_turns = std::round((near.dot(axis) - shortest.angle()) / (2 * kPi));
+  return (shortest.angle() + 2 * kPi * whole_turns) * axis;
+}
+
+}  // namespace dd

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "support/similarity.h"
+
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+
+#include "support/rotations.h"
+
+namespace dd {
+
+namespace {
+
+/// Points about their weighted mean.
+struct Spread {
+  Spread(const Positions& points, const Eigen::VectorXd& weights)
+      : mean(weights.transpose() * points / weights.sum()),
+        arms(points.rowwise() - mean),
+        square(arms.rowwise().squaredNorm().dot(weights)) {}
+  Eigen::RowVector3d mean;
+  Positions arms;
+  double square;
+};
+
+constexpr double kExact = 1e-3;  // misfit over spread
+constexpr double kSolid = 1e-2;  // least over largest extent of points that tell left from right
+
+Similarity with_rotation(const Eigen::Matrix3d& rotation, const Spread& from, const Spread& to) {
+  Similarity fit;
+  fit.rotation = rotation;
+  if (from.square > 0 && to.square > 0) fit.scale = std::sqrt(to.square / from.square);
+  fit.shift = (to.mean - fit.scale * from.mean * rotation.transpose()).transpose();
+  return fit;
+}
+
+Eigen::Matrix3d nearest_of_axes(const Eigen::Matrix3d& rotation) {
+  Eigen::Matrix3d best = Eigen::Matrix3d::Identity();
+  int order[3] = {0, 1, 2};
+  do {
+    for (int signs = 0; signs < 8; ++signs) {
+      Eigen::Matrix3d candidate = Eigen::Matrix3d::Zero();
+      for (int k = 0; k < 3; ++k) candidate(order[k], k) = (signs >> k & 1) ? -1 : 1;
+      if (candidate.determinant() > 0 &&
+          candidate.cwiseProduct(rotation).sum() > best.cwiseProduct(rotation).sum())
+        best = candidate;
+    }
+  } while (std::next_permutation(order, order + 3));
+  return best;
+}
+
+}  // namespace
+
+Similarity fitted_similarity(const Positions& from, const Positions& to,
+                             const Eigen::VectorXd& weights) {
+  if (!(weights.sum() > 0)) return {};
+  const Spread of(from, weights), onto(to, weights);
+  const Eigen::Matrix3d both = onto.arms.transpose() * weights.asDiagonal() * of.arms;
+  const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(both).singularValues();
+  const bool on_a_line = !(values[1] > 1e-6 * values[0]);
+  Similarity fit = with_rotation(
+      on_a_line ? Eigen::Matrix3d(Eigen::Matrix3d::Identity()) : polar_rotation(both), of, onto);
+  // Of points in a plane either would do.
+  fit.mirrored = both.determinant() < 0 && values[2] > kSolid * values[0];
+  return fit;
+}
+
+Similarity fitted_stance(const Positions& from, const Positions& to,
+                         const Eigen::VectorXd& weights) {
+  const Similarity fit = fitted_similarity(from, to, weights);
+  if (!(weights.sum() > 0)) return fit;
+  const Spread of(from, weights), onto(to, weights);
+  const Positions misfit = onto.arms - fit.scale * of.arms * fit.rotation.transpose();
+  if (misfit.rowwise().squaredNorm().dot(weights) < kExact * kExact * onto.square) return fit;
+  const Eigen::Matrix3d upright = nearest_of_axes(fit.rotation);
+  const double turn = rotation_vector(upright.transpose() * fit.rotation).norm();
+  const double least = 20 * kPi / 180;
+  Similarity stance = turn < least ? with_rotation(upright, of, onto) : fit;
+  stance.mirrored = fit.mirrored;
+  return stance;
+}
+
+}  // namespace dd

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "surface/base_surface.h"
+
+#include "surface/free_block.h"
+
+namespace dd {
+
+Positions base_surface(const BendingSystem& bending, const Region& region,
+                       const Positions& positions) {
+  Positions base = positions;
+  const RowMatrix free = bending.extend(positions);
+  for (int r = 0; r < region.free_count(); ++r) base.row(region.free[r]) = free.row(r);
+  return base;
+}
+
+Positions faired_surface(const Mesh& mesh, const SurfaceOperators& operators, double edge_lengths) {
+  const double step = edge_lengths * mean_edge_length(mesh.positions, mesh.triangles);
+  SparseMatrix system = operators.laplacian * (step * step);
+  // Loose vertices have no entry in L: the mass alone keeps them where they are.
+  system += SparseMatrix(operators.masses.asDiagonal());
+  try {
+    return SparseCholesky(system).solve(operators.masses.asDiagonal() * mesh.positions);
+  } catch (const SingularMatrix& singular) {
+    throw UnsolvableSurface(singular.row());
+  }
+}
+
+Positions smoothed_surface(const Positions& positions, const SurfaceOperators& operators,
+                           const Region& region, double length) {
+  const double weight = length * length * length * length;
+  SparseMatrix system = weight * free_block_of_energy(operators, region, Smoothness::thin_plate);
+  for (int r = 0; r < region.free_count(); ++r)
+    system.coeffRef(r, r) += operators.masses[region.free[r]];
+  // Solved for the displacement, in which constrained vertices have no part.
+  const RowMatrix force =
+      -weight * free_rows(apply_energy(operators, positions, Smoothness::thin_plate), region);
+  const RowMatrix displacement = factor_free_block(system, region).solve(force);
+  Positions smoothed = positions;
+  for (int r = 0; r < region.free_count(); ++r) smoothed.row(region.free[r]) += displacement.row(r);
+  return smoothed;
+}
+
+}  // namespace dd

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "surface/bending_system.h"
+
+#include "surface/free_block.h"
+
+namespace dd {
+
+namespace {
+
+constexpr int kLeastRounds = 2, kMostRounds = 12;
+// A long strip that is held at one end has tiny pivots and may be sound: whether a solution is good
+// shows in extend().
+constexpr double kSmallestPivot = 1e-17;
+constexpr double kSettled = 1e-11, kUseless = 1e-6;  // of the largest value
+
+BlockOptions tolerant(BlockOptions options) {
+  options.smallest_pivot = kSmallestPivot;
+  return options;
+}
+
+}  // namespace
+
+SparseMatrix free_block_of_energy(const SurfaceOperators& operators, const Region& region,
+                                  Smoothness smoothness) {
+  if (smoothness == Smoothness::membrane) return free_block(operators.laplacian, region);
+  const SparseMatrix columns = free_columns(operators.laplacian, region);
+  // Evaluated first: Eigen would invert all masses again for each column.
+  const Eigen::VectorXd inverse_masses = operators.masses.cwiseInverse();
+  const SparseMatrix curvature = inverse_masses.asDiagonal() * columns;
+  if (smoothness == Smoothness::thin_plate) return columns.transpose() * curvature;
+  const SparseMatrix variation = operators.laplacian * curvature;
+  return curvature.transpose() * variation;
+}
+
+BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& region,
+                             Smoothness smoothness, const BlockOptions& options)
+    : BendingSystem(operators, region, smoothness,
+                    free_block_of_energy(operators, region, smoothness), options) {}
+
+BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& region,
+                             Smoothness smoothness, const SparseMatrix& block,
+                             const BlockOptions& options)
+    : operators_(operators),
+      region_(region),
+      smoothness_(smoothness),
+      factor_(factor_free_block(block, region, tolerant(options))),
+      workers_(options.workers) {}
+
+RowMatrix apply_energy(const SurfaceOperators& operators, const RowMatrix& values,
+                       Smoothness smoothness) {
+  RowMatrix result = operators.laplacian * values;
+  for (int order = 1; order < static_cast<int>(smoothness); ++order)
+    result = operators.laplacian * RowMatrix(operators.masses.cwiseInverse().asDiagonal() * result);
+  return result;
+}
+
+RowMatrix BendingSystem::extend(const RowMatrix& values) const {
+  RowMatrix x = values;
+  for (int v : region_.free) x.row(v).setZero();
+  // Iterative refinement: where triangles are thin or the region is long, K spans many magnitudes
+  // and its factor loses digits that the product L (M⁻¹ (L x)) still has. The first correction is
+  // the solution itself; what the last one still changes tells how far it can be trusted.
+  double last = 1;
+  for (int round = 0;; ++round) {
+    const RowMatrix correction =
+        factor_.solve(free_rows(-apply_energy(operators_, x, smoothness_), region_), workers_);
+    for (int r = 0; r < region_.free_count(); ++r) x.row(region_.free[r]) += correction.row(r);
+    const double change = correction.cwiseAbs().maxCoeff(), size = x.cwiseAbs().maxCoeff();
+    // The next would change about as much less than this one as this one less than the last.
+    if (round + 1 >= kLeastRounds && change * (change / last) <= kSettled * size) break;
+    const bool converges = round == 0 || change < 0.5 * last;
+    last = change;
+    if (round + 1 < kLeastRounds || (round + 1 < kMostRounds && converges)) continue;
+    if (change <= kUseless * size) break;
+    Index row = 0, column = 0;
+    correction.cwiseAbs().maxCoeff(&row, &column);
+    throw UnsolvableSurface(region_.free[row]);
+  }
+  return free_rows(x, region_);
+}
+
+}  // namespace dd

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "surface/bound_surface.h"
+
+#include <cstdio>
+#include <future>
+#include <string>
+#include <utility>
+
+#include "surface/base_surface.h"
+#include "surface/free_block.h"
+
+namespace dd {
+
+namespace {
+
+/// Runs a stage that works on another geometry than S: what fails there is not the mesh's fault.
+template <class Stage>
+auto blaming(const std::string& what, const std::string& remedy, const Stage& stage) {
+  try {
+    return stage();
+  } catch (const UnsolvableSurface& error) {
+    throw Error(Status::numeric,
+                what + " near vertex " + std::to_string(error.vertex()) + ": " + remedy);
+  }
+}
+
+std::string edge_lengths(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g", value);
+  return text;
+}
+
+}  // namespace
+
+/// K on S with its elimination, which one thread can make while others factor L.
+struct BoundSurface::Energy {
+  SparseMatrix block;
+  std::shared_ptr<const Elimination> elimination;
+};
+
+BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOptions& options,
+                           Workers& workers, const Progress& progress)
+    : mesh(std::move(surface)),
+      region(its_region),
+      operators(surface_operators(mesh.positions, mesh.triangles)),
+      examples(options.examples) {
+  report(progress, 0.05, "Factoring the Poisson system");
+  SparseMatrix block = free_block(operators.laplacian, region);
+  const Dissection dissection = free_dissection(block, region, mesh.positions);
+  const bool computed = options.base.size() == 0;
+  const bool on_surface = computed && options.metric_smoothing == 0;
+  std::future<Energy> energy;
+  if (on_surface)
+    energy = std::async(
+        workers.count() > 1 ? std::launch::async : std::launch::deferred, [&]() -> Energy {
+          const SparseMatrix bending = free_block_of_energy(operators, region, options.smoothness);
+          return {bending, std::make_shared<Elimination>(bending, dissection.order(bending))};
+        });
+
+  BlockOptions block_options;
+  block_options.dissection = &dissection;
+  block_options.workers = &workers;
+  block_options.precision = options.precision;
+  block_options.progress = within(progress, 0.05, 0.15);
+  poisson =
+      std::make_unique<PoissonSystem>(mesh, region, operators, std::move(block), block_options);
+  block_options.precision = Precision::full;
+  if (computed) {
+    compute_base(options, block_options, on_surface ? energy.get() : Energy{}, progress);
+  } else {
+    base = options.base;
+    basis.centres = handle_centres(region, mesh.positions);
+  }
+  rest = in_order(mesh.positions, order());
+  rest_base = in_order(base, order());
+}
+
+void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, Energy&& on_surface,
+                                const Progress& progress) {
+  how.elimination = on_surface.elimination;
+  const auto factored = [&](const SurfaceOperators& metric, double begin, double end,
+                            const char* stage) {
+    report(progress, begin, stage);
+    how.progress = within(progress, begin, end);
+    how.stage = stage;
+    const bool made = &metric == &operators && on_surface.block.size() > 0;
+    BendingSystem bending =
+        made ? BendingSystem(metric, region, options.smoothness, on_surface.block, how)
+             : BendingSystem(metric, region, options.smoothness, how);
+    how.elimination = bending.elimination();
+    return bending;
+  };
+  const auto extend_handles = [&](const BendingSystem& bending, double begin, double end) {
+    return handle_basis(bending, region, mesh.positions, order(), [&](double done) {
+      report(progress, begin + done * (end - begin), "Computing the handles' basis functions");
+    });
+  };
+  const auto solve_on = [&](const SurfaceOperators& metric, double begin) {
+    const BendingSystem bending =
+        factored(metric, begin, begin + 0.2, "Factoring the base surface's energy");
+    report(progress, begin + 0.2, "Computing the base surface");
+    base = base_surface(bending, region, mesh.positions);
+    (options.base_metric == BaseMetric::base ? surface_basis : basis) =
+        extend_handles(bending, begin + 0.25, begin + 0.4);
+  };
+
+  if (options.base_metric == BaseMetric::surface && options.metric_smoothing > 0) {
+    blaming("The surface smoothed by " + edge_lengths(options.metric_smoothing) +
+                " edge lengths can't be solved for",
+            "lower the smoothing.", [&] {
+              const SurfaceOperators faired = surface_operators(
+                  faired_surface(mesh, operators, options.metric_smoothing), mesh.triangles);
+              solve_on(faired, 0.15);
+            });
+  } else {
+    solve_on(operators, 0.15);
+  }
+  if (options.base_metric == BaseMetric::base) {
+    blaming("The base surface collapses",
+            "its stiffness can't be measured there. Measure it on the surface (SURFACE), or hold "
+            "that part by one more handle.",
+            [&] {
+              const SurfaceOperators on_base = surface_operators(base, mesh.triangles);
+              const BendingSystem bending =
+                  factored(on_base, 0.6, 0.8, "Factoring the energy on the base");
+              basis = extend_handles(bending, 0.8, 1);
+            });
+  }
+}
+
+double BoundSurface::bytes() const {
+  const auto doubles = mesh.positions.size() * Index(1 + examples.size()) + base.size() +
+                       basis.weights.size() + surface_basis.weights.size() +
+                       operators.metric.cotangents.size() + operators.metric.areas.size() +
+                       operators.masses.size() + rest.size() + rest_base.size();
+  const auto ints = mesh.triangles.size();
+  return static_cast<double>(doubles) * sizeof(double) + static_cast<double>(ints) * sizeof(int) +
+         static_cast<double>(operators.laplacian.nonZeros()) * (sizeof(double) + sizeof(int)) +
+         poisson->bytes();
+}
+
+Rows in_order(const Positions& positions, const RowOrder& order) {
+  Rows rows = Rows::Zero(order.count(), 4);
+  for (int r = 0; r < order.count(); ++r)
+    rows.row(r).head<3>() = positions.row(order.vertex_of_row[r]);
+  return rows;
+}
+
+}  // namespace dd

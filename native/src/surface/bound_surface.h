@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include "support/progress.h"
+#include "surface/basis.h"
+#include "surface/poisson_system.h"
+
+namespace dd {
+
+/// The geometry on which the energy that deforms the base is built.
+enum class BaseMetric { surface = 0, base = 1 };
+
+struct BindOptions {
+  BaseMetric base_metric = BaseMetric::surface;
+  double metric_smoothing = 0;  ///< mean edge lengths; with BaseMetric::surface only
+  Smoothness smoothness = Smoothness::thin_plate;
+  /// B at rest from outside, n×3 in the mesh's units; empty: computed, as the others say.
+  Positions base = {};
+  /// Of what a frame works with; see PoissonSystem. Full is for comparisons.
+  Precision precision = Precision::full;
+  /// For the bind and every frame, the caller's among them; 0: what the machine has.
+  int threads = 0;
+  /// Poses of the same vertices, each n×3 in the mesh's units, for MethodKind::examples.
+  std::vector<Positions> examples = {};
+};
+
+/// All that a bind makes once and the methods share.
+struct BoundSurface {
+  /// mesh: S, validated, in a box of about unit size, on which tolerances rely; so is a base given
+  /// in the options. Throws Error; progress from 0 to 1.
+  BoundSurface(Mesh mesh, const Region& region, const BindOptions& options, Workers& workers,
+               const Progress& progress);
+
+  Mesh mesh;
+  const Region& region;
+  SurfaceOperators operators;  ///< of S
+  std::unique_ptr<PoissonSystem> poisson;
+  Positions base;     ///< B at rest, n×3
+  HandleBasis basis;  ///< of B, rows in Poisson order
+  /// Of S itself where that differs from B's: with BaseMetric::base. Same centres as basis.
+  HandleBasis surface_basis;
+
+  Rows rest, rest_base;             ///< S and B as rows in order()
+  std::vector<Positions> examples;  ///< where S is, n×3
+
+  const RowOrder& order() const { return poisson->order(); }
+  /// Whether B comes from outside: then its motion does too, and there are no weights.
+  bool outside_base() const { return basis.weights.size() == 0; }
+  double bytes() const;
+
+ private:
+  struct Energy;
+  void compute_base(const BindOptions& options, BlockOptions block_options, Energy&& on_surface,
+                    const Progress& progress);
+};
+
+/// n×3 positions as rows of 4 in the given order.
+Rows in_order(const Positions& positions, const RowOrder& order);
+
+}  // namespace dd

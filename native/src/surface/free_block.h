@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include "solver/fill_reducing_order.h"
+#include "solver/sparse_cholesky.h"
+#include "surface/region.h"
+
+namespace dd {
+
+/// The columns of a matrix that belong to free vertices: F of its n.
+SparseMatrix free_columns(const SparseMatrix& matrix, const Region& region);
+
+/// The rows and columns of a symmetric n×n matrix that belong to free vertices: F×F.
+SparseMatrix free_block(const SparseMatrix& matrix, const Region& region);
+
+/// The rows of values that belong to free vertices.
+RowMatrix free_rows(const RowMatrix& values, const Region& region);
+
+/// The refusal of a surface that can't be solved for near that vertex.
+class UnsolvableSurface : public Error {
+ public:
+  explicit UnsolvableSurface(int vertex);
+  int vertex() const { return vertex_; }
+
+ private:
+  int vertex_;
+};
+
+/// Of the free vertices, by the graph of a free×free block whose powers are the graphs of others.
+Dissection free_dissection(const SparseMatrix& block, const Region& region,
+                           const Positions& positions);
+
+struct BlockOptions : FactorOptions {
+  /// Of the free vertices, where they have places; else the order is one of minimum degree.
+  const Dissection* dissection = nullptr;
+  /// Of a block of the same pattern, to be used again.
+  std::shared_ptr<const Elimination> elimination = nullptr;
+};
+
+/// Factors a free×free block. Throws UnsolvableSurface where SparseCholesky finds it singular.
+SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region,
+                                 const BlockOptions& options = {});
+
+}  // namespace dd

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "surface/operators.h"
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace dd {
+
+namespace {
+
+constexpr double kThinnest = 1e-3;  // height over longest edge
+
+/// A triangle laid out in the plane: the longest edge from (0, 0) to (base, 0), the third corner
+/// at (foot, height).
+struct Layout {
+  int apex, first, second;  // corners
+  double base, foot, height;
+  bool degenerate;
+};
+
+Layout lay_out(const Positions& p, const Triangles& t, Index j) {
+  const Eigen::Vector3d x[3] = {p.row(t(j, 0)), p.row(t(j, 1)), p.row(t(j, 2))};
+  Layout layout{};
+  double longest = -1;
+  for (int k = 0; k < 3; ++k) {
+    const double length = (x[(k + 2) % 3] - x[(k + 1) % 3]).squaredNorm();
+    if (length > longest) {
+      longest = length;
+      layout.apex = k;
+    }
+  }
+  layout.first = (layout.apex + 1) % 3;
+  layout.second = (layout.apex + 2) % 3;
+  const Eigen::Vector3d edge = x[layout.second] - x[layout.first];
+  const Eigen::Vector3d arm = x[layout.apex] - x[layout.first];
+  layout.base = edge.norm();
+  if (!(layout.base > std::numeric_limits<double>::min() * 1e20)) {
+    // Three corners in one place have no shape to keep: any will do.
+    return {layout.apex, layout.first, layout.second, 1e-100, 0.5e-100, 0.8e-100, true};
+  }
+  layout.foot = arm.dot(edge) / layout.base;
+  layout.height = edge.cross(arm).norm() / layout.base;
+  layout.degenerate = layout.height < kThinnest * layout.base;
+  if (layout.degenerate) layout.height = kThinnest * layout.base;
+  return layout;
+}
+
+}  // namespace
+
+TriangleMetric triangle_metric(const Positions& p, const Triangles& t) {
+  const Index m = t.rows();
+  TriangleMetric metric;
+  metric.cotangents.resize(m, 3);
+  metric.areas.resize(m);
+  for (Index j = 0; j < m; ++j) {
+    const Layout l = lay_out(p, t, j);
+    if (l.degenerate) metric.degenerate.push_back(static_cast<int>(j));
+    metric.areas[j] = 0.5 * l.base * l.height;
+    const double rest = l.base - l.foot;
+    metric.cotangents(j, l.first) = l.foot / l.height;
+    metric.cotangents(j, l.second) = rest / l.height;
+    metric.cotangents(j, l.apex) = l.height / l.base - (l.foot / l.height) * (rest / l.base);
+  }
+  return metric;
+}
+
+SparseMatrix cotangent_laplacian(const TriangleMetric& metric, const Triangles& t, int n) {
+  std::vector<Eigen::Triplet<double>> entries;
+  entries.reserve(static_cast<size_t>(t.rows()) * 12);
+  for (Index j = 0; j < t.rows(); ++j) {
+    for (int k = 0; k < 3; ++k) {
+      const int a = t(j, (k + 1) % 3), b = t(j, (k + 2) % 3);
+      const double w = 0.5 * metric.cotangents(j, k);
+      entries.emplace_back(a, b, -w);
+      entries.emplace_back(b, a, -w);
+      entries.emplace_back(a, a, w);
+      entries.emplace_back(b, b, w);
+    }
+  }
+  SparseMatrix laplacian(n, n);
+  laplacian.setFromTriplets(entries.begin(), entries.end());
+  return laplacian;
+}
+
+Eigen::VectorXd mixed_voronoi_masses(const TriangleMetric& metric, const Triangles& t, int n) {
+  Eigen::VectorXd masses = Eigen::VectorXd::Zero(n);
+  for (Index j = 0; j < t.rows(); ++j) {
+    const double area = metric.areas[j];
+    const auto cot = metric.cotangents.row(j);
+    int obtuse = -1;
+    for (int k = 0; k < 3; ++k)
+      if (cot[k] < 0) obtuse = k;
+    for (int k = 0; k < 3; ++k) {
+      if (obtuse >= 0) {
+        masses[t(j, k)] += area * (k == obtuse ? 0.5 : 0.25);
+        continue;
+      }
+      // Voronoi part of corner k: (|ab|² cot γ + |ac|² cot β) / 8, with |ab|² = 2 area (cot α + cot
+      // β).
+      const double alpha = cot[k], beta = cot[(k + 1) % 3], gamma = cot[(k + 2) % 3];
+      masses[t(j, k)] += 0.25 * area * ((alpha + beta) * gamma + (alpha + gamma) * beta);
+    }
+  }
+  const double floor = 1e-8 * masses.sum() / n;
+  return masses.cwiseMax(floor);
+}
+
+SurfaceOperators surface_operators(const Positions& p, const Triangles& t) {
+  const int n = static_cast<int>(p.rows());
+  SurfaceOperators operators;
+  operators.metric = triangle_metric(p, t);
+  operators.laplacian = cotangent_laplacian(operators.metric, t, n);
+  operators.masses = mixed_voronoi_masses(operators.metric, t, n);
+  return operators;
+}
+
+SparseMatrix gradient(const Positions& p, const Triangles& t) {
+  const Index m = t.rows();
+  std::vector<Eigen::Triplet<double>> entries;
+  entries.reserve(static_cast<size_t>(m) * 9);
+  for (Index j = 0; j < m; ++j) {
+    const Layout l = lay_out(p, t, j);
+    // Lift the layout back by a frame of the triangle's plane, or of any plane through its line.
+    const Eigen::Vector3d e = (p.row(t(j, l.second)) - p.row(t(j, l.first))).transpose();
+    const Eigen::Vector3d arm = (p.row(t(j, l.apex)) - p.row(t(j, l.first))).transpose();
+    const Eigen::Vector3d x =
+        e.norm() > 0 ? Eigen::Vector3d(e.normalized()) : Eigen::Vector3d::UnitX();
+    const Eigen::Vector3d off = arm - x * x.dot(arm);
+    const Eigen::Vector3d y =
+        off.norm() > 0 ? Eigen::Vector3d(off.normalized()) : Eigen::Vector3d(x.unitOrthogonal());
+    std::array<Eigen::Vector3d, 3> grad;
+    grad[l.apex] = y / l.height;
+    grad[l.second] = x / l.base - y * (l.foot / (l.base * l.height));
+    grad[l.first] = -grad[l.apex] - grad[l.second];
+    for (int k = 0; k < 3; ++k)
+      for (int c = 0; c < 3; ++c)
+        entries.emplace_back(static_cast<int>(3 * j + c), t(j, k), grad[k][c]);
+  }
+  SparseMatrix G(3 * m, p.rows());
+  G.setFromTriplets(entries.begin(), entries.end());
+  return G;
+}
+
+SparseMatrix divergence(const SparseMatrix& gradient, const TriangleMetric& metric) {
+  const Eigen::VectorXd weights = metric.areas.transpose().replicate(3, 1).reshaped();
+  return gradient.transpose() * weights.asDiagonal();
+}
+
+Positions corner_divergence(const TriangleMetric& metric, const Positions& p, const Triangles& t) {
+  Positions result(3 * t.rows(), 3);
+  for (Index j = 0; j < t.rows(); ++j) {
+    for (int k = 0; k < 3; ++k) {
+      const int next = (k + 1) % 3, last = (k + 2) % 3;
+      result.row(3 * j + k) =
+          0.5 * (metric.cotangents(j, last) * (p.row(t(j, k)) - p.row(t(j, next))) +
+                 metric.cotangents(j, next) * (p.row(t(j, k)) - p.row(t(j, last))));
+    }
+  }
+  return result;
+}
+
+double mean_edge_length(const Positions& p, const Triangles& t) {
+  double sum = 0;
+  for (Index j = 0; j < t.rows(); ++j) {
+    for (int k = 0; k < 3; ++k) sum += (p.row(t(j, (k + 1) % 3)) - p.row(t(j, k))).norm();
+  }
+  return sum / static_cast<double>(3 * t.rows());
+}
+
+}  // namespace dd

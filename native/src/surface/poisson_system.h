@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <algorithm>
+#include <vector>
+
+#include "solver/sparse_cholesky.h"
+#include "surface/free_block.h"
+#include "surface/operators.h"
+#include "surface/region.h"
+
+namespace dd {
+
+/// The order of the rows in all that a frame works on: the free vertices as they stand in the
+/// Poisson factor, so that a solve permutes nothing, then the handles' vertices, then the fixed.
+struct RowOrder {
+  std::vector<int> vertex_of_row;
+  std::vector<int> row_of_vertex;
+  int free_count = 0;   ///< rows below are free, those from here on the handles'
+  int fixed_begin = 0;  ///< first row of a fixed vertex
+
+  int count() const { return static_cast<int>(vertex_of_row.size()); }
+};
+
+/// The triangles with a free corner, the only ones whose gradients matter, as they share out over the
+/// domains of the Poisson factor: those of domain d at begin[d] to begin[d + 1], then those of the
+/// top. No two domains have a free vertex in common but the top's.
+struct ActiveTriangles {
+  std::vector<int> triangles;
+  std::vector<int> begin;
+
+  int parts() const { return static_cast<int>(begin.size()) - 1; }
+  int size() const { return static_cast<int>(triangles.size()); }
+};
+
+/// L p' = div(...) (4), (14) on the free vertices, factored once, solved for the displacement:
+///
+///   L (p' − p) = div(G_j S_jᵀ) − L p
+///
+/// so that resting handles give nothing but rounding and the mesh's size costs no digits.
+class PoissonSystem {
+ public:
+  /// operators: of S. block: free_block() of their Laplacian. options: with workers, which must
+  /// outlive the system. With Precision::single the factor is kept in single precision where that
+  /// solves to 3e-6 of the mesh's size, or to 5e-7 with a step of iterative refinement.
+  /// Throws UnsolvableSurface where L is singular.
+  PoissonSystem(const Mesh& mesh, const Region& region, const SurfaceOperators& operators,
+                SparseMatrix block, BlockOptions options);
+
+  const RowOrder& order() const { return order_; }
+  const ActiveTriangles& active() const { return active_; }
+
+  /// The row of a right-hand side that takes what an active triangle of this part gives to its vertex;
+  /// a row that nobody reads where the vertex is held.
+  int target(int part, int vertex) const;
+  /// Such a row of this part.
+  int spare_target(int part) const { return factor_->elimination().slotted_size() + part; }
+  int right_hand_side_rows() const { return static_cast<int>(right_.rows()); }
+
+  /// L p as right-hand sides hold it.
+  const Rows& rest_divergence() const { return rest_divergence_; }
+
+  /// Solves for the free rows of offsets, the displacement of all vertices, of which the handles'
+  /// rows are given. add(part, rows) adds the divergences of the active triangles of a part to rows;
+  /// from any thread, each part once. at_rest: what they all add where nothing moves.
+  /// Parts of the surface with a ground come out with that vertex at rest.
+  template <class Add>
+  void solve(const Rows& at_rest, const Add& add, Rows& offsets) {
+    factor_->solve_in_order(
+        right_.data(), space_, &workers_,
+        [&](int part) {
+          start(part, at_rest, offsets);
+          add(part, right_.data());
+        },
+        into(offsets));
+    for (int step = 0; step < refinement_steps_; ++step) refine(offsets);
+  }
+
+  /// Harmonic extension, L x = 0: the free rows of three columns of values from the handles' rows,
+  /// with zero on the fixed ones.
+  void extend(Rows& values);
+
+  /// Of L, and of every matrix of its pattern.
+  std::shared_ptr<const Elimination> elimination() const { return factor_->shared_elimination(); }
+
+  Workers& workers() const { return workers_; }
+  Precision precision() const { return factor_->precision(); }
+  /// Steps of iterative refinement that follow a solve.
+  int refinement_steps() const { return refinement_steps_; }
+  double bytes() const;
+
+ private:
+  /// What SparseCholesky::solve_in_order() calls with its results, to put them into rows.
+  static auto into(Rows& rows) {
+    return [out = rows.data()](int begin, int end, const auto* x) {
+      std::copy(x, x + 4 * Index(end - begin), out + 4 * Index(begin));
+    };
+  }
+  void find_active_triangles(const Mesh& mesh);
+  void start(int part, const Rows& at_rest, const Rows& offsets);
+  void refine(Rows& offsets);
+  /// The largest error of the solution for a right-hand side in the order of the region.
+  double solving_error(const Rows& right, const Rows& solution);
+
+  struct Pull {
+    int target_row, handle_row;
+    double weight;
+  };
+
+  Workers& workers_;
+  std::unique_ptr<SparseCholesky> factor_;
+  RowOrder order_;
+  ActiveTriangles active_;
+  std::vector<std::vector<int>> slot_of_top_;  // of each domain, by row of the top; -1: none
+  std::vector<Pull> pulls_;                    // L between free vertices and those of handles
+  std::vector<int> pull_begin_;                // by part
+  Rows rest_divergence_;                       // L p
+  Rows right_;                                 // slots behind the rows, then a spare one a part
+  SparseCholesky::Space space_;
+  int refinement_steps_ = 0;
+  Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian_;  // in the factor's order, to refine with
+  Rows residual_;
+};
+
+}  // namespace dd

@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "surface/refinement.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace dd {
+
+namespace {
+
+constexpr int kLeastRange = 512;  // items that are worth a task
+
+/// As the kernels take them.
+template <class Value>
+const Value (*rows_of(const std::vector<std::array<Value, kLanes>>& blocks))[kLanes] {
+  return reinterpret_cast<const Value(*)[kLanes]>(blocks.data());
+}
+
+}  // namespace
+
+template <class Real>
+Refinement<Real>::Refinement(BoundSurface& bound)
+    : bound_(bound), layout_(bound.poisson->active()) {
+  const Triangles& t = bound.mesh.triangles;
+  const RowOrder& order = bound.order();
+  const std::vector<int>& active = bound.poisson->active().triangles;
+  const int m = bound.mesh.triangle_count();
+
+  // Vertices of triangles with a free corner, and the other triangles of these vertices.
+  std::vector<int> local_vertex(bound.region.role.size(), -1), vertices;
+  std::vector<int> local_triangle(static_cast<size_t>(m), -1), rim;
+  for (int j : active)
+    for (int k = 0; k < 3; ++k) {
+      int& number = local_vertex[t(j, k)];
+      if (number >= 0) continue;
+      number = static_cast<int>(vertices.size());
+      vertices.push_back(t(j, k));
+    }
+  const GradientSources sources =
+      gradient_sources(bound.mesh.positions, t, bounding_box_diagonal(bound.mesh.positions));
+  moving_ = rotation_blocks<Real>(bound.mesh.positions, t, active, sources, order);
+  const int first_rim = kLanes * static_cast<int>(moving_.size());
+  for (size_t i = 0; i < active.size(); ++i) local_triangle[active[i]] = static_cast<int>(i);
+  for (int j = 0; j < m; ++j) {
+    if (local_triangle[j] >= 0) continue;
+    for (int k = 0; k < 3; ++k) {
+      if (local_vertex[t(j, k)] < 0) continue;
+      local_triangle[j] = first_rim + static_cast<int>(rim.size());
+      rim.push_back(j);
+      break;
+    }
+  }
+  if (!rim.empty()) held_ = rotation_blocks<Real>(bound.mesh.positions, t, rim, sources, order);
+
+  make_averages(vertices, local_vertex, local_triangle, first_rim);
+  make_turns(local_vertex);
+  triangle_rotations_.assign(4 * (static_cast<size_t>(first_rim) + kLanes * held_.size()), 0);
+  // The rotations of the triangles without a free corner stand behind those of the vertices.
+  vertex_rotations_.assign(4 * (static_cast<size_t>(first_held_row()) + kLanes * held_.size()), 0);
+  for (size_t i = 3; i < vertex_rotations_.size(); i += 4) vertex_rotations_[i] = 1;
+  smoothed_ = vertex_rotations_;
+
+  positions_ = bound.rest;
+  find_held_rotations();
+  find_vertex_rotations();
+  at_rest_ = Rows::Zero(bound.poisson->right_hand_side_rows(), 4);
+  for (int part = 0; part < layout_.parts(); ++part) add(part, at_rest_.data());
+}
+
+template <class Real>
+void Refinement<Real>::make_averages(const std::vector<int>& vertices,
+                                     const std::vector<int>& local_vertex,
+                                     const std::vector<int>& local_triangle, int first_rim) {
+  const Triangles& t = bound_.mesh.triangles;
+  std::vector<std::vector<int>> fan(vertices.size());
+  for (int j = 0; j < bound_.mesh.triangle_count(); ++j)
+    for (int k = 0; k < 3 && local_triangle[j] >= 0; ++k)
+      if (local_vertex[t(j, k)] >= 0) fan[local_vertex[t(j, k)]].push_back(j);
+
+  const int blocks = (static_cast<int>(vertices.size()) + kLanes - 1) / kLanes;
+  std::vector<double> share(vertices.size(), 0.0);  // of each neighbour of one vertex
+  std::vector<int> neighbours;
+  for (int b = 0; b < blocks; ++b) {
+    Terms triangle_terms, vertex_terms;
+    for (size_t lane = 0; lane < kLanes; ++lane) {
+      const size_t vertex = static_cast<size_t>(b) * kLanes + lane;
+      if (vertex >= vertices.size()) continue;
+      double sum = 0;
+      for (int j : fan[vertex]) sum += bound_.operators.metric.areas[j];
+      neighbours.clear();
+      for (int j : fan[vertex]) {
+        const double weight = bound_.operators.metric.areas[j] / sum;
+        triangle_terms[lane].emplace_back(local_triangle[j], weight);
+        if (local_triangle[j] >= first_rim) {
+          vertex_terms[lane].emplace_back(kLanes * blocks + local_triangle[j] - first_rim, weight);
+          continue;
+        }
+        for (int k = 0; k < 3; ++k) {
+          const int v = local_vertex[t(j, k)];
+          if (share[v] == 0) neighbours.push_back(v);
+          share[v] += weight / 3;
+        }
+      }
+      for (int v : neighbours) vertex_terms[lane].emplace_back(v, std::exchange(share[v], 0.0));
+    }
+    append(of_triangles_, triangle_terms);
+    append(of_neighbours_, vertex_terms);
+  }
+}
+
+template <class Real>
+void Refinement<Real>::append(Averages& averages, Terms& terms) {
+  size_t longest = 1;
+  for (auto& list : terms) {
+    if (list.empty()) list.emplace_back(0, 1.0);  // a lane that nobody reads
+    longest = std::max(longest, list.size());
+  }
+  for (size_t k = 0; k < longest; ++k) {
+    averages.index.emplace_back();
+    averages.weights.emplace_back();
+    for (size_t lane = 0; lane < kLanes; ++lane) {
+      const auto& list = terms[lane];
+      averages.index.back()[lane] = list[std::min(k, list.size() - 1)].first;
+      averages.weights.back()[lane] = k < list.size() ? static_cast<Real>(list[k].second) : Real(0);
+    }
+  }
+  averages.starts.push_back(static_cast<int>(averages.index.size()));
+}
+
+template <class Real>
+void Refinement<Real>::make_turns(const std::vector<int>& local_vertex) {
+  const Triangles& t = bound_.mesh.triangles;
+  const PoissonSystem& poisson = *bound_.poisson;
+  const Positions flux = corner_divergence(bound_.operators.metric, bound_.mesh.positions, t);
+  turns_ = layout_.without_targets<TurnBlock<Real>>(poisson);
+  layout_.each(poisson.active(), [&](int i, int part, int b, int lane) {
+    TurnBlock<Real>& block = turns_[b];
+    const int j = poisson.active().triangles[i];
+    for (int k = 0; k < 3; ++k) {
+      block.corner[k][lane] = local_vertex[t(j, k)];
+      block.target[k][lane] = poisson.target(part, t(j, k));
+    }
+    for (int k = 0; k < 2; ++k)
+      for (int c = 0; c < 3; ++c)
+        block.flux[k][c][lane] = static_cast<Real>(flux(3 * Index(j) + k, c));
+  });
+}
+
+template <class Real>
+void Refinement<Real>::apply(const Averages& averages, const Quaternions& in,
+                             Quaternions& out) const {
+  bound_.poisson->workers().over(
+      averages.count(), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
+        kernels().of<Real>().mean_rotations(static_cast<int>(begin), static_cast<int>(end),
+                                            averages.starts.data(), rows_of(averages.index),
+                                            rows_of(averages.weights), in.data(), out.data());
+      });
+}
+
+template <class Real>
+void Refinement<Real>::find_held_rotations() {
+  Real* held = triangle_rotations_.data() + 4 * kLanes * moving_.size();
+  kernels().of<Real>().rotation_pass(static_cast<int>(held_.size()), held_.data(),
+                                     positions_.data(), held);
+  const size_t count = 4 * kLanes * held_.size();
+  for (Quaternions* rotations : {&vertex_rotations_, &smoothed_})
+    std::copy_n(held, count, rotations->end() - static_cast<std::ptrdiff_t>(count));
+}
+
+template <class Real>
+void Refinement<Real>::find_vertex_rotations() {
+  bound_.poisson->workers().over(
+      static_cast<int64_t>(moving_.size()), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
+        kernels().of<Real>().rotation_pass(static_cast<int>(end - begin), moving_.data() + begin,
+                                           positions_.data(),
+                                           triangle_rotations_.data() + 4 * kLanes * begin);
+      });
+  apply(of_triangles_, triangle_rotations_, vertex_rotations_);
+  for (int pass = 1; pass < kPasses; ++pass) {
+    apply(of_neighbours_, vertex_rotations_, smoothed_);
+    vertex_rotations_.swap(smoothed_);
+  }
+}
+
+template <class Real>
+void Refinement<Real>::add(int part, double* rows) const {
+  const int begin = layout_.begin[part];
+  kernels().of<Real>().turn_pass(layout_.begin[part + 1] - begin, turns_.data() + begin,
+                                 vertex_rotations_.data(), rows);
+}
+
+template <class Real>
+void Refinement<Real>::run(int iterations, Rows& offsets) {
+  const RowOrder& order = bound_.order();
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    const int moved = iteration == 0 ? order.fixed_begin : order.free_count;
+    bound_.poisson->workers().over(moved, kLeastRange, [&](int64_t begin, int64_t end) {
+      const int64_t count = end - begin;
+      positions_.middleRows(begin, count) =
+          bound_.rest.middleRows(begin, count) + offsets.middleRows(begin, count);
+    });
+    if (iteration == 0) find_held_rotations();
+    find_vertex_rotations();
+    bound_.poisson->solve(
+        at_rest_, [&](int part, double* rows) { add(part, rows); }, offsets);
+  }
+}
+
+template <class Real>
+double Refinement<Real>::bytes() const {
+  const auto numbers = triangle_rotations_.size() + vertex_rotations_.size() + smoothed_.size();
+  return static_cast<double>((moving_.size() + held_.size()) * sizeof(RotationBlock<Real>) +
+                             turns_.size() * sizeof(TurnBlock<Real>) + numbers * sizeof(Real)) +
+         of_triangles_.bytes() + of_neighbours_.bytes() +
+         static_cast<double>((positions_.size() + at_rest_.size()) * Index(sizeof(double)));
+}
+
+template class Refinement<float>;
+template class Refinement<double>;
+
+}  // namespace dd

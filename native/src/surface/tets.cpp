@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "surface/tets.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "surface/free_block.h"
+#include "surface/handle_blend.h"
+
+namespace dd {
+
+namespace {
+
+double signed_volume(const TetMesh& mesh, Index j) {
+  const Eigen::Vector3d a = mesh.positions.row(mesh.tets(j, 0)),
+                        b = mesh.positions.row(mesh.tets(j, 1)),
+                        c = mesh.positions.row(mesh.tets(j, 2)),
+                        d = mesh.positions.row(mesh.tets(j, 3));
+  return (b - a).cross(c - a).dot(d - a) / 6;
+}
+
+/// Free vertices and their rows; a solid's parts are not looked at.
+Region checked_region(const TetMesh& mesh, const std::vector<int>& roles, int handle_count) {
+  Region region;
+  region.role = roles;
+  region.row.assign(roles.size(), -1);
+  region.handle_count = handle_count;
+  for (int v = 0; v < mesh.vertex_count(); ++v) {
+    if (roles[v] < kFixed || roles[v] >= handle_count)
+      throw Error(Status::region, "Vertex " + std::to_string(v) + " has the role " +
+                                      std::to_string(roles[v]) + ", which is no handle.");
+    if (roles[v] != kFree) continue;
+    region.row[v] = region.free_count();
+    region.free.push_back(v);
+  }
+  if (region.free.empty()) throw Error(Status::region, "No vertex is free to follow.");
+  if (region.free_count() == mesh.vertex_count())
+    throw Error(Status::region, "Nothing holds the mesh: fix some vertices.");
+  return region;
+}
+
+SparseCholesky factored(const SparseMatrix& laplacian, const Region& region) {
+  try {
+    return factor_free_block(free_block(laplacian, region), region);
+  } catch (const UnsolvableSurface& error) {
+    throw Error(Status::numeric, "The solid can't be solved for near vertex " +
+                                     std::to_string(error.vertex()) +
+                                     ": nothing holds the part that it belongs to.");
+  }
+}
+
+}  // namespace
+
+void validate(const TetMesh& mesh) {
+  if (mesh.tet_count() == 0) throw Error(Status::mesh, "The mesh has no tetrahedra.");
+  for (int v = 0; v < mesh.vertex_count(); ++v)
+    if (!mesh.positions.row(v).allFinite())
+      throw Error(Status::mesh, "Vertex " + std::to_string(v) + " is not finite.");
+  for (Index j = 0; j < mesh.tet_count(); ++j) {
+    const std::string name = "Tetrahedron " + std::to_string(j);
+    for (int k = 0; k < 4; ++k)
+      if (mesh.tets(j, k) < 0 || mesh.tets(j, k) >= mesh.vertex_count())
+        throw Error(Status::mesh, name + " refers to vertex " + std::to_string(mesh.tets(j, k)) +
+                                      ", which there is not.");
+    double longest = 0;
+    for (int k = 1; k < 4; ++k)
+      longest = std::max(
+          longest,
+          (mesh.positions.row(mesh.tets(j, k)) - mesh.positions.row(mesh.tets(j, 0))).norm());
+    if (!(std::abs(signed_volume(mesh, j)) > 1e-14 * longest * longest * longest))
+      throw Error(Status::mesh, name + " has no volume.");
+  }
+}
+
+Eigen::VectorXd volumes(const TetMesh& mesh) {
+  Eigen::VectorXd result(mesh.tet_count());
+  for (Index j = 0; j < mesh.tet_count(); ++j) result[j] = std::abs(signed_volume(mesh, j));
+  return result;
+}
+
+SparseMatrix gradient(const TetMesh& mesh) {
+  std::vector<Eigen::Triplet<double>> entries;
+  entries.reserve(static_cast<size_t>(mesh.tet_count()) * 12);
+  for (Index j = 0; j < mesh.tet_count(); ++j)
+    for (int k = 0; k < 4; ++k) {
+      const Eigen::Vector3d a = mesh.positions.row(mesh.tets(j, (k + 1) % 4)),
+                            b = mesh.positions.row(mesh.tets(j, (k + 2) % 4)),
+                            c = mesh.positions.row(mesh.tets(j, (k + 3) % 4)),
+                            own = mesh.positions.row(mesh.tets(j, k));
+      const Eigen::Vector3d normal = (b - a).cross(c - a);
+      const Eigen::Vector3d value = normal / normal.dot(own - a);
+      for (int row = 0; row < 3; ++row)
+        entries.emplace_back(static_cast<int>(3 * j + row), mesh.tets(j, k), value[row]);
+    }
+  SparseMatrix G(3 * mesh.tet_count(), mesh.vertex_count());
+  G.setFromTriplets(entries.begin(), entries.end());
+  return G;
+}
+
+SparseMatrix deformation_operator(const TetMesh& mesh) {
+  std::vector<Eigen::Triplet<double>> entries;
+  entries.reserve(static_cast<size_t>(mesh.tet_count()) * 12);
+  for (Index j = 0; j < mesh.tet_count(); ++j) {
+    Eigen::Matrix3d V;
+    for (int k = 0; k < 3; ++k)
+      V.col(k) = mesh.positions.row(mesh.tets(j, k)) - mesh.positions.row(mesh.tets(j, 3));
+    const Eigen::Matrix3d inverse = V.inverse();
+    for (int row = 0; row < 3; ++row) {
+      for (int k = 0; k < 3; ++k)
+        entries.emplace_back(static_cast<int>(3 * j + row), mesh.tets(j, k), inverse(k, row));
+      entries.emplace_back(static_cast<int>(3 * j + row), mesh.tets(j, 3), -inverse.col(row).sum());
+    }
+  }
+  SparseMatrix G(3 * mesh.tet_count(), mesh.vertex_count());
+  G.setFromTriplets(entries.begin(), entries.end());
+  return G;
+}
+
+TetPoisson::TetPoisson(const TetMesh& mesh, const std::vector<int>& roles, int handle_count,
+                       SparseMatrix operator_, const Eigen::VectorXd& weights)
+    : rest_(mesh.positions),
+      region_(checked_region(mesh, roles, handle_count)),
+      gradient_(std::move(operator_)),
+      weighted_(gradient_.transpose() *
+                Eigen::VectorXd(weights.transpose().replicate(3, 1).reshaped()).asDiagonal()),
+      laplacian_(weighted_ * gradient_),
+      factor_(factored(laplacian_, region_)) {}
+
+Positions TetPoisson::solve(const Positions& constrained, const RowMatrix& gradients) const {
+  // For the displacement from rest, whose gradients are the wanted ones less I: see PoissonSystem.
+  Positions displacement = constrained - rest_;
+  for (int v : region_.free) displacement.row(v).setZero();
+  RowMatrix change = gradients;
+  for (Index row = 0; row < change.rows(); ++row) change(row, row % 3) -= 1;
+  const RowMatrix right = weighted_ * change - laplacian_ * displacement;
+  const RowMatrix rows = factor_.solve(free_rows(right, region_));
+  for (int r = 0; r < region_.free_count(); ++r) displacement.row(region_.free[r]) = rows.row(r);
+  return rest_ + displacement;
+}
+
+RowMatrix TetPoisson::harmonic_weights() const {
+  RowMatrix weights = RowMatrix::Zero(rest_.rows(), region_.handle_count);
+  for (size_t v = 0; v < region_.role.size(); ++v)
+    if (region_.role[v] >= 0) weights(Index(v), region_.role[v]) = 1;
+  const RowMatrix right = -(laplacian_ * weights);
+  const RowMatrix rows = factor_.solve(free_rows(right, region_));
+  for (int r = 0; r < region_.free_count(); ++r) weights.row(region_.free[r]) = rows.row(r);
+  return weights;
+}
+
+Positions edit_by_gradients(const TetPoisson& poisson, const TetMesh& mesh,
+                            const std::vector<int>& roles, int handle_count,
+                            const double* matrices) {
+  using Affine = Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>;
+  std::vector<Eigen::Matrix3d> linear;
+  for (int h = 0; h < handle_count; ++h) {
+    const Affine matrix(matrices + 12 * static_cast<Index>(h));
+    if (!matrix.allFinite())
+      throw Error(Status::argument,
+                  "The matrix of handle " + std::to_string(h) + " is not finite.");
+    linear.push_back(matrix.leftCols<3>());
+  }
+  Positions constrained = mesh.positions;
+  for (int v = 0; v < mesh.vertex_count(); ++v) {
+    if (roles[v] < 0) continue;
+    const Affine matrix(matrices + 12 * static_cast<Index>(roles[v]));
+    constrained.row(v) =
+        (matrix.leftCols<3>() * mesh.positions.row(v).transpose() + matrix.col(3)).transpose();
+  }
+  const RowMatrix of_vertices = poisson.harmonic_weights();
+  RowMatrix weights(mesh.tet_count(), handle_count);
+  for (Index j = 0; j < mesh.tet_count(); ++j)
+    weights.row(j) = (of_vertices.row(mesh.tets(j, 0)) + of_vertices.row(mesh.tets(j, 1)) +
+                      of_vertices.row(mesh.tets(j, 2)) + of_vertices.row(mesh.tets(j, 3))) /
+                     4;
+  const HandleBlend blend(linear, weights, false);
+  RowMatrix gradients(3 * mesh.tet_count(), 3);
+  for (Index j = 0; j < mesh.tet_count(); ++j)
+    gradients.middleRows<3>(3 * j) = blend.at(j).transpose();
+  return poisson.solve(constrained, gradients);
+}
+
+}  // namespace dd

@@ -1,0 +1,364 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "transfer/registration.h"
+
+#include <Eigen/SVD>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+#include "mesh/box_tree.h"
+#include "support/rotations.h"
+#include "support/similarity.h"
+#include "support/workers.h"
+#include "surface/free_block.h"
+#include "surface/gradients.h"
+#include "surface/operators.h"
+#include "surface/tets.h"
+#include "surface/volumetric_transfer.h"
+
+namespace dd {
+
+namespace {
+
+constexpr int kLeastRange = 256;
+constexpr double kAnchoring = 1e-9;  // keeps what nothing holds in its place
+constexpr double kLongestWave = 1;   // of the box
+constexpr double kShortestWave = 4;  // edges
+
+Positions triangle_normals(const Mesh& mesh) {
+  Positions normals(mesh.triangle_count(), 3);
+  for (Index j = 0; j < normals.rows(); ++j)
+    normals.row(j) = edges_and_normal(mesh.positions, mesh.triangles, j).col(2).transpose();
+  return normals;
+}
+
+Positions vertex_normals(const Mesh& mesh) {
+  Positions normals = Positions::Zero(mesh.vertex_count(), 3);
+  for (Index j = 0; j < mesh.triangles.rows(); ++j) {
+    const Eigen::Matrix3d e = edges_and_normal(mesh.positions, mesh.triangles, j);
+    const Eigen::Vector3d cross = e.col(0).cross(e.col(1));
+    for (int k = 0; k < 3; ++k) normals.row(mesh.triangles(j, k)) += cross.transpose();
+  }
+  return normals;
+}
+
+/// Edges as low vertex, high vertex, 3 × triangle + corner before it; sorted.
+std::vector<std::array<int, 3>> sorted_edges(const Triangles& t) {
+  std::vector<std::array<int, 3>> edges;
+  edges.reserve(static_cast<size_t>(t.size()));
+  for (Index j = 0; j < t.rows(); ++j)
+    for (int k = 0; k < 3; ++k) {
+      const auto [low, high] = std::minmax(t(j, k), t(j, (k + 1) % 3));
+      edges.push_back({low, high, static_cast<int>(3 * j + k)});
+    }
+  std::sort(edges.begin(), edges.end());
+  return edges;
+}
+
+/// Calls body(first, last + 1) for each run of one edge's triangles in sorted_edges().
+template <class Body>
+void each_edge(const std::vector<std::array<int, 3>>& edges, const Body& body) {
+  for (size_t first = 0; first < edges.size();) {
+    size_t end = first + 1;
+    while (end < edges.size() && edges[end][0] == edges[first][0] &&
+           edges[end][1] == edges[first][1])
+      ++end;
+    body(first, end);
+    first = end;
+  }
+}
+
+/// Borders of an open mesh: of each triangle's edge k, from corner k to the next, and of each vertex.
+struct Borders {
+  explicit Borders(const Mesh& mesh)
+      : edge(static_cast<size_t>(mesh.triangles.size()), 0),
+        vertex(static_cast<size_t>(mesh.vertex_count()), 0) {
+    const auto edges = sorted_edges(mesh.triangles);
+    each_edge(edges, [&](size_t first, size_t end) {
+      if (end - first > 1) return;
+      edge[edges[first][2]] = 1;
+      vertex[edges[first][0]] = vertex[edges[first][1]] = 1;
+    });
+  }
+  /// Whether a point of a triangle lies on one.
+  bool has(const PointOnTriangle& point) const {
+    for (int k = 0; k < 3; ++k)  // edge k is opposite to corner k + 2
+      if (point.weights[(k + 2) % 3] < 1e-9 && edge[3 * static_cast<size_t>(point.triangle) + k])
+        return true;
+    return false;
+  }
+  std::vector<char> edge, vertex;
+};
+
+Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target) {
+  std::sort(markers.begin(), markers.end());
+  markers.erase(std::unique(markers.begin(), markers.end()), markers.end());
+  const int count[2] = {source.vertex_count(), target.vertex_count()};
+  for (size_t i = 0; i < markers.size(); ++i) {
+    for (int side = 0; side < 2; ++side)
+      if (markers[i][side] < 0 || markers[i][side] >= count[side])
+        throw Error(Status::argument, "A marker names vertex " + std::to_string(markers[i][side]) +
+                                          " of the " + (side == 0 ? "source" : "target") +
+                                          ", which has " + std::to_string(count[side]) + ".");
+    if (i > 0 && markers[i][0] == markers[i - 1][0])
+      throw Error(Status::argument, "The markers contradict one another: vertex " +
+                                        std::to_string(markers[i][0]) +
+                                        " of the source is paired with the vertices " +
+                                        std::to_string(markers[i - 1][1]) + " and " +
+                                        std::to_string(markers[i][1]) + " of the target.");
+  }
+  if (markers.size() < 3)
+    throw Error(Status::argument,
+                "There are " + std::to_string(markers.size()) +
+                    " markers: three pairs of vertices are needed at least, better ten.");
+  return markers;
+}
+
+Similarity onto_markers(const Mesh& source, const Mesh& target, const Pairs& markers) {
+  const Index count = static_cast<Index>(markers.size());
+  Positions from(count, 3), to(count, 3);
+  for (Index i = 0; i < count; ++i) {
+    from.row(i) = source.positions.row(markers[size_t(i)][0]);
+    to.row(i) = target.positions.row(markers[size_t(i)][1]);
+  }
+  for (const Positions* points : {&from, &to}) {
+    const Positions arms = points->rowwise() - points->colwise().mean();
+    const Eigen::Vector3d spread = Eigen::JacobiSVD<Eigen::MatrixXd>(arms).singularValues();
+    if (!(spread[1] > 1e-3 * spread[0]))
+      throw Error(Status::argument,
+                  std::string("The markers of the ") + (points == &from ? "source" : "target") +
+                      " lie on a line, which leaves a turn about it open: add one beside it.");
+  }
+  return fitted_similarity(from, to, Eigen::VectorXd::Ones(count));
+}
+
+/// The system over vertices and fourth points of the source, in a unit box.
+class Registration {
+ public:
+  Registration(const Mesh& source, const Mesh& target, const Pairs& markers,
+               const RegistrationOptions& options)
+      : options_(options),
+        workers_(options.threads),
+        target_(target),
+        tree_(target_),
+        target_normals_(triangle_normals(target_)),
+        target_borders_(target_),
+        source_borders_(source),
+        now_(source) {
+    const std::vector<int> usable = usable_triangles(source);
+    tets_ = with_fourth_points(source, usable);
+    unknowns_ = tets_.positions;
+    find_region(source.vertex_count(), markers);
+    build_energy(source, usable);
+    edge_ = mean_edge_length(source.positions, source.triangles);
+  }
+
+  /// One stage: waves of this length and longer follow the target; 0: the markers alone pull.
+  void run(double wave, const Progress& progress) {
+    const double two_pi = 2 * kPi;
+    const double pull =
+        wave == 0 ? 0 : std::pow(edge_ * two_pi * two_pi / (wave * wave), 2) / (edge_ * edge_);
+    factor(pull, progress);
+    for (int round = 0; round < (wave == 0 ? 1 : options_.rounds); ++round) {
+      report(progress, 0.5 + 0.5 * round / options_.rounds, "Fitting the source to the target");
+      solve(pull, wave == 0 ? Positions() : goals());
+    }
+  }
+
+  const Positions& positions() const { return now_.positions; }
+  /// Mean length of the source's edges.
+  double edge() const { return edge_; }
+
+ private:
+  static std::vector<int> usable_triangles(const Mesh& mesh) {
+    std::vector<int> usable;
+    const std::vector<int> thin =
+        triangle_metric(mesh.positions, mesh.triangles).degenerate;  // ascending
+    for (int j = 0; j < mesh.triangle_count(); ++j)
+      if (!std::binary_search(thin.begin(), thin.end(), j)) usable.push_back(j);
+    if (usable.empty()) throw Error(Status::mesh, "The source has no triangle with an area.");
+    return usable;
+  }
+
+  /// Free: what has a usable triangle and no marker.
+  void find_region(int vertex_count, const Pairs& markers) {
+    region_.role.assign(static_cast<size_t>(tets_.vertex_count()), kFixed);
+    for (Index k = 0; k < tets_.tets.size(); ++k) region_.role[tets_.tets.data()[k]] = kFree;
+    for (const auto& [from, to] : markers) {
+      region_.role[from] = kFixed;
+      unknowns_.row(from) = target_.positions.row(to);
+    }
+    region_.row.assign(region_.role.size(), -1);
+    for (size_t v = 0; v < region_.role.size(); ++v) {
+      if (region_.role[v] != kFree) continue;
+      region_.row[v] = region_.free_count();
+      region_.free.push_back(static_cast<int>(v));
+    }
+    vertex_count_ = vertex_count;
+  }
+
+  void build_energy(const Mesh& source, const std::vector<int>& usable) {
+    const Index m = static_cast<Index>(usable.size());
+    std::vector<int> number(static_cast<size_t>(source.triangle_count()), -1);
+    for (Index i = 0; i < m; ++i) number[usable[size_t(i)]] = static_cast<int>(i);
+    std::vector<Eigen::Triplet<double>> entries;
+    const auto add = [&](int a, int b, double value) {
+      for (int c = 0; c < 3; ++c) entries.emplace_back(3 * a + c, 3 * b + c, value);
+    };
+    const auto edges = sorted_edges(source.triangles);
+    each_edge(edges, [&](size_t first, size_t end) {
+      for (size_t i = first + 1; i < end; ++i) {
+        const int a = number[edges[i - 1][2] / 3], b = number[edges[i][2] / 3];
+        if (a < 0 || b < 0) continue;
+        for (int own : {a, b}) add(own, own, options_.smoothness);
+        add(a, b, -options_.smoothness);
+        add(b, a, -options_.smoothness);
+      }
+    });
+    for (int i = 0; i < m; ++i) add(i, i, options_.identity);
+    SparseMatrix weights(3 * m, 3 * m);
+    weights.setFromTriplets(entries.begin(), entries.end());
+    const SparseMatrix operator_ = deformation_operator(tets_);
+    energy_ = operator_.transpose() * weights * operator_;
+    // G̃ x = I for the rest: its energy is that of the identity alone, whose pull is this.
+    to_identity_ = options_.identity * (operator_.transpose() * (operator_ * tets_.positions));
+    block_ = free_block(energy_, region_);
+  }
+
+  void factor(double pull, const Progress& progress) {
+    SparseMatrix block = block_;
+    const double anchoring = kAnchoring / (edge_ * edge_);
+    for (int r = 0; r < region_.free_count(); ++r)
+      block.coeffRef(r, r) += anchoring + (region_.free[r] < vertex_count_ ? pull : 0);
+    BlockOptions how;
+    how.workers = &workers_;
+    how.elimination = elimination_;
+    how.progress = within(progress, 0, 0.5);
+    how.stage = "Factoring the fit to the target";
+    std::unique_ptr<Dissection> dissection;
+    if (!elimination_) {
+      dissection = std::make_unique<Dissection>(free_dissection(block, region_, tets_.positions));
+      how.dissection = dissection.get();
+    }
+    factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region_, how));
+    elimination_ = factor_->shared_elimination();
+  }
+
+  void solve(double pull, const Positions& wanted) {
+    Positions held = unknowns_;
+    for (int v : region_.free) held.row(v).setZero();
+    const double anchoring = kAnchoring / (edge_ * edge_);
+    RowMatrix right = to_identity_ - energy_ * held;
+    for (int v : region_.free) right.row(v) += anchoring * unknowns_.row(v);
+    if (pull > 0)
+      for (Index v = 0; v < wanted.rows(); ++v) right.row(v) += pull * wanted.row(v);
+    const RowMatrix solved = factor_->solve(free_rows(right, region_), &workers_);
+    for (int r = 0; r < region_.free_count(); ++r) unknowns_.row(region_.free[r]) = solved.row(r);
+    now_.positions = unknowns_.topRows(vertex_count_);
+  }
+
+  /// c_i of each vertex.
+  Positions goals() {
+    Positions result = now_.positions;
+    const Positions normals = vertex_normals(now_);
+    workers_.over(vertex_count_, kLeastRange, [&](int64_t begin, int64_t end) {
+      for (int64_t v = begin; v < end; ++v) {
+        const PointOnTriangle found =
+            tree_.nearest(now_.positions.row(v).transpose(), options_.reach,
+                          [&](int j) { return target_normals_.row(j).dot(normals.row(v)) > 0; });
+        if (found.triangle < 0) continue;
+        if (target_borders_.has(found) && !source_borders_.vertex[size_t(v)]) continue;
+        result.row(v) = found.place.transpose();
+      }
+    });
+    return result;
+  }
+
+  const RegistrationOptions& options_;
+  Workers workers_;
+  const Mesh& target_;
+  BoxTree tree_;
+  Positions target_normals_;
+  Borders target_borders_, source_borders_;
+  Mesh now_;
+  TetMesh tets_;
+  Positions unknowns_;
+  int vertex_count_ = 0;
+  double edge_ = 0;
+  Region region_;
+  SparseMatrix energy_, block_;
+  RowMatrix to_identity_;
+  std::shared_ptr<const Elimination> elimination_;
+  std::unique_ptr<SparseCholesky> factor_;
+};
+
+}  // namespace
+
+Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& given,
+                        const RegistrationOptions& options, const Progress& progress) {
+  report(progress, 0.01, "Looking at the meshes");
+  validate(source, "source");
+  validate(target, "target");
+  const Pairs markers = checked_markers(given, source, target);
+  const Similarity onto = onto_markers(source, target, markers);
+  const double scale = bounding_box_diagonal(target.positions);
+  const Eigen::RowVector3d middle =
+      0.5 * (target.positions.colwise().maxCoeff() + target.positions.colwise().minCoeff());
+  const Mesh unit = {(target.positions.rowwise() - middle) / scale, target.triangles};
+  Mesh start = {source.positions, source.triangles};
+  for (Index v = 0; v < start.positions.rows(); ++v)
+    start.positions.row(v) =
+        (onto(source.positions.row(v).transpose()).transpose() - middle) / scale;
+
+  Registration registration(start, unit, markers, options);
+  const double last = std::min(kLongestWave, kShortestWave * registration.edge());
+  for (int stage = 0; stage <= options.stages; ++stage) {
+    const double share = options.stages > 1 ? (stage - 1.0) / (options.stages - 1) : 1;
+    const double wave = stage == 0 ? 0 : kLongestWave * std::pow(last / kLongestWave, share);
+    const double step = 0.98 / (options.stages + 1);
+    registration.run(wave, within(progress, 0.02 + step * stage, 0.02 + step * (stage + 1)));
+  }
+  return (scale * registration.positions()).rowwise() + middle;
+}
+
+Match match_triangles(const Mesh& registered, const Mesh& target, double reach, int threads,
+                      const Progress& progress) {
+  const double box = bounding_box_diagonal(target.positions);
+  const Mesh* meshes[2] = {&registered, &target};
+  Pairs pairs;
+  Match match;
+  match.confidence.assign(static_cast<size_t>(target.triangle_count()), 0.0f);
+  Workers workers(threads);
+  for (const int from : {0, 1}) {
+    report(progress, 0.5 * from, "Looking for corresponding triangles");
+    const Mesh &mesh = *meshes[from], &other = *meshes[1 - from];
+    const BoxTree tree(other);
+    const Positions normals = triangle_normals(mesh), others = triangle_normals(other);
+    std::vector<PointOnTriangle> found(static_cast<size_t>(mesh.triangle_count()));
+    workers.over(mesh.triangle_count(), kLeastRange, [&](int64_t begin, int64_t end) {
+      for (int64_t j = begin; j < end; ++j)
+        found[size_t(j)] =
+            tree.nearest(triangle_centre(mesh.positions, mesh.triangles, j), reach * box,
+                         [&](int k) { return others.row(k).dot(normals.row(j)) > 0; });
+    });
+    for (int j = 0; j < mesh.triangle_count(); ++j) {
+      const PointOnTriangle& point = found[size_t(j)];
+      if (point.triangle < 0) continue;
+      pairs.push_back(from == 0 ? std::array<int, 2>{j, point.triangle}
+                                : std::array<int, 2>{point.triangle, j});
+      if (from == 1) {
+        // Half of it is left at two per cent of the box.
+        const double distance = std::sqrt(point.squared_distance) / (0.02 * box);
+        const double parallel = normals.row(j).dot(others.row(point.triangle));
+        match.confidence[size_t(j)] =
+            static_cast<float>(std::max(0.0, parallel) / (1 + distance * distance));
+      }
+    }
+  }
+  match.correspondence =
+      triangle_correspondence(pairs, registered.triangle_count(), target.triangle_count());
+  return match;
+}
+
+}  // namespace dd
