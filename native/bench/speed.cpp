@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What a bind and a frame cost, beside the same systems factored and solved by other libraries in the
-// same run, and beside what this machine's memory could do: the bumpy plane of Fig. 1 with its right
-// side lifted.
+// What a bind and a frame cost, beside the same systems factored and solved by other libraries in
+// the same run, and beside what this machine's memory could do: the bumpy plane of Fig. 1 with its
+// right side lifted.
 //
 //   speed [--side 201] [--scale 101,201,317,501,1001] [--json FILE]
 //

@@ -133,8 +133,8 @@ inline Positions bent_explicitly(const Positions& p, double degrees, double bend
   return result;
 }
 
-/// 9,900 triangles, radius 1, closed by caps. The bend's radius: beyond that of the base, which so has
-/// no self-intersection, and within that of the surface.
+/// 9,900 triangles, radius 1, closed by caps. The bend's radius: beyond that of the base, which so
+/// has no self-intersection, and within that of the surface.
 inline ExplicitBend cylinder_of_figure_4(double degrees, double bend_radius = 0.7) {
   ExplicitBend made;
   made.mesh = tube(90, 55, [](double u, double v) {

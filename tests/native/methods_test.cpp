@@ -281,8 +281,8 @@ TEST_CASE("VOLUMES keeps the space between base and surface, whatever the unit")
   Deformer deformer(plane.mesh, plane.roles, 1, {});
   const Positions result = surface(deformer, {plane.motion}, by(MethodKind::volumes));
   CHECK(deformer.displacement_volumes()->settled());
-  // The prisms' volumes once more, cut into three tetrahedra each (either way of cutting their sides
-  // is off by as much, so their mean is the bilinear prism).
+  // The prisms' volumes once more, cut into three tetrahedra each (either way of cutting their
+  // sides is off by as much, so their mean is the bilinear prism).
   const auto volume = [&](const Positions& base, const Positions& over, Index j) {
     const auto corner = plane.mesh.triangles.row(j);
     double sum = 0;

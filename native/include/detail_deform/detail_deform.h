@@ -29,8 +29,8 @@
  * Ownership
  *   All arrays belong to the caller and are only read or written during the call (dd_bind_start
  *   copies its inputs). Every array comes with its number of elements, which is checked.
- *   What is returned as a pointer (dd_bind, dd_deformer, dd_split, dd_transfer, dd_match) belongs to
- *   the caller and is released by its _free function.
+ *   What is returned as a pointer (dd_bind, dd_deformer, dd_split, dd_transfer, dd_match) belongs
+ *   to the caller and is released by its _free function.
  *
  * Threads
  *   Different objects may be used by different threads at the same time. One object is used by one
@@ -274,8 +274,8 @@ DD_API int32_t dd_bind_finish(dd_bind* bind, dd_deformer** deformer);
 DD_API void dd_bind_free(dd_bind* bind);
 
 /* One frame. By DD_METHOD_TRANSFER: B' from the handles, its deformation gradients S_j (15), their
- * rotations, and L p' = div(S_j^T) (14) for the free vertices. The first update by a method prepares
- * it, which may take as long as a hundred of its updates.
+ * rotations, and L p' = div(S_j^T) (14) for the free vertices. The first update by a method
+ * prepares it, which may take as long as a hundred of its updates.
  *   matrices   matrix_value_count = 12 x handle_count doubles: for each handle a row-major 3x4
  *              affine matrix that takes the rest place of its vertices to the present one; may be
  *              null where there is no handle
@@ -306,7 +306,8 @@ typedef struct dd_split_info {
  * DD_METHOD_EXAMPLES knows one step only.
  *   positions ... options   as for dd_bind_start; with a base from outside steps must be 1
  *   matrices, update        as for dd_deformer_update
- *   turns                   turn_count = 3 x handle_count doubles: a rotation vector for each handle,
+ *   turns                   turn_count = 3 x handle_count doubles: a rotation vector for each
+ *   handle,
  *                           near which its motion's rotation is taken, so that it may be more than
  *                           half a turn; or null
  *   steps                   1 .. 1000 */
@@ -458,8 +459,8 @@ typedef struct dd_transfer_info {
 
 /* Factors the target's system. Positions: 3 floats a vertex, triangles: 3 vertex numbers each, as for
  * dd_bind_start. pairs: pair_value_count = 2 x count numbers, source and target, from 0; a target's
- * triangle may have none, one or many sources, which are averaged. Null and 0: the meshes are of the same
- * topology, each triangle its own source. */
+ * triangle may have none, one or many sources, which are averaged. Null and 0: the meshes are of
+ * the same topology, each triangle its own source. */
 DD_API int32_t dd_transfer_create(const float* source_positions, size_t source_position_count,
                                   const int32_t* source_triangles, size_t source_index_count,
                                   const float* target_positions, size_t target_position_count,

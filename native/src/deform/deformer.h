@@ -43,8 +43,8 @@ class Deformer {
   const Positions& update(const double* matrices, const UpdateOptions& options,
                           const Positions* deformed_base = nullptr);
 
-  /// The same, straight to floats, n×3: the displacement, or the positions. Throws Error(numeric) too
-  /// where the result leaves their range.
+  /// The same, straight to floats, n×3: the displacement, or the positions. Throws Error(numeric)
+  /// too where the result leaves their range.
   void update_to(float* out, bool positions, const double* matrices, const UpdateOptions& options,
                  const Positions* deformed_base = nullptr);
 

@@ -43,8 +43,8 @@ struct SplitResult {
   bool volumes_settled = true;
 };
 
-/// Arguments as for Deformer and its update; a base from outside has no motion that could be split and
-/// allows one step only. Throws Error, with the step where it happened.
+/// Arguments as for Deformer and its update; a base from outside has no motion that could be split
+/// and allows one step only. Throws Error, with the step where it happened.
 SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
                          const BindOptions& bind, const SplitMotion& motion,
                          const UpdateOptions& update, const Progress& progress = {},

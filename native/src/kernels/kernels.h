@@ -35,8 +35,8 @@ struct RotationBlock {
   Real from_rest[4][kLanes];  ///< quaternion x y z w that takes the rest frame to the world's
 };
 
-/// kLanes triangles that are turned by the mean of their corners' quaternions. Unused lanes have zero
-/// flux.
+/// kLanes triangles that are turned by the mean of their corners' quaternions. Unused lanes have
+/// zero flux.
 template <class Real>
 struct TurnBlock {
   int32_t corner[3][kLanes];  ///< rows of the quaternions
@@ -45,9 +45,9 @@ struct TurnBlock {
 };
 
 /// The rows of a factor are stored in groups, each by columns. A group has as many rows as the
-/// largest power of two, up to most, that is left. C_ss⁻¹ begins with its last rows: a group of it is
-/// as long as its last row, filled up with zeros. So a solve reads all of a factor in one direction,
-/// and back in the other.
+/// largest power of two, up to most, that is left. C_ss⁻¹ begins with its last rows: a group of it
+/// is as long as its last row, filled up with zeros. So a solve reads all of a factor in one
+/// direction, and back in the other.
 constexpr int rows_together(int left, int most) {
   int rows = 1;
   while (2 * rows <= left && 2 * rows <= most) rows *= 2;
@@ -86,13 +86,13 @@ constexpr int kColumns = 4;
 template <>
 constexpr int kColumns<float> = 3;
 
-/// Loops that come in two precisions: of what is constant in a frame and of what is computed from it.
-/// Positions and right-hand sides are double always. x, right, quaternions: rows of 4.
+/// Loops that come in two precisions: of what is constant in a frame and of what is computed from
+/// it. Positions and right-hand sides are double always. x, right, quaternions: rows of 4.
 template <class Real>
 struct KernelsOf {
-  /// Forward substitution through the supernodes first to last: x ← C⁻¹ (right + x) in their places,
-  /// and what that takes from the rows below added to those of x. In single precision of the first
-  /// three columns; the fourth is left with whatever.
+  /// Forward substitution through the supernodes first to last: x ← C⁻¹ (right + x) in their
+  /// places, and what that takes from the rows below added to those of x. In single precision of
+  /// the first three columns; the fourth is left with whatever.
   void (*forward)(const FactorView<Real>& factor, int first, int last, const double* right,
                   Real* x);
   /// Backward substitution, x ← C⁻ᵀ x.
@@ -108,8 +108,8 @@ struct KernelsOf {
                         Real* quaternions);
 
   /// The means of rotations for blocks first to last of kLanes: out = the normalized
-  /// Σ_k weights[k] · ± in[index[k]] in each lane, k from starts[b] to starts[b + 1], weights that sum
-  /// to 1 there. Signs are made to agree where they don't.
+  /// Σ_k weights[k] · ± in[index[k]] in each lane, k from starts[b] to starts[b + 1], weights that
+  /// sum to 1 there. Signs are made to agree where they don't.
   void (*mean_rotations)(int first, int last, const int* starts, const int32_t (*index)[kLanes],
                          const Real (*weights)[kLanes], const Real* in, Real* out);
 

@@ -282,8 +282,8 @@ void agree_in_sign(int count, const int32_t (*index)[kLanes], const Real (*weigh
   }
 }
 
-/// The same sums, normalized. Rotations that lie close together sum up to nearly 1, unless the signs
-/// of their quaternions differ.
+/// The same sums, normalized. Rotations that lie close together sum up to nearly 1, unless the
+/// signs of their quaternions differ.
 template <class Real>
 inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
                          const Real* rows, Real (&lanes)[4][kLanes]) {

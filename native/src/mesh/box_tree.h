@@ -23,8 +23,8 @@ struct PointOnTriangle {
 /// The point of triangle j that is nearest to another point (Ericson 2004).
 PointOnTriangle nearest_on_triangle(const Mesh& mesh, int j, const Eigen::Vector3d& point);
 
-/// A tree of boxes over a mesh's triangles: each node holds the range [begin, end) of order_, and its
-/// children the halves of it. The mesh must outlive it.
+/// A tree of boxes over a mesh's triangles: each node holds the range [begin, end) of order_, and
+/// its children the halves of it. The mesh must outlive it.
 class BoxTree {
  public:
   explicit BoxTree(const Mesh& mesh);

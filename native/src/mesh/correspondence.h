@@ -8,8 +8,8 @@
 
 namespace dd {
 
-/// Which triangles of a source mesh give each triangle of a target its deformation gradient: none, one
-/// or many (§3: Sumner and Popović 2004).
+/// Which triangles of a source mesh give each triangle of a target its deformation gradient: none,
+/// one or many (§3: Sumner and Popović 2004).
 struct Correspondence {
   /// Target triangle j has the sources source[begin[j]] to source[begin[j + 1]].
   std::vector<int> begin;
@@ -27,8 +27,9 @@ using Pairs = std::vector<std::array<int, 2>>;
 Correspondence triangle_correspondence(const Pairs& pairs, int source_triangles,
                                        int target_triangles);
 
-/// From pairs of vertices: a target triangle's sources are the triangles of the source that have the
-/// most corners among those paired with its own. Throws as triangle_correspondence() and validate().
+/// From pairs of vertices: a target triangle's sources are the triangles of the source that have
+/// the most corners among those paired with its own. Throws as triangle_correspondence() and
+/// validate().
 Correspondence vertex_correspondence(const Pairs& pairs, const Mesh& source, const Mesh& target);
 
 /// Of each triangle number itself.

@@ -20,8 +20,8 @@ struct Mesh {
 constexpr double kFarthest = 1e30;
 
 /// Throws Error(mesh) naming the first vertex or triangle that makes the mesh unusable: nothing in
-/// it, coordinates that are not finite or beyond kFarthest, vertex numbers out of range or twice in a
-/// triangle, no extent.
+/// it, coordinates that are not finite or beyond kFarthest, vertex numbers out of range or twice in
+/// a triangle, no extent.
 void validate(const Mesh& mesh);
 
 /// The same of one of several meshes, which the sentence then begins with: "The source: ...".

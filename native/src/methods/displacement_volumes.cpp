@@ -15,8 +15,8 @@ using Eigen::Vector3d;
 
 constexpr double kReach = 4, kSoftness = 0.1;  // ℓ and √μ, in heights
 
-/// A prism between triangles q and p = q + d, d linear over the triangle, swept along straight lines:
-/// V = d̄ · W / 2 with W the integral of the edges' cross product over the sweep.
+/// A prism between triangles q and p = q + d, d linear over the triangle, swept along straight
+/// lines: V = d̄ · W / 2 with W the integral of the edges' cross product over the sweep.
 struct Prism {
   Vector3d e1, e2, f1, f2, mean, across;
 

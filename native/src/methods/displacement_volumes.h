@@ -9,18 +9,19 @@
 
 namespace dd {
 
-/// Displacement volumes (§1, Fig. 4), after Botsch and Kobbelt 2003: the prisms between the triangles
-/// of B and of S keep their volume. With W_i a third of the volumes of vertex i's prisms, minimize
+/// Displacement volumes (§1, Fig. 4), after Botsch and Kobbelt 2003: the prisms between the
+/// triangles of B and of S keep their volume. With W_i a third of the volumes of vertex i's prisms,
+/// minimize
 ///
 ///   ‖∇p' − ∇p_T‖² + ‖p' − p_N‖² / ℓ² + ‖W(p', q') − W(p, q)‖² / μ
 ///
-/// (norms weighted by the masses). Volumes alone leave the surface free to slide and to wrinkle: the
-/// gradients of detail transfer (p_T) keep it smooth, the place of normal displacements (p_N) keeps
-/// it over its base; ℓ is four times, √μ a tenth of the mean height of the prisms. Local
+/// (norms weighted by the masses). Volumes alone leave the surface free to slide and to wrinkle:
+/// the gradients of detail transfer (p_T) keep it smooth, the place of normal displacements (p_N)
+/// keeps it over its base; ℓ is four times, √μ a tenth of the mean height of the prisms. Local
 /// self-intersections would turn prisms inside out, which their volumes forbid.
 ///
-/// Not linear: relaxed by Gauss-Newton steps, each solved by conjugate gradients on one factor. Slow,
-/// and not meant for dragging.
+/// Not linear: relaxed by Gauss-Newton steps, each solved by conjugate gradients on one factor.
+/// Slow, and not meant for dragging.
 class DisplacementVolumes : public Method {
  public:
   explicit DisplacementVolumes(BoundSurface& bound);

@@ -34,7 +34,8 @@ struct MethodOptions {
   Formulation formulation =
       Formulation::surface;  ///< of transfer; others than surface aren't refined
   Progress progress = {};    ///< told how far a slow method is
-  /// Of examples: the pose with these weights, handles let go; else the weights that fit the handles.
+  /// Of examples: the pose with these weights, handles let go; else the weights that fit the
+  /// handles.
   std::optional<std::vector<double>> example_weights = {};
   double example_stiffness = 1;  ///< of examples: factor on what keeps weights small
 };

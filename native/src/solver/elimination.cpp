@@ -11,8 +11,8 @@ namespace {
 constexpr int kMostDomains = 8;
 constexpr double kLeastDomain = 20000;  // entries of the factor
 
-/// What a supernode costs in a solve, in entries of the factor: what starting one and fetching a row
-/// costs decides which are joined.
+/// What a supernode costs in a solve, in entries of the factor: what starting one and fetching a
+/// row costs decides which are joined.
 double cost(double width, double height) {
   return 30 + 2 * height + width * (0.5 * width + height);
 }

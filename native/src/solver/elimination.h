@@ -8,14 +8,14 @@
 
 namespace dd {
 
-/// The plan of a sparse Cholesky factorization, from the pattern of the matrix alone: the order, the
-/// elimination tree and its supernodes, sets of consecutive columns with the same rows below them
-/// (Liu, Ng, Peyton 1993), made a little larger where that saves time (relaxed: Ashcraft, Grimes
-/// 1989). Davis, Direct Methods for Sparse Linear Systems (2006), explains all of it.
+/// The plan of a sparse Cholesky factorization, from the pattern of the matrix alone: the order,
+/// the elimination tree and its supernodes, sets of consecutive columns with the same rows below
+/// them (Liu, Ng, Peyton 1993), made a little larger where that saves time (relaxed: Ashcraft,
+/// Grimes 1989). Davis, Direct Methods for Sparse Linear Systems (2006), explains all of it.
 ///
 /// The tree falls into a few domains, which have nothing to do with one another, and the top, which
-/// all of them hang on. Places of the order: domain after domain, then the top. Their number does not
-/// depend on the threads, nor does any result.
+/// all of them hang on. Places of the order: domain after domain, then the top. Their number does
+/// not depend on the threads, nor does any result.
 struct Elimination {
   /// pattern: both triangles stored. first_order: a fill-reducing order of its rows.
   Elimination(const SparseMatrix& pattern, const std::vector<int>& first_order);
@@ -30,8 +30,8 @@ struct Elimination {
   std::vector<int> rows;
   std::vector<int> parent;  ///< a later supernode, or -1
 
-  /// Supernodes domain_begin[d] to domain_begin[d + 1] are domain d; the last entry is where the top
-  /// begins.
+  /// Supernodes domain_begin[d] to domain_begin[d + 1] are domain d; the last entry is where the
+  /// top begins.
   std::vector<int> domain_begin;
   /// Rows as a solve addresses them, so that domains can work at the same time: a domain's rows in
   /// the top are slots of its own behind the last place.

@@ -80,8 +80,8 @@ class Bisector {
     axes.computeDirect(spread);
     const double narrow = kNarrow * axes.eigenvalues()[2];
     Cut best;
-    // A part that is long in one direction is cut across it. Only where that separator is long as well,
-    // because triangles are thin, the others are tried.
+    // A part that is long in one direction is cut across it. Only where that separator is long as
+    // well, because triangles are thin, the others are tried.
     const double good = kGoodSeparator * std::sqrt(static_cast<double>(end - begin));
     for (const bool wide : {true, false}) {
       if (best.cost < good) break;

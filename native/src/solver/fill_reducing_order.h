@@ -25,8 +25,8 @@ class Dissection {
  private:
   friend class Bisector;
   static constexpr int kMostCuts = 31;  // one after the other: two bits of a key each
-  // Of each vertex its side of each cut that it met, the first in the lowest bit, and on which sides
-  // of these cuts the separator lies.
+  // Of each vertex its side of each cut that it met, the first in the lowest bit, and on which
+  // sides of these cuts the separator lies.
   std::vector<uint32_t> sides_, separator_sides_;
   std::vector<uint8_t> cut_count_;
 };

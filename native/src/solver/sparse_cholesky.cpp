@@ -43,8 +43,8 @@ namespace {
 
 constexpr int kChunk = 96;  // rows or columns of a front that are computed together
 
-/// Memory that fronts pass on to later ones. Asked for anew each time it would cost a fifth of a large
-/// factorization to get its pages cleared.
+/// Memory that fronts pass on to later ones. Asked for anew each time it would cost a fifth of a
+/// large factorization to get its pages cleared.
 class Buffers {
  public:
   RawArray<double> take(size_t size) {

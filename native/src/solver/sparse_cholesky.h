@@ -38,10 +38,11 @@ struct FactorOptions {
   const char* stage = "Factoring the Poisson system";  ///< what it is told
 };
 
-/// The factor of a symmetric positive definite matrix, A = C Cᵀ, in supernodes: for each the inverse
-/// of its diagonal block, C_ss⁻¹, and the rows below it, dense. A solve reads each block twice, in
-/// order, and gives all its time to products of small dense matrices with up to four columns at once;
-/// what bounds it is how fast the factor comes from memory, which single precision halves.
+/// The factor of a symmetric positive definite matrix, A = C Cᵀ, in supernodes: for each the
+/// inverse of its diagonal block, C_ss⁻¹, and the rows below it, dense. A solve reads each block
+/// twice, in order, and gives all its time to products of small dense matrices with up to four
+/// columns at once; what bounds it is how fast the factor comes from memory, which single precision
+/// halves.
 ///
 /// Factored by fronts (multifrontal: Duff, Reid 1983; Liu 1992). Domains of the elimination run in
 /// parallel, in the factorization and in each solve.

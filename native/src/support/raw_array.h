@@ -7,8 +7,9 @@
 
 namespace dd {
 
-/// A fixed number of values, whatever they are at first: large ones are written anyway, and clearing
-/// them before takes as long. Aligned to cache lines, so that no vector of a stream straddles two.
+/// A fixed number of values, whatever they are at first: large ones are written anyway, and
+/// clearing them before takes as long. Aligned to cache lines, so that no vector of a stream
+/// straddles two.
 template <class Value>
 class RawArray {
  public:

@@ -17,14 +17,14 @@ struct Similarity {
   }
 };
 
-/// The similarity that takes points next to others, weighted: the rotation of least squares, and the
-/// scale that makes their spread alike. Points on a line are not turned.
+/// The similarity that takes points next to others, weighted: the rotation of least squares, and
+/// the scale that makes their spread alike. Points on a line are not turned.
 Similarity fitted_similarity(const Positions& from, const Positions& to,
                              const Eigen::VectorXd& weights);
 
-/// The same with a rotation that tells how two meshes stand, not how their shapes differ: where the points
-/// don't fit exactly and the rotation is less than 20° off one of the 24 that take axes to axes, that
-/// one.
+/// The same with a rotation that tells how two meshes stand, not how their shapes differ: where the
+/// points don't fit exactly and the rotation is less than 20° off one of the 24 that take axes to
+/// axes, that one.
 Similarity fitted_stance(const Positions& from, const Positions& to,
                          const Eigen::VectorXd& weights);
 

@@ -27,8 +27,8 @@ RowMatrix apply_energy(const SurfaceOperators& operators, const RowMatrix& value
 /// vertices, the smoothest functions that take them on.
 class BendingSystem {
  public:
-  /// operators: of the geometry that K is built on. All but the smoothness and what the options hold
-  /// by value must outlive the system. Throws UnsolvableSurface where K is singular.
+  /// operators: of the geometry that K is built on. All but the smoothness and what the options
+  /// hold by value must outlive the system. Throws UnsolvableSurface where K is singular.
   BendingSystem(const SurfaceOperators& operators, const Region& region,
                 Smoothness smoothness = Smoothness::thin_plate, const BlockOptions& options = {});
   /// block: free_block_of_energy() of these, where it is at hand.

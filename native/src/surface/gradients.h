@@ -24,12 +24,12 @@ struct GradientSources {
 GradientSources gradient_sources(const Positions& base, const Triangles& triangles, double size,
                                  const Positions* moved = nullptr);
 
-/// Gives each triangle whose source is -1 that of the nearest triangle with one across shared edges, or
-/// else vertices, unless its whole part has none.
+/// Gives each triangle whose source is -1 that of the nearest triangle with one across shared
+/// edges, or else vertices, unless its whole part has none.
 void fill_from_neighbours(std::vector<int>& source_of, const Triangles& triangles);
 
-/// The edges e1, e2 from the triangle's first corner and its unit normal, as columns: those of (15).
-/// The normal is zero where there is no area.
+/// The edges e1, e2 from the triangle's first corner and its unit normal, as columns: those of
+/// (15). The normal is zero where there is no area.
 Eigen::Matrix3d edges_and_normal(const Positions& positions, const Triangles& triangles,
                                  Index triangle);
 

@@ -7,7 +7,8 @@
 
 namespace dd {
 
-/// Mean of the handles' linear parts A_h = R_h U_h with given weights, rotations through the logarithm:
+/// Mean of the handles' linear parts A_h = R_h U_h with given weights, rotations through the
+/// logarithm:
 ///
 ///   S_j = exp(Σ_h w_hj log R_h) · (I + Σ_h w_hj (U_h − I))
 ///

@@ -22,9 +22,9 @@ struct RowOrder {
   int count() const { return static_cast<int>(vertex_of_row.size()); }
 };
 
-/// The triangles with a free corner, the only ones whose gradients matter, as they share out over the
-/// domains of the Poisson factor: those of domain d at begin[d] to begin[d + 1], then those of the
-/// top. No two domains have a free vertex in common but the top's.
+/// The triangles with a free corner, the only ones whose gradients matter, as they share out over
+/// the domains of the Poisson factor: those of domain d at begin[d] to begin[d + 1], then those of
+/// the top. No two domains have a free vertex in common but the top's.
 struct ActiveTriangles {
   std::vector<int> triangles;
   std::vector<int> begin;
@@ -50,8 +50,8 @@ class PoissonSystem {
   const RowOrder& order() const { return order_; }
   const ActiveTriangles& active() const { return active_; }
 
-  /// The row of a right-hand side that takes what an active triangle of this part gives to its vertex;
-  /// a row that nobody reads where the vertex is held.
+  /// The row of a right-hand side that takes what an active triangle of this part gives to its
+  /// vertex; a row that nobody reads where the vertex is held.
   int target(int part, int vertex) const;
   /// Such a row of this part.
   int spare_target(int part) const { return factor_->elimination().slotted_size() + part; }
@@ -61,8 +61,8 @@ class PoissonSystem {
   const Rows& rest_divergence() const { return rest_divergence_; }
 
   /// Solves for the free rows of offsets, the displacement of all vertices, of which the handles'
-  /// rows are given. add(part, rows) adds the divergences of the active triangles of a part to rows;
-  /// from any thread, each part once. at_rest: what they all add where nothing moves.
+  /// rows are given. add(part, rows) adds the divergences of the active triangles of a part to
+  /// rows; from any thread, each part once. at_rest: what they all add where nothing moves.
   /// Parts of the surface with a ground come out with that vertex at rest.
   template <class Add>
   void solve(const Rows& at_rest, const Add& add, Rows& offsets) {

@@ -19,9 +19,9 @@ namespace dd {
 /// Triangles without a free corner keep the rotation that the handles give them: they are what the
 /// smoothing hangs on.
 ///
-/// The smoothing is kPasses means, each of the triangles around the vertices and then of the vertices
-/// of the triangles. In between only the vertices are kept: what a pass makes of them is a mean over
-/// their neighbours, which is half the work.
+/// The smoothing is kPasses means, each of the triangles around the vertices and then of the
+/// vertices of the triangles. In between only the vertices are kept: what a pass makes of them is a
+/// mean over their neighbours, which is half the work.
 template <class Real>
 class Refinement {
  public:
@@ -33,8 +33,8 @@ class Refinement {
   double bytes() const;
 
  private:
-  /// For each vertex the rows whose rotations it averages, kLanes vertices a block: what one of them
-  /// has less than the others has no weight.
+  /// For each vertex the rows whose rotations it averages, kLanes vertices a block: what one of
+  /// them has less than the others has no weight.
   struct Averages {
     std::vector<int> starts{0};
     std::vector<std::array<int32_t, kLanes>> index;

@@ -26,8 +26,8 @@ void validate(const TetMesh& mesh);
 /// m volumes, positive.
 Eigen::VectorXd volumes(const TetMesh& mesh);
 
-/// Gradient operator G (3), 3m×n, from (1): ∇φ_i is perpendicular to the face opposite to vertex i and
-/// 1 / height long.
+/// Gradient operator G (3), 3m×n, from (1): ∇φ_i is perpendicular to the face opposite to vertex i
+/// and 1 / height long.
 SparseMatrix gradient(const TetMesh& mesh);
 
 /// G̃ of (9), 3m×n, from (6) and (8): the rows a, b, c of V⁻¹ = (p₁ − p₄, p₂ − p₄, p₃ − p₄)⁻¹, and
@@ -46,8 +46,9 @@ class TetPoisson {
   const SparseMatrix& gradient_operator() const { return gradient_; }
   double factor_bytes() const { return factor_.bytes(); }
 
-  /// Positions with the given ones of constrained vertices and, for the free ones, gradients nearest
-  /// to those wanted: 3m×3, S_jᵀ in rows 3j to 3j + 2 (the gradient of the identity being I).
+  /// Positions with the given ones of constrained vertices and, for the free ones, gradients
+  /// nearest to those wanted: 3m×3, S_jᵀ in rows 3j to 3j + 2 (the gradient of the identity being
+  /// I).
   Positions solve(const Positions& constrained, const RowMatrix& gradients) const;
 
   /// Harmonic weights: L w = 0, 1 on a handle's vertices and 0 on all other constrained ones, n×h.
@@ -60,8 +61,9 @@ class TetPoisson {
   SparseCholesky factor_;
 };
 
-/// Gradient editing (§2) of a solid: the handles' rotations and stretches, spread by harmonic weights
-/// as in GradientEditing, and the positions that have these gradients. matrices: as for Deformer.
+/// Gradient editing (§2) of a solid: the handles' rotations and stretches, spread by harmonic
+/// weights as in GradientEditing, and the positions that have these gradients. matrices: as for
+/// Deformer.
 Positions edit_by_gradients(const TetPoisson& poisson, const TetMesh& mesh,
                             const std::vector<int>& roles, int handle_count,
                             const double* matrices);

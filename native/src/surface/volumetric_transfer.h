@@ -7,9 +7,9 @@
 
 namespace dd {
 
-/// Each triangle with a free corner as a tetrahedron, by a fourth point p₁ + e₁ × e₂ / √|e₁ × e₂| (§3,
-/// after Sumner and Popović 2004), on its base: the first n vertices are the mesh's, fourth points
-/// follow in the order of the triangles, which are returned too.
+/// Each triangle with a free corner as a tetrahedron, by a fourth point p₁ + e₁ × e₂ / √|e₁ × e₂|
+/// (§3, after Sumner and Popović 2004), on its base: the first n vertices are the mesh's, fourth
+/// points follow in the order of the triangles, which are returned too.
 TetMesh with_fourth_points(const Mesh& mesh, const std::vector<int>& triangles);
 
 /// D of (10).

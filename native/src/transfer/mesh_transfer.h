@@ -35,14 +35,14 @@ struct TransferOptions {
 Similarity fitted_placement(const Mesh& source, const Mesh& target,
                             const Correspondence& correspondence);
 
-/// Surface deformation transfer (§5) from a source pair S → S' to another mesh T: for each triangle of
-/// T the mean S_j of the deformation gradients (15) of its sources, turned as the meshes lie to each
-/// other, and L p' = div(S_jᵀ) (14) on T. Factored once; a pose is a pass over the triangles and one
-/// back-substitution. Target triangles without a source go with the nearest that has one across
-/// shared edges, or else vertices.
+/// Surface deformation transfer (§5) from a source pair S → S' to another mesh T: for each triangle
+/// of T the mean S_j of the deformation gradients (15) of its sources, turned as the meshes lie to
+/// each other, and L p' = div(S_jᵀ) (14) on T. Factored once; a pose is a pass over the triangles
+/// and one back-substitution. Target triangles without a source go with the nearest that has one
+/// across shared edges, or else vertices.
 ///
-/// Each part of T that nothing pins is put where its source went: with A the placement, b_j the centre
-/// of the sources of triangle j, c_j its own,
+/// Each part of T that nothing pins is put where its source went: with A the placement, b_j the
+/// centre of the sources of triangle j, c_j its own,
 ///
 ///   Σ_j w_j c'_j = Σ_j w_j (A(b'_j) + S_j (c_j − A(b_j))),   w_j = area_j / (ε² + ‖S_j − I‖²):
 ///
@@ -88,7 +88,8 @@ class MeshTransfer {
   void factor(const TransferOptions& options);
   void find_parts();
   void find_source_gradients(const Positions& pose, bool rotation_only);
-  /// Rotations of used triangles that a pose leaves without area, which has none: their neighbours'.
+  /// Rotations of used triangles that a pose leaves without area, which has none: their
+  /// neighbours'.
   void replace_collapsed(const Positions& pose);
   Eigen::Matrix3d gradient(int triangle, bool rotation_only) const;
   void solve_on_surface();

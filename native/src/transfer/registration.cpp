@@ -69,7 +69,8 @@ void each_edge(const std::vector<std::array<int, 3>>& edges, const Body& body) {
   }
 }
 
-/// Borders of an open mesh: of each triangle's edge k, from corner k to the next, and of each vertex.
+/// Borders of an open mesh: of each triangle's edge k, from corner k to the next, and of each
+/// vertex.
 struct Borders {
   explicit Borders(const Mesh& mesh)
       : edge(static_cast<size_t>(mesh.triangles.size()), 0),

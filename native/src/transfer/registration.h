@@ -12,8 +12,8 @@ struct RegistrationOptions {
   /// Weights of Sumner and Popović 2004: gradients of neighbours alike, and near the identity.
   double smoothness = 1;
   double identity = 1e-3;
-  /// In each stage the pull to the target grows and the system is factored anew; in each of its rounds
-  /// nearest points are found anew and the system is solved.
+  /// In each stage the pull to the target grows and the system is factored anew; in each of its
+  /// rounds nearest points are found anew and the system is solved.
   int stages = 8;
   int rounds = 3;
   /// Of the target's box: no point further away pulls, and no triangles further apart correspond.
@@ -21,20 +21,21 @@ struct RegistrationOptions {
   int threads = 0;  ///< 0: as many as the machine has, at most 8
 };
 
-/// The source deformed onto the target, n×3, in the target's units (Sumner and Popović 2004, §5): over
-/// the vertices and the fourth points of the source, minimizes
+/// The source deformed onto the target, n×3, in the target's units (Sumner and Popović 2004, §5):
+/// over the vertices and the fourth points of the source, minimizes
 ///
 ///   w_S Σ_adjacent ‖T_i − T_j‖² + w_I Σ ‖T_j − I‖² + w_C Σ ‖v'_i − c_i‖²
 ///
-/// with the markers held on their partners, from w_C = 0 on growing. c_i is the nearest point of the
-/// target whose normal is less than a right angle off; where there is none within reach, or only on
-/// an open border while v_i is on none, v'_i is held back by its present place, so that the system
-/// stays the same. w_C is chosen by the length of the waves that follow the target in each stage, from
-/// the size of the box down to a few edges: independent of units and of the number of triangles.
+/// with the markers held on their partners, from w_C = 0 on growing. c_i is the nearest point of
+/// the target whose normal is less than a right angle off; where there is none within reach, or
+/// only on an open border while v_i is on none, v'_i is held back by its present place, so that the
+/// system stays the same. w_C is chosen by the length of the waves that follow the target in each
+/// stage, from the size of the box down to a few edges: independent of units and of the number of
+/// triangles.
 ///
-/// Beforehand the source is rotated, scaled and shifted onto the markers. markers: three or more pairs
-/// of vertices. Throws Error(argument) for markers out of range, contradictory, fewer than three or all on a
-/// line; Error(cancelled).
+/// Beforehand the source is rotated, scaled and shifted onto the markers. markers: three or more
+/// pairs of vertices. Throws Error(argument) for markers out of range, contradictory, fewer than
+/// three or all on a line; Error(cancelled).
 Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& markers,
                         const RegistrationOptions& options, const Progress& progress = {});
 
@@ -46,8 +47,8 @@ struct Match {
 };
 
 /// For each triangle of either mesh the one of the other whose surface is nearest to its centre and
-/// whose normal is less than a right angle off. registered: the source's triangles with the positions
-/// that register_onto() gave.
+/// whose normal is less than a right angle off. registered: the source's triangles with the
+/// positions that register_onto() gave.
 Match match_triangles(const Mesh& registered, const Mesh& target, double reach, int threads = 0,
                       const Progress& progress = {});
 

@@ -15,9 +15,9 @@ namespace dd {
 /// units that make sums of squares areas. With three numbers a triangle, from its cotangents,
 /// g_0 = (a, 0), g_1 = (b, 1/(2a)), g_2 = −g_0 − g_1: g_k · g_l is the triangle's part of L, the
 /// gradient of positions x is x_0 g_0ᵀ + x_1 g_1ᵀ + x_2 g_2ᵀ with A_j ‖G_j(x)‖² its square, and the
-/// divergence of a gradient X at corner k is X g_k. That is the flux of corner_divergence(), safe for triangles
-/// without area in the same way. All are differences from the rest: a surface at rest gives exact
-/// zeros.
+/// divergence of a gradient X at corner k is X g_k. That is the flux of corner_divergence(), safe
+/// for triangles without area in the same way. All are differences from the rest: a surface at rest
+/// gives exact zeros.
 template <class Real>
 class ExamplePass {
  public:
