@@ -24,8 +24,8 @@
 #include "deform/deformer.h"
 #include "kernels/kernels.h"
 #include "meshes.h"
-#include "surface/bending_system.h"
-#include "surface/free_block.h"
+#include "systems/free_block.h"
+#include "systems/polyharmonic_system.h"
 #include "timing.h"
 #ifdef DD_HAVE_CGAL
 #include "cgal_peer.h"

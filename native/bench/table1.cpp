@@ -13,10 +13,10 @@
 
 #include "cases.h"
 #include "solver/fill_reducing_order.h"
-#include "surface/free_block.h"
-#include "surface/operators.h"
-#include "surface/tets.h"
-#include "surface/volumetric_transfer.h"
+#include "surface/fourth_points.h"
+#include "systems/free_block.h"
+#include "systems/operators.h"
+#include "systems/tets.h"
 #include "timing.h"
 
 namespace {

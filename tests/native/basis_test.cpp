@@ -7,7 +7,7 @@
 #include "dense_reference.h"
 #include "meshes.h"
 #include "surface/base_surface.h"
-#include "surface/free_block.h"
+#include "systems/free_block.h"
 
 using namespace dd;
 
@@ -41,7 +41,7 @@ RowOrder plain_order(const Region& region) {
 TEST_CASE("the base solves L M⁻¹ L q = 0 and keeps constrained vertices") {
   const Bound b;
   const int n = b.mesh.vertex_count();
-  const BendingSystem bending(b.operators, b.region);
+  const PolyharmonicSystem bending(b.operators, b.region);
   const Positions q = base_surface(bending, b.region, b.mesh.positions);
   const SparseMatrix& L = b.operators.laplacian;
   const Eigen::VectorXd inverse_masses = b.operators.masses.cwiseInverse();
@@ -64,7 +64,7 @@ TEST_CASE("the base solves L M⁻¹ L q = 0 and keeps constrained vertices") {
 
 TEST_CASE("basis functions give the bi-Laplacian's own solution (T-basis = direct solve)") {
   const Bound b;
-  const BendingSystem bending(b.operators, b.region);
+  const PolyharmonicSystem bending(b.operators, b.region);
   const HandleBasis basis =
       handle_basis(bending, b.region, b.mesh.positions, plain_order(b.region));
   REQUIRE(basis.weights.cols() == 8);
@@ -89,7 +89,7 @@ TEST_CASE("a handle's functions are 1 and its coordinates when everything constr
   Bound b;
   for (int& role : b.roles) role = role == kFree ? kFree : 0;
   b.region = split_region(b.mesh, b.roles, 1);
-  const BendingSystem bending(b.operators, b.region);
+  const PolyharmonicSystem bending(b.operators, b.region);
   const HandleBasis basis =
       handle_basis(bending, b.region, b.mesh.positions, plain_order(b.region));
   const Positions q = base_surface(bending, b.region, b.mesh.positions);
@@ -108,7 +108,7 @@ TEST_CASE("each order of smoothness solves its own energy") {
   Eigen::MatrixXd energy = dense.L;
   for (Smoothness smoothness :
        {Smoothness::membrane, Smoothness::thin_plate, Smoothness::curvature_variation}) {
-    const BendingSystem bending(b.operators, b.region, smoothness);
+    const PolyharmonicSystem bending(b.operators, b.region, smoothness);
     const Positions q = base_surface(bending, b.region, b.mesh.positions);
     const Positions expected = test::dense_solve(energy, b.mesh.positions, b.roles, none);
     CHECK(test::largest_difference(q, expected) < 1e-8);
@@ -128,7 +128,7 @@ TEST_CASE("a border's slope and curvature are continued as far as the order says
   for (Smoothness smoothness :
        {Smoothness::membrane, Smoothness::thin_plate, Smoothness::curvature_variation}) {
     RowMatrix values = flat.positions.col(0).array().pow(4).matrix();
-    const RowMatrix free = BendingSystem(operators, region, smoothness).extend(values);
+    const RowMatrix free = PolyharmonicSystem(operators, region, smoothness).extend(values);
     double worst = 0;
     for (int r = 0; r < region.free_count(); ++r)
       worst = std::max(worst, std::abs(free(r, 0) - values(region.free[r], 0)));
@@ -143,7 +143,7 @@ TEST_CASE("a long strip that is held at one end keeps its digits, or is refused 
     ribbon.positions.col(0) *= length - 1;
     const Region region = split_region(ribbon, test::strip_roles(length, 2, 0, length - 3), 1);
     const auto operators = surface_operators(ribbon.positions, ribbon.triangles);
-    return BendingSystem(operators, region).extend(RowMatrix::Ones(ribbon.vertex_count(), 1));
+    return PolyharmonicSystem(operators, region).extend(RowMatrix::Ones(ribbon.vertex_count(), 1));
   };
   // A constant is its own extension.
   CHECK((extended(5000).array() - 1).abs().maxCoeff() < 1e-9);

@@ -7,6 +7,7 @@
 #include "catch.h"
 #include "deform.h"
 #include "dense_reference.h"
+#include "mesh/unit_box.h"
 #include "meshes.h"
 
 using namespace dd;

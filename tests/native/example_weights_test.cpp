@@ -66,7 +66,7 @@ TEST_CASE("EXAMPLES by given weights: handles are let go, what is fixed stays") 
     weights[i] = 1;
     CHECK(test::largest_difference(surface(deformer, away, posed_by(weights)), poses.examples[i]) <
           1e-9);
-    CHECK(deformer.example_weights() == weights);
+    CHECK(deformer.findings(MethodKind::examples).example_weights == weights);
   }
   const Positions half = surface(deformer, away, posed_by({0.5, 0, 0}));
   CHECK(test::largest_difference(half, poses.limb.bent(40, 0.5)) < 0.01 * box(mesh));
@@ -181,7 +181,7 @@ TEST_CASE("EXAMPLES: a handle out of reach doesn't turn a bulge into a pinch") {
     Affine moved = test::identity();  // without the turn that the bend would have
     moved.col(3) << aside, 0, -0.5 * aside;
     surface(deformer, {moved}, posed());
-    const std::vector<double> weights = deformer.example_weights();
+    const std::vector<double> weights = deformer.findings(MethodKind::examples).example_weights;
     CHECK(weights[0] > 0.1);
     for (const double weight : weights) {
       CHECK(weight > -0.4);

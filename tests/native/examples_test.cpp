@@ -79,12 +79,14 @@ TEST_CASE("EXAMPLES: handles at an example's places reproduce it, in either prec
           surface(deformer, poses.handles.at(mesh, poses.examples[i]), posed());
       CHECK(test::largest_difference(result, poses.examples[i]) < 1e-4 * box(mesh));
       for (size_t k = 0; k < 3; ++k)
-        CHECK(deformer.example_weights()[k] == Approx(k == i ? 1 : 0).margin(1e-3));
+        CHECK(deformer.findings(MethodKind::examples).example_weights[k] ==
+              Approx(k == i ? 1 : 0).margin(1e-3));
     }
     CHECK(test::largest_difference(
               surface(deformer, poses.handles.at(mesh, mesh.positions), posed()), mesh.positions) <
           1e-12);
-    for (double weight : deformer.example_weights()) CHECK(std::abs(weight) < 1e-9);
+    for (double weight : deformer.findings(MethodKind::examples).example_weights)
+      CHECK(std::abs(weight) < 1e-9);
   }
 }
 
@@ -99,7 +101,7 @@ TEST_CASE("EXAMPLES: half-way along a bend of 120 degrees a limb keeps its lengt
         .norm();  // of what is straight beyond the joint
   };
   CHECK(length(result) == Approx(length(limb.mesh.positions)).epsilon(0.01));
-  CHECK(deformer.example_weights()[0] == Approx(0.5).margin(0.02));
+  CHECK(deformer.findings(MethodKind::examples).example_weights[0] == Approx(0.5).margin(0.02));
   CHECK(test::largest_difference(result, half) < 0.01 * box(limb.mesh));
   // What blending positions makes of it.
   const Positions blended = 0.5 * (limb.mesh.positions + bent);
@@ -130,7 +132,7 @@ TEST_CASE(
   for (const auto& examples : sets) {
     Deformer deformer(mesh, roles, 1, with(examples));
     CHECK(test::largest_difference(surface(deformer, motion, posed()), expected) < 1e-9);
-    CHECK(deformer.example_weights().size() == examples.size());
+    CHECK(deformer.findings(MethodKind::examples).example_weights.size() == examples.size());
   }
 }
 
@@ -149,7 +151,7 @@ TEST_CASE("EXAMPLES: the result is the pose of its weights, and these have the l
       held.row(v) = test::transformed(motions[handles.roles[v]], held.row(v));
   Deformer deformer(mesh, handles.roles, 2, with(examples));
   const Positions result = surface(deformer, motions, posed());
-  const std::vector<double> found = deformer.example_weights();
+  const std::vector<double> found = deformer.findings(MethodKind::examples).example_weights;
   const Eigen::Map<const Eigen::VectorXd> weights(found.data(), 2);
 
   const auto op = test::dense_operators(mesh.positions, mesh.triangles);
@@ -233,12 +235,14 @@ TEST_CASE("EXAMPLES: stiffness keeps weights back, far handles don't make them e
   for (Affine& motion : far) motion.col(3) += Eigen::Vector3d(20, 0, 0);
   CHECK(surface(deformer, far, posed()).allFinite());
   double largest = 0;
-  for (double weight : deformer.example_weights()) largest = std::max(largest, std::abs(weight));
+  for (double weight : deformer.findings(MethodKind::examples).example_weights)
+    largest = std::max(largest, std::abs(weight));
   CHECK(largest < 10);
   UpdateOptions stiff = posed();
   stiff.of_method.example_stiffness = 1e4;
   surface(deformer, far, stiff);
   double kept = 0;
-  for (double weight : deformer.example_weights()) kept = std::max(kept, std::abs(weight));
+  for (double weight : deformer.findings(MethodKind::examples).example_weights)
+    kept = std::max(kept, std::abs(weight));
   CHECK(kept < 0.5 * largest);
 }

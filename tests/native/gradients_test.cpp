@@ -7,7 +7,8 @@
 #include "catch.h"
 #include "dense_reference.h"
 #include "meshes.h"
-#include "surface/operators.h"
+#include "systems/free_block.h"
+#include "systems/operators.h"
 
 using namespace dd;
 
@@ -17,26 +18,30 @@ namespace {
 Positions divergence_by_pass(const Mesh& surface, const Positions& base, const Positions& deformed,
                              bool rotation_only) {
   const int n = surface.vertex_count();
-  const auto metric = triangle_metric(surface.positions, surface.triangles);
   const std::vector<int> all_free(static_cast<size_t>(n), kFree);
   const Region region = split_region(surface, all_free, 0, MovedBy::base);
   Workers workers(1);
   BlockOptions options;
   options.workers = &workers;
-  const SurfaceOperators operators = surface_operators(surface.positions, surface.triangles);
-  const PoissonSystem poisson(surface, region, operators, free_block(operators.laplacian, region),
-                              options);
-  const GradientPass<double> pass(base, surface.triangles,
-                                  corner_divergence(metric, surface.positions, surface.triangles),
-                                  gradient_sources(base, surface.triangles, 1), poisson);
-  Rows base_rows = Rows::Zero(n, 4), right = Rows::Zero(poisson.right_hand_side_rows(), 4);
-  for (int r = 0; r < n; ++r)
-    base_rows.row(r).head<3>() = deformed.row(poisson.order().vertex_of_row[r]);
-  for (int part = 0; part < poisson.active().parts(); ++part)
-    pass.add(part, base_rows.data(), rotation_only, right.data());
+  FactoredSurface factored(surface, region);
+  factored.factor(free_block(factored.operators.laplacian, region), options);
+  const PoissonSystem& poisson = *factored.poisson;
+  const GradientPass<double> pass(factored, base, stand_ins(base, surface.triangles, 1));
+  const Rows base_rows = in_order(deformed, poisson.order());
+  Rows right = Rows::Zero(poisson.right_hand_side_rows(), 4);
+  for (int section = 0; section < poisson.active().sections(); ++section)
+    pass.add(section, base_rows.data(), rotation_only, right.data());
   Positions result(n, 3);
   for (int r = 0; r < n; ++r) result.row(poisson.order().vertex_of_row[r]) = right.row(r).head<3>();
   return result;
+}
+
+/// How many triangles another one, or none, stands in for.
+int with_another(const StandIns& standing) {
+  int count = 0;
+  for (size_t j = 0; j < standing.of_triangle.size(); ++j)
+    count += standing.of_triangle[j] != static_cast<int>(j);
+  return count;
 }
 
 /// A smooth base with a strong, uneven deformation.
@@ -85,12 +90,12 @@ TEST_CASE("triangles of the base without area turn with a neighbour") {
       if (t(j, k) == 20) fan.push_back(int(j));
   for (int j : {fan[0], fan[1]})
     for (int k = 0; k < 3; ++k) pair.base.row(t(j, k)) = pair.base.row(20);
-  const GradientSources sources = gradient_sources(pair.base, t, 1);
-  CHECK(sources.borrowed_count >= int(2));
+  const StandIns standing = stand_ins(pair.base, t, 1);
+  CHECK(with_another(standing) >= 2);
   for (Index j = 0; j < t.rows(); ++j) {
-    const int source = sources.of_triangle[j];
-    REQUIRE(source >= 0);
-    CHECK(sources.of_triangle[source] == source);
+    const int other = standing.of_triangle[j];
+    REQUIRE(other >= 0);
+    CHECK(standing.of_triangle[other] == other);
   }
 
   const test::Affine motion = test::rotation_about(1.1, {1, 2, 3}, {0, 0, 0}, {3, 2, 1});
@@ -100,14 +105,14 @@ TEST_CASE("triangles of the base without area turn with a neighbour") {
   CHECK((turned - rest * motion.leftCols<3>().transpose()).norm() < 1e-9 * rest.norm());
 }
 
-TEST_CASE("a part without any area keeps S_j = I: it has no source") {
+TEST_CASE("a part without any area keeps S_j = I: nothing stands in for it") {
   const Mesh part = test::sphere(1);
   Mesh both = test::appended(part, part);
   both.positions.bottomRows(part.vertex_count()).setConstant(4);
-  const GradientSources sources = gradient_sources(both.positions, both.triangles, 1);
-  CHECK(sources.borrowed_count == part.triangle_count());
+  const StandIns standing = stand_ins(both.positions, both.triangles, 1);
+  CHECK(with_another(standing) == part.triangle_count());
   for (int j = 0; j < both.triangle_count(); ++j)
-    CHECK(sources.of_triangle[j] == (j < part.triangle_count() ? j : -1));
+    CHECK(standing.of_triangle[j] == (j < part.triangle_count() ? j : -1));
 }
 
 TEST_CASE("a collapsed part that hangs on one vertex turns with what it hangs on") {
@@ -117,7 +122,7 @@ TEST_CASE("a collapsed part that hangs on one vertex turns with what it hangs on
   const int first = part.vertex_count();
   for (Index k = 0; k < both.triangles.size(); ++k)
     if (both.triangles.data()[k] == first) both.triangles.data()[k] = 0;  // (1, 0, 0) in both
-  for (int source : gradient_sources(both.positions, both.triangles, 1).of_triangle)
+  for (int source : stand_ins(both.positions, both.triangles, 1).of_triangle)
     CHECK((source >= 0 && source < part.triangle_count()));
 }
 

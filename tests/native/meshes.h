@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "mesh/mesh.h"
-#include "surface/region.h"
+#include "systems/region.h"
 
 namespace dd::test {
 

@@ -7,8 +7,6 @@
 #include "deform.h"
 #include "dense_reference.h"
 #include "mesh/measures.h"
-#include "methods/displacement_volumes.h"
-#include "methods/normal_displacement.h"
 #include "support/rotations.h"
 
 using namespace dd;
@@ -166,7 +164,7 @@ TEST_CASE("a part whose base collapses turns with the handle that alone holds it
     for (int refine : {0, 3})
       CHECK(test::largest_difference(
                 surface(deformer, {turn}, by(MethodKind::transfer, true, refine)), turned) < 1e-8);
-    CHECK(deformer.borrowed_count() == ball.triangle_count());
+    CHECK(deformer.findings(MethodKind::transfer).stand_in_count == ball.triangle_count());
   }
   SECTION("by three vertices in a line") {
     Mesh strip = test::bumpy_plane(21, 2);
@@ -211,7 +209,7 @@ TEST_CASE("NORMAL reconstructs S at rest at every level count, and follows rigid
                                    plane.mesh.positions) < 1e-9);
     CHECK(test::largest_difference(surface(deformer, {motion}, options),
                                    test::transformed(motion, plane.mesh.positions)) < 1e-9);
-    CHECK(deformer.normal_displacement()->unrepresented_count() == 0);
+    CHECK(deformer.findings(MethodKind::normal).unrepresented_count == 0);
     // Random relief is no height field everywhere: the other way must be as exact.
     Deformer rough(ball.mesh, ball.roles, 2, {});
     CHECK(test::largest_difference(surface(rough, {test::identity(), test::identity()}, options),
@@ -268,9 +266,9 @@ TEST_CASE("NORMAL counts what is no height field over the base") {
   Deformer deformer(mesh, roles, 1, {});
   CHECK(test::largest_difference(surface(deformer, {test::identity()}, by(MethodKind::normal)),
                                  mesh.positions) < 1e-9);
-  const NormalDisplacement& normal = *deformer.normal_displacement();
-  CHECK(normal.unrepresented_count() > 20);
-  CHECK(mesh.positions(normal.unrepresented_example(), 2) > 0);
+  const MethodFindings normal = deformer.findings(MethodKind::normal);
+  CHECK(normal.unrepresented_count > 20);
+  CHECK(mesh.positions(normal.unrepresented_example, 2) > 0);
   Affine lift = test::identity();
   lift(2, 3) = 0.3;
   CHECK(surface(deformer, {lift}, by(MethodKind::normal)).allFinite());
@@ -280,7 +278,7 @@ TEST_CASE("VOLUMES keeps the space between base and surface, whatever the unit")
   const auto plane = test::lifted_plane(61);
   Deformer deformer(plane.mesh, plane.roles, 1, {});
   const Positions result = surface(deformer, {plane.motion}, by(MethodKind::volumes));
-  CHECK(deformer.displacement_volumes()->settled());
+  CHECK(deformer.findings(MethodKind::volumes).settled);
   // The prisms' volumes once more, cut into three tetrahedra each (either way of cutting their
   // sides is off by as much, so their mean is the bilinear prism).
   const auto volume = [&](const Positions& base, const Positions& over, Index j) {
@@ -322,7 +320,7 @@ TEST_CASE("VOLUMES keeps the space between base and surface, whatever the unit")
   }
   INFO("missing of the volume: " << by_volumes / total << ", by transfer " << by_transfer / total);
   CHECK(by_volumes / total ==
-        Approx(deformer.displacement_volumes()->volume_error()).epsilon(1e-6));
+        Approx(deformer.findings(MethodKind::volumes).volume_error).epsilon(1e-6));
   CHECK(by_volumes < 0.05 * total);
   CHECK(by_volumes < 0.5 * by_transfer);
 
@@ -350,7 +348,7 @@ TEST_CASE("VOLUMES tells how far it is, can be cancelled, and says when it stopp
   options.of_method.volume_iterations = 1;
   options.of_method.volume_tolerance = 1e-9;
   surface(deformer, {plane.motion}, options);
-  CHECK(!deformer.displacement_volumes()->settled());
+  CHECK(!deformer.findings(MethodKind::volumes).settled);
   // Where the surface is its own base there is nothing to keep.
   const Mesh flat = test::grid(21, 21, [](double, double) { return 0.0; });
   Deformer bare(flat, test::strip_roles(21, 21, 3, 18), 1, {});

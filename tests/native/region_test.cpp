@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/region.h"
+#include "systems/region.h"
 
 #include "catch.h"
 #include "meshes.h"

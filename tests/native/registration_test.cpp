@@ -7,6 +7,7 @@
 #include "catch.h"
 #include "mesh/box_tree.h"
 #include "mesh/measures.h"
+#include "mesh/unit_box.h"
 #include "meshes.h"
 #include "support/error.h"
 

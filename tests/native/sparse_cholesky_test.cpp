@@ -8,8 +8,8 @@
 
 #include "catch.h"
 #include "meshes.h"
-#include "surface/free_block.h"
-#include "surface/operators.h"
+#include "systems/free_block.h"
+#include "systems/operators.h"
 
 using namespace dd;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/tets.h"
+#include "systems/tets.h"
 
 #include <Eigen/Dense>
 #include <random>
@@ -8,7 +8,7 @@
 #include "catch.h"
 #include "deform.h"
 #include "dense_reference.h"
-#include "surface/volumetric_transfer.h"
+#include "surface/fourth_points.h"
 
 using namespace dd;
 using test::Affine;

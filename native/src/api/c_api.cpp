@@ -12,7 +12,6 @@
 #include "deform/deformer.h"
 #include "deform/split_motion.h"
 #include "kernels/kernels.h"
-#include "methods/normal_displacement.h"
 
 using namespace dd::c_api;
 
@@ -318,10 +317,10 @@ int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info
     facts.idle_handle_example = region.idle_handles.empty() ? -1 : region.idle_handles.front();
     facts.degenerate_count = static_cast<int32_t>(degenerate.size());
     facts.degenerate_example = degenerate.empty() ? -1 : degenerate.front();
-    facts.borrowed_count = bound.borrowed_count();
-    const dd::NormalDisplacement* normal = bound.normal_displacement();
-    facts.unrepresented_count = normal ? normal->unrepresented_count() : 0;
-    facts.unrepresented_example = normal ? normal->unrepresented_example() : -1;
+    facts.borrowed_count = bound.findings(dd::MethodKind::transfer).stand_in_count;
+    const dd::MethodFindings normal = bound.findings(dd::MethodKind::normal);
+    facts.unrepresented_count = normal.unrepresented_count;
+    facts.unrepresented_example = normal.unrepresented_example;
     facts.bind_seconds = deformer->bind_seconds;
     facts.bytes = bound.bytes();
     write_struct("info", info, facts);
@@ -332,7 +331,8 @@ int32_t dd_deformer_get_example_weights(const dd_deformer* deformer, double* out
   return guarded([&] {
     require(deformer, "deformer is null.");
     require(out || count == 0, "out is null.");
-    const std::vector<double> weights = deformer->deformer.example_weights();
+    const std::vector<double> weights =
+        deformer->deformer.findings(dd::MethodKind::examples).example_weights;
     require_size("out", count, weights.size());
     std::copy(weights.begin(), weights.end(), out);
   });

@@ -7,7 +7,7 @@
 #include "api/c_api_support.h"
 #include "mesh/distances.h"
 #include "mesh/measures.h"
-#include "surface/tets.h"
+#include "systems/tets.h"
 
 using namespace dd::c_api;
 

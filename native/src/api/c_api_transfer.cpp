@@ -153,10 +153,10 @@ int32_t dd_transfer_get_info(const dd_transfer* transfer, dd_transfer_info* info
     require(transfer, "transfer is null.");
     const dd::MeshTransfer& bound = transfer->transfer;
     dd_transfer_info facts{};
-    facts.unmatched_count = bound.unmatched_count;
-    facts.unmatched_example = bound.unmatched_example;
-    facts.unmatched_part_count = bound.unmatched_part_count;
-    facts.unmatched_part_example = bound.unmatched_part_example;
+    facts.unmatched_count = bound.gradients().unmatched_count();
+    facts.unmatched_example = bound.gradients().unmatched_example();
+    facts.unmatched_part_count = bound.unmatched_component_count();
+    facts.unmatched_part_example = bound.unmatched_component_example();
     facts.loose_count = bound.loose_count();
     const std::vector<int>& degenerate = bound.degenerate_triangles();
     facts.degenerate_count = static_cast<int32_t>(degenerate.size());

@@ -8,13 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "methods/displacement_volumes.h"
-#include "methods/examples/examples.h"
-#include "methods/gradient_editing.h"
-#include "methods/normal_displacement.h"
-#include "methods/transfer.h"
-#include "methods/variational.h"
-#include "surface/floating_parts.h"
+#include "surface/component_placement.h"
 
 namespace dd {
 
@@ -49,17 +43,16 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
       region_(split_region(mesh_, roles, handle_count,
                            options.base.size() ? MovedBy::base : MovedBy::handles)) {
   report(progress, 0.02, "Building operators");
-  scale_ = bounding_box_diagonal(mesh_.positions);
-  centre_ = 0.5 * (mesh_.positions.colwise().maxCoeff() + mesh_.positions.colwise().minCoeff());
+  box_ = UnitBox(mesh_.positions);
   BindOptions in_unit = options;
-  in_unit.base = to_unit(options.base);
+  in_unit.base = box_.into(options.base);
   for (size_t i = 0; i < options.examples.size(); ++i) {
     validate_example(options.examples[i], static_cast<int>(i), mesh_);
-    in_unit.examples[i] = to_unit(options.examples[i]);
+    in_unit.examples[i] = box_.into(options.examples[i]);
   }
-  bound_ = std::make_unique<BoundSurface>(Mesh{to_unit(mesh_.positions), mesh_.triangles}, region_,
-                                          in_unit, workers_, progress);
-  if (!region_.grounds.empty()) floating_ = std::make_unique<FloatingParts>(*bound_);
+  bound_ = std::make_unique<BoundSurface>(Mesh{box_.into(mesh_.positions), mesh_.triangles},
+                                          region_, in_unit, workers_, progress);
+  if (!region_.grounds.empty()) carried_ = std::make_unique<CarriedComponents>(*bound_);
 
   coefficients_ = RowMatrix::Zero(4 * handle_count, 4);
   linear_.assign(static_cast<size_t>(handle_count), Eigen::Matrix3d::Identity());
@@ -88,7 +81,7 @@ void Deformer::update_to(float* out, bool positions, const double* matrices,
     for (int64_t r = begin; r < end; ++r) {
       const int v = vertex[r];
       for (int c = 0; c < 3; ++c) {
-        const double offset = scale_ * moved_(r, c);
+        const double offset = box_.scale * moved_(r, c);
         const double value = positions ? mesh_.positions(v, c) + offset : offset;
         largest = std::max(largest, std::abs(value));
         sum += value;
@@ -116,10 +109,9 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
     moved_ = base_ - bound_->rest;
     return;
   }
-  method(options).update({coefficients_, linear_, base_, moved_}, options.of_method);
-  const bool from_gradients =
-      options.method == MethodKind::transfer || options.method == MethodKind::gradient;
-  if (floating_ && from_gradients) floating_->settle(base_, moved_);
+  const bool carried = facts(options.method).from_base;
+  method(options.method).update({coefficients_, linear_, base_, moved_}, options.of_method);
+  if (carried && carried_) carried_->place(base_, moved_);
 }
 
 void Deformer::move_base(const Positions* deformed) {
@@ -131,7 +123,7 @@ void Deformer::move_base(const Positions* deformed) {
                   "has no deformed base with as many vertices.");
     if (!deformed->allFinite())
       throw Error(Status::argument, "The deformed base has coordinates that are not finite.");
-    base_ = in_order(to_unit(*deformed), order);
+    base_ = in_order(box_.into(*deformed), order);
     return;
   }
   const RowMatrix& weights = bound_->basis.weights;
@@ -154,36 +146,16 @@ void Deformer::take_matrices(const double* matrices) {
                   "The matrix of handle " + std::to_string(h) + " is not finite.");
     linear_[h] = matrix.leftCols<3>();
     const Eigen::Matrix3d change = linear_[h] - Eigen::Matrix3d::Identity();
-    const Eigen::RowVector3d centre = scale_ * bound_->basis.centres.row(h) + centre_;
+    const Eigen::RowVector3d centre = box_.scale * bound_->basis.centres.row(h) + box_.centre;
     const Eigen::Vector3d shift = change * centre.transpose() + matrix.col(3);
     coefficients_.block<3, 3>(4 * h, 0) = change.transpose();
-    coefficients_.block<1, 3>(4 * h + 3, 0) = shift.transpose() / scale_;
+    coefficients_.block<1, 3>(4 * h + 3, 0) = shift.transpose() / box_.scale;
   }
 }
 
-Method& Deformer::method(const UpdateOptions& options) {
-  std::unique_ptr<Method>& made = methods_[static_cast<int>(options.method)];
-  switch (options.method) {
-    case MethodKind::transfer:
-      if (!made) made = make_transfer(*bound_);
-      break;
-    case MethodKind::variational:
-      if (!made) made = std::make_unique<Variational>(*bound_);
-      break;
-    case MethodKind::gradient:
-      if (!made) made = std::make_unique<GradientEditing>(*bound_);
-      break;
-    case MethodKind::normal:
-      if (!made || static_cast<NormalDisplacement&>(*made).levels() != options.of_method.levels)
-        made = std::make_unique<NormalDisplacement>(*bound_, options.of_method.levels);
-      break;
-    case MethodKind::volumes:
-      if (!made) made = std::make_unique<DisplacementVolumes>(*bound_);
-      break;
-    case MethodKind::examples:
-      if (!made) made = make_examples(*bound_);
-      break;
-  }
+Method& Deformer::method(MethodKind kind) {
+  std::unique_ptr<Method>& made = methods_[static_cast<size_t>(kind)];
+  if (!made) made = facts(kind).make(*bound_);
   return *made;
 }
 
@@ -191,7 +163,7 @@ void Deformer::scale_to_mesh(const Rows& rows, Positions& vectors) const {
   const std::vector<int>& vertex = bound_->order().vertex_of_row;
   double sum = 0;
   for (Index r = 0; r < rows.rows(); ++r) {
-    for (int c = 0; c < 3; ++c) vectors(vertex[r], c) = scale_ * rows(r, c);
+    for (int c = 0; c < 3; ++c) vectors(vertex[r], c) = box_.scale * rows(r, c);
     sum += std::abs(rows(r, 0)) + std::abs(rows(r, 1)) + std::abs(rows(r, 2));
   }
   if (!std::isfinite(sum))
@@ -202,37 +174,19 @@ void Deformer::scale_to_mesh(const Rows& rows, Positions& vectors) const {
 Positions Deformer::place_in_mesh(const Rows& rows) const {
   Positions positions(rows.rows(), 3);
   scale_to_mesh(rows, positions);
-  return positions.rowwise() + centre_;
-}
-
-Positions Deformer::to_unit(const Positions& positions) const {
-  return (positions.rowwise() - centre_) / scale_;
+  return positions.rowwise() + box_.centre;
 }
 
 Positions Deformer::base() const { return place_in_mesh(bound_->rest_base); }
 
 Positions Deformer::deformed_base() const { return place_in_mesh(base_); }
 
-int Deformer::borrowed_count() const {
-  const auto& made = methods_[static_cast<int>(MethodKind::transfer)];
-  return made ? static_cast<const TransferMethod&>(*made).borrowed_count() : 0;
-}
-
-const NormalDisplacement* Deformer::normal_displacement() const {
-  return static_cast<const NormalDisplacement*>(
-      methods_[static_cast<int>(MethodKind::normal)].get());
-}
-
-const DisplacementVolumes* Deformer::displacement_volumes() const {
-  return static_cast<const DisplacementVolumes*>(
-      methods_[static_cast<int>(MethodKind::volumes)].get());
-}
-
-std::vector<double> Deformer::example_weights() const {
-  const auto& made = methods_[static_cast<int>(MethodKind::examples)];
-  if (!made) return std::vector<double>(bound_->examples.size(), 0);
-  const Eigen::VectorXd& weights = static_cast<const ExamplesMethod&>(*made).weights();
-  return {weights.begin(), weights.end()};
+MethodFindings Deformer::findings(MethodKind kind) const {
+  const std::unique_ptr<Method>& made = methods_[static_cast<size_t>(kind)];
+  if (made) return made->findings();
+  MethodFindings none;
+  none.example_weights.assign(bound_->examples.size(), 0.0);
+  return none;
 }
 
 double Deformer::bytes() const {

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <array>
 #include <memory>
 #include <vector>
 
-#include "methods/method.h"
+#include "mesh/unit_box.h"
+#include "methods/methods.h"
 
 namespace dd {
 
-class DisplacementVolumes;
-class FloatingParts;
-class NormalDisplacement;
+class CarriedComponents;
 
 /// What an update shows.
 enum class Shown {
@@ -55,12 +55,8 @@ class Deformer {
   const std::vector<int>& degenerate_triangles() const {
     return bound_->operators.metric.degenerate;
   }
-  int borrowed_count() const;
-  /// Null before the first update by that method.
-  const NormalDisplacement* normal_displacement() const;
-  const DisplacementVolumes* displacement_volumes() const;
-  /// Of the last update by examples, one for each; before it, zeros.
-  std::vector<double> example_weights() const;
+  /// What a method found; before its first update nothing, and example weights of zero.
+  MethodFindings findings(MethodKind method) const;
   double bytes() const;
 
   /// B at rest and as of the last update, n×3, in the mesh's units.
@@ -72,26 +68,22 @@ class Deformer {
   void take_matrices(const double* matrices);
   void move_base(const Positions* deformed);
   /// The method, prepared when it isn't yet.
-  Method& method(const UpdateOptions& options);
+  Method& method(MethodKind kind);
   /// Rows in the order of the Poisson system, in the unit box, as n×3 vectors or positions outside.
   void scale_to_mesh(const Rows& rows, Positions& vectors) const;
   Positions place_in_mesh(const Rows& rows) const;
-  Positions to_unit(const Positions& positions) const;
 
   Workers workers_;
   Mesh mesh_;
   Region region_;
-  // Everything inside is solved in a box of diagonal 1 about the origin, so that no tolerance
-  // anywhere depends on the user's unit or on how far from the origin the mesh was modelled.
-  double scale_ = 1;
-  Eigen::RowVector3d centre_ = Eigen::RowVector3d::Zero();
+  UnitBox box_;
   std::unique_ptr<BoundSurface> bound_;
-  std::unique_ptr<Method> methods_[6];  // by MethodKind
+  std::array<std::unique_ptr<Method>, kMethodCount> methods_;  // by MethodKind
 
   RowMatrix coefficients_;  // 4h×4, unit box
   std::vector<Eigen::Matrix3d> linear_;
   Rows base_, moved_;  // B' and the displacement, in BoundSurface::order(), unit box
-  std::unique_ptr<FloatingParts> floating_;  // where there are any
+  std::unique_ptr<CarriedComponents> carried_;  // where there are any
   Positions offsets_;
 };
 

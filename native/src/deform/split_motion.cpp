@@ -7,7 +7,6 @@
 #include <cmath>
 #include <string>
 
-#include "methods/displacement_volumes.h"
 #include "support/rotations.h"
 
 namespace dd {
@@ -54,7 +53,7 @@ SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int ha
                          const Positions* deformed_base) {
   if (bind.base.size() && motion.steps != 1)
     throw Error(Status::argument, "A base from outside has no motion that could be split.");
-  if (update.method == MethodKind::examples && motion.steps != 1)
+  if (!facts(update.method).in_steps && motion.steps != 1)
     throw Error(Status::argument,
                 "Posing by example goes to any pose in one step: steps would forget the rest.");
   validate(mesh);
@@ -78,7 +77,7 @@ SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int ha
   }
 
   // A method that is slow takes the larger part of a step.
-  const double bound_at = update.method == MethodKind::volumes ? 0.2 : 0.95;
+  const double bound_at = facts(update.method).slow ? 0.2 : 0.95;
   Mesh surface = mesh;
   SplitResult result;
   for (int step = 1; step <= motion.steps; ++step) {
@@ -106,10 +105,9 @@ SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int ha
                           return tell(bound_at * std::min(fraction, 0.999), stage);
                         });
       surface.positions += deformer.update(matrices.data(), options, deformed_base);
-      if (const DisplacementVolumes* volumes = deformer.displacement_volumes()) {
-        result.volume_error = volumes->volume_error();
-        result.volumes_settled = volumes->settled();
-      }
+      const MethodFindings findings = deformer.findings(update.method);
+      result.volume_error = findings.volume_error;
+      result.volumes_settled = findings.settled;
     } catch (const Error& error) {
       if (error.status() == Status::cancelled || motion.steps == 1) throw;
       throw Error(error.status(), "In step " + std::to_string(step) + " of " +

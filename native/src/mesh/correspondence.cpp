@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "mesh/topology.h"
 #include "support/error.h"
 
 namespace dd {
@@ -53,9 +54,7 @@ Correspondence vertex_correspondence(const Pairs& pairs, const Mesh& source, con
   check_range(pairs, source.vertex_count(), target.vertex_count(), "vertices");
   std::vector<std::vector<int>> partners(static_cast<size_t>(target.vertex_count()));
   for (const auto& [from, to] : pairs) partners[to].push_back(from);
-  std::vector<std::vector<int>> around(static_cast<size_t>(source.vertex_count()));
-  for (int j = 0; j < source.triangle_count(); ++j)
-    for (int k = 0; k < 3; ++k) around[source.triangles(j, k)].push_back(j);
+  const Fans around(source.triangles, source.vertex_count());
 
   Pairs found;
   for (int j = 0; j < target.triangle_count(); ++j) {
@@ -63,7 +62,7 @@ Correspondence vertex_correspondence(const Pairs& pairs, const Mesh& source, con
     for (int k = 0; k < 3; ++k) {
       std::vector<int> of_corner;
       for (int partner : partners[target.triangles(j, k)])
-        of_corner.insert(of_corner.end(), around[partner].begin(), around[partner].end());
+        of_corner.insert(of_corner.end(), around.of(partner).begin(), around.of(partner).end());
       std::sort(of_corner.begin(), of_corner.end());
       touched.insert(touched.end(), of_corner.begin(),
                      std::unique(of_corner.begin(), of_corner.end()));

@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "mesh/intersections.h"
+#include "mesh/triangles.h"
 #include "support/rotations.h"
-#include "surface/gradients.h"
 
 namespace dd {
 

@@ -2,10 +2,10 @@
 #include "mesh/mesh.h"
 
 #include <cmath>
-#include <numeric>
 #include <sstream>
 #include <string>
 
+#include "mesh/unit_box.h"
 #include "support/error.h"
 
 namespace dd {
@@ -50,40 +50,6 @@ void validate(const Mesh& mesh, const char* which) {
   } catch (const Error& error) {
     throw Error(error.status(), std::string("The ") + which + ": " + error.what());
   }
-}
-
-Eigen::Vector3d triangle_centre(const Positions& p, const Triangles& t, Index j) {
-  return (p.row(t(j, 0)) + p.row(t(j, 1)) + p.row(t(j, 2))).transpose() / 3;
-}
-
-double bounding_box_diagonal(const Positions& positions) {
-  return (positions.colwise().maxCoeff() - positions.colwise().minCoeff()).norm();
-}
-
-namespace {
-
-int find_root(std::vector<int>& parent, int v) {
-  while (parent[v] != v) v = parent[v] = parent[parent[v]];
-  return v;
-}
-
-}  // namespace
-
-Components connected_components(const Mesh& mesh) {
-  std::vector<int> parent(static_cast<size_t>(mesh.vertex_count()));
-  std::iota(parent.begin(), parent.end(), 0);
-  for (int t = 0; t < mesh.triangle_count(); ++t) {
-    const int root = find_root(parent, mesh.triangles(t, 0));
-    for (int k = 1; k < 3; ++k) parent[find_root(parent, mesh.triangles(t, k))] = root;
-  }
-  Components parts;
-  parts.of_vertex.assign(parent.size(), -1);
-  for (int v = 0; v < mesh.vertex_count(); ++v) {
-    int& root_part = parts.of_vertex[find_root(parent, v)];
-    if (root_part < 0) root_part = parts.count++;
-    parts.of_vertex[v] = root_part;
-  }
-  return parts;
 }
 
 }  // namespace dd

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <vector>
-
 #include "support/types.h"
 
 namespace dd {
@@ -26,18 +24,5 @@ void validate(const Mesh& mesh);
 
 /// The same of one of several meshes, which the sentence then begins with: "The source: ...".
 void validate(const Mesh& mesh, const char* which);
-
-Eigen::Vector3d triangle_centre(const Positions& positions, const Triangles& triangles, Index j);
-
-/// Length of the bounding box's diagonal.
-double bounding_box_diagonal(const Positions& positions);
-
-/// Loose parts: for each vertex the number of its part, connected through triangles. A vertex
-/// without a triangle is a part by itself.
-struct Components {
-  std::vector<int> of_vertex;
-  int count = 0;
-};
-Components connected_components(const Mesh& mesh);
 
 }  // namespace dd

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "surface/free_block.h"
+#include "systems/free_block.h"
 
 namespace dd {
 
@@ -53,7 +53,7 @@ SparseMatrix free_rows_in_order(const SparseMatrix& matrix, const RowOrder& orde
 }  // namespace
 
 DisplacementVolumes::DisplacementVolumes(BoundSurface& bound)
-    : bound_(bound), transfer_(make_transfer(bound)), normal_(bound, 1) {
+    : bound_(bound), transfer_(bound), normal_(bound) {
   const RowOrder& order = bound.order();
   const std::vector<int>& active = bound.poisson->active().triangles;
   triangles_.resize(static_cast<Index>(active.size()), 3);
@@ -162,17 +162,18 @@ Rows DisplacementVolumes::shift_for(const Vector& wanted) const {
 }
 
 void DisplacementVolumes::update(const Frame& frame, const MethodOptions& options) {
-  normal_.update(frame, options);
+  MethodOptions linear = options;
+  linear.refine = 0;
+  linear.formulation = Formulation::surface;
+  linear.levels = 1;
+  normal_.update(frame, linear);
   volume_error_ = 0;
   settled_ = true;
   if (!factor_) return;
 
   const int free_count = bound_.order().free_count;
   const Rows place = frame.offsets;
-  MethodOptions linear = options;
-  linear.refine = 0;
-  linear.formulation = Formulation::surface;
-  transfer_->update(frame, linear);
+  transfer_.update(frame, linear);
   // The minimizer without volumes: H p₀ = L p_T + M p_N / ℓ².
   const double reach = kReach * height_;
   const RowMatrix pull = (masses_ / (reach * reach)).asDiagonal() *
@@ -206,8 +207,15 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
   frame.offsets.topRows(free_count) = surface.topRows(free_count) - bound_.rest.topRows(free_count);
 }
 
+MethodFindings DisplacementVolumes::findings() const {
+  MethodFindings findings;
+  findings.volume_error = volume_error_;
+  findings.settled = settled_;
+  return findings;
+}
+
 double DisplacementVolumes::bytes() const {
-  return transfer_->bytes() + normal_.bytes() + (factor_ ? factor_->bytes() : 0) +
+  return transfer_.bytes() + normal_.bytes() + (factor_ ? factor_->bytes() : 0) +
          static_cast<double>(gradients_.size() * sizeof(Eigen::Matrix3d)) +
          static_cast<double>(triangles_.size()) * sizeof(int) +
          static_cast<double>(metric_.nonZeros()) * (sizeof(double) + sizeof(int)) +

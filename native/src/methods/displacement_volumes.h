@@ -26,11 +26,8 @@ class DisplacementVolumes : public Method {
  public:
   explicit DisplacementVolumes(BoundSurface& bound);
   void update(const Frame& frame, const MethodOptions& options) override;
+  MethodFindings findings() const override;
   double bytes() const override;
-
-  /// Of the last update: Σ |W_i' − W_i| / Σ |W_i|, and whether it settled within its steps.
-  double volume_error() const { return volume_error_; }
-  bool settled() const { return settled_; }
 
  private:
   using Vector = Eigen::VectorXd;
@@ -44,7 +41,7 @@ class DisplacementVolumes : public Method {
   Rows shift_for(const Vector& wanted) const;
 
   BoundSurface& bound_;
-  std::unique_ptr<TransferMethod> transfer_;
+  Transfer transfer_;
   NormalDisplacement normal_;
   Triangles triangles_;                     // the active ones, rows for corners
   std::vector<Eigen::Matrix3d> gradients_;  // ∂V/∂p of the corners, as columns

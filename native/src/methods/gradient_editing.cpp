@@ -1,22 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "methods/gradient_editing.h"
 
-#include "surface/handle_blend.h"
+#include "support/handle_blend.h"
 
 namespace dd {
 
-GradientEditing::GradientEditing(BoundSurface& bound) : bound_(bound) {
+GradientEditing::GradientEditing(BoundSurface& bound) : bound_(bound), flux_(bound) {
   const Triangles& t = bound.mesh.triangles;
   const RowOrder& order = bound.order();
   const std::vector<int>& active = bound.poisson->active().triangles;
   const int handle_count = bound.region.handle_count;
 
-  const Positions flux = corner_divergence(bound.operators.metric, bound.mesh.positions, t);
-  flux_.resize(3 * static_cast<Index>(active.size()), 3);
   weights_ = RowMatrix::Zero(static_cast<Index>(active.size()), handle_count);
-  for (size_t i = 0; i < active.size(); ++i)
-    flux_.middleRows<3>(3 * Index(i)) = flux.middleRows<3>(3 * Index(active[i]));
-
   // Three handles a solve: a right-hand side of the Poisson system has three columns.
   for (int first = 0; first < handle_count; first += 3) {
     Rows values = Rows::Zero(order.count(), 4);
@@ -34,23 +29,18 @@ GradientEditing::GradientEditing(BoundSurface& bound) : bound_(bound) {
 }
 
 void GradientEditing::update(const Frame& frame, const MethodOptions& options) {
-  const Triangles& t = bound_.mesh.triangles;
-  const ActiveTriangles& active = bound_.poisson->active();
   const HandleBlend blend(frame.linear, weights_, options.rotation_only);
-  const auto add = [&](int part, double* rows) {
-    for (int i = active.begin[part]; i < active.begin[part + 1]; ++i) {
-      const Eigen::Matrix3d turned = blend.at(i) * flux_.middleRows<3>(3 * Index(i)).transpose();
-      for (int k = 0; k < 3; ++k)
-        Eigen::Map<Eigen::Vector3d>(
-            rows + 4 * Index(bound_.poisson->target(part, t(active.triangles[i], k)))) +=
-            turned.col(k);
-    }
-  };
-  bound_.poisson->solve(bound_.poisson->rest_divergence(), add, frame.offsets);
+  bound_.poisson->solve(
+      bound_.poisson->rest_divergence(),
+      [&](int section, double* rows) {
+        flux_.add(
+            section, [&](int i, int) { return blend.at(i); }, rows);
+      },
+      frame.offsets);
 }
 
 double GradientEditing::bytes() const {
-  return static_cast<double>((flux_.size() + weights_.size()) * Index(sizeof(double)));
+  return flux_.bytes() + static_cast<double>(weights_.size() * Index(sizeof(double)));
 }
 
 }  // namespace dd

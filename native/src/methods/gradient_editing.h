@@ -2,6 +2,7 @@
 #pragma once
 
 #include "methods/method.h"
+#include "surface/corner_flux.h"
 
 namespace dd {
 
@@ -18,7 +19,7 @@ class GradientEditing : public Method {
 
  private:
   BoundSurface& bound_;
-  Positions flux_;     // of the active triangles' corners, 3 rows a triangle
+  CornerFlux flux_;
   RowMatrix weights_;  // active triangles × handles
 };
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "surface/bound_surface.h"
+#include "surface/reconstruction.h"
 
 namespace dd {
 
@@ -16,13 +17,6 @@ enum class MethodKind {
   gradient = 3,
   volumes = 4,
   examples = 5
-};
-
-/// How transfer makes (14) or (10) of the deformation gradients.
-enum class Formulation {
-  surface = 0,                  ///< §5: n unknowns
-  fourth_points = 1,            ///< §3, weighted by volumes: n + m unknowns
-  fourth_points_unweighted = 2  ///< (10) as it stands
 };
 
 struct MethodOptions {
@@ -49,12 +43,24 @@ struct Frame {
   Rows& offsets;     ///< displacement of S: in those of the handles' vertices, out the free ones'
 };
 
+/// What a method found out about the surface or about its last update.
+struct MethodFindings {
+  int stand_in_count = 0;  ///< triangles whose base has no area: others stand in for them
+  /// Vertices at which S is no height field over the next smoother surface, summed over the levels
+  /// of normal displacements, and one of them.
+  int unrepresented_count = 0, unrepresented_example = -1;
+  double volume_error = 0;  ///< of displacement volumes: Σ |W_i' − W_i| / Σ |W_i|
+  bool settled = true;      ///< whether these settled within their iterations
+  std::vector<double> example_weights = {};  ///< one for each example
+};
+
 /// A method over the shared operators and factors; made when it is first asked for.
 class Method {
  public:
   virtual ~Method() = default;
   /// Sets the free rows of frame.offsets; those of handles too where these are let go.
   virtual void update(const Frame& frame, const MethodOptions& options) = 0;
+  virtual MethodFindings findings() const { return {}; }
   virtual double bytes() const = 0;
 };
 

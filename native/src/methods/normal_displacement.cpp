@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <queue>
 #include <utility>
 
@@ -98,38 +97,32 @@ Positions intermediate(const BoundSurface& bound, int level, int levels) {
 
 }  // namespace
 
-NormalDisplacement::NormalDisplacement(const BoundSurface& bound, int level_count)
-    : bound_(bound), triangles_(triangles_near_free(bound)) {
-  fan_begin_.assign(static_cast<size_t>(bound.order().count()) + 1, 0);
-  for (Index k = 0; k < triangles_.size(); ++k) ++fan_begin_[triangles_.data()[k] + 1];
-  for (size_t r = 1; r < fan_begin_.size(); ++r) fan_begin_[r] += fan_begin_[r - 1];
-  fan_.resize(static_cast<size_t>(triangles_.size()));
-  std::vector<int> filled(fan_begin_.begin(), fan_begin_.end() - 1);
-  for (Index k = 0; k < triangles_.size(); ++k)
-    fan_[filled[triangles_.data()[k]]++] = static_cast<int>(k / 3);
-
+NormalDisplacement::NormalDisplacement(const BoundSurface& bound)
+    : bound_(bound),
+      triangles_(triangles_near_free(bound)),
+      fans_(triangles_, bound.order().count()) {
   find_borders();
-  Rows fine = bound.rest;
-  for (int level = 1; level <= level_count; ++level) {
-    const Rows coarse = in_order(
-        level < level_count ? intermediate(bound, level, level_count) : bound.base, bound.order());
+}
+
+void NormalDisplacement::make_levels(int count) {
+  levels_.clear();
+  unrepresented_count_ = 0;
+  unrepresented_example_ = -1;
+  Rows fine = bound_.rest;
+  for (int level = 1; level <= count; ++level) {
+    const Rows coarse =
+        in_order(level < count ? intermediate(bound_, level, count) : bound_.base, bound_.order());
     decompose(fine, coarse);
     fine = coarse;
   }
 }
 
 void NormalDisplacement::find_borders() {
-  std::map<std::pair<int, int>, int> triangles_at;
-  const auto edge = [&](Index j, int k) {
-    return std::pair<int, int>(std::minmax(triangles_(j, (k + 1) % 3), triangles_(j, (k + 2) % 3)));
-  };
-  for (Index j = 0; j < triangles_.rows(); ++j)
-    for (int k = 0; k < 3; ++k) ++triangles_at[edge(j, k)];
-
+  const Borders borders(triangles_, bound_.order().count());
   tangent_.resize(static_cast<size_t>(bound_.order().count()));
   for (Index j = 0; j < triangles_.rows(); ++j)
     for (int k = 0; k < 3; ++k) {
-      on_border_.push_back(triangles_at[edge(j, k)] == 1);
+      on_border_.push_back(borders.places[3 * size_t(j) + size_t((k + 1) % 3)]);
       if (!on_border_.back()) continue;
       const int from = triangles_(j, (k + 1) % 3), to = triangles_(j, (k + 2) % 3);
       tangent_[from].to = to;
@@ -161,7 +154,7 @@ void NormalDisplacement::find_normals(const Rows& positions) {
   workers.over(positions.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (Index r = begin; r < end; ++r) {
       Eigen::RowVector4d sum = Eigen::RowVector4d::Zero();
-      for (int i = fan_begin_[r]; i < fan_begin_[r + 1]; ++i) sum += crosses_.row(fan_[i]);
+      for (int j : fans_.of(static_cast<int>(r))) sum += crosses_.row(j);
       // In the unit box: less than this is rounding, and has no direction.
       const double length = sum.norm();
       normals_.row(r) =
@@ -212,15 +205,15 @@ bool NormalDisplacement::project(const Vector3d& point, int row, const Carrier& 
   std::priority_queue<std::pair<double, int>, std::vector<std::pair<double, int>>, std::greater<>>
       queue;
   const auto add_fan = [&](int corner) {
-    for (int i = fan_begin_[corner]; i < fan_begin_[corner + 1]; ++i) {
-      if (seen_for_[fan_[i]] == row) continue;
-      seen_for_[fan_[i]] = row;
-      const auto corners = triangles_.row(fan_[i]);
+    for (int j : fans_.of(corner)) {
+      if (seen_for_[j] == row) continue;
+      seen_for_[j] = row;
+      const auto corners = triangles_.row(j);
       const Vector3d centre =
           (vector(carrier.positions, corners[0]) + vector(carrier.positions, corners[1]) +
            vector(carrier.positions, corners[2])) /
           3;
-      queue.emplace((centre - point).squaredNorm(), fan_[i]);
+      queue.emplace((centre - point).squaredNorm(), j);
     }
   };
   add_fan(row);
@@ -317,7 +310,9 @@ void NormalDisplacement::decompose(const Rows& fine, const Rows& coarse) {
   levels_.push_back(std::move(level));
 }
 
-void NormalDisplacement::update(const Frame& frame, const MethodOptions&) {
+void NormalDisplacement::update(const Frame& frame, const MethodOptions& options) {
+  // Fewer stand there where an earlier try was refused.
+  if (static_cast<int>(levels_.size()) != options.levels) make_levels(options.levels);
   const int free_count = bound_.order().free_count, held = bound_.order().count() - free_count;
   surface_ = frame.base;
   for (auto level = levels_.rbegin(); level != levels_.rend(); ++level) {
@@ -335,11 +330,17 @@ void NormalDisplacement::update(const Frame& frame, const MethodOptions&) {
       surface_.topRows(free_count) - bound_.rest.topRows(free_count);
 }
 
+MethodFindings NormalDisplacement::findings() const {
+  MethodFindings findings;
+  findings.unrepresented_count = unrepresented_count_;
+  findings.unrepresented_example = unrepresented_example_;
+  return findings;
+}
+
 double NormalDisplacement::bytes() const {
-  const auto ints = triangles_.size() + static_cast<Index>(fan_.size() + fan_begin_.size());
   const auto doubles = crosses_.size() + normals_.size() + surface_.size() + coarse_.size();
-  double sum =
-      static_cast<double>(ints) * sizeof(int) + static_cast<double>(doubles) * sizeof(double);
+  double sum = static_cast<double>(triangles_.size()) * sizeof(int) + fans_.bytes() +
+               static_cast<double>(doubles) * sizeof(double);
   for (const Level& level : levels_)
     sum += static_cast<double>(level.size() * sizeof(Displacement));
   return sum;

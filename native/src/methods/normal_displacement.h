@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "mesh/topology.h"
 #include "methods/method.h"
 
 namespace dd {
@@ -22,15 +23,11 @@ namespace dd {
 /// several vertices share one b. These vertices are counted.
 class NormalDisplacement : public Method {
  public:
-  /// levels: k ≥ 1.
-  NormalDisplacement(const BoundSurface& bound, int levels);
+  explicit NormalDisplacement(const BoundSurface& bound);
+  /// Levels other than those of the last update are made anew.
   void update(const Frame& frame, const MethodOptions& options) override;
+  MethodFindings findings() const override;
   double bytes() const override;
-
-  int levels() const { return static_cast<int>(levels_.size()); }
-  /// Vertices at which S is no height field over the next surface, summed over the levels, and one.
-  int unrepresented_count() const { return unrepresented_count_; }
-  int unrepresented_example() const { return unrepresented_example_; }
 
  private:
   /// Of one free vertex: b = Σ weight · corner, and p − b in the frame there: tangent, across,
@@ -51,6 +48,7 @@ class NormalDisplacement : public Method {
     const Rows& normals;
   };
 
+  void make_levels(int count);
   void find_borders();
   /// Of every row, into normals_.
   void find_normals(const Rows& positions);
@@ -62,8 +60,8 @@ class NormalDisplacement : public Method {
   bool folds(const Carrier& carrier, const Level& level, int triangle) const;
 
   const BoundSurface& bound_;
-  Triangles triangles_;               // with rows for corners: all near the free vertices
-  std::vector<int> fan_begin_, fan_;  // triangles of each row
+  Triangles triangles_;          // with rows for corners: all near the free vertices
+  Fans fans_;                    // of the rows
   std::vector<char> on_border_;  // of each triangle's corner: whether the edge opposite to it is
   std::vector<Edge> tangent_;    // of each row: along the border, or to a neighbour
   std::vector<Level> levels_;    // from S₀ over S₁ to S_(k−1) over B

@@ -288,6 +288,14 @@ RowMatrix SparseCholesky::solve(const RowMatrix& B, Workers* workers) const {
   return X;
 }
 
+SparseMatrix SparseCholesky::in_order(const SparseMatrix& matrix) const {
+  const Eigen::PermutationMatrix<Eigen::Dynamic> places(
+      Eigen::Map<const Eigen::VectorXi>(elimination_->place_of.data(), matrix.rows()));
+  SparseMatrix result(matrix.rows(), matrix.cols());
+  result = matrix.twistedBy(places);
+  return result;
+}
+
 double SparseCholesky::bytes() const {
   const Elimination& e = *elimination_;
   return static_cast<double>(full_.size() * sizeof(double) + single_.size() * sizeof(float) +

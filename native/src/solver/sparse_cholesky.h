@@ -60,6 +60,8 @@ class SparseCholesky {
   int size() const { return elimination_->size(); }
   /// order()[k] is the row of A that stands at place k of the factor.
   const std::vector<int>& order() const { return elimination_->order; }
+  /// A matrix of A's size with its rows and columns in the factor's order.
+  SparseMatrix in_order(const SparseMatrix& matrix) const;
   Precision precision() const { return precision_; }
 
   /// Work space of a solve, slotted_size()×4, to be kept between solves.

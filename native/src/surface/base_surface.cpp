@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "surface/base_surface.h"
 
-#include "surface/free_block.h"
+#include "systems/free_block.h"
 
 namespace dd {
 
-Positions base_surface(const BendingSystem& bending, const Region& region,
+Positions base_surface(const PolyharmonicSystem& bending, const Region& region,
                        const Positions& positions) {
   Positions base = positions;
   const RowMatrix free = bending.extend(positions);

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include "surface/bending_system.h"
+#include "systems/polyharmonic_system.h"
 
 namespace dd {
 
 /// Base surface B: constrained vertices stay where they are on S, the free ones take K q = 0 (§6,
 /// "Base Surface Computation", there with K = L M⁻¹ L). positions: S, n×3. Returns q, n×3.
-Positions base_surface(const BendingSystem& bending, const Region& region,
+Positions base_surface(const PolyharmonicSystem& bending, const Region& region,
                        const Positions& positions);
 
 /// S after one step of implicit fairing, (M + tL) x = M p with t = (edge_lengths · mean edge)²:

@@ -14,7 +14,7 @@ Positions handle_centres(const Region& region, const Positions& positions) {
   return centres;
 }
 
-HandleBasis handle_basis(const BendingSystem& bending, const Region& region,
+HandleBasis handle_basis(const PolyharmonicSystem& bending, const Region& region,
                          const Positions& positions, const RowOrder& order,
                          const std::function<void(double)>& progress) {
   HandleBasis basis;

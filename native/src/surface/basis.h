@@ -2,8 +2,8 @@
 #pragma once
 
 #include "support/progress.h"
-#include "surface/bending_system.h"
-#include "surface/poisson_system.h"
+#include "systems/poisson_system.h"
+#include "systems/polyharmonic_system.h"
 
 namespace dd {
 
@@ -19,7 +19,7 @@ struct HandleBasis {
   RowMatrix weights;  ///< F×4h, rows as in the given order
 };
 /// progress is told how far it is, from 0 to 1.
-HandleBasis handle_basis(const BendingSystem& bending, const Region& region,
+HandleBasis handle_basis(const PolyharmonicSystem& bending, const Region& region,
                          const Positions& positions, const RowOrder& order,
                          const std::function<void(double)>& progress = {});
 

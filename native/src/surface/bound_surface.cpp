@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "surface/base_surface.h"
-#include "surface/free_block.h"
+#include "systems/free_block.h"
 
 namespace dd {
 
@@ -40,10 +40,7 @@ struct BoundSurface::Energy {
 
 BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOptions& options,
                            Workers& workers, const Progress& progress)
-    : mesh(std::move(surface)),
-      region(its_region),
-      operators(surface_operators(mesh.positions, mesh.triangles)),
-      examples(options.examples) {
+    : FactoredSurface(std::move(surface), its_region), examples(options.examples) {
   report(progress, 0.05, "Factoring the Poisson system");
   SparseMatrix block = free_block(operators.laplacian, region);
   const Dissection dissection = free_dissection(block, region, mesh.positions);
@@ -62,8 +59,7 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
   block_options.workers = &workers;
   block_options.precision = options.precision;
   block_options.progress = within(progress, 0.05, 0.15);
-  poisson =
-      std::make_unique<PoissonSystem>(mesh, region, operators, std::move(block), block_options);
+  factor(std::move(block), block_options);
   block_options.precision = Precision::full;
   if (computed) {
     compute_base(options, block_options, on_surface ? energy.get() : Energy{}, progress);
@@ -71,7 +67,6 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
     base = options.base;
     basis.centres = handle_centres(region, mesh.positions);
   }
-  rest = in_order(mesh.positions, order());
   rest_base = in_order(base, order());
 }
 
@@ -84,19 +79,19 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
     how.progress = within(progress, begin, end);
     how.stage = stage;
     const bool made = &metric == &operators && on_surface.block.size() > 0;
-    BendingSystem bending =
-        made ? BendingSystem(metric, region, options.smoothness, on_surface.block, how)
-             : BendingSystem(metric, region, options.smoothness, how);
+    PolyharmonicSystem bending =
+        made ? PolyharmonicSystem(metric, region, options.smoothness, on_surface.block, how)
+             : PolyharmonicSystem(metric, region, options.smoothness, how);
     how.elimination = bending.elimination();
     return bending;
   };
-  const auto extend_handles = [&](const BendingSystem& bending, double begin, double end) {
+  const auto extend_handles = [&](const PolyharmonicSystem& bending, double begin, double end) {
     return handle_basis(bending, region, mesh.positions, order(), [&](double done) {
       report(progress, begin + done * (end - begin), "Computing the handles' basis functions");
     });
   };
   const auto solve_on = [&](const SurfaceOperators& metric, double begin) {
-    const BendingSystem bending =
+    const PolyharmonicSystem bending =
         factored(metric, begin, begin + 0.2, "Factoring the base surface's energy");
     report(progress, begin + 0.2, "Computing the base surface");
     base = base_surface(bending, region, mesh.positions);
@@ -121,7 +116,7 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
             "that part by one more handle.",
             [&] {
               const SurfaceOperators on_base = surface_operators(base, mesh.triangles);
-              const BendingSystem bending =
+              const PolyharmonicSystem bending =
                   factored(on_base, 0.6, 0.8, "Factoring the energy on the base");
               basis = extend_handles(bending, 0.8, 1);
             });
@@ -129,21 +124,9 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
 }
 
 double BoundSurface::bytes() const {
-  const auto doubles = mesh.positions.size() * Index(1 + examples.size()) + base.size() +
-                       basis.weights.size() + surface_basis.weights.size() +
-                       operators.metric.cotangents.size() + operators.metric.areas.size() +
-                       operators.masses.size() + rest.size() + rest_base.size();
-  const auto ints = mesh.triangles.size();
-  return static_cast<double>(doubles) * sizeof(double) + static_cast<double>(ints) * sizeof(int) +
-         static_cast<double>(operators.laplacian.nonZeros()) * (sizeof(double) + sizeof(int)) +
-         poisson->bytes();
-}
-
-Rows in_order(const Positions& positions, const RowOrder& order) {
-  Rows rows = Rows::Zero(order.count(), 4);
-  for (int r = 0; r < order.count(); ++r)
-    rows.row(r).head<3>() = positions.row(order.vertex_of_row[r]);
-  return rows;
+  const auto doubles = mesh.positions.size() * Index(examples.size()) + base.size() +
+                       basis.weights.size() + surface_basis.weights.size() + rest_base.size();
+  return FactoredSurface::bytes() + static_cast<double>(doubles) * sizeof(double);
 }
 
 }  // namespace dd

@@ -3,7 +3,7 @@
 
 #include "support/progress.h"
 #include "surface/basis.h"
-#include "surface/poisson_system.h"
+#include "surface/factored_surface.h"
 
 namespace dd {
 
@@ -25,25 +25,20 @@ struct BindOptions {
 };
 
 /// All that a bind makes once and the methods share.
-struct BoundSurface {
+struct BoundSurface : FactoredSurface {
   /// mesh: S, validated, in a box of about unit size, on which tolerances rely; so is a base given
   /// in the options. Throws Error; progress from 0 to 1.
   BoundSurface(Mesh mesh, const Region& region, const BindOptions& options, Workers& workers,
                const Progress& progress);
 
-  Mesh mesh;
-  const Region& region;
-  SurfaceOperators operators;  ///< of S
-  std::unique_ptr<PoissonSystem> poisson;
   Positions base;     ///< B at rest, n×3
   HandleBasis basis;  ///< of B, rows in Poisson order
   /// Of S itself where that differs from B's: with BaseMetric::base. Same centres as basis.
   HandleBasis surface_basis;
 
-  Rows rest, rest_base;             ///< S and B as rows in order()
+  Rows rest_base;                   ///< B as rows in order()
   std::vector<Positions> examples;  ///< where S is, n×3
 
-  const RowOrder& order() const { return poisson->order(); }
   /// Whether B comes from outside: then its motion does too, and there are no weights.
   bool outside_base() const { return basis.weights.size() == 0; }
   double bytes() const;
@@ -53,8 +48,5 @@ struct BoundSurface {
   void compute_base(const BindOptions& options, BlockOptions block_options, Energy&& on_surface,
                     const Progress& progress);
 };
-
-/// n×3 positions as rows of 4 in the given order.
-Rows in_order(const Positions& positions, const RowOrder& order);
 
 }  // namespace dd

@@ -3,7 +3,8 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
+
+#include "mesh/topology.h"
 
 namespace dd {
 
@@ -18,82 +19,23 @@ bool has_area(const Positions& p, const Triangles& t, Index j, double shortest) 
   return longest > shortest && (b - a).cross(c - a).norm() > kFlattest * longest * longest;
 }
 
-/// What joins triangles: for each corner k of a triangle the edge after it, or the corner itself.
-enum class Join { edges, vertices };
-
-/// Breadth first from the triangles that have a source into those joined to them that have none.
-/// Every edge or vertex is passed through once; triangles are visited in order, so that the result
-/// depends on nothing but the mesh.
-void spread(std::vector<int>& source_of, const Triangles& t, Join join) {
-  std::vector<std::array<int, 3>> joints;  // low vertex, high vertex, 3 × triangle + corner
-  joints.reserve(static_cast<size_t>(t.size()));
-  for (Index j = 0; j < t.rows(); ++j) {
-    for (int k = 0; k < 3; ++k) {
-      const auto [low, high] = std::minmax(t(j, k), t(j, join == Join::edges ? (k + 1) % 3 : k));
-      joints.push_back({low, high, static_cast<int>(3 * j + k)});
-    }
-  }
-  std::sort(joints.begin(), joints.end());
-  std::vector<int> starts, joint_of(joints.size());
-  for (size_t i = 0; i < joints.size(); ++i) {
-    if (i == 0 || joints[i][0] != joints[i - 1][0] || joints[i][1] != joints[i - 1][1])
-      starts.push_back(static_cast<int>(i));
-    joint_of[joints[i][2]] = static_cast<int>(starts.size()) - 1;
-  }
-  starts.push_back(static_cast<int>(joints.size()));
-
-  std::vector<int> queue;
-  for (Index j = 0; j < t.rows(); ++j)
-    if (source_of[j] >= 0) queue.push_back(static_cast<int>(j));
-  std::vector<char> passed(starts.size(), 0);
-  for (size_t head = 0; head < queue.size(); ++head) {
-    const int j = queue[head];
-    for (int k = 0; k < 3; ++k) {
-      const int joint = joint_of[3 * static_cast<size_t>(j) + static_cast<size_t>(k)];
-      if (passed[joint]) continue;
-      passed[joint] = 1;
-      for (int i = starts[joint]; i < starts[joint + 1]; ++i) {
-        const int other = joints[i][2] / 3;
-        if (source_of[other] >= 0) continue;
-        source_of[other] = source_of[j];
-        queue.push_back(other);
-      }
-    }
-  }
-}
-
 }  // namespace
 
-void fill_from_neighbours(std::vector<int>& source_of, const Triangles& t) {
-  spread(source_of, t, Join::edges);
-  spread(source_of, t, Join::vertices);
-}
-
-GradientSources gradient_sources(const Positions& base, const Triangles& t, double size,
-                                 const Positions* moved) {
+StandIns stand_ins(const Positions& surface, const Triangles& t, double size,
+                   const Positions* moved) {
   const double shortest = kShortest * size;
   const int m = static_cast<int>(t.rows());
-  GradientSources sources;
-  sources.of_triangle.assign(static_cast<size_t>(m), -1);
+  StandIns result;
+  result.of_triangle.assign(static_cast<size_t>(m), -1);
+  bool all = true;
   for (int j = 0; j < m; ++j) {
-    if (has_area(base, t, j, shortest) && (!moved || has_area(*moved, t, j, shortest)))
-      sources.of_triangle[j] = j;
+    if (has_area(surface, t, j, shortest) && (!moved || has_area(*moved, t, j, shortest)))
+      result.of_triangle[j] = j;
     else
-      ++sources.borrowed_count;
+      all = false;
   }
-  if (sources.borrowed_count == 0) return sources;
-  fill_from_neighbours(sources.of_triangle, t);
-  return sources;
-}
-
-Eigen::Matrix3d edges_and_normal(const Positions& p, const Triangles& t, Index j) {
-  Eigen::Matrix3d columns;
-  columns.col(0) = p.row(t(j, 1)) - p.row(t(j, 0));
-  columns.col(1) = p.row(t(j, 2)) - p.row(t(j, 0));
-  const Eigen::Vector3d cross = columns.col(0).cross(columns.col(1));
-  const double length = cross.norm();
-  columns.col(2) = length > 1e-300 ? Eigen::Vector3d(cross / length) : Eigen::Vector3d::Zero();
-  return columns;
+  if (!all) fill_from_neighbours(result.of_triangle, t, static_cast<int>(surface.rows()));
+  return result;
 }
 
 RestFrame::RestFrame(const Positions& p, const Triangles& t, Index j) {
@@ -122,25 +64,29 @@ void put(TriangleShape<Real>& shape, int lane, const RestFrame& frame) {
 }  // namespace
 
 ActiveBlocks::ActiveBlocks(const ActiveTriangles& active) : begin{0} {
-  for (int part = 0; part < active.parts(); ++part)
+  for (int section = 0; section < active.sections(); ++section)
     begin.push_back(begin.back() +
-                    (active.begin[part + 1] - active.begin[part] + kLanes - 1) / kLanes);
+                    (active.begin[section + 1] - active.begin[section] + kLanes - 1) / kLanes);
 }
 
 template <class Real>
-GradientPass<Real>::GradientPass(const Positions& base, const Triangles& t,
-                                 const Positions& corner_flux, const GradientSources& sources,
-                                 const PoissonSystem& poisson)
-    : layout_(poisson.active()), blocks_(layout_.without_targets<TriangleBlock<Real>>(poisson)) {
-  layout_.each(poisson.active(), [&](int i, int part, int b, int lane) {
+GradientPass<Real>::GradientPass(const FactoredSurface& surface, const Positions& base,
+                                 const StandIns& stand_ins)
+    : layout_(surface.poisson->active()),
+      blocks_(layout_.without_targets<TriangleBlock<Real>>(*surface.poisson)) {
+  const PoissonSystem& poisson = *surface.poisson;
+  const Triangles& t = surface.mesh.triangles;
+  const Positions corner_flux =
+      corner_divergence(surface.operators.metric, surface.mesh.positions, t);
+  layout_.each(poisson.active(), [&](int i, int section, int b, int lane) {
     TriangleBlock<Real>& block = blocks_[b];
-    const int j = poisson.active().triangles[i], source = sources.of_triangle[j];
-    if (source < 0) return;
-    const RestFrame frame(base, t, source);
+    const int j = poisson.active().triangles[i], stand_in = stand_ins.of_triangle[j];
+    if (stand_in < 0) return;
+    const RestFrame frame(base, t, stand_in);
     put(block.shape, lane, frame);
     for (int k = 0; k < 3; ++k) {
-      block.source[k][lane] = poisson.order().row_of_vertex[t(source, k)];
-      block.target[k][lane] = poisson.target(part, t(j, k));
+      block.source[k][lane] = poisson.order().row_of_vertex[t(stand_in, k)];
+      block.target[k][lane] = poisson.target(section, t(j, k));
     }
     for (int k = 0; k < 2; ++k) {
       const Eigen::Vector3d flux =
@@ -153,17 +99,16 @@ GradientPass<Real>::GradientPass(const Positions& base, const Triangles& t,
 template <class Real>
 std::vector<RotationBlock<Real>> rotation_blocks(const Positions& rest, const Triangles& t,
                                                  const std::vector<int>& which,
-                                                 const GradientSources& sources,
-                                                 const RowOrder& order) {
+                                                 const StandIns& stand_ins, const RowOrder& order) {
   std::vector<RotationBlock<Real>> blocks((which.size() + kLanes - 1) / kLanes);
   for (size_t i = 0; i < blocks.size() * kLanes; ++i) {
     RotationBlock<Real>& block = blocks[i / kLanes];
     const int lane = static_cast<int>(i % kLanes);
     block.from_rest[3][lane] = 1;
-    const int source = i < which.size() ? sources.of_triangle[which[i]] : -1;
-    if (source < 0) continue;  // no area anywhere near, or no triangle: the identity
-    const RestFrame frame(rest, t, source);
-    for (int k = 0; k < 3; ++k) block.source[k][lane] = order.row_of_vertex[t(source, k)];
+    const int stand_in = i < which.size() ? stand_ins.of_triangle[which[i]] : -1;
+    if (stand_in < 0) continue;  // no area anywhere near, or no triangle: the identity
+    const RestFrame frame(rest, t, stand_in);
+    for (int k = 0; k < 3; ++k) block.source[k][lane] = order.row_of_vertex[t(stand_in, k)];
     put(block.shape, lane, frame);
     const Eigen::Quaterniond from_rest(Eigen::Matrix3d(frame.axes.transpose()));
     for (int c = 0; c < 4; ++c) block.from_rest[c][lane] = static_cast<Real>(from_rest.coeffs()[c]);
@@ -174,11 +119,10 @@ std::vector<RotationBlock<Real>> rotation_blocks(const Positions& rest, const Tr
 template class GradientPass<float>;
 template class GradientPass<double>;
 template std::vector<RotationBlock<float>> rotation_blocks(const Positions&, const Triangles&,
-                                                           const std::vector<int>&,
-                                                           const GradientSources&, const RowOrder&);
+                                                           const std::vector<int>&, const StandIns&,
+                                                           const RowOrder&);
 template std::vector<RotationBlock<double>> rotation_blocks(const Positions&, const Triangles&,
                                                             const std::vector<int>&,
-                                                            const GradientSources&,
-                                                            const RowOrder&);
+                                                            const StandIns&, const RowOrder&);
 
 }  // namespace dd

@@ -3,19 +3,21 @@
 
 #include <Eigen/SVD>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <string>
 
 #include "mesh/box_tree.h"
+#include "mesh/topology.h"
+#include "mesh/triangles.h"
+#include "mesh/unit_box.h"
 #include "support/rotations.h"
 #include "support/similarity.h"
 #include "support/workers.h"
-#include "surface/free_block.h"
+#include "surface/fourth_points.h"
 #include "surface/gradients.h"
-#include "surface/operators.h"
-#include "surface/tets.h"
-#include "surface/volumetric_transfer.h"
+#include "systems/free_block.h"
+#include "systems/operators.h"
+#include "systems/tets.h"
 
 namespace dd {
 
@@ -26,71 +28,14 @@ constexpr double kAnchoring = 1e-9;  // keeps what nothing holds in its place
 constexpr double kLongestWave = 1;   // of the box
 constexpr double kShortestWave = 4;  // edges
 
-Positions triangle_normals(const Mesh& mesh) {
-  Positions normals(mesh.triangle_count(), 3);
-  for (Index j = 0; j < normals.rows(); ++j)
-    normals.row(j) = edges_and_normal(mesh.positions, mesh.triangles, j).col(2).transpose();
-  return normals;
+/// Whether a point of a triangle lies on a border.
+bool at_border(const Borders& borders, const PointOnTriangle& point) {
+  for (int k = 0; k < 3; ++k)  // edge k is opposite to corner k + 2
+    if (point.weights[(k + 2) % 3] < 1e-9 &&
+        borders.places[3 * static_cast<size_t>(point.triangle) + k])
+      return true;
+  return false;
 }
-
-Positions vertex_normals(const Mesh& mesh) {
-  Positions normals = Positions::Zero(mesh.vertex_count(), 3);
-  for (Index j = 0; j < mesh.triangles.rows(); ++j) {
-    const Eigen::Matrix3d e = edges_and_normal(mesh.positions, mesh.triangles, j);
-    const Eigen::Vector3d cross = e.col(0).cross(e.col(1));
-    for (int k = 0; k < 3; ++k) normals.row(mesh.triangles(j, k)) += cross.transpose();
-  }
-  return normals;
-}
-
-/// Edges as low vertex, high vertex, 3 × triangle + corner before it; sorted.
-std::vector<std::array<int, 3>> sorted_edges(const Triangles& t) {
-  std::vector<std::array<int, 3>> edges;
-  edges.reserve(static_cast<size_t>(t.size()));
-  for (Index j = 0; j < t.rows(); ++j)
-    for (int k = 0; k < 3; ++k) {
-      const auto [low, high] = std::minmax(t(j, k), t(j, (k + 1) % 3));
-      edges.push_back({low, high, static_cast<int>(3 * j + k)});
-    }
-  std::sort(edges.begin(), edges.end());
-  return edges;
-}
-
-/// Calls body(first, last + 1) for each run of one edge's triangles in sorted_edges().
-template <class Body>
-void each_edge(const std::vector<std::array<int, 3>>& edges, const Body& body) {
-  for (size_t first = 0; first < edges.size();) {
-    size_t end = first + 1;
-    while (end < edges.size() && edges[end][0] == edges[first][0] &&
-           edges[end][1] == edges[first][1])
-      ++end;
-    body(first, end);
-    first = end;
-  }
-}
-
-/// Borders of an open mesh: of each triangle's edge k, from corner k to the next, and of each
-/// vertex.
-struct Borders {
-  explicit Borders(const Mesh& mesh)
-      : edge(static_cast<size_t>(mesh.triangles.size()), 0),
-        vertex(static_cast<size_t>(mesh.vertex_count()), 0) {
-    const auto edges = sorted_edges(mesh.triangles);
-    each_edge(edges, [&](size_t first, size_t end) {
-      if (end - first > 1) return;
-      edge[edges[first][2]] = 1;
-      vertex[edges[first][0]] = vertex[edges[first][1]] = 1;
-    });
-  }
-  /// Whether a point of a triangle lies on one.
-  bool has(const PointOnTriangle& point) const {
-    for (int k = 0; k < 3; ++k)  // edge k is opposite to corner k + 2
-      if (point.weights[(k + 2) % 3] < 1e-9 && edge[3 * static_cast<size_t>(point.triangle) + k])
-        return true;
-    return false;
-  }
-  std::vector<char> edge, vertex;
-};
 
 Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target) {
   std::sort(markers.begin(), markers.end());
@@ -143,9 +88,9 @@ class Registration {
         workers_(options.threads),
         target_(target),
         tree_(target_),
-        target_normals_(triangle_normals(target_)),
-        target_borders_(target_),
-        source_borders_(source),
+        target_normals_(triangle_normals(target_.positions, target_.triangles)),
+        target_borders_(target_.triangles, target_.vertex_count()),
+        source_borders_(source.triangles, source.vertex_count()),
         now_(source) {
     const std::vector<int> usable = usable_triangles(source);
     tets_ = with_fourth_points(source, usable);
@@ -184,18 +129,13 @@ class Registration {
 
   /// Free: what has a usable triangle and no marker.
   void find_region(int vertex_count, const Pairs& markers) {
-    region_.role.assign(static_cast<size_t>(tets_.vertex_count()), kFixed);
-    for (Index k = 0; k < tets_.tets.size(); ++k) region_.role[tets_.tets.data()[k]] = kFree;
+    std::vector<int> roles(static_cast<size_t>(tets_.vertex_count()), kFixed);
+    for (Index k = 0; k < tets_.tets.size(); ++k) roles[tets_.tets.data()[k]] = kFree;
     for (const auto& [from, to] : markers) {
-      region_.role[from] = kFixed;
+      roles[from] = kFixed;
       unknowns_.row(from) = target_.positions.row(to);
     }
-    region_.row.assign(region_.role.size(), -1);
-    for (size_t v = 0; v < region_.role.size(); ++v) {
-      if (region_.role[v] != kFree) continue;
-      region_.row[v] = region_.free_count();
-      region_.free.push_back(static_cast<int>(v));
-    }
+    region_ = region_of(std::move(roles), 0);
     vertex_count_ = vertex_count;
   }
 
@@ -207,16 +147,17 @@ class Registration {
     const auto add = [&](int a, int b, double value) {
       for (int c = 0; c < 3; ++c) entries.emplace_back(3 * a + c, 3 * b + c, value);
     };
-    const auto edges = sorted_edges(source.triangles);
-    each_edge(edges, [&](size_t first, size_t end) {
-      for (size_t i = first + 1; i < end; ++i) {
-        const int a = number[edges[i - 1][2] / 3], b = number[edges[i][2] / 3];
+    const Edges edges(source.triangles);
+    for (int edge = 0; edge < edges.count(); ++edge) {
+      const Edges::Range sides = edges.sides(edge);
+      for (const Edges::Side* side = sides.begin() + 1; side < sides.end(); ++side) {
+        const int a = number[(side - 1)->triangle()], b = number[side->triangle()];
         if (a < 0 || b < 0) continue;
         for (int own : {a, b}) add(own, own, options_.smoothness);
         add(a, b, -options_.smoothness);
         add(b, a, -options_.smoothness);
       }
-    });
+    }
     for (int i = 0; i < m; ++i) add(i, i, options_.identity);
     SparseMatrix weights(3 * m, 3 * m);
     weights.setFromTriplets(entries.begin(), entries.end());
@@ -262,14 +203,14 @@ class Registration {
   /// c_i of each vertex.
   Positions goals() {
     Positions result = now_.positions;
-    const Positions normals = vertex_normals(now_);
+    const Positions normals = summed_normals(now_.positions, now_.triangles);
     workers_.over(vertex_count_, kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t v = begin; v < end; ++v) {
         const PointOnTriangle found =
             tree_.nearest(now_.positions.row(v).transpose(), options_.reach,
                           [&](int j) { return target_normals_.row(j).dot(normals.row(v)) > 0; });
         if (found.triangle < 0) continue;
-        if (target_borders_.has(found) && !source_borders_.vertex[size_t(v)]) continue;
+        if (at_border(target_borders_, found) && !source_borders_.vertices[size_t(v)]) continue;
         result.row(v) = found.place.transpose();
       }
     });
@@ -303,14 +244,12 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
   validate(target, "target");
   const Pairs markers = checked_markers(given, source, target);
   const Similarity onto = onto_markers(source, target, markers);
-  const double scale = bounding_box_diagonal(target.positions);
-  const Eigen::RowVector3d middle =
-      0.5 * (target.positions.colwise().maxCoeff() + target.positions.colwise().minCoeff());
-  const Mesh unit = {(target.positions.rowwise() - middle) / scale, target.triangles};
+  const UnitBox box(target.positions);
+  const Mesh unit = {box.into(target.positions), target.triangles};
   Mesh start = {source.positions, source.triangles};
   for (Index v = 0; v < start.positions.rows(); ++v)
     start.positions.row(v) =
-        (onto(source.positions.row(v).transpose()).transpose() - middle) / scale;
+        (onto(source.positions.row(v).transpose()).transpose() - box.centre) / box.scale;
 
   Registration registration(start, unit, markers, options);
   const double last = std::min(kLongestWave, kShortestWave * registration.edge());
@@ -320,7 +259,7 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
     const double step = 0.98 / (options.stages + 1);
     registration.run(wave, within(progress, 0.02 + step * stage, 0.02 + step * (stage + 1)));
   }
-  return (scale * registration.positions()).rowwise() + middle;
+  return box.out_of(registration.positions());
 }
 
 Match match_triangles(const Mesh& registered, const Mesh& target, double reach, int threads,
@@ -335,7 +274,8 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
     report(progress, 0.5 * from, "Looking for corresponding triangles");
     const Mesh &mesh = *meshes[from], &other = *meshes[1 - from];
     const BoxTree tree(other);
-    const Positions normals = triangle_normals(mesh), others = triangle_normals(other);
+    const Positions normals = triangle_normals(mesh.positions, mesh.triangles);
+    const Positions others = triangle_normals(other.positions, other.triangles);
     std::vector<PointOnTriangle> found(static_cast<size_t>(mesh.triangle_count()));
     workers.over(mesh.triangle_count(), kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t j = begin; j < end; ++j)

@@ -58,7 +58,7 @@ ExamplePass<Real>::ExamplePass(const BoundSurface& bound, const ExampleTurns& tu
   pose_.assign(blocks_.size(), still);
   misfit_.assign(blocks_.size(), none.stretch);
 
-  layout_.each(poisson.active(), [&](int place, int part, int b, int lane) {
+  layout_.each(poisson.active(), [&](int place, int section, int b, int lane) {
     const int j = poisson.active().triangles[place];
     Block& block = blocks_[b];
     const auto cotangents = bound.operators.metric.cotangents.row(j);
@@ -69,7 +69,7 @@ ExamplePass<Real>::ExamplePass(const BoundSurface& bound, const ExampleTurns& tu
     block.c[lane] = static_cast<Real>(c);
     for (int k = 0; k < 3; ++k) {
       block.corner[k][lane] = poisson.order().row_of_vertex[t(j, k)];
-      block.target[k][lane] = poisson.target(part, t(j, k));
+      block.target[k][lane] = poisson.target(section, t(j, k));
     }
     using Columns = Eigen::Matrix<double, 3, 2>;
     const auto in_plane = [&](const Positions& x) {
@@ -168,9 +168,9 @@ void ExamplePass<Real>::add_turned(const Vector& turn, const Lanes& first, const
 }
 
 template <class Real>
-void ExamplePass<Real>::pose(int part, const Eigen::VectorXd& weights, bool rotation_only,
+void ExamplePass<Real>::pose(int section, const Eigen::VectorXd& weights, bool rotation_only,
                              double* rows) {
-  for (int b = layout_.begin[part]; b < layout_.begin[part + 1]; ++b) {
+  for (int b = layout_.begin[section]; b < layout_.begin[section + 1]; ++b) {
     const Block& block = blocks_[b];
     const Change* changes = changes_.data() + Index(b) * example_count_;
     Pose pose = {};
@@ -246,8 +246,8 @@ typename ExamplePass<Real>::Vector ExamplePass<Real>::spin(const Pose& pose, con
 }
 
 template <class Real>
-void ExamplePass<Real>::slope(int example, int part, double* rows) {
-  for (int b = layout_.begin[part]; b < layout_.begin[part + 1]; ++b) {
+void ExamplePass<Real>::slope(int example, int section, double* rows) {
+  for (int b = layout_.begin[section]; b < layout_.begin[section + 1]; ++b) {
     const Pose& pose = pose_[b];
     const size_t place = size_t(b) * size_t(example_count_) + size_t(example);
     const Change& change = changes_[place];

@@ -26,9 +26,9 @@ class ExamplePass {
 
   int example_count() const { return example_count_; }
 
-  /// Takes the pose with these weights, (T_j − I) of each triangle of a part, and adds its
+  /// Takes the pose with these weights, (T_j − I) of each triangle of a section, and adds its
   /// divergence to rows, as PoissonSystem::solve() asks.
-  void pose(int part, const Eigen::VectorXd& weights, bool rotation_only, double* rows);
+  void pose(int section, const Eigen::VectorXd& weights, bool rotation_only, double* rows);
 
   /// Sum of squares of the pose taken: how far it is from the rest, as an area.
   double size() const;
@@ -39,7 +39,7 @@ class ExamplePass {
   Rows misfit_divergence(int row_count) const;
 
   /// Takes the pose's derivative by the weight of an example and adds its divergence to rows.
-  void slope(int example, int part, double* rows);
+  void slope(int example, int section, double* rows);
   /// Takes G_j(offsets) from that derivative: with the solution for its divergence, what remains is
   /// the part of it that no positions can follow.
   void project(int example, const Rows& offsets);

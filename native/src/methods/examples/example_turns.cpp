@@ -8,6 +8,8 @@
 #include <queue>
 #include <tuple>
 
+#include "mesh/topology.h"
+#include "mesh/unit_box.h"
 #include "support/rotations.h"
 #include "surface/gradients.h"
 
@@ -17,28 +19,27 @@ namespace {
 
 constexpr double kMostSwing = 0.5;  // radians
 
-/// The chosen triangles and, for each vertex, the places of those about it.
+/// The chosen triangles and, for each vertex, which of them are about it.
 struct Patch {
   Patch(const Triangles& t, std::vector<int> chosen, const Region& region)
-      : triangles(std::move(chosen)), begin(region.role.size() + 1, 0) {
-    corners.resize(static_cast<Index>(triangles.size()), 3);
+      : triangles(std::move(chosen)),
+        corners(rows_of(t, triangles)),
+        fans(corners, static_cast<int>(region.role.size())) {
     for (size_t i = 0; i < triangles.size(); ++i) {
-      corners.row(Index(i)) = t.row(triangles[i]);
       bool touches = false;
       for (int k = 0; k < 3; ++k) touches |= region.role[t(triangles[i], k)] == kFixed;
       at_fixed.push_back(touches);
     }
-    for (Index k = 0; k < corners.size(); ++k) ++begin[corners.data()[k] + 1];
-    std::partial_sum(begin.begin(), begin.end(), begin.begin());
-    about.resize(static_cast<size_t>(corners.size()));
-    std::vector<int> next = begin;
-    for (Index k = 0; k < corners.size(); ++k)
-      about[next[corners.data()[k]]++] = static_cast<int>(k / 3);
+  }
+  static Triangles rows_of(const Triangles& t, const std::vector<int>& chosen) {
+    Triangles rows(static_cast<Index>(chosen.size()), 3);
+    for (size_t i = 0; i < chosen.size(); ++i) rows.row(Index(i)) = t.row(chosen[i]);
+    return rows;
   }
   std::vector<int> triangles;
   Triangles corners;
+  Fans fans;
   std::vector<char> at_fixed;  // whether a triangle has a fixed corner
-  std::vector<int> begin, about;
 };
 
 /// The rotation vector that goes on from the neighbour's.
@@ -67,8 +68,7 @@ Positions continuous_logarithms(const Rows& rotations, const Patch& patch) {
     done[i] = 1;
     const auto corners = patch.corners.row(i);
     for (int k = 0; k < 3; ++k)
-      for (int at = patch.begin[corners[k]]; at < patch.begin[corners[k] + 1]; ++at) {
-        const int other = patch.about[at];
+      for (int other : patch.fans.of(corners[k])) {
         if (done[other]) continue;
         int shared = 0;
         for (int c = 0; c < 3; ++c) shared += (corners.array() == patch.corners(other, c)).any();
@@ -115,8 +115,8 @@ ExampleTurns::ExampleTurns(const BoundSurface& bound)
   turns_.resize(bound.examples.size());
   bound.poisson->workers().run(static_cast<int>(turns_.size()), [&](int i) {
     const Positions& example = bound.examples[i];
-    const auto blocks = rotation_blocks<double>(
-        rest, t, patch.triangles, gradient_sources(rest, t, size, &example), bound.order());
+    const auto blocks = rotation_blocks<double>(rest, t, patch.triangles,
+                                                stand_ins(rest, t, size, &example), bound.order());
     Rows rotations(kLanes * static_cast<Index>(blocks.size()), 4);
     kernels().full.rotation_pass(static_cast<int>(blocks.size()), blocks.data(),
                                  in_order(example, bound.order()).data(), rotations.data());

@@ -8,8 +8,8 @@
 namespace dd {
 
 /// How each example turns each triangle: r_ij = log R_ij, R_ij the rotation of S_ij (15) from S at
-/// rest to the example. A triangle without area, at rest or there, takes that of its
-/// GradientSources.
+/// rest to the example. A triangle without area, at rest or there, takes that of the one
+/// that stands in for it.
 ///
 /// A logarithm is one of many that differ by whole turns. They are chosen to be continuous over the
 /// surface, so that a limb may turn by more than half a turn along its length: from the triangle of

@@ -79,7 +79,7 @@ template <class Real>
 void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
   if (options.example_weights) return show(*options.example_weights, options, frame.offsets);
   fit(options, frame.offsets);
-  places_.settle(weights_, frame.offsets);
+  places_.place(weights_, frame.offsets);
 }
 
 template <class Real>
@@ -99,9 +99,11 @@ void Examples<Real>::show(const std::vector<double>& weights, const MethodOption
   LetGo& free = *let_go_;
   free.poisson->solve(
       Rows::Zero(free.poisson->right_hand_side_rows(), 4),
-      [&](int part, double* rows) { free.pass->pose(part, weights_, options.rotation_only, rows); },
+      [&](int section, double* rows) {
+        free.pass->pose(section, weights_, options.rotation_only, rows);
+      },
       free.offsets);
-  free.places->settle(weights_, free.offsets);
+  free.places->place(weights_, free.offsets);
   const RowOrder& order = bound_.order();
   for (int r = 0; r < order.fixed_begin; ++r)
     offsets.row(r) = free.offsets.row(free.poisson->order().row_of_vertex[order.vertex_of_row[r]]);
@@ -110,7 +112,8 @@ void Examples<Real>::show(const std::vector<double>& weights, const MethodOption
 template <class Real>
 double Examples<Real>::take(const Eigen::VectorXd& weights, bool rotation_only, Rows& offsets) {
   bound_.poisson->solve(
-      nothing_, [&](int part, double* rows) { pass_.pose(part, weights, rotation_only, rows); },
+      nothing_,
+      [&](int section, double* rows) { pass_.pose(section, weights, rotation_only, rows); },
       offsets);
   return pass_.misfit(offsets);
 }
@@ -157,7 +160,7 @@ template <class Real>
 void Examples<Real>::derive(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) {
   for (int i = 0; i < pass_.example_count(); ++i) {
     bound_.poisson->solve(
-        nothing_, [&](int part, double* rows) { pass_.slope(i, part, rows); }, follow_);
+        nothing_, [&](int section, double* rows) { pass_.slope(i, section, rows); }, follow_);
     pass_.project(i, follow_);
   }
   pass_.second_order(hessian, gradient);
@@ -214,6 +217,13 @@ void Examples<Real>::fit(const MethodOptions& options, Rows& offsets) {
 }
 
 template <class Real>
+MethodFindings Examples<Real>::findings() const {
+  MethodFindings findings;
+  findings.example_weights.assign(weights_.begin(), weights_.end());
+  return findings;
+}
+
+template <class Real>
 double Examples<Real>::bytes() const {
   double bytes = turns_.bytes() + pass_.bytes() +
                  static_cast<double>((nothing_.size() + follow_.size()) * Index(sizeof(double)));
@@ -228,7 +238,7 @@ double Examples<Real>::bytes() const {
 template class Examples<float>;
 template class Examples<double>;
 
-std::unique_ptr<ExamplesMethod> make_examples(BoundSurface& bound) {
+std::unique_ptr<Method> make_examples(BoundSurface& bound) {
   if (bound.poisson->precision() == Precision::single)
     return std::make_unique<Examples<float>>(bound);
   return std::make_unique<Examples<double>>(bound);

@@ -9,18 +9,8 @@
 
 namespace dd {
 
-/// What others ask of posing by example in whichever precision.
-class ExamplesMethod : public Method {
- public:
-  /// Of the last update, one for each example.
-  const Eigen::VectorXd& weights() const { return weights_; }
-
- protected:
-  Eigen::VectorXd weights_;
-};
-
 /// The method in the precision of the Poisson system.
-std::unique_ptr<ExamplesMethod> make_examples(BoundSurface& bound);
+std::unique_ptr<Method> make_examples(BoundSurface& bound);
 
 /// Posing by example, or mesh-based inverse kinematics (Sumner, Zwicker, Gotsman, Popović 2005), on
 /// the paper's formulation for surfaces (§5) in place of that with fourth points. Examples p_i of S
@@ -65,10 +55,11 @@ std::unique_ptr<ExamplesMethod> make_examples(BoundSurface& bound);
 ///   what then floats is placed by ExamplePlaces.
 /// Without examples, or with such as equal the rest, it is p' = L⁻¹ div(G) with handles.
 template <class Real>
-class Examples : public ExamplesMethod {
+class Examples : public Method {
  public:
   explicit Examples(BoundSurface& bound);
   void update(const Frame& frame, const MethodOptions& options) override;
+  MethodFindings findings() const override;
   double bytes() const override;
 
  private:
@@ -103,6 +94,7 @@ class Examples : public ExamplesMethod {
   ExampleTurns turns_;
   ExamplePass<Real> pass_;
   ExamplePlaces places_;
+  Eigen::VectorXd weights_;            // of the last update
   Rows nothing_;                       // a right-hand side
   Rows follow_;                        // what positions do for a weight; held rows stay zero
   std::unique_ptr<Starts> starts_[2];  // whole gradients, rotations

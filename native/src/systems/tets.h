@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "solver/sparse_cholesky.h"
-#include "surface/region.h"
+#include "systems/region.h"
 
 namespace dd {
 

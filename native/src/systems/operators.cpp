@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/operators.h"
+#include "systems/operators.h"
 
 #include <Eigen/Geometry>
 #include <array>

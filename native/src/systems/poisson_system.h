@@ -4,10 +4,11 @@
 #include <algorithm>
 #include <vector>
 
+#include "solver/section_rows.h"
 #include "solver/sparse_cholesky.h"
-#include "surface/free_block.h"
-#include "surface/operators.h"
-#include "surface/region.h"
+#include "systems/free_block.h"
+#include "systems/operators.h"
+#include "systems/region.h"
 
 namespace dd {
 
@@ -22,6 +23,9 @@ struct RowOrder {
   int count() const { return static_cast<int>(vertex_of_row.size()); }
 };
 
+/// order_of_free: the rows of Region::free in the wanted order.
+RowOrder row_order(const Region& region, const std::vector<int>& order_of_free);
+
 /// The triangles with a free corner, the only ones whose gradients matter, as they share out over
 /// the domains of the Poisson factor: those of domain d at begin[d] to begin[d + 1], then those of
 /// the top. No two domains have a free vertex in common but the top's.
@@ -29,7 +33,7 @@ struct ActiveTriangles {
   std::vector<int> triangles;
   std::vector<int> begin;
 
-  int parts() const { return static_cast<int>(begin.size()) - 1; }
+  int sections() const { return static_cast<int>(begin.size()) - 1; }
   int size() const { return static_cast<int>(triangles.size()); }
 };
 
@@ -50,27 +54,27 @@ class PoissonSystem {
   const RowOrder& order() const { return order_; }
   const ActiveTriangles& active() const { return active_; }
 
-  /// The row of a right-hand side that takes what an active triangle of this part gives to its
+  /// The row of a right-hand side that takes what an active triangle of this section gives to its
   /// vertex; a row that nobody reads where the vertex is held.
-  int target(int part, int vertex) const;
-  /// Such a row of this part.
-  int spare_target(int part) const { return factor_->elimination().slotted_size() + part; }
+  int target(int section, int vertex) const;
+  /// Such a row of this section.
+  int spare_target(int section) const { return rows_.spare(section); }
   int right_hand_side_rows() const { return static_cast<int>(right_.rows()); }
 
   /// L p as right-hand sides hold it.
   const Rows& rest_divergence() const { return rest_divergence_; }
 
   /// Solves for the free rows of offsets, the displacement of all vertices, of which the handles'
-  /// rows are given. add(part, rows) adds the divergences of the active triangles of a part to
-  /// rows; from any thread, each part once. at_rest: what they all add where nothing moves.
-  /// Parts of the surface with a ground come out with that vertex at rest.
+  /// rows are given. add(section, rows) adds the divergences of the active triangles of a section to
+  /// rows; from any thread, each section once. at_rest: what they all add where nothing moves.
+  /// Components with a ground come out with that vertex at rest.
   template <class Add>
   void solve(const Rows& at_rest, const Add& add, Rows& offsets) {
     factor_->solve_in_order(
         right_.data(), space_, &workers_,
-        [&](int part) {
-          start(part, at_rest, offsets);
-          add(part, right_.data());
+        [&](int section) {
+          start(section, at_rest, offsets);
+          add(section, right_.data());
         },
         into(offsets));
     for (int step = 0; step < refinement_steps_; ++step) refine(offsets);
@@ -97,7 +101,7 @@ class PoissonSystem {
     };
   }
   void find_active_triangles(const Mesh& mesh);
-  void start(int part, const Rows& at_rest, const Rows& offsets);
+  void start(int section, const Rows& at_rest, const Rows& offsets);
   void refine(Rows& offsets);
   /// The largest error of the solution for a right-hand side in the order of the region.
   double solving_error(const Rows& right, const Rows& solution);
@@ -109,13 +113,13 @@ class PoissonSystem {
 
   Workers& workers_;
   std::unique_ptr<SparseCholesky> factor_;
+  SectionRows rows_;
   RowOrder order_;
   ActiveTriangles active_;
-  std::vector<std::vector<int>> slot_of_top_;  // of each domain, by row of the top; -1: none
-  std::vector<Pull> pulls_;                    // L between free vertices and those of handles
-  std::vector<int> pull_begin_;                // by part
-  Rows rest_divergence_;                       // L p
-  Rows right_;                                 // slots behind the rows, then a spare one a part
+  std::vector<Pull> pulls_;      // L between free vertices and those of handles
+  std::vector<int> pull_begin_;  // by section
+  Rows rest_divergence_;         // L p
+  Rows right_;                   // as rows_ says
   SparseCholesky::Space space_;
   int refinement_steps_ = 0;
   Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian_;  // in the factor's order, to refine with

@@ -29,6 +29,12 @@ struct Region {
   int free_count() const { return static_cast<int>(free.size()); }
 };
 
+/// The rows of vertices with these roles, which are taken as they are: any mesh's, any element's.
+Region region_of(std::vector<int> roles, int handle_count);
+
+/// Throws Error(region) naming the vertex whose role is none of kFree, kFixed and the handles.
+void check_roles(const std::vector<int>& roles, int handle_count);
+
 /// What moves free vertices.
 enum class MovedBy {
   handles,

@@ -1,19 +1,22 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/volumetric_transfer.h"
+#include "surface/fourth_points.h"
 
 #include <Eigen/Geometry>
-#include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
-#include "support/rotations.h"
+#include "support/error.h"
 
 namespace dd {
 
 namespace {
 
-std::vector<int> with_free_fourth_points(std::vector<int> roles, int count) {
-  roles.resize(roles.size() + static_cast<size_t>(count), kFree);
+std::vector<int> with_free_fourth_points(const Region& region, size_t count) {
+  std::vector<int> roles = region.role;
+  for (int v : region.grounds) roles[v] = kFixed;
+  roles.resize(roles.size() + count, kFree);
   return roles;
 }
 
@@ -41,42 +44,32 @@ TetMesh with_fourth_points(const Mesh& mesh, const std::vector<int>& triangles) 
   return result;
 }
 
-VolumetricTransfer::VolumetricTransfer(const BoundSurface& bound, FourthPointWeights weights)
-    : bound_(bound),
-      triangles_(bound.poisson->active().triangles),
-      sources_(gradient_sources(bound.base, bound.mesh.triangles,
-                                bounding_box_diagonal(bound.mesh.positions))),
-      tets_(with_fourth_points(bound.mesh, triangles_)),
-      poisson_(tets_,
-               with_free_fourth_points(bound.region.role, static_cast<int>(triangles_.size())),
-               bound.region.handle_count, deformation_operator(tets_),
+FourthPoints::FourthPoints(const Mesh& mesh, const Region& region, std::vector<int> triangles,
+                           FourthPointWeights weights)
+    : weights_(weights),
+      triangles_(std::move(triangles)),
+      roles_(with_free_fourth_points(region, triangles_.size())),
+      tets_(with_fourth_points(mesh, triangles_)),
+      poisson_(tets_, roles_, region.handle_count, deformation_operator(tets_),
                weights == FourthPointWeights::volumes ? volumes(tets_)
-                                                      : Eigen::VectorXd::Ones(tets_.tet_count())) {}
+                                                      : Eigen::VectorXd::Ones(tets_.tet_count())),
+      unknowns_(static_cast<int>(std::count(roles_.begin(), roles_.end(), kFree))) {}
 
-void VolumetricTransfer::update(const Rows& base, Rows& offsets, bool rotation_only) {
-  const RowOrder& order = bound_.order();
-  Positions deformed_base(order.count(), 3), constrained = tets_.positions;
-  for (int r = 0; r < order.count(); ++r) {
-    deformed_base.row(order.vertex_of_row[r]) = base.row(r).head<3>();
+void FourthPoints::solve(const std::function<Eigen::Matrix3d(int)>& gradient_of,
+                         const RowOrder& order, Rows& offsets) const {
+  Positions constrained = tets_.positions;
+  for (int r = order.free_count; r < order.count(); ++r)
     constrained.row(order.vertex_of_row[r]) += offsets.row(r).head<3>();
-  }
   RowMatrix gradients(3 * tets_.tet_count(), 3);
-  for (size_t i = 0; i < triangles_.size(); ++i) {
-    const int source = sources_.of_triangle[triangles_[i]];
-    Eigen::Matrix3d S = Eigen::Matrix3d::Identity();
-    if (source >= 0)  // (15)
-      S = edges_and_normal(deformed_base, bound_.mesh.triangles, source) *
-          edges_and_normal(bound_.base, bound_.mesh.triangles, source).inverse();
-    if (rotation_only) S = polar_rotation(S);
-    gradients.middleRows<3>(3 * Index(i)) = S.transpose();
-  }
+  for (size_t i = 0; i < triangles_.size(); ++i)
+    gradients.middleRows<3>(3 * Index(i)) = gradient_of(triangles_[i]).transpose();
   const Positions solved = poisson_.solve(constrained, gradients);
   for (int r = 0; r < order.free_count; ++r)
     offsets.row(r).head<3>() =
         solved.row(order.vertex_of_row[r]) - tets_.positions.row(order.vertex_of_row[r]);
 }
 
-double VolumetricTransfer::bytes() const {
+double FourthPoints::bytes() const {
   const double entries = static_cast<double>(poisson_.laplacian().nonZeros() +
                                              2 * poisson_.gradient_operator().nonZeros());
   return poisson_.factor_bytes() + entries * (sizeof(double) + sizeof(int)) +

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/bending_system.h"
+#include "systems/polyharmonic_system.h"
 
-#include "surface/free_block.h"
+#include "systems/free_block.h"
 
 namespace dd {
 
@@ -32,14 +32,14 @@ SparseMatrix free_block_of_energy(const SurfaceOperators& operators, const Regio
   return curvature.transpose() * variation;
 }
 
-BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& region,
-                             Smoothness smoothness, const BlockOptions& options)
-    : BendingSystem(operators, region, smoothness,
-                    free_block_of_energy(operators, region, smoothness), options) {}
+PolyharmonicSystem::PolyharmonicSystem(const SurfaceOperators& operators, const Region& region,
+                                       Smoothness smoothness, const BlockOptions& options)
+    : PolyharmonicSystem(operators, region, smoothness,
+                         free_block_of_energy(operators, region, smoothness), options) {}
 
-BendingSystem::BendingSystem(const SurfaceOperators& operators, const Region& region,
-                             Smoothness smoothness, const SparseMatrix& block,
-                             const BlockOptions& options)
+PolyharmonicSystem::PolyharmonicSystem(const SurfaceOperators& operators, const Region& region,
+                                       Smoothness smoothness, const SparseMatrix& block,
+                                       const BlockOptions& options)
     : operators_(operators),
       region_(region),
       smoothness_(smoothness),
@@ -54,7 +54,7 @@ RowMatrix apply_energy(const SurfaceOperators& operators, const RowMatrix& value
   return result;
 }
 
-RowMatrix BendingSystem::extend(const RowMatrix& values) const {
+RowMatrix PolyharmonicSystem::extend(const RowMatrix& values) const {
   RowMatrix x = values;
   for (int v : region_.free) x.row(v).setZero();
   // Iterative refinement: where triangles are thin or the region is long, K spans many magnitudes

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/free_block.h"
+#include "systems/free_block.h"
 
 #include <string>
 #include <utility>

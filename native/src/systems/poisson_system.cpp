@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/poisson_system.h"
+#include "systems/poisson_system.h"
 
 #include <algorithm>
 
@@ -10,9 +10,17 @@ namespace {
 // Of the mesh's size, for a solution of that size. Handles rarely move further.
 constexpr double kSingleIsEnough = 3e-6, kRefinedIsEnough = 5e-7;
 
-RowOrder row_order(const Region& region, const std::vector<int>& factor_order) {
+/// A component that nothing holds leaves its translation open. A right-hand side that sums to zero over
+/// it, as every divergence does, keeps the grounded vertex in place whatever its added weight.
+void ground(SparseMatrix& block, const Region& region) {
+  for (int v : region.grounds) block.coeffRef(region.row[v], region.row[v]) *= 2;
+}
+
+}  // namespace
+
+RowOrder row_order(const Region& region, const std::vector<int>& order_of_free) {
   RowOrder order;
-  for (int r : factor_order) order.vertex_of_row.push_back(region.free[r]);
+  for (int r : order_of_free) order.vertex_of_row.push_back(region.free[r]);
   order.free_count = order.count();
   for (int v : region.handle_vertices) order.vertex_of_row.push_back(v);
   order.fixed_begin = order.count();
@@ -24,33 +32,26 @@ RowOrder row_order(const Region& region, const std::vector<int>& factor_order) {
   return order;
 }
 
-/// A part that nothing holds leaves its translation open. A right-hand side that sums to zero over
-/// it, as every divergence does, keeps the grounded vertex in place whatever its added weight.
-void ground(SparseMatrix& block, const Region& region) {
-  for (int v : region.grounds) block.coeffRef(region.row[v], region.row[v]) *= 2;
-}
-
-}  // namespace
-
 PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
                              const SurfaceOperators& operators, SparseMatrix block,
                              BlockOptions options)
     : workers_(*options.workers) {
   ground(block, region);
   factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
+  rows_ = SectionRows(factor_->elimination());
   order_ = row_order(region, factor_->order());
   find_active_triangles(mesh);
 
-  const int parts = active_.parts();
-  right_ = Rows::Zero(factor_->elimination().slotted_size() + parts, 4);
+  const int sections = active_.sections();
+  right_ = Rows::Zero(rows_.count(), 4);
   for (int r = order_.free_count; r < order_.fixed_begin; ++r)
     for (SparseMatrix::InnerIterator it(operators.laplacian, order_.vertex_of_row[r]); it; ++it)
       if (region.row[it.row()] >= 0)
         pulls_.push_back({order_.row_of_vertex[it.row()], r, it.value()});
   std::sort(pulls_.begin(), pulls_.end(),
             [](const Pull& a, const Pull& b) { return a.target_row < b.target_row; });
-  for (int part = 0; part <= parts; ++part) {
-    const int row = factor_->elimination().part_begin(part);
+  for (int section = 0; section <= sections; ++section) {
+    const int row = rows_.begin(section);
     pull_begin_.push_back(static_cast<int>(
         std::partition_point(pulls_.begin(), pulls_.end(),
                              [&](const Pull& pull) { return pull.target_row < row; }) -
@@ -69,9 +70,7 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
     };
     const Rows right = block * in_block_order(smooth);
     if (solving_error(right, smooth) > kSingleIsEnough) {
-      const Eigen::PermutationMatrix<Eigen::Dynamic> to_factor_order(
-          Eigen::Map<const Eigen::VectorXi>(factor_->elimination().place_of.data(), block.rows()));
-      laplacian_ = block.twistedBy(to_factor_order);
+      laplacian_ = factor_->in_order(block);
       refinement_steps_ = 1;
       if (!(solving_error(right, smooth) < kRefinedIsEnough)) {
         refinement_steps_ = 0;
@@ -86,19 +85,18 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
   // Summed over the triangles as the methods do, so that both cancel to the last digits.
   const Positions flux = corner_divergence(operators.metric, mesh.positions, mesh.triangles);
   rest_divergence_ = Rows::Zero(right_.rows(), 4);
-  for (int part = 0; part < parts; ++part)
-    for (int i = active_.begin[part]; i < active_.begin[part + 1]; ++i)
+  for (int section = 0; section < sections; ++section)
+    for (int i = active_.begin[section]; i < active_.begin[section + 1]; ++i)
       for (int k = 0; k < 3; ++k) {
         const int j = active_.triangles[i];
-        rest_divergence_.row(target(part, mesh.triangles(j, k))).head<3>() +=
+        rest_divergence_.row(target(section, mesh.triangles(j, k))).head<3>() +=
             flux.row(3 * Index(j) + k);
       }
 }
 
 void PoissonSystem::find_active_triangles(const Mesh& mesh) {
-  const Elimination& e = factor_->elimination();
   const Triangles& t = mesh.triangles;
-  // The lowest row of a triangle tells its part, and its place there: what is worked on together
+  // The lowest row of a triangle tells its section, and its place there: what is worked on together
   // lies together.
   std::vector<int> lowest(static_cast<size_t>(mesh.triangle_count()));
   for (int j = 0; j < mesh.triangle_count(); ++j) {
@@ -108,51 +106,32 @@ void PoissonSystem::find_active_triangles(const Mesh& mesh) {
   }
   std::stable_sort(active_.triangles.begin(), active_.triangles.end(),
                    [&](int a, int b) { return lowest[a] < lowest[b]; });
-  for (int part = 0; part <= e.domain_count() + 1; ++part)
+  for (int section = 0; section <= rows_.sections(); ++section)
     active_.begin.push_back(static_cast<int>(
         std::partition_point(active_.triangles.begin(), active_.triangles.end(),
-                             [&](int j) { return lowest[j] < e.part_begin(part); }) -
+                             [&](int j) { return lowest[j] < rows_.begin(section); }) -
         active_.triangles.begin()));
-
-  const int top = e.part_begin(e.domain_count());
-  slot_of_top_.assign(static_cast<size_t>(e.domain_count()),
-                      std::vector<int>(static_cast<size_t>(e.size() - top), -1));
-  for (int d = 0; d < e.domain_count(); ++d)
-    for (int k = e.slot_begin[d]; k < e.slot_begin[d + 1]; ++k)
-      slot_of_top_[d][e.slot_target[k] - top] = e.size() + k;
 }
 
-int PoissonSystem::target(int part, int vertex) const {
-  const Elimination& e = factor_->elimination();
+int PoissonSystem::target(int section, int vertex) const {
   const int row = order_.row_of_vertex[vertex];
-  if (row >= order_.free_count) return spare_target(part);
-  const int top = e.part_begin(e.domain_count());
-  return part == e.domain_count() || row < top ? row : slot_of_top_[part][row - top];
+  return row < order_.free_count ? rows_.target(section, row) : spare_target(section);
 }
 
-void PoissonSystem::start(int part, const Rows& at_rest, const Rows& offsets) {
-  const Elimination& e = factor_->elimination();
-  const auto copy = [&](int begin, int count) {
+void PoissonSystem::start(int section, const Rows& at_rest, const Rows& offsets) {
+  rows_.each_range(section, [&](int begin, int count) {
     right_.middleRows(begin, count) = -at_rest.middleRows(begin, count);
-  };
-  copy(e.part_begin(part), e.part_begin(part + 1) - e.part_begin(part));
-  if (part < e.domain_count())
-    copy(e.size() + e.slot_begin[part], e.slot_begin[part + 1] - e.slot_begin[part]);
-  right_.row(e.slotted_size() + part).setZero();
-  for (int i = pull_begin_[part]; i < pull_begin_[part + 1]; ++i)
+  });
+  right_.row(rows_.spare(section)).setZero();
+  for (int i = pull_begin_[section]; i < pull_begin_[section + 1]; ++i)
     right_.row(pulls_[i].target_row) -= pulls_[i].weight * offsets.row(pulls_[i].handle_row);
 }
 
 void PoissonSystem::refine(Rows& offsets) {
-  const Elimination& e = factor_->elimination();
-  for (size_t k = 0; k < e.slot_target.size(); ++k) {
-    const Index slot = e.size() + Index(k);
-    right_.row(e.slot_target[k]) += right_.row(slot);
-    right_.row(slot).setZero();
-  }
+  rows_.fold(right_);
   residual_.resize(right_.rows(), 4);
-  residual_.bottomRows(right_.rows() - e.size()).setZero();
-  workers_.over(e.size(), 1000, [&](int64_t begin, int64_t end) {
+  residual_.bottomRows(right_.rows() - order_.free_count).setZero();
+  workers_.over(order_.free_count, 1000, [&](int64_t begin, int64_t end) {
     for (int64_t r = begin; r < end; ++r) {
       Eigen::RowVector4d row = right_.row(r);
       for (decltype(laplacian_)::InnerIterator it(laplacian_, r); it; ++it)
@@ -185,9 +164,8 @@ void PoissonSystem::extend(Rows& values) {
 }
 
 double PoissonSystem::bytes() const {
-  size_t ints = 2 * order_.vertex_of_row.size() + active_.triangles.size();
-  for (const std::vector<int>& slots : slot_of_top_) ints += slots.size();
-  return factor_->bytes() +
+  const size_t ints = 2 * order_.vertex_of_row.size() + active_.triangles.size();
+  return factor_->bytes() + rows_.bytes() +
          static_cast<double>((right_.size() + rest_divergence_.size() + residual_.size()) *
                              Index(sizeof(double))) +
          static_cast<double>(laplacian_.nonZeros()) * (sizeof(double) + sizeof(int)) +

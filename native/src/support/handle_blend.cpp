@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/handle_blend.h"
+#include "support/handle_blend.h"
 
 #include "support/rotations.h"
 

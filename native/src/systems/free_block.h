@@ -3,7 +3,7 @@
 
 #include "solver/fill_reducing_order.h"
 #include "solver/sparse_cholesky.h"
-#include "surface/region.h"
+#include "systems/region.h"
 
 namespace dd {
 

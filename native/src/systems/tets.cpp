@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/tets.h"
+#include "systems/tets.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -7,8 +7,8 @@
 #include <string>
 #include <utility>
 
-#include "surface/free_block.h"
-#include "surface/handle_blend.h"
+#include "support/handle_blend.h"
+#include "systems/free_block.h"
 
 namespace dd {
 
@@ -22,22 +22,11 @@ double signed_volume(const TetMesh& mesh, Index j) {
   return (b - a).cross(c - a).dot(d - a) / 6;
 }
 
-/// Free vertices and their rows; a solid's parts are not looked at.
-Region checked_region(const TetMesh& mesh, const std::vector<int>& roles, int handle_count) {
-  Region region;
-  region.role = roles;
-  region.row.assign(roles.size(), -1);
-  region.handle_count = handle_count;
-  for (int v = 0; v < mesh.vertex_count(); ++v) {
-    if (roles[v] < kFixed || roles[v] >= handle_count)
-      throw Error(Status::region, "Vertex " + std::to_string(v) + " has the role " +
-                                      std::to_string(roles[v]) + ", which is no handle.");
-    if (roles[v] != kFree) continue;
-    region.row[v] = region.free_count();
-    region.free.push_back(v);
-  }
+Region checked_region(const std::vector<int>& roles, int handle_count) {
+  check_roles(roles, handle_count);
+  Region region = region_of(roles, handle_count);
   if (region.free.empty()) throw Error(Status::region, "No vertex is free to follow.");
-  if (region.free_count() == mesh.vertex_count())
+  if (region.free.size() == roles.size())
     throw Error(Status::region, "Nothing holds the mesh: fix some vertices.");
   return region;
 }
@@ -122,7 +111,7 @@ SparseMatrix deformation_operator(const TetMesh& mesh) {
 TetPoisson::TetPoisson(const TetMesh& mesh, const std::vector<int>& roles, int handle_count,
                        SparseMatrix operator_, const Eigen::VectorXd& weights)
     : rest_(mesh.positions),
-      region_(checked_region(mesh, roles, handle_count)),
+      region_(checked_region(roles, handle_count)),
       gradient_(std::move(operator_)),
       weighted_(gradient_.transpose() *
                 Eigen::VectorXd(weights.transpose().replicate(3, 1).reshaped()).asDiagonal()),

@@ -2,9 +2,9 @@
 #pragma once
 
 #include "solver/sparse_cholesky.h"
-#include "surface/free_block.h"
-#include "surface/operators.h"
-#include "surface/region.h"
+#include "systems/free_block.h"
+#include "systems/operators.h"
+#include "systems/region.h"
 
 namespace dd {
 
@@ -25,15 +25,16 @@ RowMatrix apply_energy(const SurfaceOperators& operators, const RowMatrix& value
 
 /// K on the free vertices, factored once: solutions of K x = 0 with given values at the constrained
 /// vertices, the smoothest functions that take them on.
-class BendingSystem {
+class PolyharmonicSystem {
  public:
   /// operators: of the geometry that K is built on. All but the smoothness and what the options
   /// hold by value must outlive the system. Throws UnsolvableSurface where K is singular.
-  BendingSystem(const SurfaceOperators& operators, const Region& region,
-                Smoothness smoothness = Smoothness::thin_plate, const BlockOptions& options = {});
+  PolyharmonicSystem(const SurfaceOperators& operators, const Region& region,
+                     Smoothness smoothness = Smoothness::thin_plate,
+                     const BlockOptions& options = {});
   /// block: free_block_of_energy() of these, where it is at hand.
-  BendingSystem(const SurfaceOperators& operators, const Region& region, Smoothness smoothness,
-                const SparseMatrix& block, const BlockOptions& options);
+  PolyharmonicSystem(const SurfaceOperators& operators, const Region& region, Smoothness smoothness,
+                     const SparseMatrix& block, const BlockOptions& options);
 
   /// For a system of the same region and smoothness.
   std::shared_ptr<const Elimination> elimination() const { return factor_.shared_elimination(); }

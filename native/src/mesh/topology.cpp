@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mesh/topology.h"
+
+#include <algorithm>
+#include <numeric>
+#include <tuple>
+
+namespace dd {
+
+Fans::Fans(const Triangles& t, int vertex_count)
+    : begin_(static_cast<size_t>(vertex_count) + 1, 0), triangles_(static_cast<size_t>(t.size())) {
+  for (Index k = 0; k < t.size(); ++k) ++begin_[t.data()[k] + 1];
+  std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
+  std::vector<int> next(begin_.begin(), begin_.end() - 1);
+  for (Index k = 0; k < t.size(); ++k) triangles_[next[t.data()[k]]++] = static_cast<int>(k / 3);
+}
+
+Edges::Edges(const Triangles& t) {
+  sides_.reserve(static_cast<size_t>(t.size()));
+  for (Index j = 0; j < t.rows(); ++j)
+    for (int k = 0; k < 3; ++k) {
+      const auto [low, high] = std::minmax(t(j, k), t(j, (k + 1) % 3));
+      sides_.push_back({low, high, static_cast<int>(3 * j + k)});
+    }
+  std::sort(sides_.begin(), sides_.end(), [](const Side& a, const Side& b) {
+    return std::tie(a.low, a.high, a.place) < std::tie(b.low, b.high, b.place);
+  });
+  for (size_t i = 0; i < sides_.size(); ++i)
+    if (i == 0 || sides_[i].low != sides_[i - 1].low || sides_[i].high != sides_[i - 1].high)
+      begin_.push_back(static_cast<int>(i));
+  begin_.push_back(static_cast<int>(sides_.size()));
+}
+
+std::vector<int> Edges::at_places() const {
+  std::vector<int> edges(sides_.size());
+  for (int edge = 0; edge < count(); ++edge)
+    for (const Side& side : sides(edge)) edges[side.place] = edge;
+  return edges;
+}
+
+Borders::Borders(const Triangles& triangles, int vertex_count)
+    : places(static_cast<size_t>(triangles.size()), 0),
+      vertices(static_cast<size_t>(vertex_count), 0) {
+  const Edges edges(triangles);
+  for (int edge = 0; edge < edges.count(); ++edge) {
+    const Edges::Range sides = edges.sides(edge);
+    if (sides.size() > 1) continue;
+    places[sides.begin()->place] = 1;
+    vertices[sides.begin()->low] = vertices[sides.begin()->high] = 1;
+  }
+}
+
+namespace {
+
+int find_root(std::vector<int>& parent, int v) {
+  while (parent[v] != v) v = parent[v] = parent[parent[v]];
+  return v;
+}
+
+/// Breadth first from the triangles that have a value into those joined to them that have none.
+/// joined(j, k, visit) calls visit for the triangles at joint k of triangle j, which it returns:
+/// every joint is passed through once, and triangles are visited in order, so that the result
+/// depends on nothing but the mesh.
+template <class JointAt, class EachAt>
+void spread(std::vector<int>& of_triangle, size_t joint_count, const JointAt& joint_at,
+            const EachAt& each_at) {
+  std::vector<int> queue;
+  for (size_t j = 0; j < of_triangle.size(); ++j)
+    if (of_triangle[j] >= 0) queue.push_back(static_cast<int>(j));
+  std::vector<char> passed(joint_count, 0);
+  for (size_t head = 0; head < queue.size(); ++head) {
+    const int j = queue[head];
+    for (int k = 0; k < 3; ++k) {
+      const int joint = joint_at(j, k);
+      if (passed[joint]) continue;
+      passed[joint] = 1;
+      each_at(joint, [&](int other) {
+        if (of_triangle[other] >= 0) return;
+        of_triangle[other] = of_triangle[j];
+        queue.push_back(other);
+      });
+    }
+  }
+}
+
+}  // namespace
+
+Components::Components(const Triangles& triangles, int vertex_count) {
+  std::vector<int> parent(static_cast<size_t>(vertex_count));
+  std::iota(parent.begin(), parent.end(), 0);
+  for (Index j = 0; j < triangles.rows(); ++j) {
+    const int root = find_root(parent, triangles(j, 0));
+    for (int k = 1; k < 3; ++k) parent[find_root(parent, triangles(j, k))] = root;
+  }
+  of_vertex.assign(parent.size(), -1);
+  for (int v = 0; v < vertex_count; ++v) {
+    int& number = of_vertex[find_root(parent, v)];
+    if (number < 0) number = count++;
+    of_vertex[v] = number;
+  }
+}
+
+void fill_from_neighbours(std::vector<int>& of_triangle, const Triangles& t, int vertex_count) {
+  const Edges edges(t);
+  const std::vector<int> edge_at = edges.at_places();
+  spread(
+      of_triangle, static_cast<size_t>(edges.count()),
+      [&](int j, int k) { return edge_at[3 * static_cast<size_t>(j) + static_cast<size_t>(k)]; },
+      [&](int edge, const auto& visit) {
+        for (const Edges::Side& side : edges.sides(edge)) visit(side.triangle());
+      });
+  const Fans fans(t, vertex_count);
+  spread(
+      of_triangle, static_cast<size_t>(vertex_count), [&](int j, int k) { return t(j, k); },
+      [&](int vertex, const auto& visit) {
+        for (int other : fans.of(vertex)) visit(other);
+      });
+}
+
+}  // namespace dd

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "methods/methods.h"
+
+#include <iterator>
+#include <string>
+
+#include "methods/displacement_volumes.h"
+#include "methods/examples/examples.h"
+#include "methods/gradient_editing.h"
+#include "methods/normal_displacement.h"
+#include "methods/transfer.h"
+#include "methods/variational.h"
+
+namespace dd {
+
+namespace {
+
+template <class Kind>
+std::unique_ptr<Method> make(BoundSurface& bound) {
+  return std::make_unique<Kind>(bound);
+}
+
+// By MethodKind:           name                   slow   steps  base
+constexpr MethodFacts kMethods[] = {
+    {"detail transfer", false, true, true, make<Transfer>},
+    {"smooth displacement", false, true, false, make<Variational>},
+    {"normal displacement", false, true, false, make<NormalDisplacement>},
+    {"gradient editing", false, true, true, make<GradientEditing>},
+    {"displacement volumes", true, true, false, make<DisplacementVolumes>},
+    {"posing by example", false, false, false, make_examples}};
+static_assert(std::size(kMethods) == kMethodCount);
+
+}  // namespace
+
+const MethodFacts& facts(MethodKind method) {
+  const int number = static_cast<int>(method);
+  if (number < 0 || number >= kMethodCount)
+    throw Error(Status::argument, "There is no method " + std::to_string(number) + ".");
+  return kMethods[number];
+}
+
+}  // namespace dd

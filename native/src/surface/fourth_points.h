@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "mesh/mesh.h"
+#include "systems/poisson_system.h"
+#include "systems/tets.h"
+
+namespace dd {
+
+/// Triangles as tetrahedra, by a fourth point p₁ + e₁ × e₂ / √|e₁ × e₂| each (§3, after Sumner and
+/// Popović 2004): the first n vertices are the mesh's, fourth points follow in the order of the
+/// triangles. Throws Error(mesh) naming a triangle without area: it has no tetrahedron.
+TetMesh with_fourth_points(const Mesh& mesh, const std::vector<int>& triangles);
+
+/// D of (10).
+enum class FourthPointWeights {
+  volumes,  ///< the tetrahedra's: a volumetric Poisson system, §4
+  ones      ///< (10) as it stands
+};
+
+/// The original formulation of deformation transfer (§3), which the paper's surface formulation
+/// replaces: n + m unknowns in place of n, G̃ᵀ D G̃ p' = G̃ᵀ D S (10).
+class FourthPoints {
+ public:
+  /// triangles: those that have a say. Throws as with_fourth_points(), and Error(numeric).
+  FourthPoints(const Mesh& mesh, const Region& region, std::vector<int> triangles,
+               FourthPointWeights weights);
+
+  FourthPointWeights weights() const { return weights_; }
+  int unknowns() const { return unknowns_; }
+  double nonzeros() const { return static_cast<double>(poisson_.laplacian().nonZeros()); }
+
+  /// gradient_of: S_j of a triangle. offsets: the displacement of all rows in that order, in: those
+  /// of handles, out: those of the free vertices. Grounds of the region stay at rest.
+  void solve(const std::function<Eigen::Matrix3d(int triangle)>& gradient_of, const RowOrder& order,
+             Rows& offsets) const;
+
+  double bytes() const;
+
+ private:
+  FourthPointWeights weights_;
+  std::vector<int> triangles_;
+  std::vector<int> roles_;
+  TetMesh tets_;
+  TetPoisson poisson_;
+  int unknowns_;
+};
+
+}  // namespace dd

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <memory>
+
+#include "surface/factored_surface.h"
+#include "surface/fourth_points.h"
+#include "surface/gradient_source.h"
+#include "surface/refinement.h"
+
+namespace dd {
+
+/// How a surface is made of deformation gradients. The values are those of dd_formulation in the
+/// public header.
+enum class Formulation {
+  surface = 0,                  ///< (14), §5: n unknowns
+  fourth_points = 1,            ///< (10), §3, weighted by volumes: n + m unknowns
+  fourth_points_unweighted = 2  ///< (10) as it stands
+};
+
+/// A surface made of deformation gradients: by (14) on its factor, or by (10), and refined if asked.
+/// What a formulation needs beside the factor is made when it is first asked for.
+class Reconstruction {
+ public:
+  /// surface must outlive it.
+  explicit Reconstruction(FactoredSurface& surface) : surface_(surface) {}
+
+  /// offsets: the displacement of all rows, in: those of handles, out: those of the free vertices.
+  /// Components that nothing holds come out with one vertex at rest.
+  void solve(const GradientSource& gradients, Formulation formulation, Rows& offsets);
+
+  /// Improves the result of (14) by rotations alone: see Refinement.
+  void refine(int iterations, Rows& offsets);
+
+  double bytes() const;
+
+ private:
+  FactoredSurface& surface_;
+  std::unique_ptr<FourthPoints> fourth_points_;
+  std::unique_ptr<Refinement> refinement_;
+};
+
+}  // namespace dd

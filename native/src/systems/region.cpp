@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "systems/region.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "mesh/topology.h"
+#include "support/error.h"
+
+namespace dd {
+
+namespace {
+
+void check_coverage(const std::vector<int>& roles, int handle_count, MovedBy moved_by) {
+  if (handle_count < (moved_by == MovedBy::base ? 0 : 1))
+    throw Error(Status::region, "There is no handle: add at least one that moves some vertices.");
+  if (handle_count > static_cast<int>(roles.size()))
+    throw Error(Status::region, "There are more handles than vertices.");
+  check_roles(roles, handle_count);
+  std::vector<char> used(static_cast<size_t>(handle_count), 0);
+  for (int role : roles)
+    if (role >= 0) used[role] = 1;
+  for (int h = 0; h < handle_count; ++h) {
+    if (!used[h])
+      throw Error(Status::region,
+                  "Handle " + std::to_string(h) + " has no vertices: give it at least one.");
+  }
+  if (std::find(roles.begin(), roles.end(), kFree) == roles.end())
+    throw Error(Status::region,
+                "No vertex is free to follow: every vertex is fixed or in a handle. Enlarge the "
+                "region or shrink the handles.");
+}
+
+/// Handles without a free vertex beside them.
+std::vector<int> idle_handles(const Mesh& mesh, const Region& region) {
+  std::vector<char> pulls(static_cast<size_t>(region.handle_count), 0);
+  for (Index j = 0; j < mesh.triangles.rows(); ++j) {
+    const auto corners = mesh.triangles.row(j);
+    const bool follows = (region.role[corners[0]] == kFree) || (region.role[corners[1]] == kFree) ||
+                         (region.role[corners[2]] == kFree);
+    for (const int v : corners)
+      if (follows && region.role[v] >= 0) pulls[region.role[v]] = 1;
+  }
+  std::vector<int> idle;
+  for (int h = 0; h < region.handle_count; ++h)
+    if (!pulls[h]) idle.push_back(h);
+  return idle;
+}
+
+}  // namespace
+
+void check_roles(const std::vector<int>& roles, int handle_count) {
+  for (size_t v = 0; v < roles.size(); ++v)
+    if (roles[v] < kFixed || roles[v] >= handle_count)
+      throw Error(Status::region, "Vertex " + std::to_string(v) + " has the role " +
+                                      std::to_string(roles[v]) + ", which is no handle.");
+}
+
+Region region_of(std::vector<int> roles, int handle_count) {
+  Region region;
+  region.role = std::move(roles);
+  region.handle_count = handle_count;
+  region.row.assign(region.role.size(), -1);
+  for (size_t v = 0; v < region.role.size(); ++v) {
+    if (region.role[v] == kFree) {
+      region.row[v] = region.free_count();
+      region.free.push_back(static_cast<int>(v));
+    } else if (region.role[v] >= 0) {
+      region.handle_vertices.push_back(static_cast<int>(v));
+    }
+  }
+  return region;
+}
+
+Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
+                    MovedBy moved_by) {
+  check_coverage(roles, handle_count, moved_by);
+  const int n = mesh.vertex_count();
+
+  std::vector<char> has_triangle(static_cast<size_t>(n), 0);
+  for (Index k = 0; k < mesh.triangles.size(); ++k) has_triangle[mesh.triangles.data()[k]] = 1;
+  const Components parts(mesh.triangles, mesh.vertex_count());
+  std::vector<char> part_moves(static_cast<size_t>(parts.count), moved_by == MovedBy::base);
+  std::vector<char> part_is_held(static_cast<size_t>(parts.count), 0);
+  for (int v = 0; v < n; ++v) {
+    if (roles[v] >= 0) part_moves[parts.of_vertex[v]] = 1;
+    if (roles[v] != kFree) part_is_held[parts.of_vertex[v]] = 1;
+  }
+
+  std::vector<int> kept = roles;
+  int resting_count = 0, resting_part_count = 0, resting_example = -1;
+  int loose_count = 0, loose_example = -1;
+  std::vector<char> part_rests(static_cast<size_t>(parts.count), 0);
+  for (int v = 0; v < n; ++v) {
+    if (kept[v] != kFree || (has_triangle[v] && part_moves[parts.of_vertex[v]])) continue;
+    kept[v] = kFixed;
+    if (!has_triangle[v]) {
+      if (loose_count++ == 0) loose_example = v;
+      continue;
+    }
+    if (resting_count++ == 0) resting_example = v;
+    char& rests = part_rests[parts.of_vertex[v]];
+    resting_part_count += !rests;
+    rests = 1;
+  }
+
+  Region region = region_of(std::move(kept), handle_count);
+  region.resting_count = resting_count;
+  region.resting_part_count = resting_part_count;
+  region.resting_example = resting_example;
+  region.loose_count = loose_count;
+  region.loose_example = loose_example;
+  if (region.free.empty())
+    throw Error(Status::region,
+                "No handle can move any vertex of the region: the handles are on other loose parts "
+                "of the mesh than the region (vertex " +
+                    std::to_string(resting_count ? resting_example : loose_example) +
+                    ", for one). Put a handle on the part that should deform.");
+  for (int v : region.free) {
+    char& held = part_is_held[parts.of_vertex[v]];
+    if (!held) region.grounds.push_back(v);
+    held = 1;
+  }
+  region.idle_handles = idle_handles(mesh, region);
+  return region;
+}
+
+}  // namespace dd
