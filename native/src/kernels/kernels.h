@@ -84,7 +84,7 @@ struct FactorView {
 template <class Real>
 constexpr int kColumns = 4;
 template <>
-constexpr int kColumns<float> = 3;
+inline constexpr int kColumns<float> = 3;
 
 /// Loops that come in two precisions: of what is constant in a frame and of what is computed from
 /// it. Positions and right-hand sides are double always. x, right, quaternions: rows of 4.
