@@ -232,6 +232,10 @@ std::vector<double> Deformer::example_weights() const {
   const auto& made = methods_[static_cast<int>(MethodKind::examples)];
   if (!made) return std::vector<double>(bound_->examples.size(), 0);
   const Eigen::VectorXd& weights = static_cast<const ExamplesMethod&>(*made).weights();
+  if (!weights.allFinite())
+    throw Error(Status::numeric,
+                "The last update by examples failed, so there are no weights: its handles' "
+                "matrices were too large.");
   return {weights.begin(), weights.end()};
 }
 

@@ -59,7 +59,8 @@ class Deformer {
   /// Null before the first update by that method.
   const NormalDisplacement* normal_displacement() const;
   const DisplacementVolumes* displacement_volumes() const;
-  /// Of the last update by examples, one for each; before it, zeros.
+  /// Of the last update by examples, one for each; before it, zeros. Throws Error(numeric) where
+  /// that update found none.
   std::vector<double> example_weights() const;
   double bytes() const;
 
