@@ -104,6 +104,8 @@ struct KernelsOf {
                         bool rotation_only, double* right_hand_side);
 
   /// The rotation of each triangle as a unit quaternion x y z w, w ≥ 0, kLanes rows of 4 a block.
+  /// Zeros where a triangle has no area, at rest or now: it has no rotation of its own, turns
+  /// nothing, and leaves means to its neighbours.
   void (*rotation_pass)(int block_count, const RotationBlock<Real>* blocks, const double* positions,
                         Real* quaternions);
 

@@ -260,13 +260,21 @@ inline void weighted_sums(int count, const int32_t (*index)[kLanes], const float
 template <class Real>
 constexpr Real kShort = Real(0.8);
 
+template <class Real>
+inline bool is_zero(const Real* row) {
+  return row[0] == 0 && row[1] == 0 && row[2] == 0 && row[3] == 0;
+}
+
 /// Sums up again, with signs that agree with the first, in lanes where the sum came out short.
 template <class Real>
 void agree_in_sign(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
                    const Real* rows, Real (&lanes)[4][kLanes], Real (&length)[kLanes]) {
   for (int lane = 0; lane < kLanes; ++lane) {
     if (length[lane] >= kShort<Real>) continue;
-    const RowOf<Real> first = load(rows + 4 * static_cast<int64_t>(index[0][lane]));
+    // One that turns at all: rows of zeros agree with every sign.
+    int k0 = 0;
+    while (k0 + 1 < count && is_zero(rows + 4 * static_cast<int64_t>(index[k0][lane]))) ++k0;
+    const RowOf<Real> first = load(rows + 4 * static_cast<int64_t>(index[k0][lane]));
     RowOf<Real> sum = {};
     for (int k = 0; k < count; ++k) {
       const RowOf<Real> q = load(rows + 4 * static_cast<int64_t>(index[k][lane]));
@@ -323,6 +331,13 @@ inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const float 
 }
 #endif
 
+/// A triangle has collapsed that kept less than this of one extent, compared with the other or, to
+/// a point, with rest: what is left of it is rounding.
+template <class Real>
+constexpr Real kFlat = static_cast<Real>(sizeof(Real) == 4 ? 1e-5 : 1e-10);
+template <class Real>
+constexpr Real kPoint = Real(1e-10);
+
 template <class Real>
 void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const double* positions,
                    Real* quaternions) {
@@ -354,7 +369,10 @@ void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const dou
       const Real py = w_or_x ? (second ? xy : wy) : (second ? yz : yy);
       const Real pz = w_or_x ? (second ? xz : wz) : (second ? zz : yz);
       const Real pw = w_or_x ? (second ? wx : ww) : (second ? wz : wy);
-      const Real unit = guarded_inverse_sqrt(px * px + py * py + pz * pz + pw * pw);
+      const Real smaller = now.a < now.d ? now.a : now.d, larger = now.a < now.d ? now.d : now.a;
+      const bool collapsed = smaller < kFlat<Real> * larger + kPoint<Real>;
+      const Real unit =
+          collapsed ? Real(0) : guarded_inverse_sqrt(px * px + py * py + pz * pz + pw * pw);
 
       // now · from_rest
       const Real rx = block.from_rest[0][lane], ry = block.from_rest[1][lane],
