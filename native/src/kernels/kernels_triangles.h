@@ -331,12 +331,33 @@ inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const float 
 }
 #endif
 
-/// A triangle has collapsed that kept less than this of one extent, compared with the other or, to
-/// a point, with rest: what is left of it is rounding.
+/// Squared: a triangle has collapsed that kept less than this of its first edge or of its height
+/// over it, compared with the other or, to a point, with rest. What is left of it is rounding.
 template <class Real>
-constexpr Real kFlat = static_cast<Real>(sizeof(Real) == 4 ? 1e-5 : 1e-10);
+constexpr Real kFlat = static_cast<Real>(sizeof(Real) == 4 ? 1e-10 : 1e-20);
 template <class Real>
-constexpr Real kPoint = Real(1e-10);
+constexpr Real kPoint = Real(1e-20);
+
+/// Zeros for the rotations of collapsed triangles. Apart from the loop that finds them, so that the
+/// compiler contracts that one as if this weren't there.
+template <class Real>
+inline void clear_collapsed(const Edges<Real>& edges, const TriangleShape<Real>& shape,
+                            Real (&q)[4][kLanes]) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const Real unit = shape.inverse_length[lane], stretch = shape.inverse_height[lane];
+    const Real x1 = unit * edges.first[0][lane], y1 = unit * edges.first[1][lane],
+               z1 = unit * edges.first[2][lane];
+    const Real x2 = unit * edges.second[0][lane], y2 = unit * edges.second[1][lane],
+               z2 = unit * edges.second[2][lane];
+    const Real cx = y1 * z2 - z1 * y2, cy = z1 * x2 - x1 * z2, cz = x1 * y2 - y1 * x2;
+    const Real length = x1 * x1 + y1 * y1 + z1 * z1;
+    const Real area = (cx * cx + cy * cy + cz * cz) * stretch * stretch;
+    const bool collapsed = (length < kPoint<Real>) | (area < kPoint<Real> * length) |
+                           (area < kFlat<Real> * length * length) |
+                           (length * length < kFlat<Real> * area);
+    for (int c = 0; c < 4; ++c) q[c][lane] = collapsed ? Real(0) : q[c][lane];
+  }
+}
 
 template <class Real>
 void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const double* positions,
@@ -369,10 +390,7 @@ void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const dou
       const Real py = w_or_x ? (second ? xy : wy) : (second ? yz : yy);
       const Real pz = w_or_x ? (second ? xz : wz) : (second ? zz : yz);
       const Real pw = w_or_x ? (second ? wx : ww) : (second ? wz : wy);
-      const Real smaller = now.a < now.d ? now.a : now.d, larger = now.a < now.d ? now.d : now.a;
-      const bool collapsed = smaller < kFlat<Real> * larger + kPoint<Real>;
-      const Real unit =
-          collapsed ? Real(0) : guarded_inverse_sqrt(px * px + py * py + pz * pz + pw * pw);
+      const Real unit = guarded_inverse_sqrt(px * px + py * py + pz * pz + pw * pw);
 
       // now · from_rest
       const Real rx = block.from_rest[0][lane], ry = block.from_rest[1][lane],
@@ -384,6 +402,7 @@ void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const dou
       q[2][lane] = sign * (pw * rz + px * ry - py * rx + pz * rw);
       q[3][lane] = sign * turn_w;
     }
+    clear_collapsed(edges, block.shape, q);
     store_rows(q, quaternions + 4 * kLanes * static_cast<int64_t>(b));
   }
 }
