@@ -52,6 +52,17 @@ def test_examples_are_met_and_their_weights_told(native):
     assert np.abs(deformer.offsets(2 * matrix, method='EXAMPLES') - stiff).max() > 1e-2
 
 
+def test_after_a_failed_update_there_are_no_weights(native):
+    mesh, examples, matrix = posed_strip(native)
+    deformer = bound(native, mesh, examples=examples)
+    with pytest.raises(native.NativeError):
+        deformer.offsets(np.full_like(matrix, 1e300), method='EXAMPLES')
+    with pytest.raises(native.NativeError, match='no weights'):
+        deformer.example_weights()
+    deformer.offsets(matrix, method='EXAMPLES')
+    assert np.allclose(deformer.example_weights(), [0, 1], atol=1e-2)
+
+
 def test_a_split_knows_posing_by_example_in_one_step(native):
     mesh, examples, matrix = posed_strip(native)
     offsets, _ = split(native, mesh, examples, matrix, 1)

@@ -65,3 +65,36 @@ TEST_CASE("distances scale with the mesh and end where it does") {
   for (size_t v = 0; v + 1 < small.size(); ++v)
     CHECK(std::abs(large[v] - 1000 * small[v]) < 1e-9 * (1 + large[v]));
 }
+
+TEST_CASE("distances on a plane are never too short, whatever the sources and the triangles") {
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (int round = 0; round < 40; ++round) {
+    // Regular, irregular, and sheared till most triangles are obtuse.
+    const int side = 21;
+    Mesh mesh = test::grid(side, side, [](double, double) { return 0.0; });
+    const double jitter = 0.4 * (round % 3) / 2 / side, shear = round % 4;
+    for (int i = 0; i < mesh.vertex_count(); ++i) {
+      mesh.positions(i, 0) += jitter * uniform(random);
+      mesh.positions(i, 1) += jitter * uniform(random);
+      mesh.positions(i, 0) += shear * mesh.positions(i, 1);
+    }
+    std::vector<char> sources(static_cast<size_t>(mesh.vertex_count()), 0);
+    std::vector<int> at;
+    // On a grid of their own: no two have an edge in common.
+    for (int k = 0; k < 1 + round; ++k) {
+      at.push_back(side * 2 * static_cast<int>(random() % 10) +
+                   2 * static_cast<int>(random() % 10));
+      sources[at.back()] = 1;
+    }
+    const std::vector<double> distance = surface_distances(mesh, sources);
+    double shortest = 1;
+    for (int v = 0; v < mesh.vertex_count(); ++v) {
+      double exact = std::numeric_limits<double>::infinity();
+      for (int s : at)
+        exact = std::min(exact, (mesh.positions.row(v) - mesh.positions.row(s)).norm());
+      if (exact > 0) shortest = std::min(shortest, distance[v] / exact);
+    }
+    CHECK(shortest > 1 - 1e-12);
+  }
+}

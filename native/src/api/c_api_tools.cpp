@@ -32,12 +32,14 @@ int32_t dd_measure(const float* rest, const float* deformed, size_t position_cou
     dd::validate(now);
     require_size("roles", role_count, position_count / 3);
     require(!base == !deformed_base, "base and deformed_base go together.");
+    const size_t base_count = base ? position_count : 0;
+    const dd::Positions from = read_base(base, base_count, position_count),
+                        to = read_base(deformed_base, base_count, position_count);
+    require(from.allFinite(), "base has coordinates that are not finite.");
+    require(to.allFinite(), "deformed_base has coordinates that are not finite.");
     std::vector<char> free;
     for (size_t v = 0; v < role_count; ++v) free.push_back(roles[v] == DD_ROLE_FREE);
-    const size_t base_count = base ? position_count : 0;
-    const dd::Measures m =
-        dd::measure(mesh, now.positions, free, read_base(base, base_count, position_count),
-                    read_base(deformed_base, base_count, position_count));
+    const dd::Measures m = dd::measure(mesh, now.positions, free, from, to);
     dd_measures found{};
     found.intersecting_pairs = m.intersecting_pairs;
     found.new_intersecting_pairs = m.new_intersecting_pairs;

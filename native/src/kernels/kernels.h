@@ -84,7 +84,7 @@ struct FactorView {
 template <class Real>
 constexpr int kColumns = 4;
 template <>
-constexpr int kColumns<float> = 3;
+inline constexpr int kColumns<float> = 3;
 
 /// Loops that come in two precisions: of what is constant in a frame and of what is computed from
 /// it. Positions and right-hand sides are double always. x, right, quaternions: rows of 4.
@@ -104,6 +104,8 @@ struct KernelsOf {
                         bool rotation_only, double* right_hand_side);
 
   /// The rotation of each triangle as a unit quaternion x y z w, w ≥ 0, kLanes rows of 4 a block.
+  /// Zeros where a triangle has no area, at rest or now: it has no rotation of its own, turns
+  /// nothing, and leaves means to its neighbours.
   void (*rotation_pass)(int block_count, const RotationBlock<Real>* blocks, const double* positions,
                         Real* quaternions);
 

@@ -260,13 +260,21 @@ inline void weighted_sums(int count, const int32_t (*index)[kLanes], const float
 template <class Real>
 constexpr Real kShort = Real(0.8);
 
+template <class Real>
+inline bool is_zero(const Real* row) {
+  return row[0] == 0 && row[1] == 0 && row[2] == 0 && row[3] == 0;
+}
+
 /// Sums up again, with signs that agree with the first, in lanes where the sum came out short.
 template <class Real>
 void agree_in_sign(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
                    const Real* rows, Real (&lanes)[4][kLanes], Real (&length)[kLanes]) {
   for (int lane = 0; lane < kLanes; ++lane) {
     if (length[lane] >= kShort<Real>) continue;
-    const RowOf<Real> first = load(rows + 4 * static_cast<int64_t>(index[0][lane]));
+    // One that turns at all: rows of zeros agree with every sign.
+    int k0 = 0;
+    while (k0 + 1 < count && is_zero(rows + 4 * static_cast<int64_t>(index[k0][lane]))) ++k0;
+    const RowOf<Real> first = load(rows + 4 * static_cast<int64_t>(index[k0][lane]));
     RowOf<Real> sum = {};
     for (int k = 0; k < count; ++k) {
       const RowOf<Real> q = load(rows + 4 * static_cast<int64_t>(index[k][lane]));
@@ -323,6 +331,34 @@ inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const float 
 }
 #endif
 
+/// Squared: a triangle has collapsed that kept less than this of its first edge or of its height
+/// over it, compared with the other or, to a point, with rest. What is left of it is rounding.
+template <class Real>
+constexpr Real kFlat = static_cast<Real>(sizeof(Real) == 4 ? 1e-10 : 1e-20);
+template <class Real>
+constexpr Real kPoint = Real(1e-20);
+
+/// Zeros for the rotations of collapsed triangles. Apart from the loop that finds them, so that the
+/// compiler contracts that one as if this weren't there.
+template <class Real>
+inline void clear_collapsed(const Edges<Real>& edges, const TriangleShape<Real>& shape,
+                            Real (&q)[4][kLanes]) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const Real unit = shape.inverse_length[lane], stretch = shape.inverse_height[lane];
+    const Real x1 = unit * edges.first[0][lane], y1 = unit * edges.first[1][lane],
+               z1 = unit * edges.first[2][lane];
+    const Real x2 = unit * edges.second[0][lane], y2 = unit * edges.second[1][lane],
+               z2 = unit * edges.second[2][lane];
+    const Real cx = y1 * z2 - z1 * y2, cy = z1 * x2 - x1 * z2, cz = x1 * y2 - y1 * x2;
+    const Real length = x1 * x1 + y1 * y1 + z1 * z1;
+    const Real area = (cx * cx + cy * cy + cz * cz) * stretch * stretch;
+    const bool collapsed = (length < kPoint<Real>) | (area < kPoint<Real> * length) |
+                           (area < kFlat<Real> * length * length) |
+                           (length * length < kFlat<Real> * area);
+    for (int c = 0; c < 4; ++c) q[c][lane] = collapsed ? Real(0) : q[c][lane];
+  }
+}
+
 template <class Real>
 void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const double* positions,
                    Real* quaternions) {
@@ -366,6 +402,7 @@ void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const dou
       q[2][lane] = sign * (pw * rz + px * ry - py * rx + pz * rw);
       q[3][lane] = sign * turn_w;
     }
+    clear_collapsed(edges, block.shape, q);
     store_rows(q, quaternions + 4 * kLanes * static_cast<int64_t>(b));
   }
 }

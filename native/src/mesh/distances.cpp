@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mesh/distances.h"
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
 #include <queue>
 #include <utility>
+
+#include "mesh/topology.h"
 
 namespace dd {
 
@@ -13,19 +16,25 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+/// A value at c, and whether it came through the half of ab that is nearer to a.
+struct Reached {
+  double distance;
+  bool nearer_a;
+};
+
 /// What a front that has passed a and b brings to c: that of a straight one, where it crosses the
 /// triangle between them.
-double through_triangle(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
-                        const Eigen::Vector3d& c, double at_a, double at_b) {
+Reached through_triangle(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
+                         const Eigen::Vector3d& c, double at_a, double at_b) {
   const Eigen::Vector3d edge = b - a, arm = c - a;
   const double length = edge.norm();
   const double along = arm.dot(edge) / length, across = (arm - along / length * edge).norm();
   const double slope = (at_b - at_a) / length;  // of the distance along ab; 1 across the front
-  if (!(std::abs(slope) < 1)) return kInfinity;
+  if (!(std::abs(slope) < 1)) return {kInfinity, true};
   const double climb = std::sqrt(1 - slope * slope);
   const double entered = along - across * slope / climb;
-  if (entered < 0 || entered > length) return kInfinity;
-  return at_a + slope * along + climb * across;
+  if (entered < 0 || entered > length) return {kInfinity, true};
+  return {at_a + slope * along + climb * across, entered < 0.5 * length};
 }
 
 }  // namespace
@@ -33,37 +42,44 @@ double through_triangle(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
 std::vector<double> surface_distances(const Mesh& mesh, const std::vector<char>& sources) {
   const Triangles& t = mesh.triangles;
   const size_t n = static_cast<size_t>(mesh.vertex_count());
-  std::vector<int> begin(n + 1, 0), fan(static_cast<size_t>(t.size()));
-  for (Index k = 0; k < t.size(); ++k) ++begin[t.data()[k] + 1];
-  for (size_t v = 0; v < n; ++v) begin[v + 1] += begin[v];
-  std::vector<int> filled(begin.begin(), begin.end() - 1);
-  for (Index k = 0; k < t.size(); ++k) fan[filled[t.data()[k]]++] = static_cast<int>(k / 3);
-
+  const Fans fans(t, mesh.vertex_count());
   const auto place = [&](int v) -> Eigen::Vector3d { return mesh.positions.row(v); };
   std::vector<double> distance(n, kInfinity);
+  std::vector<int> source_of(n, -1);  // the source that a distance is measured from
   std::vector<char> passed(n, 0);
   using Front = std::pair<double, int>;
   std::priority_queue<Front, std::vector<Front>, std::greater<Front>> front;
-  const auto reach = [&](int v, double value) {
+  const auto reach = [&](int v, double value, int source) {
     if (!(value < distance[v])) return;
     distance[v] = value;
+    source_of[v] = source;
     front.emplace(value, v);
   };
   for (size_t v = 0; v < n; ++v)
-    if (sources[v]) reach(static_cast<int>(v), 0);
+    if (sources[v]) reach(static_cast<int>(v), 0, static_cast<int>(v));
+  // Along an edge the distance from one source is convex, so that a straight front through both
+  // ends can only be late. Where the fronts of two sources meet it has a peak, which a straight one
+  // would cut off: what comes through there is at least as far as the nearer of the two.
+  const auto least = [&](int a, int b, int c) {
+    if (source_of[a] == source_of[b]) return 0.0;
+    return std::min((place(c) - place(source_of[a])).norm(),
+                    (place(c) - place(source_of[b])).norm());
+  };
   while (!front.empty()) {
     const int a = front.top().second;
     front.pop();
     if (passed[a]) continue;
     passed[a] = 1;
-    for (int i = begin[a]; i < begin[a + 1]; ++i) {
+    for (int j : fans.of(a)) {
       for (int k = 0; k < 3; ++k) {
-        const int c = t(fan[i], k);
+        const int c = t(j, k);
         if (passed[c]) continue;
-        reach(c, distance[a] + (place(c) - place(a)).norm());
-        const int b = t(fan[i], 0) + t(fan[i], 1) + t(fan[i], 2) - a - c;
-        if (passed[b])
-          reach(c, through_triangle(place(a), place(b), place(c), distance[a], distance[b]));
+        reach(c, distance[a] + (place(c) - place(a)).norm(), source_of[a]);
+        const int b = t(j, 0) + t(j, 1) + t(j, 2) - a - c;
+        if (!passed[b]) continue;
+        const Reached reached =
+            through_triangle(place(a), place(b), place(c), distance[a], distance[b]);
+        reach(c, std::max(reached.distance, least(a, b, c)), source_of[reached.nearer_a ? a : b]);
       }
     }
   }

@@ -10,7 +10,8 @@ namespace dd {
 /// The distance over the surface of every vertex from the nearest source, infinite where no path of
 /// triangles leads. By fast marching (Kimmel, Sethian 1998): exact for straight fronts on flat
 /// parts, too long by a few percent and part of an edge around a single vertex, and across obtuse
-/// corners. sources: of each vertex.
+/// corners. Where the fronts of two sources meet a bound by the straight distance keeps it from
+/// being too short. sources: of each vertex.
 std::vector<double> surface_distances(const Mesh& mesh, const std::vector<char>& sources);
 
 }  // namespace dd

@@ -60,6 +60,7 @@ class Method {
   virtual ~Method() = default;
   /// Sets the free rows of frame.offsets; those of handles too where these are let go.
   virtual void update(const Frame& frame, const MethodOptions& options) = 0;
+  /// Throws Error(numeric) where the last update left none.
   virtual MethodFindings findings() const { return {}; }
   virtual double bytes() const = 0;
 };

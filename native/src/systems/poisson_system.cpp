@@ -104,8 +104,9 @@ void PoissonSystem::find_active_triangles(const Mesh& mesh) {
                           order_.row_of_vertex[t(j, 2)]});
     if (lowest[j] < order_.free_count) active_.triangles.push_back(j);
   }
-  std::stable_sort(active_.triangles.begin(), active_.triangles.end(),
-                   [&](int a, int b) { return lowest[a] < lowest[b]; });
+  std::sort(active_.triangles.begin(), active_.triangles.end(), [&](int a, int b) {
+    return lowest[a] < lowest[b] || (lowest[a] == lowest[b] && a < b);
+  });
   for (int section = 0; section <= rows_.sections(); ++section)
     active_.begin.push_back(static_cast<int>(
         std::partition_point(active_.triangles.begin(), active_.triangles.end(),

@@ -43,6 +43,14 @@ struct ActiveTriangles {
 ///
 /// so that resting handles give nothing but rounding and the mesh's size costs no digits.
 class PoissonSystem {
+  /// What SparseCholesky::solve_in_order() calls with its results, to put them into rows. Its
+  /// deduced type is known only below it.
+  static auto into(Rows& rows) {
+    return [out = rows.data()](int begin, int end, const auto* x) {
+      std::copy(x, x + 4 * Index(end - begin), out + 4 * Index(begin));
+    };
+  }
+
  public:
   /// operators: of S. block: free_block() of their Laplacian. options: with workers, which must
   /// outlive the system. With Precision::single the factor is kept in single precision where that
@@ -94,12 +102,6 @@ class PoissonSystem {
   double bytes() const;
 
  private:
-  /// What SparseCholesky::solve_in_order() calls with its results, to put them into rows.
-  static auto into(Rows& rows) {
-    return [out = rows.data()](int begin, int end, const auto* x) {
-      std::copy(x, x + 4 * Index(end - begin), out + 4 * Index(begin));
-    };
-  }
   void find_active_triangles(const Mesh& mesh);
   void start(int section, const Rows& at_rest, const Rows& offsets);
   void refine(Rows& offsets);

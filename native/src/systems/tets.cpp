@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
+#include <sstream>
 #include <string>
 #include <utility>
 
@@ -13,6 +14,8 @@
 namespace dd {
 
 namespace {
+
+constexpr double kSmallest = 1e-90, kLargest = 1e90;  // edges whose cubes are still numbers
 
 double signed_volume(const TetMesh& mesh, Index j) {
   const Eigen::Vector3d a = mesh.positions.row(mesh.tets(j, 0)),
@@ -59,6 +62,13 @@ void validate(const TetMesh& mesh) {
       longest = std::max(
           longest,
           (mesh.positions.row(mesh.tets(j, k)) - mesh.positions.row(mesh.tets(j, 0))).norm());
+    if (!(longest > kSmallest && longest < kLargest)) {
+      std::ostringstream sentence;
+      sentence << name << " has an edge of length " << longest << ", too "
+               << (longest < 1 ? "small" : "large")
+               << " to compute with: give the mesh another unit.";
+      throw Error(Status::mesh, sentence.str());
+    }
     if (!(std::abs(signed_volume(mesh, j)) > 1e-14 * longest * longest * longest))
       throw Error(Status::mesh, name + " has no volume.");
   }
@@ -169,7 +179,11 @@ Positions edit_by_gradients(const TetPoisson& poisson, const TetMesh& mesh,
   RowMatrix gradients(3 * mesh.tet_count(), 3);
   for (Index j = 0; j < mesh.tet_count(); ++j)
     gradients.middleRows<3>(3 * j) = blend.at(j).transpose();
-  return poisson.solve(constrained, gradients);
+  const Positions result = poisson.solve(constrained, gradients);
+  if (!result.allFinite())
+    throw Error(Status::numeric,
+                "The handles' matrices are too large: the edited solid is not finite.");
+  return result;
 }
 
 }  // namespace dd

@@ -218,6 +218,10 @@ void Examples<Real>::fit(const MethodOptions& options, Rows& offsets) {
 
 template <class Real>
 MethodFindings Examples<Real>::findings() const {
+  if (!weights_.allFinite())
+    throw Error(Status::numeric,
+                "The last update by examples failed, so there are no weights: its handles' "
+                "matrices were too large.");
   MethodFindings findings;
   findings.example_weights.assign(weights_.begin(), weights_.end());
   return findings;
