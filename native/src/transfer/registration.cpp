@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "transfer/registration.h"
 
-#include <Eigen/SVD>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -125,8 +125,12 @@ Similarity onto_markers(const Mesh& source, const Mesh& target, const Pairs& mar
   }
   for (const Positions* points : {&from, &to}) {
     const Positions arms = points->rowwise() - points->colwise().mean();
-    const Eigen::Vector3d spread = Eigen::JacobiSVD<Eigen::MatrixXd>(arms).singularValues();
-    if (!(spread[1] > 1e-3 * spread[0]))
+    // Squared and ascending. Eigen's SVD of a matrix of any size frees twice where memory ends.
+    const Eigen::Matrix3d moments = arms.transpose() * arms;
+    const Eigen::Vector3d spread =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(moments, Eigen::EigenvaluesOnly)
+            .eigenvalues();
+    if (!(spread[1] > 1e-6 * spread[2]))
       throw Error(Status::argument,
                   std::string("The markers of the ") + (points == &from ? "source" : "target") +
                       " lie on a line, which leaves a turn about it open: add one beside it.");
