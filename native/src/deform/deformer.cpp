@@ -81,22 +81,29 @@ const Positions& Deformer::update(const double* matrices, const UpdateOptions& o
 void Deformer::update_to(float* out, bool positions, const double* matrices,
                          const UpdateOptions& options, const Positions* deformed_base) {
   move(matrices, options, deformed_base);
+  require_floats();
   const std::vector<int>& vertex = bound_->order().vertex_of_row;
-  std::atomic<bool> fits{true};
   workers_.over(moved_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
-    double largest = 0, sum = 0;
     for (int64_t r = begin; r < end; ++r) {
       const int v = vertex[r];
       for (int c = 0; c < 3; ++c) {
         const double offset = scale_ * moved_(r, c);
         const double value = positions ? mesh_.positions(v, c) + offset : offset;
-        largest = std::max(largest, std::abs(value));
-        sum += value;
         out[3 * static_cast<size_t>(v) + c] = static_cast<float>(value);
       }
     }
-    // A sum finds what is not a number, which no comparison does.
-    if (!std::isfinite(sum) || largest > 0.5 * std::numeric_limits<float>::max()) fits = false;
+  });
+}
+
+void Deformer::require_floats() {
+  // With a position added, which is at most kFarthest, it still is one.
+  constexpr double kLargest = 0.5 * std::numeric_limits<float>::max();
+  std::atomic<bool> fits{true};
+  workers_.over(moved_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    const auto rows = moved_.middleRows(begin, end - begin);
+    // A sum is quick and finds what is not a number; only where it is large each value has a say.
+    if (scale_ * rows.cwiseAbs().sum() < kLargest) return;
+    if (!(scale_ * rows.leftCols<3>().array().abs() < kLargest).all()) fits = false;
   });
   if (!fits) throw leaves_single_precision();
 }
@@ -162,7 +169,7 @@ void Deformer::take_matrices(const double* matrices) {
 }
 
 Method& Deformer::method(const UpdateOptions& options) {
-  std::unique_ptr<Method>& made = methods_[static_cast<int>(options.method)];
+  std::unique_ptr<Method>& made = methods_[options.method];
   switch (options.method) {
     case MethodKind::transfer:
       if (!made) made = make_transfer(*bound_);
@@ -184,7 +191,15 @@ Method& Deformer::method(const UpdateOptions& options) {
       if (!made) made = make_examples(*bound_);
       break;
   }
+  if (!made)
+    throw Error(Status::argument,
+                "There is no method " + std::to_string(static_cast<int>(options.method)) + ".");
   return *made;
+}
+
+const Method* Deformer::made(MethodKind kind) const {
+  const auto found = methods_.find(kind);
+  return found == methods_.end() ? nullptr : found->second.get();
 }
 
 void Deformer::scale_to_mesh(const Rows& rows, Positions& vectors) const {
@@ -214,24 +229,22 @@ Positions Deformer::base() const { return place_in_mesh(bound_->rest_base); }
 Positions Deformer::deformed_base() const { return place_in_mesh(base_); }
 
 int Deformer::borrowed_count() const {
-  const auto& made = methods_[static_cast<int>(MethodKind::transfer)];
-  return made ? static_cast<const TransferMethod&>(*made).borrowed_count() : 0;
+  const Method* transfer = made(MethodKind::transfer);
+  return transfer ? static_cast<const TransferMethod*>(transfer)->borrowed_count() : 0;
 }
 
 const NormalDisplacement* Deformer::normal_displacement() const {
-  return static_cast<const NormalDisplacement*>(
-      methods_[static_cast<int>(MethodKind::normal)].get());
+  return static_cast<const NormalDisplacement*>(made(MethodKind::normal));
 }
 
 const DisplacementVolumes* Deformer::displacement_volumes() const {
-  return static_cast<const DisplacementVolumes*>(
-      methods_[static_cast<int>(MethodKind::volumes)].get());
+  return static_cast<const DisplacementVolumes*>(made(MethodKind::volumes));
 }
 
 std::vector<double> Deformer::example_weights() const {
-  const auto& made = methods_[static_cast<int>(MethodKind::examples)];
-  if (!made) return std::vector<double>(bound_->examples.size(), 0);
-  const Eigen::VectorXd& weights = static_cast<const ExamplesMethod&>(*made).weights();
+  const Method* examples = made(MethodKind::examples);
+  if (!examples) return std::vector<double>(bound_->examples.size(), 0);
+  const Eigen::VectorXd& weights = static_cast<const ExamplesMethod*>(examples)->weights();
   return {weights.begin(), weights.end()};
 }
 
@@ -243,8 +256,8 @@ double Deformer::bytes() const {
                                        region_.free.size() + region_.handle_vertices.size());
   double sum = static_cast<double>(doubles) * sizeof(double) +
                static_cast<double>(ints) * sizeof(int) + bound_->bytes();
-  for (const auto& made : methods_)
-    if (made) sum += made->bytes();
+  for (const auto& [kind, method] : methods_)
+    if (method) sum += method->bytes();
   return sum;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <map>
 #include <memory>
 #include <vector>
 
@@ -44,7 +45,7 @@ class Deformer {
                           const Positions* deformed_base = nullptr);
 
   /// The same, straight to floats, n×3: the displacement, or the positions. Throws Error(numeric)
-  /// too where the result leaves their range.
+  /// too where the result leaves their range. Whatever is thrown, out stays as it was.
   void update_to(float* out, bool positions, const double* matrices, const UpdateOptions& options,
                  const Positions* deformed_base = nullptr);
 
@@ -73,6 +74,10 @@ class Deformer {
   void move_base(const Positions* deformed);
   /// The method, prepared when it isn't yet.
   Method& method(const UpdateOptions& options);
+  /// The method where an update has prepared it, else null.
+  const Method* made(MethodKind kind) const;
+  /// Throws Error(numeric) where the displacement, or a position with it, leaves the range of floats.
+  void require_floats();
   /// Rows in the order of the Poisson system, in the unit box, as n×3 vectors or positions outside.
   void scale_to_mesh(const Rows& rows, Positions& vectors) const;
   Positions place_in_mesh(const Rows& rows) const;
@@ -86,7 +91,7 @@ class Deformer {
   double scale_ = 1;
   Eigen::RowVector3d centre_ = Eigen::RowVector3d::Zero();
   std::unique_ptr<BoundSurface> bound_;
-  std::unique_ptr<Method> methods_[6];  // by MethodKind
+  std::map<MethodKind, std::unique_ptr<Method>> methods_;
 
   RowMatrix coefficients_;  // 4h×4, unit box
   std::vector<Eigen::Matrix3d> linear_;
