@@ -101,8 +101,8 @@ Rows Transfer<Real>::at_rest(bool rotation_only) const {
 
 template <class Real>
 void Transfer<Real>::update_volumetrically(const Frame& frame, const MethodOptions& options) {
-  if (volumetric_as_ != options.formulation) {
-    volumetric_.reset();
+  if (!volumetric_ || volumetric_as_ != options.formulation) {
+    volumetric_.reset();  // first, so that two never take memory at once
     volumetric_ = std::make_unique<VolumetricTransfer>(
         bound_, options.formulation == Formulation::fourth_points ? FourthPointWeights::volumes
                                                                   : FourthPointWeights::ones);
