@@ -79,6 +79,11 @@ template <class Real>
 void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
   if (options.example_weights) return show(*options.example_weights, options, frame.offsets);
   fit(options, frame.offsets);
+  if (!weights_.allFinite()) {
+    weights_.setZero();
+    throw Error(Status::numeric,
+                "No weights of the examples fit the handles: their motion is too large.");
+  }
   places_.settle(weights_, frame.offsets);
 }
 
