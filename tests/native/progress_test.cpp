@@ -32,7 +32,7 @@ struct Told {
 
 /// Of a whole job.
 void check_from_start_to_end(const Told& told) {
-  CHECK(told.fractions.size() > 3);
+  CHECK(told.fractions.size() >= 3);
   CHECK(told.rises());
   CHECK(told.fractions.front() < 0.1);
   CHECK(told.fractions.back() == 1);
@@ -68,21 +68,24 @@ TEST_CASE("the progress of a bind never falls, whatever it is of") {
 
 TEST_CASE("the progress of a motion in steps never falls, by any method") {
   test::Case plane = test::lifted_plane(41);
-  for (double turn : {0.0, 1.2, 2.4}) {
-    plane.motion = test::rotation_about(turn, {0, 1, 0.2}, {0.9, 0.5, 0}, {0, 0, 0.4});
+  plane.motion = test::rotation_about(1.2, {0, 1, 0.2}, {0.9, 0.5, 0}, {0, 0, 0.4});
+  // A large turn, whose volumes come back in steps that change more than those before them.
+  test::Case ball = {"ball", test::rough_sphere(3, 0.05), {}, {}};
+  ball.roles = test::roles_by_height(ball.mesh, -0.6, 0.6);
+  ball.motion = test::rotation_about(2.9, {0.3, 1, 0.2}, {0, 0, 0.5}, {0.1, 0, 0});
+  for (const test::Case& one : {plane, ball})
     for (MethodKind method : {MethodKind::transfer, MethodKind::variational, MethodKind::normal,
                               MethodKind::gradient, MethodKind::volumes, MethodKind::examples})
       for (int steps : {1, 3}) {
         if (method == MethodKind::examples && steps > 1) continue;
         SplitMotion motion;
-        motion.matrices.assign(plane.motion.data(), plane.motion.data() + 12);
+        motion.matrices.assign(one.motion.data(), one.motion.data() + 12);
         motion.steps = steps;
         Told told;
-        INFO("method " << static_cast<int>(method) << ", steps " << steps << ", turn " << turn);
-        split_update(plane.mesh, plane.roles, 1, {}, motion, by(method), told.listener());
+        INFO(one.name << " by method " << static_cast<int>(method) << ", steps " << steps);
+        split_update(one.mesh, one.roles, 1, {}, motion, by(method), told.listener());
         check_from_start_to_end(told);
       }
-  }
 }
 
 TEST_CASE("the progress of a match never falls") {

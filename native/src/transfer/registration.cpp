@@ -324,6 +324,7 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
     const double step = 0.98 / (options.stages + 1);
     registration.run(wave, within(progress, 0.02 + step * stage, 0.02 + step * (stage + 1)));
   }
+  report(progress, 1, "Done");
   return (scale * registration.positions()).rowwise() + middle;
 }
 
@@ -363,6 +364,7 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
   }
   match.correspondence =
       triangle_correspondence(pairs, registered.triangle_count(), target.triangle_count());
+  report(progress, 1, "Done");
   return match;
 }
 
