@@ -297,3 +297,40 @@ TEST_CASE("a bind reports rising progress and can be cancelled at each stage") {
     CHECK_THAT(refusal(cancelled, Status::cancelled), contains("cancelled"));
   }
 }
+
+TEST_CASE("a refused update leaves the output as it was") {
+  const Plane plane(41, 4);
+  BindOptions options;
+  options.threads = 2;
+  Deformer deformer(plane.mesh, plane.roles, 1, options);
+  const std::vector<float> untouched(static_cast<size_t>(plane.mesh.positions.size()), -77.0f);
+  for (double large : {1e39, 1e308})
+    for (int entry : {0, 3})
+      for (bool positions : {true, false}) {
+        Affine motion = test::identity();
+        motion.data()[entry] = large;
+        std::vector<float> out = untouched;
+        CHECK_THROWS_AS(deformer.update_to(out.data(), positions, motion.data(),
+                                           test::by(MethodKind::transfer)),
+                        Error);
+        CHECK(out == untouched);
+      }
+  // Near the end of their range it is not refused, and the sum of all is far beyond.
+  Affine far = test::identity();
+  far(2, 3) = 1e38;
+  std::vector<float> out = untouched;
+  deformer.update_to(out.data(), false, far.data(), test::by(MethodKind::variational));
+  CHECK(*std::max_element(out.begin(), out.end()) == Approx(1e38));
+}
+
+TEST_CASE("a method that there is not is refused") {
+  const Plane plane(21, 2);
+  Deformer deformer(plane.mesh, plane.roles, 1, {});
+  for (int kind : {-1, 6, 7, 1000})
+    CHECK_THAT(
+        test::refusal([&] { surface(deformer, {kLift}, test::by(static_cast<MethodKind>(kind))); },
+                      Status::argument),
+        contains("There is no method " + std::to_string(kind)));
+  CHECK(deformer.bytes() > 0);
+  CHECK(deformer.findings(MethodKind::examples).example_weights.empty());
+}

@@ -122,6 +122,15 @@ TEST_CASE("editing a solid by gradients: rest, a common rotation, and a translat
                                  test::transformed(motion, mesh.positions)) < 1e-9);
 }
 
+TEST_CASE("a solid without handles rests") {
+  const TetMesh mesh = shaken_block(3, 0.1, 4);
+  auto roles = ends(mesh, 3);
+  for (int& role : roles) role = role == kFree ? kFree : kFixed;
+  const TetPoisson poisson(mesh, roles, 0, gradient(mesh), volumes(mesh));
+  CHECK(poisson.harmonic_weights().cols() == 0);
+  CHECK(edit_by_gradients(poisson, mesh, roles, 0, nullptr) == mesh.positions);
+}
+
 TEST_CASE("unusable solids are refused with the vertex or tetrahedron") {
   TetMesh mesh = shaken_block(3, 0, 1);
   auto roles = ends(mesh, 3);
@@ -143,6 +152,36 @@ TEST_CASE("unusable solids are refused with the vertex or tetrahedron") {
           [&] { TetPoisson(mesh, std::vector<int>(27, kFree), 1, gradient(mesh), volumes(mesh)); },
           Status::region),
       contains("Nothing holds"));
+}
+
+TEST_CASE("after fourth points that can't be solved for, the ones before still can") {
+  // Inner vertices drawn together leave tetrahedra that only their volumes keep in proportion.
+  bool refused = false;
+  for (int side : {4, 5})
+    for (double drawn : {1e-6, 1e-7}) {
+      Mesh sheet = test::grid(side, side, [](double, double) { return 0.0; });
+      std::vector<int> roles(static_cast<size_t>(side * side), kFixed);
+      for (int i = 1; i + 1 < side; ++i)
+        for (int j = 1; j + 1 < side; ++j) {
+          const int v = i * side + j;
+          roles[v] = kFree;
+          sheet.positions.row(v) << 0.5 + drawn * (sheet.positions(v, 0) - 0.5),
+              0.5 + drawn * (sheet.positions(v, 1) - 0.5), 0;
+        }
+      for (int j = 0; j < side; ++j) roles[(side - 1) * side + j] = 0;
+      Deformer deformer(sheet, roles, 1, {});
+      UpdateOptions by_volumes = by(MethodKind::transfer), unweighted = by_volumes;
+      by_volumes.of_method.formulation = Formulation::fourth_points;
+      unweighted.of_method.formulation = Formulation::fourth_points_unweighted;
+      const Positions before = test::surface(deformer, {test::identity()}, by_volumes);
+      try {
+        test::surface(deformer, {test::identity()}, unweighted);
+      } catch (const Error&) {
+        refused = true;
+      }
+      CHECK(test::surface(deformer, {test::identity()}, by_volumes) == before);
+    }
+  CHECK(refused);
 }
 
 TEST_CASE("transfer by fourth points comes close to the surface formulation on the bumpy plane") {

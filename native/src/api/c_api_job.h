@@ -2,8 +2,9 @@
 // Work of the C ABI that goes on in a thread of the library.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
-#include <string>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -23,23 +24,23 @@ class Job {
   /// body: called with a Progress, in the thread.
   template <class Body>
   void start(Body body) {
-    worker_ = std::thread([this, body = std::move(body)]() mutable {
-      status_ = guarded([&] {
-        body([this](double fraction, const char* stage) {
-          fraction_ = fraction;
-          stage_ = stage;
-          return !cancelled_ || fraction >= 1;
+    try {
+      worker_ = std::thread([this, body = std::move(body)]() mutable {
+        status_ = guarded([&] {
+          body([this](double fraction, const char* stage) {
+            fraction_ = fraction;
+            stage_ = stage;
+            return !cancelled_ || fraction >= 1;
+          });
         });
+        if (status_ != DD_OK) std::copy_n(last_message, sizeof message_, message_);
+        state_ = status_ == DD_OK ? DD_BIND_DONE : DD_BIND_FAILED;
       });
-      if (status_ != DD_OK) {
-        try {
-          message_ = last_message;
-        } catch (...) {
-          message_.clear();
-        }
-      }
-      state_ = status_ == DD_OK ? DD_BIND_DONE : DD_BIND_FAILED;
-    });
+    } catch (const std::system_error&) {
+      throw Error(Status::memory,
+                  "The system starts no more threads, and this work needs one: close other "
+                  "programs, or raise the limits of threads and memory.");
+    }
   }
 
   void poll(dd_bind_progress* progress) const {
@@ -66,7 +67,7 @@ class Job {
   std::atomic<int32_t> state_{DD_BIND_RUNNING};
   // Written by the worker before state_ leaves DD_BIND_RUNNING, read after.
   int32_t status_ = DD_OK;
-  std::string message_;
+  char message_[sizeof last_message] = "";  // plain: memory may be what is missing
 };
 
 }  // namespace dd::c_api

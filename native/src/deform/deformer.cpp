@@ -74,22 +74,29 @@ const Positions& Deformer::update(const double* matrices, const UpdateOptions& o
 void Deformer::update_to(float* out, bool positions, const double* matrices,
                          const UpdateOptions& options, const Positions* deformed_base) {
   move(matrices, options, deformed_base);
+  require_floats();
   const std::vector<int>& vertex = bound_->order().vertex_of_row;
-  std::atomic<bool> fits{true};
   workers_.over(moved_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
-    double largest = 0, sum = 0;
     for (int64_t r = begin; r < end; ++r) {
       const int v = vertex[r];
       for (int c = 0; c < 3; ++c) {
         const double offset = box_.scale * moved_(r, c);
         const double value = positions ? mesh_.positions(v, c) + offset : offset;
-        largest = std::max(largest, std::abs(value));
-        sum += value;
         out[3 * static_cast<size_t>(v) + c] = static_cast<float>(value);
       }
     }
-    // A sum finds what is not a number, which no comparison does.
-    if (!std::isfinite(sum) || largest > 0.5 * std::numeric_limits<float>::max()) fits = false;
+  });
+}
+
+void Deformer::require_floats() {
+  // With a position added, which is at most kFarthest, it still is one.
+  constexpr double kLargest = 0.5 * std::numeric_limits<float>::max();
+  std::atomic<bool> fits{true};
+  workers_.over(moved_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    const auto rows = moved_.middleRows(begin, end - begin);
+    // A sum is quick and finds what is not a number; only where it is large each value has a say.
+    if (box_.scale * rows.cwiseAbs().sum() < kLargest) return;
+    if (!(box_.scale * rows.leftCols<3>().array().abs() < kLargest).all()) fits = false;
   });
   if (!fits) throw leaves_single_precision();
 }

@@ -44,7 +44,7 @@ class Deformer {
                           const Positions* deformed_base = nullptr);
 
   /// The same, straight to floats, n×3: the displacement, or the positions. Throws Error(numeric)
-  /// too where the result leaves their range.
+  /// too where the result leaves their range. Whatever is thrown, out stays as it was.
   void update_to(float* out, bool positions, const double* matrices, const UpdateOptions& options,
                  const Positions* deformed_base = nullptr);
 
@@ -69,6 +69,9 @@ class Deformer {
   void move_base(const Positions* deformed);
   /// The method, prepared when it isn't yet.
   Method& method(MethodKind kind);
+  /// Throws Error(numeric) where the displacement, or a position with it, leaves the range of
+  /// floats.
+  void require_floats();
   /// Rows in the order of the Poisson system, in the unit box, as n×3 vectors or positions outside.
   void scale_to_mesh(const Rows& rows, Positions& vectors) const;
   Positions place_in_mesh(const Rows& rows) const;

@@ -183,7 +183,7 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
 
   constexpr double kLongestStep = 0.3;  // of the height: prisms are far from linear beyond
   Rows surface = start, shift = Rows::Zero(free_count, 4);
-  double first_change = 0;
+  double first_change = 0, done = 0;
   settled_ = false;
   for (int step = 0; step < options.volume_iterations && !settled_; ++step) {
     const Vector missing = missing_volumes(surface, frame.base);
@@ -200,7 +200,9 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
     first_change = std::max(first_change, largest);
     const double left = (largest - options.volume_tolerance) /
                         std::max(first_change - options.volume_tolerance, 1e-300);
-    report(options.progress, std::clamp(1 - left, 0.0, 0.99), "Restoring the volumes");
+    // A step may change more than the one before it, but progress never falls.
+    done = std::clamp(1 - left, done, 0.99);
+    report(options.progress, done, "Restoring the volumes");
   }
   volume_error_ =
       missing_volumes(surface, frame.base).cwiseAbs().sum() / rest_volumes_.cwiseAbs().sum();

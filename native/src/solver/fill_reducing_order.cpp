@@ -203,7 +203,8 @@ std::vector<int> Dissection::order(const SparseMatrix& pattern) const {
 
 std::vector<int> minimum_degree(const SparseMatrix& pattern) {
   Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> permutation;
-  Eigen::AMDOrdering<int>()(pattern, permutation);
+  // By its own type, which it looks for.
+  Eigen::AMDOrdering<int>()(static_cast<const Eigen::SparseMatrix<double>&>(pattern), permutation);
   const int* order = permutation.indices().data();
   return {order, order + pattern.cols()};
 }

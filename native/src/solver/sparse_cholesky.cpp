@@ -291,9 +291,7 @@ RowMatrix SparseCholesky::solve(const RowMatrix& B, Workers* workers) const {
 SparseMatrix SparseCholesky::in_order(const SparseMatrix& matrix) const {
   const Eigen::PermutationMatrix<Eigen::Dynamic> places(
       Eigen::Map<const Eigen::VectorXi>(elimination_->place_of.data(), matrix.rows()));
-  SparseMatrix result(matrix.rows(), matrix.cols());
-  result = matrix.twistedBy(places);
-  return result;
+  return matrix.twistedBy(places);
 }
 
 double SparseCholesky::bytes() const {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <utility>
 
 #if defined(__x86_64__) || defined(_M_X64)
@@ -29,7 +30,12 @@ void pause() {
 Workers::Workers(int count) {
   if (count <= 0)
     count = std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, kMostThreads);
-  for (int i = 1; i < count; ++i) helpers_.emplace_back([this] { help(); });
+  helpers_.reserve(static_cast<size_t>(count - 1));
+  try {
+    while (this->count() < count) helpers_.emplace_back([this] { help(); });
+  } catch (const std::exception&) {
+    // No result depends on their number: those that did start do the work.
+  }
 }
 
 Workers::~Workers() {

@@ -16,7 +16,8 @@ namespace dd {
 /// which are some tens of microseconds apart, they wait awake; else they sleep.
 class Workers {
  public:
-  /// count: threads at work, the caller among them; 0: as many as the machine has, at most 8.
+  /// count: threads at work, the caller among them; 0: as many as the machine has, at most 8. Where
+  /// the system starts no more threads there are fewer.
   explicit Workers(int count = 0);
   ~Workers();
   Workers(const Workers&) = delete;

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <future>
 #include <string>
+#include <system_error>
 #include <utility>
 
 #include "surface/base_surface.h"
@@ -22,6 +23,19 @@ auto blaming(const std::string& what, const std::string& remedy, const Stage& st
     throw Error(Status::numeric,
                 what + " near vertex " + std::to_string(error.vertex()) + ": " + remedy);
   }
+}
+
+/// Starts a stage in a thread of its own; where there is none to be had, the stage runs when its
+/// result is asked for.
+template <class Stage>
+auto beside(const Workers& workers, const Stage& stage) {
+  if (workers.count() > 1) {
+    try {
+      return std::async(std::launch::async, stage);
+    } catch (const std::system_error&) {
+    }
+  }
+  return std::async(std::launch::deferred, stage);
 }
 
 std::string edge_lengths(double value) {
@@ -48,11 +62,10 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
   const bool on_surface = computed && options.metric_smoothing == 0;
   std::future<Energy> energy;
   if (on_surface)
-    energy = std::async(
-        workers.count() > 1 ? std::launch::async : std::launch::deferred, [&]() -> Energy {
-          const SparseMatrix bending = free_block_of_energy(operators, region, options.smoothness);
-          return {bending, std::make_shared<Elimination>(bending, dissection.order(bending))};
-        });
+    energy = beside(workers, [&]() -> Energy {
+      const SparseMatrix bending = free_block_of_energy(operators, region, options.smoothness);
+      return {bending, std::make_shared<Elimination>(bending, dissection.order(bending))};
+    });
 
   BlockOptions block_options;
   block_options.dissection = &dissection;

@@ -59,6 +59,7 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
   }
 
   if (options.precision == Precision::single) {
+    const Progress progress = options.progress;
     // Of a solution as large and as smooth as a frame's.
     Rows smooth(order_.free_count, 4);
     for (int r = 0; r < order_.free_count; ++r)
@@ -77,6 +78,7 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
         laplacian_.resize(0, 0);
         options.precision = Precision::full;
         options.elimination = factor_->shared_elimination();
+        options.progress = within(progress, 1, 1);  // it was told of this stage before
         factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
       }
     }

@@ -142,6 +142,7 @@ Positions TetPoisson::solve(const Positions& constrained, const RowMatrix& gradi
 
 RowMatrix TetPoisson::harmonic_weights() const {
   RowMatrix weights = RowMatrix::Zero(rest_.rows(), region_.handle_count);
+  if (weights.size() == 0) return weights;  // it has no rows to point at
   for (size_t v = 0; v < region_.role.size(); ++v)
     if (region_.role[v] >= 0) weights(Index(v), region_.role[v]) = 1;
   const RowMatrix right = -(laplacian_ * weights);
@@ -153,6 +154,7 @@ RowMatrix TetPoisson::harmonic_weights() const {
 Positions edit_by_gradients(const TetPoisson& poisson, const TetMesh& mesh,
                             const std::vector<int>& roles, int handle_count,
                             const double* matrices) {
+  if (handle_count == 0) return mesh.positions;
   using Affine = Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>;
   std::vector<Eigen::Matrix3d> linear;
   for (int h = 0; h < handle_count; ++h) {

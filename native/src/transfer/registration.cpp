@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "transfer/registration.h"
 
-#include <Eigen/SVD>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -70,8 +70,12 @@ Similarity onto_markers(const Mesh& source, const Mesh& target, const Pairs& mar
   }
   for (const Positions* points : {&from, &to}) {
     const Positions arms = points->rowwise() - points->colwise().mean();
-    const Eigen::Vector3d spread = Eigen::JacobiSVD<Eigen::MatrixXd>(arms).singularValues();
-    if (!(spread[1] > 1e-3 * spread[0]))
+    // Squared and ascending. Eigen's SVD of a matrix of any size frees twice where memory ends.
+    const Eigen::Matrix3d moments = arms.transpose() * arms;
+    const Eigen::Vector3d spread =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(moments, Eigen::EigenvaluesOnly)
+            .eigenvalues();
+    if (!(spread[1] > 1e-6 * spread[2]))
       throw Error(Status::argument,
                   std::string("The markers of the ") + (points == &from ? "source" : "target") +
                       " lie on a line, which leaves a turn about it open: add one beside it.");
@@ -259,6 +263,7 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
     const double step = 0.98 / (options.stages + 1);
     registration.run(wave, within(progress, 0.02 + step * stage, 0.02 + step * (stage + 1)));
   }
+  report(progress, 1, "Done");
   return box.out_of(registration.positions());
 }
 
@@ -299,6 +304,7 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
   }
   match.correspondence =
       triangle_correspondence(pairs, registered.triangle_count(), target.triangle_count());
+  report(progress, 1, "Done");
   return match;
 }
 

@@ -79,6 +79,9 @@ template <class Real>
 void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
   if (options.example_weights) return show(*options.example_weights, options, frame.offsets);
   fit(options, frame.offsets);
+  if (!weights_.allFinite())
+    throw Error(Status::numeric,
+                "No weights of the examples fit the handles: their motion is too large.");
   places_.place(weights_, frame.offsets);
 }
 

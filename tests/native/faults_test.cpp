@@ -1,0 +1,362 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The C ABI where memory or threads run out: a status and a sentence, whatever fails, no output
+// touched, nothing kept, and the next call as if nothing had been.
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "catch.h"
+#include "detail_deform/detail_deform.h"
+#include "failing.h"
+#include "meshes.h"
+
+using namespace dd;
+using test::Failing;
+
+namespace {
+
+using Floats = std::vector<float>;
+
+/// A mesh as the ABI takes it.
+struct Surface {
+  Floats positions;
+  std::vector<int32_t> triangles, roles;
+  explicit Surface(const Mesh& mesh)
+      : triangles(mesh.triangles.data(), mesh.triangles.data() + mesh.triangles.size()) {
+    for (Index k = 0; k < mesh.positions.size(); ++k)
+      positions.push_back(static_cast<float>(mesh.positions.data()[k]));
+    for (int role : test::roles_by_height(mesh, -0.5, 0.7)) roles.push_back(role);
+  }
+};
+
+const Surface& ball() {
+  static const Surface made(test::rough_sphere(2, 0.1));
+  return made;
+}
+
+const Surface& other_ball() {
+  static const Surface made(test::rough_sphere(2, 0.1, 8));
+  return made;
+}
+
+Floats turned(const Floats& positions) {
+  Floats result = positions;
+  for (size_t k = 0; k < positions.size(); k += 3) {
+    result[k] = positions[k] + 0.4f * positions[k + 2];
+    result[k + 1] = 1.2f * positions[k + 1];
+  }
+  return result;
+}
+
+constexpr double kLift[12] = {0.9, 0.1, 0, 0, -0.1, 0.9, 0, 0, 0, 0, 1, 0.3};
+constexpr float kUntouched = -77;
+
+dd_bind_options bind_options(int threads) {
+  dd_bind_options options{};
+  options.struct_size = sizeof options;
+  options.threads = threads;
+  return options;
+}
+
+dd_update_options update_options(dd_method method, int refine = 0) {
+  dd_update_options options{};
+  options.struct_size = sizeof options;
+  options.method = method;
+  options.rotation_only = 1;
+  options.refine = refine;
+  return options;
+}
+
+int32_t bind(const dd_bind_options& options, dd_deformer** deformer) {
+  const Surface& mesh = ball();
+  dd_bind* started = nullptr;
+  int32_t status = dd_bind_start(mesh.positions.data(), mesh.positions.size(),
+                                 mesh.triangles.data(), mesh.triangles.size(), mesh.roles.data(),
+                                 mesh.roles.size(), 1, &options, &started);
+  if (status == DD_OK) status = dd_bind_finish(started, deformer);
+  dd_bind_free(started);
+  return status;
+}
+
+/// Work that is done over and over: all of it, from arguments to freed.
+/// fallible(call) is what may fail; the rest prepares and cleans up.
+using Fallible = std::function<int32_t(const std::function<int32_t()>& call)>;
+struct Work {
+  std::string name;
+  /// Gives the status of the call, with out as it left it.
+  std::function<int32_t(Floats& out, const Fallible& fallible)> run;
+};
+
+/// A bind and one update.
+Work bound(std::string name, dd_bind_options options) {
+  return {std::move(name), [=](Floats& out, const Fallible& fallible) {
+            dd_deformer* deformer = nullptr;
+            int32_t status = fallible([&] { return bind(options, &deformer); });
+            if (status == DD_OK) {
+              const dd_update_options how = update_options(DD_METHOD_TRANSFER);
+              status = dd_deformer_update(deformer, kLift, 12, &how, out.data(), out.size());
+            }
+            dd_deformer_free(deformer);
+            return status;
+          }};
+}
+
+/// The first update by a method on what is bound already; refused, it is asked for once more.
+Work updated(std::string name, dd_update_options how, dd_bind_options options = bind_options(2)) {
+  return {std::move(name), [=](Floats& out, const Fallible& fallible) {
+            dd_deformer* deformer = nullptr;
+            int32_t status = bind(options, &deformer);
+            const auto update = [&](Floats& into) {
+              return dd_deformer_update(deformer, kLift, 12, &how, into.data(), into.size());
+            };
+            if (status == DD_OK) status = fallible([&] { return update(out); });
+            if (status != DD_OK) {
+              const std::string sentence = dd_last_message();
+              Floats again(out.size()), fresh(out.size());
+              const int32_t second = update(again);
+              dd_deformer_free(deformer);
+              deformer = nullptr;
+              const int32_t anew = bind(options, &deformer);
+              const int32_t third = update(fresh);
+              if (second != DD_OK || anew != DD_OK || third != DD_OK || again != fresh)
+                status = DD_ERROR_INTERNAL;
+            }
+            dd_deformer_free(deformer);
+            return status;
+          }};
+}
+
+std::vector<Work> works() {
+  static const Floats examples = turned(ball().positions);
+  std::vector<Work> all;
+  for (int threads : {1, 2})
+    all.push_back(bound("bind with threads: " + std::to_string(threads), bind_options(threads)));
+  dd_bind_options how = bind_options(2);
+  how.base_metric = DD_METRIC_BASE;
+  how.precision = DD_PRECISION_DOUBLE;
+  how.smoothness = DD_SMOOTHNESS_CURVATURE_VARIATION;
+  all.push_back(bound("bind, energy on the base", how));
+  how = bind_options(1);
+  how.metric_smoothing = 1;
+  all.push_back(bound("bind on a smoothed surface", how));
+
+  all.push_back(updated("transfer, refined", update_options(DD_METHOD_TRANSFER, 2)));
+  for (int formulation : {1, 2}) {
+    dd_update_options fourth = update_options(DD_METHOD_TRANSFER);
+    fourth.formulation = formulation;
+    all.push_back(updated("transfer by fourth points " + std::to_string(formulation), fourth));
+  }
+  all.push_back(updated("variational", update_options(DD_METHOD_VARIATIONAL)));
+  dd_update_options levels = update_options(DD_METHOD_NORMAL);
+  levels.levels = 2;
+  all.push_back(updated("normal displacement", levels));
+  all.push_back(updated("gradient editing", update_options(DD_METHOD_GRADIENT)));
+  dd_update_options volumes = update_options(DD_METHOD_VOLUMES);
+  volumes.volume_iterations = 2;
+  all.push_back(updated("displacement volumes", volumes));
+  how = bind_options(2);
+  how.examples = examples.data();
+  how.example_value_count = examples.size();
+  how.example_count = 1;
+  all.push_back(updated("examples", update_options(DD_METHOD_EXAMPLES), how));
+  static const double weight = 0.5;
+  dd_update_options given = update_options(DD_METHOD_EXAMPLES);
+  given.example_weights = &weight;
+  given.example_weight_count = 1;
+  all.push_back(updated("examples by weights", given, how));
+
+  all.push_back({"split", [](Floats& out, const Fallible& fallible) {
+                   const Surface& mesh = ball();
+                   const dd_bind_options options = bind_options(2);
+                   const dd_update_options update = update_options(DD_METHOD_TRANSFER);
+                   dd_split* split = nullptr;
+                   const int32_t result = fallible([&] {
+                     int32_t status = dd_split_start(
+                         mesh.positions.data(), mesh.positions.size(), mesh.triangles.data(),
+                         mesh.triangles.size(), mesh.roles.data(), mesh.roles.size(), 1, &options,
+                         kLift, 12, nullptr, 0, 2, &update, &split);
+                     if (status == DD_OK) status = dd_split_finish(split, out.data(), out.size());
+                     return status;
+                   });
+                   dd_split_free(split);
+                   return result;
+                 }});
+  for (int formulation : {0, 1})
+    all.push_back({"transfer between meshes " + std::to_string(formulation),
+                   [=](Floats& out, const Fallible& fallible) {
+                     const Surface &source = ball(), &target = other_ball();
+                     const Floats pose = turned(source.positions);
+                     dd_transfer_options options{};
+                     options.struct_size = sizeof options;
+                     options.threads = 2;
+                     options.formulation = formulation;
+                     dd_transfer* transfer = nullptr;
+                     const int32_t result = fallible([&] {
+                       int32_t status =
+                           dd_transfer_create(source.positions.data(), source.positions.size(),
+                                              source.triangles.data(), source.triangles.size(),
+                                              target.positions.data(), target.positions.size(),
+                                              target.triangles.data(), target.triangles.size(),
+                                              nullptr, 0, &options, &transfer);
+                       if (status == DD_OK)
+                         status = dd_transfer_apply(transfer, pose.data(), pose.size(), 1, nullptr,
+                                                    0, out.data(), out.size());
+                       return status;
+                     });
+                     dd_transfer_free(transfer);
+                     return result;
+                   }});
+  all.push_back({"match", [](Floats& out, const Fallible& fallible) {
+                   const Surface &source = ball(), &target = other_ball();
+                   const std::vector<int32_t> markers = {0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5};
+                   dd_match_options options{};
+                   options.struct_size = sizeof options;
+                   options.threads = 2;
+                   options.stages = options.rounds = 1;
+                   dd_match* match = nullptr;
+                   const int32_t result = fallible([&] {
+                     int32_t status = dd_match_start(
+                         source.positions.data(), source.positions.size(), source.triangles.data(),
+                         source.triangles.size(), target.positions.data(), target.positions.size(),
+                         target.triangles.data(), target.triangles.size(), markers.data(),
+                         markers.size(), &options, &match);
+                     if (status == DD_OK) status = dd_match_finish(match);
+                     if (status == DD_OK)
+                       status = dd_match_get_positions(match, out.data(), out.size());
+                     return status;
+                   });
+                   dd_match_free(match);
+                   return result;
+                 }});
+  all.push_back({"distances", [](Floats& out, const Fallible& fallible) {
+                   const Surface& mesh = ball();
+                   std::vector<int32_t> sources(mesh.roles.size(), 0);
+                   sources[0] = 1;
+                   return fallible([&] {
+                     return dd_distances(mesh.positions.data(), mesh.positions.size(),
+                                         mesh.triangles.data(), mesh.triangles.size(),
+                                         sources.data(), sources.size(), out.data(),
+                                         sources.size());
+                   });
+                 }});
+  all.push_back({"measures", [](Floats& out, const Fallible& fallible) {
+                   const Surface& mesh = ball();
+                   const Floats now = turned(mesh.positions);
+                   dd_measures measures{};
+                   measures.struct_size = sizeof measures;
+                   const int32_t status = fallible([&] {
+                     return dd_measure(mesh.positions.data(), now.data(), now.size(),
+                                       mesh.triangles.data(), mesh.triangles.size(),
+                                       mesh.roles.data(), mesh.roles.size(), mesh.positions.data(),
+                                       now.data(), &measures);
+                   });
+                   if (status == DD_OK) out[0] = static_cast<float>(measures.stretch);
+                   return status;
+                 }});
+  all.push_back(
+      {"solid", [](Floats& out, const Fallible& fallible) {
+         const std::vector<double> corners = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 1};
+         const std::vector<int32_t> tets = {0, 1, 2, 3, 4, 3, 2, 1};
+         const std::vector<int32_t> roles = {0, DD_ROLE_FIXED, DD_ROLE_FREE, 0, DD_ROLE_FREE};
+         std::vector<double> moved(corners.size()), solved(corners.size());
+         const std::vector<double> gradients(18, 0.5);
+         dd_tets* solid = nullptr;
+         const int32_t result = fallible([&] {
+           int32_t status = dd_tets_create(corners.data(), corners.size(), tets.data(), tets.size(),
+                                           roles.data(), roles.size(), 1, &solid);
+           size_t entries = 0;
+           for (int which : {0, 1, 2})
+             if (status == DD_OK)
+               status = dd_tets_get_operator(solid, which, nullptr, nullptr, nullptr, 0, &entries);
+           if (status == DD_OK)
+             status = dd_tets_solve(solid, corners.data(), corners.size(), gradients.data(),
+                                    gradients.size(), solved.data(), solved.size());
+           if (status == DD_OK)
+             status = dd_tets_update(solid, kLift, 12, moved.data(), moved.size());
+           return status;
+         });
+         dd_tets_free(solid);
+         if (result == DD_OK) std::copy(moved.begin(), moved.end(), out.begin());
+         return result;
+       }});
+  return all;
+}
+
+/// What went wrong with a work done while something failed; empty: nothing.
+std::string complaint(const Work& work, const Floats& expected, Failing::What what, long first,
+                      long last) {
+  const long before = test::living_allocations();
+  std::string found;
+  {
+    Floats out(expected.size(), kUntouched);
+    bool failed = false;
+    char sentence[256] = "";
+    dd_bind_poll(nullptr, nullptr);  // so that the last message is another
+    const int32_t status = work.run(out, [&](const std::function<int32_t()>& call) {
+      const Failing failing(what, first, last);
+      const int32_t of_call = call();
+      failed = Failing::failed();
+      std::strncpy(sentence, dd_last_message(), sizeof sentence - 1);
+      return of_call;
+    });
+    if (status == DD_OK && out != expected) found = "other results";
+    if (status != DD_OK && !failed) found = "refused without a reason";
+    if (status != DD_OK && status != DD_ERROR_MEMORY)
+      found = "the status " + std::to_string(status) + ": " + sentence;
+    if (status != DD_OK && std::strlen(sentence) < 20) found = "no sentence";
+    if (status != DD_OK && out != Floats(out.size(), kUntouched)) found = "outputs written";
+  }
+  const long leaked = test::living_allocations() - before - (found.capacity() > 15 ? 1 : 0);
+  if (found.empty() && leaked != 0) found = std::to_string(leaked) + " allocations kept";
+  return found;
+}
+
+/// Results without a fault, and how many allocations or threads the fallible call asks for.
+Floats expected_of(const Work& work, Failing::What what, long& asked) {
+  Floats out(ball().positions.size(), kUntouched);
+  for (int twice = 0; twice < 2; ++twice) {  // what is made once stays
+    const int32_t status = work.run(out, [&](const std::function<int32_t()>& call) {
+      const Failing counting(what, Failing::kNever);
+      const int32_t of_call = call();
+      asked = Failing::asked();
+      return of_call;
+    });
+    REQUIRE(status == DD_OK);
+  }
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("whichever allocation fails, the C ABI says so, keeps nothing and goes on") {
+  for (const Work& work : works()) {
+    long asked = 0;
+    const Floats expected = expected_of(work, Failing::allocations, asked);
+    INFO(work.name << ", " << asked << " allocations");
+    REQUIRE(asked > 10);
+    // The first ones each, by which arguments are read and threads started, the others in steps.
+    const long step = std::max(1L, asked / 150);
+    for (long k = 0; k < asked; k += k < 60 ? 1 : step) {
+      const std::string found = complaint(work, expected, Failing::allocations, k, k);
+      INFO("allocation " << k << ": " << found);
+      CHECK(found.empty());
+    }
+  }
+}
+
+TEST_CASE("whichever thread can't be started, work is done by fewer or refused in a sentence") {
+  constexpr long kAllFollowing = 1 << 20;
+  for (const Work& work : works()) {
+    long asked = 0;
+    const Floats expected = expected_of(work, Failing::threads, asked);
+    INFO(work.name << ", " << asked << " threads");
+    for (long k = 0; k < asked; ++k)
+      for (long last : {k, kAllFollowing}) {
+        const std::string found = complaint(work, expected, Failing::threads, k, last);
+        INFO("threads " << k << " to " << last << ": " << found);
+        CHECK(found.empty());
+      }
+  }
+}
