@@ -96,29 +96,18 @@ def test_apply_takes_the_result_in_steps(strip):
     assert np.abs(own(activate(strip)) - stepped).max() < 1e-6
 
 
-def test_steps_arrive_when_the_handles_pause(strip, part, monkeypatch):
+def test_steps_arrive_when_the_handles_pause(strip, part, as_in_a_window):
     """The window's way: quick result first, the steps by a timer, the last pose wins."""
-    slow_results = part('follow.slow_results')
-
-    class Window:
-        def __getattr__(self, name):
-            return False if name == 'background' else getattr(bpy.app, name)
-
-    class Bpy:
-        app = Window()
-
-        def __getattr__(self, name):
-            return getattr(bpy, name)
-
-    monkeypatch.setattr(part('follow.binding'), 'bpy', Bpy())
+    slow_results, token = part('follow.slow_results'), part('scene.offset_attribute').token
+    as_in_a_window('follow.binding')
     strip.detail_deform.steps = 5
     bend(strip, -60)
     quick = evaluated(strip)
     assert 'quick result' in strip.detail_deform.status
     bend(strip, -120)
     quick = evaluated(strip)
-    assert slow_results.progress(strip.name) == 0.0
-    slow_results._requests[strip.name].due = 0
+    assert slow_results.progress(token(strip.data)) == 0.0
+    slow_results._requests[token(strip.data)].due = 0
     while slow_results._tick():
         assert 'quick result' in strip.detail_deform.status or not slow_results._requests
     update()
@@ -127,13 +116,13 @@ def test_steps_arrive_when_the_handles_pause(strip, part, monkeypatch):
     # Cancelled, it comes back by Update.
     bend(strip, -110)
     assert bpy.ops.object.detail_deform_bind_cancel() == {'FINISHED'}
-    assert slow_results.progress(strip.name) is None
+    assert slow_results.progress(token(strip.data)) is None
     assert 'Update is pressed' in strip.detail_deform.status
     assert bpy.ops.object.detail_deform_update() == {'FINISHED'}
-    assert slow_results.progress(strip.name) == 0.0
+    assert slow_results.progress(token(strip.data)) == 0.0
     # A pose that is left before its steps are ready is forgotten.
     bend(strip, -90)
-    slow_results._requests[strip.name].due = 0
+    slow_results._requests[token(strip.data)].due = 0
     slow_results._tick()
     bend(strip, 0)
     while slow_results._tick():
