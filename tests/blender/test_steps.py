@@ -141,3 +141,36 @@ def test_an_empty_without_size_collapses_its_vertices_and_turns_nothing(strip):
     strip.detail_deform.steps = 1
     update()
     assert 'Bound' in strip.detail_deform.status and np.isfinite(evaluated(strip)).all()
+
+
+def test_what_is_refused_while_it_starts_is_said_and_ends(strip, part, as_in_a_window):
+    """A group that is deleted within the pause: the timer goes on, and nothing is under way any more."""
+    slow_results = part('follow.slow_results')
+    as_in_a_window('follow.binding')
+    strip.detail_deform.steps = 3
+    bend(strip, -60)
+    assert len(slow_results._requests) == 1
+    strip.vertex_groups.remove(strip.vertex_groups['right'])
+    for pending in slow_results._requests.values():
+        pending.due = 0
+    assert slow_results._tick() is None
+    assert not slow_results._requests
+    assert "'right'" in strip.detail_deform.status
+
+
+def test_steps_that_fail_are_said_until_a_handle_moves(strip, part, monkeypatch):
+    """Not only until the next update."""
+    native = part('library.native')
+
+    def fail(*_):
+        raise native.NativeError("There is no memory left.")
+
+    monkeypatch.setattr(native, 'Split', fail)
+    strip.detail_deform.steps = 3
+    bend(strip, -60)
+    for frame in (2, 3):
+        bpy.context.scene.frame_set(frame)
+        assert "no memory left" in strip.detail_deform.status
+    monkeypatch.undo()
+    bend(strip, -50)
+    assert 'Shown is the result in 3 steps' in strip.detail_deform.status
