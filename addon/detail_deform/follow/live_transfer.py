@@ -45,20 +45,19 @@ def start(context, ob, source, matched=None):
     or native.NativeError; nothing is changed then."""
     settings = ob.detail_deform.transfer
     check_start(ob, source)
-    job = _job(source, ob, matched or _matched(source, ob))
-    prepared = job.finish() if bpy.app.background else None
+    job, content = _job(source, ob, matched or _matched(source, ob)), _content(source, ob, matched)
+    preparing.forget_failure(content)
+    if not (preparing.find(content) or preparing.under_way(content)):
+        preparing.start(content, job)
+    if bpy.app.background:
+        preparing.finish(content)
     if matched:
         correspondence.store(matched, source, ob)
         settings.correspondence = 'STORED'
     modifier = node_group.ensure_modifier(ob)
     if settings.source != source:
         settings.source = source
-    settings.prepared_for = content = _content(source, ob)
-    if prepared:
-        preparing.keep(content, prepared)
-    else:
-        preparing.forget_failure(content)
-        _prepare(content, job)
+    settings.prepared_for = content
     settings.live = True
     registry.add(ob)
     node_group.set_base(modifier, source)  # evaluated where it is hidden, too
@@ -136,17 +135,19 @@ def _job(source, ob, matched):
                                 precision='SINGLE')
 
 
-def _content(source, ob):
+def _content(source, ob, matched=None):
     """What a prepared transfer depends on: equal texts, equal content. Cheap beside preparing it, too dear for every
-    frame."""
+    frame. matched: the correspondence that is going to be kept."""
     settings = ob.detail_deform.transfer
+    how, kept = settings.correspondence, correspondence.digest(ob)
+    if matched:
+        how, kept = 'STORED', correspondence.digest_of(matched)
     anchors = ""
     if settings.anchor_group in ob.vertex_groups and settings.anchor in {'VERTICES', 'PINNED'}:
         anchors = mesh_data.signature(mesh_data.members(ob, settings.anchor_group))
     meshes = [mesh_data.signature(mesh_data.rest(mesh)) + mesh_data.topology_signature(mesh) for mesh in (source.data, ob.data)]
-    kept = correspondence.digest(ob) if settings.correspondence == 'STORED' else ""
     scales = [mesh_data.signature(transfer.proportions(side)) for side in (source, ob)]
-    return '.'.join([*meshes, settings.correspondence, kept, settings.anchor, anchors, settings.formulation, *scales])
+    return '.'.join([*meshes, how, kept if how == 'STORED' else "", settings.anchor, anchors, settings.formulation, *scales])
 
 
 def _owners(source, ob):
@@ -185,12 +186,14 @@ def _prepared(source, ob, wait):
     content = settings.prepared_for
     if not preparing.under_way(content):
         preparing.check(content)
-        _prepare(content, _job(source, ob, _matched(source, ob)))
-    return preparing.finish(content) if wait else None
+        preparing.start(content, _job(source, ob, _matched(source, ob)))
+    if wait:  # in a render another thread, which must not set up timers
+        return preparing.finish(content)
+    _poll_for_it()
+    return None
 
 
-def _prepare(content, job):
-    preparing.start(content, job)
+def _poll_for_it():
     if not bpy.app.background and not bpy.app.timers.is_registered(_poll):
         bpy.app.timers.register(_poll, first_interval=_POLL_SECONDS, persistent=True)
 

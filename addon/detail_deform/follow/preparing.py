@@ -31,12 +31,6 @@ def find(content):
     return _prepared.get(content)
 
 
-def keep(content, transfer):
-    forget_failure(content)
-    prepared = _prepared[content] = Prepared(transfer)
-    return prepared
-
-
 def under_way(content):
     """The job, or None."""
     return _jobs.get(content)
@@ -47,6 +41,7 @@ def contents_under_way():
 
 
 def start(content, job):
+    """Of what is neither there nor under way."""
     _jobs[content] = job
 
 
@@ -55,9 +50,8 @@ def finish(content):
     with _finishing:
         check(content)
         if content not in _prepared:
-            job = _jobs.pop(content)
             try:
-                keep(content, job.finish())
+                _prepared[content] = Prepared(_jobs.pop(content).finish())
             except native.NativeError as error:
                 _failed[content] = str(error)
                 raise
