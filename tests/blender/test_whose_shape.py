@@ -108,7 +108,7 @@ def test_a_slow_result_goes_to_the_object_that_asked(alike, part, as_in_a_window
         pass
     update()
     assert "Shown is the result in 3 steps" in first.detail_deform.status
-    assert "in 3 steps" not in second.detail_deform.status or "follows when" in second.detail_deform.status
+    assert "in 3 steps" not in second.detail_deform.status
     assert lifted(second) == pytest.approx(0, abs=1e-6) and lifted(first) > 0.4
 
 
@@ -149,13 +149,13 @@ def test_weights_of_examples_are_those_of_the_object(alike):
 def test_an_edit_that_is_taken_back_by_hand_shows_what_the_handles_ask_for(alike):
     """Its offsets may have been edited with it."""
     first, _ = alike
-    vertex = first.data.vertices[300]
-    place = vertex.co.copy()
-    vertex.co.z += 1
-    first.data.attributes['detail_deform_offset'].data.foreach_set('vector', np.zeros(3 * len(first.data.vertices), np.float32))
+    place = first.data.vertices[300].co.copy()
+    first.data.vertices[300].co.z += 1
+    nothing = np.zeros(3 * len(first.data.vertices), np.float32)
+    first.data.attributes['detail_deform_offset'].data.foreach_set('vector', nothing)
     first.data.update_tag()
     update()
     assert "Re-bind" in first.detail_deform.status
-    vertex.co = place
+    first.data.vertices[300].co = place
     first.data.update_tag()
     assert_shown((first, 0.4))

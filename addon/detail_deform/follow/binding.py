@@ -200,7 +200,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     _start(ob, signature, roles)
     settings.signature = signature
     _note_handles(settings)
-    registry.add(ob)
+    registry.forget()
     node_group.ensure_modifier(ob)
     influence_changed(ob)
     targets_changed(ob)

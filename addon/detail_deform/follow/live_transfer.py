@@ -59,7 +59,7 @@ def start(context, ob, source, matched=None):
         settings.source = source
     settings.prepared_for = content
     settings.live = True
-    registry.add(ob)
+    registry.forget()
     node_group.set_base(modifier, source)  # evaluated where it is hidden, too
     binding.influence_changed(ob)
     refresh(ob, context.evaluated_depsgraph_get(), force=True)
@@ -72,7 +72,8 @@ def _check_circle(source, ob):
     while follower is not None and follower.detail_deform.transfer.live:
         follower = follower.detail_deform.transfer.source
         if follower in seen:
-            raise MeshProblem(f"'{source.name}' follows '{ob.name}' already, itself or by way of others: stop that first.")
+            raise MeshProblem(f"'{source.name}' follows '{ob.name}' already, itself or by way of others: stop that "
+                              "first.")
         seen.add(follower)
 
 
@@ -108,7 +109,8 @@ def state(ob):
     job = preparing.under_way(settings.prepared_for)
     if job:
         _, fraction, stage = job.progress()
-        return f"Preparing to follow '{settings.source.name if settings.source else ''}', {100 * fraction:.0f}%: {stage}."
+        source = settings.source.name if settings.source else ""
+        return f"Preparing to follow '{source}', {100 * fraction:.0f}%: {stage}."
     return settings.problem or (f"Follows '{settings.source.name}'." if settings.source else _GONE)
 
 
@@ -123,8 +125,9 @@ def _matched(source, ob):
     if how == 'TOPOLOGY':
         return correspondence.by_topology(source, ob)
     if how != 'STORED':
-        raise MeshProblem(f"'{ob.name}' follows by what is kept with it: {'markers are searched' if how == 'MARKERS' else 'a list is read'} "
-                          "only when following starts. Stop (Follow), and press Follow again.")
+        what = "markers are searched" if how == 'MARKERS' else "a list is read"
+        raise MeshProblem(f"'{ob.name}' follows by what is kept with it: {what} only when following starts. Stop "
+                          "(Follow), and press Follow again.")
     return correspondence.stored(source, ob)
 
 
@@ -145,9 +148,11 @@ def _content(source, ob, matched=None):
     anchors = ""
     if settings.anchor_group in ob.vertex_groups and settings.anchor in {'VERTICES', 'PINNED'}:
         anchors = mesh_data.signature(mesh_data.members(ob, settings.anchor_group))
-    meshes = [mesh_data.signature(mesh_data.rest(mesh)) + mesh_data.topology_signature(mesh) for mesh in (source.data, ob.data)]
+    meshes = [mesh_data.signature(mesh_data.rest(side.data)) + mesh_data.topology_signature(side.data)
+              for side in (source, ob)]
     scales = [mesh_data.signature(transfer.proportions(side)) for side in (source, ob)]
-    return '.'.join([*meshes, how, kept if how == 'STORED' else "", settings.anchor, anchors, settings.formulation, *scales])
+    return '.'.join([*meshes, how, kept if how == 'STORED' else "", settings.anchor, anchors, settings.formulation,
+                     *scales])
 
 
 def _owners(source, ob):

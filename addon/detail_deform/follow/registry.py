@@ -28,16 +28,11 @@ def _is_there(ob):
 def members():
     """All objects of this file that are bound or follow a source."""
     global _members, _uses
-    uses = node_group.uses()
-    if _members is None or uses != _uses or not all(map(_is_there, _members)):
-        _members, _uses = [ob for ob in bpy.data.objects if _is_member(ob)], uses
-    return [ob for ob in _members if _is_member(ob)]
-
-
-def add(ob):
-    """To be told when an object is bound or begins to follow."""
-    if _members is not None and ob not in _members:
-        _members.append(ob)
+    known, uses = _members, node_group.uses()
+    if known is None or uses != _uses or not all(map(_is_there, known)):
+        known = [ob for ob in bpy.data.objects if _is_member(ob)]
+        _members, _uses = known, uses
+    return [ob for ob in known if _is_member(ob)]
 
 
 def of_scene(depsgraph):
@@ -46,6 +41,7 @@ def of_scene(depsgraph):
 
 
 def forget():
-    """Objects are about to be replaced, or have been: by undo, redo or loading."""
+    """They are to be looked for: one was bound or begins to follow, or all objects are about to be replaced or have
+    been, by undo, redo or loading."""
     global _members
     _members = None

@@ -3,7 +3,8 @@
 
 from . import node_group, offset_attribute
 
-# Modifiers that may put another mesh in the place of the one they get, without its attributes. All others hand them on.
+# Modifiers that may put another mesh, without its attributes, in the place of the one they get. All others hand
+# them on.
 _MAY_REPLACE = {'NODES', 'REMESH', 'SKIN', 'MESH_SEQUENCE_CACHE', 'OCEAN', 'FLUID', 'EXPLODE', 'PARTICLE_INSTANCE',
                 'VOLUME_TO_MESH'}
 
@@ -21,8 +22,8 @@ def why_not(ob, depsgraph):
     if offset_attribute.find(into) is None or out_of is None or offset_attribute.find(out_of) is not None:
         return ""
     names = ' or '.join(f"'{m.name}'" for m in before)
-    return (f"Modifier {names} before Detail Deform makes another mesh, which the deformation does not reach: move Detail "
-            "Deform in front of it.")
+    return (f"Modifier {names} before Detail Deform makes another mesh, which the deformation does not reach: move "
+            "Detail Deform in front of it.")
 
 
 def _may_replace(modifier, depsgraph):
