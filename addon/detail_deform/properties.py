@@ -246,6 +246,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     # what keeps the handles from being followed.
     signature: StringProperty(options={'HIDDEN'})
     stale: StringProperty(options={'HIDDEN'})
+    compared_handles: StringProperty(options={'HIDDEN'})
     problem: StringProperty(options={'HIDDEN'})
     cache_modifier: StringProperty(options={'HIDDEN'})
     dependency: FloatProperty(

@@ -32,7 +32,7 @@ def _source_changed(self, context):
 
 
 def _changed(self, context):
-    live_transfer.forget(self.id_data)
+    live_transfer.check(self.id_data)
     live_transfer.refresh(self.id_data, context.evaluated_depsgraph_get())
 
 
@@ -73,6 +73,7 @@ class DetailDeformTransfer(bpy.types.PropertyGroup):
         name="State", get=lambda self: live_transfer.state(self.id_data),
         description="Whom this mesh follows, or what is wrong and what to do")
     live: BoolProperty(options={'HIDDEN'})
+    prepared_for: StringProperty(options={'HIDDEN'})
     problem: StringProperty(options={'HIDDEN'})
 
 

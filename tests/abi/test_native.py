@@ -254,6 +254,29 @@ def test_one_deformer_is_used_by_one_thread_at_a_time(native):
     assert set(statuses) == {0, 7}  # 7: busy; never a crash, never anything else
 
 
+def test_a_result_stays_what_it_was_when_others_are_computed(native):
+    """In a render and in the window at once: neither sees the other's pose, or parts of it."""
+    deformer = bound(native, Strip(400))
+    motions = [rotation(0.1 * k, (0, 0, k)) for k in range(4)]
+    alone = [deformer.offsets(motion).copy() for motion in motions]
+    first = deformer.offsets(motions[1])
+    deformer.offsets(motions[2])
+    assert (first == alone[1]).all()
+    differing = []
+
+    def update(motion, expected):
+        for _ in range(100):
+            if (deformer.offsets(motion) != expected).any():
+                differing.append(motion)
+
+    threads = [threading.Thread(target=update, args=pair) for pair in zip(motions, alone)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not differing
+
+
 def test_different_deformers_at_once_give_what_they_give_alone(native):
     meshes = [Strip(n) for n in (300, 500, 700)]
     deformers = [bound(native, mesh) for mesh in meshes]

@@ -25,6 +25,23 @@ def part(module):
     return lambda name: importlib.import_module(f'{module.__name__}.{name}')
 
 
+@pytest.fixture
+def as_in_a_window(part, monkeypatch):
+    """as_in_a_window('follow.binding'): this module takes Blender for one with a window. Its timers are then
+    called by hand."""
+    class Window:
+        def __getattr__(self, name):
+            return False if name == 'background' else getattr(bpy.app, name)
+
+    class Bpy:
+        app = Window()
+
+        def __getattr__(self, name):
+            return getattr(bpy, name)
+
+    return lambda *names: [monkeypatch.setattr(part(name), 'bpy', Bpy()) for name in names]
+
+
 @pytest.fixture(autouse=True)
 def empty_scene():
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import bpy
 import numpy as np
-import pytest
 
 from conftest import bind, evaluated, make_strip, own, refusal, update
 
@@ -65,6 +64,4 @@ def test_as_shape_key():
 
 def test_nothing_to_apply():
     make_strip()
-    assert "There is no deformation to apply" in refusal(bpy.ops.object.detail_deform_apply) or True
-    with pytest.raises(RuntimeError):
-        bpy.ops.object.detail_deform_apply()
+    assert "There is no deformation to apply" in refusal(bpy.ops.object.detail_deform_apply)

@@ -96,29 +96,18 @@ def test_apply_takes_the_result_in_steps(strip):
     assert np.abs(own(activate(strip)) - stepped).max() < 1e-6
 
 
-def test_steps_arrive_when_the_handles_pause(strip, part, monkeypatch):
+def test_steps_arrive_when_the_handles_pause(strip, part, as_in_a_window):
     """The window's way: quick result first, the steps by a timer, the last pose wins."""
-    slow_results = part('follow.slow_results')
-
-    class Window:
-        def __getattr__(self, name):
-            return False if name == 'background' else getattr(bpy.app, name)
-
-    class Bpy:
-        app = Window()
-
-        def __getattr__(self, name):
-            return getattr(bpy, name)
-
-    monkeypatch.setattr(part('follow.binding'), 'bpy', Bpy())
+    slow_results, token = part('follow.slow_results'), part('scene.offset_attribute').token
+    as_in_a_window('follow.binding')
     strip.detail_deform.steps = 5
     bend(strip, -60)
     quick = evaluated(strip)
     assert 'quick result' in strip.detail_deform.status
     bend(strip, -120)
     quick = evaluated(strip)
-    assert slow_results.progress(strip.name) == 0.0
-    slow_results._requests[strip.name].due = 0
+    assert slow_results.progress(token(strip.data)) == 0.0
+    slow_results._requests[token(strip.data)].due = 0
     while slow_results._tick():
         assert 'quick result' in strip.detail_deform.status or not slow_results._requests
     update()
@@ -127,13 +116,13 @@ def test_steps_arrive_when_the_handles_pause(strip, part, monkeypatch):
     # Cancelled, it comes back by Update.
     bend(strip, -110)
     assert bpy.ops.object.detail_deform_bind_cancel() == {'FINISHED'}
-    assert slow_results.progress(strip.name) is None
+    assert slow_results.progress(token(strip.data)) is None
     assert 'Update is pressed' in strip.detail_deform.status
     assert bpy.ops.object.detail_deform_update() == {'FINISHED'}
-    assert slow_results.progress(strip.name) == 0.0
+    assert slow_results.progress(token(strip.data)) == 0.0
     # A pose that is left before its steps are ready is forgotten.
     bend(strip, -90)
-    slow_results._requests[strip.name].due = 0
+    slow_results._requests[token(strip.data)].due = 0
     slow_results._tick()
     bend(strip, 0)
     while slow_results._tick():
@@ -152,3 +141,36 @@ def test_an_empty_without_size_collapses_its_vertices_and_turns_nothing(strip):
     strip.detail_deform.steps = 1
     update()
     assert 'Bound' in strip.detail_deform.status and np.isfinite(evaluated(strip)).all()
+
+
+def test_what_is_refused_while_it_starts_is_said_and_ends(strip, part, as_in_a_window):
+    """A group that is deleted within the pause: the timer goes on, and nothing is under way any more."""
+    slow_results = part('follow.slow_results')
+    as_in_a_window('follow.binding')
+    strip.detail_deform.steps = 3
+    bend(strip, -60)
+    assert len(slow_results._requests) == 1
+    strip.vertex_groups.remove(strip.vertex_groups['right'])
+    for pending in slow_results._requests.values():
+        pending.due = 0
+    assert slow_results._tick() is None
+    assert not slow_results._requests
+    assert "'right'" in strip.detail_deform.status
+
+
+def test_steps_that_fail_are_said_until_a_handle_moves(strip, part, monkeypatch):
+    """Not only until the next update."""
+    native = part('library.native')
+
+    def fail(*_):
+        raise native.NativeError("There is no memory left.")
+
+    monkeypatch.setattr(native, 'Split', fail)
+    strip.detail_deform.steps = 3
+    bend(strip, -60)
+    for frame in (2, 3):
+        bpy.context.scene.frame_set(frame)
+        assert "no memory left" in strip.detail_deform.status
+    monkeypatch.undo()
+    bend(strip, -50)
+    assert 'Shown is the result in 3 steps' in strip.detail_deform.status

@@ -7,57 +7,16 @@ import bpy
 import numpy as np
 
 from ..library import native
-from ..scene import dependency, examples, handle_matrices, mesh_data, node_group, outside_base
-from . import deformers, look, slow_results
+from ..scene import dependency, handle_matrices, mesh_data, node_group, offset_attribute, outside_base, reach
 from ..scene.mesh_data import MeshProblem
+from ..scene.window import redraw_panels
+from . import content, deformers, look, registry, shown, slow_results
+from .slow_update import SlowUpdate
 
 _POLL_SECONDS = 0.1
-_EXAMPLES = 'examples-'  # before their part of a signature
-_BASE_CHANGED = "The base object, its mesh or its choice was changed since Bind."
-_TOPOLOGY_CHANGED = "The mesh's vertices or faces were changed since Bind."
-_VERTICES_MOVED = "The mesh's vertices were moved since Bind."
 
 
-# What is bound, and to which content
-
-def _handle_groups(settings):
-    return [(h.name, h.vertex_group) for h in handle_matrices.enabled_handles(settings)]
-
-
-def _options(ob):
-    """Of native.Bind: what a binding depends on beside mesh and roles."""
-    settings = ob.detail_deform
-    if settings.base == 'OBJECT':
-        return {'base': outside_base.rest_positions(ob)}
-    smoothing = settings.metric_smoothing if settings.base_metric == 'SURFACE' else 0.0
-    options = {'base_metric': settings.base_metric, 'metric_smoothing': smoothing,
-               'smoothness': settings.smoothness}
-    try:
-        poses = examples.positions(ob)
-    except MeshProblem:
-        if settings.method == 'EXAMPLES':
-            raise
-        poses = None  # they matter to that method alone
-    return options if poses is None else {**options, 'examples': poses}
-
-
-def _signature(ob, shape, roles):
-    texts = {'examples': lambda value: _EXAMPLES + mesh_data.signature(value), 'base': mesh_data.signature,
-             'metric_smoothing': "{:g}".format}
-    return '.'.join([*shape, mesh_data.signature(roles),
-                     *(texts.get(name, str)(value) for name, value in _options(ob).items())])
-
-
-def _roles(ob):
-    settings = ob.detail_deform
-    return mesh_data.roles(ob, settings.region, _handle_groups(settings),
-                           need_handles=settings.base == 'COMPUTED')
-
-
-def bound_objects(objects):
-    """Those with a binding, whether its deformer is at hand or not."""
-    return [ob for ob in objects if ob.type == 'MESH' and ob.detail_deform.signature]
-
+# Whether the content is still that which was bound
 
 def check_content(ob):
     """Compares mesh, groups and options with what was bound, and notes what differs.
@@ -67,54 +26,34 @@ def check_content(ob):
     settings = ob.detail_deform
     if ob.type != 'MESH' or not settings.signature or ob.mode == 'EDIT':
         return
-    stale = _difference(ob)
-    if stale in {_TOPOLOGY_CHANGED, _VERTICES_MOVED} and node_group.find_modifier(ob) is None:
+    _note_handles(settings)
+    stale = content.difference(ob)
+    if stale in {content.TOPOLOGY_CHANGED, content.VERTICES_MOVED} and node_group.find_modifier(ob) is None:
         unbind(ob)
         settings.problem = ("The modifier was applied by hand, or removed and the mesh edited, so the surface is no "
                             "longer bound: Bind to go on from here.")
     elif settings.stale != stale:
         settings.stale = stale
+        shown.forget(ob.data)  # an edit may have reached the offsets too
+
+
+def _note_handles(settings):
+    order = content.order_of_handles(settings)
+    if settings.compared_handles != order:
+        settings.compared_handles = order
 
 
 def check_base(ob):
     """As check_content, of the base object's mesh alone, which may change in every frame."""
     settings = ob.detail_deform
-    if not settings.signature or settings.base != 'OBJECT' or settings.stale not in {"", _BASE_CHANGED}:
+    if not settings.signature or settings.base != 'OBJECT' or settings.stale not in {"", content.BASE_CHANGED}:
         return
     try:
-        same = settings.signature.endswith('.' + mesh_data.signature(outside_base.rest_positions(ob)))
+        stale = "" if content.is_of_base(ob) else content.BASE_CHANGED
     except MeshProblem:
         return  # the next update says it
-    stale = "" if same else _BASE_CHANGED
     if settings.stale != stale:
         settings.stale = stale
-
-
-def _difference(ob):
-    settings = ob.detail_deform
-    positions, topology, roles, *options = settings.signature.split('.', 3)
-    shape = mesh_data.shape_signature(ob.data)
-    if shape[1] != topology:
-        return _TOPOLOGY_CHANGED
-    if shape[0] != positions:
-        return _VERTICES_MOVED
-    try:
-        current = _signature(ob, shape, _roles(ob)).split('.', 3)
-    except MeshProblem as problem:
-        return str(problem)
-    if current[2] != roles:
-        return "The region, the handles or their vertex groups were changed since Bind."
-    if current[3:] == options:
-        return ""
-    if settings.method != 'EXAMPLES' and _without_examples(current[3]) == _without_examples(options[0]):
-        return ""
-    if settings.base == 'OBJECT':
-        return _BASE_CHANGED
-    return "Settings or examples that need a new Bind were changed."
-
-
-def _without_examples(options):
-    return options.split(f'.{_EXAMPLES}')[0]
 
 
 # Following the handles
@@ -126,17 +65,21 @@ def refresh(ob, depsgraph, force=False):
     Never raises for what the user can cause: the sentence goes to the status.
     """
     settings = ob.detail_deform
-    if ob.type != 'MESH' or not settings.signature or settings.stale or ob.mode == 'EDIT':
+    if ob.type != 'MESH' or not settings.signature or ob.mode == 'EDIT':
+        return
+    if settings.compared_handles != content.order_of_handles(settings):
+        check_content(ob)
+    if not settings.signature or settings.stale:
         return
     if not (force or node_group.is_shown(ob, depsgraph)):
         return
     try:
         mesh_data.check_object(ob)
-        mesh_data.check_groups(ob, settings.region, _handle_groups(settings))
+        offset_attribute.check_name(ob)
+        mesh_data.check_groups(ob, settings.region, content.handle_groups(settings))
         bound = deformers.find(settings.signature) or _restore(ob, depsgraph)
         if bound is not None:
-            _follow(ob, bound, depsgraph, force)
-            _note(settings, "")
+            _note(settings, _follow(ob, bound, depsgraph, force) or reach.why_not(ob, depsgraph))
     except (MeshProblem, native.NativeError) as problem:
         _note(settings, str(problem))
 
@@ -147,77 +90,44 @@ def _note(settings, problem):
 
 
 def _follow(ob, bound, depsgraph, force):
+    """Returns what is wrong with what is shown, or ''."""
     start = time.perf_counter()
     settings = ob.detail_deform
     if bound.deformer.info.vertex_count != len(ob.data.vertices):
-        settings.stale = _TOPOLOGY_CHANGED
-        return
+        settings.stale = content.TOPOLOGY_CHANGED
+        return ""
     places = handle_matrices.local_places(ob, depsgraph)
     motions = handle_matrices.motions(settings, places)
     asked = look.options(settings)
     base = None
-    shown = (motions.tobytes(), asked)
+    what = (settings.signature, motions.tobytes(), asked)
     if settings.base == 'OBJECT':
         base = outside_base.deformed_positions(ob, depsgraph)
-        shown += (base.tobytes(),)
+        what += (base.tobytes(),)
     slow = look.is_slow(settings)
     turns = np.zeros((len(motions), 3))
     if look.steps(settings) > 1:
         turns = handle_matrices.turns(settings, places, depsgraph)
-        shown += (settings.steps, turns.tobytes())
-    if not force and bound.shown.get(ob.name) == shown:
-        return
-    mesh_data.write_offsets(ob.data, bound.deformer.offsets(motions, base, **look.quick(asked)))
-    bound.shown[ob.name] = shown
-    bound.only_moved[ob.name] = [
+        what += (settings.steps, turns.tobytes())
+    record = shown.by(ob.data)
+    if not force and record is not None and record.of == what:
+        return record.problem
+    slow_results.cancel(offset_attribute.token(ob.data))
+    record = shown.show(ob.data, bound.deformer.offsets(motions, base, **look.quick(asked)), what)
+    record.only_moved = [
         handle.name for handle, motion in zip(handle_matrices.enabled_handles(settings), motions)
         if handle_matrices.only_moves(motion)]
     if settings.method == 'EXAMPLES':
-        bound.example_weights[ob.name] = bound.deformer.example_weights().tolist()
+        record.example_weights = bound.deformer.example_weights().tolist()
         if depsgraph.mode == 'VIEWPORT' and not bpy.app.background:
             redraw_panels()  # they show the weights
     bound.update_ms = 1e3 * (time.perf_counter() - start)
-    slow_results.cancel(ob.name)
     if slow and not (base is None and np.abs(motions - np.eye(4)[:3]).max() < 1e-6 and not turns.any()):
         # A render must not show the quick result, and without a window there is no drag to keep up with.
         wait = bpy.app.background or depsgraph.mode == 'RENDER'
-        _follow_slowly(ob, shown, motions, turns, {**asked, 'base': base}, wait)
-    else:
-        bound.slow[ob.name] = (shown, None)  # at rest there is nothing more to show
-
-
-def _follow_slowly(ob, shown, motions, turns, asked, wait):
-    """Asks for the slow result, to be shown if it is still what the handles ask for."""
-    name, signature, count = ob.name, ob.detail_deform.signature, look.steps(ob.detail_deform)
-
-    def still_wanted():
-        present, bound = bpy.data.objects.get(name), deformers.find(signature)
-        fits = present and bound and present.detail_deform.signature == signature
-        return (present, bound) if fits and bound.shown.get(name) == shown else (None, None)
-
-    def start():
-        present, _ = still_wanted()
-        if present is None:
-            raise native.NativeError("The object was changed.")
-        return native.Split(_bind_arguments(present, _roles(present)), motions, turns, count, asked)
-
-    def deliver(offsets, info):
-        present, bound = still_wanted()
-        if present is not None:
-            mesh_data.write_offsets(present.data, offsets)
-            bound.slow[name] = (shown, info)
-            redraw_panels()
-
-    def refuse(sentence):
-        present, _ = still_wanted()
-        if present is not None:
-            _note(present.detail_deform, sentence)
-            redraw_panels()
-
-    if wait:  # in a render another thread, which must not set up timers
-        deliver(*start().finish())
-    else:
-        slow_results.request(name, start, deliver, refuse, redraw_panels)
+        record.is_final = False
+        SlowUpdate(ob, motions, turns, {**asked, 'base': base}).run(wait)
+    return record.problem
 
 
 def wait(ob, depsgraph):
@@ -231,7 +141,7 @@ def wait(ob, depsgraph):
 
 def settle(ob):
     """Waits for a slow result that is under way."""
-    slow_results.finish(ob.name)
+    slow_results.finish(offset_attribute.token(ob.data))
 
 
 def _restore(ob, depsgraph):
@@ -245,7 +155,7 @@ def _restore(ob, depsgraph):
         check_content(ob)
         if settings.stale:
             return None
-        _start(ob, signature, _roles(ob))
+        _start(ob, signature, content.roles(ob))
     # A render must not show a frame that isn't finished, and without a window nothing polls.
     if bpy.app.background or depsgraph.mode == 'RENDER':
         return _finish(signature)
@@ -254,14 +164,8 @@ def _restore(ob, depsgraph):
 
 # Binding and unbinding
 
-def _bind_arguments(ob, roles):
-    """Positional arguments and those by name of native.Bind."""
-    return ((mesh_data.positions(ob.data), mesh_data.triangles(ob.data), roles,
-             len(handle_matrices.enabled_handles(ob.detail_deform))), _options(ob))
-
-
 def _start(ob, signature, roles):
-    arguments, options = _bind_arguments(ob, roles)
+    arguments, options = content.bind_arguments(ob, roles)
     deformers.start(signature, *arguments, **options)
     if not bpy.app.background and not bpy.app.timers.is_registered(_poll):
         # Persistent: a file opened meanwhile must not leave the bind without anyone to finish it.
@@ -281,19 +185,22 @@ def bind(ob, depsgraph, wait, keep_rest):
     if settings.transfer.live:
         raise MeshProblem(f"'{ob.name}' follows '{settings.transfer.source.name if settings.transfer.source else ''}' "
                           "(Transfer): stop that before binding it to handles.")
-    roles = _roles(ob)
+    offset_attribute.check_name(ob)
+    roles = content.roles(ob)
     places = handle_matrices.local_places(ob, depsgraph)
     if settings.base == 'COMPUTED':
-        _options(ob)  # what it refuses leaves the present binding
+        content.options(ob)  # what it refuses leaves the present binding
     _forget(settings)
     if settings.base == 'OBJECT':
         outside_base.store_rest(ob, depsgraph, only_new=keep_rest)
     handle_matrices.store_rest(settings, places, only_new=keep_rest)
     handle_matrices.motions(settings, places)  # refuses places that can't be inverted
 
-    signature = _signature(ob, mesh_data.shape_signature(ob.data), roles)
+    signature = content.signature(ob, mesh_data.shape_signature(ob.data), roles)
     _start(ob, signature, roles)
     settings.signature = signature
+    _note_handles(settings)
+    registry.forget()
     node_group.ensure_modifier(ob)
     influence_changed(ob)
     targets_changed(ob)
@@ -320,7 +227,7 @@ def targets_changed(ob):
 
 
 def _owners(signature):
-    return [ob for ob in bound_objects(bpy.data.objects) if ob.detail_deform.signature == signature]
+    return [ob for ob in registry.members() if ob.detail_deform.signature == signature]
 
 
 def _finish(signature):
@@ -336,7 +243,8 @@ def _finish(signature):
 
 def _bind_finished(ob, depsgraph):
     refresh(ob, depsgraph, force=True)
-    deformers.drop_unused({o.detail_deform.signature for o in bound_objects(bpy.data.objects)})
+    deformers.drop_unused({o.detail_deform.signature for o in registry.members()})
+    shown.keep(o.data for o in registry.members())
 
 
 def _forget(settings):
@@ -359,14 +267,15 @@ def unbind(ob):
         handle.property_unset('rest_matrix')
         handle.property_unset('rest_euler')
     settings.property_unset('base_rest_matrix')
-    slow_results.cancel(ob.name)
+    slow_results.cancel(offset_attribute.token(ob.data))
     if not _owners(signature):
         cancel(signature)
     dependency.release(ob)
     modifier = node_group.find_modifier(ob)
     if modifier:
         node_group.set_base(modifier, None)
-    mesh_data.remove_offsets(ob.data)
+    shown.forget(ob.data)
+    offset_attribute.remove(ob.data)
 
 
 def _poll():
@@ -390,13 +299,6 @@ def stop_polling():
         bpy.app.timers.unregister(_poll)
 
 
-def redraw_panels():
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type in {'PROPERTIES', 'VIEW_3D'}:
-                area.tag_redraw()
-
-
 def make_base_object(ob):
     """The computed base as an object, which becomes the base at the next Bind."""
     settings = ob.detail_deform
@@ -405,6 +307,5 @@ def make_base_object(ob):
         raise MeshProblem("Bind with a computed base first: that is what becomes an object.")
     rest = np.repeat(np.eye(4)[None, :3], bound.deformer.info.handle_count, axis=0)
     offsets = bound.deformer.offsets(rest, shown='BASE').reshape(-1, 3)
-    bound.shown.pop(ob.name, None)
     settings.base_object = outside_base.make(ob, mesh_data.positions(ob.data) + offsets)
     settings.base = 'OBJECT'

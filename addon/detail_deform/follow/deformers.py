@@ -21,14 +21,6 @@ class Bound:
         self.deformer = deformer
         self.bind_ms = bind_ms
         self.update_ms = 0.0
-        # By object name: the handles and options whose result the object's mesh holds.
-        self.shown = {}
-        # By object name: of what shown holds, that which was replaced by its slow result, and its facts.
-        self.slow = {}
-        # By object name: the handles that are moved without being turned or scaled.
-        self.only_moved = {}
-        # By object name: how much of each example its pose has.
-        self.example_weights = {}
 
 
 _bound = {}
@@ -80,13 +72,6 @@ def drop_unused(signatures):
     unused = [signature for signature in _bound if signature not in signatures]
     for signature in unused[:max(0, len(unused) - _SPARE)]:
         del _bound[signature]
-
-
-def forget_shown():
-    """What meshes hold is not known any more: after undo, redo and loading."""
-    for bound in _bound.values():
-        bound.shown.clear()
-        bound.slow.clear()
 
 
 def clear():

@@ -2,7 +2,7 @@
 """Slow results (in several steps, or by a slow method), computed in the background once an object's
 handles rest.
 
-Nothing here knows Blender's objects: a request has a name, starts a native.Split and hands its offsets
+Nothing here knows Blender's objects: a request has a token, starts a native.Split and hands its offsets
 over.
 """
 
@@ -11,6 +11,7 @@ import time
 import bpy
 
 from ..library import native
+from ..scene.mesh_data import MeshProblem
 
 # A drag moves the handles many times a second: work starts when that has paused for so long.
 _PAUSE_SECONDS = 0.3
@@ -18,8 +19,8 @@ _TICK_SECONDS = 0.1
 
 
 class _Request:
-    def __init__(self, start, deliver, refuse, tell):
-        self.start, self.deliver, self.refuse, self.tell = start, deliver, refuse, tell
+    def __init__(self, work):
+        self.work = work
         self.due = time.monotonic() + _PAUSE_SECONDS
         self.job = None
 
@@ -28,52 +29,61 @@ _requests = {}
 _ending = []  # cancelled jobs, until their stage has ended: closing one waits for that
 
 
-def request(name, start, deliver, refuse, tell):
-    """start() gives the native.Split, deliver(offsets, info) takes its result, refuse(sentence) its error;
-    tell() is called while it is under way. An earlier request of that name is forgotten."""
-    cancel(name)
-    _requests[name] = _Request(start, deliver, refuse, tell)
+def request(token, work):
+    """work.start() gives the native.Split, work.deliver(offsets, info) takes its result, work.refuse(sentence) its
+    error; work.tell() is called while it is under way, and it ends when work.is_wanted() is not true any more."""
+    cancel(token)
+    _requests[token] = _Request(work)
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=_PAUSE_SECONDS, persistent=True)
 
 
-def cancel(name):
-    pending = _requests.pop(name, None)
+def cancel(token):
+    pending = _requests.pop(token, None)
     if pending and pending.job:
         pending.job.cancel()
         _ending.append(pending.job)
 
 
-def finish(name):
-    """Waits for the request of that name, if there is one."""
-    pending = _requests.pop(name, None)
+def finish(token):
+    """Waits for the request of that token, if there is one."""
+    pending = _requests.pop(token, None)
     if pending:
-        pending.job = pending.job or pending.start()
-        pending.deliver(*pending.job.finish())
+        pending.job = pending.job or pending.work.start()
+        pending.work.deliver(*pending.job.finish())
 
 
-def progress(name):
+def progress(token):
     """None without a request, else the fraction done."""
-    pending = _requests.get(name)
+    pending = _requests.get(token)
     if pending is None:
         return None
     return pending.job.progress()[1] if pending.job else 0.0
 
 
+def _go_on(token, pending):
+    if not pending.work.is_wanted():
+        cancel(token)
+    elif pending.job is None:
+        if time.monotonic() >= pending.due:
+            pending.job = pending.work.start()
+    elif pending.job.progress()[0]:
+        pending.work.tell()
+    else:
+        del _requests[token]
+        pending.work.deliver(*pending.job.finish())
+
+
 def _tick():
-    for name, pending in list(_requests.items()):
+    for token, pending in list(_requests.items()):
         try:
-            if pending.job is None:
-                if time.monotonic() >= pending.due:
-                    pending.job = pending.start()
-            elif not pending.job.progress()[0]:
-                del _requests[name]
-                pending.deliver(*pending.job.finish())
-            else:
-                pending.tell()
-        except native.NativeError as error:
-            _requests.pop(name, None)
-            pending.refuse(str(error))
+            _go_on(token, pending)
+        except (native.NativeError, MeshProblem) as error:
+            cancel(token)
+            pending.work.refuse(str(error))
+        except Exception:
+            cancel(token)  # nothing would end it any more
+            raise
     _ending[:] = [job for job in _ending if job.progress()[0]]
     return _TICK_SECONDS if _requests or _ending else None
 

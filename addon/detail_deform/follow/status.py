@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
 
-from ..scene import examples, handle_matrices, node_group
-from . import deformers, look, slow_results
+from ..scene import examples, handle_matrices, node_group, offset_attribute
+from . import deformers, look, shown, slow_results
 
 
 def is_bound(ob):
@@ -22,16 +22,19 @@ def update_ms(ob):
 
 def example_weight(ob, example):
     """How much of an example the handles asked for."""
-    found = deformers.find(ob.detail_deform.signature)
-    weights = found.example_weights.get(ob.name, ()) if found else ()
+    weights = _example_weights(ob)
     number = next((k for k, e in enumerate(examples.enabled(ob.detail_deform)) if e == example), len(weights))
     return weights[number] if number < len(weights) else 0.0
 
 
 def weights_are_found(ob):
     """Whether the handles have asked for weights since Bind."""
-    found = deformers.find(ob.detail_deform.signature)
-    return bool(found and found.example_weights.get(ob.name))
+    return bool(_example_weights(ob))
+
+
+def _example_weights(ob):
+    record = shown.by(ob.data)
+    return record.example_weights if record else ()
 
 
 def text(ob):
@@ -74,23 +77,22 @@ def _summary(settings, info):
             f"{_count(info.free_count, 'free vertex', 'free vertices')}.")
 
 
-def _shown_slow(ob, bound):
+def _shown_slow(ob):
     """Which of the two results is shown, and what there is to know about it."""
     settings = ob.detail_deform
     what = "by displacement volumes" if settings.method == 'VOLUMES' else ""
     if look.steps(settings) > 1:
         what = f"{what} in {settings.steps} steps".strip()
-    done = slow_results.progress(ob.name)
-    shown, info = bound.slow.get(ob.name, (None, None))
+    done, record = slow_results.progress(offset_attribute.token(ob.data)), shown.by(ob.data)
     if done is not None:
         yield f"Shown is the quick result; that {what} is under way, {100 * done:.0f}%."
-    elif shown is None or shown != bound.shown.get(ob.name):
+    elif record is None or not record.is_final:
         yield f"Shown is the quick result; that {what} follows when a handle is moved or Update is pressed."
-    elif info is not None:
+    elif record.slow_info is not None:
         yield f"Shown is the result {what}."
         if settings.method == 'VOLUMES':
-            yield f"Volumes are kept within {100 * info.volume_error:.2g}%."
-            if not info.volumes_settled:
+            yield f"Volumes are kept within {100 * record.slow_info.volume_error:.2g}%."
+            if not record.slow_info.volumes_settled:
                 yield "The search for them stopped at its limit of iterations: raise it for a better result."
 
 
@@ -128,7 +130,7 @@ def _remarks(ob, bound):
         yield (f"The influence group '{settings.influence}' has the name of an attribute, which is taken in its place: "
                "rename the group.")
     if look.is_slow(settings):
-        yield from _shown_slow(ob, bound)
+        yield from _shown_slow(ob)
     if settings.method == 'NORMAL' and info.unrepresented_count:
         yield (f"{_count(info.unrepresented_count, 'vertex', 'vertices')} (such as vertex "
                f"{info.unrepresented_example}) {'overhangs' if info.unrepresented_count == 1 else 'overhang'} "
@@ -138,13 +140,14 @@ def _remarks(ob, bound):
             yield "Examples go by the handles and not by a base object: choose another method to follow it."
         elif not examples.enabled(settings):
             yield "There are no examples, so the rest shape alone is pulled: add shape keys or posed copies (Examples)."
-        shown = examples.shown_keys(ob)
-        if shown:
-            yield f"Shape keys that are examples are shown too, as {_names(shown[:3])}: set their values to 0."
+        keys = examples.shown_keys(ob)
+        if keys:
+            yield f"Shape keys that are examples are shown too, as {_names(keys[:3])}: set their values to 0."
     if settings.method == 'GRADIENT' and settings.base == 'OBJECT':
         yield "Gradient editing goes by the handles and not by the base: choose another method to follow it."
     if settings.method == 'GRADIENT':
-        moved = bound.only_moved.get(ob.name, ())
+        record = shown.by(ob.data)
+        moved = record.only_moved if record else ()
         if moved:
             yield (f"Gradient editing turns nothing where a handle is only moved, as {_names(moved)} "
                    f"{'is' if len(moved) == 1 else 'are'}: turn the empty too, or use Detail Transfer.")

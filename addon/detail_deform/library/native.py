@@ -349,7 +349,6 @@ class Deformer:
         self._example_count = example_count
         self._lock = threading.Lock()
         self.info = self._read_info()
-        self._offsets = np.zeros(3 * self.info.vertex_count, np.float32)
 
     def _read_info(self):
         info = Info(ctypes.sizeof(Info))
@@ -360,18 +359,19 @@ class Deformer:
         """matrices: (h, 3, 4) float64, rest to present, object space. look: as of _update_options.
         base: (n, 3) float32 where the bind was given one. example_weights: by method EXAMPLES, the
         pose of these weights, handles let go; None: those that fit the handles. Calls are serialized.
-        Returns (3 n,) float32, deformed minus rest; the array is reused by the next call. info is
-        brought up to date: methods are prepared when they are first used."""
+        Returns (3 n,) float32, deformed minus rest, which the next call leaves alone. info is brought
+        up to date: methods are prepared when they are first used."""
         matrices = np.ascontiguousarray(matrices, np.float64)
         base = None if base is None else np.ascontiguousarray(base, np.float32)
         if example_weights is not None:
             example_weights = np.ascontiguousarray(example_weights, np.float64)
         options = _update_options(base=base, example_weights=example_weights, **look)
+        offsets = np.empty(3 * self.info.vertex_count, np.float32)
         with self._lock:
             _check(library().dd_deformer_update(self._handle, matrices, matrices.size, options,
-                                                self._offsets, self._offsets.size))
+                                                offsets, offsets.size))
             self.info = self._read_info()
-        return self._offsets
+        return offsets
 
     def example_weights(self):
         """(count,) float64: of the last update by method EXAMPLES."""

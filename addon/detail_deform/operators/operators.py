@@ -5,7 +5,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty
 
 from ..follow import binding, live_transfer, slow_results, status
-from ..scene import apply_result, mesh_data, node_group
+from ..scene import apply_result, mesh_data, node_group, offset_attribute
 from ..setup import bake, correspondence, handle_setup, region_setup
 from .operator_base import MeshOperator
 from ..properties import COPIED_SETTINGS
@@ -75,7 +75,7 @@ class OBJECT_OT_detail_deform_bind_cancel(MeshOperator, bpy.types.Operator):
 
     def run(self, context, ob):
         binding.cancel(ob.detail_deform.signature)
-        slow_results.cancel(ob.name)
+        slow_results.cancel(offset_attribute.token(ob.data))
 
 
 class OBJECT_OT_detail_deform_unbind(MeshOperator, bpy.types.Operator):
@@ -116,7 +116,7 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
 
     @classmethod
     def poll_object(cls, ob):
-        if mesh_data.OFFSET_ATTRIBUTE not in ob.data.attributes:
+        if offset_attribute.find(ob.data) is None:
             cls.poll_message_set("There is no deformation to apply: bind and move a handle first")
             return False
         return True

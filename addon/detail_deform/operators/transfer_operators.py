@@ -309,22 +309,39 @@ class OBJECT_OT_detail_deform_marker_add(MeshOperator, bpy.types.Operator):
         self.report({'INFO'}, f"'{name}' added to '{ob.name}'")
 
 
-class OBJECT_OT_detail_deform_transfer_live(MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_transfer_live(LongOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_transfer_live'
     bl_label = "Follow Source"
-    bl_description = "Let this mesh follow the source's deformation from now on, or stop it"
+    bl_description = ("Let this mesh follow the source's deformation from now on, or stop it. What markers or a list say is "
+                      "found first and kept with this mesh. Esc cancels")
+    doing = "Looking for what corresponds"
 
     source: StringProperty(
         name="Source", options={'SKIP_SAVE'}, description="Name of the mesh object to follow; that of the panel unless given")
     on: BoolProperty(name="On", default=True, options={'SKIP_SAVE'}, description="Follow; off: stop, and show the rest shape")
 
+    def invoke(self, context, event):
+        # Only searching takes so long that it needs a way out.
+        self.interactive = self.on and context.active_object.detail_deform.transfer.correspondence == 'MARKERS'
+        return self.execute(context)
+
     def run(self, context, ob):
         if not self.on:
             live_transfer.stop(ob)
-            return
+            return None
         mesh_data.check_object(ob)
         source = _source_of(ob, self.source)
-        live_transfer.start(context, ob, source)
+        live_transfer.check_start(ob, source)
+        return self.start(context, self._follow(context, source, ob))
+
+    def _follow(self, context, source, ob):
+        """Generator of the fraction done."""
+        settings, matched = ob.detail_deform.transfer, None
+        if settings.correspondence == 'MARKERS':
+            matched = yield from _searched(source, ob)
+        elif settings.correspondence == 'LIST':
+            matched = correspondence.by_list(source, ob, bpy.path.abspath(settings.filepath), settings.pairs_of)
+        live_transfer.start(context, ob, source, matched)
 
 
 CLASSES = (OBJECT_OT_detail_deform_transfer, OBJECT_OT_detail_deform_transfer_match,

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from . import mesh_data, node_group
+from . import mesh_data, node_group, offset_attribute
 
 SHAPE_KEY_NAME = 'Detail Deform'
 
@@ -13,7 +13,7 @@ def apply(ob, mode):
     'SHAPE_KEY' adds a key. As far as the modifier's Factor and Influence show the deformation."""
     mesh = ob.data
     modifier = node_group.find_modifier(ob)
-    offsets = mesh_data.read_offsets(mesh) * (node_group.amount(ob, modifier) if modifier else 1.0)
+    offsets = offset_attribute.read(mesh) * (node_group.amount(ob, modifier) if modifier else 1.0)
     if mode == 'SHAPE_KEY':
         add_key(ob, SHAPE_KEY_NAME, offsets).value = 1.0
         return

@@ -10,13 +10,20 @@ def enabled_handles(settings):
     return [handle for handle in settings.handles if handle.enabled]
 
 
+def in_scene(ob, depsgraph):
+    """Whether the object is evaluated as one of the scene's own. Being pointed to is enough to be evaluated, but
+    outside the scene the place means nothing."""
+    layer = depsgraph.view_layer
+    if not ob.evaluated_get(depsgraph).is_evaluated:
+        return False
+    # The first tests are quick and nearly always enough; the last goes through all objects.
+    return (ob.visible_get(view_layer=layer) or ob.hide_get(view_layer=layer)
+            or any(other == ob for other in depsgraph.scene.objects))
+
+
 def evaluated_world(ob, depsgraph, what):
     evaluated = ob.evaluated_get(depsgraph)
-    # Being pointed to is enough to be evaluated, but outside the scene the place means nothing. The
-    # first test is quick and nearly always enough; the second goes through all objects.
-    in_scene = (ob.visible_get(view_layer=depsgraph.view_layer)
-                or any(other == ob for other in depsgraph.scene.objects))
-    if not in_scene or not evaluated.is_evaluated:
+    if not in_scene(ob, depsgraph):
         raise MeshProblem(f"{what} '{ob.name}' is not in this scene, or is disabled or excluded so that "
                           "its place is not known: bring it back, or choose another one.")
     return np.array(evaluated.matrix_world, np.float64)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the library needs from a Blender mesh, and the one attribute it gives back."""
+"""What the library needs from a Blender mesh."""
 
 import hashlib
 
@@ -7,7 +7,6 @@ import numpy as np
 
 from ..library import native
 
-OFFSET_ATTRIBUTE = 'detail_deform_offset'
 MEMBER_WEIGHT = 0.5
 
 
@@ -198,32 +197,3 @@ def shape_signature(mesh):
 def signature(array):
     """A short text: equal texts, equal content."""
     return _digest(array)
-
-
-def write_offsets(mesh, offsets):
-    """offsets: (3 n,) float32. Creates the attribute when it isn't there."""
-    attribute = mesh.attributes.get(OFFSET_ATTRIBUTE)
-    if attribute is not None and (attribute.data_type, attribute.domain) != ('FLOAT_VECTOR', 'POINT'):
-        mesh.attributes.remove(attribute)
-        attribute = None
-    if attribute is None:
-        attribute = mesh.attributes.new(OFFSET_ATTRIBUTE, 'FLOAT_VECTOR', 'POINT')
-    attribute.data.foreach_set('vector', offsets)
-    mesh.update_tag()
-
-
-def read_offsets(mesh):
-    """(n, 3) float32; zero where there is no attribute."""
-    values = np.zeros(3 * len(mesh.vertices), np.float32)
-    attribute = mesh.attributes.get(OFFSET_ATTRIBUTE)
-    if attribute is not None:
-        attribute.data.foreach_get('vector', values)
-    return values.reshape(-1, 3)
-
-
-def remove_offsets(mesh):
-    """A missing attribute reads as zero: the mesh shows its rest shape."""
-    attribute = mesh.attributes.get(OFFSET_ATTRIBUTE)
-    if attribute is not None:
-        mesh.attributes.remove(attribute)
-        mesh.update_tag()

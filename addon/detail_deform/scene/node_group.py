@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 
-from . import mesh_data
+from . import mesh_data, offset_attribute
 
 NAME = 'Detail Deform'
 CACHE_NAME = 'Detail Deform Cache'
@@ -64,7 +64,7 @@ def _make_group():
         return made.outputs[0]
 
     offset, vector = attribute('FLOAT_VECTOR', -600, -200)
-    offset.inputs['Name'].default_value = mesh_data.OFFSET_ATTRIBUTE
+    offset.inputs['Name'].default_value = offset_attribute.NAME
     weights, weight = attribute('FLOAT', -1600, -400)
     link(source.outputs['Influence'], weights.inputs['Name'])
     # Inverted: 1 - weight. Without a group's name: 1.
@@ -91,6 +91,11 @@ def find_modifier(ob):
         if modifier.type == 'NODES' and modifier.node_group and _MARK in modifier.node_group:
             return modifier
     return None
+
+
+def uses():
+    """How often this file uses the group: another number, other modifiers."""
+    return sum(group.users for group in bpy.data.node_groups if _MARK in group)
 
 
 def find_cache(ob):

@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 
-from . import handle_matrices, mesh_data
+from . import handle_matrices, mesh_data, offset_attribute
 from .mesh_data import MeshProblem
 
 
@@ -69,7 +69,7 @@ def make(ob, positions):
     """A new object beside the given one with its mesh and vertex groups at other positions."""
     mesh = ob.data.copy()
     mesh.name = f"{ob.name} Base"
-    mesh_data.remove_offsets(mesh)
+    offset_attribute.remove(mesh)
     base = bpy.data.objects.new(f"{ob.name} Base", mesh)
     if mesh.shape_keys:
         base.shape_key_clear()

@@ -7,7 +7,7 @@ import os
 import bpy
 
 from ..follow import binding
-from ..scene import apply_result, mesh_data, node_group, pc2
+from ..scene import apply_result, mesh_data, node_group, offset_attribute, pc2
 from ..scene.mesh_data import MeshProblem
 
 KEY_NAME = "Detail Deform {}"
@@ -102,7 +102,7 @@ def _over_frames(context, ob, start, end, take):
     check_range(start, end)
     binding.wait(ob, context.evaluated_depsgraph_get())
     scene = context.scene
-    present, shown = (scene.frame_current, scene.frame_subframe), mesh_data.read_offsets(ob.data)
+    present, shown = (scene.frame_current, scene.frame_subframe), offset_attribute.read(ob.data)
     try:
         for frame in range(start, end + 1):
             _frame(context, ob, frame)
@@ -111,7 +111,7 @@ def _over_frames(context, ob, start, end, take):
     finally:
         scene.frame_set(present[0], subframe=present[1])
         if not ob.detail_deform.live:  # nothing else brings back what was shown
-            mesh_data.write_offsets(ob.data, shown.ravel())
+            offset_attribute.write(ob.data, shown.ravel())
 
 
 def _evaluated(context, ob):
@@ -253,7 +253,7 @@ def to_shape_keys(context, ob, start, end):
     frames = []
 
     def take(frame):
-        offsets = mesh_data.read_offsets(ob.data) * node_group.amount(ob, modifier)
+        offsets = offset_attribute.read(ob.data) * node_group.amount(ob, modifier)
         frames.append((frame, offsets))
 
     with _ShownUpTo(ob, modifier):

@@ -146,7 +146,7 @@ def finished(match, matched, source, target):
 def store(matched, source, target):
     """Keeps a correspondence with the target, by which its mesh and the source's are known again."""
     target.data[_PROPERTY] = {
-        'source': source.name, 'pairs_of': matched.pairs_of, 'digest': mesh_data.signature(matched.pairs),
+        'source': source.name, 'pairs_of': matched.pairs_of, 'digest': digest_of(matched),
         'source_topology': mesh_data.topology_signature(source.data),
         'target_topology': mesh_data.topology_signature(target.data),
         # Of faces with more corners Blender makes triangles by their shape, which may change.
@@ -161,6 +161,11 @@ def _as_list(values):
 
 def _kept(target):
     return target.data.get(_PROPERTY)
+
+
+def digest_of(matched):
+    """A short text: equal texts, equal correspondences."""
+    return f"{matched.pairs_of}-{mesh_data.signature(matched.pairs)}"
 
 
 def digest(target):

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..follow import binding
 from ..library import native_transfer
-from ..scene import apply_result, mesh_data, node_group, pc2
+from ..scene import apply_result, mesh_data, node_group, offset_attribute, pc2
 from . import bake
 from ..scene.mesh_data import MeshProblem
 
@@ -25,8 +25,9 @@ class Prepared:
     """A factored transfer between two objects, in spaces as they are proportioned in the scene."""
 
     def __init__(self, transfer, source, target):
+        """source, target: proportions of the two."""
         self.info = transfer.info
-        self._transfer, self._source, self._target = transfer, proportions(source), proportions(target)
+        self._transfer, self._source, self._target = transfer, source, target
 
     def apply(self, pose, rotation_only):
         """(n, 3) float32 of the target, from the source's."""
@@ -41,8 +42,39 @@ def proportions(ob):
     return np.where(np.abs(scale) > 1e-6, np.abs(scale), np.float32(1))
 
 
-def prepare(source, target, matched, anchor, anchor_group, formulation='SURFACE', precision='DOUBLE'):
-    """The factored transfer of these objects. anchor and formulation: as in transfer_settings. Raises MeshProblem or native.NativeError."""
+class Preparation:
+    """A transfer that is to be factored: a job like those of native, which the library has not got for this yet, so
+    that finish() does all the work. Blender's data are read at the start alone."""
+
+    def __init__(self, source, target, matched, anchor, anchor_group, formulation='SURFACE', precision='DOUBLE'):
+        """anchor and formulation: as in transfer_settings. Raises MeshProblem."""
+        self._sides = proportions(source), proportions(target)
+        self._meshes = ((mesh_data.rest(source.data) * self._sides[0], matched.source_triangles),
+                        (mesh_data.rest(target.data) * self._sides[1], matched.target_triangles))
+        self._pairs = matched.pairs, matched.pairs_of
+        self._options = {'anchor': anchor, 'anchors': _anchors(target, anchor, anchor_group), 'formulation': formulation,
+                         'precision': precision}
+
+    def progress(self):
+        """(running, fraction, stage)"""
+        return False, 0.0, "factoring"
+
+    def cancel(self):
+        pass
+
+    close = cancel
+
+    def finish(self):
+        """The Prepared, or native.NativeError."""
+        return Prepared(native_transfer.Transfer(*self._meshes, *self._pairs, **self._options), *self._sides)
+
+
+def prepare(source, target, matched, anchor, anchor_group, formulation='SURFACE'):
+    """The factored transfer of these objects, as of Preparation. Raises MeshProblem or native.NativeError."""
+    return Preparation(source, target, matched, anchor, anchor_group, formulation).finish()
+
+
+def _anchors(target, anchor, anchor_group):
     anchors = ()
     if anchor in {'VERTICES', 'PINNED'}:
         if anchor_group not in target.vertex_groups:
@@ -52,11 +84,7 @@ def prepare(source, target, matched, anchor, anchor_group, formulation='SURFACE'
         if not len(anchors):
             raise MeshProblem(f"The group '{anchor_group}' has no vertex with a weight over "
                               f"{mesh_data.MEMBER_WEIGHT}: assign those that stay in place.")
-    return Prepared(native_transfer.Transfer(
-        (mesh_data.rest(source.data) * proportions(source), matched.source_triangles),
-        (mesh_data.rest(target.data) * proportions(target), matched.target_triangles),
-        matched.pairs, matched.pairs_of, anchor=anchor, anchors=anchors, formulation=formulation,
-        precision=precision), source, target)
+    return anchors
 
 
 def remarks(transfer):
@@ -95,7 +123,7 @@ def _not_yet_shown(source, mesh):
     modifier = node_group.find_modifier(source)
     if modifier is None or not modifier.show_viewport:
         return np.float32(0)
-    change = mesh_data.read_offsets(source.data) - mesh_data.read_offsets(mesh)
+    change = offset_attribute.read(source.data) - offset_attribute.read(mesh)
     if not change.any():  # reading an influence group takes a while
         return np.float32(0)
     return (change * node_group.amount(source, modifier)).astype(np.float32)

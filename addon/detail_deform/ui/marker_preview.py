@@ -12,6 +12,11 @@ _TEXT_SIZE = 14
 _found = {}  # by object: what they were found in, and the vertex of each number
 
 
+def is_in_use():
+    """Whether anything is kept that forget() could forget."""
+    return bool(_found)
+
+
 def forget(edited):
     """They are looked for anew where these meshes were edited."""
     for name in list(_found):

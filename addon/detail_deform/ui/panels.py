@@ -6,7 +6,7 @@ import textwrap
 import bpy
 
 from ..follow import deformers, look, slow_results
-from ..scene import node_group
+from ..scene import node_group, offset_attribute
 from ..setup import handle_setup
 
 
@@ -106,7 +106,7 @@ class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
             return
         if node_group.find_cache(context.object):
             return
-        if slow_results.progress(context.object.name) is not None:
+        if slow_results.progress(offset_attribute.token(context.object.data)) is not None:
             row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
         if context.object.mode == 'EDIT':
             layout.operator('object.detail_deform_pull', text="Pull Selected", icon='EMPTY_AXIS')

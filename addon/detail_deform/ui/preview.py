@@ -65,6 +65,11 @@ def _is_wanted(ob):
     return ob.detail_deform.preview or ob.detail_deform.transfer.show_match
 
 
+def is_in_use():
+    """Whether anything is kept that forget() could forget."""
+    return bool(_colours)
+
+
 def forget(edited=None):
     """Colours are made anew where these meshes were edited; without any given, everywhere, and the objects
     with a preview are looked for again."""

@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..follow import live_transfer
 from ..setup import correspondence, markers
 from .panels import ModifierPanel, draw_text
 
@@ -46,7 +47,8 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.enabled = source is not None
         row.operator_menu_enum('object.detail_deform_transfer', 'what', text="Transfer")
-        button = row.operator('object.detail_deform_transfer_live', text="Follow", depress=settings.live,
+        follow = "Cancel" if live_transfer.is_preparing(ob) else "Follow"
+        button = row.operator('object.detail_deform_transfer_live', text=follow, depress=settings.live,
                               icon='PAUSE' if settings.live else 'PLAY')
         button.on = not settings.live
 

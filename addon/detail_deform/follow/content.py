@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a binding is made for, as a signature: equal signatures, equal mesh, roles and options."""
+
+from ..scene import examples, handle_matrices, mesh_data, outside_base
+from ..scene.mesh_data import MeshProblem
+
+_EXAMPLES = 'examples-'  # before their part of a signature
+BASE_CHANGED = "The base object, its mesh or its choice was changed since Bind."
+TOPOLOGY_CHANGED = "The mesh's vertices or faces were changed since Bind."
+VERTICES_MOVED = "The mesh's vertices were moved since Bind."
+
+
+def handle_groups(settings):
+    return [(h.name, h.vertex_group) for h in handle_matrices.enabled_handles(settings)]
+
+
+def order_of_handles(settings):
+    """A text that is another one where handles have come, gone or changed places. Blender tells nobody when a script
+    does that, so it is cheap enough for every update."""
+    return '\n'.join(group for _, group in handle_groups(settings))
+
+
+def options(ob):
+    """Of native.Bind: what a binding depends on beside mesh and roles."""
+    settings = ob.detail_deform
+    if settings.base == 'OBJECT':
+        return {'base': outside_base.rest_positions(ob)}
+    smoothing = settings.metric_smoothing if settings.base_metric == 'SURFACE' else 0.0
+    made = {'base_metric': settings.base_metric, 'metric_smoothing': smoothing, 'smoothness': settings.smoothness}
+    try:
+        poses = examples.positions(ob)
+    except MeshProblem:
+        if settings.method == 'EXAMPLES':
+            raise
+        poses = None  # they matter to that method alone
+    return made if poses is None else {**made, 'examples': poses}
+
+
+def roles(ob):
+    settings = ob.detail_deform
+    return mesh_data.roles(ob, settings.region, handle_groups(settings), need_handles=settings.base == 'COMPUTED')
+
+
+def signature(ob, shape, roles_of_vertices):
+    """shape: as of mesh_data.shape_signature."""
+    texts = {'examples': lambda value: _EXAMPLES + mesh_data.signature(value), 'base': mesh_data.signature,
+             'metric_smoothing': "{:g}".format}
+    return '.'.join([*shape, mesh_data.signature(roles_of_vertices),
+                     *(texts.get(name, str)(value) for name, value in options(ob).items())])
+
+
+def bind_arguments(ob, roles_of_vertices):
+    """Positional arguments and those by name of native.Bind."""
+    return ((mesh_data.positions(ob.data), mesh_data.triangles(ob.data), roles_of_vertices,
+             len(handle_matrices.enabled_handles(ob.detail_deform))), options(ob))
+
+
+def is_of_base(ob):
+    """Whether the binding is made for the base object's mesh as it is. Raises MeshProblem."""
+    return ob.detail_deform.signature.endswith('.' + mesh_data.signature(outside_base.rest_positions(ob)))
+
+
+def difference(ob):
+    """How the object differs from what its binding is made for: a sentence, or ''."""
+    settings = ob.detail_deform
+    positions, topology, bound_roles, *bound_options = settings.signature.split('.', 3)
+    shape = mesh_data.shape_signature(ob.data)
+    if shape[1] != topology:
+        return TOPOLOGY_CHANGED
+    if shape[0] != positions:
+        return VERTICES_MOVED
+    try:
+        current = signature(ob, shape, roles(ob)).split('.', 3)
+    except MeshProblem as problem:
+        return str(problem)
+    if current[2] != bound_roles:
+        return "The region, the handles or their vertex groups were changed since Bind."
+    if current[3:] == bound_options:
+        return ""
+    if settings.method != 'EXAMPLES' and _without_examples(current[3]) == _without_examples(bound_options[0]):
+        return ""
+    if settings.base == 'OBJECT':
+        return BASE_CHANGED
+    return "Settings or examples that need a new Bind were changed."
+
+
+def _without_examples(text):
+    return text.split(f'.{_EXAMPLES}')[0]

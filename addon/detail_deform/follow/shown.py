@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the meshes show: which result was written to each, known by the token that lies beside the offsets.
+
+So a mesh that was copied, exchanged, undone or emptied is never taken for one that shows what its object asks for.
+"""
+
+import copy
+
+from ..scene import offset_attribute
+
+
+class Shown:
+    """A result that was written, and its facts."""
+
+    def __init__(self, of):
+        self.of = of  # whatever tells this result from all others: equal, the same
+        self.only_moved = ()  # names of the handles that are moved without being turned or scaled
+        self.example_weights = ()  # how much of each example the pose has
+        self.is_final = True  # no slow result is to take its place
+        self.slow_info = None  # facts of the slow result that this is
+        self.problem = ""  # why the slow result did not come
+
+
+_shown = {}  # by token
+
+
+def by(mesh):
+    """What the mesh shows, or None where that is not known."""
+    return _shown.get(offset_attribute.token(mesh))
+
+
+def show(mesh, offsets, of):
+    """Writes a result. Returns its Shown."""
+    return _write(mesh, offsets, Shown(of))
+
+
+def show_slow(mesh, offsets, quick, info):
+    """Writes the slow result in place of the quick one, whose Shown is given."""
+    slow = copy.copy(quick)
+    slow.is_final, slow.slow_info = True, info
+    return _write(mesh, offsets, slow)
+
+
+def _write(mesh, offsets, shown):
+    _shown.pop(offset_attribute.token(mesh), None)
+    _shown[offset_attribute.write(mesh, offsets)] = shown
+    return shown
+
+
+def keep(meshes):
+    """Forgets what was written to any others."""
+    tokens = {offset_attribute.token(mesh) for mesh in meshes}
+    for token in [token for token in _shown if token not in tokens]:
+        _shown.pop(token, None)
+
+
+def forget(mesh):
+    """The next update writes to it again."""
+    _shown.pop(offset_attribute.token(mesh), None)
+
+
+def clear():
+    _shown.clear()

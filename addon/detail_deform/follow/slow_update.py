@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The slow result that is to take the place of a quick one."""
+
+from ..library import native
+from ..scene import offset_attribute
+from ..scene.mesh_data import MeshProblem
+from ..scene.window import redraw_panels
+from . import content, look, registry, shown, slow_results
+
+
+class SlowUpdate:
+    """Work for slow_results: for whatever mesh still shows the quick result when this is done."""
+
+    def __init__(self, ob, motions, turns, asked):
+        """motions, turns, asked: as native.Split takes them."""
+        self.token = offset_attribute.token(ob.data)
+        self._steps = look.steps(ob.detail_deform)
+        self._motions, self._turns, self._asked = motions, turns, asked
+
+    def is_wanted(self):
+        return bool(self._owners())
+
+    def _owners(self):
+        return [ob for ob in registry.members()
+                if ob.mode != 'EDIT' and ob.detail_deform.signature and offset_attribute.token(ob.data) == self.token]
+
+    def start(self):
+        """The native.Split. Raises MeshProblem or native.NativeError."""
+        owners = self._owners()
+        if not owners:
+            raise MeshProblem("The object was changed.")
+        arguments = content.bind_arguments(owners[0], content.roles(owners[0]))
+        return native.Split(arguments, self._motions, self._turns, self._steps, self._asked)
+
+    def deliver(self, offsets, info):
+        # Two meshes hold the same where one is a copy of the other.
+        quick = [(ob, shown.by(ob.data)) for ob in self._owners()]
+        for ob, record in quick:
+            if record is not None:
+                shown.show_slow(ob.data, offsets, record, info)
+        redraw_panels()
+
+    def refuse(self, sentence):
+        for ob in self._owners():
+            record = shown.by(ob.data)
+            if record is not None:
+                record.problem = sentence
+            ob.detail_deform.problem = sentence
+        redraw_panels()
+
+    def run(self, wait):
+        """wait: here and now, or when the handles pause."""
+        if not wait:
+            slow_results.request(self.token, self)
+            return
+        try:  # in a render another thread, which must not set up timers
+            self.deliver(*self.start().finish())
+        except (MeshProblem, native.NativeError) as error:
+            self.refuse(str(error))
+
+    tell = staticmethod(redraw_panels)

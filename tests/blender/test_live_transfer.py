@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Following a source: by which correspondence, and how it is prepared."""
+
+import bpy
+import numpy as np
+import pytest
+
+from conftest import activate, bind, evaluated, group, make_strip, own, refusal, update
+from test_transfer import add_key, bent, raw_strip
+
+live = bpy.ops.object.detail_deform_transfer_live
+
+
+def marked(ob, n):
+    """Markers at the corners and in the middle."""
+    for number, vertex in enumerate((0, n - 1, n * n - n, n * n - 1, n * (n // 2) + n // 2), 1):
+        group(ob, f"Marker {number}", [vertex])
+
+
+@pytest.fixture
+def pair():
+    """A source with a key that bends it, and a target of other topology, active; both with markers."""
+    source, target = raw_strip("Source", 21), raw_strip("Target", 31)
+    add_key(source, "Bend", bent(own(source)))
+    marked(source, 21)
+    marked(target, 31)
+    target.detail_deform.transfer.source = source
+    activate(target)
+    return source, target
+
+
+@pytest.fixture
+def alike():
+    source, target = raw_strip("Source"), raw_strip("Target")
+    add_key(source, "Bend", bent(own(source)))
+    activate(target)
+    return source, target
+
+
+def bend(source, value=1.0):
+    source.data.shape_keys.key_blocks["Bend"].value = value
+    update()
+
+
+def assert_bent(target, within):
+    # Where it is as a whole is another matter.
+    difference = evaluated(target) - bent(own(target))
+    assert np.abs(difference - difference.mean(0)).max() < within
+
+
+def kept_pairs(target):
+    return np.array(target.data['detail_deform_match']['pairs']).reshape(-1, 2)
+
+
+def test_markers_are_searched_when_following_starts(pair):
+    """And not taken for what was kept before."""
+    source, target = pair
+    settings = target.detail_deform.transfer
+    settings.correspondence = 'MARKERS'
+    assert live() == {'FINISHED'}
+    assert settings.correspondence == 'STORED' and len(kept_pairs(target)) > 500
+    bend(source)
+    assert_bent(target, 0.1)
+    # Other markers, started anew: others are found, whatever is kept.
+    before = kept_pairs(target)
+    live(on=False)
+    for ob in (source, target):
+        ob.vertex_groups.remove(ob.vertex_groups["Marker 5"])
+    settings.correspondence = 'MARKERS'
+    live()
+    after = kept_pairs(target)
+    assert before.shape != after.shape or (before != after).any()
+
+
+def test_a_list_is_read_when_following_starts(alike, tmp_path):
+    source, target = alike
+    settings, path = target.detail_deform.transfer, tmp_path / "pairs.txt"
+    settings.source = source
+    settings.correspondence, settings.filepath = 'LIST', str(tmp_path / "none.txt")
+    assert "can't be read" in refusal(live)
+    assert not settings.live and settings.correspondence == 'LIST' and not target.modifiers
+    path.write_text("0 0\n5 5\n")
+    settings.filepath = str(path)
+    assert live() == {'FINISHED'}
+    assert kept_pairs(target).tolist() == [[0, 0], [5, 5]] and settings.correspondence == 'STORED'
+    live(on=False)
+    path.write_text(''.join(f"{k} {k}\n" for k in range(2 * 24 * 24)))
+    settings.correspondence = 'LIST'
+    live()
+    assert len(kept_pairs(target)) == 2 * 24 * 24
+    bend(source)
+    assert_bent(target, 1e-3)
+
+
+def test_pairs_of_triangles_and_of_vertices_are_told_apart(alike, tmp_path, factored):
+    """Where their numbers are the same."""
+    _, target = alike
+    path = tmp_path / "pairs.txt"
+    path.write_text(''.join(f"{k} {k}\n" for k in range(600)))
+    settings = target.detail_deform.transfer
+    settings.filepath = str(path)
+    for count, pairs_of in enumerate(('TRIANGLES', 'VERTICES'), 1):
+        settings.correspondence, settings.pairs_of = 'LIST', pairs_of
+        live(source="Source")
+        live(on=False)
+        assert factored.count == count
+
+
+def test_a_choice_that_can_t_be_meant_while_following_is_said(alike):
+    source, target = alike
+    settings = target.detail_deform.transfer
+    live(source="Source")
+    bend(source, 0.5)
+    before = evaluated(target)
+    for how in ('MARKERS', 'LIST'):
+        settings.correspondence = how
+        bend(source, 1.0)
+        assert "only when following starts" in settings.state
+        assert np.abs(evaluated(target) - before).max() < 1e-6
+    settings.correspondence = 'TOPOLOGY'
+    bend(source, 0.9)
+    assert "Follows 'Source'" in settings.state
+    assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
+
+
+class Counted:
+    """native_transfer.Transfer, counted; fails where it is told to."""
+
+    def __init__(self, native_transfer, failure=None):
+        self._original, self._failure, self.count = native_transfer.Transfer, failure, 0
+
+    def __call__(self, *arguments, **options):
+        self.count += 1
+        if self._failure:
+            raise self._failure
+        return self._original(*arguments, **options)
+
+
+@pytest.fixture(autouse=True)
+def nothing_prepared_yet(part):
+    part('follow.preparing').clear()
+
+
+@pytest.fixture
+def factored(part, monkeypatch):
+    native_transfer = part('library.native_transfer')
+    counted = Counted(native_transfer)
+    monkeypatch.setattr(native_transfer, 'Transfer', counted)
+    return counted
+
+
+def test_nothing_is_factored_within_an_update(alike, part, as_in_a_window, factored):
+    """In the window it is prepared beside, with progress, and followed when it is ready."""
+    source, target = alike
+    live_transfer = part('follow.live_transfer')
+    as_in_a_window('follow.live_transfer')
+    assert live(source="Source") == {'FINISHED'}
+    bend(source)
+    assert factored.count == 0
+    assert target.detail_deform.transfer.state.startswith("Preparing to follow 'Source', 0%")
+    assert np.abs(evaluated(target) - own(target)).max() == 0
+    assert live_transfer._poll() is None
+    update()
+    assert factored.count == 1 and target.detail_deform.transfer.state == "Follows 'Source'."
+    assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
+    # An edit of the source is prepared for in the same way; meanwhile the last result stays.
+    shown = evaluated(target)
+    basis = source.data.shape_keys.key_blocks[0]
+    basis.data[300].co.z += 0.01
+    source.data.update_tag()
+    update()
+    assert factored.count == 1 and "Preparing" in target.detail_deform.transfer.state
+    assert np.array_equal(evaluated(target), shown)
+    live_transfer._poll()
+    assert factored.count == 2 and "Follows" in target.detail_deform.transfer.state
+
+
+def test_preparing_can_be_cancelled(alike, part, as_in_a_window, factored):
+    source, target = alike
+    live_transfer = part('follow.live_transfer')
+    as_in_a_window('follow.live_transfer')
+    live(source="Source")
+    assert live_transfer.is_preparing(target)
+    live(on=False)
+    assert live_transfer._poll() is None and factored.count == 0
+    assert not target.detail_deform.transfer.live and not target.modifiers
+    bend(source)
+    assert np.abs(evaluated(target) - own(target)).max() == 0
+
+
+def test_what_could_not_be_prepared_is_said_and_not_tried_at_every_update(alike, part, as_in_a_window, monkeypatch):
+    source, target = alike
+    native, native_transfer = part('library.native'), part('library.native_transfer')
+    live_transfer = part('follow.live_transfer')
+    as_in_a_window('follow.live_transfer')
+    failing = Counted(native_transfer, native.NativeError("There is no memory left."))
+    monkeypatch.setattr(native_transfer, 'Transfer', failing)
+    live(source="Source")
+    live_transfer._poll()
+    for value in (0.1, 0.2, 0.3):
+        bend(source, value)
+        live_transfer._poll()
+        assert target.detail_deform.transfer.state == "There is no memory left."
+    assert failing.count == 1
+    # Following again tries again.
+    monkeypatch.undo()
+    live(on=False)
+    assert live(source="Source") == {'FINISHED'}
+    bend(source)
+    assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
+
+
+def test_followers_of_equal_content_share_what_is_prepared(alike, factored):
+    source, target = alike
+    live(source="Source")
+    copy = target.copy()
+    copy.data = target.data.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    bend(source)
+    assert factored.count == 1
+    for ob in (target, copy):
+        assert np.abs(evaluated(ob) - evaluated(source)).max() < 1e-4
+
+
+def test_undo_needs_no_new_preparation(alike, factored):
+    live(source="Source")
+    bpy.ops.ed.undo_push(message="following")
+    bend(bpy.data.objects["Source"])
+    bpy.ops.ed.undo_push(message="bent")
+    bpy.ops.ed.undo()
+    source, target = (bpy.data.objects[name] for name in ("Source", "Target"))
+    update()
+    assert np.abs(evaluated(target) - own(target)).max() < 1e-5
+    bend(source, 0.7)
+    assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
+    assert factored.count == 1
+
+
+def without_attribute(ob):
+    ob.data.attributes.remove(ob.data.attributes['detail_deform_offset'])
+    ob.update_tag()
+
+
+def with_another_mesh_of_equal_content(ob):
+    mesh = ob.data.copy()
+    mesh.attributes.remove(mesh.attributes['detail_deform_offset'])
+    ob.data = mesh
+
+
+@pytest.mark.parametrize('emptied', [without_attribute, with_another_mesh_of_equal_content])
+def test_a_mesh_without_offsets_gets_them_again(alike, emptied):
+    source, target = alike
+    live(source="Source")
+    bend(source)
+    emptied(target)
+    update()
+    update()
+    assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
+
+
+def test_a_bound_object_is_refused_before_anything_is_searched(pair, part, monkeypatch):
+    source, _ = pair
+    strip = bind(make_strip(name="Strip"))
+    strip.detail_deform.transfer.correspondence = 'MARKERS'
+
+    def search(*_):
+        raise AssertionError("searched")
+
+    monkeypatch.setattr(part('setup.correspondence'), 'search', search)
+    assert "bound to handles" in refusal(live, source="Source")

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bound objects and followers are known: an update costs what these cost, however large the scene is."""
+
+import contextlib
+import os
+import sys
+
+import bpy
+import numpy as np
+import pytest
+
+from conftest import activate, add_empty, bind, evaluated, make_strip, own, update
+
+
+@contextlib.contextmanager
+def steps_of(module):
+    """Counts the steps that the interpreter takes in the add-on's own code."""
+    folder = os.path.dirname(module.__file__)
+    count = [0]
+
+    def trace(frame, event, argument):
+        if not frame.f_code.co_filename.startswith(folder):
+            return None
+        frame.f_trace_opcodes = True
+        count[0] += event == 'opcode'
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        yield count
+    finally:
+        sys.settrace(before)
+
+
+def fill_scene(count):
+    """Meshes that nothing is bound to."""
+    mesh = bpy.data.meshes.new("Pebble")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    collection = bpy.context.scene.collection
+    for number in range(count):
+        collection.objects.link(bpy.data.objects.new(f"Pebble {number}", mesh))
+    update()
+    update()
+
+
+def steps_of_an_update(module, ob):
+    with steps_of(module) as count:
+        ob.location.x += 1
+        update()
+    return count[0]
+
+
+def steps_of_a_frame(module):
+    with steps_of(module) as count:
+        bpy.context.scene.frame_set(bpy.context.scene.frame_current + 1)
+    return count[0]
+
+
+@pytest.mark.parametrize('bound', [False, True])
+def test_an_update_does_not_go_through_the_scene(module, bound):
+    """Not a step more with 10,000 objects than with 10."""
+    counts = []
+    for objects in (10, 10000):
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+        if bound:
+            bind(make_strip())
+        mover = add_empty("Mover", (0, 0, 0))
+        fill_scene(objects)
+        steps_of_a_frame(module)
+        counts.append((steps_of_an_update(module, mover), steps_of_a_frame(module)))
+    assert counts[0] == counts[1]
+    assert bound == (min(counts[0]) > 200)
+
+
+def test_with_nothing_bound_it_does_not_go_through_what_changed(module):
+    counts = []
+    for objects in (10, 1000):
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+        fill_scene(objects)
+        with steps_of(module) as count:
+            for ob in bpy.context.scene.objects:
+                ob.location.x += 1
+            bpy.context.scene.objects[0].data.update_tag()
+            update()
+        counts.append(count[0])
+    assert counts[0] == counts[1]
+
+
+def handle(ob):
+    return ob.detail_deform.handles[0].target
+
+
+def follows(ob):
+    """Whether a handle's move shows at the next change of frame, which names nobody."""
+    heights = []
+    for step in (0.1, -0.1):
+        handle(ob).location.z += step
+        bpy.context.scene.frame_set(bpy.context.scene.frame_current + 1)
+        heights.append(evaluated(ob)[-1, 2])
+    return abs(heights[0] - heights[1] - 0.1) < 1e-5
+
+
+@pytest.fixture
+def strip():
+    return bind(make_strip())
+
+
+def copied(ob):
+    copy = ob.copy()
+    copy.data = ob.data.copy()
+    bpy.context.scene.collection.objects.link(copy)
+    return copy
+
+
+def test_a_copy_made_by_a_script_is_known_in_the_next_frame(strip):
+    copy = copied(strip)
+    assert follows(copy) and follows(strip)
+
+
+def test_a_duplicate_is_known(strip):
+    activate(strip)
+    bpy.ops.object.duplicate()
+    copy = bpy.context.active_object
+    assert copy != strip and follows(copy) and follows(strip)
+
+
+def test_a_copy_made_while_another_is_deleted_is_known(strip):
+    """As many use the modifier as before."""
+    copy = copied(strip)
+    bpy.context.scene.frame_set(2)
+    last = copied(strip)
+    bpy.data.objects.remove(copy)
+    assert follows(last) and follows(strip)
+
+
+def test_renamed_and_deleted_objects_leave_the_others_known(strip):
+    others = [copied(strip) for _ in range(3)]
+    bpy.context.scene.frame_set(2)
+    strip.name = "Other name"
+    bpy.data.objects.remove(others[1])
+    for ob in (strip, others[0], others[2]):
+        assert follows(ob)
+
+
+def test_after_undo_and_redo_it_is_known(strip):
+    bpy.ops.ed.undo_push(message="one")
+    copied(strip).name = "Copy"
+    bpy.ops.ed.undo_push(message="two")
+    bpy.ops.ed.undo()
+    assert follows(bpy.data.objects['Strip']) and 'Copy' not in bpy.data.objects
+    bpy.ops.ed.redo()
+    assert follows(bpy.data.objects['Copy']) and follows(bpy.data.objects['Strip'])
+
+
+@pytest.mark.parametrize('link', [False, True])
+def test_an_appended_or_linked_object_is_known(strip, tmp_path, link, part):
+    blend = str(tmp_path / 'asset.blend')
+    bpy.ops.wm.save_as_mainfile(filepath=blend)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    bpy.context.scene.frame_set(2)
+    assert part('follow.registry').members() == []
+    with bpy.data.libraries.load(blend, link=link) as (_, wanted):
+        wanted.objects = ['Strip', 'Right']
+    for name in ('Strip', 'Right'):
+        bpy.context.scene.collection.objects.link(bpy.data.objects[name])
+    bpy.context.scene.frame_set(3)
+    ob = bpy.data.objects['Strip']
+    assert part('follow.registry').members() == [ob]
+    assert link or follows(ob)
+    assert link == ("is linked from another file" in ob.detail_deform.status)
+
+
+def test_an_unbound_object_is_left_alone(strip, module):
+    mover = add_empty("Mover", (0, 0, 0))
+    bpy.ops.object.detail_deform_remove()
+    update()
+    idle = steps_of_an_update(module, mover)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    mover = add_empty("Mover", (0, 0, 0))
+    update()
+    assert steps_of_an_update(module, mover) <= idle + 50 and idle < 200
+
+
+def test_a_follower_is_known_with_its_copies(strip):
+    follower = make_strip(name="Follower")
+    follower.detail_deform.handles.clear()
+    assert bpy.ops.object.detail_deform_transfer_live(source="Strip") == {'FINISHED'}
+    copy = copied(follower)
+    handle(strip).location.z += 0.3
+    bpy.context.scene.frame_set(5)
+    for ob in (follower, copy):
+        assert np.abs(evaluated(ob) - own(ob)).max() > 0.29
+        assert np.abs(evaluated(ob) - evaluated(strip)).max() < 1e-4
+
+
+def test_editing_many_unbound_meshes_is_no_work_of_ours(strip, module):
+    """What is edited is looked up, not searched for."""
+    assert np.isfinite(evaluated(strip)).all()
+    mover = add_empty("Mover", (0, 0, 0))
+    update()
+    few = steps_of_an_update(module, mover)
+    fill_scene(2000)
+    assert steps_of_an_update(module, mover) <= few + 100
