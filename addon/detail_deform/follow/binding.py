@@ -167,6 +167,9 @@ def _follow(ob, bound, depsgraph, force):
         shown += (settings.steps, turns.tobytes())
     if not force and bound.shown.get(ob.name) == shown:
         return
+    bound.shown.pop(ob.name, None)
+    slow_results.cancel(ob.name)
+    slow_results.make_way(bound.deformer)
     mesh_data.write_offsets(ob.data, bound.deformer.offsets(motions, base, **look.quick(asked)))
     bound.shown[ob.name] = shown
     bound.only_moved[ob.name] = [
@@ -177,29 +180,29 @@ def _follow(ob, bound, depsgraph, force):
         if depsgraph.mode == 'VIEWPORT' and not bpy.app.background:
             redraw_panels()  # they show the weights
     bound.update_ms = 1e3 * (time.perf_counter() - start)
-    slow_results.cancel(ob.name)
     if slow and not (base is None and np.abs(motions - np.eye(4)[:3]).max() < 1e-6 and not turns.any()):
         # A render must not show the quick result, and without a window there is no drag to keep up with.
         wait = bpy.app.background or depsgraph.mode == 'RENDER'
-        _follow_slowly(ob, shown, motions, turns, {**asked, 'base': base}, wait)
+        steps = {'steps': look.steps(settings), 'turns': turns}
+        _follow_slowly(ob, bound.deformer, shown, motions, {**asked, **steps, 'base': base}, wait)
     else:
         bound.slow[ob.name] = (shown, None)  # at rest there is nothing more to show
 
 
-def _follow_slowly(ob, shown, motions, turns, asked, wait):
+def _follow_slowly(ob, deformer, shown, motions, asked, wait):
     """Asks for the slow result, to be shown if it is still what the handles ask for."""
-    name, signature, count = ob.name, ob.detail_deform.signature, look.steps(ob.detail_deform)
+    name, signature = ob.name, ob.detail_deform.signature
 
     def still_wanted():
         present, bound = bpy.data.objects.get(name), deformers.find(signature)
         fits = present and bound and present.detail_deform.signature == signature
         return (present, bound) if fits and bound.shown.get(name) == shown else (None, None)
 
-    def start():
+    def start(wait):
         present, _ = still_wanted()
         if present is None:
             raise native.NativeError("The object was changed.")
-        return native.Split(_bind_arguments(present, _roles(present)), motions, turns, count, asked)
+        return native.Update(deformer, motions, wait=wait, **asked)
 
     def deliver(offsets, info):
         present, bound = still_wanted()
@@ -215,9 +218,9 @@ def _follow_slowly(ob, shown, motions, turns, asked, wait):
             redraw_panels()
 
     if wait:  # in a render another thread, which must not set up timers
-        deliver(*start().finish())
+        deliver(*start(wait=True).finish())
     else:
-        slow_results.request(name, start, deliver, refuse, redraw_panels)
+        slow_results.request(name, deformer, start, deliver, refuse, redraw_panels)
 
 
 def wait(ob, depsgraph):
@@ -404,7 +407,7 @@ def make_base_object(ob):
     if bound is None or settings.stale or settings.base == 'OBJECT':
         raise MeshProblem("Bind with a computed base first: that is what becomes an object.")
     rest = np.repeat(np.eye(4)[None, :3], bound.deformer.info.handle_count, axis=0)
-    offsets = bound.deformer.offsets(rest, shown='BASE').reshape(-1, 3)
+    offsets = bound.deformer.offsets(rest, output='BASE').reshape(-1, 3)
     bound.shown.pop(ob.name, None)
     settings.base_object = outside_base.make(ob, mesh_data.positions(ob.data) + offsets)
     settings.base = 'OBJECT'

@@ -2,7 +2,7 @@
 """Slow results (in several steps, or by a slow method), computed in the background once an object's
 handles rest.
 
-Nothing here knows Blender's objects: a request has a name, starts a native.Split and hands its offsets
+Nothing here knows Blender's objects: a request has a name, starts a native.Update and hands its offsets
 over.
 """
 
@@ -18,37 +18,54 @@ _TICK_SECONDS = 0.1
 
 
 class _Request:
-    def __init__(self, start, deliver, refuse, tell):
+    def __init__(self, deformer, start, deliver, refuse, tell):
+        self.deformer = deformer
         self.start, self.deliver, self.refuse, self.tell = start, deliver, refuse, tell
-        self.due = time.monotonic() + _PAUSE_SECONDS
         self.job = None
+        self.pause()
+
+    def pause(self):
+        self.due = time.monotonic() + _PAUSE_SECONDS
+
+    def stop(self):
+        if self.job:
+            self.job.cancel()
+            _ending.append(self.job)
+            self.job = None
 
 
 _requests = {}
-_ending = []  # cancelled jobs, until their stage has ended: closing one waits for that
+_ending = []  # cancelled jobs, until they have ended: closing one waits for that
 
 
-def request(name, start, deliver, refuse, tell):
-    """start() gives the native.Split, deliver(offsets, info) takes its result, refuse(sentence) its error;
-    tell() is called while it is under way. An earlier request of that name is forgotten."""
+def request(name, deformer, start, deliver, refuse, tell):
+    """start(wait) gives the native.Update of the deformer, deliver(offsets, info) takes its result, refuse(sentence)
+    its error; tell() is called while it is under way. An earlier request of that name is forgotten."""
     cancel(name)
-    _requests[name] = _Request(start, deliver, refuse, tell)
+    _requests[name] = _Request(deformer, start, deliver, refuse, tell)
     if not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=_PAUSE_SECONDS, persistent=True)
 
 
 def cancel(name):
     pending = _requests.pop(name, None)
-    if pending and pending.job:
-        pending.job.cancel()
-        _ending.append(pending.job)
+    if pending:
+        pending.stop()
+
+
+def make_way(deformer):
+    """Stops what works with a deformer that another object needs now; it starts again after a pause."""
+    for pending in _requests.values():
+        if pending.deformer is deformer:
+            pending.stop()
+            pending.pause()
 
 
 def finish(name):
     """Waits for the request of that name, if there is one."""
     pending = _requests.pop(name, None)
     if pending:
-        pending.job = pending.job or pending.start()
+        pending.job = pending.job or pending.start(wait=True)
         pending.deliver(*pending.job.finish())
 
 
@@ -65,13 +82,15 @@ def _tick():
         try:
             if pending.job is None:
                 if time.monotonic() >= pending.due:
-                    pending.job = pending.start()
+                    pending.job = pending.start(wait=False)
             elif not pending.job.progress()[0]:
                 del _requests[name]
                 pending.deliver(*pending.job.finish())
             else:
                 pending.tell()
         except native.NativeError as error:
+            if error.busy:  # another object's update is under way
+                continue
             _requests.pop(name, None)
             pending.refuse(str(error))
     _ending[:] = [job for job in _ending if job.progress()[0]]

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from ..follow import binding
-from ..library import native_transfer
+from ..library import native
 from ..scene import apply_result, mesh_data, node_group, pc2
 from . import bake
 from ..scene.mesh_data import MeshProblem
@@ -30,7 +30,8 @@ class Prepared:
 
     def apply(self, pose, rotation_only):
         """(n, 3) float32 of the target, from the source's."""
-        return self._transfer.apply(pose * self._source, rotation_only) / self._target
+        gradients = 'ROTATIONS' if rotation_only else 'WHOLE'
+        return self._transfer.apply(pose * self._source, gradients) / self._target
 
 
 def proportions(ob):
@@ -52,10 +53,10 @@ def prepare(source, target, matched, anchor, anchor_group, formulation='SURFACE'
         if not len(anchors):
             raise MeshProblem(f"The group '{anchor_group}' has no vertex with a weight over "
                               f"{mesh_data.MEMBER_WEIGHT}: assign those that stay in place.")
-    return Prepared(native_transfer.Transfer(
+    return Prepared(native.Transfer(
         (mesh_data.rest(source.data) * proportions(source), matched.source_triangles),
         (mesh_data.rest(target.data) * proportions(target), matched.target_triangles),
-        matched.pairs, matched.pairs_of, anchor=anchor, anchors=anchors, formulation=formulation,
+        matched.pairs, pairs_of=matched.pairs_of, anchor=anchor, anchors=anchors, formulation=formulation,
         precision=precision), source, target)
 
 

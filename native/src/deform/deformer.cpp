@@ -45,6 +45,13 @@ Mesh validated(Mesh mesh) {
 Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
                    const BindOptions& options, const Progress& progress)
     : workers_(options.threads),
+      bind_options_{options.base_metric,
+                    options.metric_smoothing,
+                    options.smoothness,
+                    {},
+                    options.precision,
+                    options.threads,
+                    {}},
       mesh_(validated(std::move(mesh))),
       region_(split_region(mesh_, roles, handle_count,
                            options.base.size() ? MovedBy::base : MovedBy::handles)) {
@@ -178,7 +185,7 @@ Method& Deformer::method(const UpdateOptions& options) {
         made = std::make_unique<NormalDisplacement>(*bound_, options.of_method.levels);
       break;
     case MethodKind::volumes:
-      if (!made) made = std::make_unique<DisplacementVolumes>(*bound_);
+      if (!made) made = std::make_unique<DisplacementVolumes>(*bound_, options.of_method.progress);
       break;
     case MethodKind::examples:
       if (!made) made = make_examples(*bound_);

@@ -49,6 +49,8 @@ class Deformer {
                  const Positions* deformed_base = nullptr);
 
   const Mesh& mesh() const { return mesh_; }
+  /// As it was bound, but for base and examples, which only this surface fits.
+  const BindOptions& bind_options() const { return bind_options_; }
   /// Whether updates need B'.
   bool outside_base() const { return bound_->outside_base(); }
   const Region& region() const { return region_; }
@@ -79,6 +81,7 @@ class Deformer {
   Positions to_unit(const Positions& positions) const;
 
   Workers workers_;
+  BindOptions bind_options_;
   Mesh mesh_;
   Region region_;
   // Everything inside is solved in a box of diagonal 1 about the origin, so that no tolerance

@@ -72,7 +72,7 @@ Similarity fitted_placement(const Mesh& source, const Mesh& target,
 }
 
 MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& correspondence,
-                           const TransferOptions& options)
+                           const TransferOptions& options, const Progress& progress)
     : workers_(options.threads),
       source_(validated(std::move(source), "source")),
       target_(validated(std::move(target), "target")),
@@ -83,14 +83,18 @@ MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& corre
                                       std::to_string(correspondence.target_count()) +
                                       " triangles, and the target has " +
                                       std::to_string(target_.triangle_count()) + ".");
+  report(progress, 0.05, "Comparing the meshes");
   placement_ =
       options.placement ? *options.placement : fitted_placement(source_, target_, correspondence);
   match(correspondence);
   prepare_source();
-  factor(options);
+  report(progress, 0.1, "Building operators");
+  factor(options, progress);
+  report(progress, 0.95, "Finding loose parts");
   find_parts();
   gradients_.resize(static_cast<size_t>(target_.triangle_count()));
   displacement_ = result_ = Positions::Zero(target_.vertex_count(), 3);
+  report(progress, 1.0, "Done");
 }
 
 MeshTransfer::~MeshTransfer() = default;
@@ -146,7 +150,7 @@ void MeshTransfer::prepare_source() {
   quaternions_ = Rows::Zero(kLanes * static_cast<Index>(rotation_blocks_.size()), 4);
 }
 
-void MeshTransfer::factor(const TransferOptions& options) {
+void MeshTransfer::factor(const TransferOptions& options, const Progress& progress) {
   scale_ = bounding_box_diagonal(target_.positions);
   const Eigen::RowVector3d middle =
       0.5 * (target_.positions.colwise().maxCoeff() + target_.positions.colwise().minCoeff());
@@ -171,6 +175,7 @@ void MeshTransfer::factor(const TransferOptions& options) {
     how.dissection = &dissection;
     how.workers = &workers_;
     how.precision = options.precision;
+    how.progress = within(progress, 0.2, 0.9);
     poisson_ = std::make_unique<PoissonSystem>(unit, region_, operators, std::move(block), how);
     flux_ = corner_divergence(operators.metric, unit.positions, unit.triangles);
     return;
@@ -185,7 +190,8 @@ void MeshTransfer::factor(const TransferOptions& options) {
       std::make_unique<TetPoisson>(tets_, roles, pinned ? 1 : 0, deformation_operator(tets_),
                                    options.formulation == Formulation::fourth_points
                                        ? volumes(tets_)
-                                       : Eigen::VectorXd(Eigen::VectorXd::Ones(tets_.tet_count())));
+                                       : Eigen::VectorXd(Eigen::VectorXd::Ones(tets_.tet_count())),
+                                   within(progress, 0.2, 0.9));
   unknowns_ = static_cast<int>(std::count(roles.begin(), roles.end(), kFree));
   nonzeros_ = static_cast<double>(volumetric_->laplacian().nonZeros());
 }

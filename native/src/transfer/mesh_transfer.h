@@ -49,9 +49,10 @@ Similarity fitted_placement(const Mesh& source, const Mesh& target,
 /// what doesn't deform decides, so that the shoulders rest while the jaw opens.
 class MeshTransfer {
  public:
-  /// Both meshes as for validate(); correspondence in their triangles. Throws Error.
+  /// Both meshes as for validate(); correspondence in their triangles. Throws Error; progress from
+  /// 0 to 1.
   MeshTransfer(Mesh source, Mesh target, const Correspondence& correspondence,
-               const TransferOptions& options);
+               const TransferOptions& options, const Progress& progress = {});
   ~MeshTransfer();
 
   /// pose: S', in the source's units. places: of the anchors, or null for their places at rest.
@@ -85,7 +86,7 @@ class MeshTransfer {
   };
   void match(const Correspondence& correspondence);
   void prepare_source();
-  void factor(const TransferOptions& options);
+  void factor(const TransferOptions& options, const Progress& progress);
   void find_parts();
   void find_source_gradients(const Positions& pose, bool rotation_only);
   /// Rotations of used triangles that a pose leaves without area, which has none: their
