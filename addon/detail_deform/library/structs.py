@@ -40,6 +40,7 @@ class NativeError(Exception):
 
     def __init__(self, sentence, status=None):
         super().__init__(sentence)
+        self.status = status
         self.cancelled = status == STATUS['ERROR_CANCELLED']
         self.busy = status == STATUS['ERROR_BUSY']
 
