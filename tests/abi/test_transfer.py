@@ -26,7 +26,7 @@ def test_onto_itself_a_pose_comes_back(native, strip):
     pose = bent(strip.positions)
     for pairs_of, count in (('TRIANGLES', len(strip.triangles)), ('VERTICES', len(strip.positions))):
         for pairs in (None, np.repeat(np.arange(count)[:, None], 2, axis=1)):
-            transfer = native.Transfer(mesh(strip), mesh(strip), pairs, pairs_of=pairs_of)
+            transfer = native.Transfer(mesh(strip), mesh(strip), pairs, pairs_of=pairs_of, precision='DOUBLE')
             assert np.abs(transfer.apply(pose, WHOLE) - pose).max() < 1e-5
             assert np.allclose(np.reshape(transfer.info.placement, (3, 4)), np.eye(4)[:3], atol=1e-6)
     single = native.Transfer(mesh(strip), mesh(strip), precision='SINGLE')
