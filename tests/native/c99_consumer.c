@@ -36,9 +36,9 @@ int main(void) {
   double lift[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0.5};
   dd_mesh mesh;
   dd_job* job = NULL;
-  dd_progress progress = {sizeof progress};
-  dd_bind_options bind_options = {sizeof bind_options};
-  dd_update_options update_options = {sizeof update_options};
+  dd_progress progress = {.struct_size = sizeof progress};
+  dd_bind_options bind_options = {.struct_size = sizeof bind_options};
+  dd_update_options update_options = {.struct_size = sizeof update_options};
   dd_deformer* deformer = NULL;
   dd_deformer_info info;
   int i, failed = 0;

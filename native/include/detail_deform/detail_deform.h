@@ -12,7 +12,7 @@
  *   the deformer then turns handle matrices into vertex positions, many times a second:
  *
  *     dd_mesh mesh = {positions, vertex_count, triangles, triangle_count};
- *     dd_progress progress = {sizeof progress};
+ *     dd_progress progress = {.struct_size = sizeof progress};
  *     dd_job* job;
  *     dd_deformer* deformer;
  *     dd_bind_start(&mesh, roles, vertex_count, handle_count, NULL, &job);
@@ -39,8 +39,8 @@
  * Structs
  *   struct_size is set by the caller, to the size of the struct as the caller knows it; as many
  *   bytes as both sides know are read or written. Zero is the default of every option, so that
- *   {sizeof options} and a null pointer both stand for all defaults. dd_mesh and dd_tet_mesh stay
- *   as they are for good and need no size.
+ *   {.struct_size = sizeof options} and a null pointer both stand for all defaults. dd_mesh and
+ *   dd_tet_mesh stay as they are for good and need no size.
  *
  * Ownership
  *   An object that a call returns as a pointer (dd_job, dd_deformer, dd_transfer, dd_match,
@@ -246,8 +246,8 @@ enum dd_method {
   DD_METHOD_NORMAL = 2,      /* a smooth base bends, details stand on it along its normals */
   DD_METHOD_GRADIENT = 3,    /* the handles' rotation and scale spread over the surface; what a
                                 handle is merely moved by turns nothing */
-  DD_METHOD_VOLUMES = 4, /* details keep their volume over the base; slow: see dd_update_start */
-  DD_METHOD_EXAMPLES = 5 /* posing by example: the blend of the examples given at the bind that
+  DD_METHOD_VOLUMES = 4,     /* details keep their volume over the base; slow: dd_update_start */
+  DD_METHOD_EXAMPLES = 5     /* posing by example: the blend of the examples given at the bind that
                                 fits the handles best. T_j(w) = exp(sum_i w_i log R_ij)
                                 (I + sum_i w_i (U_ij - I)), S_ij = R_ij U_ij by (15) from S to
                                 example i, in L p' = div(G T^T) (4), over all w and p' at once.
