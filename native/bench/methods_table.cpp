@@ -72,7 +72,8 @@ int main() {
       dd::UpdateOptions options;
       options.of_method.refine = 4;
       const auto start = Clock::now();
-      const auto result = dd::split_update(one.mesh, one.roles, 1, {}, motion, options);
+      dd::Deformer first(one.mesh, one.roles, 1, dd::BindOptions{});
+      const auto result = dd::split_update(first, motion, options);
       const double time = milliseconds_since(start);
       print(steps == 4 ? "  refined, 4, in 4 steps" : "  refined, 4, in 12 steps",
             measured(one.mesh.positions + result.offsets), time);

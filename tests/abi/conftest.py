@@ -31,8 +31,8 @@ def native():
 
 
 @pytest.fixture(scope='session')
-def native_transfer():
-    return _part('library.native_transfer')
+def structs():
+    return _part('library.structs')
 
 
 class Strip:

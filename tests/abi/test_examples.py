@@ -27,23 +27,22 @@ def posed_strip(native):
 
 
 def split(native, mesh, examples, matrix, steps):
-    job = native.Split(((mesh.positions, mesh.triangles, mesh.roles, 1), {'examples': examples}),
-                       matrix, np.zeros((1, 3)), steps, {'method': 'EXAMPLES'})
-    return job.finish()
+    deformer = bound(native, mesh, examples=examples)
+    return native.Update(deformer, matrix, steps=steps, turns=np.zeros((1, 3)), method='EXAMPLES').finish()
 
 
 def test_examples_are_met_and_their_weights_told(native):
     mesh, examples, matrix = posed_strip(native)
     deformer = bound(native, mesh, examples=examples)
     assert (deformer.example_weights() == 0).all() and deformer.example_weights().shape == (2,)
-    offsets = deformer.offsets(matrix, method='EXAMPLES', rotation_only=False).reshape(-1, 3)
+    offsets = deformer.offsets(matrix, method='EXAMPLES', gradients='WHOLE').reshape(-1, 3)
     assert np.abs(mesh.positions + offsets - examples[1]).max() < 1e-4 * 60
     assert np.allclose(deformer.example_weights(), [0, 1], atol=1e-3)
     # Other methods neither see the examples nor touch the weights.
     assert (deformer.offsets(matrix) == bound(native, mesh).offsets(matrix)).all()
     assert np.allclose(deformer.example_weights(), [0, 1], atol=1e-3)
     for weights in ([1, 0], [0, 1], [0, 0]):
-        offsets = deformer.offsets(matrix, method='EXAMPLES', rotation_only=False,
+        offsets = deformer.offsets(matrix, method='EXAMPLES', gradients='WHOLE',
                                    example_weights=weights).reshape(-1, 3)
         expected = [*examples, mesh.positions][[[1, 0], [0, 1], [0, 0]].index(weights)]
         assert np.abs(mesh.positions + offsets - expected).max() < 1e-3
@@ -71,9 +70,9 @@ def test_a_split_knows_posing_by_example_in_one_step(native):
         split(native, mesh, examples, matrix, 2)
 
 
-def test_unusable_examples_and_weights_are_refused(native):
+def test_unusable_examples_and_weights_are_refused(native, structs):
     mesh, examples, matrix = posed_strip(native)
-    with pytest.raises(native.NativeError, match='options.examples has 2832 elements, not 2880'):
+    with pytest.raises(native.NativeError, match='options.examples is for 472 vertices each, not 480'):
         bound(native, mesh, examples=examples[:, :-8])
     broken = examples.copy()
     broken[1, 7, 2] = np.inf
@@ -88,30 +87,29 @@ def test_unusable_examples_and_weights_are_refused(native):
         deformer.offsets(matrix, method='EXAMPLES', example_stiffness=-1.0)
     lib, out = native.library(), np.zeros(3)
     assert lib.dd_deformer_get_example_weights(deformer._handle, out, 3) == 1
-    assert b'out has 3 elements, not 2' in lib.dd_last_message()
+    assert b'out is for 3 examples, not 2' in lib.dd_last_message()
     assert lib.dd_deformer_get_example_weights(None, out, 2) == 1
-    mesh_arguments, _alive = native._bind_arguments(mesh.positions, mesh.triangles, mesh.roles, 1)
-    handle = ctypes.c_void_p()
-    for field, value in (('example_count', -1), ('example_count', 2), ('example_value_count', 3)):
-        options = native._BindOptions(ctypes.sizeof(native._BindOptions))
-        setattr(options, field, value)
-        assert lib.dd_bind_start(*mesh_arguments[:-1], options, handle) == 1
+    surface, handle = structs.Mesh(positions=mesh.positions, triangles=mesh.triangles), ctypes.c_void_p()
+    few = np.zeros((3, 8, 3), np.float32)
+    for options in ({'example_count': 1001}, {'example_count': 2}, {'examples': few}):
+        options = structs.BindOptions(**options)
+        assert lib.dd_bind_start(surface, mesh.roles, len(mesh.roles), 1, options, handle) == 1
         assert b'options.example' in lib.dd_last_message()
+    assert not handle
 
 
-def test_structs_from_before_examples_are_understood(native, strip):
-    arguments, _alive = native._bind_arguments(strip.positions, strip.triangles, strip.roles, 1)
-    arguments[-1].struct_size = native._BindOptions.examples.offset
-    arguments[-1].example_count = 99  # beyond what the struct says it holds
-    bind = ctypes.c_void_p()
+def test_structs_from_before_examples_are_understood(native, structs, strip):
+    surface = structs.Mesh(positions=strip.positions, triangles=strip.triangles)
+    options = structs.BindOptions(example_count=99)  # beyond what the struct says it holds
+    options.struct_size = structs.BindOptions.examples.offset
+    job = ctypes.c_void_p()
     deformer = ctypes.c_void_p()
     lib = native.library()
-    assert lib.dd_bind_start(*arguments, bind) == 0
-    assert lib.dd_bind_finish(bind, deformer) == 0
-    lib.dd_bind_free(bind)
-    look = native._update_options(method='EXAMPLES')
-    look.struct_size = native._UpdateOptions.example_weights.offset
-    look.example_stiffness = -1
+    assert lib.dd_bind_start(surface, strip.roles, len(strip.roles), 1, options, job) == 0
+    assert lib.dd_job_take_deformer(job, deformer) == 0
+    lib.dd_job_free(job)
+    look = structs.UpdateOptions(method='EXAMPLES', example_stiffness=-1)
+    look.struct_size = structs.UpdateOptions.example_weights.offset
     out = np.zeros(strip.positions.size, np.float32)
-    assert lib.dd_deformer_update(deformer, IDENTITY.copy(), 12, look, out, out.size) == 0
+    assert lib.dd_deformer_update(deformer, IDENTITY.copy(), 1, look, out, out.size // 3) == 0
     lib.dd_deformer_free(deformer)

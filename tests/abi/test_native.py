@@ -16,8 +16,13 @@ def bound(native, mesh, handles=1, **options):
     return native.Bind(mesh.positions, mesh.triangles, mesh.roles, handles, **options).finish()
 
 
-def test_version_and_instruction_set(native):
-    assert native.library().dd_abi_version() == native.ABI_VERSION
+def update(native, deformer, motion, out, options=None):
+    """The status of one frame."""
+    return native.library().dd_deformer_update(deformer, motion, len(motion), options, out, out.size // 3)
+
+
+def test_version_and_instruction_set(native, structs):
+    assert native.library().dd_abi_version() == structs.ABI_VERSION
     assert native.version().count('.') == 2
     assert native.instruction_set() in ('avx2', 'baseline')
 
@@ -47,11 +52,11 @@ def test_handles_move_and_fixed_stay(native, strip):
 
 
 @pytest.mark.parametrize('options', [{}, {'metric_smoothing': 2.0}])
-@pytest.mark.parametrize('rotation_only', [True, False])
-def test_everything_held_by_one_handle_moves_rigidly(native, strip, options, rotation_only):
+@pytest.mark.parametrize('gradients', ['ROTATIONS', 'WHOLE'])
+def test_everything_held_by_one_handle_moves_rigidly(native, strip, options, gradients):
     strip.roles[strip.roles == -2] = 0
     motion = rotation(0.9, (1, -2, 3))
-    offsets = bound(native, strip, **options).offsets(motion, rotation_only=rotation_only).reshape(-1, 3)
+    offsets = bound(native, strip, **options).offsets(motion, gradients=gradients).reshape(-1, 3)
     p = strip.positions.astype(float)
     assert np.allclose(p + offsets, p @ motion[0, :, :3].T + motion[0, :, 3], atol=1e-5)
 
@@ -75,12 +80,11 @@ def test_metrics_differ(native, strip):
 
 
 def test_positions_output_is_rest_plus_offsets(native, strip):
-    lib = native.library()
     deformer = bound(native, strip)
     motion = rotation(0.3, (0, 0, 2))
     offsets = deformer.offsets(motion).copy()
     positions = np.zeros_like(offsets)
-    assert lib.dd_deformer_update(deformer._handle, motion, 12, None, positions, positions.size) == 0
+    assert update(native, deformer._handle, motion, positions) == 0
     assert np.allclose(positions, strip.positions.ravel() + offsets, atol=1e-6)
 
 
@@ -135,8 +139,8 @@ def test_a_bind_dropped_while_it_runs_is_cleaned_up(native):
     (lambda m: setattr(m, 'triangles', m.triangles[:0]), 'no faces'),
     (lambda m: (setattr(m, 'positions', m.positions[:0]), setattr(m, 'roles', m.roles[:0]),
                 setattr(m, 'triangles', m.triangles[:0])), 'no vertices'),
-    (lambda m: setattr(m, 'roles', m.roles[:-1]), 'roles has 191 elements, not 192'),
-    (lambda m: setattr(m, 'positions', m.positions.ravel()[:-1]), 'not three a vertex'),
+    (lambda m: setattr(m, 'roles', m.roles[:-1]), 'roles is for 191 vertices, not 192'),
+    (lambda m: setattr(m, 'positions', m.positions.ravel()[:-1]), 'positions has the shape .*not 3 for each'),
 ])
 def test_bad_input_gets_a_sentence(native, strip, change, sentence):
     change(strip)
@@ -157,7 +161,7 @@ def test_no_handles(native, strip):
 
 def test_bad_matrices(native, strip):
     deformer = bound(native, strip)
-    with pytest.raises(native.NativeError, match='matrices has 24 elements, not 12'):
+    with pytest.raises(native.NativeError, match='matrices is for 2 handles, not 1'):
         deformer.offsets(np.concatenate([IDENTITY, IDENTITY]))
     bad = IDENTITY.copy()
     bad[0, 1, 1] = np.inf
@@ -169,43 +173,63 @@ def test_bad_matrices(native, strip):
     assert np.isfinite(deformer.offsets(IDENTITY)).all()
 
 
-def test_null_pointers_and_unset_sizes_are_refused(native, strip):
+def test_null_pointers_and_unset_sizes_are_refused(native, structs, strip):
     lib = native.library()
     deformer, handle = bound(native, strip), ctypes.c_void_p()
     out = np.zeros(strip.positions.size, np.float32)
-    argument_error = 1
+    argument_error, count = 1, len(strip.positions)
+    surface = structs.Mesh(positions=strip.positions, triangles=strip.triangles)
+    unset, short, motion = structs.Info(), structs.UpdateOptions(gradients=2), IDENTITY.copy()
+    unset.struct_size, short.struct_size = 0, 12
     calls = [
-        lib.dd_bind_poll(None, native._BindProgress(ctypes.sizeof(native._BindProgress))),
-        lib.dd_bind_cancel(None),
-        lib.dd_bind_finish(None, handle),
+        lib.dd_job_poll(None, structs.Progress()),
+        lib.dd_job_cancel(None),
+        lib.dd_job_finish(None),
+        lib.dd_job_take_deformer(None, handle),
+        lib.dd_bind_start(None, strip.roles, count, 1, None, handle),
+        lib.dd_bind_start(structs.Mesh(), None, count, 1, None, handle),
+        lib.dd_bind_start(surface, None, count, 1, None, handle),
+        lib.dd_bind_start(surface, strip.roles, count, 1, None, None),
         lib.dd_deformer_get_info(deformer._handle, None),
-        lib.dd_deformer_get_info(deformer._handle, native.Info()),  # struct_size 0
-        lib.dd_deformer_get_info(None, native.Info(ctypes.sizeof(native.Info))),
-        lib.dd_deformer_update(None, IDENTITY.copy(), 12, None, out, out.size),
-        lib.dd_deformer_update(deformer._handle, IDENTITY.copy(), 12, None, out, out.size - 3),
-        lib.dd_deformer_update(deformer._handle, IDENTITY.copy(), 12,
-                               native._UpdateOptions(12, 2, 0), out, out.size),
-        lib.dd_deformer_update(deformer._handle, IDENTITY.copy(), 12,
-                               native._UpdateOptions(12, 1, 7), out, out.size),
+        lib.dd_deformer_get_info(deformer._handle, unset),
+        lib.dd_deformer_get_info(None, structs.Info()),
+        lib.dd_update_start(None, motion, 1, None, handle),
+        lib.dd_update_start(deformer._handle, None, 1, None, handle),
+        lib.dd_update_start(deformer._handle, motion, 1, None, None),
+        lib.dd_deformer_update(None, motion, 1, None, out, count),
+        lib.dd_deformer_update(deformer._handle, None, 1, None, out, count),
+        lib.dd_deformer_update(deformer._handle, motion, 1, None, None, count),
+        lib.dd_deformer_update(deformer._handle, motion, 1, None, out, count - 1),
+        lib.dd_deformer_update(deformer._handle, motion, 1, short, out, count),
+        lib.dd_deformer_update(deformer._handle, motion, 1, structs.UpdateOptions(values=7), out, count),
     ]
     assert calls == [argument_error] * len(calls)
-    assert lib.dd_last_message().decode().endswith('which is no output.')
-    assert (out == 0).all()
-    lib.dd_bind_free(None)
+    assert lib.dd_last_message().decode() == 'options.values is 7, not between 0 and 1.'
+    assert (out == 0).all() and not handle
+    lib.dd_job_free(None)
     lib.dd_deformer_free(None)
 
 
-def test_a_second_finish_is_refused(native, strip):
+def test_a_deformer_is_taken_once_and_a_job_finished_any_number_of_times(native, strip):
     lib = native.library()
     bind = native.Bind(strip.positions, strip.triangles, strip.roles, 1)
     first, second = ctypes.c_void_p(), ctypes.c_void_p()
-    assert lib.dd_bind_finish(bind._handle, first) == 0
-    assert lib.dd_bind_finish(bind._handle, second) == 1
+    assert lib.dd_job_finish(bind._handle) == lib.dd_job_finish(bind._handle) == 0
+    assert lib.dd_job_take_deformer(bind._handle, first) == 0
+    assert lib.dd_job_take_deformer(bind._handle, second) == 1
     assert not second and b'taken already' in lib.dd_last_message()
+    assert lib.dd_job_finish(bind._handle) == 0
     lib.dd_deformer_free(first)
+    strip.roles[5] = 4
+    failing = native.Bind(strip.positions, strip.triangles, strip.roles, 1)
+    for _ in range(2):
+        assert lib.dd_job_finish(failing._handle) == 3 and b'Vertex 5' in lib.dd_last_message()
+    assert lib.dd_job_take_deformer(failing._handle, second) == 3 and b'Vertex 5' in lib.dd_last_message()
+    assert lib.dd_job_take_match(failing._handle, second) == 1 and not second
+    assert b'This job is a bind, which gives no match.' == lib.dd_last_message()
 
 
-def test_structs_of_older_and_newer_callers_are_understood(native, strip):
+def test_structs_of_older_and_newer_callers_are_understood(native, structs, strip):
     lib, deformer = native.library(), bound(native, strip)
 
     class OldInfo(ctypes.Structure):
@@ -216,7 +240,7 @@ def test_structs_of_older_and_newer_callers_are_understood(native, strip):
     lib.dd_deformer_get_info.argtypes = [ctypes.c_void_p, ctypes.c_void_p]
     assert lib.dd_deformer_get_info(deformer._handle, ctypes.byref(old)) == 0
     assert (old.vertex_count, old.guard) == (len(strip.positions), 77)
-    lib.dd_deformer_get_info.argtypes = [ctypes.c_void_p, ctypes.POINTER(native.Info)]
+    lib.dd_deformer_get_info.argtypes = [ctypes.c_void_p, ctypes.POINTER(structs.Info)]
 
 
 def test_messages_belong_to_their_thread(native, strip):
@@ -227,26 +251,26 @@ def test_messages_belong_to_their_thread(native, strip):
     others = []
 
     def other():
-        lib.dd_bind_cancel(None)
+        lib.dd_job_cancel(None)
         others.append(lib.dd_last_message())
 
     thread = threading.Thread(target=other)
     thread.start()
     thread.join()
-    assert b'bind is null' in others[0] and lib.dd_last_message() == mine
+    assert b'job is null' in others[0] and lib.dd_last_message() == mine
 
 
 def test_one_deformer_is_used_by_one_thread_at_a_time(native):
     mesh = Strip(4000)
-    lib, deformer = native.library(), bound(native, mesh)
+    deformer = bound(native, mesh)
     statuses = []
 
-    def update():
+    def frames():
         out = np.zeros(mesh.positions.size, np.float32)
         for _ in range(40):
-            statuses.append(lib.dd_deformer_update(deformer._handle, IDENTITY.copy(), 12, None, out, out.size))
+            statuses.append(update(native, deformer._handle, IDENTITY.copy(), out))
 
-    threads = [threading.Thread(target=update) for _ in range(4)]
+    threads = [threading.Thread(target=frames) for _ in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -299,10 +323,8 @@ def test_different_deformers_at_once_give_what_they_give_alone(native):
 
 def load_elsewhere(path):
     """native.version() in a fresh Python with DETAIL_DEFORM_LIBRARY set."""
-    program = ("import importlib.util as u; s = u.spec_from_file_location('n', %r); "
-               "n = u.module_from_spec(s); s.loader.exec_module(n)\n"
-               "try: print(n.version())\nexcept n.NativeError as e: print('refused:', e)"
-               % str(ADDON / 'library' / 'native.py'))
+    program = ("import sys; sys.path.insert(0, %r); from library import native as n\n"
+               "try: print(n.version())\nexcept n.NativeError as e: print('refused:', e)" % str(ADDON))
     return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
                           env={**os.environ, 'DETAIL_DEFORM_LIBRARY': str(path)}).stdout
 
@@ -345,31 +367,31 @@ def test_methods_differ_and_switch_on_one_deformer(native, strip):
         assert np.abs(deformer.offsets(IDENTITY, method=method)).max() <= 1e-5
 
 
-def test_refine_shown_levels_and_smoothness_do_something(native, strip):
+def test_refine_output_levels_and_smoothness_do_something(native, strip):
     motion = rotation(0.8, (0.5, 0, 3))
     deformer = bound(native, strip)
     plain = deformer.offsets(motion, refine=0).copy()
     assert np.abs(deformer.offsets(motion, refine=2) - plain).max() > 1e-3
-    base = deformer.offsets(IDENTITY, shown='BASE').reshape(-1, 3)
+    base = deformer.offsets(IDENTITY, output='BASE').reshape(-1, 3)
     assert np.abs(base[strip.roles == -1]).max() > 0.1 and (base[strip.roles != -1] == 0).all()
     one = deformer.offsets(motion, method='NORMAL').copy()
     assert np.abs(deformer.offsets(motion, method='NORMAL', levels=3) - one).max() > 1e-4
     for smoothness in (1, 3):
-        other = bound(native, strip, smoothness=smoothness).offsets(IDENTITY, shown='BASE')
+        other = bound(native, strip, smoothness=smoothness).offsets(IDENTITY, output='BASE')
         assert np.abs(other.reshape(-1, 3) - base).max() > 1e-3
 
 
 @pytest.mark.parametrize('field, value, named', [
-    ('method', 7, 'method'), ('method', -1, 'method'), ('refine', -1, 'refine'),
-    ('refine', 10**6, 'refine'), ('shown', 2, 'shown'), ('levels', 21, 'levels'),
-    ('levels', -1, 'levels')])
-def test_unknown_update_options_are_refused(native, strip, field, value, named):
+    ('method', 7, 'method'), ('method', -1, 'method'), ('refine', -2, 'refine'),
+    ('refine', 10**6, 'refine'), ('output', 2, 'output'), ('levels', 21, 'levels'),
+    ('levels', -1, 'levels'), ('gradients', 2, 'gradients'), ('values', -1, 'values'),
+    ('formulation', 3, 'formulation'), ('steps', -1, 'steps'), ('steps', 1001, 'steps'),
+    ('volume_iterations', -1, 'volume_iterations'), ('volume_tolerance', float('nan'), 'volume_tolerance')])
+def test_unknown_update_options_are_refused(native, structs, strip, field, value, named):
     deformer = bound(native, strip)
-    options = native._update_options(refine=0)
-    setattr(options, field, value)
+    options = structs.UpdateOptions(**{field: value})
     out = np.zeros(strip.positions.size, np.float32)
-    motion = np.ascontiguousarray(IDENTITY)
-    status = native.library().dd_deformer_update(deformer._handle, motion, 12, options, out, out.size)
+    status = update(native, deformer._handle, np.ascontiguousarray(IDENTITY), out, options)
     assert status == 1 and f'options.{named}' in native.library().dd_last_message().decode()
 
 
@@ -378,10 +400,9 @@ def test_unknown_smoothness_is_refused(native, strip):
         bound(native, strip, smoothness=4)
 
 
-def split(native, mesh, motion, steps, turns=None, options=None, **look):
-    turns = np.zeros((len(motion), 3)) if turns is None else turns
-    return native.Split(((mesh.positions, mesh.triangles, mesh.roles, len(motion)), options or {}),
-                        motion, turns, steps, look)
+def split(native, mesh, motion, steps, options=None, **look):
+    """The job alone keeps the deformer."""
+    return native.Update(bound(native, mesh, len(motion), **options or {}), motion, steps=steps, **look)
 
 
 def test_a_split_of_one_step_is_the_update_and_more_steps_differ(native, strip):
@@ -410,9 +431,9 @@ def test_a_split_reports_progress_and_can_be_cancelled(native):
 
 
 @pytest.mark.parametrize('change, sentence', [
-    (dict(steps=0), 'steps is 0'), (dict(turns=np.zeros((2, 3))), 'turns has 6 elements'),
+    (dict(steps=-1), 'steps is -1'), (dict(turns=np.zeros((2, 3))), 'turns is for 2 handles, not 1'),
     (dict(motion=np.zeros((1, 3, 4))), 'Handle 0: its motion flattens'),
-    (dict(method='TRANSFER', refine=-1), 'options.refine')])
+    (dict(method='TRANSFER', refine=-2), 'options.refine')])
 def test_unusable_splits_are_refused(native, strip, change, sentence):
     arguments = {'motion': rotation(1, (0, 0, 0)), 'steps': 3, **change}
     with pytest.raises(native.NativeError, match=sentence):
@@ -432,9 +453,9 @@ def test_a_base_from_outside_moves_the_details(native, strip):
     assert np.allclose(deformer.offsets(none, base=moved).reshape(-1, 3), expected, atol=1e-4)
     with pytest.raises(native.NativeError, match='deformed base'):
         deformer.offsets(none)
-    with pytest.raises(native.NativeError, match='options.base has'):
+    with pytest.raises(native.NativeError, match='options.base is for 191 vertices, not 192'):
         deformer.offsets(none, base=moved[1:])
-    with pytest.raises(native.NativeError, match='options.base has'):
+    with pytest.raises(native.NativeError, match='options.base is for 191 vertices, not 192'):
         native.Bind(strip.positions, strip.triangles, roles, 0, base=flat[1:])
 
 

@@ -32,36 +32,28 @@ class Solid:
 
 
 @pytest.fixture
-def tets(native):
-    """The functions for solids as a plain ctypes caller uses them; the add-on has no use for them."""
-    lib = ctypes.CDLL(native.library_path())
-    lib.dd_last_message.restype = ctypes.c_char_p
-    solid, handle = Solid(), ctypes.c_void_p()
-
-    def size(array):
-        return ctypes.c_size_t(array.size)
+def tets(native, structs):
+    """The functions for solids; the add-on has no use for them."""
+    lib, solid, handle = native.library(), Solid(), ctypes.c_void_p()
 
     def create(target):
-        return lib.dd_tets_create(solid.positions.ctypes, size(solid.positions), solid.tets.ctypes,
-                                  size(solid.tets), solid.roles.ctypes, size(solid.roles), 1,
-                                  ctypes.byref(target))
+        mesh = structs.TetMesh(positions=solid.positions, tets=solid.tets)
+        return lib.dd_tets_create(mesh, solid.roles, len(solid.roles), 1, target)
 
     assert create(handle) == 0
-    yield lib, solid, handle, size, create
+    yield lib, solid, handle, create
     lib.dd_tets_free(handle)
 
 
 def test_operators_of_solids_agree_and_have_the_constants_as_kernel(tets):
-    lib, solid, handle, size, _ = tets
+    lib, solid, handle, _ = tets
     found = []
     for which in range(3):
         count = ctypes.c_size_t()
-        assert lib.dd_tets_get_operator(handle, which, None, None, None, ctypes.c_size_t(0),
-                                        ctypes.byref(count)) == 0
+        assert lib.dd_tets_get_operator(handle, which, None, None, None, 0, count) == 0
         rows, columns = np.empty(count.value, np.int32), np.empty(count.value, np.int32)
         values = np.empty(count.value)
-        assert lib.dd_tets_get_operator(handle, which, rows.ctypes, columns.ctypes, values.ctypes,
-                                        size(values), ctypes.byref(count)) == 0
+        assert lib.dd_tets_get_operator(handle, which, rows, columns, values, len(values), count) == 0
         n = len(solid.positions)
         matrix = np.zeros((3 * len(solid.tets) if which < 2 else n, n))
         np.add.at(matrix, (rows, columns), values)
@@ -73,23 +65,22 @@ def test_operators_of_solids_agree_and_have_the_constants_as_kernel(tets):
 
 
 def test_solids_follow_their_handles_and_given_gradients(tets):
-    lib, solid, handle, size, _ = tets
+    lib, solid, handle, _ = tets
     out = np.zeros_like(solid.positions)
     still = np.ascontiguousarray(IDENTITY)
-    assert lib.dd_tets_update(handle, still.ctypes, size(still), out.ctypes, size(out)) == 0
+    assert lib.dd_tets_update(handle, still, len(still), out, len(out)) == 0
     assert np.abs(out - solid.positions).max() < 1e-12
     motion = np.ascontiguousarray(rotation(0.6, (0, 0, 1)))
-    assert lib.dd_tets_update(handle, motion.ctypes, size(motion), out.ctypes, size(out)) == 0
+    assert lib.dd_tets_update(handle, motion, len(motion), out, len(out)) == 0
     moved = solid.positions @ motion[0, :, :3].T + motion[0, :, 3]
     assert np.allclose(out[solid.roles == 0], moved[solid.roles == 0])
     gradients = np.ascontiguousarray(np.tile(motion[0, :, :3], (len(solid.tets), 1, 1)))
-    assert lib.dd_tets_solve(handle, moved.ctypes, size(moved), gradients.ctypes, size(gradients),
-                             out.ctypes, size(out)) == 0
+    assert lib.dd_tets_solve(handle, moved, len(moved), gradients, len(gradients), out, len(out)) == 0
     assert np.allclose(out, moved)
 
 
 def test_unusable_solids_are_refused(tets):
-    lib, solid, _, _, create = tets
+    lib, solid, _, create = tets
     target = ctypes.c_void_p()
     solid.tets[3, 1] = solid.tets[3, 0]
     assert create(target) == 2 and b'Tetrahedron 3' in lib.dd_last_message()
@@ -157,5 +148,5 @@ def test_distances_go_over_the_surface(native):
     expected = np.repeat(np.concatenate([along, 1.01 + along]), 2)
     assert np.abs(found[:-1] - expected).max() < 1e-5
     assert np.isinf(found[-1])
-    with pytest.raises(native.NativeError, match="sources has 3 elements"):
+    with pytest.raises(native.NativeError, match="sources is for 3 vertices, not 85"):
         native.distances(points, triangles, np.ones(3, bool))

@@ -8,6 +8,9 @@ import pytest
 from conftest import Strip, rotation
 
 
+WHOLE = 'WHOLE'
+
+
 def mesh(strip):
     return strip.positions, strip.triangles
 
@@ -19,44 +22,44 @@ def bent(p):
                     -1).astype(np.float32)
 
 
-def test_onto_itself_a_pose_comes_back(native_transfer, strip):
+def test_onto_itself_a_pose_comes_back(native, strip):
     pose = bent(strip.positions)
     for pairs_of, count in (('TRIANGLES', len(strip.triangles)), ('VERTICES', len(strip.positions))):
         for pairs in (None, np.repeat(np.arange(count)[:, None], 2, axis=1)):
-            transfer = native_transfer.Transfer(mesh(strip), mesh(strip), pairs, pairs_of)
-            assert np.abs(transfer.apply(pose) - pose).max() < 1e-5
+            transfer = native.Transfer(mesh(strip), mesh(strip), pairs, pairs_of=pairs_of, precision='DOUBLE')
+            assert np.abs(transfer.apply(pose, WHOLE) - pose).max() < 1e-5
             assert np.allclose(np.reshape(transfer.info.placement, (3, 4)), np.eye(4)[:3], atol=1e-6)
-    single = native_transfer.Transfer(mesh(strip), mesh(strip), precision='SINGLE')
-    assert np.abs(single.apply(pose) - pose).max() < 3e-4
+    single = native.Transfer(mesh(strip), mesh(strip), precision='SINGLE')
+    assert np.abs(single.apply(pose, WHOLE) - pose).max() < 3e-4
     assert (transfer.info.unmatched_count, transfer.info.unmatched_example, transfer.info.degenerate_count) == (0, -1, 0)
     assert transfer.info.unknowns == len(strip.positions) and transfer.info.nonzeros > 5 * len(strip.positions)
 
 
-def test_anchors_go_where_they_are_told(native_transfer, strip):
+def test_anchors_go_where_they_are_told(native, strip):
     pose = bent(strip.positions)
     anchors = [3, 80]
     places = strip.positions[anchors] + np.float32([[0, 0, 1], [0, 2, 0]])
-    pinned = native_transfer.Transfer(mesh(strip), mesh(strip), anchor='PINNED', anchors=anchors)
-    assert np.allclose(pinned.apply(pose)[anchors], strip.positions[anchors], atol=1e-5)
-    assert np.allclose(pinned.apply(pose, places=places)[anchors], places, atol=1e-5)
-    mean = native_transfer.Transfer(mesh(strip), mesh(strip), anchor='VERTICES', anchors=anchors)
-    assert np.allclose(mean.apply(pose, places=places)[anchors].mean(0), places.mean(0), atol=1e-5)
-    centred = native_transfer.Transfer(mesh(strip), mesh(strip), anchor='CENTROID')
-    assert np.abs(centred.apply(pose + np.float32(100)) - centred.apply(pose)).max() < 1e-3
+    pinned = native.Transfer(mesh(strip), mesh(strip), anchor='PINNED', anchors=anchors)
+    assert np.allclose(pinned.apply(pose, WHOLE)[anchors], strip.positions[anchors], atol=1e-5)
+    assert np.allclose(pinned.apply(pose, WHOLE, places=places)[anchors], places, atol=1e-5)
+    mean = native.Transfer(mesh(strip), mesh(strip), anchor='VERTICES', anchors=anchors)
+    assert np.allclose(mean.apply(pose, WHOLE, places=places)[anchors].mean(0), places.mean(0), atol=1e-5)
+    centred = native.Transfer(mesh(strip), mesh(strip), anchor='CENTROID')
+    assert np.abs(centred.apply(pose + np.float32(100), WHOLE) - centred.apply(pose, WHOLE)).max() < 1e-3
 
 
-def test_the_volumetric_original_and_a_given_placement(native_transfer, strip):
+def test_the_volumetric_original_and_a_given_placement(native, strip):
     turn = rotation(0.7, (1, 2, 3))[0]
     moved = (strip.positions @ turn[:, :3].T + turn[:, 3]).astype(np.float32)
     for formulation in ('SURFACE', 'FOURTH_POINTS', 'FOURTH_POINTS_UNWEIGHTED'):
         # As they stand in the same space, without regard to how the target is turned.
-        as_is = native_transfer.Transfer(mesh(strip), (moved, strip.triangles), placement=np.eye(4)[:3],
+        as_is = native.Transfer(mesh(strip), (moved, strip.triangles), placement=np.eye(4)[:3],
                                          formulation=formulation)
         spin = rotation(-1.1, (0, 0, 0))[0][:, :3].T
-        assert np.abs(as_is.apply(strip.positions @ spin) - moved @ spin).max() < 1e-4
-    fitted = native_transfer.Transfer(mesh(strip), (moved, strip.triangles))
+        assert np.abs(as_is.apply(strip.positions @ spin, WHOLE) - moved @ spin).max() < 1e-4
+    fitted = native.Transfer(mesh(strip), (moved, strip.triangles))
     pose = bent(strip.positions)
-    assert np.abs(fitted.apply(pose) - (pose @ turn[:, :3].T + turn[:, 3])).max() < 1e-4
+    assert np.abs(fitted.apply(pose, WHOLE) - (pose @ turn[:, :3].T + turn[:, 3])).max() < 1e-4
 
 
 @pytest.mark.parametrize('change, sentence', [
@@ -68,33 +71,33 @@ def test_the_volumetric_original_and_a_given_placement(native_transfer, strip):
     (dict(placement=np.diag([1, 2, 1, 1])[:3]), "not a rotation"),
     (dict(threads=-1), "options.threads is -1"),
 ])
-def test_refusals(native, native_transfer, strip, change, sentence):
+def test_refusals(native, strip, change, sentence):
     with pytest.raises(native.NativeError, match=sentence):
-        native_transfer.Transfer(mesh(strip), mesh(strip), **change)
+        native.Transfer(mesh(strip), mesh(strip), **change)
 
 
-def test_refusals_of_meshes_and_poses(native, native_transfer, strip):
+def test_refusals_of_meshes_and_poses(native, strip):
     longer = Strip(30)
     with pytest.raises(native.NativeError, match="not of the same topology"):
-        native_transfer.Transfer(mesh(strip), mesh(longer))
+        native.Transfer(mesh(strip), mesh(longer))
     broken = strip.positions.copy()
     broken[7] = np.nan
     with pytest.raises(native.NativeError, match="The target: Vertex 7"):
-        native_transfer.Transfer(mesh(strip), (broken, strip.triangles))
+        native.Transfer(mesh(strip), (broken, strip.triangles))
     beyond = strip.triangles.copy()
     beyond[3, 1] = 10**6
     for pairs_of in ('TRIANGLES', 'VERTICES'):
         with pytest.raises(native.NativeError, match="The target: .*1000000"):
-            native_transfer.Transfer(mesh(strip), (strip.positions, beyond), [[0, 0]], pairs_of)
-    transfer = native_transfer.Transfer(mesh(strip), mesh(strip))
-    with pytest.raises(native.NativeError, match="pose has"):
+            native.Transfer(mesh(strip), (strip.positions, beyond), [[0, 0]], pairs_of=pairs_of)
+    transfer = native.Transfer(mesh(strip), mesh(strip))
+    with pytest.raises(native.NativeError, match="pose is for 240 vertices, not 192"):
         transfer.apply(longer.positions)
     with pytest.raises(native.NativeError, match="Vertex 7 of the pose"):
         transfer.apply(broken)
-    with pytest.raises(native.NativeError, match="places has"):
+    with pytest.raises(native.NativeError, match="options.places is for 2 anchors, not 0"):
         transfer.apply(strip.positions, places=strip.positions[:2])
     with pytest.raises(native.NativeError, match="too large"):
-        transfer.apply(strip.positions * np.float32(1e37))
+        transfer.apply(strip.positions * np.float32(1e37), WHOLE)
 
 
 def waved(n, scale):
@@ -105,10 +108,10 @@ def waved(n, scale):
     return strip
 
 
-def test_matching_by_markers(native_transfer):
+def test_matching_by_markers(native):
     source, target = waved(24, 1.0), waved(47, 2.0)
     markers = [[8 * column + row, 16 * column + row] for column in (0, 11, 23) for row in (0, 7)]
-    match = native_transfer.Match(mesh(source), mesh(target), markers)
+    match = native.Match(mesh(source), mesh(target), markers)
     fractions, running = [], True
     while running:
         running, fraction, stage = match.progress()
@@ -123,35 +126,67 @@ def test_matching_by_markers(native_transfer):
     along = [side.positions[side.triangles].mean(1)[:, 0] for side in (source, target)]
     assert np.abs(along[0][pairs[:, 0]] - along[1][pairs[:, 1]]).max() < 2
     # And a pose carries over: the target bends as far as the source does.
-    posed = native_transfer.Transfer(mesh(source), mesh(target), pairs).apply(bent(source.positions))
+    posed = native.Transfer(mesh(source), mesh(target), pairs).apply(bent(source.positions), WHOLE)
     end, expected = posed[-1] - posed[0], bent(target.positions)[-1] - bent(target.positions)[0]
     assert np.linalg.norm(end - expected) < 0.1 * np.linalg.norm(expected)
 
 
-def test_matching_refuses_and_cancels(native, native_transfer, strip):
+def test_matching_refuses_and_cancels(native, strip):
     with pytest.raises(native.NativeError, match="three pairs"):
-        native_transfer.Match(mesh(strip), mesh(strip), [[0, 0], [1, 1]]).finish()
+        native.Match(mesh(strip), mesh(strip), [[0, 0], [1, 1]]).finish()
     with pytest.raises(native.NativeError, match="contradict"):
-        native_transfer.Match(mesh(strip), mesh(strip), [[0, 0], [0, 1], [9, 9], [100, 100]]).finish()
-    with pytest.raises(native.NativeError, match="negative"):
-        native_transfer.Match(mesh(strip), mesh(strip), [[0, 0]], reach=-1.0)
+        native.Match(mesh(strip), mesh(strip), [[0, 0], [0, 1], [9, 9], [100, 100]]).finish()
+    with pytest.raises(native.NativeError, match="options.reach must be zero or more"):
+        native.Match(mesh(strip), mesh(strip), [[0, 0]], reach=-1.0)
     big = Strip(3000)
-    match = native_transfer.Match(mesh(big), mesh(big), [[0, 0], [7, 7], [20000, 20000]])
+    match = native.Match(mesh(big), mesh(big), [[0, 0], [7, 7], [20000, 20000]])
     match.cancel()
     with pytest.raises(native.NativeError, match="cancelled") as caught:
         match.finish()
     assert caught.value.cancelled
-    native_transfer.Match(mesh(big), mesh(big), [[0, 0], [7, 7], [20000, 20000]]).close()  # ends it
+    native.Match(mesh(big), mesh(big), [[0, 0], [7, 7], [20000, 20000]]).close()  # ends it
 
 
-def test_null_pointers_and_unfinished_matches_are_refused(native, native_transfer, strip):
+def test_null_pointers_and_jobs_of_another_kind_are_refused(native, structs, strip):
     lib = native.library()
-    assert lib.dd_transfer_get_info(None, None) != 0
-    assert lib.dd_match_poll(None, None) != 0
+    assert lib.dd_transfer_get_info(None, structs.TransferInfo()) == 1
+    assert lib.dd_job_poll(None, structs.Progress()) == 1
     lib.dd_transfer_free(None)
     lib.dd_match_free(None)
-    match = native_transfer.Match(mesh(Strip(3000)), mesh(Strip(3000)), [[0, 0], [7, 7], [20000, 20000]])
-    count = ctypes.c_size_t()
-    assert lib.dd_match_get_pairs(match._handle, None, 0, count) != 0
-    assert "dd_match_finish comes first" in lib.dd_last_message().decode()
+    match = native.Match(mesh(Strip(3000)), mesh(Strip(3000)), [[0, 0], [7, 7], [20000, 20000]])
+    count, made = ctypes.c_size_t(), ctypes.c_void_p()
+    assert lib.dd_match_get_pairs(None, None, 0, count) == 1
+    assert "match is null" in lib.dd_last_message().decode()
+    assert lib.dd_job_take_transfer(match._handle, made) == 1
+    assert "This job is a match, which gives no transfer." == lib.dd_last_message().decode()
+    assert not made
+    # What isn't there yet can't be asked for: who takes it, waits.
+    match.cancel()
+    assert lib.dd_job_take_match(match._handle, made) == 6 and not made
     match.close()
+
+
+def test_a_transfer_tells_its_progress_and_can_be_cancelled(native):
+    big = Strip(6000)
+    job = native.TransferJob(mesh(big), mesh(big))
+    fractions, running = [], True
+    while running:
+        running, fraction, stage = job.progress()
+        fractions.append(fraction)
+        assert stage
+    assert fractions == sorted(fractions) and fractions[-1] == 1
+    assert job.finish().info.unknowns == len(big.positions)
+    for formulation in ('SURFACE', 'FOURTH_POINTS'):
+        job = native.TransferJob(mesh(big), mesh(big), formulation=formulation)
+        job.cancel()
+        with pytest.raises(native.NativeError, match='cancelled') as caught:
+            job.finish()
+        assert caught.value.cancelled
+
+
+def test_offsets_are_positions_less_those_at_rest(native, structs, strip):
+    transfer = native.Transfer(mesh(strip), mesh(strip))
+    pose, out = bent(strip.positions), np.empty_like(strip.positions)
+    options = structs.ApplyOptions(values='OFFSETS')
+    assert native.library().dd_transfer_apply(transfer._handle, pose, len(pose), options, out, len(out)) == 0
+    assert np.allclose(strip.positions + out, transfer.apply(pose), atol=1e-5) and np.abs(out).max() > 1

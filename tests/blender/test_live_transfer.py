@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Following a source: by which correspondence, and how it is prepared."""
 
+import re
+
 import bpy
 import numpy as np
 import pytest
@@ -124,16 +126,26 @@ def test_a_choice_that_can_t_be_meant_while_following_is_said(alike):
 
 
 class Counted:
-    """native_transfer.Transfer, counted; fails where it is told to."""
+    """Counts the native.TransferJobs that are waited for; these fail where they are told to."""
 
-    def __init__(self, native_transfer, failure=None):
-        self._original, self._failure, self.count = native_transfer.Transfer, failure, 0
+    def __init__(self, native, failure=None):
+        counted = self
+        self.count = 0
 
-    def __call__(self, *arguments, **options):
-        self.count += 1
-        if self._failure:
-            raise self._failure
-        return self._original(*arguments, **options)
+        class Job(native.TransferJob):
+            def finish(self):
+                counted.count += 1
+                if failure:
+                    raise failure
+                return super().finish()
+
+        self.Job = Job
+
+
+def poll_until_ready(live_transfer):
+    """What the timer does, until it wants to be called no more."""
+    while live_transfer._poll() is not None:
+        pass
 
 
 @pytest.fixture(autouse=True)
@@ -143,9 +155,9 @@ def nothing_prepared_yet(part):
 
 @pytest.fixture
 def factored(part, monkeypatch):
-    native_transfer = part('library.native_transfer')
-    counted = Counted(native_transfer)
-    monkeypatch.setattr(native_transfer, 'Transfer', counted)
+    native = part('library.native')
+    counted = Counted(native)
+    monkeypatch.setattr(native, 'TransferJob', counted.Job)
     return counted
 
 
@@ -157,9 +169,9 @@ def test_nothing_is_factored_within_an_update(alike, part, as_in_a_window, facto
     assert live(source="Source") == {'FINISHED'}
     bend(source)
     assert factored.count == 0
-    assert target.detail_deform.transfer.state.startswith("Preparing to follow 'Source', 0%")
+    assert re.match(r"Preparing to follow 'Source', \d+%: .+", target.detail_deform.transfer.state)
     assert np.abs(evaluated(target) - own(target)).max() == 0
-    assert live_transfer._poll() is None
+    poll_until_ready(live_transfer)
     update()
     assert factored.count == 1 and target.detail_deform.transfer.state == "Follows 'Source'."
     assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
@@ -171,7 +183,7 @@ def test_nothing_is_factored_within_an_update(alike, part, as_in_a_window, facto
     update()
     assert factored.count == 1 and "Preparing" in target.detail_deform.transfer.state
     assert np.array_equal(evaluated(target), shown)
-    live_transfer._poll()
+    poll_until_ready(live_transfer)
     assert factored.count == 2 and "Follows" in target.detail_deform.transfer.state
 
 
@@ -190,16 +202,16 @@ def test_preparing_can_be_cancelled(alike, part, as_in_a_window, factored):
 
 def test_what_could_not_be_prepared_is_said_and_not_tried_at_every_update(alike, part, as_in_a_window, monkeypatch):
     source, target = alike
-    native, native_transfer = part('library.native'), part('library.native_transfer')
+    native = part('library.native')
     live_transfer = part('follow.live_transfer')
     as_in_a_window('follow.live_transfer')
-    failing = Counted(native_transfer, native.NativeError("There is no memory left."))
-    monkeypatch.setattr(native_transfer, 'Transfer', failing)
+    failing = Counted(native, native.NativeError("There is no memory left."))
+    monkeypatch.setattr(native, 'TransferJob', failing.Job)
     live(source="Source")
-    live_transfer._poll()
+    poll_until_ready(live_transfer)
     for value in (0.1, 0.2, 0.3):
         bend(source, value)
-        live_transfer._poll()
+        poll_until_ready(live_transfer)
         assert target.detail_deform.transfer.state == "There is no memory left."
     assert failing.count == 1
     # Following again tries again.

@@ -273,21 +273,20 @@ def test_handles_far_out_of_range_are_reported():
 
 
 def test_library_missing_or_of_another_version(part, monkeypatch, tmp_path):
-    native = part('library.native')
     ob = make_strip()
-    monkeypatch.setattr(native, '_library', None)
+    monkeypatch.setattr(part('library.loading'), '_library', None)
     monkeypatch.setenv('DETAIL_DEFORM_LIBRARY', str(tmp_path / 'none.so'))
     assert_refused(ob, "library is missing")
     monkeypatch.delenv('DETAIL_DEFORM_LIBRARY')
-    monkeypatch.setattr(native, 'ABI_VERSION', 99)
+    monkeypatch.setattr(part('library.structs'), 'ABI_VERSION', 99)
     assert_refused(ob, "of another version")
 
 
 def test_binding_from_a_file_without_the_library_is_reported(part, monkeypatch, tmp_path):
-    native, deformers = part('library.native'), part('follow.deformers')
+    deformers = part('follow.deformers')
     ob = bind(make_strip())
     deformers.clear()
-    monkeypatch.setattr(native, '_library', None)
+    monkeypatch.setattr(part('library.loading'), '_library', None)
     monkeypatch.setenv('DETAIL_DEFORM_LIBRARY', str(tmp_path / 'none.so'))
     ob.detail_deform.handles[0].target.location.z += 0.2
     update()

@@ -131,6 +131,34 @@ def test_steps_arrive_when_the_handles_pause(strip, part, as_in_a_window):
     slow_results.clear()
 
 
+def test_a_frame_stops_slow_work_on_its_deformer_which_begins_again_later(strip, part):
+    """Two objects of the same content share one: neither waits for the other's slow result."""
+    native, slow_results = part('library.native'), part('follow.slow_results')
+    deformer = part('follow.deformers').find(strip.detail_deform.signature).deformer
+    endless = {'method': 'VOLUMES', 'volume_tolerance': 1e-300, 'volume_iterations': 10**9}
+
+    def start(wait):
+        return native.Update(deformer, np.array([[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.4]]]), wait=wait, **endless)
+
+    def never(*_):
+        raise AssertionError("it has no end")
+
+    for name in ('first', 'second'):
+        slow_results.request(name, deformer, start, never, never, lambda: None)
+        slow_results._requests[name].due = 0
+    slow_results._tick()
+    slow_results._tick()  # the second waits for its turn
+    assert [bool(slow_results._requests[name].job) for name in ('first', 'second')] == [True, False]
+    before = evaluated(strip)
+    bend(strip, -40)
+    assert np.abs(evaluated(strip) - before).max() > 0.1
+    assert [slow_results.progress(name) for name in ('first', 'second')] == [0.0, 0.0]
+    slow_results._requests['second'].due = 0
+    slow_results._tick()
+    assert slow_results._requests['second'].job
+    slow_results.clear()
+
+
 def test_an_empty_without_size_collapses_its_vertices_and_turns_nothing(strip):
     strip.detail_deform.steps = 2
     target = strip.detail_deform.handles[0].target

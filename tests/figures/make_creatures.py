@@ -14,7 +14,8 @@ from mathutils import Vector
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "addon"))
 import detail_deform  # noqa: E402
-from detail_deform import markers, mesh_data  # noqa: E402
+from detail_deform.scene import mesh_data  # noqa: E402
+from detail_deform.setup import markers  # noqa: E402
 
 FRAMES = (9, 17, 24)
 SIZE = (480, 400)

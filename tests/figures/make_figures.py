@@ -20,7 +20,8 @@ sys.path[:0] = [str(HERE), str(HERE.parents[1] / "addon")]
 
 import detail_deform  # noqa: E402
 import shapes  # noqa: E402
-from detail_deform import mesh_data, native  # noqa: E402
+from detail_deform.library import native  # noqa: E402
+from detail_deform.scene import mesh_data  # noqa: E402
 
 COLUMNS = ("panel", "intersecting pairs (new)", "normal error, °", "mean ‖S − R‖", "area", "volume", "update, ms")
 PAPERS_LINEAR = {'method': 'TRANSFER', 'rotation_only': True, 'refine': 0}

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-3.0-or-later */
-/* Binds a small strip through the C ABI and bends it, from C99. */
+/* Binds a small strip through the C ABI and bends it, from C99: an example of its use. */
 #include <math.h>
 #include <stdio.h>
 
@@ -12,10 +12,14 @@ typedef char pinned_status[DD_OK == 0 && DD_ERROR_ARGUMENT == 1 && DD_ERROR_MESH
                                    DD_ERROR_BUSY == 7 && DD_ERROR_INTERNAL == 8
                                ? 1
                                : -1];
-typedef char pinned_options[DD_ROLE_FREE == -1 && DD_ROLE_FIXED == -2 && DD_METRIC_SURFACE == 0 &&
-                                    DD_METRIC_BASE == 1 && DD_OUTPUT_POSITIONS == 0 &&
-                                    DD_OUTPUT_OFFSETS == 1 && DD_BIND_RUNNING == 0 &&
-                                    DD_BIND_DONE == 1 && DD_BIND_FAILED == 2
+/* Zero is every option's default. */
+typedef char pinned_options[DD_ROLE_FREE == -1 && DD_ROLE_FIXED == -2 && DD_NONE == -1 &&
+                                    DD_METRIC_SURFACE == 0 && DD_METRIC_BASE == 1 &&
+                                    DD_METHOD_TRANSFER == 0 && DD_GRADIENTS_ROTATIONS == 0 &&
+                                    DD_GRADIENTS_WHOLE == 1 && DD_OUTPUT_RESULT == 0 &&
+                                    DD_OUTPUT_BASE == 1 && DD_VALUES_POSITIONS == 0 &&
+                                    DD_VALUES_OFFSETS == 1 && DD_JOB_RUNNING == 0 &&
+                                    DD_JOB_DONE == 1 && DD_JOB_FAILED == 2
                                 ? 1
                                 : -1];
 
@@ -27,10 +31,14 @@ static int check(int32_t status, const char* call) {
 }
 
 int main(void) {
-  float positions[3 * kVertices], out[3 * kVertices];
+  float positions[3 * kVertices], out[3 * kVertices], again[3 * kVertices];
   int32_t triangles[3 * kTriangles], roles[kVertices];
   double lift[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0.5};
-  dd_bind* bind = NULL;
+  dd_mesh mesh;
+  dd_job* job = NULL;
+  dd_progress progress = {.struct_size = sizeof progress};
+  dd_bind_options bind_options = {.struct_size = sizeof bind_options};
+  dd_update_options update_options = {.struct_size = sizeof update_options};
   dd_deformer* deformer = NULL;
   dd_deformer_info info;
   int i, failed = 0;
@@ -50,18 +58,28 @@ int main(void) {
     int k;
     for (k = 0; k < 6; ++k) triangles[6 * i + k] = quad[k];
   }
-  if (!check(dd_bind_start(positions, 3 * kVertices, triangles, 3 * kTriangles, roles, kVertices, 1,
-                           NULL, &bind),
-             "dd_bind_start"))
+  mesh.positions = positions;
+  mesh.vertex_count = kVertices;
+  mesh.triangles = triangles;
+  mesh.triangle_count = kTriangles;
+  if (!check(dd_bind_start(&mesh, roles, kVertices, 1, &bind_options, &job), "dd_bind_start"))
     return 1;
-  if (!check(dd_bind_finish(bind, &deformer), "dd_bind_finish")) return 1;
-  dd_bind_free(bind);
-  if (!check(dd_deformer_update(deformer, lift, 12, NULL, out, 3 * kVertices),
-             "dd_deformer_update"))
+  if (!check(dd_job_finish(job), "dd_job_finish")) return 1;
+  if (!check(dd_job_poll(job, &progress), "dd_job_poll")) return 1;
+  if (!check(dd_job_take_deformer(job, &deformer), "dd_job_take_deformer")) return 1;
+  dd_job_free(job);
+  if (!check(dd_deformer_update(deformer, lift, 1, NULL, out, kVertices), "dd_deformer_update"))
     return 1;
   if (!check(dd_deformer_get_info(deformer, &info), "dd_deformer_get_info")) return 1;
+  /* The same as a job, of which the deformer may be freed. */
+  if (!check(dd_update_start(deformer, lift, 1, &update_options, &job), "dd_update_start"))
+    return 1;
   dd_deformer_free(deformer);
+  if (!check(dd_job_get_update(job, again, kVertices), "dd_job_get_update")) return 1;
+  dd_job_free(job);
 
+  failed |= progress.state != DD_JOB_DONE || progress.fraction != 1;
+  for (i = 0; i < 3 * kVertices; ++i) failed |= !(fabs(out[i] - again[i]) < 1e-6);
   failed |= info.vertex_count != kVertices || info.handle_count != 1 || info.resting_example != -1;
   failed |= out[2] != positions[2];
   failed |= fabs(out[3 * kVertices - 1] - positions[3 * kVertices - 1] - 0.5) > 1e-6;

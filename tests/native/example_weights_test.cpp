@@ -165,8 +165,7 @@ TEST_CASE("EXAMPLES: what can't be used is refused with a sentence") {
   const Affine still = test::identity();
   motion.matrices.assign(still.data(), still.data() + 12);
   motion.steps = 2;
-  CHECK_THAT(test::refusal([&] { split_update(limb.mesh, roles, 1, with({p}), motion, posed()); },
-                           Status::argument),
+  CHECK_THAT(test::refusal([&] { split_update(deformer, motion, posed()); }, Status::argument),
              contains("one step"));
 }
 

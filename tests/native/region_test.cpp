@@ -46,7 +46,7 @@ TEST_CASE("parts that no handle reaches rest, and are counted") {
   const Region region = split_region(mesh, roles, 1);  // part 2: neither
   CHECK(region.free_count() == n - 1);
   CHECK(region.resting_count == 2 * n - 1);
-  CHECK(region.resting_part_count == 2);
+  CHECK(region.resting_component_count == 2);
   CHECK(region.resting_example == n);
   CHECK(region.loose_count == 2);
   CHECK(region.loose_example == 3 * n);

@@ -14,14 +14,20 @@ using test::by;
 
 namespace {
 
+SplitMotion in_steps(const Affine& matrix, int steps) {
+  SplitMotion motion;
+  motion.matrices.assign(matrix.data(), matrix.data() + 12);
+  motion.steps = steps;
+  return motion;
+}
+
 Positions split(const test::Case& one, int steps,
                 const UpdateOptions& update = by(MethodKind::transfer),
                 const Eigen::Vector3d& turn = Eigen::Vector3d::Zero()) {
-  SplitMotion motion;
-  motion.matrices.assign(one.motion.data(), one.motion.data() + 12);
+  SplitMotion motion = in_steps(one.motion, steps);
   motion.turns.assign(turn.data(), turn.data() + 3);
-  motion.steps = steps;
-  return one.mesh.positions + split_update(one.mesh, one.roles, 1, {}, motion, update).offsets;
+  Deformer deformer(one.mesh, one.roles, 1, {});
+  return one.mesh.positions + split_update(deformer, motion, update).offsets;
 }
 
 Affine after(const ScrewMotion& screw, double s) { return screw.at(s); }
@@ -142,12 +148,10 @@ TEST_CASE("a split refuses with the handle or the step, and can be cancelled") {
   auto one = test::bent_cactus();
   one.motion.leftCols<3>().setZero();
   CHECK_THAT(test::refusal([&] { split(one, 3); }, Status::argument), contains("Handle 0"));
-  one.motion = test::bend(70, 0, 0.7);
-  SplitMotion motion;
-  motion.matrices.assign(one.motion.data(), one.motion.data() + 12);
-  motion.steps = 4;
+  const SplitMotion motion = in_steps(test::bend(70, 0, 0.7), 4);
+  Deformer deformer(one.mesh, one.roles, 1, {});
   std::vector<double> fractions;
-  split_update(one.mesh, one.roles, 1, {}, motion, {}, [&](double fraction, const char*) {
+  split_update(deformer, motion, {}, [&](double fraction, const char*) {
     fractions.push_back(fraction);
     return true;
   });
@@ -156,9 +160,62 @@ TEST_CASE("a split refuses with the handle or the step, and can be cancelled") {
   int calls = 0;
   CHECK_THAT(test::refusal(
                  [&] {
-                   split_update(one.mesh, one.roles, 1, {}, motion, {},
+                   split_update(deformer, motion, {},
                                 [&](double, const char*) { return ++calls < 9; });
                  },
                  Status::cancelled),
              contains("cancelled"));
+}
+
+TEST_CASE("steps begin at the bound surface, whatever it was used for before, and let go of it") {
+  const auto one = test::bent_cactus();
+  const auto volumes = by(MethodKind::volumes), refined = by(MethodKind::transfer, true, 4);
+  Deformer used(one.mesh, one.roles, 1, {});
+  for (const UpdateOptions& before : {volumes, refined, by(MethodKind::normal)})
+    test::surface(used, {test::bend(40, 0, 0.3)}, before);
+  for (const UpdateOptions& options : {refined, volumes})
+    for (int steps : {1, 2, 3}) {
+      Deformer fresh(one.mesh, one.roles, 1, {});
+      const SplitMotion motion = in_steps(one.motion, steps);
+      const SplitResult expected = split_update(fresh, motion, options);
+      int let_go = 0;
+      Positions meanwhile;
+      const SplitResult found = split_update(used, motion, options, {}, nullptr, [&] {
+        ++let_go;
+        meanwhile = test::surface(used, {test::bend(-30, 0, 0.3)}, refined);
+      });
+      CHECK((found.offsets.array() == expected.offsets.array()).all());
+      CHECK(found.volume_error == expected.volume_error);
+      CHECK(found.volumes_settled == expected.volumes_settled);
+      CHECK(let_go == 1);
+      CHECK((meanwhile.array() == test::surface(fresh, {test::bend(-30, 0, 0.3)}, refined).array())
+                .all());
+    }
+  CHECK(split_update(used, in_steps(one.motion, 1), refined).volume_error == 0);
+}
+
+TEST_CASE("displacement volumes can be stopped in the midst of a step, which leaves no trace") {
+  const auto one = test::bent_cactus();
+  UpdateOptions options = by(MethodKind::volumes);
+  options.of_method.volume_iterations = 1;
+  const SplitMotion motion = in_steps(one.motion, 1);
+  Deformer fresh(one.mesh, one.roles, 1, {});
+  int calls = 0;
+  std::vector<double> fractions;
+  const Positions whole = split_update(fresh, motion, options, [&](double fraction, const char*) {
+                            ++calls;
+                            fractions.push_back(fraction);
+                            return true;
+                          }).offsets;
+  CHECK(std::is_sorted(fractions.begin(), fractions.end()));
+  CHECK(calls > 10);  // one Gauss-Newton step has tens of rounds
+  Deformer stopped(one.mesh, one.roles, 1, {});
+  for (int last : {1, 2, calls / 4, calls / 2}) {
+    int left = last;
+    const auto stop = [&](double, const char*) { return --left > 0; };
+    CHECK_THAT(
+        test::refusal([&] { split_update(stopped, motion, options, stop); }, Status::cancelled),
+        contains("cancelled"));
+  }
+  CHECK((split_update(stopped, motion, options).offsets.array() == whole.array()).all());
 }

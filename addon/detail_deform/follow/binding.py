@@ -113,6 +113,7 @@ def _follow(ob, bound, depsgraph, force):
     if not force and record is not None and record.of == what:
         return record.problem
     slow_results.cancel(offset_attribute.token(ob.data))
+    slow_results.make_way(bound.deformer)
     record = shown.show(ob.data, bound.deformer.offsets(motions, base, **look.quick(asked)), what)
     record.only_moved = [
         handle.name for handle, motion in zip(handle_matrices.enabled_handles(settings), motions)
@@ -126,7 +127,8 @@ def _follow(ob, bound, depsgraph, force):
         # A render must not show the quick result, and without a window there is no drag to keep up with.
         wait = bpy.app.background or depsgraph.mode == 'RENDER'
         record.is_final = False
-        SlowUpdate(ob, motions, turns, {**asked, 'base': base}).run(wait)
+        asked = {**asked, 'steps': look.steps(settings), 'turns': turns, 'base': base}
+        SlowUpdate(ob, bound.deformer, motions, asked).run(wait)
     return record.problem
 
 
@@ -268,6 +270,7 @@ def unbind(ob):
         handle.property_unset('rest_euler')
     settings.property_unset('base_rest_matrix')
     slow_results.cancel(offset_attribute.token(ob.data))
+    slow_results.make_way(bound.deformer)
     if not _owners(signature):
         cancel(signature)
     dependency.release(ob)
@@ -306,6 +309,6 @@ def make_base_object(ob):
     if bound is None or settings.stale or settings.base == 'OBJECT':
         raise MeshProblem("Bind with a computed base first: that is what becomes an object.")
     rest = np.repeat(np.eye(4)[None, :3], bound.deformer.info.handle_count, axis=0)
-    offsets = bound.deformer.offsets(rest, shown='BASE').reshape(-1, 3)
+    offsets = bound.deformer.offsets(rest, output='BASE').reshape(-1, 3)
     settings.base_object = outside_base.make(ob, mesh_data.positions(ob.data) + offsets)
     settings.base = 'OBJECT'

@@ -45,10 +45,10 @@ def start(context, ob, source, matched=None):
     or native.NativeError; nothing is changed then."""
     settings = ob.detail_deform.transfer
     check_start(ob, source)
-    job, content = _job(source, ob, matched or _matched(source, ob)), _content(source, ob, matched)
+    used, content = matched or _matched(source, ob), _content(source, ob, matched)
     preparing.forget_failure(content)
     if not (preparing.find(content) or preparing.under_way(content)):
-        preparing.start(content, job)
+        preparing.start(content, _job(source, ob, used))
     if bpy.app.background:
         preparing.finish(content)
     if matched:

@@ -7,16 +7,16 @@ from ..scene import examples
 def options(settings):
     """Options of an update: what can change without a new bind. Those that don't matter to the method
     keep their default, so that changing them costs nothing."""
-    look = {'method': settings.method, 'shown': settings.output}
+    look = {'method': settings.method, 'output': settings.output}
     if settings.method in {'TRANSFER', 'GRADIENT'}:
-        look['rotation_only'] = settings.rotation_only
+        look['gradients'] = 'ROTATIONS' if settings.rotation_only else 'WHOLE'
     if settings.method == 'TRANSFER':
         look['refine'] = 0 if why_not_refined(settings) else settings.refine
         look['formulation'] = settings.formulation
     if settings.method == 'NORMAL':
         look['levels'] = settings.levels
     if settings.method == 'EXAMPLES':
-        look['rotation_only'] = False  # examples that swell are to be met
+        look['gradients'] = 'WHOLE'  # examples that swell are to be met
         look['example_stiffness'] = settings.example_stiffness
         if settings.weights_by == 'SLIDERS' and settings.base == 'COMPUTED':
             look['example_weights'] = examples.weights(settings)
@@ -51,7 +51,7 @@ def why_not_in_steps(settings):
 def quick(asked):
     """What is shown while handles move: a slow method is replaced by detail transfer."""
     if asked['method'] == 'VOLUMES':
-        return {'method': 'TRANSFER', 'refine': 0, 'shown': asked['shown']}
+        return {'method': 'TRANSFER', 'refine': 0, 'output': asked['output']}
     return asked
 
 

@@ -2,7 +2,7 @@
 """Slow results (in several steps, or by a slow method), computed in the background once an object's
 handles rest.
 
-Nothing here knows Blender's objects: a request has a token, starts a native.Split and hands its offsets
+Nothing here knows Blender's objects: a request has a token, starts a native.Update and hands its offsets
 over.
 """
 
@@ -11,7 +11,6 @@ import time
 import bpy
 
 from ..library import native
-from ..scene.mesh_data import MeshProblem
 
 # A drag moves the handles many times a second: work starts when that has paused for so long.
 _PAUSE_SECONDS = 0.3
@@ -21,17 +20,27 @@ _TICK_SECONDS = 0.1
 class _Request:
     def __init__(self, work):
         self.work = work
-        self.due = time.monotonic() + _PAUSE_SECONDS
         self.job = None
+        self.pause()
+
+    def pause(self):
+        self.due = time.monotonic() + _PAUSE_SECONDS
+
+    def stop(self):
+        if self.job:
+            self.job.cancel()
+            _ending.append(self.job)
+            self.job = None
 
 
 _requests = {}
-_ending = []  # cancelled jobs, until their stage has ended: closing one waits for that
+_ending = []  # cancelled jobs, until they have ended: closing one waits for that
 
 
 def request(token, work):
-    """work.start() gives the native.Split, work.deliver(offsets, info) takes its result, work.refuse(sentence) its
-    error; work.tell() is called while it is under way, and it ends when work.is_wanted() is not true any more."""
+    """work.start(wait) gives the native.Update of work.deformer, work.deliver(offsets, info) takes its result,
+    work.refuse(sentence) its error; work.tell() is called while it is under way, and it ends when work.is_wanted() is
+    not true any more."""
     cancel(token)
     _requests[token] = _Request(work)
     if not bpy.app.timers.is_registered(_tick):
@@ -40,16 +49,23 @@ def request(token, work):
 
 def cancel(token):
     pending = _requests.pop(token, None)
-    if pending and pending.job:
-        pending.job.cancel()
-        _ending.append(pending.job)
+    if pending:
+        pending.stop()
+
+
+def make_way(deformer):
+    """Stops what works with a deformer that another object needs now; it starts again after a pause."""
+    for pending in _requests.values():
+        if pending.work.deformer is deformer:
+            pending.stop()
+            pending.pause()
 
 
 def finish(token):
     """Waits for the request of that token, if there is one."""
     pending = _requests.pop(token, None)
     if pending:
-        pending.job = pending.job or pending.work.start()
+        pending.job = pending.job or pending.work.start(wait=True)
         pending.work.deliver(*pending.job.finish())
 
 
@@ -66,7 +82,7 @@ def _go_on(token, pending):
         cancel(token)
     elif pending.job is None:
         if time.monotonic() >= pending.due:
-            pending.job = pending.work.start()
+            pending.job = pending.work.start(wait=False)
     elif pending.job.progress()[0]:
         pending.work.tell()
     else:
@@ -78,7 +94,9 @@ def _tick():
     for token, pending in list(_requests.items()):
         try:
             _go_on(token, pending)
-        except (native.NativeError, MeshProblem) as error:
+        except native.NativeError as error:
+            if error.busy:  # another object's update is under way
+                continue
             cancel(token)
             pending.work.refuse(str(error))
         except Exception:

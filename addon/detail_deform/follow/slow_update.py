@@ -3,19 +3,18 @@
 
 from ..library import native
 from ..scene import offset_attribute
-from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
-from . import content, look, registry, shown, slow_results
+from . import registry, shown, slow_results
 
 
 class SlowUpdate:
     """Work for slow_results: for whatever mesh still shows the quick result when this is done."""
 
-    def __init__(self, ob, motions, turns, asked):
-        """motions, turns, asked: as native.Split takes them."""
+    def __init__(self, ob, deformer, motions, asked):
+        """motions, asked: as native.Update takes them."""
         self.token = offset_attribute.token(ob.data)
-        self._steps = look.steps(ob.detail_deform)
-        self._motions, self._turns, self._asked = motions, turns, asked
+        self.deformer = deformer
+        self._motions, self._asked = motions, asked
 
     def is_wanted(self):
         return bool(self._owners())
@@ -24,13 +23,9 @@ class SlowUpdate:
         return [ob for ob in registry.members()
                 if ob.mode != 'EDIT' and ob.detail_deform.signature and offset_attribute.token(ob.data) == self.token]
 
-    def start(self):
-        """The native.Split. Raises MeshProblem or native.NativeError."""
-        owners = self._owners()
-        if not owners:
-            raise MeshProblem("The object was changed.")
-        arguments = content.bind_arguments(owners[0], content.roles(owners[0]))
-        return native.Split(arguments, self._motions, self._turns, self._steps, self._asked)
+    def start(self, wait):
+        """The native.Update. wait: for another one that has the deformer in use. Raises native.NativeError."""
+        return native.Update(self.deformer, self._motions, wait=wait, **self._asked)
 
     def deliver(self, offsets, info):
         # Two meshes hold the same where one is a copy of the other.
@@ -54,8 +49,8 @@ class SlowUpdate:
             slow_results.request(self.token, self)
             return
         try:  # in a render another thread, which must not set up timers
-            self.deliver(*self.start().finish())
-        except (MeshProblem, native.NativeError) as error:
+            self.deliver(*self.start(wait=True).finish())
+        except native.NativeError as error:
             self.refuse(str(error))
 
     tell = staticmethod(redraw_panels)

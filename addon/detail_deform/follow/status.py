@@ -111,10 +111,10 @@ def _remarks(ob, bound):
     elif not modifier.show_viewport:
         yield "Its modifier is hidden, so nothing is computed."
     if info.resting_count:
-        yield (f"{_count(info.resting_part_count, 'loose part', 'loose parts')} of the region "
+        yield (f"{_count(info.resting_component_count, 'loose part', 'loose parts')} of the region "
                f"({_count(info.resting_count, 'vertex', 'vertices')}, such as vertex "
-               f"{info.resting_example}) {'stays' if info.resting_part_count == 1 else 'stay'} at rest: "
-               f"no handle is on {'it' if info.resting_part_count == 1 else 'them'}.")
+               f"{info.resting_example}) {'stays' if info.resting_component_count == 1 else 'stay'} at rest: "
+               f"no handle is on {'it' if info.resting_component_count == 1 else 'them'}.")
     if info.loose_count:
         yield (f"{_count(info.loose_count, 'vertex', 'vertices')} without faces (such as vertex "
                f"{info.loose_example}) {'stays' if info.loose_count == 1 else 'stay'} at rest.")

@@ -5,7 +5,7 @@ import array
 
 import numpy as np
 
-from ..library import native_transfer
+from ..library import native
 from ..scene import mesh_data
 from . import markers
 from ..scene.mesh_data import MeshProblem
@@ -128,8 +128,8 @@ def search(source, target):
     background, and what finished() takes. Raises MeshProblem or native.NativeError."""
     pairs = markers.pairs(source, target)
     matched = Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
-    match = native_transfer.Match((mesh_data.rest(source.data), matched.source_triangles),
-                                  (mesh_data.rest(target.data), matched.target_triangles), pairs)
+    match = native.Match((mesh_data.rest(source.data), matched.source_triangles),
+                         (mesh_data.rest(target.data), matched.target_triangles), pairs)
     return match, matched
 
 

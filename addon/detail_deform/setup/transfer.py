@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from ..follow import binding
-from ..library import native_transfer
+from ..library import native
 from ..scene import apply_result, mesh_data, node_group, offset_attribute, pc2
 from . import bake
 from ..scene.mesh_data import MeshProblem
@@ -31,7 +31,8 @@ class Prepared:
 
     def apply(self, pose, rotation_only):
         """(n, 3) float32 of the target, from the source's."""
-        return self._transfer.apply(pose * self._source, rotation_only) / self._target
+        gradients = 'ROTATIONS' if rotation_only else 'WHOLE'
+        return self._transfer.apply(pose * self._source, gradients) / self._target
 
 
 def proportions(ob):
@@ -43,30 +44,22 @@ def proportions(ob):
 
 
 class Preparation:
-    """A transfer that is to be factored: a job like those of native, which the library has not got for this yet, so
-    that finish() does all the work. Blender's data are read at the start alone."""
+    """A transfer between two objects that is being factored: a job like those of native. Blender's data are read at the
+    start alone."""
 
     def __init__(self, source, target, matched, anchor, anchor_group, formulation='SURFACE', precision='DOUBLE'):
-        """anchor and formulation: as in transfer_settings. Raises MeshProblem."""
+        """anchor and formulation: as in transfer_settings. Raises MeshProblem or native.NativeError."""
         self._sides = proportions(source), proportions(target)
-        self._meshes = ((mesh_data.rest(source.data) * self._sides[0], matched.source_triangles),
-                        (mesh_data.rest(target.data) * self._sides[1], matched.target_triangles))
-        self._pairs = matched.pairs, matched.pairs_of
-        self._options = {'anchor': anchor, 'anchors': _anchors(target, anchor, anchor_group), 'formulation': formulation,
-                         'precision': precision}
-
-    def progress(self):
-        """(running, fraction, stage)"""
-        return False, 0.0, "factoring"
-
-    def cancel(self):
-        pass
-
-    close = cancel
+        meshes = ((mesh_data.rest(source.data) * self._sides[0], matched.source_triangles),
+                  (mesh_data.rest(target.data) * self._sides[1], matched.target_triangles))
+        self._job = native.TransferJob(*meshes, matched.pairs, pairs_of=matched.pairs_of, anchor=anchor,
+                                       anchors=_anchors(target, anchor, anchor_group), formulation=formulation,
+                                       precision=precision)
+        self.progress, self.cancel, self.close = self._job.progress, self._job.cancel, self._job.close
 
     def finish(self):
         """The Prepared, or native.NativeError."""
-        return Prepared(native_transfer.Transfer(*self._meshes, *self._pairs, **self._options), *self._sides)
+        return Prepared(self._job.finish(), *self._sides)
 
 
 def prepare(source, target, matched, anchor, anchor_group, formulation='SURFACE'):
@@ -90,9 +83,9 @@ def _anchors(target, anchor, anchor_group):
 def remarks(transfer):
     """What the user may not expect of these meshes, in sentences."""
     info = transfer.info
-    if info.unmatched_part_count:
-        yield (f"{info.unmatched_part_count} loose part(s) of the target (such as that of vertex "
-               f"{info.unmatched_part_example}) correspond to nothing and go with the rest.")
+    if info.unmatched_component_count:
+        yield (f"{info.unmatched_component_count} loose part(s) of the target (such as that of vertex "
+               f"{info.unmatched_component_example}) correspond to nothing and go with the rest.")
     elif info.unmatched_count:
         yield (f"{info.unmatched_count:,} triangles of the target correspond to nothing and go with the nearest "
                "that do.")

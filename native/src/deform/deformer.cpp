@@ -39,6 +39,13 @@ Mesh validated(Mesh mesh) {
 Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
                    const BindOptions& options, const Progress& progress)
     : workers_(options.threads),
+      bind_options_{options.base_metric,
+                    options.metric_smoothing,
+                    options.smoothness,
+                    {},
+                    options.precision,
+                    options.threads,
+                    {}},
       mesh_(validated(std::move(mesh))),
       region_(split_region(mesh_, roles, handle_count,
                            options.base.size() ? MovedBy::base : MovedBy::handles)) {
@@ -117,7 +124,8 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
     return;
   }
   const bool carried = facts(options.method).from_base;
-  method(options.method).update({coefficients_, linear_, base_, moved_}, options.of_method);
+  Method& method = this->method(options.method, options.of_method.progress);
+  method.update({coefficients_, linear_, base_, moved_}, options.of_method);
   if (carried && carried_) carried_->place(base_, moved_);
 }
 
@@ -160,9 +168,9 @@ void Deformer::take_matrices(const double* matrices) {
   }
 }
 
-Method& Deformer::method(MethodKind kind) {
+Method& Deformer::method(MethodKind kind, const Progress& progress) {
   std::unique_ptr<Method>& made = methods_[static_cast<size_t>(kind)];
-  if (!made) made = facts(kind).make(*bound_);
+  if (!made) made = facts(kind).make(*bound_, progress);
   return *made;
 }
 

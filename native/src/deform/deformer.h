@@ -49,6 +49,8 @@ class Deformer {
                  const Positions* deformed_base = nullptr);
 
   const Mesh& mesh() const { return mesh_; }
+  /// As it was bound, but for base and examples, which only this surface fits.
+  const BindOptions& bind_options() const { return bind_options_; }
   /// Whether updates need B'.
   bool outside_base() const { return bound_->outside_base(); }
   const Region& region() const { return region_; }
@@ -68,7 +70,7 @@ class Deformer {
   void take_matrices(const double* matrices);
   void move_base(const Positions* deformed);
   /// The method, prepared when it isn't yet.
-  Method& method(MethodKind kind);
+  Method& method(MethodKind kind, const Progress& progress);
   /// Throws Error(numeric) where the displacement, or a position with it, leaves the range of
   /// floats.
   void require_floats();
@@ -77,6 +79,7 @@ class Deformer {
   Positions place_in_mesh(const Rows& rows) const;
 
   Workers workers_;
+  BindOptions bind_options_;
   Mesh mesh_;
   Region region_;
   UnitBox box_;

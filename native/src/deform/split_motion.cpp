@@ -47,21 +47,12 @@ ScrewMotion::Affine ScrewMotion::at(double s) const {
   return result;
 }
 
-SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
-                         const BindOptions& bind, const SplitMotion& motion,
-                         const UpdateOptions& update, const Progress& progress,
-                         const Positions* deformed_base) {
-  if (bind.base.size() && motion.steps != 1)
-    throw Error(Status::argument, "A base from outside has no motion that could be split.");
-  if (!facts(update.method).in_steps && motion.steps != 1)
-    throw Error(Status::argument,
-                "Posing by example goes to any pose in one step: steps would forget the rest.");
-  validate(mesh);
-  const Region region =
-      split_region(mesh, roles, handle_count, bind.base.size() ? MovedBy::base : MovedBy::handles);
-  const Positions centres = handle_centres(region, mesh.positions);
-  std::vector<ScrewMotion> screws;  // of no need, and maybe not to be had, for one step
-  for (int h = 0; h < handle_count && motion.steps > 1; ++h) {
+namespace {
+
+std::vector<ScrewMotion> screw_motions(const Deformer& bound, const SplitMotion& motion) {
+  const Positions centres = handle_centres(bound.region(), bound.mesh().positions);
+  std::vector<ScrewMotion> screws;
+  for (int h = 0; h < bound.region().handle_count; ++h) {
     const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> matrix(
         motion.matrices.data() + 12 * static_cast<size_t>(h));
     Eigen::Vector3d turn = Eigen::Vector3d::Zero();
@@ -75,39 +66,70 @@ SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int ha
       throw Error(error.status(), "Handle " + std::to_string(h) + ": " + error.what());
     }
   }
+  return screws;
+}
 
-  // A method that is slow takes the larger part of a step.
-  const double bound_at = facts(update.method).slow ? 0.2 : 0.95;
-  Mesh surface = mesh;
+/// What takes the handles from their places at one time to those at another.
+std::vector<double> between(const std::vector<ScrewMotion>& screws, double before, double now) {
+  std::vector<double> matrices;
+  for (const ScrewMotion& screw : screws) {
+    Eigen::Matrix4d from = Eigen::Matrix4d::Identity(), to = from;
+    from.topRows<3>() = screw.at(before);
+    to.topRows<3>() = screw.at(now);
+    const Eigen::Matrix<double, 3, 4, Eigen::RowMajor> change = (to * from.inverse()).topRows<3>();
+    matrices.insert(matrices.end(), change.data(), change.data() + 12);
+  }
+  return matrices;
+}
+
+}  // namespace
+
+SplitResult split_update(Deformer& bound, const SplitMotion& motion, const UpdateOptions& update,
+                         const Progress& progress, const Positions* deformed_base,
+                         const std::function<void()>& let_go) {
+  if (bound.outside_base() && motion.steps != 1)
+    throw Error(Status::argument, "A base from outside has no motion that could be split.");
+  if (!facts(update.method).in_steps && motion.steps != 1)
+    throw Error(Status::argument,
+                "Posing by example goes to any pose in one step: steps would forget the rest.");
+  std::vector<ScrewMotion> screws;  // of no need, and maybe not to be had, for one step
+  if (motion.steps > 1) screws = screw_motions(bound, motion);
+
+  Mesh surface = bound.mesh();
   SplitResult result;
   for (int step = 1; step <= motion.steps; ++step) {
     const double before = double(step - 1) / motion.steps, now = double(step) / motion.steps;
     const auto tell = [&](double within_step, const char* stage) {
       return !progress || progress(before + within_step * (now - before), stage);
     };
-    std::vector<double> matrices = motion.steps > 1 ? std::vector<double>() : motion.matrices;
-    for (const ScrewMotion& screw : screws) {
-      Eigen::Matrix4d from = Eigen::Matrix4d::Identity(), to = from;
-      from.topRows<3>() = screw.at(before);
-      to.topRows<3>() = screw.at(now);
-      const Eigen::Matrix<double, 3, 4, Eigen::RowMajor> change =
-          (to * from.inverse()).topRows<3>();
-      matrices.insert(matrices.end(), change.data(), change.data() + 12);
-    }
+    // A method that is slow takes the larger part of a step.
+    const double bound_at = step == 1 ? 0 : facts(update.method).slow ? 0.2 : 0.95;
     UpdateOptions options = update;
     if (step < motion.steps) options.shown = Shown::result;
     options.of_method.progress = [&](double fraction, const char* stage) {
       return tell(bound_at + (1 - bound_at) * fraction, stage);
     };
-    try {
-      Deformer deformer(surface, roles, handle_count, bind,
-                        [&](double fraction, const char* stage) {
-                          return tell(bound_at * std::min(fraction, 0.999), stage);
-                        });
+    const auto advance = [&](Deformer& deformer) {
+      const std::vector<double> matrices =
+          motion.steps > 1 ? between(screws, before, now) : motion.matrices;
       surface.positions += deformer.update(matrices.data(), options, deformed_base);
-      const MethodFindings findings = deformer.findings(update.method);
+      if (options.shown == Shown::base) return;  // the method had no part in it
+      const MethodFindings findings = deformer.findings(options.method);
       result.volume_error = findings.volume_error;
       result.volumes_settled = findings.settled;
+    };
+    try {
+      if (step == 1) {
+        report(tell, 0, "Deforming");
+        advance(bound);
+        if (let_go) let_go();
+        continue;
+      }
+      Deformer deformer(surface, bound.region().role, bound.region().handle_count,
+                        bound.bind_options(), [&](double fraction, const char* stage) {
+                          return tell(bound_at * std::min(fraction, 0.999), stage);
+                        });
+      advance(deformer);
     } catch (const Error& error) {
       if (error.status() == Status::cancelled || motion.steps == 1) throw;
       throw Error(error.status(), "In step " + std::to_string(step) + " of " +
@@ -115,7 +137,7 @@ SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int ha
     }
   }
   report(progress, 1.0, "Done");
-  result.offsets = surface.positions - mesh.positions;
+  result.offsets = surface.positions - bound.mesh().positions;
   return result;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "deform/deformer.h"
@@ -43,11 +44,12 @@ struct SplitResult {
   bool volumes_settled = true;
 };
 
-/// Arguments as for Deformer and its update; a base from outside has no motion that could be split
-/// and allows one step only. Throws Error, with the step where it happened.
-SplitResult split_update(const Mesh& mesh, const std::vector<int>& roles, int handle_count,
-                         const BindOptions& bind, const SplitMotion& motion,
-                         const UpdateOptions& update, const Progress& progress = {},
-                         const Positions* deformed_base = nullptr);
+/// Arguments as for Deformer::update(); a base from outside has no motion that could be split and
+/// allows one step only. The first step is an update of the bound deformer, the later ones of
+/// surfaces bound anew, which only read what never changes of it. let_go: called where these begin,
+/// and from where on others may update the deformer. Throws Error, with the step where it happened.
+SplitResult split_update(Deformer& bound, const SplitMotion& motion, const UpdateOptions& update,
+                         const Progress& progress = {}, const Positions* deformed_base = nullptr,
+                         const std::function<void()>& let_go = {});
 
 }  // namespace dd

@@ -52,7 +52,7 @@ SparseMatrix free_rows_in_order(const SparseMatrix& matrix, const RowOrder& orde
 
 }  // namespace
 
-DisplacementVolumes::DisplacementVolumes(BoundSurface& bound)
+DisplacementVolumes::DisplacementVolumes(BoundSurface& bound, const Progress& progress)
     : bound_(bound), transfer_(bound), normal_(bound) {
   const RowOrder& order = bound.order();
   const std::vector<int>& active = bound.poisson->active().triangles;
@@ -72,8 +72,11 @@ DisplacementVolumes::DisplacementVolumes(BoundSurface& bound)
   metric_ = free_rows_in_order(bound.operators.laplacian, order);
   const double reach = kReach * height_;
   for (int r = 0; r < order.free_count; ++r) metric_.coeffRef(r, r) += masses_[r] / (reach * reach);
+  FactorOptions options;
+  options.stage = "Preparing to restore the volumes";
+  if (progress) options.progress = [&](double, const char* stage) { return progress(0, stage); };
   try {
-    factor_ = std::make_unique<SparseCholesky>(metric_);
+    factor_ = std::make_unique<SparseCholesky>(metric_, options);
   } catch (const SingularMatrix& singular) {
     throw UnsolvableSurface(order.vertex_of_row[singular.row()]);
   }
@@ -135,7 +138,8 @@ DisplacementVolumes::Vector DisplacementVolumes::preconditioned(const Vector& re
   return Vector(metric_ * scaled).cwiseQuotient(masses_);
 }
 
-Rows DisplacementVolumes::shift_for(const Vector& wanted) const {
+template <class GoOn>
+Rows DisplacementVolumes::shift_for(const Vector& wanted, const GoOn& go_on) const {
   constexpr int kMostRounds = 100;
   constexpr double kEnough = 1e-2;
   const double softness = kSoftness * height_ * kSoftness * height_;
@@ -144,6 +148,7 @@ Rows DisplacementVolumes::shift_for(const Vector& wanted) const {
   double product = residual.dot(z);
   const double enough = kEnough * wanted.norm();
   for (int round = 0; round < kMostRounds && residual.norm() > enough; ++round) {
+    go_on();
     const Rows forces = transposed(direction);
     const RowMatrix solved = factor_->solve(forces.leftCols<3>());
     Rows moved = Rows::Zero(forces.rows(), 4);
@@ -184,10 +189,12 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
   constexpr double kLongestStep = 0.3;  // of the height: prisms are far from linear beyond
   Rows surface = start, shift = Rows::Zero(free_count, 4);
   double first_change = 0, done = 0;
+  // A round takes as long as a frame, a step as long as a hundred: it must be possible to stop.
+  const auto go_on = [&] { report(options.progress, done, "Restoring the volumes"); };
   settled_ = false;
   for (int step = 0; step < options.volume_iterations && !settled_; ++step) {
     const Vector missing = missing_volumes(surface, frame.base);
-    Rows change = shift_for(applied(shift) - missing) - shift;
+    Rows change = shift_for(applied(shift) - missing, go_on) - shift;
     const double largest = change.cwiseAbs().maxCoeff() / height_;
     if (!std::isfinite(largest))
       throw Error(Status::numeric,
@@ -200,9 +207,8 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
     first_change = std::max(first_change, largest);
     const double left = (largest - options.volume_tolerance) /
                         std::max(first_change - options.volume_tolerance, 1e-300);
-    // A step may change more than the one before it, but progress never falls.
-    done = std::clamp(1 - left, done, 0.99);
-    report(options.progress, done, "Restoring the volumes");
+    done = std::max(done, std::clamp(1 - left, 0.0, 0.99));  // a step may undo some of the last
+    go_on();
   }
   volume_error_ =
       missing_volumes(surface, frame.base).cwiseAbs().sum() / rest_volumes_.cwiseAbs().sum();

@@ -24,7 +24,8 @@ namespace dd {
 /// Slow, and not meant for dragging.
 class DisplacementVolumes : public Method {
  public:
-  explicit DisplacementVolumes(BoundSurface& bound);
+  /// progress: asked while a factor is made, and told no fraction.
+  explicit DisplacementVolumes(BoundSurface& bound, const Progress& progress = {});
   void update(const Frame& frame, const MethodOptions& options) override;
   MethodFindings findings() const override;
   double bytes() const override;
@@ -38,7 +39,9 @@ class DisplacementVolumes : public Method {
   Vector applied(const Rows& displacement) const;    // J x
   Vector preconditioned(const Vector& residual) const;
   /// H⁻¹ Jᵀ λ with (J H⁻¹ Jᵀ + μ M) λ = wanted, H = L + M / ℓ².
-  Rows shift_for(const Vector& wanted) const;
+  /// go_on: called in each round, may throw.
+  template <class GoOn>
+  Rows shift_for(const Vector& wanted, const GoOn& go_on) const;
 
   BoundSurface& bound_;
   Transfer transfer_;

@@ -16,8 +16,14 @@ namespace dd {
 namespace {
 
 template <class Kind>
-std::unique_ptr<Method> make(BoundSurface& bound) {
+std::unique_ptr<Method> make(BoundSurface& bound, const Progress&) {
   return std::make_unique<Kind>(bound);
+}
+std::unique_ptr<Method> make_volumes(BoundSurface& bound, const Progress& progress) {
+  return std::make_unique<DisplacementVolumes>(bound, progress);
+}
+std::unique_ptr<Method> make_posing(BoundSurface& bound, const Progress&) {
+  return make_examples(bound);
 }
 
 // By MethodKind:           name                   slow   steps  base
@@ -26,8 +32,8 @@ constexpr MethodFacts kMethods[] = {
     {"smooth displacement", false, true, false, make<Variational>},
     {"normal displacement", false, true, false, make<NormalDisplacement>},
     {"gradient editing", false, true, true, make<GradientEditing>},
-    {"displacement volumes", true, true, false, make<DisplacementVolumes>},
-    {"posing by example", false, false, false, make_examples}};
+    {"displacement volumes", true, true, false, make_volumes},
+    {"posing by example", false, false, false, make_posing}};
 static_assert(std::size(kMethods) == kMethodCount);
 
 }  // namespace

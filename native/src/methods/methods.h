@@ -15,7 +15,8 @@ struct MethodFacts {
   bool in_steps;     ///< may approach a large motion by steps, each from the last one's result
   bool from_base;    ///< goes where a base from outside goes, but leaves the place of components
                      ///< that nothing holds open
-  std::unique_ptr<Method> (*make)(BoundSurface& bound);
+  /// progress: of preparing a slow method, which is asked whether to go on.
+  std::unique_ptr<Method> (*make)(BoundSurface& bound, const Progress& progress);
 };
 
 constexpr int kMethodCount = 6;

@@ -45,14 +45,15 @@ TetMesh with_fourth_points(const Mesh& mesh, const std::vector<int>& triangles) 
 }
 
 FourthPoints::FourthPoints(const Mesh& mesh, const Region& region, std::vector<int> triangles,
-                           FourthPointWeights weights)
+                           FourthPointWeights weights, const Progress& progress)
     : weights_(weights),
       triangles_(std::move(triangles)),
       roles_(with_free_fourth_points(region, triangles_.size())),
       tets_(with_fourth_points(mesh, triangles_)),
       poisson_(tets_, roles_, region.handle_count, deformation_operator(tets_),
                weights == FourthPointWeights::volumes ? volumes(tets_)
-                                                      : Eigen::VectorXd::Ones(tets_.tet_count())),
+                                                      : Eigen::VectorXd::Ones(tets_.tet_count()),
+               progress),
       unknowns_(static_cast<int>(std::count(roles_.begin(), roles_.end(), kFree))) {}
 
 void FourthPoints::solve(const std::function<Eigen::Matrix3d(int)>& gradient_of,

@@ -25,9 +25,10 @@ enum class FourthPointWeights {
 /// replaces: n + m unknowns in place of n, G̃ᵀ D G̃ p' = G̃ᵀ D S (10).
 class FourthPoints {
  public:
-  /// triangles: those that have a say. Throws as with_fourth_points(), and Error(numeric).
+  /// triangles: those that have a say. Throws as with_fourth_points(), and Error(numeric); progress
+  /// of the factorization, from 0 to 1.
   FourthPoints(const Mesh& mesh, const Region& region, std::vector<int> triangles,
-               FourthPointWeights weights);
+               FourthPointWeights weights, const Progress& progress = {});
 
   FourthPointWeights weights() const { return weights_; }
   int unknowns() const { return unknowns_; }

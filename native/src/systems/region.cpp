@@ -89,7 +89,7 @@ Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_
   }
 
   std::vector<int> kept = roles;
-  int resting_count = 0, resting_part_count = 0, resting_example = -1;
+  int resting_count = 0, resting_component_count = 0, resting_example = -1;
   int loose_count = 0, loose_example = -1;
   std::vector<char> part_rests(static_cast<size_t>(parts.count), 0);
   for (int v = 0; v < n; ++v) {
@@ -101,13 +101,13 @@ Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_
     }
     if (resting_count++ == 0) resting_example = v;
     char& rests = part_rests[parts.of_vertex[v]];
-    resting_part_count += !rests;
+    resting_component_count += !rests;
     rests = 1;
   }
 
   Region region = region_of(std::move(kept), handle_count);
   region.resting_count = resting_count;
-  region.resting_part_count = resting_part_count;
+  region.resting_component_count = resting_component_count;
   region.resting_example = resting_example;
   region.loose_count = loose_count;
   region.loose_example = loose_example;

@@ -34,9 +34,12 @@ Region checked_region(const std::vector<int>& roles, int handle_count) {
   return region;
 }
 
-SparseCholesky factored(const SparseMatrix& laplacian, const Region& region) {
+SparseCholesky factored(const SparseMatrix& laplacian, const Region& region,
+                        const Progress& progress) {
+  BlockOptions options;
+  options.progress = progress;
   try {
-    return factor_free_block(free_block(laplacian, region), region);
+    return factor_free_block(free_block(laplacian, region), region, options);
   } catch (const UnsolvableSurface& error) {
     throw Error(Status::numeric, "The solid can't be solved for near vertex " +
                                      std::to_string(error.vertex()) +
@@ -119,14 +122,15 @@ SparseMatrix deformation_operator(const TetMesh& mesh) {
 }
 
 TetPoisson::TetPoisson(const TetMesh& mesh, const std::vector<int>& roles, int handle_count,
-                       SparseMatrix operator_, const Eigen::VectorXd& weights)
+                       SparseMatrix operator_, const Eigen::VectorXd& weights,
+                       const Progress& progress)
     : rest_(mesh.positions),
       region_(checked_region(roles, handle_count)),
       gradient_(std::move(operator_)),
       weighted_(gradient_.transpose() *
                 Eigen::VectorXd(weights.transpose().replicate(3, 1).reshaped()).asDiagonal()),
       laplacian_(weighted_ * gradient_),
-      factor_(factored(laplacian_, region_)) {}
+      factor_(factored(laplacian_, region_, progress)) {}
 
 Positions TetPoisson::solve(const Positions& constrained, const RowMatrix& gradients) const {
   // For the displacement from rest, whose gradients are the wanted ones less I: see PoissonSystem.

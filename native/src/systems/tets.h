@@ -38,9 +38,9 @@ SparseMatrix deformation_operator(const TetMesh& mesh);
 class TetPoisson {
  public:
   /// roles as for split_region(). weights: D, m values, the volumes; ones give (10) as it stands.
-  /// operator_: G or G̃. Throws Error.
+  /// operator_: G or G̃. Throws Error; progress of the factorization, from 0 to 1.
   TetPoisson(const TetMesh& mesh, const std::vector<int>& roles, int handle_count,
-             SparseMatrix operator_, const Eigen::VectorXd& weights);
+             SparseMatrix operator_, const Eigen::VectorXd& weights, const Progress& progress = {});
 
   const SparseMatrix& laplacian() const { return laplacian_; }  ///< GᵀDG, n×n
   const SparseMatrix& gradient_operator() const { return gradient_; }

@@ -127,11 +127,11 @@ void MeshTransfer::factor(const TransferOptions& options, const Progress& progre
   } else {
     std::vector<int> all(static_cast<size_t>(unit.triangle_count()));
     std::iota(all.begin(), all.end(), 0);
-    report(progress, 0.0, "Factoring the system with fourth points");
     fourth_points_ = std::make_unique<FourthPoints>(
         unit, region_, all,
         options.formulation == Formulation::fourth_points ? FourthPointWeights::volumes
-                                                          : FourthPointWeights::ones);
+                                                          : FourthPointWeights::ones,
+        progress);
     unknowns_ = fourth_points_->unknowns();
     nonzeros_ = fourth_points_->nonzeros();
     std::vector<int> as_they_are(region_.free.size());

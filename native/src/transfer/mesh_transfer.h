@@ -49,8 +49,8 @@ Similarity fitted_placement(const Mesh& source, const Mesh& target,
 /// what doesn't deform decides, so that the shoulders rest while the jaw opens.
 class MeshTransfer {
  public:
-  /// Both meshes as for validate(); correspondence in their triangles. Throws Error; progress from 0
-  /// to 1.
+  /// Both meshes as for validate(); correspondence in their triangles. Throws Error; progress from
+  /// 0 to 1.
   MeshTransfer(Mesh source, Mesh target, const Correspondence& correspondence,
                const TransferOptions& options, const Progress& progress = {});
   ~MeshTransfer();

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bound surfaces: made, updated, and updated slowly."""
+
+import threading
+
+import numpy as np
+
+from .jobs import Job
+from .loading import Owned, call, call_when_free, count
+from .structs import COUNTS, ROLES, BindOptions, Info, Mesh, UpdateInfo, UpdateOptions, numbers
+
+ROLE_FREE, ROLE_FIXED = ROLES['FREE'], ROLES['FIXED']
+
+
+def update_options(refine=None, **options):
+    """dd_update_options for offsets, by the names of its fields and of its enums' values. refine: 0 is none, and None
+    the default."""
+    return UpdateOptions(refine=COUNTS['NONE'] if refine == 0 else refine, values='OFFSETS', **options)
+
+
+class Bind(Job):
+    """A bind under way; finish() gives the Deformer."""
+
+    def __init__(self, positions, triangles, roles, handle_count, **options):
+        """positions: (n, 3) float32; triangles: (m, 3) int32; roles: (n,) int32, ROLE_FREE, ROLE_FIXED or a handle number
+        below handle_count. options: by the names of dd_bind_options' fields; base (n, 3), examples (count, n, 3).
+        All are copied."""
+        roles = numbers('roles', roles, np.int32)
+        super().__init__('dd_bind_start', Mesh(positions=positions, triangles=triangles), roles, len(roles),
+                         handle_count, BindOptions(**options))
+        self._example_count = count(options.get('examples'))
+
+    def finish(self):
+        return Deformer(self._take('dd_job_take_deformer'), self._example_count)
+
+
+class Deformer(Owned):
+    """A bound surface. One update at a time: renders come from another thread than the window."""
+
+    free = 'dd_deformer_free'
+
+    def __init__(self, handle, example_count=0):
+        self._handle = handle
+        self._example_count = example_count
+        self._lock = threading.Lock()
+        self.info = self._read_info()
+
+    def _read_info(self):
+        info = Info()
+        call_when_free('dd_deformer_get_info', self._handle, info)
+        return info
+
+    def offsets(self, matrices, base=None, example_weights=None, **options):
+        """matrices: (h, 3, 4) float64, rest to present, object space. base: (n, 3) where the bind was given one.
+        example_weights: by method EXAMPLES, the pose of these weights, handles let go; None: those that fit the
+        handles. options: as of update_options. Calls are serialized, and wait for an Update's first step.
+        Returns (3 n,) float32 of its own, deformed minus rest. info is brought up to date: methods are prepared when
+        they are first used."""
+        matrices = numbers('matrices', matrices, np.float64, 3, 4)
+        how = update_options(base=base, example_weights=example_weights, **options)
+        found = np.empty(3 * self.info.vertex_count, np.float32)
+        with self._lock:
+            call_when_free('dd_deformer_update', self._handle, matrices, len(matrices), how, found,
+                           self.info.vertex_count)
+            self.info = self._read_info()
+        return found
+
+    def example_weights(self):
+        """(count,) float64: of the last update by method EXAMPLES."""
+        weights = np.zeros(self._example_count)
+        with self._lock:
+            call_when_free('dd_deformer_get_example_weights', self._handle, weights, len(weights))
+        return weights
+
+    def close(self):
+        with getattr(self, '_lock', None) or threading.Lock():
+            super().close()
+
+
+class Update(Job):
+    """A slow update under way: in steps, or by a slow method."""
+
+    def __init__(self, deformer, matrices, wait=False, **options):
+        """As for Deformer.offsets; steps, and turns (h, 3), rotation vectors, among the options. wait: for a deformer
+        that is in use, where NativeError says so otherwise."""
+        matrices = numbers('matrices', matrices, np.float64, 3, 4)
+        self._vertex_count = deformer.info.vertex_count
+        super().__init__('dd_update_start', deformer._handle, matrices, len(matrices), update_options(**options),
+                         call=call_when_free if wait else call)
+
+    def finish(self):
+        """Waits; (3 n,) float32 offsets and UpdateInfo, or NativeError. The work is over either way."""
+        offsets, info = np.empty(3 * self._vertex_count, np.float32), UpdateInfo()
+        try:
+            call('dd_job_get_update', self._handle, offsets, self._vertex_count)
+            call('dd_job_get_update_info', self._handle, info)
+        finally:
+            self.close()
+        return offsets, info

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Measures of a deformation, and distances over a surface."""
+
+import numpy as np
+
+from .loading import call
+from .structs import Measures, MeasureOptions, Mesh, numbers
+
+
+def measure(rest, deformed, triangles, roles, base=None, deformed_base=None):
+    """Measures of a deformation; all positions (n, 3), roles as for Bind."""
+    found = Measures()
+    deformed = numbers('deformed', deformed, np.float32, 3)
+    roles = numbers('roles', roles, np.int32)
+    call('dd_measure', Mesh(positions=rest, triangles=triangles), roles, len(roles), deformed, len(deformed),
+         MeasureOptions(base=base, deformed_base=deformed_base), found)
+    return found
+
+
+def distances(positions, triangles, sources):
+    """(n,) float32: over the surface, from the nearest source; infinite where no triangles lead.
+    positions: (n, 3); triangles: (m, 3); sources: (n,) bool."""
+    sources = numbers('sources', sources, np.int32)
+    found = np.empty(len(positions), np.float32)
+    call('dd_distances', Mesh(positions=positions, triangles=triangles), sources, len(sources), found, len(found))
+    return found

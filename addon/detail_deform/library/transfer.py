@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Deformation transfer between meshes, and the search for what corresponds."""
+
+import ctypes
+import threading
+
+import numpy as np
+
+from .jobs import Job
+from .loading import Owned, call, call_when_free, count
+from .structs import ApplyOptions, MatchOptions, Mesh, TransferInfo, TransferOptions, numbers
+
+
+def _mesh(positions, triangles):
+    return Mesh(positions=positions, triangles=triangles)
+
+
+def _pairs(values):
+    return None if values is None else numbers('pairs', values, np.int32, 2)
+
+
+class TransferJob(Job):
+    """A transfer that is being factored; finish() gives it."""
+
+    def __init__(self, source, target, pairs=None, **options):
+        """source, target: (positions (n, 3), triangles (m, 3)). pairs: (k, 2), or None for the same topology. options: by
+        the names of dd_transfer_options' fields. All are copied."""
+        pairs = _pairs(pairs)
+        super().__init__('dd_transfer_start', _mesh(*source), _mesh(*target), pairs, count(pairs),
+                         TransferOptions(**options))
+        self.vertex_count = len(target[0])
+
+    def finish(self):
+        return Transfer(job=self)
+
+
+class Transfer(Owned):
+    """A source and a target that correspond, factored: dd_transfer. One pose at a time."""
+
+    free = 'dd_transfer_free'
+
+    def __init__(self, *meshes_and_pairs, job=None, **options):
+        """Waits for a job, or for one of these arguments."""
+        job = job or TransferJob(*meshes_and_pairs, **options)
+        self._handle = job._take('dd_job_take_transfer')
+        self._lock = threading.Lock()
+        self._vertex_count = job.vertex_count
+        self.info = TransferInfo()
+        call('dd_transfer_get_info', self._handle, self.info)
+
+    def apply(self, pose, gradients='ROTATIONS', places=None):
+        """pose: (n, 3) of the source. places: (anchors, 3), where they go. Returns (n, 3) float32 of the target."""
+        pose = numbers('pose', pose, np.float32, 3)
+        how = ApplyOptions(gradients=gradients, places=places)
+        found = np.empty((self._vertex_count, 3), np.float32)
+        with self._lock:
+            call_when_free('dd_transfer_apply', self._handle, pose, len(pose), how, found, len(found))
+        return found
+
+
+class _Found(Owned):
+    free = 'dd_match_free'
+
+    def __init__(self, handle):
+        self._handle = handle
+
+
+class Match(Job):
+    """A search for correspondences under way: dd_match."""
+
+    def __init__(self, source, target, markers, **options):
+        """source, target: as for TransferJob. markers: (k, 2) vertices that fall on one another. options: by the names
+        of dd_match_options' fields."""
+        markers = _pairs(markers)
+        self._vertex_count, self._triangle_count = len(source[0]), len(target[1])
+        super().__init__('dd_match_start', _mesh(*source), _mesh(*target), markers, len(markers),
+                         MatchOptions(**options))
+
+    def finish(self):
+        """Waits. (pairs (k, 2) int32, confidence (m,) float32 of the target's triangles, (n, 3) float32 the source on
+        the target), or NativeError. The search is over either way."""
+        found, pair_count = _Found(self._take('dd_job_take_match')), ctypes.c_size_t()
+        call('dd_match_get_pairs', found._handle, None, 0, pair_count)
+        pairs = np.empty((pair_count.value, 2), np.int32)
+        call('dd_match_get_pairs', found._handle, pairs, len(pairs), pair_count)
+        confidence = np.empty(self._triangle_count, np.float32)
+        call('dd_match_get_confidence', found._handle, confidence, len(confidence))
+        fitted = np.empty((self._vertex_count, 3), np.float32)
+        call('dd_match_get_positions', found._handle, fitted, len(fitted))
+        return pairs, confidence, fitted

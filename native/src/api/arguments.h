@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Arguments of the C ABI: structs, arrays and their counts, checked and taken over.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "api/call.h"
+#include "mesh/correspondence.h"
+#include "mesh/mesh.h"
+
+namespace dd::api {
+
+// The limits are far from what 32 bits number: sizes of systems are multiples of these.
+constexpr size_t kMostElements = static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 16;
+
+/// Reads a caller's struct: as many bytes as both sides know, the rest stays zero.
+template <class Struct>
+Struct read_struct(const Struct* given) {
+  Struct values{};
+  if (!given) return values;
+  require(given->struct_size >= sizeof(uint32_t) && given->struct_size <= 4096,
+          "options.struct_size is not set.");
+  std::memcpy(&values, given, std::min<size_t>(given->struct_size, sizeof(Struct)));
+  return values;
+}
+
+/// Fills a caller's struct with as many bytes as it has room for.
+template <class Struct>
+void write_struct(const char* name, Struct* target, Struct values) {
+  require(target, std::string(name) + " is null.");
+  const uint32_t room = target->struct_size;
+  require(room >= sizeof(uint32_t) && room <= 4096, std::string(name) + ".struct_size is not set.");
+  values.struct_size = room;
+  std::memcpy(target, &values, std::min<size_t>(room, sizeof(Struct)));
+}
+
+inline void require_between(const char* name, int64_t value, int64_t least, int64_t most) {
+  require(value >= least && value <= most, std::string(name) + " is " + std::to_string(value) +
+                                               ", not between " + std::to_string(least) + " and " +
+                                               std::to_string(most) + ".");
+}
+
+/// An option that is one of an enum's values, 0 to last.
+template <class Enum>
+Enum choice(const char* name, int32_t value, Enum last) {
+  require_between(name, value, 0, static_cast<int32_t>(last));
+  return static_cast<Enum>(value);
+}
+
+/// An option of which 0 stands for fallback.
+inline int number(const char* name, int32_t value, int32_t most, int fallback) {
+  require_between(name, value, 0, most);
+  return value == 0 ? fallback : value;
+}
+inline double number(const char* name, double value, double fallback) {
+  require(value >= 0 && std::isfinite(value), std::string(name) + " must be zero or more.");
+  return value == 0 ? fallback : value;
+}
+
+inline int threads(int32_t value) { return number("options.threads", value, 1024, 0); }
+
+/// An array of given things that must be as many as wanted; kind: what they are, "vertices".
+template <class Value>
+void require_count(const char* name, const Value* array, size_t given, size_t wanted,
+                   const char* kind) {
+  require(given == wanted, std::string(name) + " is for " + std::to_string(given) + " " + kind +
+                               ", not " + std::to_string(wanted) + ".");
+  require(array || given == 0, std::string(name) + " is null.");
+}
+
+/// The same of an array that may be left out. Returns whether it is there.
+template <class Value>
+bool is_given(const char* name, const Value* array, size_t given, size_t wanted, const char* kind) {
+  if (!array && given == 0) return false;
+  require_count(name, array, given, wanted, kind);
+  return array != nullptr;
+}
+
+inline size_t count_of(int value) { return static_cast<size_t>(value); }
+
+using FloatRows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
+
+inline Positions read_positions(const float* positions, size_t count) {
+  return Eigen::Map<const FloatRows>(positions, static_cast<Index>(count), 3).cast<double>();
+}
+
+/// Positions that may be left out: empty then.
+inline Positions read_optional_positions(const char* name, const float* positions, size_t given,
+                                         size_t wanted, const char* kind = "vertices") {
+  if (!is_given(name, positions, given, wanted, kind)) return {};
+  return read_positions(positions, given);
+}
+
+inline Mesh read_mesh(const char* name, const dd_mesh* mesh) {
+  const std::string what = name;
+  require(mesh, what + " is null.");
+  require(mesh->positions || mesh->vertex_count == 0, what + ".positions is null.");
+  require(mesh->triangles || mesh->triangle_count == 0, what + ".triangles is null.");
+  require(mesh->vertex_count < kMostElements && mesh->triangle_count < kMostElements,
+          what + " has more vertices or triangles than this library can number.");
+  return {
+      read_positions(mesh->positions, mesh->vertex_count),
+      Eigen::Map<const Triangles>(mesh->triangles, static_cast<Index>(mesh->triangle_count), 3)};
+}
+
+inline std::vector<int> read_roles(const int32_t* roles, size_t given, size_t wanted) {
+  require_count("roles", roles, given, wanted, "vertices");
+  return std::vector<int>(roles, roles + given);
+}
+
+inline Pairs read_pairs(const char* name, const int32_t* values, size_t count) {
+  require(values || count == 0, std::string(name) + " is null.");
+  require(count < kMostElements, std::string(name) + " has more pairs than can be numbered.");
+  Pairs pairs(count);
+  for (size_t i = 0; i < count; ++i) pairs[i] = {values[2 * i], values[2 * i + 1]};
+  return pairs;
+}
+
+/// n×3 as floats; refuses what leaves their range.
+inline void write_floats(const Positions& values, float* out) {
+  // A sum finds what is not a number, which no comparison does.
+  if (!(values.cwiseAbs().sum() >= 0) ||
+      !(values.cwiseAbs().maxCoeff() < 0.5 * std::numeric_limits<float>::max()))
+    throw Error(Status::numeric,
+                "The motion is too large: the surface leaves the range of single precision.");
+  Eigen::Map<FloatRows>(out, values.rows(), 3) = values.cast<float>();
+}
+
+}  // namespace dd::api

@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The C ABI: binds, deformers and their updates.
+#include <chrono>
+#include <memory>
+
+#include "api/job.h"
+#include "api/options.h"
+
+using namespace dd::api;
+
+namespace {
+
+/// A deformer, and who uses it: shared by its owner and the jobs that work with it.
+struct Bound {
+  template <class... Arguments>
+  explicit Bound(Arguments&&... arguments) : deformer(std::forward<Arguments>(arguments)...) {}
+  dd::Deformer deformer;
+  double bind_seconds = 0;
+  std::atomic<bool> busy{false};
+};
+
+/// What an update gives that is a job.
+struct Updated {
+  std::vector<float> values;
+  dd_update_info info{};
+};
+
+}  // namespace
+
+struct dd_deformer {
+  std::shared_ptr<Bound> bound;
+};
+
+namespace {
+
+Bound& bound_of(const dd_deformer* deformer) {
+  require(deformer, "deformer is null.");
+  return *deformer->bound;
+}
+
+InUse use(Bound& bound) { return InUse(bound.busy, "deformer"); }
+
+void require_matrices(const dd::Deformer& deformer, const double* matrices, size_t count) {
+  require_count("matrices", matrices, count, count_of(deformer.region().handle_count), "handles");
+}
+
+/// The update, as steps where there are any; let_go: see split_update().
+dd::SplitResult update_in_steps(dd::Deformer& deformer, const Update& update, float* out,
+                                const dd::Progress& progress = {},
+                                const std::function<void()>& let_go = {}) {
+  dd::SplitResult result =
+      dd::split_update(deformer, update.motion, update.options, progress, update.base(), let_go);
+  if (update.values == Values::positions) result.offsets += deformer.mesh().positions;
+  write_floats(result.offsets, out);
+  return result;
+}
+
+}  // namespace
+
+extern "C" {
+
+int32_t dd_bind_start(const dd_mesh* mesh, const int32_t* roles, size_t role_count,
+                      int32_t handle_count, const dd_bind_options* options, dd_job** job) {
+  return guarded([&] {
+    require(job, "job is null.");
+    dd::Mesh surface = read_mesh("mesh", mesh);
+    std::vector<int> of_vertices = read_roles(roles, role_count, mesh->vertex_count);
+    dd::BindOptions how = read_bind_options(options, mesh->vertex_count);
+    start_job<dd_deformer>(
+        "a bind", job,
+        [surface = std::move(surface), of_vertices = std::move(of_vertices), handle_count,
+         how = std::move(how)](const dd::Progress& progress) {
+          const auto start = std::chrono::steady_clock::now();
+          auto bound = std::make_shared<Bound>(surface, of_vertices, handle_count, how, progress);
+          bound->bind_seconds =
+              std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+          return std::make_unique<dd_deformer>(dd_deformer{std::move(bound)});
+        });
+  });
+}
+
+int32_t dd_job_take_deformer(dd_job* job, dd_deformer** deformer) {
+  return guarded([&] { take(job, "deformer", deformer); });
+}
+
+int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices, size_t matrix_count,
+                           const dd_update_options* options, float* out, size_t out_count) {
+  return guarded([&] {
+    Bound& bound = bound_of(deformer);
+    const InUse in_use = use(bound);
+    dd::Deformer& surface = bound.deformer;
+    require_matrices(surface, matrices, matrix_count);
+    require_count("out", out, out_count, count_of(surface.mesh().vertex_count()), "vertices");
+    Update update = read_update_options(options, surface);
+    if (update.motion.steps == 1) {
+      surface.update_to(out, update.values == Values::positions, matrices, update.options,
+                        update.base());
+      return;
+    }
+    update.motion.matrices.assign(matrices, matrices + 12 * matrix_count);
+    update_in_steps(surface, update, out);
+  });
+}
+
+int32_t dd_update_start(dd_deformer* deformer, const double* matrices, size_t matrix_count,
+                        const dd_update_options* options, dd_job** job) {
+  return guarded([&] {
+    require(job, "job is null.");
+    Bound& bound = bound_of(deformer);
+    InUse in_use = use(bound);
+    require_matrices(bound.deformer, matrices, matrix_count);
+    Update update = read_update_options(options, bound.deformer);
+    update.motion.matrices.assign(matrices, matrices + 12 * matrix_count);
+    start_job<Updated>("an update", job,
+                       [bound = deformer->bound, in_use = std::move(in_use),
+                        update = std::move(update)](const dd::Progress& progress) mutable {
+                         const std::shared_ptr<Bound> kept = bound;
+                         InUse first_step = std::move(in_use);
+                         auto made = std::make_unique<Updated>();
+                         made->values.resize(count_of(3 * kept->deformer.mesh().vertex_count()));
+                         const dd::SplitResult result =
+                             update_in_steps(kept->deformer, update, made->values.data(), progress,
+                                             [&] { first_step.release(); });
+                         made->info.volumes_settled = result.volumes_settled;
+                         made->info.volume_error = result.volume_error;
+                         return made;
+                       });
+  });
+}
+
+int32_t dd_job_get_update(dd_job* job, float* out, size_t out_count) {
+  return guarded([&] {
+    const std::vector<float>& values = result_of<Updated>(job, "update")->values;
+    require_count("out", out, out_count, values.size() / 3, "vertices");
+    std::copy(values.begin(), values.end(), out);
+  });
+}
+
+int32_t dd_job_get_update_info(dd_job* job, dd_update_info* info) {
+  return guarded([&] { write_struct("info", info, result_of<Updated>(job, "update")->info); });
+}
+
+int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info) {
+  return guarded([&] {
+    Bound& of = bound_of(deformer);
+    const InUse in_use = use(of);
+    const dd::Deformer& bound = of.deformer;
+    const dd::Region& region = bound.region();
+    const auto& degenerate = bound.degenerate_triangles();
+    dd_deformer_info facts{};
+    facts.vertex_count = bound.mesh().vertex_count();
+    facts.triangle_count = bound.mesh().triangle_count();
+    facts.handle_count = region.handle_count;
+    facts.free_count = region.free_count();
+    facts.resting_count = region.resting_count;
+    facts.resting_component_count = region.resting_component_count;
+    facts.resting_example = region.resting_example;
+    facts.loose_count = region.loose_count;
+    facts.loose_example = region.loose_example;
+    facts.idle_handle_count = static_cast<int32_t>(region.idle_handles.size());
+    facts.idle_handle_example = region.idle_handles.empty() ? -1 : region.idle_handles.front();
+    facts.degenerate_count = static_cast<int32_t>(degenerate.size());
+    facts.degenerate_example = degenerate.empty() ? -1 : degenerate.front();
+    facts.stand_in_count = bound.findings(dd::MethodKind::transfer).stand_in_count;
+    const dd::MethodFindings normal = bound.findings(dd::MethodKind::normal);
+    facts.unrepresented_count = normal.unrepresented_count;
+    facts.unrepresented_example = normal.unrepresented_example;
+    facts.bind_seconds = of.bind_seconds;
+    facts.bytes = bound.bytes();
+    write_struct("info", info, facts);
+  });
+}
+
+int32_t dd_deformer_get_example_weights(const dd_deformer* deformer, double* out,
+                                        size_t out_count) {
+  return guarded([&] {
+    Bound& bound = bound_of(deformer);
+    const InUse in_use = use(bound);
+    const std::vector<double> weights = 
+        bound.deformer.findings(dd::MethodKind::examples).example_weights;
+    require_count("out", out, out_count, weights.size(), "examples");
+    std::copy(weights.begin(), weights.end(), out);
+  });
+}
+
+void dd_deformer_free(dd_deformer* deformer) { delete deformer; }
+
+}  // extern "C"

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "api/job.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "api/arguments.h"
+
+using namespace dd::api;
+
+dd_progress dd_job::progress() const {
+  dd_progress now{};
+  now.state = state_;
+  now.fraction = fraction_;
+  now.stage = stage_;
+  return now;
+}
+
+void dd_job::finish() {
+  if (worker_.joinable()) worker_.join();
+  if (status_ != DD_OK) throw dd::Error(static_cast<dd::Status>(status_), message_);
+}
+
+void dd_job::stop() {
+  cancel();
+  if (worker_.joinable()) worker_.join();
+}
+
+bool dd_job::go_on(double fraction, const char* stage) {
+  fraction_ = std::max<double>(fraction_, fraction);  // parts of the work may report on their own
+  stage_ = stage;
+  return !cancelled_ || fraction >= 1;
+}
+
+void dd_job::end(int32_t status) {
+  status_ = status;
+  if (status != DD_OK) std::memcpy(message_, last_message, sizeof message_);
+  state_ = status == DD_OK ? DD_JOB_DONE : DD_JOB_FAILED;
+}
+
+extern "C" {
+
+int32_t dd_job_poll(const dd_job* job, dd_progress* progress) {
+  return guarded([&] {
+    require(job, "job is null.");
+    write_struct("progress", progress, job->progress());
+  });
+}
+
+int32_t dd_job_cancel(dd_job* job) {
+  return guarded([&] {
+    require(job, "job is null.");
+    job->cancel();
+  });
+}
+
+int32_t dd_job_finish(dd_job* job) {
+  return guarded([&] {
+    require(job, "job is null.");
+    job->finish();
+  });
+}
+
+void dd_job_free(dd_job* job) { delete job; }
+
+}  // extern "C"

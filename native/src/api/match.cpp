@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The C ABI: the search for what corresponds.
+#include <algorithm>
+#include <memory>
+#include <utility>
+
+#include "api/arguments.h"
+#include "api/job.h"
+#include "transfer/registration.h"
+
+using namespace dd::api;
+
+struct dd_match {
+  dd::Positions registered;
+  dd::Match match;
+};
+
+namespace {
+
+dd::RegistrationOptions read_options(const dd_match_options& options) {
+  dd::RegistrationOptions how;
+  how.stages = number("options.stages", options.stages, 1000, how.stages);
+  how.rounds = number("options.rounds", options.rounds, 1000, how.rounds);
+  how.smoothness = number("options.smoothness", options.smoothness, how.smoothness);
+  how.identity = number("options.identity", options.identity, how.identity);
+  how.reach = number("options.reach", options.reach, how.reach);
+  how.threads = threads(options.threads);
+  return how;
+}
+
+}  // namespace
+
+extern "C" {
+
+int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32_t* markers,
+                       size_t marker_count, const dd_match_options* options, dd_job** job) {
+  return guarded([&] {
+    require(job, "job is null.");
+    start_job<dd_match>(
+        "a match", job,
+        [from = read_mesh("source", source), to = read_mesh("target", target),
+         pairs = read_pairs("markers", markers, marker_count),
+         how = read_options(read_struct(options))](const dd::Progress& progress) {
+          auto made = std::make_unique<dd_match>();
+          made->registered = dd::register_onto(from, to, pairs, how, dd::within(progress, 0, 0.9));
+          made->match = dd::match_triangles({made->registered, from.triangles}, to, how.reach,
+                                            how.threads, dd::within(progress, 0.9, 1));
+          return made;
+        });
+  });
+}
+
+int32_t dd_job_take_match(dd_job* job, dd_match** match) {
+  return guarded([&] { take(job, "match", match); });
+}
+
+int32_t dd_match_get_positions(const dd_match* match, float* out, size_t out_count) {
+  return guarded([&] {
+    require(match, "match is null.");
+    require_count("out", out, out_count, static_cast<size_t>(match->registered.rows()), "vertices");
+    write_floats(match->registered, out);
+  });
+}
+
+int32_t dd_match_get_pairs(const dd_match* match, int32_t* pairs, size_t capacity,
+                           size_t* pair_count) {
+  return guarded([&] {
+    require(match, "match is null.");
+    require(pair_count, "pair_count is null.");
+    const dd::Correspondence& found = match->match.correspondence;
+    const size_t count = found.source.size();
+    if (capacity > 0) {
+      require(pairs, "pairs is null.");
+      require(capacity >= count, "capacity is " + std::to_string(capacity) + ", but there are " +
+                                     std::to_string(count) + " pairs.");
+      for (int j = 0; j < found.target_count(); ++j)
+        for (int k = found.begin[j]; k < found.begin[j + 1]; ++k) {
+          *pairs++ = found.source[k];
+          *pairs++ = j;
+        }
+    }
+    *pair_count = count;
+  });
+}
+
+int32_t dd_match_get_confidence(const dd_match* match, float* out, size_t out_count) {
+  return guarded([&] {
+    require(match, "match is null.");
+    const std::vector<float>& confidence = match->match.confidence;
+    require_count("out", out, out_count, confidence.size(), "triangles");
+    std::copy(confidence.begin(), confidence.end(), out);
+  });
+}
+
+void dd_match_free(dd_match* match) { delete match; }
+
+}  // extern "C"

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The C ABI: measures of a deformation, and distances.
+#include "mesh/measures.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "api/arguments.h"
+#include "mesh/distances.h"
+
+using namespace dd::api;
+
+extern "C" {
+
+int32_t dd_measure(const dd_mesh* mesh, const int32_t* roles, size_t role_count,
+                   const float* deformed, size_t deformed_count, const dd_measure_options* options,
+                   dd_measures* measures) {
+  return guarded([&] {
+    const dd::Mesh rest = read_mesh("mesh", mesh);
+    dd::validate(rest);
+    const size_t n = mesh->vertex_count;
+    require_count("deformed", deformed, deformed_count, n, "vertices");
+    const dd::Mesh now = {read_positions(deformed, n), rest.triangles};
+    dd::validate(now);
+    std::vector<char> free;
+    for (int role : read_roles(roles, role_count, n)) free.push_back(role == DD_ROLE_FREE);
+    const dd_measure_options how = read_struct(options);
+    const dd::Positions base = read_optional_positions("options.base", how.base, how.base_count, n);
+    const dd::Positions deformed_base = read_optional_positions(
+        "options.deformed_base", how.deformed_base, how.deformed_base_count, n);
+    require(base.size() == deformed_base.size(),
+            "options.base and options.deformed_base go together.");
+    require(base.allFinite(), "options.base has coordinates that are not finite.");
+    require(deformed_base.allFinite(), "options.deformed_base has coordinates that are not finite.");
+    const dd::Measures m = dd::measure(rest, now.positions, free, base, deformed_base);
+    dd_measures found{};
+    found.intersecting_pairs = m.intersecting_pairs;
+    found.new_intersecting_pairs = m.new_intersecting_pairs;
+    found.intersecting_triangles = m.intersecting_triangles;
+    found.stretch = m.stretch;
+    found.normal_error = m.normal_error;
+    found.area_ratio = m.area_ratio;
+    found.volume_ratio = m.volume_ratio;
+    write_struct("measures", measures, found);
+  });
+}
+
+int32_t dd_distances(const dd_mesh* mesh, const int32_t* sources, size_t source_count, float* out,
+                     size_t out_count) {
+  return guarded([&] {
+    const dd::Mesh surface = read_mesh("mesh", mesh);
+    dd::validate(surface);
+    require_count("sources", sources, source_count, mesh->vertex_count, "vertices");
+    require_count("out", out, out_count, mesh->vertex_count, "vertices");
+    std::vector<char> is_source(source_count);
+    for (size_t v = 0; v < source_count; ++v) is_source[v] = sources[v] != 0;
+    const std::vector<double> distances = dd::surface_distances(surface, is_source);
+    std::transform(distances.begin(), distances.end(), out,
+                   [](double distance) { return static_cast<float>(distance); });
+  });
+}
+
+}  // extern "C"

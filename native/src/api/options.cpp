@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "api/options.h"
+
+namespace dd::api {
+
+namespace {
+
+constexpr int kMostExamples = 1000;
+constexpr int kUsualRefinement = 4;
+
+std::vector<Positions> read_examples(const dd_bind_options& options, size_t vertex_count) {
+  require(options.example_count <= kMostExamples,
+          "options.example_count is " + std::to_string(options.example_count) + ", more than " +
+              std::to_string(kMostExamples) + ".");
+  require(options.examples || options.example_count == 0,
+          "options.examples is null, but options.example_count is " +
+              std::to_string(options.example_count) + ".");
+  std::vector<Positions> examples;
+  for (size_t i = 0; i < options.example_count; ++i) {
+    require_count("options.examples", options.examples, options.example_vertex_count, vertex_count,
+                  "vertices each");
+    examples.push_back(read_positions(options.examples + 3 * i * vertex_count, vertex_count));
+  }
+  return examples;
+}
+
+}  // namespace
+
+BindOptions read_bind_options(const dd_bind_options* given, size_t vertex_count) {
+  const dd_bind_options options = read_struct(given);
+  BindOptions result;
+  result.base_metric = choice("options.base_metric", options.base_metric, BaseMetric::base);
+  result.metric_smoothing = number("options.metric_smoothing", options.metric_smoothing, 0);
+  result.smoothness =
+      static_cast<Smoothness>(number("options.smoothness", options.smoothness,
+                                     DD_SMOOTHNESS_CURVATURE_VARIATION, DD_SMOOTHNESS_THIN_PLATE));
+  result.base =
+      read_optional_positions("options.base", options.base, options.base_count, vertex_count);
+  result.precision = choice("options.precision", options.precision, Precision::full);
+  result.threads = threads(options.threads);
+  result.examples = read_examples(options, vertex_count);
+  return result;
+}
+
+Update read_update_options(const dd_update_options* given, const Deformer& deformer) {
+  const dd_update_options options = read_struct(given);
+  Update result;
+  result.options.method = choice("options.method", options.method, MethodKind::examples);
+  result.options.shown = choice("options.output", options.output, Shown::base);
+  result.values = choice("options.values", options.values, Values::offsets);
+
+  MethodOptions& of_method = result.options.of_method;
+  of_method.rotation_only = rotations_only(options.gradients);
+  require_between("options.refine", options.refine, DD_NONE, 10000);
+  of_method.refine = options.refine == 0         ? kUsualRefinement
+                     : options.refine == DD_NONE ? 0
+                                                 : options.refine;
+  of_method.levels = number("options.levels", options.levels, 20, of_method.levels);
+  of_method.formulation =
+      choice("options.formulation", options.formulation, Formulation::fourth_points_unweighted);
+  of_method.volume_tolerance =
+      number("options.volume_tolerance", options.volume_tolerance, of_method.volume_tolerance);
+  of_method.volume_iterations =
+      number("options.volume_iterations", options.volume_iterations,
+             std::numeric_limits<int32_t>::max(), of_method.volume_iterations);
+  require(options.example_weights || options.example_weight_count == 0,
+          "options.example_weights is null, but options.example_weight_count is not 0.");
+  require(options.example_weight_count <= kMostExamples,
+          "options.example_weight_count is more than the examples can be.");
+  if (options.example_weights)
+    of_method.example_weights.emplace(options.example_weights,
+                                      options.example_weights + options.example_weight_count);
+  of_method.example_stiffness =
+      number("options.example_stiffness", options.example_stiffness, of_method.example_stiffness);
+
+  result.motion.steps = number("options.steps", options.steps, 1000, 1);
+  if (is_given("options.turns", options.turns, options.turn_count,
+               count_of(deformer.region().handle_count), "handles"))
+    result.motion.turns.assign(options.turns, options.turns + 3 * options.turn_count);
+  result.deformed_base = read_optional_positions("options.base", options.base, options.base_count,
+                                                 count_of(deformer.mesh().vertex_count()));
+  return result;
+}
+
+}  // namespace dd::api

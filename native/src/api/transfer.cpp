@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The C ABI: deformation transfer between meshes.
+#include <Eigen/LU>
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "api/job.h"
+#include "api/options.h"
+#include "transfer/mesh_transfer.h"
+
+using namespace dd::api;
+
+struct dd_transfer {
+  template <class... Arguments>
+  explicit dd_transfer(Arguments&&... arguments)
+      : transfer(std::forward<Arguments>(arguments)...) {}
+  dd::MeshTransfer transfer;
+  std::atomic<bool> busy{false};
+};
+
+namespace {
+
+/// What a transfer is made of, checked and copied.
+struct Given {
+  dd::Mesh source, target;
+  std::optional<dd::Pairs> pairs;  // none: of the same topology
+  enum class PairsOf { triangles, vertices } pairs_of = PairsOf::triangles;
+  std::optional<dd::Similarity> placement;
+  dd::TransferOptions options;
+
+  dd::Correspondence correspondence() const {
+    if (!pairs) return dd::same_topology(source, target);
+    if (pairs_of == PairsOf::vertices) return dd::vertex_correspondence(*pairs, source, target);
+    return dd::triangle_correspondence(*pairs, source.triangle_count(), target.triangle_count());
+  }
+};
+
+dd::Similarity read_placement(const double* values) {
+  const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> matrix(values);
+  dd::Similarity placement;
+  placement.scale = std::cbrt(matrix.leftCols<3>().determinant());
+  placement.rotation = matrix.leftCols<3>() / placement.scale;
+  placement.shift = matrix.col(3);
+  const Eigen::Matrix3d product = placement.rotation.transpose() * placement.rotation;
+  require(matrix.allFinite() && placement.scale > 0 && product.isIdentity(1e-4),
+          "options.placement is not a rotation with a positive scale and a shift.");
+  return placement;
+}
+
+void read_options(const dd_transfer_options& options, Given& given) {
+  given.pairs_of = choice("options.pairs_of", options.pairs_of, Given::PairsOf::vertices);
+  if (options.placement) given.placement = read_placement(options.placement);
+  dd::TransferOptions& how = given.options;
+  how.formulation =
+      choice("options.formulation", options.formulation, dd::Formulation::fourth_points_unweighted);
+  how.anchor = choice("options.anchor", options.anchor, dd::Anchor::pinned);
+  require(options.anchors || options.anchor_count == 0, "options.anchors is null.");
+  require(options.anchor_count < kMostElements,
+          "options.anchor_count is more than can be numbered.");
+  how.anchors.assign(options.anchors, options.anchors + options.anchor_count);
+  how.precision = choice("options.precision", options.precision, dd::Precision::full);
+  how.threads = threads(options.threads);
+}
+
+}  // namespace
+
+extern "C" {
+
+int32_t dd_transfer_start(const dd_mesh* source, const dd_mesh* target, const int32_t* pairs,
+                          size_t pair_count, const dd_transfer_options* options, dd_job** job) {
+  return guarded([&] {
+    require(job, "job is null.");
+    Given given;
+    given.source = read_mesh("source", source);
+    given.target = read_mesh("target", target);
+    if (pairs || pair_count > 0) given.pairs = read_pairs("pairs", pairs, pair_count);
+    read_options(read_struct(options), given);
+    start_job<dd_transfer>("a transfer", job,
+                           [given = std::move(given)](const dd::Progress& progress) {
+                             dd::TransferOptions how = given.options;
+                             if (given.placement) how.placement = &*given.placement;
+                             return std::make_unique<dd_transfer>(
+                                 given.source, given.target, given.correspondence(), how, progress);
+                           });
+  });
+}
+
+int32_t dd_job_take_transfer(dd_job* job, dd_transfer** transfer) {
+  return guarded([&] { take(job, "transfer", transfer); });
+}
+
+int32_t dd_transfer_apply(dd_transfer* transfer, const float* pose, size_t pose_count,
+                          const dd_apply_options* options, float* out, size_t out_count) {
+  return guarded([&] {
+    require(transfer, "transfer is null.");
+    const InUse in_use(transfer->busy, "transfer");
+    dd::MeshTransfer& bound = transfer->transfer;
+    require_count("pose", pose, pose_count, count_of(bound.source().vertex_count()), "vertices");
+    require_count("out", out, out_count, count_of(bound.target().vertex_count()), "vertices");
+    const dd_apply_options how = read_struct(options);
+    const bool rotation_only = rotations_only(how.gradients);
+    const Values values = choice("options.values", how.values, Values::offsets);
+    const dd::Positions places = read_optional_positions(
+        "options.places", how.places, how.place_count, count_of(bound.anchor_count()), "anchors");
+    const dd::Positions& posed = bound.apply(read_positions(pose, pose_count), rotation_only,
+                                             places.size() ? &places : nullptr);
+    if (values == Values::offsets)
+      write_floats(posed - bound.target().positions, out);
+    else
+      write_floats(posed, out);
+  });
+}
+
+int32_t dd_transfer_get_info(const dd_transfer* transfer, dd_transfer_info* info) {
+  return guarded([&] {
+    require(transfer, "transfer is null.");
+    const dd::MeshTransfer& bound = transfer->transfer;
+    dd_transfer_info facts{};
+    facts.unmatched_count = bound.gradients().unmatched_count();
+    facts.unmatched_example = bound.gradients().unmatched_example();
+    facts.unmatched_component_count = bound.unmatched_component_count();
+    facts.unmatched_component_example = bound.unmatched_component_example();
+    facts.loose_count = bound.loose_count();
+    const std::vector<int>& degenerate = bound.degenerate_triangles();
+    facts.degenerate_count = static_cast<int32_t>(degenerate.size());
+    facts.degenerate_example = degenerate.empty() ? -1 : degenerate.front();
+    facts.mirrored = bound.mirrored();
+    facts.unknowns = bound.unknowns();
+    facts.nonzeros = bound.nonzeros();
+    Eigen::Map<Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> placement(facts.placement);
+    placement.leftCols<3>() = bound.placement().scale * bound.placement().rotation;
+    placement.col(3) = bound.placement().shift;
+    write_struct("info", info, facts);
+  });
+}
+
+void dd_transfer_free(dd_transfer* transfer) { delete transfer; }
+
+}  // extern "C"
