@@ -62,7 +62,8 @@ def _check_circle(source, ob):
     while follower is not None and follower.detail_deform.transfer.live:
         follower = follower.detail_deform.transfer.source
         if follower in seen:
-            raise MeshProblem(f"'{source.name}' follows '{ob.name}' already, itself or by way of others: stop that first.")
+            raise MeshProblem(f"'{source.name}' follows '{ob.name}' already, itself or by way of others: "
+                              "stop that first.")
         seen.add(follower)
 
 
@@ -103,7 +104,8 @@ def _matched(source, ob):
     if how == 'TOPOLOGY':
         return correspondence.by_topology(source, ob)
     if not correspondence.is_stored(ob):
-        raise MeshProblem(f"'{ob.name}' holds no correspondences yet: find them by markers, or transfer by a list once.")
+        raise MeshProblem(f"'{ob.name}' holds no correspondences yet: find them by markers, "
+                          "or transfer by a list once.")
     return correspondence.stored(source, ob)
 
 
@@ -113,8 +115,10 @@ def _made_of(source, ob):
     anchors = ""
     if settings.anchor_group in ob.vertex_groups and settings.anchor in {'VERTICES', 'PINNED'}:
         anchors = mesh_data.signature(mesh_data.members(ob, settings.anchor_group))
-    return (*(mesh_data.signature(mesh_data.rest(mesh)) + mesh_data.topology_signature(mesh) for mesh in (source.data, ob.data)),
-            settings.correspondence, correspondence.digest(ob), settings.anchor, settings.anchor_group, anchors, settings.formulation,
+    return (*(mesh_data.signature(mesh_data.rest(mesh)) + mesh_data.topology_signature(mesh)
+              for mesh in (source.data, ob.data)),
+            settings.correspondence, correspondence.digest(ob), settings.anchor, settings.anchor_group, anchors,
+            settings.formulation,
             *(tuple(transfer.proportions(side)) for side in (source, ob)))
 
 

@@ -240,7 +240,8 @@ def _update_options(rotation_only=True, method='TRANSFER', refine=4, shown='RESU
     """dd_update_options by the names in METHODS, SHOWN and FORMULATIONS, for offsets. base and
     example_weights, (count,) float64, must be contiguous and stay alive."""
     return _UpdateOptions(ctypes.sizeof(_UpdateOptions), rotation_only, _OUTPUT_OFFSETS,
-                          METHODS[method], refine, SHOWN[shown], levels, *_pointer(base), volume_tolerance, volume_iterations,
+                          METHODS[method], refine, SHOWN[shown], levels, *_pointer(base), volume_tolerance,
+                          volume_iterations,
                           FORMULATIONS[formulation], *_pointer(example_weights), example_stiffness)
 
 
