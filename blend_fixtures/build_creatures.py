@@ -39,11 +39,12 @@ BONES = (("rump", "belly"), ("belly", "chest"), ("chest", "neck"), ("neck", "nap
          ("pastern", "heel"), ("head", "ear"))
 # Joint, and the direction from it in which the marked vertex lies.
 MARKERS = (("muzzle", (1, 0, 0)), ("head", (0, 0, 1)), ("nape", (-1, 0, 1)), ("nape", (0, 0, -1)), ("neck", (0, 1, 0)),
-           ("neck", (0, -1, 0)), ("neck", (-1, 0, 1)), ("chest", (1, 0, -1)), ("chest", (0, 0, 1)), ("belly", (0, 1, 0)),
-           ("belly", (0, -1, 0)), ("belly", (0, 0, 1)), ("belly", (0, 0, -1)), ("rump", (-1, 0, 0)), ("rump", (0, 0, 1)),
-           ("tail tip", (0, 0, -1)), ("tail", (0, 0, 1)), ("shoulder", (0, 1, 0)), ("knee", (1, 0, 0)), ("knee", (-1, 0, 0)),
-           ("fetlock", (-1, 0, 0)), ("hoof", (1, 0, 0)), ("hip", (0, 1, 0)), ("hock", (1, 0, 0)), ("hock", (-1, 0, 0)),
-           ("pastern", (-1, 0, 0)), ("heel", (1, 0, 0)), ("ear", (0, 1, 1)))
+           ("neck", (0, -1, 0)), ("neck", (-1, 0, 1)), ("chest", (1, 0, -1)), ("chest", (0, 0, 1)),
+           ("belly", (0, 1, 0)), ("belly", (0, -1, 0)), ("belly", (0, 0, 1)), ("belly", (0, 0, -1)),
+           ("rump", (-1, 0, 0)), ("rump", (0, 0, 1)), ("tail tip", (0, 0, -1)), ("tail", (0, 0, 1)),
+           ("shoulder", (0, 1, 0)), ("knee", (1, 0, 0)), ("knee", (-1, 0, 0)), ("fetlock", (-1, 0, 0)),
+           ("hoof", (1, 0, 0)), ("hip", (0, 1, 0)), ("hock", (1, 0, 0)), ("hock", (-1, 0, 0)), ("pastern", (-1, 0, 0)),
+           ("heel", (1, 0, 0)), ("ear", (0, 1, 1)))
 # Of each bone the turns about y (forward is down), in degrees, at frames 9, 17 and 24.
 POSES = {
     ("belly", "chest"): (-8, 12, 25), ("chest", "neck"): (-25, 25, 40), ("neck", "nape"): (-15, 20, 35),
@@ -162,7 +163,8 @@ def mark(ob, build):
     # What stays on the ground.
     lowest = points[:, 2].min()
     soles = ob.vertex_groups.new(name="Hooves")
-    soles.add([int(v) for v in np.flatnonzero(points[:, 2] < lowest + 0.06 * np.ptp(points[:, 2]) / 1.6)], 1.0, "REPLACE")
+    soles.add([int(v) for v in np.flatnonzero(points[:, 2] < lowest + 0.06 * np.ptp(points[:, 2]) / 1.6)], 1.0,
+              "REPLACE")
 
 
 def animate(ob, build):

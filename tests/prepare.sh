@@ -121,6 +121,22 @@ dd_find_python() {
     return 1
 }
 
+# prepare_ruff: one version, so that a new rule comes when we take it and not when it is published.
+prepare_ruff() {
+    local venv=build/venv-ruff version=0.17.6
+    [ "$("$venv/bin/ruff" --version 2>/dev/null)" = "ruff $version" ] && return 0
+    if ! python3 -c 'import ensurepip, venv' 2>/dev/null; then
+        dd_install python3-venv || return
+    fi
+    dd_say "Installing ruff $version into $venv"
+    python3 -m venv "$venv" || return
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-input \
+        "ruff==$version" || {
+        dd_complain "pip could not install ruff $version."
+        return 1
+    }
+}
+
 dd_wheel_ready() {
     [ -x "$1/bin/python" ] && "$1/bin/python" - "$2" >/dev/null 2>&1 <<'PYTHON'
 import sys

@@ -1,21 +1,26 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
-# Gets what is missing, builds, and runs every test: the core and the C ABI, the same under the
-# sanitizers, and the add-on's zip in each Blender that can be had. One summary line at the end.
+# Gets what is missing, builds, and runs every check: the linters, the core and the C ABI, the same
+# under the sanitizers, and the add-on's zip in each Blender that can be had. One summary line at
+# the end.
 #
-# tests/run.sh [--quick]     --quick: no sanitizers, Debian's Blender only
+# tests/run.sh [--quick]     --quick: no clang, no sanitizers, Debian's Blender only
+#
+# shellcheck disable=SC2317  # functions that step and finish call
 set -uo pipefail
-cd "$(dirname "${BASH_SOURCE[0]}")/.."
+cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
 # shellcheck source=tests/prepare.sh
 source tests/prepare.sh
+# shellcheck source=tests/lint.sh
+source tests/lint.sh
 
 quick=false
 [ "${1:-}" = --quick ] && quick=true
 passed=0 failed=0 skipped=0
 failures=() notes=()
 
-# step NAME COMMAND...: runs it, shows its output, counts it.
+# step NAME COMMAND...: runs it, shows its output, counts it; returns whether it passed.
 step() {
     local name=$1
     shift
@@ -25,12 +30,22 @@ step() {
     else
         failed=$((failed + 1))
         failures+=("$name")
+        return 1
     fi
 }
 
 skip() {
     skipped=$((skipped + 1))
     notes+=("skipped: $1")
+}
+
+# step_with COMMAND PACKAGE NAME COMMAND...: a step that needs a command of that package.
+step_with() {
+    if dd_need "$1" "$2"; then
+        step "${@:3}"
+    else
+        skip "$3: $1 could not be had"
+    fi
 }
 
 # Counting by suites hides how many tests ran: each runner prints its own line above.
@@ -47,12 +62,18 @@ abi_tests() {
     "$python" -m pytest -q -p no:cacheprovider tests/abi
 }
 
+# sanitized_abi_tests PRESET RUNTIMES [PYTEST OPTION...]
 sanitized_abi_tests() {
+    local preset=$1 runtime preload=
+    for runtime in $2; do
+        preload+="$(c++ -print-file-name="$runtime") "
+    done
+    shift 2
     # Python itself is not built for the sanitizers: they come in ahead of it, and its own leaks
-    # at exit are not ours.
-    LD_PRELOAD="$(c++ -print-file-name=libasan.so) $(c++ -print-file-name=libubsan.so)" \
-        ASAN_OPTIONS=detect_leaks=0 DETAIL_DEFORM_LIBRARY=$PWD/build/sanitize/native/libdetail_deform.so \
-        "$python" -m pytest -q -p no:cacheprovider tests/abi
+    # at exit are not ours. What they say about a race is not to be captured with its test.
+    LD_PRELOAD=$preload ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS=halt_on_error=1 \
+        DETAIL_DEFORM_LIBRARY=$PWD/build/$preset/native/libdetail_deform.so \
+        "$python" -m pytest -q -p no:cacheprovider --capture=sys tests/abi "$@"
 }
 
 # blender_suite COMMAND...: tests the zip in that Blender, which gets user folders of its own.
@@ -62,7 +83,7 @@ blender_suite() {
     BLENDER_USER_RESOURCES=$resources "$@" "$zip"
     status=$?
     rm -rf "$resources"
-    return $status
+    return "$status"
 }
 
 # in_window SCRIPT: drives Debian's Blender on a screen of its own; the screenshots are kept.
@@ -70,6 +91,15 @@ in_window() {
     timeout 600 xvfb-run -a -s "-screen 0 1280x800x24" blender --factory-startup \
         --window-geometry 0 0 1280 800 --python "$1" -- build/gui
 }
+
+step_with clang-format clang-format "format (clang-format)" lint_format
+step "margin" lint_margin
+step_with shellcheck shellcheck "shell (shellcheck)" lint_shell
+if prepare_ruff; then
+    step "Python (ruff)" lint_python
+else
+    skip "Python (ruff): it could not be had"
+fi
 
 prepare_build || { failures+=("getting what the build needs"); failed=1; finish; }
 dd_need_packages ccache python3-numpy python3-pytest || true
@@ -81,19 +111,24 @@ for candidate in /usr/bin/python3 python3; do
     fi
 done
 
-step "build (release)" build_preset release
-[ "$failed" = 0 ] || finish
+step "build (release)" build_preset release || finish
 step "core and library (ctest)" ctest --preset release -j 2 --output-on-failure
 step "C ABI (ctypes)" abi_tests
 step "zip" cmake --build --preset release --target addon_zip
 zip=$(ls build/release/detail_deform-*.zip)
 
 if $quick; then
-    skip "sanitizers (--quick)"
+    skip "clang-tidy, clang and sanitizers (--quick)"
 else
+    step_with clang-tidy clang-tidy "C++ (clang-tidy)" lint_tidy
+    step_with clang++ clang "build (clang)" build_preset clang
     step "build (sanitize)" build_preset sanitize
     step "core under sanitizers (ctest)" ctest --preset sanitize -j 2 --output-on-failure
-    step "C ABI under sanitizers (ctypes)" sanitized_abi_tests
+    step "C ABI under sanitizers (ctypes)" sanitized_abi_tests sanitize "libasan.so libubsan.so"
+    step "build (tsan)" build_preset tsan
+    step "threads of the core under their sanitizer" build/tsan/tests/native/core_tests "[threads]"
+    step "threads of the C ABI under their sanitizer" sanitized_abi_tests tsan libtsan.so \
+        -k "thread or once or cancel"
 fi
 
 # Debian's Blender runs the system's Python and finds its pytest.

@@ -93,7 +93,8 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
         description="Axis of the object across which the motion is mirrored")
     enabled: BoolProperty(
         name="Enabled", default=True, update=_input_changed,
-        description="Let this handle hold and move its vertices. Without it they follow the others like the rest of the region. Takes effect at the next Bind")
+        description="Let this handle hold and move its vertices. Without it they follow the others like the rest of "
+                    "the region. Takes effect at the next Bind")
     rest_matrix: FloatVectorProperty(
         name="Rest Matrix", size=16, options={'HIDDEN'},
         description="Place of the empty relative to the object when it was bound, row by row")
@@ -113,7 +114,8 @@ class DetailDeformExample(bpy.types.PropertyGroup):
     object: PointerProperty(
         name="Object", type=bpy.types.Object, update=_example_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
-        description="Object with the same vertices and faces in another pose; its mesh without modifiers and shape keys counts")
+        description="Object with the same vertices and faces in another pose; "
+                    "its mesh without modifiers and shape keys counts")
     is_object: BoolProperty(options={'HIDDEN'})
     enabled: BoolProperty(
         name="Enabled", default=True, update=_example_changed,
@@ -129,7 +131,8 @@ class DetailDeformExample(bpy.types.PropertyGroup):
 class DetailDeformSettings(bpy.types.PropertyGroup):
     region: StringProperty(
         name="Region", update=_region_changed,
-        description="Vertex group of the part that may deform: the vertices with a weight over 0.5. The rest of the mesh stays where it is. Empty: the whole mesh may deform")
+        description="Vertex group of the part that may deform: the vertices with a weight over 0.5. The rest of the "
+                    "mesh stays where it is. Empty: the whole mesh may deform")
     own_region: StringProperty(options={'HIDDEN'})
     pulled_region: BoolProperty(options={'HIDDEN'})  # made by Pull, which may change it
     handles: CollectionProperty(
@@ -140,26 +143,43 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     handle_index: IntProperty(name="Active Handle", options={'HIDDEN'})
     method: EnumProperty(
         name="Method", update=_method_changed,
-        items=[('TRANSFER', "Detail Transfer", "A smooth base surface bends, and details turn with it (Botsch, Sumner, Pauly, Gross 2006). The best choice nearly always"),
-               ('VARIATIONAL', "Smooth Displacement", "The smoothest displacement that follows the handles: details are moved but not turned, so they shear (variational minimization)"),
-               ('NORMAL', "Normal Displacement", "A smooth base surface bends, and details stand on it along its normals: fails where they overhang, and self-intersects in tight bends"),
-               ('GRADIENT', "Gradient Editing", "The handles' rotation and scale spread over the surface; a handle that is only moved turns nothing (differential coordinates)"),
-               ('VOLUMES', "Displacement Volumes", "The space between the smooth base and the surface keeps its volume: bulges where it is pressed together. Slow: while you drag, Detail Transfer is shown, and the result follows when you pause"),
-               ('EXAMPLES', "Examples", "Poses by example: the handles pull the mesh between shape keys or posed copies of it, and what turns there turns along an arc (mesh-based inverse kinematics). It bends as the examples do, not as a base surface")],
+        items=[('TRANSFER', "Detail Transfer",
+                "A smooth base surface bends, and details turn with it (Botsch, Sumner, Pauly, Gross 2006). "
+                "The best choice nearly always"),
+               ('VARIATIONAL', "Smooth Displacement",
+                "The smoothest displacement that follows the handles: details are moved but not turned, so they shear "
+                "(variational minimization)"),
+               ('NORMAL', "Normal Displacement",
+                "A smooth base surface bends, and details stand on it along its normals: fails where they overhang, "
+                "and self-intersects in tight bends"),
+               ('GRADIENT', "Gradient Editing",
+                "The handles' rotation and scale spread over the surface; a handle that is only moved turns nothing "
+                "(differential coordinates)"),
+               ('VOLUMES', "Displacement Volumes",
+                "The space between the smooth base and the surface keeps its volume: bulges where it is pressed "
+                "together. Slow: while you drag, Detail Transfer is shown, and the result follows when you pause"),
+               ('EXAMPLES', "Examples",
+                "Poses by example: the handles pull the mesh between shape keys or posed copies of it, and what turns "
+                "there turns along an arc (mesh-based inverse kinematics). It bends as the examples do, "
+                "not as a base surface")],
         description="How the surface follows its handles. Switching needs no new Bind")
     rotation_only: BoolProperty(
         name="Rotation Only", default=True, update=_look_changed,
-        description="Details only turn with the surface and keep their size. Off: they are stretched and sheared with it too")
+        description="Details only turn with the surface and keep their size. "
+                    "Off: they are stretched and sheared with it too")
     refine: IntProperty(
         name="Refine", default=4, min=0, soft_max=16, max=1000, update=_look_changed,
-        description="Passes that take the turn of the details from the result and solve again: less stretch and shrinking in large bends. Each costs about as much as three updates without. 0: the paper's linear result")
+        description="Passes that take the turn of the details from the result and solve again: less stretch and "
+                    "shrinking in large bends. Each costs about as much as three updates without. "
+                    "0: the paper's linear result")
     formulation: EnumProperty(
         name="Formulation", update=_look_changed,
         items=transfer_settings.FORMULATIONS,
         description="Which system carries the turn of the base over to the details")
     levels: IntProperty(
         name="Levels", default=1, min=1, max=20, soft_max=5, update=_look_changed,
-        description="Surfaces between the detailed and the smooth one, each displaced from the next smoother one: shorter displacements, which intersect later")
+        description="Surfaces between the detailed and the smooth one, each displaced from the next smoother one: "
+                    "shorter displacements, which intersect later")
     examples: CollectionProperty(
         type=DetailDeformExample, name="Examples",
         description="Poses that the method Examples mixes, beside the rest shape")
@@ -171,16 +191,20 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         description="Where the weights of the examples come from")
     example_stiffness: FloatProperty(
         name="Stiffness", default=1.0, min=0.0, soft_max=10.0, max=1e4, update=_look_changed,
-        description="How much the mesh keeps to single examples and between rest and example, rather than to what fits the handles most closely by mixing and exaggerating them")
+        description="How much the mesh keeps to single examples and between rest and example, rather than to what fits "
+                    "the handles most closely by mixing and exaggerating them")
     volume_tolerance: FloatProperty(
         name="Tolerance", default=0.01, min=1e-6, max=1.0, precision=4, update=_look_changed,
-        description="Displacement volumes are found when no vertex moves by more than this from one iteration to the next, in mean heights of the details")
+        description="Displacement volumes are found when no vertex moves by more than this from one iteration to the "
+                    "next, in mean heights of the details")
     volume_iterations: IntProperty(
         name="Iterations", default=50, min=1, max=10000, soft_max=500, update=_look_changed,
         description="Iterations after which the search for displacement volumes stops anyway")
     steps: IntProperty(
         name="Steps", default=1, min=1, soft_max=24, max=1000, update=_look_changed,
-        description="Split a large motion of the handles into so many steps, each on the surface that the last one left: for turns beyond 90 degrees and whole turns of an empty's Euler rotation. While you drag, one step is shown; the result in steps follows when you pause. Each step takes as long as a Bind")
+        description="Split a large motion of the handles into so many steps, each on the surface that the last one "
+                    "left: for turns beyond 90 degrees and whole turns of an empty's Euler rotation. While you drag, "
+                    "one step is shown; the result in steps follows when you pause. Each step takes as long as a Bind")
     output: EnumProperty(
         name="Show", update=_look_changed,
         items=[('RESULT', "Result", "The deformed surface"),
@@ -188,37 +212,48 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         description="What the modifier shows")
     base: EnumProperty(
         name="Base", update=_base_changed,
-        items=[('COMPUTED', "Computed", "The smooth base surface is computed from the region's border, and the handles move it"),
-               ('OBJECT', "Object", "Another object of the same topology is the base: whatever deforms it (armature, lattice, curve, shape keys, simulation) moves the details. Handles are not needed")],
+        items=[('COMPUTED', "Computed",
+                "The smooth base surface is computed from the region's border, and the handles move it"),
+               ('OBJECT', "Object",
+                "Another object of the same topology is the base: whatever deforms it (armature, lattice, curve, shape "
+                "keys, simulation) moves the details. Handles are not needed")],
         description="Where the smooth base surface comes from. Takes effect at the next Bind")
     base_object: PointerProperty(
         name="Base Object", type=bpy.types.Object, update=_base_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
-        description="Smooth mesh with the same vertices and faces as this one. Its own mesh is the base at rest, what its modifiers make of it the deformed one")
+        description="Smooth mesh with the same vertices and faces as this one. Its own mesh is the base at rest, what "
+                    "its modifiers make of it the deformed one")
     base_rest_matrix: FloatVectorProperty(
         name="Base Rest Matrix", size=16, options={'HIDDEN'},
         description="Place of the base object relative to this one when it was bound, row by row")
     smoothness: IntProperty(
         name="Smoothness", default=2, min=1, max=3, update=_input_changed,
-        description="What the smooth base surface keeps small. 1: its area; it meets its border with a crease and bulges least. 2: its curvature; it continues the slope of its border. 3: the change of its curvature; it continues that too and bulges most. Takes effect at the next Bind")
+        description="What the smooth base surface keeps small. 1: its area; it meets its border with a crease and "
+                    "bulges least. 2: its curvature; it continues the slope of its border. 3: the change of its "
+                    "curvature; it continues that too and bulges most. Takes effect at the next Bind")
     base_deformer: EnumProperty(
         name="Base Deformer",
         items=[('LINEAR', "Linear", "The smoothest displacement that the handles allow")],
         description="How the handles move the computed base surface")
     base_metric: EnumProperty(
         name="Stiffness", update=_input_changed,
-        items=[('SURFACE', "From Surface", "Stiffness measured on the surface itself: exact when all handles move together, fast to bind"),
-               ('BASE', "From Base", "Stiffness measured on the smooth base surface, as in the paper: sensitive where the base has tiny triangles")],
+        items=[('SURFACE', "From Surface",
+                "Stiffness measured on the surface itself: exact when all handles move together, fast to bind"),
+               ('BASE', "From Base",
+                "Stiffness measured on the smooth base surface, as in the paper: "
+                "sensitive where the base has tiny triangles")],
         description="Where the stiffness of the base surface is measured. Takes effect at the next Bind")
     metric_smoothing: FloatProperty(
         name="Smoothing", default=0.0, min=0.0, soft_max=4.0, max=6.0, update=_input_changed,
-        description="Measure the stiffness on a slightly smoothed copy of the surface, in mean edge lengths: evens out the pull where the relief is strong. Takes effect at the next Bind")
+        description="Measure the stiffness on a slightly smoothed copy of the surface, in mean edge lengths: evens out "
+                    "the pull where the relief is strong. Takes effect at the next Bind")
     preview: BoolProperty(
         name="Show Vertices", update=_preview_changed,
         description="Colour the vertices of the region and of the handles in the viewport, outside Edit Mode")
     influence: StringProperty(
         name="Influence", update=_influence_changed,
-        description="Vertex group by whose weights the result is shown, as with other modifiers: a soft border, or a part that stays. All of it when empty. Needs no new Bind")
+        description="Vertex group by whose weights the result is shown, as with other modifiers: a soft border, or a "
+                    "part that stays. All of it when empty. Needs no new Bind")
     invert_influence: BoolProperty(
         name="Invert", update=_influence_changed,
         description="Show the result where the weights of the influence group are low")

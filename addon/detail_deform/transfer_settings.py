@@ -9,7 +9,8 @@ from .ui import preview
 
 CORRESPONDENCES = [
     ('TOPOLOGY', "Same Topology", "Both meshes have the same vertices and faces in the same order"),
-    ('MARKERS', "Markers", "A few places are marked on both meshes, by vertex groups or empties named Marker 1, Marker 2 and so on; the rest is found by fitting the source to this mesh"),
+    ('MARKERS', "Markers", "A few places are marked on both meshes, by vertex groups or empties named Marker 1, Marker "
+                           "2 and so on; the rest is found by fitting the source to this mesh"),
     ('LIST', "List", "Pairs of triangles or vertices from a text file"),
     ('STORED', "Kept", "What was found or read before and is kept with this mesh")]
 PAIRS_OF = [
@@ -17,8 +18,10 @@ PAIRS_OF = [
     ('VERTICES', "Vertices", "Numbers of vertices")]
 FORMULATIONS = [
     ('SURFACE', "Surface", "One unknown a vertex: the paper's, fast, and refined"),
-    ('FOURTH_POINTS', "Fourth Points", "One unknown a vertex and a face, as in the original deformation transfer, weighted by volumes: to compare with"),
-    ('FOURTH_POINTS_UNWEIGHTED', "Fourth Points, Unweighted", "The original deformation transfer as it was: small faces count as much as large ones")]
+    ('FOURTH_POINTS', "Fourth Points",
+     "One unknown a vertex and a face, as in the original deformation transfer, weighted by volumes: to compare with"),
+    ('FOURTH_POINTS_UNWEIGHTED', "Fourth Points, Unweighted",
+     "The original deformation transfer as it was: small faces count as much as large ones")]
 ANCHORS = [
     ('SOURCE', "With Source", "Every loose part moves along with what it corresponds to"),
     ('CENTROID', "Centre", "The centre of the mesh stays in place"),
@@ -44,7 +47,8 @@ class DetailDeformTransfer(bpy.types.PropertyGroup):
     source: PointerProperty(
         name="Source", type=bpy.types.Object, update=_source_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
-        description="Mesh object whose deformation is carried over to this one. Its mesh without shape keys and modifiers is the rest")
+        description="Mesh object whose deformation is carried over to this one. "
+                    "Its mesh without shape keys and modifiers is the rest")
     correspondence: EnumProperty(
         name="Correspondence", items=CORRESPONDENCES, update=_changed,
         description="How it is known which part of the source belongs to which of this mesh")
@@ -54,7 +58,8 @@ class DetailDeformTransfer(bpy.types.PropertyGroup):
     pairs_of: EnumProperty(name="Pairs of", items=PAIRS_OF, description="What the list's numbers count")
     rotation_only: BoolProperty(
         name="Rotation Only", update=_changed,
-        description="This mesh only turns as the source does and keeps its proportions. Off: it is stretched with the source too")
+        description="This mesh only turns as the source does and keeps its proportions. Off: "
+                    "it is stretched with the source too")
     anchor: EnumProperty(
         name="Anchor", items=ANCHORS, update=_changed,
         description="What stays in place: how a mesh bends says nothing of where it is")
@@ -65,10 +70,12 @@ class DetailDeformTransfer(bpy.types.PropertyGroup):
         description="Which system turns the deformation of faces into that of the mesh")
     show_markers: BoolProperty(
         name="Show Markers", default=True,
-        description="Number the markers of this mesh and of the source in the viewport while this mesh is active: yellow where both have the number, red where one has")
+        description="Number the markers of this mesh and of the source in the viewport while this mesh is active: "
+                    "yellow where both have the number, red where one has")
     show_match: BoolProperty(
         name="Show Match", update=_preview_changed,
-        description="Colour the vertices by how well they are matched: green where the fitted source lies on this mesh, red where it doesn't")
+        description="Colour the vertices by how well they are matched: green where the fitted source lies on this "
+                    "mesh, red where it doesn't")
     state: StringProperty(
         name="State", get=lambda self: live_transfer.state(self.id_data),
         description="Whom this mesh follows, or what is wrong and what to do")

@@ -31,8 +31,9 @@ def test_onto_itself_a_pose_comes_back(native, strip):
             assert np.allclose(np.reshape(transfer.info.placement, (3, 4)), np.eye(4)[:3], atol=1e-6)
     single = native.Transfer(mesh(strip), mesh(strip), precision='SINGLE')
     assert np.abs(single.apply(pose, WHOLE) - pose).max() < 3e-4
-    assert (transfer.info.unmatched_count, transfer.info.unmatched_example, transfer.info.degenerate_count) == (0, -1, 0)
-    assert transfer.info.unknowns == len(strip.positions) and transfer.info.nonzeros > 5 * len(strip.positions)
+    info = transfer.info
+    assert (info.unmatched_count, info.unmatched_example, info.degenerate_count) == (0, -1, 0)
+    assert info.unknowns == len(strip.positions) and info.nonzeros > 5 * len(strip.positions)
 
 
 def test_anchors_go_where_they_are_told(native, strip):

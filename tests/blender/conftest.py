@@ -109,7 +109,7 @@ def wavy(n=25):
     return np.stack([x, y, 0.03 * np.sin(40 * x) * np.cos(31 * y)], -1).reshape(-1, 3)
 
 
-def make_strip(n=25, name="Strip", scale=1.0, world=Matrix()):
+def make_strip(n=25, name="Strip", scale=1.0, world=None):
     """A wavy quad grid: fixed on the left, group and empty "right" on the right side."""
     columns = np.repeat(np.arange(n), n)
     faces = [(i * n + j, (i + 1) * n + j, (i + 1) * n + j + 1, i * n + j + 1)
@@ -118,6 +118,7 @@ def make_strip(n=25, name="Strip", scale=1.0, world=Matrix()):
     mesh.from_pydata((scale * wavy(n)).tolist(), [], faces)
     ob = bpy.data.objects.new(name, mesh)
     bpy.context.scene.collection.objects.link(ob)
+    world = world or Matrix()
     ob.matrix_world = world
     group(ob, 'region', np.flatnonzero(columns >= 3))
     group(ob, 'right', np.flatnonzero(columns >= n - 3))

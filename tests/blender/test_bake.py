@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, bind, evaluated, make_strip, own, refusal, update
+from conftest import activate, bind, evaluated, make_strip, refusal, update
 
 FRAMES = range(1, 13)
 

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import (activate, add_empty, add_handle, bind, evaluated, group, make_strip, members,
+from conftest import (activate, bind, evaluated, group, make_strip, members,
                       own, refusal, update)
 
 
@@ -187,7 +187,8 @@ def snapshot(ob):
             sorted(a.name for a in mesh.attributes if not a.name.startswith('.')), [m.name for m in ob.modifiers],
             [g.name for g in ob.vertex_groups],
             [[(g.group, g.weight) for g in v.groups] for v in mesh.vertices],
-            sorted(o.name for o in bpy.data.objects), ob.animation_data, len(bpy.data.node_groups), len(bpy.data.meshes))
+            sorted(o.name for o in bpy.data.objects), ob.animation_data, len(bpy.data.node_groups),
+            len(bpy.data.meshes))
 
 
 def test_remove_leaves_the_object_as_it_was_found():

@@ -2,7 +2,6 @@
 """The scenes of blend_fixtures, as the demo deforms them: 33,000 to 120,000 triangles."""
 import bpy
 import numpy as np
-import pytest
 from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
@@ -178,8 +177,9 @@ def test_52_shape_keys_take_one_factorization(part, monkeypatch):
         key = source.shape_key_add(name=f"Key {number}", from_mix=False)
         key.data.foreach_set('co', (rest + 0.1 * near * random.normal(size=3)).astype(np.float32).ravel())
     transfers = []
-    kind = part('library.native').Transfer
-    monkeypatch.setattr(part('library.native'), 'Transfer', lambda *a, **k: transfers.append(kind(*a, **k)) or transfers[-1])
+    kind = part('library.native').TransferJob
+    monkeypatch.setattr(part('library.native'), 'TransferJob',
+                        lambda *a, **k: transfers.append(kind(*a, **k)) or transfers[-1])
     bpy.context.view_layer.objects.active = target
     bpy.ops.object.detail_deform_transfer(source=source.name, what='ALL_KEYS')
     assert len(transfers) == 1

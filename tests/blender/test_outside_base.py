@@ -230,7 +230,7 @@ def test_unsuitable_bases_are_refused_with_both_counts():
 
 
 def test_the_same_counts_joined_otherwise_are_refused():
-    ob, base = make_pair(4)
+    _, base = make_pair(4)
     mesh = bpy.data.meshes.new("Turned")
     mesh.from_pydata(own(base).tolist(), [],
                      [tuple(p.vertices[1:]) + (p.vertices[0],) for p in base.data.polygons])

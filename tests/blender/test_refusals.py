@@ -178,7 +178,7 @@ def test_linked_mesh(tmp_path):
     path = str(tmp_path / 'library.blend')
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    with bpy.data.libraries.load(path, link=True) as (source, target):
+    with bpy.data.libraries.load(path, link=True) as (_source, target):
         target.meshes = ['Strip']
         target.objects = ['Right']
     ob = bpy.data.objects.new('Local', bpy.data.meshes['Strip'])
@@ -219,7 +219,7 @@ def test_loose_vertices_and_edges_stay_and_are_reported():
 
 def test_zero_area_triangles_are_survived_and_reported():
     middle = 12 * 25 + 12
-    ob, first = extended([(0.5, 0.5, 0.1)], [(middle, middle + 1, 625)])
+    ob, _ = extended([(0.5, 0.5, 0.1)], [(middle, middle + 1, 625)])
     ob.data.vertices[625].co = ob.data.vertices[middle].co
     update()
     bind(ob)

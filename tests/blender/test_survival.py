@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, add_empty, bind, evaluated, group, make_strip, own, update
+from conftest import activate, bind, evaluated, group, make_strip, own, update
 
 
 def handle(ob):
@@ -243,7 +243,8 @@ def test_a_linked_object_that_is_made_local_follows(posed, tmp_path):
 
 # With a Geometry Nodes modifier and an attribute written to, bound or not, 3.4.1 then crashes now and then in a
 # later evaluation.
-switches_scenes = pytest.mark.skipif(bpy.app.version < (4, 0), reason="switching scenes with Geometry Nodes modifiers may crash Blender 3.4.1")
+switches_scenes = pytest.mark.skipif(bpy.app.version < (4, 0),
+                                     reason="switching scenes with Geometry Nodes modifiers may crash Blender 3.4.1")
 
 
 @switches_scenes

@@ -222,7 +222,7 @@ def test_markers_are_numbered_as_they_are_added():
 
 
 def test_anchors(pair):
-    source, target = pair
+    _, target = pair
     group(target, 'left', range(25))
     transfer(source="Source", what='ALL_KEYS', pattern="Bend", anchor='PINNED', anchor_group='left')
     found = coordinates(target.data.shape_keys.key_blocks["Bend"])
@@ -278,7 +278,6 @@ def test_a_target_follows_its_source_live(pair, tmp_path):
 
 
 def test_following_and_handles_exclude_one_another(pair):
-    source, _ = pair
     strip = bind(make_strip())
     assert "bound to handles" in refusal(bpy.ops.object.detail_deform_transfer_live, source="Source")
     bpy.ops.object.detail_deform_unbind()
@@ -290,7 +289,7 @@ def test_following_and_handles_exclude_one_another(pair):
 
 def test_refusals(pair, tmp_path):
     source, target = pair
-    other = raw_strip("Other", 20)
+    raw_strip("Other", 20)
     assert "There is no object 'Nobody'" in refusal(transfer, source="Nobody")
     assert "both source and target" in refusal(transfer, source="Other")
     assert "There is no source" in refusal(transfer)
@@ -307,7 +306,8 @@ def test_refusals(pair, tmp_path):
     assert "is before the first" in refusal(transfer, source="Source", what='ANIMATION', frame_start=5, frame_end=1,
                                             cache_path=str(tmp_path / "x.pc2"))
     path = tmp_path / "list.txt"
-    for text, sentence in (("0 0\n1 zwei\n", "line 2"), ("# nothing\n", "has no pairs"), ("0 0\n3 99999\n", "pair 2 names number 99999"),
+    for text, sentence in (("0 0\n1 zwei\n", "line 2"), ("# nothing\n", "has no pairs"),
+                           ("0 0\n3 99999\n", "pair 2 names number 99999"),
                            ("-1 0\n", "number -1 of 'Source'"), ("0 99999999999\n", "a number over")):
         path.write_text(text)
         assert sentence in refusal(transfer, source="Source", correspondence='LIST', filepath=str(path))
@@ -338,7 +338,7 @@ def test_markers_that_contradict_or_lie_on_a_line_are_refused(pair):
 
 
 def test_kept_correspondences_of_another_mesh_are_refused(pair, tmp_path):
-    source, target = pair
+    _, target = pair
     path = tmp_path / "pairs.txt"
     path.write_text("0 0\n5 5\n")
     transfer(source="Source", correspondence='LIST', filepath=str(path))
@@ -420,7 +420,7 @@ def test_a_source_that_is_not_evaluated_is_refused(pair):
 
 
 def test_caches_don_t_overwrite_one_another(pair, tmp_path):
-    source, target = pair
+    _, target = pair
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
     other = raw_strip("Other")
     for ob in (target, other, target):
@@ -526,7 +526,6 @@ def test_a_start_that_is_refused_changes_nothing(pair):
 
 
 def test_undo_takes_a_transfer_back(pair):
-    source, target = pair
     bpy.ops.ed.undo_push(message="Before")
     transfer(source="Source", what='ALL_KEYS')
     bpy.ops.ed.undo_push(message="Transferred")

@@ -38,7 +38,8 @@ def test_tooltips_end_as_blenders_do():
             assert not text.endswith('.'), text
 
 
-@pytest.mark.parametrize('name', ['Detail Deform', 'Handles', 'Examples', 'Base Surface', 'Advanced', 'Detail Deform: Transfer'])
+@pytest.mark.parametrize('name', ['Detail Deform', 'Handles', 'Examples', 'Base Surface', 'Advanced',
+                                  'Detail Deform: Transfer'])
 def test_panels_are_there(name):
     assert any(getattr(getattr(bpy.types, kind), 'bl_label', "") == name for kind in dir(bpy.types)
                if kind.startswith('OBJECT_PT_detail_deform'))

@@ -122,7 +122,7 @@ TEST_CASE("EXAMPLES: rotation_only bends but doesn't swell") {
         0.01);
 }
 
-TEST_CASE("EXAMPLES: the number of threads changes nothing") {
+TEST_CASE("EXAMPLES: the number of threads changes nothing", "[threads]") {
   const Limb limb(161, 40);
   const std::vector<Positions> examples = {limb.bent(80, 0.5), limb.bent(60, 1.0, 90)};
   const Handled handles(limb, {triangle_at(limb, 150, 5), triangle_at(limb, 150, 25)});

@@ -300,7 +300,7 @@ TEST_CASE("degenerate triangles and loose vertices on either side leave a finite
   CHECK(largest_difference(transfer.apply(pose, false).topRows(100), pose.topRows(100)) < 0.02);
 }
 
-TEST_CASE("the number of threads changes no bit of a transferred pose") {
+TEST_CASE("the number of threads changes no bit of a transferred pose", "[threads]") {
   const Mesh mesh = test::rough_sphere(5, 0.1);
   TransferOptions options;
   options.threads = 1;

@@ -76,7 +76,7 @@ TEST_CASE("single precision stays within 1e-5 of the box of double") {
   }
 }
 
-TEST_CASE("single precision at rest is exact, and so is any number of threads") {
+TEST_CASE("single precision at rest is exact, and so is any number of threads", "[threads]") {
   for (const Example& one : examples()) {
     INFO(one.name);
     const auto alone = bound(one, Precision::single), three = bound(one, Precision::single, 3);

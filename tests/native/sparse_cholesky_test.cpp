@@ -127,7 +127,7 @@ TEST_CASE("a factor in domains equals Eigen's simplicial one, by either order") 
   }
 }
 
-TEST_CASE("a solve gives the same bits by any number of threads") {
+TEST_CASE("a solve gives the same bits by any number of threads", "[threads]") {
   const System system;
   for (Precision precision : {Precision::single, Precision::full}) {
     const RowMatrix alone = system.factor(precision, nullptr).solve(system.B);

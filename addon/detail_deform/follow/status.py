@@ -124,8 +124,8 @@ def _remarks(ob, bound):
     settings = ob.detail_deform
     if info.idle_handle_count:
         idle = handle_matrices.enabled_handles(settings)[info.idle_handle_example].name
-        yield (f"Nothing follows {_count(info.idle_handle_count, 'handle', 'handles')} (such as '{idle}'): no vertex of "
-               "the region is beside. Enlarge the region (Around Handles), or take another.")
+        yield (f"Nothing follows {_count(info.idle_handle_count, 'handle', 'handles')} (such as '{idle}'): no vertex "
+               "of the region is beside. Enlarge the region (Around Handles), or take another.")
     if settings.influence and settings.influence in {*ob.data.attributes.keys(), 'position', 'normal', 'index', 'id'}:
         yield (f"The influence group '{settings.influence}' has the name of an attribute, which is taken in its place: "
                "rename the group.")

@@ -21,7 +21,8 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
 
     mode: EnumProperty(
         name="As", default='CACHE', description="What the frames are kept as",
-        items=[('CACHE', "Mesh Cache", "A point cache (PC2), played by a Mesh Cache modifier in place of the live deformation"),
+        items=[('CACHE', "Mesh Cache",
+                "A point cache (PC2), played by a Mesh Cache modifier in place of the live deformation"),
                ('SHAPE_KEYS', "Shape Keys", "A keyed shape key for each frame, within this file: for few frames"),
                ('ALEMBIC', "Alembic", "The object with all its modifiers as an Alembic file, for other programs")])
     frame_start: IntProperty(
@@ -33,7 +34,8 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
         description="Where the cache goes; // is the folder of this file")
     cache_start: IntProperty(
         name="Cache's First Frame", options={'SKIP_SAVE'},
-        description="When only a part of a cache is baked: the first frame of the whole. Several Blenders may write parts of one cache")
+        description="When only a part of a cache is baked: the first frame of the whole. "
+                    "Several Blenders may write parts of one cache")
     cache_end: IntProperty(
         name="Cache's Last Frame", options={'SKIP_SAVE'},
         description="When only a part of a cache is baked: the last frame of the whole")

@@ -35,7 +35,8 @@ class OBJECT_OT_detail_deform_example_remove(MeshOperator, bpy.types.Operator):
     bl_label = "Remove Example"
     bl_description = "Take the active example off the list. The shape key or object itself stays"
 
-    index: IntProperty(name="Index", default=-1, options={'SKIP_SAVE'}, description="Which one; the active one unless given")
+    index: IntProperty(name="Index", default=-1, options={'SKIP_SAVE'},
+                       description="Which one; the active one unless given")
 
     @classmethod
     def poll_object(cls, ob):

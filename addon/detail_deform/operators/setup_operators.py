@@ -225,7 +225,8 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
 
     radius: FloatProperty(
         name="Radius", min=0.0, subtype='DISTANCE', options={'SKIP_SAVE'},
-        description="Distance along the surface up to which it follows, where no region was chosen. 0: a quarter of the object's size")
+        description="Distance along the surface up to which it follows, where no region was chosen. 0: "
+                    "a quarter of the object's size")
 
     @classmethod
     def poll(cls, context):

@@ -62,14 +62,17 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         items=[('POSE', "Current Pose", "What its modifiers and shape keys make of it now, as a shape key"),
                ('ACTIVE_KEY', "Active Shape Key", "Its active shape key, as one of the same name"),
                ('ALL_KEYS', "All Shape Keys", "Each of its shape keys, as one of the same name and range"),
-               ('ANIMATION', "Animation", "A range of frames, as a cache that a Mesh Cache modifier plays, or as keyed shape keys")])
+               ('ANIMATION', "Animation",
+                "A range of frames, as a cache that a Mesh Cache modifier plays, or as keyed shape keys")])
     correspondence: EnumProperty(
         name="Correspondence", items=CORRESPONDENCES, options={'SKIP_SAVE'},
-        description="How it is known which part of the source belongs to which of this mesh; as in the panel unless given")
+        description="How it is known which part of the source belongs to which of this mesh; "
+                    "as in the panel unless given")
     filepath: StringProperty(
         name="List", subtype='FILE_PATH', options=PATH_OPTIONS,
         description="Text file with a pair of numbers a line, source then target, counted from 0")
-    pairs_of: EnumProperty(name="Pairs of", items=PAIRS_OF, options={'SKIP_SAVE'}, description="What the list's numbers count")
+    pairs_of: EnumProperty(name="Pairs of", items=PAIRS_OF, options={'SKIP_SAVE'},
+                           description="What the list's numbers count")
     rotation_only: BoolProperty(
         name="Rotation Only", options={'SKIP_SAVE'},
         description="Only turn with the source, without its stretch; as in the panel unless given")
@@ -86,7 +89,8 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         description="Of all shape keys those whose names fit, such as mouth* (* stands for any letters)")
     replace: BoolProperty(
         name="Replace", default=False,
-        description="Give shape keys of the same names that were not transferred before the new shape, too, instead of adding others beside them")
+        description="Give shape keys of the same names that were not transferred before the new shape, too, instead of "
+                    "adding others beside them")
     drivers: BoolProperty(
         name="Copy Drivers", default=False,
         description="Copy the drivers of the source's shape keys to the new ones")
@@ -105,7 +109,8 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         settings = ob.detail_deform.transfer
         if not self.source and settings.source:
             self.source = settings.source.name
-        for name in ('correspondence', 'rotation_only', 'anchor', 'anchor_group', 'filepath', 'pairs_of', 'formulation'):
+        for name in ('correspondence', 'rotation_only', 'anchor', 'anchor_group', 'filepath', 'pairs_of',
+                     'formulation'):
             if not self.properties.is_property_set(name):
                 setattr(self, name, getattr(settings, name))
         self.frame_start, self.frame_end = self.frame_range(context)
@@ -146,8 +151,8 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         mesh_data.check_object(ob)
         source = _source_of(ob, self.source)
         if settings.live:
-            raise mesh_data.MeshProblem(f"'{ob.name}' follows '{settings.source.name if settings.source else ''}' already, "
-                                        "which would be doubled: stop that first (Follow).")
+            raise mesh_data.MeshProblem(f"'{ob.name}' follows '{settings.source.name if settings.source else ''}' "
+                                        "already, which would be doubled: stop that first (Follow).")
         keys = None
         if self.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
             keys = transfer.chosen_keys(source, self.what == 'ACTIVE_KEY', self.pattern)
@@ -209,7 +214,8 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         if self.what == 'POSE':
             names = yield from transfer.pose_to_key(context, prepared, source, ob, rotation_only, self.replace)
         elif keys is not None:
-            names = yield from transfer.keys_to_keys(prepared, source, ob, keys, rotation_only, self.replace, self.drivers)
+            names = yield from transfer.keys_to_keys(prepared, source, ob, keys, rotation_only, self.replace,
+                                                     self.drivers)
         elif self.bake_as == 'SHAPE_KEYS':
             yield from transfer.to_keyed_keys(context, prepared, source, ob, start, end, rotation_only)
             return f"{end + 1 - start} keyed shape keys"
@@ -230,7 +236,8 @@ class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
     doing = "Looking for what corresponds"
 
     source: StringProperty(
-        name="Source", options={'SKIP_SAVE'}, description="Name of the mesh object to transfer from; that of the panel unless given")
+        name="Source", options={'SKIP_SAVE'},
+        description="Name of the mesh object to transfer from; that of the panel unless given")
 
     def invoke(self, context, event):
         self.interactive = True
@@ -253,11 +260,13 @@ class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
 class OBJECT_OT_detail_deform_transfer_save(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_transfer_save'
     bl_label = "Save Correspondences"
-    bl_description = "Write the kept pairs of triangles to a text file, one pair a line, source then target, counted from 0"
+    bl_description = ("Write the kept pairs of triangles to a text file, one pair a line, source then target, "
+                      "counted from 0")
     bl_options = {'REGISTER'}
 
     source: StringProperty(
-        name="Source", options={'SKIP_SAVE'}, description="Name of the mesh object they were found for; that of the panel unless given")
+        name="Source", options={'SKIP_SAVE'},
+        description="Name of the mesh object they were found for; that of the panel unless given")
     filepath: StringProperty(name="File", subtype='FILE_PATH', options=PATH_OPTIONS, description="Where the list goes")
 
     @classmethod
@@ -295,10 +304,11 @@ class OBJECT_OT_detail_deform_transfer_forget(MeshOperator, bpy.types.Operator):
 class OBJECT_OT_detail_deform_marker_add(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_marker_add'
     bl_label = "Add Marker"
-    bl_description = ("Mark the selected vertex with the next number, as a vertex group. The vertex that corresponds on "
-                      "the other mesh gets the same number")
+    bl_description = ("Mark the selected vertex with the next number, as a vertex group. The vertex that corresponds "
+                      "on the other mesh gets the same number")
 
-    number: IntProperty(name="Number", min=0, description="Number of the marker; 0 for the next free one", options={'SKIP_SAVE'})
+    number: IntProperty(name="Number", min=0, options={'SKIP_SAVE'},
+                        description="Number of the marker; 0 for the next free one")
 
     @classmethod
     def poll_object(cls, ob):
@@ -317,8 +327,10 @@ class OBJECT_OT_detail_deform_transfer_live(LongOperator, bpy.types.Operator):
     doing = "Looking for what corresponds"
 
     source: StringProperty(
-        name="Source", options={'SKIP_SAVE'}, description="Name of the mesh object to follow; that of the panel unless given")
-    on: BoolProperty(name="On", default=True, options={'SKIP_SAVE'}, description="Follow; off: stop, and show the rest shape")
+        name="Source", options={'SKIP_SAVE'},
+        description="Name of the mesh object to follow; that of the panel unless given")
+    on: BoolProperty(name="On", default=True, options={'SKIP_SAVE'},
+                     description="Follow; off: stop, and show the rest shape")
 
     def invoke(self, context, event):
         # Only searching takes so long that it needs a way out.

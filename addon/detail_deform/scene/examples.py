@@ -21,24 +21,24 @@ def _positions_of(ob, example):
     if example.object is not None:
         return _positions_of_object(ob, example.object)
     if example.is_object:
-        raise MeshProblem(f"The object of example '{example.name}' was deleted: choose another one, or remove it from the "
-                          "examples.")
+        raise MeshProblem(f"The object of example '{example.name}' was deleted: choose another one, or remove it from "
+                          "the examples.")
     keys = ob.data.shape_keys
     key = keys and keys.key_blocks.get(example.name)
     if not key:
-        raise MeshProblem(f"Example '{example.name}': '{ob.name}' has no shape key of that name. Choose another one, or "
-                          "remove it from the examples.")
+        raise MeshProblem(f"Example '{example.name}': '{ob.name}' has no shape key of that name. Choose another one, "
+                          "or remove it from the examples.")
     return mesh_data.key_shape(ob.data, key)
 
 
 def _positions_of_object(ob, other):
     if other.type != 'MESH' or len(other.data.vertices) != len(ob.data.vertices):
         count = f"{len(other.data.vertices):,} vertices" if other.type == 'MESH' else "no mesh"
-        raise MeshProblem(f"Example '{other.name}' has {count}, and '{ob.name}' {len(ob.data.vertices):,}: an example is "
-                          "another pose of the same vertices.")
+        raise MeshProblem(f"Example '{other.name}' has {count}, and '{ob.name}' {len(ob.data.vertices):,}: an example "
+                          "is another pose of the same vertices.")
     if mesh_data.topology_signature(other.data) != mesh_data.topology_signature(ob.data):
-        raise MeshProblem(f"The faces of example '{other.name}' join other vertices than those of '{ob.name}': an example "
-                          "is another pose of the same mesh.")
+        raise MeshProblem(f"The faces of example '{other.name}' join other vertices than those of '{ob.name}': an "
+                          "example is another pose of the same mesh.")
     return mesh_data.positions(other.data)
 
 
@@ -69,8 +69,8 @@ def add_objects(ob, others):
     rest = mesh_data.rest(ob.data)
     for other in others:
         if np.abs(_positions_of_object(ob, other) - rest).max() == 0:
-            raise MeshProblem(f"The mesh of '{other.name}' is that of '{ob.name}' at rest: its modifiers and shape keys don't "
-                              "count, apply them first.")
+            raise MeshProblem(f"The mesh of '{other.name}' is that of '{ob.name}' at rest: its modifiers and shape "
+                              "keys don't count, apply them first.")
     present = {example.object for example in ob.detail_deform.examples}
     for other in others:
         if other not in present:

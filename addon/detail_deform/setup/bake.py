@@ -245,7 +245,7 @@ def drop_cache(ob):
 def to_shape_keys(context, ob, start, end):
     """Generator: a shape key a frame, keyed so that they play."""
     modifier = _modifier(ob)
-    earlier = next((m for m in ob.modifiers if m == modifier or m.show_viewport or m.show_render))
+    earlier = next(m for m in ob.modifiers if m == modifier or m.show_viewport or m.show_render)
     if earlier != modifier:
         raise MeshProblem(f"Modifier '{earlier.name}' stands before Detail Deform, and shape keys act before both: "
                           "move Detail Deform to the top, or bake a cache.")

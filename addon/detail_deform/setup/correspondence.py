@@ -47,9 +47,9 @@ def by_topology(source, target):
             f"{counts[1][0]:,} and {counts[1][1]:,}: they are not of the same topology. Mark places that correspond "
             "(Markers), or give a list.")
     if mesh_data.topology_signature(source.data) != mesh_data.topology_signature(target.data):
-        raise MeshProblem(f"'{source.name}' has as many vertices and faces as '{target.name}', but its faces join other "
-                          "vertices: they are not of the same topology. Mark places that correspond (Markers), or "
-                          "give a list.")
+        raise MeshProblem(f"'{source.name}' has as many vertices and faces as '{target.name}', but its faces join "
+                          "other vertices: they are not of the same topology. Mark places that correspond (Markers), "
+                          "or give a list.")
     triangles = mesh_data.triangles(target.data)
     return Matched(triangles, triangles, None, np.ones(len(triangles), np.float32))
 
@@ -72,7 +72,8 @@ def read_pairs(path, pairs_of):
                 try:
                     pairs.append([int(words[0]), int(words[1])])
                 except (ValueError, IndexError) as error:
-                    raise MeshProblem(f"'{path}', line {number}: '{line.strip()[:40]}' is not a pair of numbers.") from error
+                    raise MeshProblem(
+                        f"'{path}', line {number}: '{line.strip()[:40]}' is not a pair of numbers.") from error
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, 'strerror', None) or "it is no text"
         raise MeshProblem(f"'{path}' can't be read: {reason}.") from error
@@ -94,14 +95,16 @@ def write_pairs(path, matched):
 
 def by_list(source, target, path, pairs_of):
     """From a file of pairs of triangles, or of vertices."""
-    matched = Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data), read_pairs(path, pairs_of), None)
+    matched = Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data),
+                      read_pairs(path, pairs_of), None)
     counts = {'TRIANGLES': (len(matched.source_triangles), len(matched.target_triangles)),
               'VERTICES': (len(source.data.vertices), len(target.data.vertices))}[pairs_of]
     outside = np.argwhere((matched.pairs < 0) | (matched.pairs >= counts))
     if len(outside):
         row, side = outside[0]
-        raise MeshProblem(f"'{path}': pair {row + 1} names number {matched.pairs[row, side]} of '{(source, target)[side].name}', which "
-                          f"has {counts[side]:,} {pairs_of.lower()}, counted from 0.")
+        raise MeshProblem(f"'{path}': pair {row + 1} names number {matched.pairs[row, side]} of "
+                          f"'{(source, target)[side].name}', which has {counts[side]:,} {pairs_of.lower()}, "
+                          "counted from 0.")
     matched.pairs_of = pairs_of
     paired = np.zeros(counts[1], np.float32)
     paired[matched.pairs[:, 1]] = 1
@@ -113,7 +116,8 @@ _last = ((), None)  # what was found last, and of what: a transfer may be repeat
 
 
 def _searched_for(source, target):
-    return (*(mesh_data.signature(mesh_data.rest(ob.data)) + mesh_data.topology_signature(ob.data) for ob in (source, target)),
+    return (*(mesh_data.signature(mesh_data.rest(ob.data)) + mesh_data.topology_signature(ob.data)
+              for ob in (source, target)),
             markers.pairs(source, target).tobytes())
 
 
@@ -184,8 +188,8 @@ def stored(source, target):
         raise MeshProblem(f"'{target.name}' holds no correspondences yet: find them by markers, or read a list.")
     for ob, topology in ((source, kept['source_topology']), (target, kept['target_topology'])):
         if mesh_data.topology_signature(ob.data) != topology:
-            raise MeshProblem(f"The correspondences kept with '{target.name}' were made for '{kept['source']}', and the "
-                              f"vertices or faces of '{ob.name}' are others: find them anew.")
+            raise MeshProblem(f"The correspondences kept with '{target.name}' were made for '{kept['source']}', and "
+                              f"the vertices or faces of '{ob.name}' are others: find them anew.")
     matched = Matched(*(np.array(kept[name], np.int32).reshape(-1, columns) for name, columns in (
         ('source_triangles', 3), ('target_triangles', 3), ('pairs', 2))), np.array(kept['confidence'], np.float32))
     matched.pairs_of = kept['pairs_of']
@@ -206,4 +210,5 @@ def vertex_confidence(target):
     triangles = np.array(kept['target_triangles'], np.int32)
     weights = np.repeat(np.array(kept['confidence'], np.float32), 3)
     count = len(target.data.vertices)
-    return (np.bincount(triangles, weights, count) / np.maximum(np.bincount(triangles, minlength=count), 1)).astype(np.float32)
+    sums, counts = np.bincount(triangles, weights, count), np.bincount(triangles, minlength=count)
+    return (sums / np.maximum(counts, 1)).astype(np.float32)

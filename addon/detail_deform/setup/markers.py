@@ -76,8 +76,9 @@ def pairs(source, target):
     of_source, of_target = of(source), of(target)
     both = sorted(of_source.keys() & of_target.keys())
     if len(both) < _FEWEST:
-        raise MeshProblem(f"'{source.name}' has {len(of_source)} markers and '{target.name}' {len(of_target)}, {len(both)} "
-                          f"with the same numbers: mark at least {_FEWEST} places on both, better ten (Add Marker, in Edit Mode).")
+        raise MeshProblem(f"'{source.name}' has {len(of_source)} markers and '{target.name}' {len(of_target)}, "
+                          f"{len(both)} with the same numbers: mark at least {_FEWEST} places on both, "
+                          "better ten (Add Marker, in Edit Mode).")
     return np.array([[of_source[number], of_target[number]] for number in both], np.int32)
 
 

@@ -3,10 +3,8 @@
 
 import numpy as np
 
-from ..follow import binding
 from ..library import native
 from ..scene import handle_matrices, mesh_data, selection
-from . import handle_setup
 from ..scene.mesh_data import MeshProblem
 
 _GROUP_NAME = "Region"

@@ -15,8 +15,8 @@ from ..scene.mesh_data import MeshProblem
 POSE_NAME = "{} Pose"
 CACHE_NAME = "Detail Deform Transfer"
 
-_MAKERS = {'SUBSURF', 'MULTIRES', 'MIRROR', 'ARRAY', 'SOLIDIFY', 'BEVEL', 'DECIMATE', 'REMESH', 'SKIN', 'SCREW', 'BOOLEAN',
-           'BUILD', 'EDGE_SPLIT', 'MASK', 'TRIANGULATE', 'WELD', 'WIREFRAME', 'NODES'}
+_MAKERS = {'SUBSURF', 'MULTIRES', 'MIRROR', 'ARRAY', 'SOLIDIFY', 'BEVEL', 'DECIMATE', 'REMESH', 'SKIN', 'SCREW',
+           'BOOLEAN', 'BUILD', 'EDGE_SPLIT', 'MASK', 'TRIANGULATE', 'WELD', 'WIREFRAME', 'NODES'}
 _MADE_KEYS = 'detail_deform_transferred_keys'  # of the mesh: names of those that were made here
 _LONGEST_NAME = 63  # bytes that Blender keeps of one
 
@@ -99,14 +99,15 @@ def evaluated_pose(source, depsgraph):
     """(n, 3) float32: what the source's modifiers and shape keys make of it now. Raises MeshProblem."""
     evaluated = source.evaluated_get(depsgraph)
     if not evaluated.is_evaluated or evaluated == source:
-        raise MeshProblem(f"'{source.name}' is hidden by its monitor icon, or in an excluded collection, so that its pose is "
-                          "not known: show it.")
+        raise MeshProblem(f"'{source.name}' is hidden by its monitor icon, or in an excluded collection, so that its "
+                          "pose is not known: show it.")
     mesh = evaluated.data
     if len(mesh.vertices) != len(source.data.vertices):
         makers = [m.name for m in source.modifiers if m.show_viewport and m.type in _MAKERS]
         raise MeshProblem(
-            f"The modifiers of '{source.name}' make {len(mesh.vertices):,} vertices of its {len(source.data.vertices):,}: "
-            f"hide those that don't only move vertices{', as ' + ', '.join(map(repr, makers)) if makers else ''}.")
+            f"The modifiers of '{source.name}' make {len(mesh.vertices):,} vertices of its "
+            f"{len(source.data.vertices):,}: hide those that don't only move "
+            f"vertices{', as ' + ', '.join(map(repr, makers)) if makers else ''}.")
     return mesh_data.positions(mesh) + _not_yet_shown(source, mesh)
 
 
@@ -144,7 +145,8 @@ def _transferred(transfer, target, poses, count, rotation_only):
     """Generator: the offsets of the target for each of the source's poses into a list, which it returns; yields
     the fraction done. Nothing is changed before all are there."""
     if target.data.shape_keys and not target.data.shape_keys.use_relative:
-        raise MeshProblem(f"'{target.name}' has absolute shape keys, which can't be added to: make them relative first.")
+        raise MeshProblem(f"'{target.name}' has absolute shape keys, which can't be added to: "
+                          "make them relative first.")
     rest, offsets = mesh_data.rest(target.data), []
     for number, pose in enumerate(poses, 1):
         offsets.append(transfer.apply(pose, rotation_only) - rest)
@@ -188,8 +190,8 @@ def check_not_shown(target):
     shown = [key.name for key in target.data.shape_keys.key_blocks
              if key.name in made and key.value and not key.mute] if target.data.shape_keys else []
     if shown:
-        raise MeshProblem(f"Shape keys that were transferred are shown, as '{shown[0]}', and would be doubled: set their values "
-                          "to 0 first.")
+        raise MeshProblem(f"Shape keys that were transferred are shown, as '{shown[0]}', and would be doubled: set "
+                          "their values to 0 first.")
 
 
 def settle(context, source):

@@ -189,7 +189,8 @@ class OBJECT_UL_detail_deform_examples(bpy.types.UIList):
         row.use_property_split = False
         name = row.row()
         name.active = item.enabled
-        name.label(text=item.object.name if item.object else item.name, icon='OBJECT_DATA' if item.object else 'SHAPEKEY_DATA')
+        name.label(text=item.object.name if item.object else item.name,
+                   icon='OBJECT_DATA' if item.object else 'SHAPEKEY_DATA')
         weight = row.row()
         weight.active = item.enabled
         weight.prop(item, 'weight' if data.weights_by == 'SLIDERS' else 'found_weight', text="", emboss=False)
@@ -207,7 +208,8 @@ class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
 
     def draw_settings(self, context, layout, ob, settings):
         row = layout.row()
-        row.template_list('OBJECT_UL_detail_deform_examples', "", settings, 'examples', settings, 'example_index', rows=4)
+        row.template_list('OBJECT_UL_detail_deform_examples', "", settings, 'examples', settings, 'example_index',
+                          rows=4)
         row.operator('object.detail_deform_example_remove', text="", icon='REMOVE')
         row = layout.row(align=True)
         row.operator('object.detail_deform_examples_from_keys', text="Add Shape Keys", icon='SHAPEKEY_DATA')
@@ -280,7 +282,8 @@ class OBJECT_PT_detail_deform_empty(bpy.types.Panel):
         layout.operator('object.detail_deform_mesh_activate', icon='MESH_DATA')
         layout.prop(settings, 'preview')
         if settings.method == 'EXAMPLES':
-            layout.template_list('OBJECT_UL_detail_deform_examples', "", settings, 'examples', settings, 'example_index')
+            layout.template_list('OBJECT_UL_detail_deform_examples', "", settings, 'examples', settings,
+                                 'example_index')
 
 
 def _draw_pull_entry(self, context):
@@ -292,10 +295,10 @@ def _draw_add_entry(self, context):
     self.layout.operator('object.detail_deform_add', text="Detail Deform", icon='MOD_MESHDEFORM')
 
 
-CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_UL_detail_deform_examples, OBJECT_MT_detail_deform_mirror, OBJECT_MT_detail_deform_handles,
-           OBJECT_PT_detail_deform, OBJECT_PT_detail_deform_examples, OBJECT_PT_detail_deform_handles,
-           OBJECT_PT_detail_deform_base,
-           OBJECT_PT_detail_deform_advanced, OBJECT_PT_detail_deform_empty)
+CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_UL_detail_deform_examples, OBJECT_MT_detail_deform_mirror,
+           OBJECT_MT_detail_deform_handles, OBJECT_PT_detail_deform, OBJECT_PT_detail_deform_examples,
+           OBJECT_PT_detail_deform_handles, OBJECT_PT_detail_deform_base, OBJECT_PT_detail_deform_advanced,
+           OBJECT_PT_detail_deform_empty)
 
 
 def _add_menu():

@@ -124,7 +124,8 @@ def _draw():
     for ob in shown:
         points = _points(ob, context.evaluated_depsgraph_get())
         if points is not None:
-            batch_for_shader(shader, 'POINTS', {'pos': _nearer(points[0], context.region_data), 'color': points[1]}).draw(shader)
+            places = {'pos': _nearer(points[0], context.region_data), 'color': points[1]}
+            batch_for_shader(shader, 'POINTS', places).draw(shader)
     gpu.state.point_size_set(1.0)
     gpu.state.depth_test_set('NONE')
     gpu.state.blend_set('NONE')

@@ -1,0 +1,33 @@
+# shellcheck shell=bash
+# SPDX-License-Identifier: GPL-3.0-or-later
+#
+# What is looked at without running it. Sourced from the repository root; each function prints
+# what it finds and returns non-zero where it found something.
+
+dd_lint_sources() {
+    find native tests/native -name '*.c' -o -name '*.cpp' -o -name '*.h'
+}
+
+lint_format() {
+    dd_lint_sources | xargs clang-format --dry-run -Werror
+}
+
+# clang-format leaves long comments as they are; Python's lines are ruff's.
+lint_margin() {
+    ! dd_lint_sources | LC_ALL=C.UTF-8 xargs grep -nE '^.{101}'
+}
+
+# Of the release build, so that what is looked at is what is shipped.
+lint_tidy() {
+    run-clang-tidy -quiet -p build/release -j "$(nproc)" '/native/src/' 2>/dev/null |
+        grep -v '^clang-tidy' | sed '/^$/d'
+    [ "${PIPESTATUS[0]}" = 0 ]
+}
+
+lint_python() {
+    build/venv-ruff/bin/ruff check --no-cache .
+}
+
+lint_shell() {
+    shellcheck -x .ci/run addon/demo.sh tests/*.sh tests/native/*.sh
+}

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Threads change nothing; [threads] is what the thread sanitizer looks at.
+#include <chrono>
+#include <memory>
+#include <stdexcept>
+#include <thread>
+#include <vector>
+
+#include "catch.h"
+#include "deform.h"
+#include "support/workers.h"
+#include "transfer/registration.h"
+
+using namespace dd;
+using test::Affine;
+
+namespace {
+
+constexpr int kSide = 41;
+const auto kKinds = {MethodKind::transfer, MethodKind::variational, MethodKind::normal,
+                     MethodKind::gradient, MethodKind::volumes,     MethodKind::examples};
+
+Affine turn(double angle) { return test::rotation_about(angle, {0, 1, 0}, {0, 0, 0}, {0, 0, 0.2}); }
+
+std::unique_ptr<Deformer> bound(int bumps, int threads) {
+  const Mesh mesh = test::bumpy_plane(kSide, bumps);
+  BindOptions options;
+  options.precision = Precision::single;
+  options.threads = threads;
+  options.examples = {test::transformed(turn(0.3), mesh.positions)};
+  return std::make_unique<Deformer>(mesh, test::strip_roles(kSide, kSide, 4, kSide - 4), 1,
+                                    options);
+}
+
+std::vector<Positions> by_all_methods(Deformer& deformer) {
+  std::vector<Positions> surfaces;
+  for (const MethodKind kind : kKinds)
+    for (const double angle : {0.2, 0.4})
+      surfaces.push_back(test::surface(deformer, {turn(angle)}, test::by(kind)));
+  return surfaces;
+}
+
+}  // namespace
+
+TEST_CASE("the number of threads changes no method", "[threads]") {
+  const auto alone = by_all_methods(*bound(6, 1)), shared = by_all_methods(*bound(6, 3));
+  CHECK(alone == shared);
+}
+
+TEST_CASE("deformers that bind and update at once give what each gives alone", "[threads]") {
+  const std::vector<int> bumps = {3, 5, 7};
+  std::vector<std::vector<Positions>> alone, together(bumps.size());
+  for (const int count : bumps) alone.push_back(by_all_methods(*bound(count, 1)));
+  std::vector<std::thread> threads;
+  for (size_t i = 0; i < bumps.size(); ++i)
+    threads.emplace_back([&, i] { together[i] = by_all_methods(*bound(bumps[i], 2)); });
+  for (std::thread& thread : threads) thread.join();
+  CHECK(alone == together);
+}
+
+TEST_CASE("the number of threads changes neither a registration nor a match", "[threads]") {
+  const Mesh source = test::sphere(3), target = test::rough_sphere(4, 0.05);
+  // The corners of the octahedron stay the first vertices through all levels.
+  const Pairs markers = {{0, 0}, {1, 1}, {2, 2}, {3, 3}, {4, 4}, {5, 5}};
+  const auto registered = [&](int threads) {
+    RegistrationOptions options;
+    options.threads = threads;
+    return register_onto(source, target, markers, options);
+  };
+  const Mesh alone = {registered(1), source.triangles};
+  CHECK(alone.positions == registered(3));
+  CHECK(match_triangles(alone, target, 0.1, 1).confidence ==
+        match_triangles(alone, target, 0.1, 3).confidence);
+}
+
+TEST_CASE("each task is called once, whether helpers wait awake, sleep or one throws",
+          "[threads]") {
+  Workers workers(4);
+  for (int round = 0; round < 300; ++round) {
+    if (round % 50 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    std::vector<int> calls(64);
+    workers.run(64, [&](int i) { ++calls[size_t(i)]; });
+    REQUIRE(calls == std::vector<int>(64, 1));
+    if (round % 10 == 0)
+      REQUIRE_THROWS_AS(workers.run(64,
+                                    [](int i) {
+                                      if (i % 16 == 3) throw std::runtime_error("one of them");
+                                    }),
+                        std::runtime_error);
+  }
+}
