@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conftest import IDENTITY, Strip, rotation
+from conftest import rotation
 
 INCLUDE = Path(__file__).resolve().parents[2] / 'native' / 'include'
 TEXT = (INCLUDE / 'detail_deform' / 'detail_deform.h').read_text(encoding='utf-8')
@@ -156,7 +156,7 @@ def test_a_null_pointer_stands_for_a_struct_of_zeros(native, structs, strip):
     surface = structs.Mesh(positions=strip.positions, triangles=strip.triangles)
     found.clear()
     for zeros in (False, True):
-        job, transfer, match, count = (ctypes.c_void_p() for _ in range(3)), None, None, ctypes.c_size_t()
+        job, transfer, match, _count = (ctypes.c_void_p() for _ in range(3)), None, None, ctypes.c_size_t()
         job, transfer, match = job
         options = structs.TransferOptions() if zeros else None
         assert lib.dd_transfer_start(surface, surface, None, 0, options, job) == 0
@@ -183,7 +183,8 @@ def test_a_null_pointer_stands_for_a_struct_of_zeros(native, structs, strip):
 def told_defaults():
     """What the header says that a zero stands for."""
     return [(name, field, float(number[1])) for name, fields in header_structs().items()
-            for _, field, _, comment in fields for number in [re.search(r'0 stands for ([\d.]+\d|\d)', comment)] if number]
+            for _, field, _, comment in fields
+            for number in [re.search(r'0 stands for ([\d.]+\d|\d)', comment)] if number]
 
 
 @pytest.mark.parametrize('struct, field, value', told_defaults())

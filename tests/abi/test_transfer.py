@@ -159,7 +159,7 @@ def test_null_pointers_and_jobs_of_another_kind_are_refused(native, structs, str
     assert lib.dd_match_get_pairs(None, None, 0, count) == 1
     assert "match is null" in lib.dd_last_message().decode()
     assert lib.dd_job_take_transfer(match._handle, made) == 1
-    assert "This job is a match, which gives no transfer." == lib.dd_last_message().decode()
+    assert lib.dd_last_message().decode() == "This job is a match, which gives no transfer."
     assert not made
     # What isn't there yet can't be asked for: who takes it, waits.
     match.cancel()

@@ -271,7 +271,7 @@ def test_a_mesh_without_offsets_gets_them_again(alike, emptied):
 
 
 def test_a_bound_object_is_refused_before_anything_is_searched(pair, part, monkeypatch):
-    source, _ = pair
+    _source, _ = pair
     strip = bind(make_strip(name="Strip"))
     strip.detail_deform.transfer.correspondence = 'MARKERS'
 

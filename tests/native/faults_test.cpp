@@ -29,6 +29,10 @@ struct Surface {
       positions.push_back(static_cast<float>(mesh.positions.data()[k]));
     for (int role : test::roles_by_height(mesh, -0.5, 0.7)) roles.push_back(role);
   }
+  size_t vertex_count() const { return positions.size() / 3; }
+  dd_mesh mesh() const {
+    return {positions.data(), vertex_count(), triangles.data(), triangles.size() / 3};
+  }
 };
 
 const Surface& ball() {
@@ -53,30 +57,33 @@ Floats turned(const Floats& positions) {
 constexpr double kLift[12] = {0.9, 0.1, 0, 0, -0.1, 0.9, 0, 0, 0, 0, 1, 0.3};
 constexpr float kUntouched = -77;
 
-dd_bind_options bind_options(int threads) {
-  dd_bind_options options{};
+/// Options that say how large they are, and all else by default.
+template <class Options>
+Options defaults() {
+  Options options{};
   options.struct_size = sizeof options;
+  return options;
+}
+
+dd_bind_options bind_options(int threads) {
+  auto options = defaults<dd_bind_options>();
   options.threads = threads;
   return options;
 }
 
-dd_update_options update_options(dd_method method, int refine = 0) {
-  dd_update_options options{};
-  options.struct_size = sizeof options;
+dd_update_options update_options(dd_method method, int refine = DD_NONE) {
+  auto options = defaults<dd_update_options>();
   options.method = method;
-  options.rotation_only = 1;
   options.refine = refine;
   return options;
 }
 
 int32_t bind(const dd_bind_options& options, dd_deformer** deformer) {
-  const Surface& mesh = ball();
-  dd_bind* started = nullptr;
-  int32_t status = dd_bind_start(mesh.positions.data(), mesh.positions.size(),
-                                 mesh.triangles.data(), mesh.triangles.size(), mesh.roles.data(),
-                                 mesh.roles.size(), 1, &options, &started);
-  if (status == DD_OK) status = dd_bind_finish(started, deformer);
-  dd_bind_free(started);
+  const dd_mesh mesh = ball().mesh();
+  dd_job* job = nullptr;
+  int32_t status = dd_bind_start(&mesh, ball().roles.data(), mesh.vertex_count, 1, &options, &job);
+  if (status == DD_OK) status = dd_job_take_deformer(job, deformer);
+  dd_job_free(job);
   return status;
 }
 
@@ -96,7 +103,7 @@ Work bound(std::string name, dd_bind_options options) {
             int32_t status = fallible([&] { return bind(options, &deformer); });
             if (status == DD_OK) {
               const dd_update_options how = update_options(DD_METHOD_TRANSFER);
-              status = dd_deformer_update(deformer, kLift, 12, &how, out.data(), out.size());
+              status = dd_deformer_update(deformer, kLift, 1, &how, out.data(), out.size() / 3);
             }
             dd_deformer_free(deformer);
             return status;
@@ -109,7 +116,7 @@ Work updated(std::string name, dd_update_options how, dd_bind_options options = 
             dd_deformer* deformer = nullptr;
             int32_t status = bind(options, &deformer);
             const auto update = [&](Floats& into) {
-              return dd_deformer_update(deformer, kLift, 12, &how, into.data(), into.size());
+              return dd_deformer_update(deformer, kLift, 1, &how, into.data(), into.size() / 3);
             };
             if (status == DD_OK) status = fallible([&] { return update(out); });
             if (status != DD_OK) {
@@ -158,8 +165,8 @@ std::vector<Work> works() {
   all.push_back(updated("displacement volumes", volumes));
   how = bind_options(2);
   how.examples = examples.data();
-  how.example_value_count = examples.size();
   how.example_count = 1;
+  how.example_vertex_count = examples.size() / 3;
   all.push_back(updated("examples", update_options(DD_METHOD_EXAMPLES), how));
   static const double weight = 0.5;
   dd_update_options given = update_options(DD_METHOD_EXAMPLES);
@@ -167,90 +174,85 @@ std::vector<Work> works() {
   given.example_weight_count = 1;
   all.push_back(updated("examples by weights", given, how));
 
-  all.push_back({"split", [](Floats& out, const Fallible& fallible) {
-                   const Surface& mesh = ball();
-                   const dd_bind_options options = bind_options(2);
-                   const dd_update_options update = update_options(DD_METHOD_TRANSFER);
-                   dd_split* split = nullptr;
+  all.push_back({"in steps", [](Floats& out, const Fallible& fallible) {
+                   dd_update_options how = update_options(DD_METHOD_TRANSFER);
+                   how.steps = 2;
+                   dd_deformer* deformer = nullptr;
+                   dd_job* job = nullptr;
                    const int32_t result = fallible([&] {
-                     int32_t status = dd_split_start(
-                         mesh.positions.data(), mesh.positions.size(), mesh.triangles.data(),
-                         mesh.triangles.size(), mesh.roles.data(), mesh.roles.size(), 1, &options,
-                         kLift, 12, nullptr, 0, 2, &update, &split);
-                     if (status == DD_OK) status = dd_split_finish(split, out.data(), out.size());
+                     int32_t status = bind(bind_options(2), &deformer);
+                     if (status == DD_OK) status = dd_update_start(deformer, kLift, 1, &how, &job);
+                     if (status == DD_OK)
+                       status = dd_job_get_update(job, out.data(), out.size() / 3);
                      return status;
                    });
-                   dd_split_free(split);
+                   dd_job_free(job);
+                   dd_deformer_free(deformer);
                    return result;
                  }});
   for (int formulation : {0, 1})
     all.push_back({"transfer between meshes " + std::to_string(formulation),
                    [=](Floats& out, const Fallible& fallible) {
-                     const Surface &source = ball(), &target = other_ball();
-                     const Floats pose = turned(source.positions);
-                     dd_transfer_options options{};
-                     options.struct_size = sizeof options;
+                     const dd_mesh source = ball().mesh(), target = other_ball().mesh();
+                     const Floats pose = turned(ball().positions);
+                     auto options = defaults<dd_transfer_options>();
                      options.threads = 2;
                      options.formulation = formulation;
+                     dd_job* job = nullptr;
                      dd_transfer* transfer = nullptr;
                      const int32_t result = fallible([&] {
                        int32_t status =
-                           dd_transfer_create(source.positions.data(), source.positions.size(),
-                                              source.triangles.data(), source.triangles.size(),
-                                              target.positions.data(), target.positions.size(),
-                                              target.triangles.data(), target.triangles.size(),
-                                              nullptr, 0, &options, &transfer);
+                           dd_transfer_start(&source, &target, nullptr, 0, &options, &job);
+                       if (status == DD_OK) status = dd_job_take_transfer(job, &transfer);
                        if (status == DD_OK)
-                         status = dd_transfer_apply(transfer, pose.data(), pose.size(), 1, nullptr,
-                                                    0, out.data(), out.size());
+                         status = dd_transfer_apply(transfer, pose.data(), source.vertex_count,
+                                                    nullptr, out.data(), target.vertex_count);
                        return status;
                      });
+                     dd_job_free(job);
                      dd_transfer_free(transfer);
                      return result;
                    }});
   all.push_back({"match", [](Floats& out, const Fallible& fallible) {
-                   const Surface &source = ball(), &target = other_ball();
+                   const dd_mesh source = ball().mesh(), target = other_ball().mesh();
                    const std::vector<int32_t> markers = {0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5};
-                   dd_match_options options{};
-                   options.struct_size = sizeof options;
+                   auto options = defaults<dd_match_options>();
                    options.threads = 2;
                    options.stages = options.rounds = 1;
+                   dd_job* job = nullptr;
                    dd_match* match = nullptr;
                    const int32_t result = fallible([&] {
-                     int32_t status = dd_match_start(
-                         source.positions.data(), source.positions.size(), source.triangles.data(),
-                         source.triangles.size(), target.positions.data(), target.positions.size(),
-                         target.triangles.data(), target.triangles.size(), markers.data(),
-                         markers.size(), &options, &match);
-                     if (status == DD_OK) status = dd_match_finish(match);
+                     int32_t status = dd_match_start(&source, &target, markers.data(),
+                                                     markers.size() / 2, &options, &job);
+                     if (status == DD_OK) status = dd_job_take_match(job, &match);
                      if (status == DD_OK)
-                       status = dd_match_get_positions(match, out.data(), out.size());
+                       status = dd_match_get_positions(match, out.data(), source.vertex_count);
                      return status;
                    });
+                   dd_job_free(job);
                    dd_match_free(match);
                    return result;
                  }});
   all.push_back({"distances", [](Floats& out, const Fallible& fallible) {
-                   const Surface& mesh = ball();
-                   std::vector<int32_t> sources(mesh.roles.size(), 0);
+                   const dd_mesh mesh = ball().mesh();
+                   std::vector<int32_t> sources(mesh.vertex_count, 0);
                    sources[0] = 1;
                    return fallible([&] {
-                     return dd_distances(mesh.positions.data(), mesh.positions.size(),
-                                         mesh.triangles.data(), mesh.triangles.size(),
-                                         sources.data(), sources.size(), out.data(),
+                     return dd_distances(&mesh, sources.data(), sources.size(), out.data(),
                                          sources.size());
                    });
                  }});
   all.push_back({"measures", [](Floats& out, const Fallible& fallible) {
-                   const Surface& mesh = ball();
-                   const Floats now = turned(mesh.positions);
-                   dd_measures measures{};
-                   measures.struct_size = sizeof measures;
+                   const dd_mesh mesh = ball().mesh();
+                   const Floats now = turned(ball().positions);
+                   auto options = defaults<dd_measure_options>();
+                   options.base = mesh.positions;
+                   options.deformed_base = now.data();
+                   options.base_count = options.deformed_base_count = mesh.vertex_count;
+                   auto measures = defaults<dd_measures>();
                    const int32_t status = fallible([&] {
-                     return dd_measure(mesh.positions.data(), now.data(), now.size(),
-                                       mesh.triangles.data(), mesh.triangles.size(),
-                                       mesh.roles.data(), mesh.roles.size(), mesh.positions.data(),
-                                       now.data(), &measures);
+                     return dd_measure(&mesh, ball().roles.data(), mesh.vertex_count, now.data(),
+                                       mesh.vertex_count, &options, &measures);
                    });
                    if (status == DD_OK) out[0] = static_cast<float>(measures.stretch);
                    return status;
@@ -264,17 +266,16 @@ std::vector<Work> works() {
          const std::vector<double> gradients(18, 0.5);
          dd_tets* solid = nullptr;
          const int32_t result = fallible([&] {
-           int32_t status = dd_tets_create(corners.data(), corners.size(), tets.data(), tets.size(),
-                                           roles.data(), roles.size(), 1, &solid);
+           const dd_tet_mesh mesh = {corners.data(), 5, tets.data(), 2};
+           int32_t status = dd_tets_create(&mesh, roles.data(), roles.size(), 1, &solid);
            size_t entries = 0;
            for (int which : {0, 1, 2})
              if (status == DD_OK)
                status = dd_tets_get_operator(solid, which, nullptr, nullptr, nullptr, 0, &entries);
            if (status == DD_OK)
-             status = dd_tets_solve(solid, corners.data(), corners.size(), gradients.data(),
-                                    gradients.size(), solved.data(), solved.size());
-           if (status == DD_OK)
-             status = dd_tets_update(solid, kLift, 12, moved.data(), moved.size());
+             status =
+                 dd_tets_solve(solid, corners.data(), 5, gradients.data(), 2, solved.data(), 5);
+           if (status == DD_OK) status = dd_tets_update(solid, kLift, 1, moved.data(), 5);
            return status;
          });
          dd_tets_free(solid);
@@ -293,7 +294,7 @@ std::string complaint(const Work& work, const Floats& expected, Failing::What wh
     Floats out(expected.size(), kUntouched);
     bool failed = false;
     char sentence[256] = "";
-    dd_bind_poll(nullptr, nullptr);  // so that the last message is another
+    dd_job_poll(nullptr, nullptr);  // so that the last message is another
     const int32_t status = work.run(out, [&](const std::function<int32_t()>& call) {
       const Failing failing(what, first, last);
       const int32_t of_call = call();

@@ -270,7 +270,6 @@ def unbind(ob):
         handle.property_unset('rest_euler')
     settings.property_unset('base_rest_matrix')
     slow_results.cancel(offset_attribute.token(ob.data))
-    slow_results.make_way(bound.deformer)
     if not _owners(signature):
         cancel(signature)
     dependency.release(ob)

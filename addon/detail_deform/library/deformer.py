@@ -22,9 +22,9 @@ class Bind(Job):
     """A bind under way; finish() gives the Deformer."""
 
     def __init__(self, positions, triangles, roles, handle_count, **options):
-        """positions: (n, 3) float32; triangles: (m, 3) int32; roles: (n,) int32, ROLE_FREE, ROLE_FIXED or a handle number
-        below handle_count. options: by the names of dd_bind_options' fields; base (n, 3), examples (count, n, 3).
-        All are copied."""
+        """positions: (n, 3) float32; triangles: (m, 3) int32; roles: (n,) int32, ROLE_FREE, ROLE_FIXED or a handle
+        number below handle_count. options: by the names of dd_bind_options' fields; base (n, 3), examples
+        (count, n, 3). All are copied."""
         roles = numbers('roles', roles, np.int32)
         super().__init__('dd_bind_start', Mesh(positions=positions, triangles=triangles), roles, len(roles),
                          handle_count, BindOptions(**options))

@@ -150,8 +150,8 @@ ApplyOptions = _sized('dd_apply_options', "What a transferred pose depends on be
                       (_SIZE, 'place_count'))
 TransferInfo = _sized(
     'dd_transfer_info', "Facts about a source and a target that correspond",
-    (_INT, 'unmatched_count', 'unmatched_example', 'unmatched_component_count', 'unmatched_component_example', 'loose_count',
-     'degenerate_count', 'degenerate_example', 'mirrored', 'unknowns'), (_DOUBLE, 'nonzeros'),
+    (_INT, 'unmatched_count', 'unmatched_example', 'unmatched_component_count', 'unmatched_component_example',
+     'loose_count', 'degenerate_count', 'degenerate_example', 'mirrored', 'unknowns'), (_DOUBLE, 'nonzeros'),
     (_DOUBLE * 12, 'placement'))
 MatchOptions = _sized('dd_match_options', "How correspondences are searched for", (_INT, 'stages', 'rounds', 'threads'),
                       (_DOUBLE, 'smoothness', 'identity', 'reach'))

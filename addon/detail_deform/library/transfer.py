@@ -23,8 +23,8 @@ class TransferJob(Job):
     """A transfer that is being factored; finish() gives it."""
 
     def __init__(self, source, target, pairs=None, **options):
-        """source, target: (positions (n, 3), triangles (m, 3)). pairs: (k, 2), or None for the same topology. options: by
-        the names of dd_transfer_options' fields. All are copied."""
+        """source, target: (positions (n, 3), triangles (m, 3)). pairs: (k, 2), or None for the same topology.
+        options: by the names of dd_transfer_options' fields. All are copied."""
         pairs = _pairs(pairs)
         super().__init__('dd_transfer_start', _mesh(*source), _mesh(*target), pairs, count(pairs),
                          TransferOptions(**options))

@@ -322,8 +322,8 @@ class OBJECT_OT_detail_deform_marker_add(MeshOperator, bpy.types.Operator):
 class OBJECT_OT_detail_deform_transfer_live(LongOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_transfer_live'
     bl_label = "Follow Source"
-    bl_description = ("Let this mesh follow the source's deformation from now on, or stop it. What markers or a list say is "
-                      "found first and kept with this mesh. Esc cancels")
+    bl_description = ("Let this mesh follow the source's deformation from now on, or stop it. What markers or a "
+                      "list say is found first and kept with this mesh. Esc cancels")
     doing = "Looking for what corresponds"
 
     source: StringProperty(

@@ -334,15 +334,16 @@ typedef struct dd_deformer_info {
   int32_t vertex_count;
   int32_t triangle_count;
   int32_t handle_count;
-  int32_t free_count;         /* vertices that are solved for */
-  int32_t resting_count;      /* vertices in the region that no handle reaches: they stay at rest */
-  int32_t resting_component_count; /* loose parts these belong to, parts without faces not counted */
-  int32_t resting_example;    /* one of the vertices */
-  int32_t loose_count;        /* free vertices without a face: they stay at rest */
-  int32_t loose_example;      /* one of them */
-  int32_t degenerate_count;   /* triangles without a usable area, given a tiny one */
-  int32_t degenerate_example; /* one of them */
-  int32_t idle_handle_count;  /* handles without a free vertex beside them: they move their own
+  int32_t free_count;    /* vertices that are solved for */
+  int32_t resting_count; /* vertices in the region that no handle reaches: they stay at rest */
+  int32_t
+      resting_component_count; /* loose parts these belong to, parts without faces not counted */
+  int32_t resting_example;     /* one of the vertices */
+  int32_t loose_count;         /* free vertices without a face: they stay at rest */
+  int32_t loose_example;       /* one of them */
+  int32_t degenerate_count;    /* triangles without a usable area, given a tiny one */
+  int32_t degenerate_example;  /* one of them */
+  int32_t idle_handle_count;   /* handles without a free vertex beside them: they move their own
                                  vertices and nothing follows */
   int32_t idle_handle_example; /* one of them */
   int32_t stand_in_count; /* triangles whose base has no area: they turn with a neighbour or with
@@ -435,11 +436,11 @@ typedef struct dd_transfer_info {
   int32_t unmatched_count;   /* triangles of the target without a source: they go with the nearest
                                 that has one over the surface */
   int32_t unmatched_example; /* one of them */
-  int32_t unmatched_component_count;   /* loose parts of the target none of whose triangles has one */
+  int32_t unmatched_component_count; /* loose parts of the target none of whose triangles has one */
   int32_t unmatched_component_example; /* a vertex of one */
-  int32_t loose_count;            /* vertices of the target without a triangle: they stay */
-  int32_t degenerate_count;       /* triangles of the target with next to no area */
-  int32_t degenerate_example;     /* one of them */
+  int32_t loose_count;                 /* vertices of the target without a triangle: they stay */
+  int32_t degenerate_count;            /* triangles of the target with next to no area */
+  int32_t degenerate_example;          /* one of them */
   int32_t mirrored;     /* 1: the target corresponds to the source's mirror image, of which only the
                            nearest rotation is taken */
   int32_t unknowns;     /* rows of the system */

@@ -176,7 +176,7 @@ int32_t dd_deformer_get_example_weights(const dd_deformer* deformer, double* out
   return guarded([&] {
     Bound& bound = bound_of(deformer);
     const InUse in_use = use(bound);
-    const std::vector<double> weights = 
+    const std::vector<double> weights =
         bound.deformer.findings(dd::MethodKind::examples).example_weights;
     require_count("out", out, out_count, weights.size(), "examples");
     std::copy(weights.begin(), weights.end(), out);

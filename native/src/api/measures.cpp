@@ -31,7 +31,8 @@ int32_t dd_measure(const dd_mesh* mesh, const int32_t* roles, size_t role_count,
     require(base.size() == deformed_base.size(),
             "options.base and options.deformed_base go together.");
     require(base.allFinite(), "options.base has coordinates that are not finite.");
-    require(deformed_base.allFinite(), "options.deformed_base has coordinates that are not finite.");
+    require(deformed_base.allFinite(),
+            "options.deformed_base has coordinates that are not finite.");
     const dd::Measures m = dd::measure(rest, now.positions, free, base, deformed_base);
     dd_measures found{};
     found.intersecting_pairs = m.intersecting_pairs;

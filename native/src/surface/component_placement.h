@@ -38,8 +38,8 @@ struct Misplacement {
   }
 };
 
-/// Components that nothing holds, carried by a base from outside: each keeps its mean place relative
-/// to its base,
+/// Components that nothing holds, carried by a base from outside: each keeps its mean place
+/// relative to its base,
 ///
 ///   Σ_j A_j c'_j = Σ_j A_j (b'_j + R_j (c_j − b_j))
 ///

@@ -11,7 +11,8 @@ namespace dd {
 
 /// A surface that can be solved for: what every reconstruction works on.
 struct FactoredSurface {
-  /// mesh: validated, in a box of about unit size, on which tolerances rely. region must outlive it.
+  /// mesh: validated, in a box of about unit size, on which tolerances rely. region must outlive
+  /// it.
   FactoredSurface(Mesh its_mesh, const Region& its_region);
 
   /// The Poisson system, by a free_block() of operators.laplacian. Throws UnsolvableSurface.

@@ -75,8 +75,8 @@ class GradientPass {
   /// base: B at rest, n×3. Active triangles that nothing stands in for are left out.
   GradientPass(const FactoredSurface& surface, const Positions& base, const StandIns& stand_ins);
 
-  /// Adds S_j · flux of each triangle's corners, those of one section. base: rows of 4 doubles in the
-  /// order of the system, right_hand_side: as in PoissonSystem::solve().
+  /// Adds S_j · flux of each triangle's corners, those of one section. base: rows of 4 doubles in
+  /// the order of the system, right_hand_side: as in PoissonSystem::solve().
   void add(int section, const double* base, bool rotation_only, double* right_hand_side) const {
     const int begin = layout_.begin[section];
     kernels().of<Real>().gradient_pass(layout_.begin[section + 1] - begin, blocks_.data() + begin,

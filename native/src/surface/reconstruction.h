@@ -18,8 +18,8 @@ enum class Formulation {
   fourth_points_unweighted = 2  ///< (10) as it stands
 };
 
-/// A surface made of deformation gradients: by (14) on its factor, or by (10), and refined if asked.
-/// What a formulation needs beside the factor is made when it is first asked for.
+/// A surface made of deformation gradients: by (14) on its factor, or by (10), and refined if
+/// asked. What a formulation needs beside the factor is made when it is first asked for.
 class Reconstruction {
  public:
   /// surface must outlive it.

@@ -10,8 +10,8 @@ namespace {
 // Of the mesh's size, for a solution of that size. Handles rarely move further.
 constexpr double kSingleIsEnough = 3e-6, kRefinedIsEnough = 5e-7;
 
-/// A component that nothing holds leaves its translation open. A right-hand side that sums to zero over
-/// it, as every divergence does, keeps the grounded vertex in place whatever its added weight.
+/// A component that nothing holds leaves its translation open. A right-hand side that sums to zero
+/// over it, as every divergence does, keeps the grounded vertex in place whatever its added weight.
 void ground(SparseMatrix& block, const Region& region) {
   for (int v : region.grounds) block.coeffRef(region.row[v], region.row[v]) *= 2;
 }

@@ -73,8 +73,8 @@ class PoissonSystem {
   const Rows& rest_divergence() const { return rest_divergence_; }
 
   /// Solves for the free rows of offsets, the displacement of all vertices, of which the handles'
-  /// rows are given. add(section, rows) adds the divergences of the active triangles of a section to
-  /// rows; from any thread, each section once. at_rest: what they all add where nothing moves.
+  /// rows are given. add(section, rows) adds the divergences of the active triangles of a section
+  /// to rows; from any thread, each section once. at_rest: what they all add where nothing moves.
   /// Components with a ground come out with that vertex at rest.
   template <class Add>
   void solve(const Rows& at_rest, const Add& add, Rows& offsets) {

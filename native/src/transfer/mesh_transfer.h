@@ -41,8 +41,8 @@ Similarity fitted_placement(const Mesh& source, const Mesh& target,
 /// the source's triangles go to those of T (SourceGradients), and L p' = div(S_jᵀ) (14) on T.
 /// Factored once; a pose is a pass over the triangles and one back-substitution.
 ///
-/// Each component of T that nothing pins is put where its source went: with A the placement, b_j the
-/// centre of the sources of triangle j, c_j its own,
+/// Each component of T that nothing pins is put where its source went: with A the placement, b_j
+/// the centre of the sources of triangle j, c_j its own,
 ///
 ///   Σ_j w_j c'_j = Σ_j w_j (A(b'_j) + S_j (c_j − A(b_j))),   w_j = area_j / (ε² + ‖S_j − I‖²):
 ///

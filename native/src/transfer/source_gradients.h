@@ -41,7 +41,8 @@ class SourceGradients {
   void match(const Triangles& target, int target_vertex_count,
              const Correspondence& correspondence);
   void prepare();
-  /// Rotations of used triangles that a pose leaves without area, which has none: their neighbours'.
+  /// Rotations of used triangles that a pose leaves without area, which has none: their
+  /// neighbours'.
   void replace_collapsed(const Positions& pose);
   void turn_onto_target(const Positions& pose, bool rotation_only, Workers& workers);
   Eigen::Matrix3d mean(int target_triangle, bool rotation_only) const;
