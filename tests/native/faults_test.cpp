@@ -175,13 +175,14 @@ std::vector<Work> works() {
   all.push_back(updated("examples by weights", given, how));
 
   all.push_back({"in steps", [](Floats& out, const Fallible& fallible) {
-                   dd_update_options how = update_options(DD_METHOD_TRANSFER);
-                   how.steps = 2;
+                   dd_update_options in_steps = update_options(DD_METHOD_TRANSFER);
+                   in_steps.steps = 2;
                    dd_deformer* deformer = nullptr;
                    dd_job* job = nullptr;
                    const int32_t result = fallible([&] {
                      int32_t status = bind(bind_options(2), &deformer);
-                     if (status == DD_OK) status = dd_update_start(deformer, kLift, 1, &how, &job);
+                     if (status == DD_OK)
+                       status = dd_update_start(deformer, kLift, 1, &in_steps, &job);
                      if (status == DD_OK)
                        status = dd_job_get_update(job, out.data(), out.size() / 3);
                      return status;

@@ -30,9 +30,9 @@ struct Told {
   }
 };
 
-/// Of a whole job.
-void check_from_start_to_end(const Told& told) {
-  CHECK(told.fractions.size() >= 3);
+/// Of a whole job. least: how often it tells something.
+void check_from_start_to_end(const Told& told, size_t least = 3) {
+  CHECK(told.fractions.size() >= least);
   CHECK(told.rises());
   CHECK(told.fractions.front() < 0.1);
   CHECK(told.fractions.back() == 1);
@@ -83,8 +83,10 @@ TEST_CASE("the progress of a motion in steps never falls, by any method") {
         motion.steps = steps;
         Told told;
         INFO(one.name << " by method " << static_cast<int>(method) << ", steps " << steps);
-        split_update(one.mesh, one.roles, 1, {}, motion, by(method), told.listener());
-        check_from_start_to_end(told);
+        Deformer deformer(one.mesh, one.roles, 1, {});
+        split_update(deformer, motion, by(method), told.listener());
+        // One step of a quick method is a frame.
+        check_from_start_to_end(told, steps > 1 || method == MethodKind::volumes ? 3 : 2);
       }
 }
 

@@ -16,25 +16,19 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// A value at c, and whether it came through the half of ab that is nearer to a.
-struct Reached {
-  double distance;
-  bool nearer_a;
-};
-
 /// What a front that has passed a and b brings to c: that of a straight one, where it crosses the
 /// triangle between them.
-Reached through_triangle(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
-                         const Eigen::Vector3d& c, double at_a, double at_b) {
+double through_triangle(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
+                        const Eigen::Vector3d& c, double at_a, double at_b) {
   const Eigen::Vector3d edge = b - a, arm = c - a;
   const double length = edge.norm();
   const double along = arm.dot(edge) / length, across = (arm - along / length * edge).norm();
   const double slope = (at_b - at_a) / length;  // of the distance along ab; 1 across the front
-  if (!(std::abs(slope) < 1)) return {kInfinity, true};
+  if (!(std::abs(slope) < 1)) return kInfinity;
   const double climb = std::sqrt(1 - slope * slope);
   const double entered = along - across * slope / climb;
-  if (entered < 0 || entered > length) return {kInfinity, true};
-  return {at_a + slope * along + climb * across, entered < 0.5 * length};
+  if (entered < 0 || entered > length) return kInfinity;
+  return at_a + slope * along + climb * across;
 }
 
 }  // namespace
@@ -59,11 +53,10 @@ std::vector<double> surface_distances(const Mesh& mesh, const std::vector<char>&
     if (sources[v]) reach(static_cast<int>(v), 0, static_cast<int>(v));
   // Along an edge the distance from one source is convex, so that a straight front through both
   // ends can only be late. Where the fronts of two sources meet it has a peak, which a straight one
-  // would cut off: what comes through there is at least as far as the nearer of the two.
-  const auto least = [&](int a, int b, int c) {
-    if (source_of[a] == source_of[b]) return 0.0;
-    return std::min((place(c) - place(source_of[a])).norm(),
-                    (place(c) - place(source_of[b])).norm());
+  // would cut off: what comes through there is at least as far as the nearer source is straight.
+  const auto straight = [&](int source, int c) { return (place(c) - place(source)).norm(); };
+  const auto nearer = [&](int s, int other, int c) {
+    return s == other || straight(s, c) <= straight(other, c) ? s : other;
   };
   while (!front.empty()) {
     const int a = front.top().second;
@@ -77,9 +70,10 @@ std::vector<double> surface_distances(const Mesh& mesh, const std::vector<char>&
         reach(c, distance[a] + (place(c) - place(a)).norm(), source_of[a]);
         const int b = t(j, 0) + t(j, 1) + t(j, 2) - a - c;
         if (!passed[b]) continue;
-        const Reached reached =
+        const int source = nearer(source_of[a], source_of[b], c);
+        const double value =
             through_triangle(place(a), place(b), place(c), distance[a], distance[b]);
-        reach(c, std::max(reached.distance, least(a, b, c)), source_of[reached.nearer_a ? a : b]);
+        reach(c, std::max(value, straight(source, c)), source);
       }
     }
   }
