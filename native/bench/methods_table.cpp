@@ -20,7 +20,7 @@ struct Row {
 
 std::vector<Row> rows() {
   using dd::MethodKind;
-  const auto shown = dd::Shown::result;
+  const auto shown = dd::Output::result;
   return {{"VarMin", {MethodKind::variational, {true, 0}, shown}},
           {"normal displacements", {MethodKind::normal, {}, shown}},
           {"  3 levels", {MethodKind::normal, {true, 0, 3}, shown}},

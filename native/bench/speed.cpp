@@ -209,7 +209,7 @@ void frame(const Scene& scene, const Bandwidth& bandwidth, Report& report) {
   block_options.precision = dd::Precision::single;
   block_options.dissection = &dissection;
   const dd::SparseCholesky own = dd::factor_free_block(poisson, region, block_options);
-  const dd::Rows panel = dd::Rows::Random(own.elimination().slotted_size(), 4);
+  const dd::Rows panel = dd::Rows::Random(own.symbolic().slotted_size(), 4);
   dd::SparseCholesky::Space space;
   std::vector<float> out(3 * static_cast<size_t>(scene.mesh.vertex_count()));
   const auto update = [&](dd::Deformer& deformer, int iterations) {

@@ -50,16 +50,16 @@ Times timed(const SparseMatrix& A) {
 
 /// Our own factor.
 Times timed_own(const SparseMatrix& A) {
-  std::shared_ptr<const dd::Elimination> elimination;
+  std::shared_ptr<const dd::SymbolicCholesky> symbolic;
   std::unique_ptr<dd::SparseCholesky> factor;
   Times times{};
   times.order =
-      median([&] { elimination = std::make_shared<dd::Elimination>(A, dd::minimum_degree(A)); });
+      median([&] { symbolic = std::make_shared<dd::SymbolicCholesky>(A, dd::minimum_degree(A)); });
   dd::FactorOptions options;
   options.smallest_pivot = 0;
   times.factor =
-      median([&] { factor = std::make_unique<dd::SparseCholesky>(A, elimination, options); });
-  const dd::Rows right = dd::Rows::Random(elimination->slotted_size(), 4);
+      median([&] { factor = std::make_unique<dd::SparseCholesky>(A, symbolic, options); });
+  const dd::Rows right = dd::Rows::Random(symbolic->slotted_size(), 4);
   dd::SparseCholesky::Space space;
   times.solve = median([&] {
     factor->solve_in_order(

@@ -11,7 +11,7 @@
 namespace dd::test {
 
 inline UpdateOptions by(MethodKind method, bool rotation_only = true, int refine = 0) {
-  return {method, {rotation_only, refine}, Shown::result};
+  return {method, {rotation_only, refine}, Output::result};
 }
 
 /// The deformed positions.

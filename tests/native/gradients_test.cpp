@@ -20,9 +20,9 @@ Positions divergence_by_pass(const Mesh& surface, const Positions& base, const P
   const int n = surface.vertex_count();
   const std::vector<int> all_free(static_cast<size_t>(n), kFree);
   const Region region = split_region(surface, all_free, 0, MovedBy::base);
-  Workers workers(1);
+  ThreadPool pool(1);
   BlockOptions options;
-  options.workers = &workers;
+  options.pool = &pool;
   FactoredSurface factored(surface, region);
   factored.factor(free_block(factored.operators.laplacian, region), options);
   const PoissonSystem& poisson = *factored.poisson;

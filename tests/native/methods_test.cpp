@@ -131,7 +131,7 @@ TEST_CASE("methods share a deformer without leaving traces in each other's resul
                                           by(MethodKind::variational),
                                           by(MethodKind::gradient),
                                           by(MethodKind::transfer, true, 3),
-                                          {MethodKind::transfer, {true, 0}, Shown::base}};
+                                          {MethodKind::transfer, {true, 0}, Output::base}};
   std::vector<Positions> alone;
   for (const UpdateOptions& options : all) {
     Deformer fresh(ball.mesh, ball.roles, 2, {});
@@ -146,7 +146,7 @@ TEST_CASE("methods share a deformer without leaving traces in each other's resul
 TEST_CASE("showing the base gives B at rest and B' in a pose") {
   const Ball ball;
   Deformer deformer(ball.mesh, ball.roles, 2, {});
-  const UpdateOptions shown = {MethodKind::transfer, {true, 4}, Shown::base};
+  const UpdateOptions shown = {MethodKind::transfer, {true, 4}, Output::base};
   CHECK(test::largest_difference(surface(deformer, {test::identity(), test::identity()}, shown),
                                  deformer.base()) < 1e-12);
   const auto dense = test::dense_transfer(ball.mesh, ball.roles, kMotions, false, true);
@@ -278,7 +278,7 @@ TEST_CASE("VOLUMES keeps the space between base and surface, whatever the unit")
   const auto plane = test::lifted_plane(61);
   Deformer deformer(plane.mesh, plane.roles, 1, {});
   const Positions result = surface(deformer, {plane.motion}, by(MethodKind::volumes));
-  CHECK(deformer.findings(MethodKind::volumes).settled);
+  CHECK(deformer.findings(MethodKind::volumes).converged);
   // The prisms' volumes once more, cut into three tetrahedra each (either way of cutting their
   // sides is off by as much, so their mean is the bilinear prism).
   const auto volume = [&](const Positions& base, const Positions& over, Index j) {
@@ -348,7 +348,7 @@ TEST_CASE("VOLUMES tells how far it is, can be cancelled, and says when it stopp
   options.of_method.volume_iterations = 1;
   options.of_method.volume_tolerance = 1e-9;
   surface(deformer, {plane.motion}, options);
-  CHECK(!deformer.findings(MethodKind::volumes).settled);
+  CHECK(!deformer.findings(MethodKind::volumes).converged);
   // Where the surface is its own base there is nothing to keep.
   const Mesh flat = test::grid(21, 21, [](double, double) { return 0.0; });
   Deformer bare(flat, test::strip_roles(21, 21, 3, 18), 1, {});

@@ -130,7 +130,7 @@ TEST_CASE("showing an outside base, and a base that is missing or not finite") {
   const Ball ball;
   Deformer deformer(ball.mesh, ball.roles, 0, ball.options());
   const Positions moved = bent(ball.base);
-  CHECK(test::largest_difference(surface(deformer, moved, {MethodKind::transfer, {}, Shown::base}),
+  CHECK(test::largest_difference(surface(deformer, moved, {MethodKind::transfer, {}, Output::base}),
                                  moved) < 1e-12);
   CHECK_THAT(test::refusal([&] { deformer.update(nullptr, {}); }, Status::argument),
              contains("deformed base"));

@@ -100,9 +100,9 @@ TEST_CASE("the Poisson system refines where single precision alone is too far of
   const auto roles = test::strip_roles(length, 3, 1, length - 1);
   const Region region = split_region(strip, roles, 1);
   const auto operators = surface_operators(strip.positions, strip.triangles);
-  Workers workers(2);
+  ThreadPool pool(2);
   BlockOptions options;
-  options.workers = &workers;
+  options.pool = &pool;
   const SparseMatrix block = free_block(operators.laplacian, region);
   const Dissection dissection = free_dissection(block, region, strip.positions);
   options.dissection = &dissection;
@@ -110,7 +110,7 @@ TEST_CASE("the Poisson system refines where single precision alone is too far of
   REQUIRE(full.precision() == Precision::full);
   options.precision = Precision::single;
   PoissonSystem single(strip, region, operators, block, options);
-  CHECK(single.refinement_steps() > 0);
+  CHECK(single.correction_steps() > 0);
   const auto solved = [&](PoissonSystem& system) {
     const RowOrder& order = system.order();
     Rows offsets = Rows::Zero(order.count(), 4);

@@ -108,10 +108,10 @@ TEST_CASE("progress doesn't fall where single precision is tried in vain") {
       test::grid(length, 3, [](double x, double) { return 0.01 * std::sin(60 * x); });
   const Region region = split_region(strip, test::strip_roles(length, 3, 0, length - 1), 1);
   const auto operators = surface_operators(strip.positions, strip.triangles);
-  Workers workers(2);
+  ThreadPool pool(2);
   Told told;
   BlockOptions options;
-  options.workers = &workers;
+  options.pool = &pool;
   options.precision = Precision::single;
   options.progress = told.listener();
   const SparseMatrix block = free_block(operators.laplacian, region);

@@ -5,7 +5,7 @@
 #include <random>
 
 #include "catch.h"
-#include "mesh/box_tree.h"
+#include "mesh/aabb_tree.h"
 #include "mesh/measures.h"
 #include "mesh/unit_box.h"
 #include "meshes.h"
@@ -56,7 +56,7 @@ Pairs markers(const Mesh& source, const Mesh& target) {
 }
 
 double largest_distance(const Positions& points, const Mesh& mesh) {
-  const BoxTree tree(mesh);
+  const AabbTree tree(mesh);
   double largest = 0;
   for (Index v = 0; v < points.rows(); ++v)
     largest = std::max(
@@ -78,7 +78,7 @@ std::string refusal(const Mesh& source, const Mesh& target, const Pairs& pairs) 
 
 TEST_CASE("the nearest point of a mesh is that of a search through all triangles") {
   const Mesh mesh = test::rough_sphere(3, 0.3);
-  const BoxTree tree(mesh);
+  const AabbTree tree(mesh);
   std::mt19937 random(2);
   std::uniform_real_distribution<double> uniform(-1.5, 1.5);
   for (int i = 0; i < 200; ++i) {

@@ -45,7 +45,7 @@ TEST_CASE("the order is a permutation, and the panel solve uses it") {
   REQUIRE(sorted == counting);
 
   const RowMatrix X = RowMatrix::Random(A.rows(), 4), B = A * X;
-  Rows right = Rows::Zero(factor.elimination().slotted_size(), 4);
+  Rows right = Rows::Zero(factor.symbolic().slotted_size(), 4);
   for (Index k = 0; k < A.rows(); ++k) right.row(k) = B.row(factor.order()[k]);
   SparseCholesky::Space space;
   RowMatrix found = RowMatrix::Zero(A.rows(), 4);
@@ -94,12 +94,12 @@ struct System {
   Region region = split_region(mesh, test::strip_roles(121, 121, 10, 110), 1);
   SparseMatrix A = free_block(surface_operators(mesh.positions, mesh.triangles).laplacian, region);
   RowMatrix B = RowMatrix::Random(A.rows(), 4);
-  SparseCholesky factor(Precision precision, Workers* workers, bool by_places = true) const {
+  SparseCholesky factor(Precision precision, ThreadPool* pool, bool by_places = true) const {
     BlockOptions options;
     const Dissection dissection = free_dissection(A, region, mesh.positions);
     if (by_places) options.dissection = &dissection;
     options.precision = precision;
-    options.workers = workers;
+    options.pool = pool;
     return factor_free_block(A, region, options);
   }
 };
@@ -111,13 +111,13 @@ TEST_CASE("a factor in domains equals Eigen's simplicial one, by either order") 
   const RowMatrix expected = Eigen::SimplicialLDLT<SparseMatrix>(system.A).solve(system.B);
   for (bool by_places : {true, false}) {
     const SparseCholesky factor = system.factor(Precision::full, nullptr, by_places);
-    REQUIRE(factor.elimination().domain_count() > 1);
-    REQUIRE(!factor.elimination().slot_target.empty());
+    REQUIRE(factor.symbolic().domain_count() > 1);
+    REQUIRE(!factor.symbolic().slot_target.empty());
     CHECK((factor.solve(system.B) - expected).norm() < 1e-11 * expected.norm());
     const SparseCholesky single = factor_free_block(system.A, system.region, [&] {
       BlockOptions options;
       options.precision = Precision::single;
-      options.elimination = factor.shared_elimination();
+      options.symbolic = factor.shared_symbolic();
       return options;
     }());
     const double error = (single.solve(system.B) - expected).norm() / expected.norm();
@@ -132,9 +132,9 @@ TEST_CASE("a solve gives the same bits by any number of threads", "[threads]") {
   for (Precision precision : {Precision::single, Precision::full}) {
     const RowMatrix alone = system.factor(precision, nullptr).solve(system.B);
     for (int count : {2, 3, 8}) {
-      Workers workers(count);
+      ThreadPool pool(count);
       for (int round = 0; round < 5; ++round)
-        REQUIRE(system.factor(precision, &workers).solve(system.B, &workers) == alone);
+        REQUIRE(system.factor(precision, &pool).solve(system.B, &pool) == alone);
     }
   }
 }
@@ -155,10 +155,10 @@ TEST_CASE(
   by_cuts.dissection = &cuts;
   CHECK(factor_free_block(thin, of_strip, by_cuts).entries() < 40 * thin.rows());
 
-  const Elimination& e = by_places.elimination();
+  const SymbolicCholesky& e = by_places.symbolic();
   const auto part_of = [&](int place) {
     int part = 0;
-    while (place >= e.part_begin(part + 1)) ++part;
+    while (place >= e.section_begin(part + 1)) ++part;
     return part;
   };
   int across = 0;
@@ -186,21 +186,21 @@ TEST_CASE("a factorization can be cancelled, and says how far it is") {
   CHECK_THROWS_AS(factor_free_block(system.A, system.region, options), Error);
 }
 
-TEST_CASE("workers do every task once, pass on exceptions, and can go on after one") {
-  Workers workers(4);
-  CHECK(workers.count() == 4);
+TEST_CASE("pool do every task once, pass on exceptions, and can go on after one") {
+  ThreadPool pool(4);
+  CHECK(pool.count() == 4);
   for (int tasks : {0, 1, 2, 7, 1000}) {
     std::vector<std::atomic<int>> done(static_cast<size_t>(tasks));
-    workers.run(tasks, [&](int i) { ++done[i]; });
+    pool.run(tasks, [&](int i) { ++done[i]; });
     CHECK(std::all_of(done.begin(), done.end(), [](const auto& times) { return times == 1; }));
   }
-  CHECK_THROWS_AS(workers.run(50,
-                              [](int i) {
-                                if (i == 17) throw Error(Status::numeric, "no");
-                              }),
+  CHECK_THROWS_AS(pool.run(50,
+                           [](int i) {
+                             if (i == 17) throw Error(Status::numeric, "no");
+                           }),
                   Error);
   std::atomic<int64_t> sum{0};
-  workers.over(100000, 10, [&](int64_t begin, int64_t end) {
+  pool.parallel_for(100000, 10, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) sum += i;
   });
   CHECK(sum == 99999LL * 100000 / 2);

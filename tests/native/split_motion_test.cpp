@@ -186,7 +186,7 @@ TEST_CASE("steps begin at the bound surface, whatever it was used for before, an
       });
       CHECK((found.offsets.array() == expected.offsets.array()).all());
       CHECK(found.volume_error == expected.volume_error);
-      CHECK(found.volumes_settled == expected.volumes_settled);
+      CHECK(found.volumes_converged == expected.volumes_converged);
       CHECK(let_go == 1);
       CHECK((meanwhile.array() == test::surface(fresh, {test::bend(-30, 0, 0.3)}, refined).array())
                 .all());

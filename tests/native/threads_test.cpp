@@ -8,7 +8,7 @@
 
 #include "catch.h"
 #include "deform.h"
-#include "support/workers.h"
+#include "support/thread_pool.h"
 #include "transfer/registration.h"
 
 using namespace dd;
@@ -75,17 +75,17 @@ TEST_CASE("the number of threads changes neither a registration nor a match", "[
 
 TEST_CASE("each task is called once, whether helpers wait awake, sleep or one throws",
           "[threads]") {
-  Workers workers(4);
+  ThreadPool pool(4);
   for (int round = 0; round < 300; ++round) {
     if (round % 50 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(2));
     std::vector<int> calls(64);
-    workers.run(64, [&](int i) { ++calls[size_t(i)]; });
+    pool.run(64, [&](int i) { ++calls[size_t(i)]; });
     REQUIRE(calls == std::vector<int>(64, 1));
     if (round % 10 == 0)
-      REQUIRE_THROWS_AS(workers.run(64,
-                                    [](int i) {
-                                      if (i % 16 == 3) throw std::runtime_error("one of them");
-                                    }),
+      REQUIRE_THROWS_AS(pool.run(64,
+                                 [](int i) {
+                                   if (i % 16 == 3) throw std::runtime_error("one of them");
+                                 }),
                         std::runtime_error);
   }
 }

@@ -92,7 +92,7 @@ def _shown_slow(ob):
         yield f"Shown is the result {what}."
         if settings.method == 'VOLUMES':
             yield f"Volumes are kept within {100 * record.slow_info.volume_error:.2g}%."
-            if not record.slow_info.volumes_settled:
+            if not record.slow_info.volumes_converged:
                 yield "The search for them stopped at its limit of iterations: raise it for a better result."
 
 

@@ -132,7 +132,7 @@ UpdateOptions = _sized(
     (_SIZE, 'base_count'), (_DOUBLE, 'volume_tolerance'), (_INT, 'volume_iterations', 'steps'),
     (Array(np.float64, 3), 'turns'), (_SIZE, 'turn_count'), (Array(np.float64), 'example_weights'),
     (_SIZE, 'example_weight_count'), (_DOUBLE, 'example_stiffness'))
-UpdateInfo = _sized('dd_update_info', "Facts about an update that was a job", (_INT, 'volumes_settled'),
+UpdateInfo = _sized('dd_update_info', "Facts about an update that was a job", (_INT, 'volumes_converged'),
                     (_DOUBLE, 'volume_error'))
 Info = _sized(
     'dd_deformer_info', "Facts about a bound surface",

@@ -318,8 +318,8 @@ DD_API int32_t dd_update_start(dd_deformer* deformer, const double* matrices, si
 /* Facts about an update that was a job. */
 typedef struct dd_update_info {
   uint32_t struct_size;
-  int32_t volumes_settled; /* 0: DD_METHOD_VOLUMES stopped at its limit of iterations */
-  double volume_error;     /* of DD_METHOD_VOLUMES: what the volumes differ by from those at rest,
+  int32_t volumes_converged; /* 0: DD_METHOD_VOLUMES stopped at its limit of iterations */
+  double volume_error;       /* of DD_METHOD_VOLUMES: what the volumes differ by from those at rest,
                               summed, over their sum */
 } dd_update_info;
 

@@ -121,7 +121,7 @@ int32_t dd_update_start(dd_deformer* deformer, const double* matrices, size_t ma
                          const dd::SplitResult result =
                              update_in_steps(kept->deformer, update, made->values.data(), progress,
                                              [&] { first_step.release(); });
-                         made->info.volumes_settled = result.volumes_settled;
+                         made->info.volumes_converged = result.volumes_converged;
                          made->info.volume_error = result.volume_error;
                          return made;
                        });

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "api/arguments.h"
-#include "mesh/distances.h"
+#include "mesh/geodesic_distances.h"
 
 using namespace dd::api;
 
@@ -55,7 +55,7 @@ int32_t dd_distances(const dd_mesh* mesh, const int32_t* sources, size_t source_
     require_count("out", out, out_count, mesh->vertex_count, "vertices");
     std::vector<char> is_source(source_count);
     for (size_t v = 0; v < source_count; ++v) is_source[v] = sources[v] != 0;
-    const std::vector<double> distances = dd::surface_distances(surface, is_source);
+    const std::vector<double> distances = dd::geodesic_distances(surface, is_source);
     std::transform(distances.begin(), distances.end(), out,
                    [](double distance) { return static_cast<float>(distance); });
   });

@@ -46,7 +46,7 @@ Update read_update_options(const dd_update_options* given, const Deformer& defor
   const dd_update_options options = read_struct(given);
   Update result;
   result.options.method = choice("options.method", options.method, MethodKind::examples);
-  result.options.shown = choice("options.output", options.output, Shown::base);
+  result.options.output = choice("options.output", options.output, Output::base);
   result.values = choice("options.values", options.values, Values::offsets);
 
   MethodOptions& of_method = result.options.of_method;

@@ -38,7 +38,7 @@ Mesh validated(Mesh mesh) {
 
 Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
                    const BindOptions& options, const Progress& progress)
-    : workers_(options.threads),
+    : pool_(options.threads),
       bind_options_{options.base_metric,
                     options.metric_smoothing,
                     options.smoothness,
@@ -58,7 +58,7 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
     in_unit.examples[i] = box_.into(options.examples[i]);
   }
   bound_ = std::make_unique<BoundSurface>(Mesh{box_.into(mesh_.positions), mesh_.triangles},
-                                          region_, in_unit, workers_, progress);
+                                          region_, in_unit, pool_, progress);
   if (!region_.grounds.empty()) carried_ = std::make_unique<CarriedComponents>(*bound_);
 
   coefficients_ = RowMatrix::Zero(4 * handle_count, 4);
@@ -83,7 +83,7 @@ void Deformer::update_to(float* out, bool positions, const double* matrices,
   move(matrices, options, deformed_base);
   require_floats();
   const std::vector<int>& vertex = bound_->order().vertex_of_row;
-  workers_.over(moved_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+  pool_.parallel_for(moved_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (int64_t r = begin; r < end; ++r) {
       const int v = vertex[r];
       for (int c = 0; c < 3; ++c) {
@@ -99,7 +99,7 @@ void Deformer::require_floats() {
   // With a position added, which is at most kFarthest, it still is one.
   constexpr double kLargest = 0.5 * std::numeric_limits<float>::max();
   std::atomic<bool> fits{true};
-  workers_.over(moved_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+  pool_.parallel_for(moved_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     const auto rows = moved_.middleRows(begin, end - begin);
     // A sum is quick and finds what is not a number; only where it is large each value has a say.
     if (box_.scale * rows.cwiseAbs().sum() < kLargest) return;
@@ -119,7 +119,7 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
   }
   moved_.bottomRows(order.count() - order.fixed_begin).setZero();
   move_base(deformed_base);
-  if (options.shown == Shown::base) {
+  if (options.output == Output::base) {
     moved_ = base_ - bound_->rest;
     return;
   }
@@ -142,7 +142,7 @@ void Deformer::move_base(const Positions* deformed) {
     return;
   }
   const RowMatrix& weights = bound_->basis.weights;
-  workers_.over(order.free_count, kLeastRange, [&](int64_t begin, int64_t end) {
+  pool_.parallel_for(order.free_count, kLeastRange, [&](int64_t begin, int64_t end) {
     kernels().blend(static_cast<int>(end - begin), static_cast<int>(weights.cols()),
                     weights.row(begin).data(), coefficients_.data(),
                     bound_->rest_base.row(begin).data(), base_.row(begin).data());

@@ -13,7 +13,7 @@ namespace dd {
 class CarriedComponents;
 
 /// What an update shows.
-enum class Shown {
+enum class Output {
   result = 0,
   base = 1  ///< B' in place of S'
 };
@@ -21,7 +21,7 @@ enum class Shown {
 struct UpdateOptions {
   MethodKind method = MethodKind::transfer;
   MethodOptions of_method;
-  Shown shown = Shown::result;
+  Output output = Output::result;
 };
 
 /// A surface with its region bound: all that is factored once, and the update that isn't.
@@ -78,7 +78,7 @@ class Deformer {
   void scale_to_mesh(const Rows& rows, Positions& vectors) const;
   Positions place_in_mesh(const Rows& rows) const;
 
-  Workers workers_;
+  ThreadPool pool_;
   BindOptions bind_options_;
   Mesh mesh_;
   Region region_;

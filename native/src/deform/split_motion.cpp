@@ -105,7 +105,7 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     // A method that is slow takes the larger part of a step.
     const double bound_at = step == 1 ? 0 : facts(update.method).slow ? 0.2 : 0.95;
     UpdateOptions options = update;
-    if (step < motion.steps) options.shown = Shown::result;
+    if (step < motion.steps) options.output = Output::result;
     options.of_method.progress = [&](double fraction, const char* stage) {
       return tell(bound_at + (1 - bound_at) * fraction, stage);
     };
@@ -113,10 +113,10 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
       const std::vector<double> matrices =
           motion.steps > 1 ? between(screws, before, now) : motion.matrices;
       surface.positions += deformer.update(matrices.data(), options, deformed_base);
-      if (options.shown == Shown::base) return;  // the method had no part in it
+      if (options.output == Output::base) return;  // the method had no part in it
       const MethodFindings findings = deformer.findings(options.method);
       result.volume_error = findings.volume_error;
-      result.volumes_settled = findings.settled;
+      result.volumes_converged = findings.converged;
     };
     try {
       if (step == 1) {

@@ -28,8 +28,8 @@ class ScrewMotion {
   Eigen::Matrix3d stretch_;               // U − I
 };
 
-/// T-split (§6): the handles' motions in steps, all in step, each step on a surface bound anew to
-/// the last one's result. One step is Deformer::update().
+/// T-split (§6): all handles' motions are cut into as many steps, which they take together. After
+/// each step the surface is bound anew to its result. One step is Deformer::update().
 struct SplitMotion {
   std::vector<double> matrices;  ///< as for Deformer::update()
   std::vector<double> turns;     ///< 3 a handle, as for ScrewMotion; or none: all zero
@@ -41,7 +41,7 @@ struct SplitMotion {
 struct SplitResult {
   Positions offsets;
   double volume_error = 0;
-  bool volumes_settled = true;
+  bool volumes_converged = true;
 };
 
 /// Arguments as for Deformer::update(); a base from outside has no motion that could be split and

@@ -69,7 +69,7 @@ constexpr int64_t packed_triangle_size(int width) {
   return size;
 }
 
-/// A factor as solves read it: see SparseCholesky and Elimination.
+/// A factor as solves read it: see SparseCholesky and SymbolicCholesky.
 template <class Real>
 struct FactorView {
   const int32_t* begin;        ///< places of each supernode

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "mesh/box_tree.h"
+#include "mesh/aabb_tree.h"
 
 namespace dd {
 
@@ -57,7 +57,7 @@ bool triangles_intersect(const Mesh& mesh, int first, int second) {
 std::vector<std::pair<int, int>> intersecting_pairs(const Mesh& mesh) {
   std::vector<std::pair<int, int>> pairs;
   if (mesh.triangle_count() == 0) return pairs;
-  const BoxTree tree(mesh);
+  const AabbTree tree(mesh);
   for (int j = 0; j < mesh.triangle_count(); ++j)
     tree.meet(j, [&](int other) {
       if (other > j && triangles_intersect(mesh, j, other)) pairs.emplace_back(j, other);

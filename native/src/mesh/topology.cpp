@@ -16,36 +16,37 @@ Fans::Fans(const Triangles& t, int vertex_count)
 }
 
 Edges::Edges(const Triangles& t) {
-  sides_.reserve(static_cast<size_t>(t.size()));
+  half_edges_.reserve(static_cast<size_t>(t.size()));
   for (Index j = 0; j < t.rows(); ++j)
     for (int k = 0; k < 3; ++k) {
       const auto [low, high] = std::minmax(t(j, k), t(j, (k + 1) % 3));
-      sides_.push_back({low, high, static_cast<int>(3 * j + k)});
+      half_edges_.push_back({low, high, static_cast<int>(3 * j + k)});
     }
-  std::sort(sides_.begin(), sides_.end(), [](const Side& a, const Side& b) {
-    return std::tie(a.low, a.high, a.place) < std::tie(b.low, b.high, b.place);
+  std::sort(half_edges_.begin(), half_edges_.end(), [](const HalfEdge& a, const HalfEdge& b) {
+    return std::tie(a.low, a.high, a.number) < std::tie(b.low, b.high, b.number);
   });
-  for (size_t i = 0; i < sides_.size(); ++i)
-    if (i == 0 || sides_[i].low != sides_[i - 1].low || sides_[i].high != sides_[i - 1].high)
+  for (size_t i = 0; i < half_edges_.size(); ++i)
+    if (i == 0 || half_edges_[i].low != half_edges_[i - 1].low ||
+        half_edges_[i].high != half_edges_[i - 1].high)
       begin_.push_back(static_cast<int>(i));
-  begin_.push_back(static_cast<int>(sides_.size()));
+  begin_.push_back(static_cast<int>(half_edges_.size()));
 }
 
-std::vector<int> Edges::at_places() const {
-  std::vector<int> edges(sides_.size());
+std::vector<int> Edges::of_half_edges() const {
+  std::vector<int> edges(half_edges_.size());
   for (int edge = 0; edge < count(); ++edge)
-    for (const Side& side : sides(edge)) edges[side.place] = edge;
+    for (const HalfEdge& side : of(edge)) edges[side.number] = edge;
   return edges;
 }
 
 Borders::Borders(const Triangles& triangles, int vertex_count)
-    : places(static_cast<size_t>(triangles.size()), 0),
+    : half_edges(static_cast<size_t>(triangles.size()), 0),
       vertices(static_cast<size_t>(vertex_count), 0) {
   const Edges edges(triangles);
   for (int edge = 0; edge < edges.count(); ++edge) {
-    const Edges::Range sides = edges.sides(edge);
+    const Edges::Range sides = edges.of(edge);
     if (sides.size() > 1) continue;
-    places[sides.begin()->place] = 1;
+    half_edges[sides.begin()->number] = 1;
     vertices[sides.begin()->low] = vertices[sides.begin()->high] = 1;
   }
 }
@@ -58,9 +59,9 @@ int find_root(std::vector<int>& parent, int v) {
 }
 
 /// Breadth first from the triangles that have a value into those joined to them that have none.
-/// joined(j, k, visit) calls visit for the triangles at joint k of triangle j, which it returns:
-/// every joint is passed through once, and triangles are visited in order, so that the result
-/// depends on nothing but the mesh.
+/// joint_at(j, k) is the number of joint k of triangle j, each_at(joint, visit) visits the
+/// triangles there. Every joint is passed through once, and triangles are visited in order, so that
+/// the result depends on nothing but the mesh.
 template <class JointAt, class EachAt>
 void spread(std::vector<int>& of_triangle, size_t joint_count, const JointAt& joint_at,
             const EachAt& each_at) {
@@ -102,12 +103,12 @@ Components::Components(const Triangles& triangles, int vertex_count) {
 
 void fill_from_neighbours(std::vector<int>& of_triangle, const Triangles& t, int vertex_count) {
   const Edges edges(t);
-  const std::vector<int> edge_at = edges.at_places();
+  const std::vector<int> edge_of = edges.of_half_edges();
   spread(
       of_triangle, static_cast<size_t>(edges.count()),
-      [&](int j, int k) { return edge_at[3 * static_cast<size_t>(j) + static_cast<size_t>(k)]; },
+      [&](int j, int k) { return edge_of[3 * static_cast<size_t>(j) + static_cast<size_t>(k)]; },
       [&](int edge, const auto& visit) {
-        for (const Edges::Side& side : edges.sides(edge)) visit(side.triangle());
+        for (const Edges::HalfEdge& side : edges.of(edge)) visit(side.triangle());
       });
   const Fans fans(t, vertex_count);
   spread(

@@ -34,37 +34,37 @@ class Edges {
  public:
   explicit Edges(const Triangles& triangles);
 
-  /// An edge as one triangle has it: from its corner k to the next one, place = 3 × triangle + k.
-  struct Side {
+  /// An edge as one triangle has it, from its corner k to the next one.
+  struct HalfEdge {
     int low, high;  ///< the edge's vertices
-    int place;
-    int triangle() const { return place / 3; }
+    int number;     ///< 3 × triangle + k
+    int triangle() const { return number / 3; }
   };
   struct Range {
-    const Side *first, *last;
-    const Side* begin() const { return first; }
-    const Side* end() const { return last; }
+    const HalfEdge *first, *last;
+    const HalfEdge* begin() const { return first; }
+    const HalfEdge* end() const { return last; }
     int size() const { return static_cast<int>(last - first); }
   };
 
   int count() const { return static_cast<int>(begin_.size()) - 1; }
   /// By ascending triangle.
-  Range sides(int edge) const {
-    return {sides_.data() + begin_[edge], sides_.data() + begin_[edge + 1]};
+  Range of(int edge) const {
+    return {half_edges_.data() + begin_[edge], half_edges_.data() + begin_[edge + 1]};
   }
-  /// The edge at each place.
-  std::vector<int> at_places() const;
+  /// The edge of each half-edge, by number.
+  std::vector<int> of_half_edges() const;
 
  private:
-  std::vector<Side> sides_;
+  std::vector<HalfEdge> half_edges_;
   std::vector<int> begin_;
 };
 
 /// Where an open mesh ends: edges that only one triangle has.
 struct Borders {
   Borders(const Triangles& triangles, int vertex_count);
-  std::vector<char> places;    ///< 3m: whether the edge from corner k to the next is one
-  std::vector<char> vertices;  ///< n: whether the vertex is at one
+  std::vector<char> half_edges;  ///< 3m, by number: whether its edge is one
+  std::vector<char> vertices;    ///< n: whether the vertex is at one
 };
 
 /// Loose parts: for each vertex the number of its part, connected through triangles. A vertex

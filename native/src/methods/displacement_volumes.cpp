@@ -173,7 +173,7 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
   linear.levels = 1;
   normal_.update(frame, linear);
   volume_error_ = 0;
-  settled_ = true;
+  converged_ = true;
   if (!factor_) return;
 
   const int free_count = bound_.order().free_count;
@@ -191,8 +191,8 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
   double first_change = 0, done = 0;
   // A round takes as long as a frame, a step as long as a hundred: it must be possible to stop.
   const auto go_on = [&] { report(options.progress, done, "Restoring the volumes"); };
-  settled_ = false;
-  for (int step = 0; step < options.volume_iterations && !settled_; ++step) {
+  converged_ = false;
+  for (int step = 0; step < options.volume_iterations && !converged_; ++step) {
     const Vector missing = missing_volumes(surface, frame.base);
     Rows change = shift_for(applied(shift) - missing, go_on) - shift;
     const double largest = change.cwiseAbs().maxCoeff() / height_;
@@ -202,7 +202,7 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
     if (largest > kLongestStep) change *= kLongestStep / largest;
     shift += change;
     surface.topRows(free_count) = start.topRows(free_count) + shift;
-    settled_ = largest <= options.volume_tolerance;
+    converged_ = largest <= options.volume_tolerance;
 
     first_change = std::max(first_change, largest);
     const double left = (largest - options.volume_tolerance) /
@@ -218,7 +218,7 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
 MethodFindings DisplacementVolumes::findings() const {
   MethodFindings findings;
   findings.volume_error = volume_error_;
-  findings.settled = settled_;
+  findings.converged = converged_;
   return findings;
 }
 

@@ -53,7 +53,7 @@ class DisplacementVolumes : public Method {
   SparseMatrix metric_;
   std::unique_ptr<SparseCholesky> factor_;  // of H; none where there is no volume to keep
   double volume_error_ = 0;
-  bool settled_ = true;
+  bool converged_ = true;
 };
 
 }  // namespace dd

@@ -50,7 +50,7 @@ struct MethodFindings {
   /// of normal displacements, and one of them.
   int unrepresented_count = 0, unrepresented_example = -1;
   double volume_error = 0;  ///< of displacement volumes: Σ |W_i' − W_i| / Σ |W_i|
-  bool settled = true;      ///< whether these settled within their iterations
+  bool converged = true;    ///< whether these converged within their iterations
   std::vector<double> example_weights = {};  ///< one for each example
 };
 

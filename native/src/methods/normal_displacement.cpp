@@ -122,7 +122,7 @@ void NormalDisplacement::find_borders() {
   tangent_.resize(static_cast<size_t>(bound_.order().count()));
   for (Index j = 0; j < triangles_.rows(); ++j)
     for (int k = 0; k < 3; ++k) {
-      on_border_.push_back(borders.places[3 * size_t(j) + size_t((k + 1) % 3)]);
+      on_border_.push_back(borders.half_edges[3 * size_t(j) + size_t((k + 1) % 3)]);
       if (!on_border_.back()) continue;
       const int from = triangles_(j, (k + 1) % 3), to = triangles_(j, (k + 2) % 3);
       tangent_[from].to = to;
@@ -141,8 +141,8 @@ void NormalDisplacement::find_borders() {
 void NormalDisplacement::find_normals(const Rows& positions) {
   crosses_.resize(triangles_.rows(), 4);
   normals_.resize(positions.rows(), 4);
-  Workers& workers = bound_.poisson->workers();
-  workers.over(triangles_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+  ThreadPool& pool = bound_.poisson->pool();
+  pool.parallel_for(triangles_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (Index j = begin; j < end; ++j) {
       const Vector3d first = vector(positions, triangles_(j, 0));
       crosses_.row(j) << (vector(positions, triangles_(j, 1)) - first)
@@ -151,7 +151,7 @@ void NormalDisplacement::find_normals(const Rows& positions) {
           0;
     }
   });
-  workers.over(positions.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+  pool.parallel_for(positions.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (Index r = begin; r < end; ++r) {
       Eigen::RowVector4d sum = Eigen::RowVector4d::Zero();
       for (int j : fans_.of(static_cast<int>(r))) sum += crosses_.row(j);
@@ -318,7 +318,7 @@ void NormalDisplacement::update(const Frame& frame, const MethodOptions& options
   for (auto level = levels_.rbegin(); level != levels_.rend(); ++level) {
     coarse_ = surface_;
     find_normals(coarse_);
-    bound_.poisson->workers().over(free_count, kLeastRange, [&](int64_t begin, int64_t end) {
+    bound_.poisson->pool().parallel_for(free_count, kLeastRange, [&](int64_t begin, int64_t end) {
       const Carrier onto = {coarse_, normals_};
       for (Index r = begin; r < end; ++r)
         surface_.row(r).head<3>() = displaced(onto, (*level)[size_t(r)]).transpose();

@@ -177,8 +177,8 @@ std::vector<int> Dissection::order(const SparseMatrix& pattern) const {
   keys.reserve(sides_.size());
   const int *starts = pattern.outerIndexPtr(), *neighbours = pattern.innerIndexPtr();
   for (int v = 0; v < static_cast<int>(sides_.size()); ++v) {
-    // Cuts that part v from a neighbour, from the first one down to where they parted; v is in the
-    // separator of the first that takes it from its side.
+    // The first cut in which the sides of v and a neighbour differ has parted the two. Among these
+    // cuts those count whose separator lies on v's side: v is in the separator of the first.
     uint32_t parted = 0;
     for (int k = starts[v]; k < starts[v + 1]; ++k) {
       const uint32_t differing = sides_[v] ^ sides_[neighbours[k]];

@@ -5,11 +5,11 @@
 
 namespace dd {
 
-SectionRows::SectionRows(const Elimination& plan)
+SectionRows::SectionRows(const SymbolicCholesky& plan)
     : slot_begin_(plan.slot_begin), slot_target_(plan.slot_target) {
   const int domains = plan.domain_count();
   for (int section = 0; section <= domains + 1; ++section)
-    begin_.push_back(plan.part_begin(section));
+    begin_.push_back(plan.section_begin(section));
   const int top = begin_[domains];
   slot_of_top_.assign(static_cast<size_t>(domains),
                       std::vector<int>(static_cast<size_t>(plan.size() - top), -1));

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "solver/elimination.h"
+#include "solver/symbolic_cholesky.h"
 
 namespace dd {
 
@@ -13,7 +13,7 @@ namespace dd {
 class SectionRows {
  public:
   SectionRows() = default;
-  explicit SectionRows(const Elimination& plan);
+  explicit SectionRows(const SymbolicCholesky& plan);
 
   int sections() const { return static_cast<int>(begin_.size()) - 1; }
   /// The first place of a section; of sections(): the end.

@@ -18,13 +18,13 @@ SingularMatrix::SingularMatrix(int row)
       row_(row) {}
 
 SparseCholesky::SparseCholesky(const SparseMatrix& A, const FactorOptions& options)
-    : SparseCholesky(A, std::make_shared<Elimination>(A, minimum_degree(A)), options) {}
+    : SparseCholesky(A, std::make_shared<SymbolicCholesky>(A, minimum_degree(A)), options) {}
 
 SparseCholesky::SparseCholesky(const SparseMatrix& A,
-                               std::shared_ptr<const Elimination> elimination,
+                               std::shared_ptr<const SymbolicCholesky> symbolic,
                                const FactorOptions& options)
-    : elimination_(std::move(elimination)), precision_(options.precision) {
-  const Elimination& e = *elimination_;
+    : symbolic_(std::move(symbolic)), precision_(options.precision) {
+  const SymbolicCholesky& e = *symbolic_;
   value_begin_.push_back(0);
   for (int s = 0; s < e.supernode_count(); ++s) {
     const int width = e.width(s);
@@ -76,7 +76,7 @@ class Buffers {
 /// The fronts of a factorization on their way up the tree.
 class Fronts {
  public:
-  Fronts(const SparseMatrix& A, const Elimination& e, double smallest_pivot)
+  Fronts(const SparseMatrix& A, const SymbolicCholesky& e, double smallest_pivot)
       : A_(A),
         e_(e),
         smallest_pivot_(smallest_pivot),
@@ -94,7 +94,7 @@ class Fronts {
 
   /// Factors supernode s: its columns in scratch.panel, first C_ss⁻¹ in scratch.inverse, below it
   /// the rows Y at the place that is returned.
-  const double* eliminate(int s, Scratch& scratch, Workers* workers) {
+  const double* eliminate(int s, Scratch& scratch, ThreadPool* pool) {
     const int width = e_.width(s), height = e_.height(s), size = width + height;
     const int first = e_.begin[s];
     const int* rows = e_.rows.data() + e_.row_begin[s];
@@ -132,7 +132,7 @@ class Fronts {
     // In chunks that don't depend on the threads, so that no rounding does either.
     const auto in_chunks = [&](const auto& work) {
       const auto chunk = [&](int i) { work(i * kChunk, std::min(height, (i + 1) * kChunk)); };
-      run_tasks(workers, (height + kChunk - 1) / kChunk, chunk);
+      run_tasks(pool, (height + kChunk - 1) / kChunk, chunk);
     };
     in_chunks([&](int begin, int end) {
       dense.solve_rows(width, end - begin, scratch.inverse.data(), panel + width + begin, size,
@@ -164,7 +164,7 @@ class Fronts {
   }
 
   const SparseMatrix& A_;
-  const Elimination& e_;
+  const SymbolicCholesky& e_;
   double smallest_pivot_;
   Buffers buffers_;
   std::vector<RawArray<double>> updates_;  // of each supernode, for its parent
@@ -174,7 +174,7 @@ class Fronts {
 }  // namespace
 
 void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options) {
-  const Elimination& e = *elimination_;
+  const SymbolicCholesky& e = *symbolic_;
   Fronts fronts(A, e, options.smallest_pivot);
   std::mutex reporting;
   int64_t done = 0;  // entries, under the mutex
@@ -202,11 +202,11 @@ void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options)
     else
       write(full_.data() + value_begin_[s]);
   };
-  const auto run = [&](int first, int last, Workers* workers) {
+  const auto run = [&](int first, int last, ThreadPool* pool) {
     Fronts::Scratch scratch;
     int64_t since_report = 0;
     for (int s = first; s < last; ++s) {
-      keep(s, scratch, fronts.eliminate(s, scratch, workers));
+      keep(s, scratch, fronts.eliminate(s, scratch, pool));
       since_report += value_begin_[s + 1] - value_begin_[s];
       if (!options.progress || since_report < entries() / 100) continue;
       const std::lock_guard<std::mutex> lock(reporting);
@@ -215,14 +215,14 @@ void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options)
              options.stage);
     }
   };
-  run_tasks(options.workers, e.domain_count(),
+  run_tasks(options.pool, e.domain_count(),
             [&](int d) { run(e.domain_begin[d], e.domain_begin[d + 1], nullptr); });
-  run(e.domain_begin[e.domain_count()], e.supernode_count(), options.workers);
+  run(e.domain_begin[e.domain_count()], e.supernode_count(), options.pool);
 }
 
 template <class Real>
 FactorView<Real> SparseCholesky::view() const {
-  const Elimination& e = *elimination_;
+  const SymbolicCholesky& e = *symbolic_;
   const Real* values;
   if constexpr (sizeof(Real) == sizeof(float))
     values = single_.data();
@@ -233,17 +233,17 @@ FactorView<Real> SparseCholesky::view() const {
 
 template <class Real>
 void SparseCholesky::prepare(RawArray<Real>& x) const {
-  const size_t size = 4 * static_cast<size_t>(elimination_->slotted_size());
+  const size_t size = 4 * static_cast<size_t>(symbolic_->slotted_size());
   if (x.size() != size) x = RawArray<Real>(size);
 }
 
 template <class Real>
 void SparseCholesky::forward(int part, const double* right, RawArray<Real>& x) const {
-  const Elimination& e = *elimination_;
+  const SymbolicCholesky& e = *symbolic_;
   const auto clear = [&](int begin, int end) {
     std::fill(x.data() + 4 * std::ptrdiff_t(begin), x.data() + 4 * std::ptrdiff_t(end), Real(0));
   };
-  clear(e.part_begin(part), e.part_begin(part + 1));
+  clear(e.section_begin(part), e.section_begin(part + 1));
   if (part == e.domain_count()) {
     for (size_t k = 0; k < e.slot_target.size(); ++k) {
       const size_t slot = 4 * (size_t(size()) + k);
@@ -260,7 +260,7 @@ void SparseCholesky::forward(int part, const double* right, RawArray<Real>& x) c
 
 template <class Real>
 void SparseCholesky::backward(int part, RawArray<Real>& x) const {
-  const Elimination& e = *elimination_;
+  const SymbolicCholesky& e = *symbolic_;
   if (part < e.domain_count())
     for (int k = e.slot_begin[part]; k < e.slot_begin[part + 1]; ++k)
       std::copy_n(x.data() + 4 * std::ptrdiff_t(e.slot_target[k]), 4,
@@ -269,9 +269,9 @@ void SparseCholesky::backward(int part, RawArray<Real>& x) const {
                                 x.data());
 }
 
-RowMatrix SparseCholesky::solve(const RowMatrix& B, Workers* workers) const {
+RowMatrix SparseCholesky::solve(const RowMatrix& B, ThreadPool* pool) const {
   RowMatrix X(B.rows(), B.cols());
-  Rows panel = Rows::Zero(elimination_->slotted_size(), 4);
+  Rows panel = Rows::Zero(symbolic_->slotted_size(), 4);
   Space space;
   const Index at_once = precision_ == Precision::single ? kColumns<float> : kColumns<double>;
   for (Index first = 0; first < B.cols(); first += at_once) {
@@ -279,7 +279,7 @@ RowMatrix SparseCholesky::solve(const RowMatrix& B, Workers* workers) const {
     for (Index k = 0; k < B.rows(); ++k)
       panel.row(k).head(width) = B.row(order()[k]).segment(first, width);
     solve_in_order(
-        panel.data(), space, workers, [](int) {},
+        panel.data(), space, pool, [](int) {},
         [&](int begin, int end, const auto* x) {
           for (int k = begin; k < end; ++k, x += 4)
             for (Index c = 0; c < width; ++c) X(order()[k], first + c) = x[c];
@@ -290,12 +290,12 @@ RowMatrix SparseCholesky::solve(const RowMatrix& B, Workers* workers) const {
 
 SparseMatrix SparseCholesky::in_order(const SparseMatrix& matrix) const {
   const Eigen::PermutationMatrix<Eigen::Dynamic> places(
-      Eigen::Map<const Eigen::VectorXi>(elimination_->place_of.data(), matrix.rows()));
+      Eigen::Map<const Eigen::VectorXi>(symbolic_->place_of.data(), matrix.rows()));
   return matrix.twistedBy(places);
 }
 
 double SparseCholesky::bytes() const {
-  const Elimination& e = *elimination_;
+  const SymbolicCholesky& e = *symbolic_;
   return static_cast<double>(full_.size() * sizeof(double) + single_.size() * sizeof(float) +
                              (e.rows.size() + e.slots.size() + 2 * e.order.size()) * sizeof(int) +
                              value_begin_.size() * 2 * sizeof(int64_t));

@@ -5,12 +5,12 @@
 #include <vector>
 
 #include "kernels/kernels.h"
-#include "solver/elimination.h"
+#include "solver/symbolic_cholesky.h"
 #include "support/error.h"
 #include "support/progress.h"
 #include "support/raw_array.h"
+#include "support/thread_pool.h"
 #include "support/types.h"
-#include "support/workers.h"
 
 namespace dd {
 
@@ -33,7 +33,7 @@ struct FactorOptions {
   /// leaves up to 1e-13 of it in a singular Laplacian of 65,000 rows.
   double smallest_pivot = 1e-12;
   Precision precision = Precision::full;
-  Workers* workers = nullptr;  ///< null: the caller's thread alone
+  ThreadPool* pool = nullptr;  ///< null: the caller's thread alone
   Progress progress = {};      ///< asked now and then, from any thread but one at a time
   const char* stage = "Factoring the Poisson system";  ///< what it is told
 };
@@ -44,22 +44,22 @@ struct FactorOptions {
 /// columns at once; what bounds it is how fast the factor comes from memory, which single precision
 /// halves.
 ///
-/// Factored by fronts (multifrontal: Duff, Reid 1983; Liu 1992). Domains of the elimination run in
+/// Factored by fronts (multifrontal: Duff, Reid 1983; Liu 1992). Domains of the tree run in
 /// parallel, in the factorization and in each solve.
 class SparseCholesky {
  public:
-  /// A: both triangles stored, with the pattern that the elimination was made of.
+  /// A: both triangles stored, with the pattern that the symbolic factorization was made of.
   /// Throws SingularMatrix; Error(cancelled).
-  SparseCholesky(const SparseMatrix& A, std::shared_ptr<const Elimination> elimination,
+  SparseCholesky(const SparseMatrix& A, std::shared_ptr<const SymbolicCholesky> symbolic,
                  const FactorOptions& options = {});
   /// Ordered by minimum degree (AMD).
   explicit SparseCholesky(const SparseMatrix& A, const FactorOptions& options = {});
 
-  const Elimination& elimination() const { return *elimination_; }
-  std::shared_ptr<const Elimination> shared_elimination() const { return elimination_; }
-  int size() const { return elimination_->size(); }
+  const SymbolicCholesky& symbolic() const { return *symbolic_; }
+  std::shared_ptr<const SymbolicCholesky> shared_symbolic() const { return symbolic_; }
+  int size() const { return symbolic_->size(); }
   /// order()[k] is the row of A that stands at place k of the factor.
-  const std::vector<int>& order() const { return elimination_->order; }
+  const std::vector<int>& order() const { return symbolic_->order; }
   /// A matrix of A's size with its rows and columns in the factor's order.
   SparseMatrix in_order(const SparseMatrix& matrix) const;
   Precision precision() const { return precision_; }
@@ -76,16 +76,16 @@ class SparseCholesky {
   /// right-hand side there, where the caches have it. done(begin, end, x) gives the rows of x at
   /// these places, float or double as precision() says. Each part once, from any thread.
   template <class Fill, class Done>
-  void solve_in_order(const double* right, Space& space, Workers* workers, const Fill& fill,
+  void solve_in_order(const double* right, Space& space, ThreadPool* pool, const Fill& fill,
                       const Done& done) const {
     if (precision_ == Precision::single)
-      solve_as(right, space.single, workers, fill, done);
+      solve_as(right, space.single, pool, fill, done);
     else
-      solve_as(right, space.full, workers, fill, done);
+      solve_as(right, space.full, pool, fill, done);
   }
 
   /// Solves A X = B, rows in A's own order, any number of columns.
-  RowMatrix solve(const RowMatrix& B, Workers* workers = nullptr) const;
+  RowMatrix solve(const RowMatrix& B, ThreadPool* pool = nullptr) const;
 
   /// Entries that are stored, zeros in supernodes among them.
   int64_t entries() const { return value_begin_.empty() ? 0 : value_begin_.back(); }
@@ -103,27 +103,27 @@ class SparseCholesky {
   void backward(int part, RawArray<Real>& x) const;
 
   template <class Real, class Fill, class Done>
-  void solve_as(const double* right, RawArray<Real>& x, Workers* workers, const Fill& fill,
+  void solve_as(const double* right, RawArray<Real>& x, ThreadPool* pool, const Fill& fill,
                 const Done& done) const {
-    const Elimination& e = *elimination_;
+    const SymbolicCholesky& e = *symbolic_;
     const int domains = e.domain_count();
     prepare(x);
     const auto finish = [&](int part) {
       backward(part, x);
-      const int begin = e.part_begin(part);
-      done(begin, e.part_begin(part + 1), x.data() + 4 * static_cast<size_t>(begin));
+      const int begin = e.section_begin(part);
+      done(begin, e.section_begin(part + 1), x.data() + 4 * static_cast<size_t>(begin));
     };
-    run_tasks(workers, domains, [&](int d) {
+    run_tasks(pool, domains, [&](int d) {
       fill(d);
       forward(d, right, x);
     });
     fill(domains);
     forward(domains, right, x);
     finish(domains);
-    run_tasks(workers, domains, finish);
+    run_tasks(pool, domains, finish);
   }
 
-  std::shared_ptr<const Elimination> elimination_;
+  std::shared_ptr<const SymbolicCholesky> symbolic_;
   Precision precision_ = Precision::full;
   // Of each supernode C_ss⁻¹, then the rows below, in groups: see rows_together().
   std::vector<int64_t> value_begin_;

@@ -17,14 +17,15 @@ struct Similarity {
   }
 };
 
-/// The similarity that takes points next to others, weighted: the rotation of least squares, and
-/// the scale that makes their spread alike. Points on a line are not turned.
+/// Finds the similarity that takes weighted points next to others: its rotation is that of least
+/// squares, and its scale makes their spread alike. Points on a line are not turned.
 Similarity fitted_similarity(const Positions& from, const Positions& to,
                              const Eigen::VectorXd& weights);
 
-/// The same with a rotation that tells how two meshes stand, not how their shapes differ: where the
-/// points don't fit exactly and the rotation is less than 20° off one of the 24 that take axes to
-/// axes, that one.
+/// Finds how two meshes stand to each other, whatever their shapes. Where the points fit exactly,
+/// or the fitted rotation is more than 20° off all 24 rotations that take axes to axes, the result
+/// is that of fitted_similarity(). Else a rotation between different shapes is taken for a
+/// difference of shape, and the nearest of the 24 is used in its place.
 Similarity fitted_stance(const Positions& from, const Positions& to,
                          const Eigen::VectorXd& weights);
 

@@ -28,8 +28,8 @@ auto blaming(const std::string& what, const std::string& remedy, const Stage& st
 /// Starts a stage in a thread of its own; where there is none to be had, the stage runs when its
 /// result is asked for.
 template <class Stage>
-auto beside(const Workers& workers, const Stage& stage) {
-  if (workers.count() > 1) {
+auto beside(const ThreadPool& pool, const Stage& stage) {
+  if (pool.count() > 1) {
     try {
       return std::async(std::launch::async, stage);
     } catch (const std::system_error&) {
@@ -46,14 +46,14 @@ std::string edge_lengths(double value) {
 
 }  // namespace
 
-/// K on S with its elimination, which one thread can make while others factor L.
+/// K on S with its symbolic factorization, which one thread can make while others factor L.
 struct BoundSurface::Energy {
   SparseMatrix block;
-  std::shared_ptr<const Elimination> elimination;
+  std::shared_ptr<const SymbolicCholesky> symbolic;
 };
 
 BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOptions& options,
-                           Workers& workers, const Progress& progress)
+                           ThreadPool& pool, const Progress& progress)
     : FactoredSurface(std::move(surface), its_region), examples(options.examples) {
   report(progress, 0.05, "Factoring the Poisson system");
   SparseMatrix block = free_block(operators.laplacian, region);
@@ -62,14 +62,14 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
   const bool on_surface = computed && options.metric_smoothing == 0;
   std::future<Energy> energy;
   if (on_surface)
-    energy = beside(workers, [&]() -> Energy {
+    energy = beside(pool, [&]() -> Energy {
       const SparseMatrix bending = free_block_of_energy(operators, region, options.smoothness);
-      return {bending, std::make_shared<Elimination>(bending, dissection.order(bending))};
+      return {bending, std::make_shared<SymbolicCholesky>(bending, dissection.order(bending))};
     });
 
   BlockOptions block_options;
   block_options.dissection = &dissection;
-  block_options.workers = &workers;
+  block_options.pool = &pool;
   block_options.precision = options.precision;
   block_options.progress = within(progress, 0.05, 0.15);
   factor(std::move(block), block_options);
@@ -85,7 +85,7 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
 
 void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, Energy&& on_surface,
                                 const Progress& progress) {
-  how.elimination = on_surface.elimination;
+  how.symbolic = on_surface.symbolic;
   const auto factored = [&](const SurfaceOperators& metric, double begin, double end,
                             const char* stage) {
     report(progress, begin, stage);
@@ -95,7 +95,7 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
     PolyharmonicSystem bending =
         made ? PolyharmonicSystem(metric, region, options.smoothness, on_surface.block, how)
              : PolyharmonicSystem(metric, region, options.smoothness, how);
-    how.elimination = bending.elimination();
+    how.symbolic = bending.symbolic();
     return bending;
   };
   const auto extend_handles = [&](const PolyharmonicSystem& bending, double begin, double end) {

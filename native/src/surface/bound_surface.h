@@ -28,7 +28,7 @@ struct BindOptions {
 struct BoundSurface : FactoredSurface {
   /// mesh: S, validated, in a box of about unit size, on which tolerances rely; so is a base given
   /// in the options. Throws Error; progress from 0 to 1.
-  BoundSurface(Mesh mesh, const Region& region, const BindOptions& options, Workers& workers,
+  BoundSurface(Mesh mesh, const Region& region, const BindOptions& options, ThreadPool& pool,
                const Progress& progress);
 
   Positions base;     ///< B at rest, n×3

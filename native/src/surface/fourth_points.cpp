@@ -56,14 +56,13 @@ FourthPoints::FourthPoints(const Mesh& mesh, const Region& region, std::vector<i
                progress),
       unknowns_(static_cast<int>(std::count(roles_.begin(), roles_.end(), kFree))) {}
 
-void FourthPoints::solve(const std::function<Eigen::Matrix3d(int)>& gradient_of,
-                         const RowOrder& order, Rows& offsets) const {
+void FourthPoints::solve(const GradientSource& source, const RowOrder& order, Rows& offsets) const {
   Positions constrained = tets_.positions;
   for (int r = order.free_count; r < order.count(); ++r)
     constrained.row(order.vertex_of_row[r]) += offsets.row(r).head<3>();
   RowMatrix gradients(3 * tets_.tet_count(), 3);
   for (size_t i = 0; i < triangles_.size(); ++i)
-    gradients.middleRows<3>(3 * Index(i)) = gradient_of(triangles_[i]).transpose();
+    gradients.middleRows<3>(3 * Index(i)) = source.at(triangles_[i]).transpose();
   const Positions solved = poisson_.solve(constrained, gradients);
   for (int r = 0; r < order.free_count; ++r)
     offsets.row(r).head<3>() =

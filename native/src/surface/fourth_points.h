@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <functional>
 #include <vector>
 
 #include "mesh/mesh.h"
+#include "surface/gradient_source.h"
 #include "systems/poisson_system.h"
 #include "systems/tets.h"
 
 namespace dd {
 
-/// Triangles as tetrahedra, by a fourth point p₁ + e₁ × e₂ / √|e₁ × e₂| each (§3, after Sumner and
-/// Popović 2004): the first n vertices are the mesh's, fourth points follow in the order of the
-/// triangles. Throws Error(mesh) naming a triangle without area: it has no tetrahedron.
+/// Makes a tetrahedron of each triangle by a fourth point p₁ + e₁ × e₂ / √|e₁ × e₂| (§3, after
+/// Sumner and Popović 2004). The mesh's n vertices come first, and the fourth points follow in the
+/// order of the triangles. Throws Error(mesh) naming a triangle without area, which has no
+/// tetrahedron.
 TetMesh with_fourth_points(const Mesh& mesh, const std::vector<int>& triangles);
 
 /// D of (10).
@@ -34,10 +35,9 @@ class FourthPoints {
   int unknowns() const { return unknowns_; }
   double nonzeros() const { return static_cast<double>(poisson_.laplacian().nonZeros()); }
 
-  /// gradient_of: S_j of a triangle. offsets: the displacement of all rows in that order, in: those
-  /// of handles, out: those of the free vertices. Grounds of the region stay at rest.
-  void solve(const std::function<Eigen::Matrix3d(int triangle)>& gradient_of, const RowOrder& order,
-             Rows& offsets) const;
+  /// offsets: the displacement of all rows in that order, in: those of handles, out: those of the
+  /// free vertices. Grounds of the region stay at rest.
+  void solve(const GradientSource& gradients, const RowOrder& order, Rows& offsets) const;
 
   double bytes() const;
 

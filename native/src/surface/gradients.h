@@ -8,14 +8,14 @@
 
 namespace dd {
 
-/// For each triangle of a surface the one that stands in for it: whose motion gives its deformation
-/// gradient (15). That is itself, or, where it has no area to speak of and (15) has no inverse, the
-/// nearest triangle across shared edges, or else vertices, that has. -1 where a whole component has
-/// none.
+/// Says for each triangle of a surface which triangle stands in for it: whose motion gives its
+/// deformation gradient (15). A triangle with an area stands in for itself. One without has no
+/// inverse in (15), and the nearest triangle that has an area stands in for it, across shared edges
+/// first and then across vertices. -1 says that no triangle of the component has an area.
 ///
-/// "No area": longest edge under 1e-9 of size, or height over it under 1e-2 of it: a flatter one
-/// turns rounding into a rotation. Chosen over clamping because a neighbour's gradient is still
-/// exact for rigid and affine motions.
+/// A triangle counts as one without area when its longest edge is under 1e-9 of size, or its height
+/// over that edge under 1e-2 of it: flatter ones turn rounding into a rotation. A neighbour's
+/// gradient was chosen over a clamped one because it is exact for rigid and affine motions.
 struct StandIns {
   std::vector<int> of_triangle;
 };

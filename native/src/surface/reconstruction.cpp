@@ -18,8 +18,7 @@ void Reconstruction::solve(const GradientSource& gradients, Formulation formulat
   if (!fourth_points_ || fourth_points_->weights() != weights)
     fourth_points_ = std::make_unique<FourthPoints>(surface_.mesh, surface_.region,
                                                     surface_.poisson->active().triangles, weights);
-  fourth_points_->solve([&](int triangle) { return gradients.at(triangle); }, surface_.order(),
-                        offsets);
+  fourth_points_->solve(gradients, surface_.order(), offsets);
 }
 
 void Reconstruction::refine(int iterations, Rows& offsets) {

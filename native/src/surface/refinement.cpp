@@ -202,7 +202,7 @@ void RefinementOf<Real>::make_turns(const std::vector<int>& local_vertex) {
 template <class Real>
 void RefinementOf<Real>::apply(const Averages& averages, const Quaternions& in,
                                Quaternions& out) const {
-  surface_.poisson->workers().over(
+  surface_.poisson->pool().parallel_for(
       averages.count(), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
         kernels().of<Real>().mean_rotations(static_cast<int>(begin), static_cast<int>(end),
                                             averages.starts.data(), rows_of(averages.index),
@@ -222,7 +222,7 @@ void RefinementOf<Real>::find_held_rotations() {
 
 template <class Real>
 void RefinementOf<Real>::find_vertex_rotations() {
-  surface_.poisson->workers().over(
+  surface_.poisson->pool().parallel_for(
       static_cast<int64_t>(moving_.size()), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
         kernels().of<Real>().rotation_pass(static_cast<int>(end - begin), moving_.data() + begin,
                                            positions_.data(),
@@ -247,7 +247,7 @@ void RefinementOf<Real>::run(int iterations, Rows& offsets) {
   const RowOrder& order = surface_.order();
   for (int iteration = 0; iteration < iterations; ++iteration) {
     const int moved = iteration == 0 ? order.fixed_begin : order.free_count;
-    surface_.poisson->workers().over(moved, kLeastRange, [&](int64_t begin, int64_t end) {
+    surface_.poisson->pool().parallel_for(moved, kLeastRange, [&](int64_t begin, int64_t end) {
       const int64_t count = end - begin;
       positions_.middleRows(begin, count) =
           surface_.rest.middleRows(begin, count) + offsets.middleRows(begin, count);

@@ -49,11 +49,11 @@ Dissection free_dissection(const SparseMatrix& block, const Region& region,
 SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region,
                                  const BlockOptions& options) {
   try {
-    std::shared_ptr<const Elimination> elimination = options.elimination;
-    if (!elimination)
-      elimination = std::make_shared<Elimination>(
+    std::shared_ptr<const SymbolicCholesky> symbolic = options.symbolic;
+    if (!symbolic)
+      symbolic = std::make_shared<SymbolicCholesky>(
           block, options.dissection ? options.dissection->order(block) : minimum_degree(block));
-    return SparseCholesky(block, std::move(elimination), options);
+    return SparseCholesky(block, std::move(symbolic), options);
   } catch (const SingularMatrix& singular) {
     throw UnsolvableSurface(region.free[singular.row()]);
   }

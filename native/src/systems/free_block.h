@@ -26,7 +26,8 @@ class UnsolvableSurface : public Error {
   int vertex_;
 };
 
-/// Of the free vertices, by the graph of a free×free block whose powers are the graphs of others.
+/// Dissects the free vertices by the graph of a free×free block. Blocks whose graph is a power of
+/// that one, as K's is of L's, are ordered by the same dissection.
 Dissection free_dissection(const SparseMatrix& block, const Region& region,
                            const Positions& positions);
 
@@ -34,7 +35,7 @@ struct BlockOptions : FactorOptions {
   /// Of the free vertices, where they have places; else the order is one of minimum degree.
   const Dissection* dissection = nullptr;
   /// Of a block of the same pattern, to be used again.
-  std::shared_ptr<const Elimination> elimination = nullptr;
+  std::shared_ptr<const SymbolicCholesky> symbolic = nullptr;
 };
 
 /// Factors a free×free block. Throws UnsolvableSurface where SparseCholesky finds it singular.

@@ -35,10 +35,10 @@ RowOrder row_order(const Region& region, const std::vector<int>& order_of_free) 
 PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
                              const SurfaceOperators& operators, SparseMatrix block,
                              BlockOptions options)
-    : workers_(*options.workers) {
+    : pool_(*options.pool) {
   ground(block, region);
   factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
-  rows_ = SectionRows(factor_->elimination());
+  rows_ = SectionRows(factor_->symbolic());
   order_ = row_order(region, factor_->order());
   find_active_triangles(mesh);
 
@@ -72,12 +72,12 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
     const Rows right = block * in_block_order(smooth);
     if (solving_error(right, smooth) > kSingleIsEnough) {
       laplacian_ = factor_->in_order(block);
-      refinement_steps_ = 1;
+      correction_steps_ = 1;
       if (!(solving_error(right, smooth) < kRefinedIsEnough)) {
-        refinement_steps_ = 0;
+        correction_steps_ = 0;
         laplacian_.resize(0, 0);
         options.precision = Precision::full;
-        options.elimination = factor_->shared_elimination();
+        options.symbolic = factor_->shared_symbolic();
         options.progress = within(progress, 1, 1);  // it was told of this stage before
         factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
       }
@@ -134,7 +134,7 @@ void PoissonSystem::refine(Rows& offsets) {
   rows_.fold(right_);
   residual_.resize(right_.rows(), 4);
   residual_.bottomRows(right_.rows() - order_.free_count).setZero();
-  workers_.over(order_.free_count, 1000, [&](int64_t begin, int64_t end) {
+  pool_.parallel_for(order_.free_count, 1000, [&](int64_t begin, int64_t end) {
     for (int64_t r = begin; r < end; ++r) {
       Eigen::RowVector4d row = right_.row(r);
       for (decltype(laplacian_)::InnerIterator it(laplacian_, r); it; ++it)
@@ -143,7 +143,7 @@ void PoissonSystem::refine(Rows& offsets) {
     }
   });
   factor_->solve_in_order(
-      residual_.data(), space_, &workers_, [](int) {},
+      residual_.data(), space_, &pool_, [](int) {},
       [&](int begin, int end, const auto* x) {
         for (double* out = offsets.data() + 4 * Index(begin); begin < end; ++begin)
           for (int c = 0; c < 4; ++c) *out++ += *x++;
@@ -155,8 +155,8 @@ double PoissonSystem::solving_error(const Rows& right, const Rows& solution) {
   for (int k = 0; k < order_.free_count; ++k) right_.row(k) = right.row(factor_->order()[k]);
   Rows solved(order_.free_count, 4);
   factor_->solve_in_order(
-      right_.data(), space_, &workers_, [](int) {}, into(solved));
-  for (int step = 0; step < refinement_steps_; ++step) refine(solved);
+      right_.data(), space_, &pool_, [](int) {}, into(solved));
+  for (int step = 0; step < correction_steps_; ++step) refine(solved);
   return (solved - solution).cwiseAbs().maxCoeff();
 }
 

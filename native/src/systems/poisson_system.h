@@ -52,7 +52,7 @@ class PoissonSystem {
   }
 
  public:
-  /// operators: of S. block: free_block() of their Laplacian. options: with workers, which must
+  /// operators: of S. block: free_block() of their Laplacian. options: with a pool, which must
   /// outlive the system. With Precision::single the factor is kept in single precision where that
   /// solves to 3e-6 of the mesh's size, or to 5e-7 with a step of iterative refinement.
   /// Throws UnsolvableSurface where L is singular.
@@ -62,10 +62,10 @@ class PoissonSystem {
   const RowOrder& order() const { return order_; }
   const ActiveTriangles& active() const { return active_; }
 
-  /// The row of a right-hand side that takes what an active triangle of this section gives to its
-  /// vertex; a row that nobody reads where the vertex is held.
+  /// Where a section adds what one of its active triangles gives to a vertex: a row of the
+  /// right-hand side. Held vertices have none, and their share goes to a row that nobody reads.
   int target(int section, int vertex) const;
-  /// Such a row of this section.
+  /// The row of a section that nobody reads.
   int spare_target(int section) const { return rows_.spare(section); }
   int right_hand_side_rows() const { return static_cast<int>(right_.rows()); }
 
@@ -79,13 +79,13 @@ class PoissonSystem {
   template <class Add>
   void solve(const Rows& at_rest, const Add& add, Rows& offsets) {
     factor_->solve_in_order(
-        right_.data(), space_, &workers_,
+        right_.data(), space_, &pool_,
         [&](int section) {
           start(section, at_rest, offsets);
           add(section, right_.data());
         },
         into(offsets));
-    for (int step = 0; step < refinement_steps_; ++step) refine(offsets);
+    for (int step = 0; step < correction_steps_; ++step) refine(offsets);
   }
 
   /// Harmonic extension, L x = 0: the free rows of three columns of values from the handles' rows,
@@ -93,12 +93,12 @@ class PoissonSystem {
   void extend(Rows& values);
 
   /// Of L, and of every matrix of its pattern.
-  std::shared_ptr<const Elimination> elimination() const { return factor_->shared_elimination(); }
+  std::shared_ptr<const SymbolicCholesky> symbolic() const { return factor_->shared_symbolic(); }
 
-  Workers& workers() const { return workers_; }
+  ThreadPool& pool() const { return pool_; }
   Precision precision() const { return factor_->precision(); }
   /// Steps of iterative refinement that follow a solve.
-  int refinement_steps() const { return refinement_steps_; }
+  int correction_steps() const { return correction_steps_; }
   double bytes() const;
 
  private:
@@ -113,7 +113,7 @@ class PoissonSystem {
     double weight;
   };
 
-  Workers& workers_;
+  ThreadPool& pool_;
   std::unique_ptr<SparseCholesky> factor_;
   SectionRows rows_;
   RowOrder order_;
@@ -123,7 +123,7 @@ class PoissonSystem {
   Rows rest_divergence_;         // L p
   Rows right_;                   // as rows_ says
   SparseCholesky::Space space_;
-  int refinement_steps_ = 0;
+  int correction_steps_ = 0;
   Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian_;  // in the factor's order, to refine with
   Rows residual_;
 };

@@ -37,7 +37,7 @@ class PolyharmonicSystem {
                      const SparseMatrix& block, const BlockOptions& options);
 
   /// For a system of the same region and smoothness.
-  std::shared_ptr<const Elimination> elimination() const { return factor_.shared_elimination(); }
+  std::shared_ptr<const SymbolicCholesky> symbolic() const { return factor_.shared_symbolic(); }
 
   /// K_FF x_F = −K_FC x_C. values: n×k; only the rows of constrained vertices are read.
   /// Returns F×k, rows as in Region::free.
@@ -49,7 +49,7 @@ class PolyharmonicSystem {
   const Region& region_;
   Smoothness smoothness_;
   SparseCholesky factor_;
-  Workers* workers_;
+  ThreadPool* pool_;
 };
 
 }  // namespace dd

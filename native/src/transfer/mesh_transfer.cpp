@@ -57,24 +57,25 @@ Similarity fitted_placement(const Mesh& source, const Mesh& target,
   return fitted_stance(from, to, weights);
 }
 
-struct MeshTransfer::OnSurface : GradientSource {
-  OnSurface(const FactoredSurface& surface, const SourceGradients& its_gradients)
-      : gradients(its_gradients), poisson(*surface.poisson), flux(surface) {}
+/// What the source asks of the target's triangles, as both formulations take it.
+struct MeshTransfer::OnTarget : GradientSource {
+  explicit OnTarget(const SourceGradients& its_gradients) : gradients(its_gradients) {}
+
   void add(int section, double* rows) const override {
-    flux.add(
+    flux->add(
         section, [&](int, int triangle) { return gradients.at(triangle); }, rows);
   }
-  const Rows& at_rest() const override { return poisson.rest_divergence(); }
+  const Rows& at_rest() const override { return poisson->rest_divergence(); }
   Eigen::Matrix3d at(int triangle) const override { return gradients.at(triangle); }
 
   const SourceGradients& gradients;
-  const PoissonSystem& poisson;
-  CornerFlux flux;
+  const PoissonSystem* poisson = nullptr;  // of (14)
+  std::unique_ptr<CornerFlux> flux;
 };
 
 MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& correspondence,
                            const TransferOptions& options, const Progress& progress)
-    : workers_(options.threads),
+    : pool_(options.threads),
       source_(validated(std::move(source), "source")),
       target_(validated(std::move(target), "target")),
       anchor_(options.anchor),
@@ -90,6 +91,7 @@ MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& corre
       options.placement ? *options.placement : fitted_placement(source_, target_, correspondence);
   gradients_ = std::make_unique<SourceGradients>(source_, target_.triangles, target_.vertex_count(),
                                                  correspondence, placement_);
+  on_target_ = std::make_unique<OnTarget>(*gradients_);
   factor(options, within(progress, 0.2, 0.95));
   find_components();
   result_ = target_.positions;
@@ -116,11 +118,12 @@ void MeshTransfer::factor(const TransferOptions& options, const Progress& progre
     const Dissection dissection = free_dissection(block, region_, unit.positions);
     BlockOptions how;
     how.dissection = &dissection;
-    how.workers = &workers_;
+    how.pool = &pool_;
     how.precision = options.precision;
     how.progress = progress;
     surface_->factor(std::move(block), how);
-    on_surface_ = std::make_unique<OnSurface>(*surface_, *gradients_);
+    on_target_->poisson = surface_->poisson.get();
+    on_target_->flux = std::make_unique<CornerFlux>(*surface_);
     order_ = surface_->order();
     degenerate_ = surface_->operators.metric.degenerate;
     areas_ = surface_->operators.metric.areas;
@@ -178,7 +181,7 @@ const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
       throw Error(Status::argument, "Vertex " + std::to_string(v) + " of the pose is not finite.");
   const Positions anchor_places = checked_places(places);
 
-  gradients_->take(pose, rotation_only, workers_);
+  gradients_->take(pose, rotation_only, pool_);
   solve(anchor_places);
   place(pose, anchor_places);
   if (!result_.allFinite())
@@ -194,9 +197,9 @@ void MeshTransfer::solve(const Positions& anchor_places) {
       offsets_.row(order_.row_of_vertex[anchors_[i]]).head<3>() =
           (anchor_places.row(i) - target_.positions.row(anchors_[i])) / box_.scale;
   if (surface_)
-    Reconstruction(*surface_).solve(*on_surface_, Formulation::surface, offsets_);
+    Reconstruction(*surface_).solve(*on_target_, Formulation::surface, offsets_);
   else
-    fourth_points_->solve([&](int triangle) { return gradients_->at(triangle); }, order_, offsets_);
+    fourth_points_->solve(*on_target_, order_, offsets_);
   for (int r = 0; r < order_.count(); ++r) {
     const int v = order_.vertex_of_row[r];
     result_.row(v) = target_.positions.row(v) + box_.scale * offsets_.row(r).head<3>();
@@ -205,7 +208,8 @@ void MeshTransfer::solve(const Positions& anchor_places) {
 
 void MeshTransfer::place(const Positions& pose, const Positions& anchor_places) {
   std::vector<Eigen::RowVector3d> missing;
-  // What pinned components miss of where their sources went, all others miss too.
+  // Pins keep a pinned component away from where its source went. The others are shifted by as
+  // much, so that all components keep together.
   Misplacement of_pinned, of_matched;
   for (const Component& component : components_) {
     Misplacement of_component, moved;

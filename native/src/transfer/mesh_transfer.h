@@ -79,8 +79,7 @@ class MeshTransfer {
   double nonzeros() const { return nonzeros_; }
 
  private:
-  /// Of the pose taken, as they add to the system of (14).
-  struct OnSurface;
+  struct OnTarget;
 
   void factor(const TransferOptions& options, const Progress& progress);
   void find_components();
@@ -91,19 +90,19 @@ class MeshTransfer {
   void place(const Positions& pose, const Positions& anchor_places);
   Eigen::RowVector3d shift_to_anchor(const Positions& anchor_places) const;
 
-  Workers workers_;
+  ThreadPool pool_;
   Mesh source_, target_;
   Anchor anchor_;
   std::vector<int> anchors_;
   Similarity placement_;
   std::unique_ptr<SourceGradients> gradients_;
+  std::unique_ptr<OnTarget> on_target_;
 
   UnitBox box_;  // of the target; all below is solved in it
   Region region_;
   std::vector<int> degenerate_;
   Eigen::VectorXd areas_;
-  std::unique_ptr<FactoredSurface> surface_;  // of (14)
-  std::unique_ptr<OnSurface> on_surface_;
+  std::unique_ptr<FactoredSurface> surface_;     // of (14)
   std::unique_ptr<FourthPoints> fourth_points_;  // of (10)
   RowOrder order_;
   int unknowns_ = 0;

@@ -6,13 +6,13 @@
 #include <cmath>
 #include <string>
 
-#include "mesh/box_tree.h"
+#include "mesh/aabb_tree.h"
 #include "mesh/topology.h"
 #include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 #include "support/rotations.h"
 #include "support/similarity.h"
-#include "support/workers.h"
+#include "support/thread_pool.h"
 #include "surface/fourth_points.h"
 #include "surface/gradients.h"
 #include "systems/free_block.h"
@@ -32,7 +32,7 @@ constexpr double kShortestWave = 4;  // edges
 bool at_border(const Borders& borders, const PointOnTriangle& point) {
   for (int k = 0; k < 3; ++k)  // edge k is opposite to corner k + 2
     if (point.weights[(k + 2) % 3] < 1e-9 &&
-        borders.places[3 * static_cast<size_t>(point.triangle) + k])
+        borders.half_edges[3 * static_cast<size_t>(point.triangle) + k])
       return true;
   return false;
 }
@@ -89,7 +89,7 @@ class Registration {
   Registration(const Mesh& source, const Mesh& target, const Pairs& markers,
                const RegistrationOptions& options)
       : options_(options),
-        workers_(options.threads),
+        pool_(options.threads),
         target_(target),
         tree_(target_),
         target_normals_(triangle_normals(target_.positions, target_.triangles)),
@@ -153,8 +153,8 @@ class Registration {
     };
     const Edges edges(source.triangles);
     for (int edge = 0; edge < edges.count(); ++edge) {
-      const Edges::Range sides = edges.sides(edge);
-      for (const Edges::Side* side = sides.begin() + 1; side < sides.end(); ++side) {
+      const Edges::Range sides = edges.of(edge);
+      for (const Edges::HalfEdge* side = sides.begin() + 1; side < sides.end(); ++side) {
         const int a = number[(side - 1)->triangle()], b = number[side->triangle()];
         if (a < 0 || b < 0) continue;
         for (int own : {a, b}) add(own, own, options_.smoothness);
@@ -178,17 +178,17 @@ class Registration {
     for (int r = 0; r < region_.free_count(); ++r)
       block.coeffRef(r, r) += anchoring + (region_.free[r] < vertex_count_ ? pull : 0);
     BlockOptions how;
-    how.workers = &workers_;
-    how.elimination = elimination_;
+    how.pool = &pool_;
+    how.symbolic = symbolic_;
     how.progress = within(progress, 0, 0.5);
     how.stage = "Factoring the fit to the target";
     std::unique_ptr<Dissection> dissection;
-    if (!elimination_) {
+    if (!symbolic_) {
       dissection = std::make_unique<Dissection>(free_dissection(block, region_, tets_.positions));
       how.dissection = dissection.get();
     }
     factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region_, how));
-    elimination_ = factor_->shared_elimination();
+    symbolic_ = factor_->shared_symbolic();
   }
 
   void solve(double pull, const Positions& wanted) {
@@ -199,7 +199,7 @@ class Registration {
     for (int v : region_.free) right.row(v) += anchoring * unknowns_.row(v);
     if (pull > 0)
       for (Index v = 0; v < wanted.rows(); ++v) right.row(v) += pull * wanted.row(v);
-    const RowMatrix solved = factor_->solve(free_rows(right, region_), &workers_);
+    const RowMatrix solved = factor_->solve(free_rows(right, region_), &pool_);
     for (int r = 0; r < region_.free_count(); ++r) unknowns_.row(region_.free[r]) = solved.row(r);
     now_.positions = unknowns_.topRows(vertex_count_);
   }
@@ -208,7 +208,7 @@ class Registration {
   Positions goals() {
     Positions result = now_.positions;
     const Positions normals = summed_normals(now_.positions, now_.triangles);
-    workers_.over(vertex_count_, kLeastRange, [&](int64_t begin, int64_t end) {
+    pool_.parallel_for(vertex_count_, kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t v = begin; v < end; ++v) {
         const PointOnTriangle found =
             tree_.nearest(now_.positions.row(v).transpose(), options_.reach,
@@ -222,9 +222,9 @@ class Registration {
   }
 
   const RegistrationOptions& options_;
-  Workers workers_;
+  ThreadPool pool_;
   const Mesh& target_;
-  BoxTree tree_;
+  AabbTree tree_;
   Positions target_normals_;
   Borders target_borders_, source_borders_;
   Mesh now_;
@@ -235,7 +235,7 @@ class Registration {
   Region region_;
   SparseMatrix energy_, block_;
   RowMatrix to_identity_;
-  std::shared_ptr<const Elimination> elimination_;
+  std::shared_ptr<const SymbolicCholesky> symbolic_;
   std::unique_ptr<SparseCholesky> factor_;
 };
 
@@ -274,15 +274,15 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
   Pairs pairs;
   Match match;
   match.confidence.assign(static_cast<size_t>(target.triangle_count()), 0.0f);
-  Workers workers(threads);
+  ThreadPool pool(threads);
   for (const int from : {0, 1}) {
     report(progress, 0.5 * from, "Looking for corresponding triangles");
     const Mesh &mesh = *meshes[from], &other = *meshes[1 - from];
-    const BoxTree tree(other);
+    const AabbTree tree(other);
     const Positions normals = triangle_normals(mesh.positions, mesh.triangles);
     const Positions others = triangle_normals(other.positions, other.triangles);
     std::vector<PointOnTriangle> found(static_cast<size_t>(mesh.triangle_count()));
-    workers.over(mesh.triangle_count(), kLeastRange, [&](int64_t begin, int64_t end) {
+    pool.parallel_for(mesh.triangle_count(), kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t j = begin; j < end; ++j)
         found[size_t(j)] =
             tree.nearest(triangle_centre(mesh.positions, mesh.triangles, j), reach * box,

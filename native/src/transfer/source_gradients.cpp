@@ -81,42 +81,44 @@ void SourceGradients::prepare() {
   quaternions_ = Rows::Zero(kLanes * static_cast<Index>(rotation_blocks_.size()), 4);
 }
 
-void SourceGradients::take(const Positions& pose, bool rotation_only, Workers& workers) {
+void SourceGradients::take(const Positions& pose, bool rotation_only, ThreadPool& pool) {
   if (rotation_only) {
     source_rows_.leftCols<3>() = pose;
-    workers.over(static_cast<int64_t>(rotation_blocks_.size()), kLeastRange / kLanes,
-                 [&](int64_t begin, int64_t end) {
-                   kernels().full.rotation_pass(
-                       static_cast<int>(end - begin), rotation_blocks_.data() + begin,
-                       source_rows_.data(), quaternions_.row(kLanes * begin).data());
-                 });
+    pool.parallel_for(static_cast<int64_t>(rotation_blocks_.size()), kLeastRange / kLanes,
+                      [&](int64_t begin, int64_t end) {
+                        kernels().full.rotation_pass(
+                            static_cast<int>(end - begin), rotation_blocks_.data() + begin,
+                            source_rows_.data(), quaternions_.row(kLanes * begin).data());
+                      });
     replace_collapsed(pose);
   }
-  turn_onto_target(pose, rotation_only, workers);
-  workers.over(static_cast<int64_t>(gradients_.size()), kLeastRange,
-               [&](int64_t begin, int64_t end) {
-                 for (int64_t j = begin; j < end; ++j)
-                   gradients_[j] = mean(static_cast<int>(j), rotation_only);
-               });
+  turn_onto_target(pose, rotation_only, pool);
+  pool.parallel_for(static_cast<int64_t>(gradients_.size()), kLeastRange,
+                    [&](int64_t begin, int64_t end) {
+                      for (int64_t j = begin; j < end; ++j)
+                        gradients_[j] = mean(static_cast<int>(j), rotation_only);
+                    });
 }
 
 void SourceGradients::turn_onto_target(const Positions& pose, bool rotation_only,
-                                       Workers& workers) {
+                                       ThreadPool& pool) {
   const Eigen::Quaterniond turn(placement_.rotation);
-  workers.over(static_cast<int64_t>(used_.size()), kLeastRange, [&](int64_t begin, int64_t end) {
-    for (int64_t i = begin; i < end; ++i) {
-      const int j = stand_ins_.of_triangle[used_[i]];
-      if (rotation_only) {
-        quaternions_.row(i) =
-            (turn * quaternion(quaternions_, i) * turn.conjugate()).coeffs().transpose();
-      } else if (j < 0) {
-        used_gradients_[i].setIdentity();
-      } else {
-        used_gradients_[i] = placement_.rotation * edges_and_normal(pose, source_.triangles, j) *
-                             rest_inverse_[i] * placement_.rotation.transpose();
-      }
-    }
-  });
+  pool.parallel_for(
+      static_cast<int64_t>(used_.size()), kLeastRange, [&](int64_t begin, int64_t end) {
+        for (int64_t i = begin; i < end; ++i) {
+          const int j = stand_ins_.of_triangle[used_[i]];
+          if (rotation_only) {
+            quaternions_.row(i) =
+                (turn * quaternion(quaternions_, i) * turn.conjugate()).coeffs().transpose();
+          } else if (j < 0) {
+            used_gradients_[i].setIdentity();
+          } else {
+            used_gradients_[i] = placement_.rotation *
+                                 edges_and_normal(pose, source_.triangles, j) * rest_inverse_[i] *
+                                 placement_.rotation.transpose();
+          }
+        }
+      });
 }
 
 void SourceGradients::replace_collapsed(const Positions& pose) {

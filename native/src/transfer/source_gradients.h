@@ -6,7 +6,7 @@
 #include "mesh/correspondence.h"
 #include "mesh/mesh.h"
 #include "support/similarity.h"
-#include "support/workers.h"
+#include "support/thread_pool.h"
 #include "surface/gradients.h"
 
 namespace dd {
@@ -23,7 +23,7 @@ class SourceGradients {
                   const Correspondence& correspondence, const Similarity& placement);
 
   /// Takes a pose S', in the source's units. rotation_only: S_j reduced to its rotation.
-  void take(const Positions& pose, bool rotation_only, Workers& workers);
+  void take(const Positions& pose, bool rotation_only, ThreadPool& pool);
 
   /// S_j of a target triangle in the pose taken.
   const Eigen::Matrix3d& at(int target_triangle) const { return gradients_[target_triangle]; }
@@ -44,7 +44,7 @@ class SourceGradients {
   /// Rotations of used triangles that a pose leaves without area, which has none: their
   /// neighbours'.
   void replace_collapsed(const Positions& pose);
-  void turn_onto_target(const Positions& pose, bool rotation_only, Workers& workers);
+  void turn_onto_target(const Positions& pose, bool rotation_only, ThreadPool& pool);
   Eigen::Matrix3d mean(int target_triangle, bool rotation_only) const;
 
   const Mesh& source_;

@@ -104,7 +104,7 @@ template <class Real>
 template <class Body>
 void ExamplePass<Real>::by_chunks(const Body& body) const {
   const int chunks = chunk_count();
-  poisson_.workers().run(chunks, [&](int chunk) {
+  poisson_.pool().run(chunks, [&](int chunk) {
     const auto at = [&](int64_t k) { return static_cast<int>(layout_.count() * k / chunks); };
     for (int b = at(chunk); b < at(chunk + 1); ++b) body(b, chunk);
   });

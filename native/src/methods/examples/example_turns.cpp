@@ -113,7 +113,7 @@ ExampleTurns::ExampleTurns(const BoundSurface& bound)
   const double size = bounding_box_diagonal(rest);
 
   turns_.resize(bound.examples.size());
-  bound.poisson->workers().run(static_cast<int>(turns_.size()), [&](int i) {
+  bound.poisson->pool().run(static_cast<int>(turns_.size()), [&](int i) {
     const Positions& example = bound.examples[i];
     const auto blocks = rotation_blocks<double>(rest, t, patch.triangles,
                                                 stand_ins(rest, t, size, &example), bound.order());

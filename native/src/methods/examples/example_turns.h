@@ -8,16 +8,16 @@
 namespace dd {
 
 /// How each example turns each triangle: r_ij = log R_ij, R_ij the rotation of S_ij (15) from S at
-/// rest to the example. A triangle without area, at rest or there, takes that of the one
+/// rest to the example. A triangle without area, at rest or there, takes the rotation of the one
 /// that stands in for it.
 ///
-/// A logarithm is one of many that differ by whole turns. They are chosen to be continuous over the
-/// surface, so that a limb may turn by more than half a turn along its length: from the triangle of
-/// each part that turns least, of those beside fixed vertices where there are any (another may be
-/// back from a whole turn), into its neighbours, across those edges first whose two triangles turn
-/// most alike, and across single vertices only where no edge leads on. Breadth first would do where
-/// an example is smooth; this order leaves what is creased or folded to the end, where it can't
-/// lead others astray.
+/// A rotation has many logarithms, which differ by whole turns. They are chosen to be continuous
+/// over the surface, so that a limb may turn by more than half a turn along its length. The choice
+/// begins, in each component, at the triangle that turns least; where there are triangles beside
+/// fixed vertices it is one of these, because another may be back from a whole turn. From there it
+/// spreads to neighbours, first across the edges whose two triangles turn most alike, and across
+/// single vertices only where no edge leads on. Breadth first would do where an example is smooth;
+/// this order leaves what is creased or folded to the end, where it can't lead others astray.
 ///
 /// Beyond half a turn the logarithm exaggerates: towards a whole one the least tilt of a rotation,
 /// as a shear gives, turns its axis over. There only the turn about the neighbour's axis is taken,

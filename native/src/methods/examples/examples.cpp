@@ -55,7 +55,7 @@ Examples<Real>::LetGo::LetGo(const BoundSurface& bound, const ExampleTurns& turn
   const Dissection dissection = free_dissection(block, region, bound.mesh.positions);
   BlockOptions options;
   options.dissection = &dissection;
-  options.workers = &bound.poisson->workers();
+  options.pool = &bound.poisson->pool();
   options.precision = bound.poisson->precision();
   poisson = std::make_unique<PoissonSystem>(bound.mesh, region, bound.operators, std::move(block),
                                             options);

@@ -16,9 +16,9 @@ namespace dd {
 /// The tree falls into a few domains, which have nothing to do with one another, and the top, which
 /// all of them hang on. Places of the order: domain after domain, then the top. Their number does
 /// not depend on the threads, nor does any result.
-struct Elimination {
+struct SymbolicCholesky {
   /// pattern: both triangles stored. first_order: a fill-reducing order of its rows.
-  Elimination(const SparseMatrix& pattern, const std::vector<int>& first_order);
+  SymbolicCholesky(const SparseMatrix& pattern, const std::vector<int>& first_order);
 
   std::vector<int> order;     ///< row of the matrix at each place
   std::vector<int> place_of;  ///< place of each row
@@ -50,7 +50,7 @@ struct Elimination {
     return part > domain_count() ? supernode_count() : domain_begin[part];
   }
   /// Where the places of a domain begin, of the top for domain_count(), and the end after that.
-  int part_begin(int part) const { return begin[first_supernode(part)]; }
+  int section_begin(int part) const { return begin[first_supernode(part)]; }
 
  private:
   void make_slots();

@@ -12,6 +12,6 @@ namespace dd {
 /// parts, too long by a few percent and part of an edge around a single vertex, and across obtuse
 /// corners. Where the fronts of two sources meet a bound by the straight distance keeps it from
 /// being too short. sources: of each vertex.
-std::vector<double> surface_distances(const Mesh& mesh, const std::vector<char>& sources);
+std::vector<double> geodesic_distances(const Mesh& mesh, const std::vector<char>& sources);
 
 }  // namespace dd

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "mesh/distances.h"
+#include "mesh/geodesic_distances.h"
 
 #include <cmath>
 #include <limits>
@@ -15,7 +15,7 @@ TEST_CASE("distances from a straight line on a plane are exact") {
   std::vector<char> sources(static_cast<size_t>(mesh.vertex_count()), 0);
   const double left = mesh.positions.col(0).minCoeff();
   for (int v = 0; v < mesh.vertex_count(); ++v) sources[v] = mesh.positions(v, 0) == left;
-  const std::vector<double> distance = surface_distances(mesh, sources);
+  const std::vector<double> distance = geodesic_distances(mesh, sources);
   for (int v = 0; v < mesh.vertex_count(); ++v)
     CHECK(std::abs(distance[v] - (mesh.positions(v, 0) - left)) < 1e-12);
 }
@@ -27,7 +27,7 @@ TEST_CASE(
   std::vector<char> sources(static_cast<size_t>(mesh.vertex_count()), 0);
   const int centre = side * (side / 2) + side / 2;
   sources[centre] = 1;
-  const std::vector<double> distance = surface_distances(mesh, sources);
+  const std::vector<double> distance = geodesic_distances(mesh, sources);
   for (int v = 0; v < mesh.vertex_count(); ++v) {
     const double expected = (mesh.positions.row(v) - mesh.positions.row(centre)).norm();
     CHECK(distance[v] > expected - 1e-12);
@@ -47,7 +47,8 @@ TEST_CASE("distances on a cylinder go around it") {
   }
   std::vector<char> sources(static_cast<size_t>(flat.vertex_count()), 0);
   sources[7] = sources[3 * side + 5] = 1;
-  const auto on_flat = surface_distances(flat, sources), on_bent = surface_distances(bent, sources);
+  const auto on_flat = geodesic_distances(flat, sources),
+             on_bent = geodesic_distances(bent, sources);
   for (int v = 0; v < flat.vertex_count(); ++v)
     CHECK(std::abs(on_bent[v] - on_flat[v]) < 2e-3 * on_flat[v] + 1e-12);
 }
@@ -58,9 +59,9 @@ TEST_CASE("distances scale with the mesh and end where it does") {
   sources[4] = 1;
   mesh.positions.conservativeResize(mesh.positions.rows() + 1, 3);
   mesh.positions.bottomRows(1) << 0, 0, 1;  // a vertex without triangles
-  const auto small = surface_distances(mesh, sources);
+  const auto small = geodesic_distances(mesh, sources);
   mesh.positions *= 1000;
-  const auto large = surface_distances(mesh, sources);
+  const auto large = geodesic_distances(mesh, sources);
   CHECK(small.back() == std::numeric_limits<double>::infinity());
   for (size_t v = 0; v + 1 < small.size(); ++v)
     CHECK(std::abs(large[v] - 1000 * small[v]) < 1e-9 * (1 + large[v]));
@@ -87,7 +88,7 @@ TEST_CASE("distances on a plane are never too short, whatever the sources and th
                    2 * static_cast<int>(random() % 10));
       sources[at.back()] = 1;
     }
-    const std::vector<double> distance = surface_distances(mesh, sources);
+    const std::vector<double> distance = geodesic_distances(mesh, sources);
     double shortest = 1;
     for (int v = 0; v < mesh.vertex_count(); ++v) {
       double exact = std::numeric_limits<double>::infinity();

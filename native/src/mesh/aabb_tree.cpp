@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "mesh/box_tree.h"
+#include "mesh/aabb_tree.h"
 
 namespace dd {
 
@@ -35,7 +35,7 @@ PointOnTriangle nearest_on_triangle(const Mesh& mesh, int j, const Eigen::Vector
   return at(share(of_b, sum), share(of_c, sum));
 }
 
-BoxTree::BoxTree(const Mesh& mesh)
+AabbTree::AabbTree(const Mesh& mesh)
     : mesh_(mesh), boxes_(static_cast<size_t>(mesh.triangle_count())) {
   for (int j = 0; j < mesh.triangle_count(); ++j)
     for (int k = 0; k < 3; ++k)
@@ -45,7 +45,7 @@ BoxTree::BoxTree(const Mesh& mesh)
   if (!order_.empty()) build(0, static_cast<int>(order_.size()));
 }
 
-int BoxTree::build(int begin, int end) {
+int AabbTree::build(int begin, int end) {
   const int number = static_cast<int>(nodes_.size());
   nodes_.push_back({Eigen::AlignedBox3d(), begin, end});
   for (int i = begin; i < end; ++i) nodes_[number].box.extend(boxes_[order_[i]]);

@@ -25,9 +25,9 @@ PointOnTriangle nearest_on_triangle(const Mesh& mesh, int j, const Eigen::Vector
 
 /// A tree of boxes over a mesh's triangles: each node holds the range [begin, end) of order_, and
 /// its children the halves of it. The mesh must outlive it.
-class BoxTree {
+class AabbTree {
  public:
-  explicit BoxTree(const Mesh& mesh);
+  explicit AabbTree(const Mesh& mesh);
 
   /// Calls visit(j) for each triangle whose box meets that of the given one.
   template <class Visit>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "solver/elimination.h"
+#include "solver/symbolic_cholesky.h"
 
 #include <algorithm>
 #include <queue>
@@ -225,7 +225,7 @@ std::vector<int> final_sequence(std::vector<Node>& nodes, std::vector<int>& doma
 
 }  // namespace
 
-Elimination::Elimination(const SparseMatrix& pattern, const std::vector<int>& first_order)
+SymbolicCholesky::SymbolicCholesky(const SparseMatrix& pattern, const std::vector<int>& first_order)
     : order(first_order) {
   invert(order, place_of);
   std::vector<int> tree = elimination_tree(pattern, order, place_of);
@@ -268,12 +268,12 @@ Elimination::Elimination(const SparseMatrix& pattern, const std::vector<int>& fi
   make_slots();
 }
 
-void Elimination::make_slots() {
+void SymbolicCholesky::make_slots() {
   slots = rows;
   std::vector<int> slot_of(order.size(), -1);
   for (int d = 0; d < domain_count(); ++d) {
     slot_begin.push_back(static_cast<int>(slot_target.size()));
-    const int end = part_begin(d + 1);
+    const int end = section_begin(d + 1);
     for (int64_t k = row_begin[domain_begin[d]]; k < row_begin[domain_begin[d + 1]]; ++k) {
       const int row = rows[k];
       if (row < end) continue;

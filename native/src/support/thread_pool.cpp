@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "support/workers.h"
+#include "support/thread_pool.h"
 
 #include <algorithm>
 #include <chrono>
@@ -27,7 +27,7 @@ void pause() {
 
 }  // namespace
 
-Workers::Workers(int count) {
+ThreadPool::ThreadPool(int count) {
   if (count <= 0)
     count = std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, kMostThreads);
   helpers_.reserve(static_cast<size_t>(count - 1));
@@ -38,7 +38,7 @@ Workers::Workers(int count) {
   }
 }
 
-Workers::~Workers() {
+ThreadPool::~ThreadPool() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     leave_ = true;
@@ -48,7 +48,7 @@ Workers::~Workers() {
   for (std::thread& helper : helpers_) helper.join();
 }
 
-void Workers::share(Call call, const void* task, int task_count) {
+void ThreadPool::share(Call call, const void* task, int task_count) {
   call_ = call;
   task_ = task;
   task_count_ = task_count;
@@ -68,7 +68,7 @@ void Workers::share(Call call, const void* task, int task_count) {
   if (failure_) std::rethrow_exception(std::exchange(failure_, nullptr));
 }
 
-void Workers::work() {
+void ThreadPool::work() {
   try {
     for (int i; (i = next_.fetch_add(1)) < task_count_;) call_(task_, i);
   } catch (...) {
@@ -78,7 +78,7 @@ void Workers::work() {
   }
 }
 
-void Workers::help() {
+void ThreadPool::help() {
   for (unsigned seen = 0;;) {
     const auto until = std::chrono::steady_clock::now() + kAwake;
     while (round_ == seen) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "mesh/distances.h"
+#include "mesh/geodesic_distances.h"
 
 #include <algorithm>
 #include <cmath>
@@ -16,8 +16,8 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// What a front that has passed a and b brings to c: that of a straight one, where it crosses the
-/// triangle between them.
+/// The distance at c when a straight front, which has passed a and b at these distances, crosses
+/// the triangle between them. Infinite when it doesn't come to c through ab.
 double through_triangle(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
                         const Eigen::Vector3d& c, double at_a, double at_b) {
   const Eigen::Vector3d edge = b - a, arm = c - a;
@@ -33,7 +33,7 @@ double through_triangle(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
 
 }  // namespace
 
-std::vector<double> surface_distances(const Mesh& mesh, const std::vector<char>& sources) {
+std::vector<double> geodesic_distances(const Mesh& mesh, const std::vector<char>& sources) {
   const Triangles& t = mesh.triangles;
   const size_t n = static_cast<size_t>(mesh.vertex_count());
   const Fans fans(t, mesh.vertex_count());

@@ -14,14 +14,14 @@ namespace dd {
 
 /// A few threads that share out the tasks of one caller at a time. Between the parts of a frame,
 /// which are some tens of microseconds apart, they wait awake; else they sleep.
-class Workers {
+class ThreadPool {
  public:
   /// count: threads at work, the caller among them; 0: as many as the machine has, at most 8. Where
   /// the system starts no more threads there are fewer.
-  explicit Workers(int count = 0);
-  ~Workers();
-  Workers(const Workers&) = delete;
-  Workers& operator=(const Workers&) = delete;
+  explicit ThreadPool(int count = 0);
+  ~ThreadPool();
+  ThreadPool(const ThreadPool&) = delete;
+  ThreadPool& operator=(const ThreadPool&) = delete;
 
   int count() const { return static_cast<int>(helpers_.size()) + 1; }
 
@@ -38,7 +38,7 @@ class Workers {
 
   /// Splits 0 to count into even ranges of at least least and calls body(begin, end) for each.
   template <class Body>
-  void over(int64_t item_count, int64_t least, const Body& body) {
+  void parallel_for(int64_t item_count, int64_t least, const Body& body) {
     if (item_count == 0) return;
     const int64_t ranges = std::max<int64_t>(1, std::min<int64_t>(4 * count(), item_count / least));
     run(static_cast<int>(ranges),
@@ -70,11 +70,11 @@ class Workers {
   std::exception_ptr failure_;  ///< under mutex_
 };
 
-/// Calls task(0) to task(count − 1), shared out where there are workers.
+/// Calls task(0) to task(count − 1), shared out where there is a pool.
 template <class Task>
-void run_tasks(Workers* workers, int count, const Task& task) {
-  if (workers)
-    workers->run(count, task);
+void run_tasks(ThreadPool* pool, int count, const Task& task) {
+  if (pool)
+    pool->run(count, task);
   else
     for (int i = 0; i < count; ++i) task(i);
 }
