@@ -93,3 +93,16 @@ def test_nobody_imports_the_add_on_by_its_name():
             names = [node.module or ''] if isinstance(node, ast.ImportFrom) and not node.level else [
                 alias.name for alias in getattr(node, 'names', ())] if isinstance(node, ast.Import) else []
             assert not any(name.split('.')[0] == 'detail_deform' for name in names), path
+
+
+def test_both_kinds_of_what_follows_have_all_that_their_life_asks_for():
+    def tree(name):
+        return ast.parse((ADDON / 'follow' / f'{name}.py').read_text(encoding='utf-8'))
+
+    asked = {node.attr for node in ast.walk(tree('life'))
+             if isinstance(node, ast.Attribute) and getattr(node.value, 'id', None) == 'kind'}
+    assert {'cache', 'has', 'check', 'Frame'} <= asked
+    for kind in ('bound', 'fed'):
+        names = {name for node in tree(kind).body for name in (
+            [target.id for target in node.targets] if isinstance(node, ast.Assign) else [getattr(node, 'name', None)])}
+        assert asked <= names, asked - names

@@ -1,8 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One life for all that follows: made in the background, brought up to date, noticed stale, restored, ended.
 
-What follows is of one of two kinds, the modules bound and fed. They have the same functions and say what differs:
-what the content is, which job makes a deformer or a transfer of it, and what a frame of that is.
+What follows is of one of two kinds, the modules bound and fed. They say what differs, by the same names:
+    cache: what was made, found by content            has(ob): whether the object is of this kind
+    settings(ob): where it keeps its problem          content_of(ob): what it was made for
+    is_live(ob): whether it follows by itself         others(ob): objects whose meshes are content too
+    is_outdated(ob): whether to compare right now     check(ob): compares; a sentence where it is lost
+    is_fit(ob, depsgraph): whether it can follow      is_for(ob, entry): whether that fits without comparing
+    job(ob): that makes a deformer or a transfer      refuse(ob, sentence): why it could not be made
+    check_frame(ob): raises what it can't follow by   forget(ob): what belongs to this kind
+    Frame(ob, made, depsgraph): what is asked for: of tells it from all others, offsets() computes it, and
+        written(record, wait) is told that it is shown
 """
 
 import time

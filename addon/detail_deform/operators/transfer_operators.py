@@ -121,8 +121,8 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
 
     def run(self, context, ob):
         mesh_data.check_object(ob)
-        return self.start(context, self._reported(transfer.begin(context, _source_of(ob, self.source), ob,
-                                                                 self._wanted(context, ob))))
+        work = transfer.begin(context, _source_of(ob, self.source), ob, self._wanted(context, ob))
+        return self.start(context, self._reported(work))
 
     def _wanted(self, context, ob):
         settings = ob.detail_deform.transfer
@@ -133,7 +133,7 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
             **as_in_panel, what=self.what, filepath=self.filepath or settings.filepath,
             anchor_group=self.anchor_group or settings.anchor_group, pattern=self.pattern, replace=self.replace,
             drivers=self.drivers, bake_as=self.bake_as, start=start, end=end,
-            cache_path=self.cache_path or transfer.usual_path(ob))
+            cache_path=self.cache_path)
 
     def _reported(self, work):
         for sentence in (yield from work):

@@ -52,19 +52,20 @@ def begin(context, source, target, wanted):
         if wanted.bake_as == 'SHAPE_KEYS':
             keyed_keys.check(target)
         else:
+            wanted = dataclasses.replace(wanted, cache_path=wanted.cache_path or usual_path(target))
             point_cache.absolute(wanted.cache_path)
             point_cache.check_time(context)
     return _all(context, source, target, keys, wanted)
 
 
 def _all(context, source, target, keys, wanted):
-    begin = _SHARE_OF_SEARCH if wanted.correspondence == 'MARKERS' else 0
+    share = _SHARE_OF_SEARCH if wanted.correspondence == 'MARKERS' else 0
     search = matching.find(wanted.correspondence, source, target, wanted.filepath, wanted.pairs_of)
-    matched = yield from _share(search, 0, begin)
+    matched = yield from _share(search, 0, share)
     transfer = prepared.prepare(source, target, matched, wanted.anchor, wanted.anchor_group, wanted.formulation)
-    yield begin
+    yield share
     started = time.perf_counter()
-    made = yield from _share(_carry(context, transfer, source, target, keys, wanted), begin, 1)
+    made = yield from _share(_carry(context, transfer, source, target, keys, wanted), share, 1)
     if matching.must_be_found(wanted.correspondence):
         correspondence.store(matched, source, target)
     return [f"{made} from '{source.name}', in {time.perf_counter() - started:.1f} s", *prepared.remarks(transfer)]
