@@ -18,8 +18,7 @@ def _parts():
     except ModuleNotFoundError as error:
         raise RuntimeError("Detail Deform needs numpy, which Blender's own builds bring along and this "
                            "one does not: install the system's package python3-numpy.") from error
-    from . import properties
-    from .follow import handlers
+    from . import handlers, properties
     from .operators import bake_operators, example_operators, operators, setup_operators, transfer_operators
     from .ui import marker_preview, panels, preview, transfer_panel
     return (properties, operators, setup_operators, bake_operators, example_operators, transfer_operators, panels,

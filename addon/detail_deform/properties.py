@@ -6,17 +6,17 @@ from bpy.props import (BoolProperty, CollectionProperty, EnumProperty, FloatProp
                        FloatVectorProperty, IntProperty, PointerProperty, StringProperty)
 
 from . import transfer_settings
-from .follow import binding, status
+from .follow import binding, life, status
 from .ui import preview
 
 
 def _input_changed(self, context):
-    binding.check_content(self.id_data)
+    life.check(self.id_data)
 
 
 def _region_changed(self, context):
     self.pulled_region = False
-    binding.check_content(self.id_data)
+    life.check(self.id_data)
 
 
 def _name_changed(self, context):
@@ -37,7 +37,7 @@ def _target_changed(self, context):
 
 
 def _base_changed(self, context):
-    binding.check_content(self.id_data)
+    life.check(self.id_data)
     binding.targets_changed(self.id_data)
 
 
@@ -50,16 +50,16 @@ def _influence_changed(self, context):
 
 
 def _method_changed(self, context):
-    binding.check_content(self.id_data)  # examples matter to one of them
+    life.check(self.id_data)  # examples matter to one of them
     _look_changed(self, context)
 
 
 def _look_changed(self, context):
-    binding.refresh(self.id_data, context.evaluated_depsgraph_get())
+    life.refresh(self.id_data, context.evaluated_depsgraph_get())
 
 
 def _example_changed(self, context):
-    binding.check_content(self.id_data)
+    life.check(self.id_data)
     _look_changed(self, context)
 
 

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, PointerProperty, StringProperty
 
-from .follow import live_transfer
+from .follow import life, live_transfer
 from .ui import preview
 
 CORRESPONDENCES = [
@@ -35,8 +35,8 @@ def _source_changed(self, context):
 
 
 def _changed(self, context):
-    live_transfer.check(self.id_data)
-    live_transfer.refresh(self.id_data, context.evaluated_depsgraph_get())
+    life.check(self.id_data)
+    life.refresh(self.id_data, context.evaluated_depsgraph_get())
 
 
 def _preview_changed(self, context):

@@ -27,7 +27,7 @@ def part(module):
 
 @pytest.fixture
 def as_in_a_window(part, monkeypatch):
-    """as_in_a_window('follow.binding'): this module takes Blender for one with a window. Its timers are then
+    """as_in_a_window('follow.life'): this module takes Blender for one with a window. Its timers are then
     called by hand."""
     class Window:
         def __getattr__(self, name):

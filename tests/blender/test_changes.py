@@ -303,22 +303,22 @@ def test_a_linked_duplicate_is_reported_not_fought_over():
     assert ob.detail_deform.is_bound and "Bound" in ob.detail_deform.status
 
 
-def finish_in_background(binding, deformers):
+def finish_in_background(life):
     """What the window's timer does, called by hand: background Blender has none."""
     for _ in range(2000):
-        if binding._poll() is None:
+        if life._poll() is None:
             return
         time.sleep(0.01)
     raise AssertionError("the bind did not end")
 
 
 def test_a_bind_in_the_background_ends_with_the_surface_bound(part):
-    binding, deformers = part('follow.binding'), part('follow.deformers')
+    binding, life, cache = part('follow.binding'), part('follow.life'), part('follow.bound').cache
     ob = make_strip(37)  # of a size that no other test has bound already
     binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
-    assert deformers.binds_under_way() and "Binding" in ob.detail_deform.status
+    assert cache.contents_under_way() and "Binding" in ob.detail_deform.status
     assert not ob.detail_deform.is_bound
-    finish_in_background(binding, deformers)
+    finish_in_background(life)
     assert ob.detail_deform.is_bound
     right(ob).location.z += 0.4
     update()
@@ -326,7 +326,7 @@ def test_a_bind_in_the_background_ends_with_the_surface_bound(part):
 
 
 def test_a_bind_in_the_background_notices_what_happens_meanwhile(part):
-    binding, deformers = part('follow.binding'), part('follow.deformers')
+    binding, life = part('follow.binding'), part('follow.life')
     changed, deleted, unbound, cancelled = (make_strip(n, name=str(n)) for n in (31, 32, 33, 61))
     for ob in (changed, deleted, unbound, cancelled):
         binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
@@ -335,7 +335,7 @@ def test_a_bind_in_the_background_notices_what_happens_meanwhile(part):
     binding.unbind(unbound)
     activate(cancelled)
     bpy.ops.object.detail_deform_bind_cancel()
-    finish_in_background(binding, deformers)
+    finish_in_background(life)
     assert "vertices were moved" in changed.detail_deform.status
     assert unbound.detail_deform.status == "Not bound."
     # A cancel may come too late; then the surface is simply bound.
@@ -343,14 +343,14 @@ def test_a_bind_in_the_background_notices_what_happens_meanwhile(part):
 
 
 def test_a_new_bind_right_after_unbinding_is_not_taken_for_the_old_one(part):
-    binding, deformers = part('follow.binding'), part('follow.deformers')
+    binding, life = part('follow.binding'), part('follow.life')
     ob = make_strip(83)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     for _ in range(3):
         binding.bind(ob, depsgraph, wait=False, keep_rest=False)
         binding.unbind(ob)
     binding.bind(ob, depsgraph, wait=False, keep_rest=False)
-    finish_in_background(binding, deformers)
+    finish_in_background(life)
     assert ob.detail_deform.is_bound, ob.detail_deform.status
 
 

@@ -142,15 +142,15 @@ class Counted:
         self.Job = Job
 
 
-def poll_until_ready(live_transfer):
+def poll_until_ready(life):
     """What the timer does, until it wants to be called no more."""
-    while live_transfer._poll() is not None:
+    while life._poll() is not None:
         pass
 
 
 @pytest.fixture(autouse=True)
 def nothing_prepared_yet(part):
-    part('follow.preparing').clear()
+    part('follow.fed').cache.clear()
 
 
 @pytest.fixture
@@ -164,14 +164,14 @@ def factored(part, monkeypatch):
 def test_nothing_is_factored_within_an_update(alike, part, as_in_a_window, factored):
     """In the window it is prepared beside, with progress, and followed when it is ready."""
     source, target = alike
-    live_transfer = part('follow.live_transfer')
-    as_in_a_window('follow.live_transfer')
+    life = part('follow.life')
+    as_in_a_window('follow.life')
     assert live(source="Source") == {'FINISHED'}
     bend(source)
     assert factored.count == 0
     assert re.match(r"Preparing to follow 'Source', \d+%: .+", target.detail_deform.transfer.state)
     assert np.abs(evaluated(target) - own(target)).max() == 0
-    poll_until_ready(live_transfer)
+    poll_until_ready(life)
     update()
     assert factored.count == 1 and target.detail_deform.transfer.state == "Follows 'Source'."
     assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
@@ -183,18 +183,18 @@ def test_nothing_is_factored_within_an_update(alike, part, as_in_a_window, facto
     update()
     assert factored.count == 1 and "Preparing" in target.detail_deform.transfer.state
     assert np.array_equal(evaluated(target), shown)
-    poll_until_ready(live_transfer)
+    poll_until_ready(life)
     assert factored.count == 2 and "Follows" in target.detail_deform.transfer.state
 
 
 def test_preparing_can_be_cancelled(alike, part, as_in_a_window, factored):
     source, target = alike
-    live_transfer = part('follow.live_transfer')
-    as_in_a_window('follow.live_transfer')
+    life = part('follow.life')
+    as_in_a_window('follow.life')
     live(source="Source")
-    assert live_transfer.is_preparing(target)
+    assert part('follow.live_transfer').is_preparing(target)
     live(on=False)
-    assert live_transfer._poll() is None and factored.count == 0
+    assert life._poll() is None and factored.count == 0
     assert not target.detail_deform.transfer.live and not target.modifiers
     bend(source)
     assert np.abs(evaluated(target) - own(target)).max() == 0
@@ -203,15 +203,15 @@ def test_preparing_can_be_cancelled(alike, part, as_in_a_window, factored):
 def test_what_could_not_be_prepared_is_said_and_not_tried_at_every_update(alike, part, as_in_a_window, monkeypatch):
     source, target = alike
     native = part('library.native')
-    live_transfer = part('follow.live_transfer')
-    as_in_a_window('follow.live_transfer')
+    life = part('follow.life')
+    as_in_a_window('follow.life')
     failing = Counted(native, native.NativeError("There is no memory left."))
     monkeypatch.setattr(native, 'TransferJob', failing.Job)
     live(source="Source")
-    poll_until_ready(live_transfer)
+    poll_until_ready(life)
     for value in (0.1, 0.2, 0.3):
         bend(source, value)
-        poll_until_ready(live_transfer)
+        poll_until_ready(life)
         assert target.detail_deform.transfer.state == "There is no memory left."
     assert failing.count == 1
     # Following again tries again.
@@ -278,5 +278,5 @@ def test_a_bound_object_is_refused_before_anything_is_searched(pair, part, monke
     def search(*_):
         raise AssertionError("searched")
 
-    monkeypatch.setattr(part('setup.correspondence'), 'search', search)
+    monkeypatch.setattr(part('setup.matching'), 'search', search)
     assert "bound to handles" in refusal(live, source="Source")

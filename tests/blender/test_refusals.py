@@ -283,9 +283,9 @@ def test_library_missing_or_of_another_version(part, monkeypatch, tmp_path):
 
 
 def test_binding_from_a_file_without_the_library_is_reported(part, monkeypatch, tmp_path):
-    deformers = part('follow.deformers')
+    cache = part('follow.bound').cache
     ob = bind(make_strip())
-    deformers.clear()
+    cache.clear()
     monkeypatch.setattr(part('library.loading'), '_library', None)
     monkeypatch.setenv('DETAIL_DEFORM_LIBRARY', str(tmp_path / 'none.so'))
     ob.detail_deform.handles[0].target.location.z += 0.2

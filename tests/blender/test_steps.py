@@ -99,7 +99,7 @@ def test_apply_takes_the_result_in_steps(strip):
 def test_steps_arrive_when_the_handles_pause(strip, part, as_in_a_window):
     """The window's way: quick result first, the steps by a timer, the last pose wins."""
     slow_results, token = part('follow.slow_results'), part('scene.offset_attribute').token
-    as_in_a_window('follow.binding')
+    as_in_a_window('follow.life')
     strip.detail_deform.steps = 5
     bend(strip, -60)
     quick = evaluated(strip)
@@ -134,7 +134,7 @@ def test_steps_arrive_when_the_handles_pause(strip, part, as_in_a_window):
 def test_a_frame_stops_slow_work_on_its_deformer_which_begins_again_later(strip, part):
     """Two objects of the same content share one: neither waits for the other's slow result."""
     native, slow_results = part('library.native'), part('follow.slow_results')
-    deformer = part('follow.deformers').find(strip.detail_deform.signature).deformer
+    deformer = part('follow.bound').cache.find(strip.detail_deform.signature).made
     endless = {'method': 'VOLUMES', 'volume_tolerance': 1e-300, 'volume_iterations': 10**9}
 
     class Work:
@@ -192,7 +192,7 @@ def test_what_is_refused_while_it_starts_is_said_and_ends(strip, part, as_in_a_w
         raise native.NativeError("There is no memory left.")
 
     monkeypatch.setattr(native, 'Update', fail)
-    as_in_a_window('follow.binding')
+    as_in_a_window('follow.life')
     strip.detail_deform.steps = 3
     bend(strip, -60)
     assert len(slow_results._requests) == 1

@@ -197,7 +197,7 @@ def test_correspondences_are_found_shown_and_forgotten(part):
     activate(target)
     assert bpy.ops.object.detail_deform_transfer_match() == {'FINISHED'}
     assert settings.correspondence == 'STORED'
-    confidence = part('setup.correspondence').vertex_confidence(target)
+    confidence = part('scene.correspondence').vertex_confidence(target)
     assert confidence.shape == (33 * 33,) and confidence.min() > 0.5
     settings.show_match = True
     colours = part('ui.preview').vertex_colours(target)

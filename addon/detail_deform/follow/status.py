@@ -2,22 +2,22 @@
 """What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
 
 from ..scene import examples, handle_matrices, node_group, offset_attribute
-from . import deformers, look, shown, slow_results
+from . import bound, look, shown, slow_results
 
 
 def is_bound(ob):
     settings = ob.detail_deform
-    return bool(settings.signature and not settings.stale and deformers.find(settings.signature))
+    return bool(settings.signature and not settings.stale and bound.cache.find(settings.signature))
 
 
 def bind_ms(ob):
-    bound = deformers.find(ob.detail_deform.signature)
-    return bound.bind_ms if bound else 0.0
+    entry = bound.cache.find(ob.detail_deform.signature)
+    return 1e3 * entry.made.info.bind_seconds if entry else 0.0
 
 
 def update_ms(ob):
-    bound = deformers.find(ob.detail_deform.signature)
-    return bound.update_ms if bound else 0.0
+    entry = bound.cache.find(ob.detail_deform.signature)
+    return entry.update_ms if entry else 0.0
 
 
 def example_weight(ob, example):
@@ -40,7 +40,7 @@ def _example_weights(ob):
 def text(ob):
     """One or more sentences; the first says how things stand."""
     settings = ob.detail_deform
-    under_way = deformers.bind_under_way(settings.signature)
+    under_way = bound.cache.under_way(settings.signature)
     if under_way:
         if under_way.cancelled:
             return "Cancelling."
@@ -57,10 +57,10 @@ def text(ob):
         return f"Not bound: select vertices in Edit Mode and press Pull Selected, or add a handle{also}."
     if not settings.signature:
         return "Not bound."
-    bound = deformers.find(settings.signature)
-    if bound is None:
+    entry = bound.cache.find(settings.signature)
+    if entry is None:
         return "Bound; the handles will be followed again after the next update."
-    return ' '.join([_summary(settings, bound.deformer.info), *_remarks(ob, bound)])
+    return ' '.join([_summary(settings, entry.made.info), *_remarks(ob, entry.made.info)])
 
 
 def _count(number, one, many):
@@ -100,9 +100,8 @@ def _names(names):
     return ', '.join(f"'{name}'" for name in names)
 
 
-def _remarks(ob, bound):
+def _remarks(ob, info):
     """What the user may not expect of this mesh, or of this method."""
-    info = bound.deformer.info
     modifier = node_group.find_modifier(ob)
     if node_group.find_cache(ob):
         yield "A baked cache is played in its place: press Go Live to follow the handles again."

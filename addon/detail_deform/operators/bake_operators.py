@@ -4,13 +4,13 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
+from ..results import alembic, bake, point_cache
 from ..scene import mesh_data, node_group
-from ..setup import bake
 from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
 
 
 def _usual_path(ob):
-    return bake.usual_path(ob, node_group.find_cache(ob))
+    return point_cache.usual_path(ob, node_group.find_cache(ob))
 
 
 class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
@@ -71,7 +71,7 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
         path = self.filepath or _usual_path(ob)
         mesh_data.check_object(ob)
         if self.mode == 'ALEMBIC':
-            bake.to_alembic(context, ob, start, end, path[:-4] + '.abc' if path.endswith('.pc2') else path)
+            alembic.write(context, ob, start, end, path[:-4] + '.abc' if path.endswith('.pc2') else path)
             return None
         if self.mode == 'SHAPE_KEYS':
             work = bake.to_shape_keys(context, ob, start, end)

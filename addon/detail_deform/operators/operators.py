@@ -4,9 +4,10 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from ..follow import binding, live_transfer, slow_results, status
-from ..scene import apply_result, mesh_data, node_group, offset_attribute
-from ..setup import bake, correspondence, handle_setup, region_setup
+from ..follow import binding, life, live_transfer, slow_results, status
+from ..results import bake
+from ..scene import apply_result, correspondence, mesh_data, node_group, offset_attribute
+from ..setup import handle_setup, region_setup
 from .operator_base import MeshOperator
 from ..properties import COPIED_SETTINGS
 
@@ -74,7 +75,7 @@ class OBJECT_OT_detail_deform_bind_cancel(MeshOperator, bpy.types.Operator):
     bl_options = {'REGISTER'}
 
     def run(self, context, ob):
-        binding.cancel(ob.detail_deform.signature)
+        binding.cancel(ob)
         slow_results.cancel(offset_attribute.token(ob.data))
 
 
@@ -98,8 +99,8 @@ class OBJECT_OT_detail_deform_update(MeshOperator, bpy.types.Operator):
         settings = ob.detail_deform
         if not settings.signature:
             raise mesh_data.MeshProblem(f"'{ob.name}' is not bound: press Bind first.")
-        binding.check_content(ob)
-        binding.refresh(ob, context.evaluated_depsgraph_get(), force=True)
+        life.check(ob)
+        life.refresh(ob, context.evaluated_depsgraph_get(), force=True)
         if settings.stale or settings.problem:
             raise mesh_data.MeshProblem(status.text(ob))
 
@@ -130,7 +131,7 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
         if modifier and not modifier.show_viewport:
             raise mesh_data.MeshProblem("The modifier is hidden, so there is nothing to see that could be applied: "
                                         "show it in the viewport first.")
-        binding.settle(ob)
+        life.settle(ob)
         apply_result.apply(ob, self.mode)
         binding.unbind(ob)
         live_transfer.stop(ob)

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..follow import binding
+from ..follow import binding, life
 from ..library import native
 from ..scene import handle_matrices, mesh_data
 from ..setup import handle_setup, region_setup
@@ -65,7 +65,7 @@ class OBJECT_OT_detail_deform_handle_remove(_HandleOperator, bpy.types.Operator)
         settings, index = ob.detail_deform, self.number(ob)
         handle_setup.remove_handle(ob, index)
         settings.handle_index = max(0, min(index, len(settings.handles) - 1))
-        binding.check_content(ob)
+        life.check(ob)
 
 
 class OBJECT_OT_detail_deform_handle_select(_HandleOperator, bpy.types.Operator):
@@ -258,7 +258,7 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
         except (mesh_data.MeshProblem, native.NativeError):
             handle_setup.remove_handle(ob, len(settings.handles) - 1)
             region_setup.restore(ob, present)
-            binding.check_content(ob)
+            life.check(ob)
             bpy.ops.object.mode_set(mode='EDIT')
             raise
         target = settings.handles[-1].target

@@ -2,23 +2,15 @@
 """Operators that carry deformations from one mesh to another; scripts call these as
 bpy.ops.object.detail_deform_transfer..."""
 
-import time
-
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from ..follow import live_transfer
-from ..scene import mesh_data
-from ..setup import bake, correspondence, markers, transfer
+from ..results import transfer
+from ..scene import correspondence, mesh_data
+from ..setup import markers, matching, pair_lists
 from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
 from ..transfer_settings import ANCHORS, CORRESPONDENCES, FORMULATIONS, PAIRS_OF
-
-_POLL_SECONDS = 0.02
-_SHARE_OF_SEARCH = 0.8
-
-
-def _usual_path(ob):
-    return bake.usual_path(ob, transfer.find_cache(ob))
 
 
 def _source_of(ob, name):
@@ -27,25 +19,6 @@ def _source_of(ob, name):
         raise mesh_data.MeshProblem(f"There is no object '{name}' to transfer from.")
     correspondence.check_source(source, ob)
     return source
-
-
-def _searched(source, target):
-    """Generator: the correspondence found by markers; yields the fraction done."""
-    known = correspondence.found_before(source, target)
-    if known:
-        return known
-    match, matched = correspondence.search(source, target)
-    try:
-        running = True
-        while running:
-            running, fraction, _ = match.progress()
-            yield fraction
-            if running:
-                time.sleep(_POLL_SECONDS)
-        matched = correspondence.finished(match, matched, source, target)
-    finally:
-        match.close()
-    return matched
 
 
 class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
@@ -114,7 +87,7 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
             if not self.properties.is_property_set(name):
                 setattr(self, name, getattr(settings, name))
         self.frame_start, self.frame_end = self.frame_range(context)
-        self.cache_path = self.cache_path or _usual_path(ob)
+        self.cache_path = self.cache_path or transfer.usual_path(ob)
         self.interactive = True
         return context.window_manager.invoke_props_dialog(self, width=400)
 
@@ -147,85 +120,24 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
             column.prop_search(self, 'anchor_group', context.active_object, 'vertex_groups')
 
     def run(self, context, ob):
-        settings = ob.detail_deform.transfer
         mesh_data.check_object(ob)
-        source = _source_of(ob, self.source)
-        if settings.live:
-            raise mesh_data.MeshProblem(f"'{ob.name}' follows '{settings.source.name if settings.source else ''}' "
-                                        "already, which would be doubled: stop that first (Follow).")
-        keys = None
-        if self.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
-            keys = transfer.chosen_keys(source, self.what == 'ACTIVE_KEY', self.pattern)
-        if self.what == 'ANIMATION':
-            bake.check_range(*self.frame_range(context))
-            if self.bake_as == 'SHAPE_KEYS':
-                bake.check_keyed_keys(ob)
-            else:
-                bake.absolute(self.cache_path or _usual_path(ob))
-                bake.check_time(context)
-        return self.start(context, self._all(context, source, ob, keys))
+        work = transfer.begin(context, _source_of(ob, self.source), ob, self._wanted(context, ob))
+        return self.start(context, self._reported(work))
 
-    def _all(self, context, source, ob, keys):
-        """Generator of the fraction done."""
+    def _wanted(self, context, ob):
         settings = ob.detail_deform.transfer
-        how = self.given('correspondence', settings.correspondence)
-        begin = 0
-        if how == 'MARKERS':
-            search = _searched(source, ob)
-            matched = yield from self._share(search, 0, _SHARE_OF_SEARCH)
-            begin = _SHARE_OF_SEARCH
-        elif how == 'LIST':
-            path = bpy.path.abspath(self.filepath or settings.filepath)
-            matched = correspondence.by_list(source, ob, path, self.given('pairs_of', settings.pairs_of))
-        elif how == 'STORED':
-            matched = correspondence.stored(source, ob)
-        else:
-            matched = correspondence.by_topology(source, ob)
-        prepared = transfer.prepare(source, ob, matched, self.given('anchor', settings.anchor),
-                                    self.anchor_group or settings.anchor_group,
-                                    self.given('formulation', settings.formulation))
-        yield begin
-        started = time.perf_counter()
-        made = yield from self._share(self._carry(context, prepared, source, ob, keys), begin, 1)
-        if how in {'MARKERS', 'LIST'}:
-            correspondence.store(matched, source, ob)
-        self.report({'INFO'}, f"{made} from '{source.name}', in {time.perf_counter() - started:.1f} s")
-        for remark in transfer.remarks(prepared):
-            self.report({'INFO'}, remark)
-
-    @staticmethod
-    def _share(work, begin, end):
-        """Of a longer work: its fractions as part of the whole; returns what it returns."""
-        while True:
-            try:
-                done = next(work)
-            except StopIteration as finished:
-                return finished.value
-            try:
-                yield begin + (end - begin) * done
-            except GeneratorExit:
-                work.close()
-                raise
-
-    def _carry(self, context, prepared, source, ob, keys):
-        """Generator of the fraction done; returns what was made, in words."""
-        rotation_only = self.given('rotation_only', ob.detail_deform.transfer.rotation_only)
+        as_in_panel = {name: self.given(name, getattr(settings, name)) for name in (
+            'correspondence', 'pairs_of', 'rotation_only', 'anchor', 'formulation')}
         start, end = self.frame_range(context)
-        if self.what == 'POSE':
-            names = yield from transfer.pose_to_key(context, prepared, source, ob, rotation_only, self.replace)
-        elif keys is not None:
-            names = yield from transfer.keys_to_keys(prepared, source, ob, keys, rotation_only, self.replace,
-                                                     self.drivers)
-        elif self.bake_as == 'SHAPE_KEYS':
-            yield from transfer.to_keyed_keys(context, prepared, source, ob, start, end, rotation_only)
-            return f"{end + 1 - start} keyed shape keys"
-        else:
-            path = self.cache_path or _usual_path(ob)
-            yield from transfer.to_cache(context, prepared, source, start, end, path, rotation_only)
-            transfer.use_cache(ob, path, start)
-            return f"{end + 1 - start} frames"
-        more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-        return f"Shape {'key' if len(names) == 1 else 'keys'} {', '.join(map(repr, names[:3]))}{more}"
+        return transfer.Wanted(
+            **as_in_panel, what=self.what, filepath=self.filepath or settings.filepath,
+            anchor_group=self.anchor_group or settings.anchor_group, pattern=self.pattern, replace=self.replace,
+            drivers=self.drivers, bake_as=self.bake_as, start=start, end=end,
+            cache_path=self.cache_path)
+
+    def _reported(self, work):
+        for sentence in (yield from work):
+            self.report({'INFO'}, sentence)
 
 
 class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
@@ -250,7 +162,7 @@ class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
         return self.start(context, self._find(source, ob))
 
     def _find(self, source, ob):
-        matched = yield from _searched(source, ob)
+        matched = yield from matching.search(source, ob)
         correspondence.store(matched, source, ob)
         ob.detail_deform.transfer.correspondence = 'STORED'
         self.report({'INFO'}, f"Correspondences found: {100 * matched.confidence.mean():.0f}% alike on the whole, "
@@ -283,7 +195,7 @@ class OBJECT_OT_detail_deform_transfer_save(MeshOperator, bpy.types.Operator):
 
     def run(self, context, ob):
         source = _source_of(ob, self.source)
-        correspondence.write_pairs(bpy.path.abspath(self.filepath), correspondence.stored(source, ob))
+        pair_lists.write_pairs(bpy.path.abspath(self.filepath), correspondence.stored(source, ob))
 
 
 class OBJECT_OT_detail_deform_transfer_forget(MeshOperator, bpy.types.Operator):
@@ -349,10 +261,9 @@ class OBJECT_OT_detail_deform_transfer_live(LongOperator, bpy.types.Operator):
     def _follow(self, context, source, ob):
         """Generator of the fraction done."""
         settings, matched = ob.detail_deform.transfer, None
-        if settings.correspondence == 'MARKERS':
-            matched = yield from _searched(source, ob)
-        elif settings.correspondence == 'LIST':
-            matched = correspondence.by_list(source, ob, bpy.path.abspath(settings.filepath), settings.pairs_of)
+        if matching.must_be_found(settings.correspondence):
+            matched = yield from matching.find(settings.correspondence, source, ob, settings.filepath,
+                                               settings.pairs_of)
         live_transfer.start(context, ob, source, matched)
 
 

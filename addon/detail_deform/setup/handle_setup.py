@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Vector, kdtree
 
-from ..follow import binding
+from ..follow import life
 from ..scene import handle_matrices, mesh_data, selection
 from ..scene.mesh_data import MeshProblem
 
@@ -163,7 +163,7 @@ def assign(ob, handle):
         raise MeshProblem(f"No vertex is selected: select those that '{handle.name}' should move.")
     handle.own_group = selection.fill_own_group(
         ob, handle.own_group, not _shares_group(ob, handle, handle.own_group), handle.name, chosen)
-    binding.check_content(ob)
+    life.check(ob)
     if handle.vertex_group != handle.own_group:
         handle.vertex_group = handle.own_group
 

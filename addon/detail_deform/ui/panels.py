@@ -5,7 +5,7 @@ import textwrap
 
 import bpy
 
-from ..follow import deformers, look, slow_results
+from ..follow import bound, look, slow_results
 from ..scene import node_group, offset_attribute
 from ..setup import handle_setup
 
@@ -92,7 +92,7 @@ class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
 
     def draw_state(self, context, layout, settings):
         wrong = settings.stale or settings.problem
-        under_way = deformers.bind_under_way(settings.signature)
+        under_way = bound.cache.under_way(settings.signature)
         box = layout.box()
         icon = ('ERROR' if wrong else 'SORTTIME' if under_way else
                 'LINKED' if settings.is_bound else 'UNLINKED')

@@ -6,8 +6,7 @@ import colorsys
 import bpy
 import numpy as np
 
-from ..scene import handle_matrices, mesh_data
-from ..setup import correspondence
+from ..scene import correspondence, handle_matrices, mesh_data
 
 _POINT_SIZE = 4.0
 _NEARER = 0.004  # of the way to the eye, so that the surface doesn't cover its own vertices

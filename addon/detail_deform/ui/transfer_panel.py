@@ -4,7 +4,8 @@
 import bpy
 
 from ..follow import live_transfer
-from ..setup import correspondence, markers
+from ..scene import correspondence
+from ..setup import markers
 from .panels import ModifierPanel, draw_text
 
 

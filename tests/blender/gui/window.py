@@ -191,7 +191,7 @@ def reopening():
     ob, _ = surface()
     ob.data.vertices[0].co.z += 0.5
     ob.data.update()
-    yield 1.0
+    yield from wait_until(lambda: "were moved since Bind" in ob.detail_deform.status)
     check("an edit of the mesh is noticed", "were moved since Bind" in ob.detail_deform.status)
     activate(ob)
     yield 0.5

@@ -1,17 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which triangles of a source correspond to those of a target: found, read, written, kept with the target."""
+"""Which triangles of a source correspond to those of a target, and how that is kept with the target's mesh."""
 
 import array
 
 import numpy as np
 
-from ..library import native
-from ..scene import mesh_data
-from . import markers
-from ..scene.mesh_data import MeshProblem
+from . import mesh_data
+from .mesh_data import MeshProblem
 
 _PROPERTY = 'detail_deform_match'
-_SAYS = {'TRIANGLES': "pairs of triangles", 'VERTICES': "pairs of vertices"}  # files that were written here
 
 
 class Matched:
@@ -52,97 +49,6 @@ def by_topology(source, target):
                           "or give a list.")
     triangles = mesh_data.triangles(target.data)
     return Matched(triangles, triangles, None, np.ones(len(triangles), np.float32))
-
-
-def read_pairs(path, pairs_of):
-    """(k, 2) int32 from a file with a pair of numbers a line, source then target, from 0.
-
-    Numbers may be parted by spaces, commas, colons or semicolons; what follows them, comments after # and a
-    first line with nothing but a count are passed over."""
-    pairs = []
-    try:
-        with open(path, encoding='utf-8-sig') as file:
-            for number, line in enumerate(file, 1):
-                said = next((kind for kind in _SAYS if _SAYS[kind] in line), pairs_of)
-                if said != pairs_of:
-                    raise MeshProblem(f"'{path}' says that it holds pairs of {said.lower()}: choose that (Pairs of).")
-                words = line.split('#')[0].replace(',', ' ').replace(';', ' ').replace(':', ' ').split()
-                if not words or (len(words) == 1 and not pairs and words[0].isdigit()):
-                    continue
-                try:
-                    pairs.append([int(words[0]), int(words[1])])
-                except (ValueError, IndexError) as error:
-                    raise MeshProblem(
-                        f"'{path}', line {number}: '{line.strip()[:40]}' is not a pair of numbers.") from error
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, 'strerror', None) or "it is no text"
-        raise MeshProblem(f"'{path}' can't be read: {reason}.") from error
-    if not pairs:
-        raise MeshProblem(f"'{path}' has no pairs of numbers: write one pair a line, source then target.")
-    limit = np.iinfo(np.int32).max
-    if max(max(map(abs, pair)) for pair in pairs) > limit:
-        raise MeshProblem(f"'{path}' has a number over {limit:,}.")
-    return np.array(pairs, np.int32)
-
-
-def write_pairs(path, matched):
-    """As read_pairs() reads them."""
-    try:
-        np.savetxt(path, matched.pairs, fmt='%d', header=f"{_SAYS[matched.pairs_of]}, source and target, from 0")
-    except OSError as error:
-        raise MeshProblem(f"'{path}' can't be written: {error.strerror}.") from error
-
-
-def by_list(source, target, path, pairs_of):
-    """From a file of pairs of triangles, or of vertices."""
-    matched = Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data),
-                      read_pairs(path, pairs_of), None)
-    counts = {'TRIANGLES': (len(matched.source_triangles), len(matched.target_triangles)),
-              'VERTICES': (len(source.data.vertices), len(target.data.vertices))}[pairs_of]
-    outside = np.argwhere((matched.pairs < 0) | (matched.pairs >= counts))
-    if len(outside):
-        row, side = outside[0]
-        raise MeshProblem(f"'{path}': pair {row + 1} names number {matched.pairs[row, side]} of "
-                          f"'{(source, target)[side].name}', which has {counts[side]:,} {pairs_of.lower()}, "
-                          "counted from 0.")
-    matched.pairs_of = pairs_of
-    paired = np.zeros(counts[1], np.float32)
-    paired[matched.pairs[:, 1]] = 1
-    matched.confidence = paired if pairs_of == 'TRIANGLES' else paired[matched.target_triangles].mean(1)
-    return matched
-
-
-_last = ((), None)  # what was found last, and of what: a transfer may be repeated with other settings
-
-
-def _searched_for(source, target):
-    return (*(mesh_data.signature(mesh_data.rest(ob.data)) + mesh_data.topology_signature(ob.data)
-              for ob in (source, target)),
-            markers.pairs(source, target).tobytes())
-
-
-def found_before(source, target):
-    """The correspondence when it was the last one found, or None. Raises MeshProblem."""
-    made_of, matched = _last
-    return matched if made_of == _searched_for(source, target) else None
-
-
-def search(source, target):
-    """Starts to look for what corresponds, from the markers of both objects: a native Match, which works in the
-    background, and what finished() takes. Raises MeshProblem or native.NativeError."""
-    pairs = markers.pairs(source, target)
-    matched = Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
-    match = native.Match((mesh_data.rest(source.data), matched.source_triangles),
-                         (mesh_data.rest(target.data), matched.target_triangles), pairs)
-    return match, matched
-
-
-def finished(match, matched, source, target):
-    """Waits for a search. Raises native.NativeError."""
-    global _last
-    matched.pairs, matched.confidence, _ = match.finish()
-    _last = (_searched_for(source, target), matched)
-    return matched
 
 
 # Kept with the target's mesh, in the file

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A kind of life, what is bound to handles: where its content is another one, it is stale until it is bound again."""
+
+import numpy as np
+
+from ..library import native
+from ..scene import dependency, handle_matrices, mesh_data, node_group, offset_attribute, outside_base
+from ..scene.mesh_data import MeshProblem
+from ..scene.window import redraw_panels
+from . import content, look, made, shown, slow_results
+from .slow_update import SlowUpdate
+
+cache = made.Cache(spare=3)  # of native.Deformer
+
+
+def has(ob):
+    return bool(ob.detail_deform.signature)
+
+
+def settings(ob):
+    return ob.detail_deform
+
+
+def content_of(ob):
+    return ob.detail_deform.signature
+
+
+def is_live(ob):
+    return ob.detail_deform.live
+
+
+def others(ob):
+    """Objects whose meshes are content too."""
+    return [example.object for example in ob.detail_deform.examples if example.object]
+
+
+# Whether the content is still that which was bound
+
+def check(ob):
+    """Notes how mesh, groups and options differ from what was bound. Returns a sentence where the binding is lost.
+
+    By content: swapped vertices and re-painted weights count, a mesh that is as it was does not.
+    """
+    of = ob.detail_deform
+    if ob.mode == 'EDIT':
+        return ""
+    note_handles(of)
+    stale = content.difference(ob)
+    if stale in {content.TOPOLOGY_CHANGED, content.VERTICES_MOVED} and node_group.find_modifier(ob) is None:
+        return ("The modifier was applied by hand, or removed and the mesh edited, so the surface is no longer bound: "
+                "Bind to go on from here.")
+    if of.stale != stale:
+        of.stale = stale
+        shown.forget(ob.data)  # an edit may have reached the offsets too
+    return ""
+
+
+def note_handles(of):
+    order = content.order_of_handles(of)
+    if of.compared_handles != order:
+        of.compared_handles = order
+
+
+def check_base(ob):
+    """As check(), of the base object's mesh alone, which may change in every frame."""
+    of = ob.detail_deform
+    if not of.signature or of.base != 'OBJECT' or of.stale not in {"", content.BASE_CHANGED}:
+        return
+    try:
+        stale = "" if content.is_of_base(ob) else content.BASE_CHANGED
+    except MeshProblem:
+        return  # the next update says it
+    if of.stale != stale:
+        of.stale = stale
+
+
+def is_outdated(ob):
+    """Whether to compare before it is followed: handles have come, gone or changed places."""
+    return ob.detail_deform.compared_handles != content.order_of_handles(ob.detail_deform)
+
+
+def is_fit(ob, depsgraph):
+    return not ob.detail_deform.stale
+
+
+def is_for(ob, entry):
+    """Whether a deformer that was found is for this object without any doubt."""
+    return entry.made.info.vertex_count == len(ob.data.vertices)
+
+
+# Made and lost
+
+def begin(ob, roles):
+    """The native.Bind."""
+    arguments, options = content.bind_arguments(ob, roles)
+    return native.Bind(*arguments, **options)
+
+
+def job(ob):
+    return begin(ob, content.roles(ob))
+
+
+def refuse(ob, sentence):
+    """It could not be bound."""
+    _forget(ob.detail_deform)
+    ob.detail_deform.problem = sentence
+
+
+def _forget(of):
+    of.signature = of.stale = of.problem = ""
+
+
+def forget(ob):
+    """All that belongs to the binding."""
+    of = ob.detail_deform
+    _forget(of)
+    for handle in of.handles:
+        handle.property_unset('rest_matrix')
+        handle.property_unset('rest_euler')
+    of.property_unset('base_rest_matrix')
+    dependency.release(ob)
+
+
+# A frame
+
+def check_frame(ob):
+    mesh_data.check_groups(ob, ob.detail_deform.region, content.handle_groups(ob.detail_deform))
+
+
+class Frame:
+    """What the handles ask for now."""
+
+    def __init__(self, ob, deformer, depsgraph):
+        of = ob.detail_deform
+        self._ob, self._deformer = ob, deformer
+        places = handle_matrices.local_places(ob, depsgraph)
+        self._motions, self._base = handle_matrices.motions(of, places), None
+        self._asked = look.options(of)
+        self.of = (of.signature, self._motions.tobytes(), self._asked)
+        if of.base == 'OBJECT':
+            self._base = outside_base.deformed_positions(ob, depsgraph)
+            self.of += (self._base.tobytes(),)
+        self._turns = np.zeros((len(self._motions), 3))
+        if look.steps(of) > 1:
+            self._turns = handle_matrices.turns(of, places, depsgraph)
+            self.of += (of.steps, self._turns.tobytes())
+
+    def offsets(self):
+        """The quick ones, where there are slow ones."""
+        slow_results.cancel(offset_attribute.token(self._ob.data))
+        slow_results.make_way(self._deformer)
+        return self._deformer.offsets(self._motions, self._base, **look.quick(self._asked))
+
+    def written(self, record, wait):
+        """Notes the facts of what is shown now, and sees to the slow result. wait: for it, and without a window."""
+        of = self._ob.detail_deform
+        record.only_moved = [
+            handle.name for handle, motion in zip(handle_matrices.enabled_handles(of), self._motions)
+            if handle_matrices.only_moves(motion)]
+        if of.method == 'EXAMPLES':
+            record.example_weights = self._deformer.example_weights().tolist()
+            if not wait:
+                redraw_panels()  # they show the weights
+        if look.is_slow(of) and not self._is_rest():
+            record.is_final = False
+            asked = {**self._asked, 'steps': look.steps(of), 'turns': self._turns, 'base': self._base}
+            SlowUpdate(self._ob, self._deformer, self._motions, asked).run(wait)
+
+    def _is_rest(self):
+        return self._base is None and np.abs(self._motions - np.eye(4)[:3]).max() < 1e-6 and not self._turns.any()

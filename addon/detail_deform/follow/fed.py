@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What follows a source, as a kind of life: where its content is another one, it is prepared anew by itself."""
+
+from ..scene import correspondence, mesh_data, node_group, source_pose
+from ..scene.mesh_data import MeshProblem
+from . import made, prepared
+
+GONE = "The source was deleted: choose another one, or stop following."
+_NOT_SHOWN = "Its modifier was removed or applied by hand: press Follow to stop, and again to go on."
+
+cache = made.Cache(spare=2)  # of prepared.Prepared
+
+
+def has(ob):
+    return ob.detail_deform.transfer.live
+
+
+def settings(ob):
+    return ob.detail_deform.transfer
+
+
+def content_of(ob):
+    return ob.detail_deform.transfer.prepared_for
+
+
+def is_live(ob):
+    return True
+
+
+def others(ob):
+    """Objects whose meshes are content too."""
+    source = ob.detail_deform.transfer.source
+    return [source] if source else []
+
+
+def depth(ob):
+    """Of a chain of followers, at most ten: one may bite its own tail."""
+    found = 0
+    while ob is not None and ob.detail_deform.transfer.live and found < 10:
+        ob, found = ob.detail_deform.transfer.source, found + 1
+    return found
+
+
+# Content
+
+def matched(source, ob):
+    """The correspondence that the settings say. Raises MeshProblem."""
+    how = ob.detail_deform.transfer.correspondence
+    if how == 'TOPOLOGY':
+        return correspondence.by_topology(source, ob)
+    if how != 'STORED':
+        what = "markers are searched" if how == 'MARKERS' else "a list is read"
+        raise MeshProblem(f"'{ob.name}' follows by what is kept with it: {what} only when following starts. Stop "
+                          "(Follow), and press Follow again.")
+    return correspondence.stored(source, ob)
+
+
+def content(source, ob, to_keep=None):
+    """What a prepared transfer depends on: equal texts, equal content. Cheap beside preparing it, too dear for every
+    frame. to_keep: the correspondence that is going to be kept."""
+    of = ob.detail_deform.transfer
+    how, kept = of.correspondence, correspondence.digest(ob)
+    if to_keep:
+        how, kept = 'STORED', correspondence.digest_of(to_keep)
+    anchors = ""
+    if of.anchor_group in ob.vertex_groups and of.anchor in {'VERTICES', 'PINNED'}:
+        anchors = mesh_data.signature(mesh_data.members(ob, of.anchor_group))
+    meshes = [mesh_data.signature(mesh_data.rest(side.data)) + mesh_data.topology_signature(side.data)
+              for side in (source, ob)]
+    scales = [mesh_data.signature(prepared.proportions(side)) for side in (source, ob)]
+    return '.'.join([*meshes, how, kept if how == 'STORED' else "", of.anchor, anchors, of.formulation, *scales])
+
+
+def _owner(ob):
+    """To notice that an object has another mesh or source now: never followed, only compared."""
+    source = ob.detail_deform.transfer.source
+    return tuple(block.as_pointer() for block in (source, source.data, ob, ob.data))
+
+
+def check(ob):
+    """Compares the meshes with what was prepared, and notes what is needed now."""
+    of = ob.detail_deform.transfer
+    if of.source is not None:
+        needed = content(of.source, ob)
+        if of.prepared_for != needed:
+            of.prepared_for = needed
+        entry = cache.find(needed)
+        if entry:
+            entry.owners.add(_owner(ob))
+    return ""
+
+
+def is_outdated(ob):
+    return False
+
+
+def is_fit(ob, depsgraph):
+    """Whether there is something to follow, and something that shows it: else it is said."""
+    of, problem = ob.detail_deform.transfer, ""
+    if of.source is None or not _is_in_a_scene(of.source, depsgraph):
+        problem = GONE
+    elif node_group.find_modifier(ob) is None:
+        problem = _NOT_SHOWN
+    if of.problem != problem and (problem or of.problem in {GONE, _NOT_SHOWN}):
+        of.problem = problem
+    return not problem and of.source.mode != 'EDIT'
+
+
+def _is_in_a_scene(ob, depsgraph):
+    # The first test is quick and nearly always enough; the second goes through all scenes.
+    return ob.visible_get(view_layer=depsgraph.view_layer) or bool(ob.users_scene)
+
+
+def is_for(ob, entry):
+    """Whether a transfer that was found is for these objects as they are, without any doubt."""
+    return _owner(ob) in entry.owners
+
+
+# Made and lost
+
+def begin(source, ob, used):
+    """The job. used: the correspondence to go by."""
+    of = ob.detail_deform.transfer
+    # Single precision is what a viewport shows, and takes half the time.
+    return prepared.Preparation(source, ob, used, of.anchor, of.anchor_group, of.formulation, precision='SINGLE')
+
+
+def job(ob):
+    source = ob.detail_deform.transfer.source
+    return begin(source, ob, matched(source, ob))
+
+
+def refuse(ob, sentence):
+    """It could not be prepared."""
+    ob.detail_deform.transfer.problem = sentence
+
+
+def forget(ob):
+    """All that belongs to the following."""
+    of = ob.detail_deform.transfer
+    of.live = False
+    of.problem = of.prepared_for = ""
+
+
+# A frame
+
+def check_frame(ob):
+    pass
+
+
+class Frame:
+    """What the source's pose asks for."""
+
+    def __init__(self, ob, transfer, depsgraph):
+        of = ob.detail_deform.transfer
+        self._ob, self._transfer, self._rotation_only = ob, transfer, of.rotation_only
+        self._pose = source_pose.evaluated_pose(of.source, depsgraph)
+        self.of = (of.prepared_for, self._pose.tobytes(), of.rotation_only)
+
+    def offsets(self):
+        moved = self._transfer.apply(self._pose, self._rotation_only)
+        return (moved - mesh_data.rest(self._ob.data)).ravel()
+
+    def written(self, record, wait):
+        pass

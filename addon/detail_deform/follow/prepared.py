@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A transfer between two objects, factored."""
+
+import numpy as np
+
+from ..library import native
+from ..scene import mesh_data
+from ..scene.mesh_data import MeshProblem
+
+
+class Prepared:
+    """A factored transfer between two objects, in spaces as they are proportioned in the scene."""
+
+    def __init__(self, transfer, source, target):
+        """source, target: proportions of the two."""
+        self.info = transfer.info
+        self._transfer, self._source, self._target = transfer, source, target
+
+    def apply(self, pose, rotation_only):
+        """(n, 3) float32 of the target, from the source's."""
+        gradients = 'ROTATIONS' if rotation_only else 'WHOLE'
+        return self._transfer.apply(pose * self._source, gradients) / self._target
+
+
+def proportions(ob):
+    """(3,) float32: an object's scale, the largest as 1: alike along all axes, it changes no shape."""
+    scale = np.array(ob.matrix_world.to_scale(), np.float32)
+    largest = np.abs(scale).max()
+    scale = scale / largest if largest > 0 else np.ones(3, np.float32)
+    return np.where(np.abs(scale) > 1e-6, np.abs(scale), np.float32(1))
+
+
+class Preparation:
+    """A transfer between two objects that is being factored: a job like those of native. Blender's data are read at the
+    start alone."""
+
+    def __init__(self, source, target, matched, anchor, anchor_group, formulation='SURFACE', precision='DOUBLE'):
+        """anchor and formulation: as in transfer_settings. Raises MeshProblem or native.NativeError."""
+        self._sides = proportions(source), proportions(target)
+        meshes = ((mesh_data.rest(source.data) * self._sides[0], matched.source_triangles),
+                  (mesh_data.rest(target.data) * self._sides[1], matched.target_triangles))
+        self._job = native.TransferJob(*meshes, matched.pairs, pairs_of=matched.pairs_of, anchor=anchor,
+                                       anchors=_anchors(target, anchor, anchor_group), formulation=formulation,
+                                       precision=precision)
+        self.progress, self.cancel, self.close = self._job.progress, self._job.cancel, self._job.close
+
+    @property
+    def cancelled(self):
+        return self._job.cancelled
+
+    def finish(self):
+        """The Prepared, or native.NativeError."""
+        return Prepared(self._job.finish(), *self._sides)
+
+
+def prepare(source, target, matched, anchor, anchor_group, formulation='SURFACE'):
+    """The factored transfer of these objects, as of Preparation. Raises MeshProblem or native.NativeError."""
+    return Preparation(source, target, matched, anchor, anchor_group, formulation).finish()
+
+
+def _anchors(target, anchor, anchor_group):
+    anchors = ()
+    if anchor in {'VERTICES', 'PINNED'}:
+        if anchor_group not in target.vertex_groups:
+            raise MeshProblem(f"'{target.name}' has no vertex group '{anchor_group}': choose the group of the "
+                              "vertices that stay in place (Anchor).")
+        anchors = np.flatnonzero(mesh_data.members(target, anchor_group))
+        if not len(anchors):
+            raise MeshProblem(f"The group '{anchor_group}' has no vertex with a weight over "
+                              f"{mesh_data.MEMBER_WEIGHT}: assign those that stay in place.")
+    return anchors
+
+
+def remarks(transfer):
+    """What the user may not expect of these meshes, in sentences."""
+    info = transfer.info
+    if info.unmatched_component_count:
+        yield (f"{info.unmatched_component_count} loose part(s) of the target (such as that of vertex "
+               f"{info.unmatched_component_example}) correspond to nothing and go with the rest.")
+    elif info.unmatched_count:
+        yield (f"{info.unmatched_count:,} triangles of the target correspond to nothing and go with the nearest "
+               "that do.")
+    if info.degenerate_count:
+        yield f"{info.degenerate_count:,} triangles of the target have next to no area."
+    if info.mirrored:
+        yield "The target looks like the source's mirror image, which a deformation can't be turned into."

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's events: a handle moved, the frame changed, a mesh was edited, a step was undone."""
+
+import bpy
+from bpy.app.handlers import persistent
+
+from .follow import edits, life, registry
+from .ui import marker_preview, preview
+
+# With nothing bound, neither of these two goes through what a scene has or what was changed.
+
+
+@persistent
+def _depsgraph_updated(scene, depsgraph):
+    members = registry.members()
+    if members or preview.is_in_use() or marker_preview.is_in_use():
+        edited = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
+        if edited:
+            preview.forget(edited)
+            marker_preview.forget(edited)
+        members = registry.of_scene(depsgraph)
+        if edited:
+            edits.note(members, edited)
+        life.refresh_all(members, depsgraph)
+
+
+@persistent
+def _frame_changed(scene, depsgraph):
+    life.refresh_all(registry.of_scene(depsgraph), depsgraph)
+
+
+@persistent
+def _data_is_replaced(*_):
+    """Before undo, redo and loading: no object outlives them."""
+    registry.forget()
+    edits.forget_addresses()
+
+
+@persistent
+def _data_replaced(*_):
+    life.forget_addresses()
+    preview.forget()
+
+
+_HANDLERS = (('depsgraph_update_post', _depsgraph_updated), ('frame_change_post', _frame_changed),
+             ('undo_pre', _data_is_replaced), ('redo_pre', _data_is_replaced), ('load_pre', _data_is_replaced),
+             ('undo_post', _data_replaced), ('redo_post', _data_replaced), ('load_post', _data_replaced))
+
+
+def register():
+    for name, function in _HANDLERS:
+        getattr(bpy.app.handlers, name).append(function)
+
+
+def unregister():
+    for name, function in _HANDLERS:
+        handlers = getattr(bpy.app.handlers, name)
+        if function in handlers:
+            handlers.remove(function)
+    edits.clear()
+    life.clear()

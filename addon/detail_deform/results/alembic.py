@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The object as all its modifiers make it, in an Alembic file."""
+
+import os
+
+import bpy
+
+from ..scene import node_group
+from ..scene.mesh_data import MeshProblem
+from . import bake, frames, point_cache
+
+
+def write(context, ob, start, end, path):
+    """Writes the object as all its modifiers make it, for programs of all kinds."""
+    bake.modifier_of(ob)
+    if not bpy.app.build_options.alembic:
+        raise MeshProblem("This Blender was built without Alembic: bake a Mesh Cache, or use an official build.")
+    path = point_cache.absolute(path)
+    frames.check_range(start, end)
+    for _ in bake.over_frames(context, ob, start, start):
+        pass  # what is wrong is said before the export begins
+    unfinished = f"{os.path.splitext(path)[0]}.unfinished.abc"
+    try:
+        with _Exported(context, ob), point_cache.disk(path, "written"):
+            bpy.ops.wm.alembic_export(filepath=unfinished, start=start, end=end, selected=True,
+                                      as_background_job=False)
+            os.replace(unfinished, path)
+    except RuntimeError as error:
+        raise MeshProblem(f"'{path}' can't be written: {str(error).strip()}") from error
+    finally:
+        if os.path.exists(unfinished):
+            os.remove(unfinished)
+
+
+class _Exported:
+    """While it lasts, the object is all that is selected, and shown and followed as an exporter sees it."""
+
+    def __init__(self, context, ob):
+        self._context, self._ob, self._modifier = context, ob, node_group.find_modifier(ob)
+
+    def __enter__(self):
+        ob = self._ob
+        self._selected = list(self._context.selected_objects)
+        self._kept = [(owner, name, getattr(owner, name)) for owner, name in (
+            (ob, 'hide_select'), (ob, 'hide_viewport'), (ob, 'hide_render'), (ob.detail_deform, 'live'),
+            (self._modifier, 'show_render'), (self._modifier, 'show_viewport'))]
+        self._hidden = ob.hide_get()
+        ob.hide_select = ob.hide_viewport = ob.hide_render = False
+        ob.hide_set(False)
+        ob.detail_deform.live = self._modifier.show_render = self._modifier.show_viewport = True
+        for other in self._selected:
+            other.select_set(False)
+        ob.select_set(True)
+
+    def __exit__(self, *_):
+        self._ob.select_set(False)
+        for other in self._selected:
+            other.select_set(True)
+        for owner, name, value in self._kept:
+            setattr(owner, name, value)
+        self._ob.hide_set(self._hidden)

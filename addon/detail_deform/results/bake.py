@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The deformation of a range of frames, kept where the add-on is not needed: a cache or shape keys."""
+
+from ..follow import life
+from ..scene import mesh_data, node_group, offset_attribute
+from ..scene.mesh_data import MeshProblem
+from . import frames, keyed_keys, point_cache
+
+
+class _ShownUpTo:
+    """While it lasts, the object's stack is shown up to this modifier and no further."""
+
+    def __init__(self, ob, modifier):
+        modifiers = list(ob.modifiers)
+        self._behind = modifiers[modifiers.index(modifier) + 1:]
+        self._modifier = modifier
+
+    def __enter__(self):
+        self._shown = [(m, m.show_viewport) for m in (self._modifier, *self._behind)]
+        self._modifier.show_viewport = True
+        for modifier in self._behind:
+            modifier.show_viewport = False
+
+    def __exit__(self, *_):
+        for modifier, shown in self._shown:
+            modifier.show_viewport = shown
+
+
+def modifier_of(ob):
+    """Of a bound object. Raises MeshProblem."""
+    modifier = node_group.find_modifier(ob)
+    if not ob.detail_deform.signature or modifier is None:
+        raise MeshProblem(f"'{ob.name}' is not bound, so there is nothing to bake: press Bind first.")
+    return modifier
+
+
+def over_frames(context, ob, start, end):
+    """As frames.walk(), of a bound object. Raises MeshProblem where it can't be followed."""
+    life.wait(ob, context.evaluated_depsgraph_get())
+    settings, shown = ob.detail_deform, offset_attribute.read(ob.data)
+    try:
+        for frame in frames.walk(context, ob, start, end):
+            if settings.stale or settings.problem:
+                raise MeshProblem(f"Frame {frame}: {settings.stale or settings.problem}")
+            yield frame
+    finally:
+        if not settings.live:  # nothing else brings back what was shown
+            offset_attribute.write(ob.data, shown.ravel())
+
+
+def to_cache(context, ob, start, end, path, whole=None):
+    """Generator: writes a point cache of what the object's modifiers up to Detail Deform make of it; yields the
+    fraction done. whole: as of point_cache.write()."""
+    first, last = whole or (start, end)
+    frames.check_range(start, end)
+    point_cache.check_time(context)
+    if not first <= start <= end <= last:
+        raise MeshProblem(f"Frames {start} to {end} are not within the cache's {first} to {last}.")
+    modifier = modifier_of(ob)
+    for other in list(ob.modifiers)[:list(ob.modifiers).index(modifier)]:
+        if other.type in {'SUBSURF', 'MULTIRES'} and other.levels != other.render_levels:
+            raise MeshProblem(f"Modifier '{other.name}' before Detail Deform makes other vertices in renders (level "
+                              f"{other.render_levels}) than in the viewport (level {other.levels}), and a cache holds "
+                              "one kind: make the levels alike.")
+    yield from point_cache.write(path, _evaluated(context, ob, modifier, start, end), start, end, whole)
+
+
+def _evaluated(context, ob, modifier, start, end):
+    """Generator of (n, 3) float32: what the modifiers up to this one make of it in each frame."""
+    count = None
+    with _ShownUpTo(ob, modifier):
+        for frame in over_frames(context, ob, start, end):
+            positions = mesh_data.positions(ob.evaluated_get(context.evaluated_depsgraph_get()).data)
+            if count not in {None, len(positions)}:
+                raise MeshProblem(f"Frame {frame}: the modifiers before Detail Deform make {len(positions):,} vertices "
+                                  f"where they made {count:,}, which a cache can't hold.")
+            count = len(positions)
+            yield positions
+
+
+def _show(modifier, shown):
+    modifier.show_viewport = modifier.show_render = shown
+
+
+def use_cache(ob, path, start):
+    """Shows a cache whose first frame is start in place of the live deformation."""
+    modifier = modifier_of(ob)
+    points, before = point_cache.point_count(path), len(ob.data.vertices)
+    if points != before and list(ob.modifiers).index(modifier) == 0:
+        raise MeshProblem(f"'{path}' holds {points:,} vertices, and '{ob.name}' has {before:,}: bake it anew.")
+    cache = node_group.find_cache(ob)
+    if cache is None:
+        cache = ob.modifiers.new(node_group.CACHE_NAME, 'MESH_CACHE')
+        ob.detail_deform.cache_modifier = cache.name
+    node_group.set_up_cache(cache, path, start)
+    node_group.move_behind(ob, cache, modifier)
+    # Nothing is computed any more for what is not shown.
+    _show(modifier, False)
+    _show(cache, True)
+
+
+def drop_cache(ob):
+    """Back from the cache to the live deformation; the file stays."""
+    cache, modifier = node_group.find_cache(ob), node_group.find_modifier(ob)
+    if cache:
+        ob.modifiers.remove(cache)
+        if modifier:
+            _show(modifier, True)
+
+
+def to_shape_keys(context, ob, start, end):
+    """Generator: a shape key a frame, keyed so that they play; yields the fraction done."""
+    modifier = modifier_of(ob)
+    earlier = next(m for m in ob.modifiers if m == modifier or m.show_viewport or m.show_render)
+    if earlier != modifier:
+        raise MeshProblem(f"Modifier '{earlier.name}' stands before Detail Deform, and shape keys act before both: "
+                          "move Detail Deform to the top, or bake a cache.")
+    keyed_keys.check(ob)
+    yield from keyed_keys.add(ob, _offsets(context, ob, modifier, start, end), start, end)
+    _show(modifier, False)
+
+
+def _offsets(context, ob, modifier, start, end):
+    """Generator of (n, 3): what is shown in each frame."""
+    with _ShownUpTo(ob, modifier):
+        for _ in over_frames(context, ob, start, end):
+            yield offset_attribute.read(ob.data) * node_group.amount(ob, modifier)

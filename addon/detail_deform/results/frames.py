@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A walk over a range of frames, with what is followed brought to each."""
+
+from ..follow import life
+from ..scene.mesh_data import MeshProblem
+
+
+def check_range(start, end):
+    if end < start:
+        raise MeshProblem(f"The last frame, {end}, is before the first, {start}.")
+
+
+def settle(context, ob):
+    """Brings an object that is bound to the end of what its handles ask for, slow results included."""
+    if ob.detail_deform.signature:
+        life.refresh(ob, context.evaluated_depsgraph_get())
+        life.settle(ob)
+        context.view_layer.update()
+
+
+def walk(context, ob, start, end):
+    """Generator of the frames from start to end, with scene and object brought to each. Leaves the scene at the frame
+    where it was."""
+    check_range(start, end)
+    scene = context.scene
+    present = (scene.frame_current, scene.frame_subframe)
+    try:
+        for frame in range(start, end + 1):
+            scene.frame_set(frame)
+            settle(context, ob)
+            yield frame
+    finally:
+        scene.frame_set(present[0], subframe=present[1])

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What corresponds on two meshes, found in the way that is asked for."""
+
+import time
+
+import bpy
+
+from ..library import native
+from ..scene import correspondence, mesh_data
+from . import markers, pair_lists
+
+_POLL_SECONDS = 0.02
+
+_last = ((), None)  # what was found last, and of what: a transfer may be repeated with other settings
+
+
+def _searched_for(source, target):
+    return (*(mesh_data.signature(mesh_data.rest(ob.data)) + mesh_data.topology_signature(ob.data)
+              for ob in (source, target)),
+            markers.pairs(source, target).tobytes())
+
+
+def search(source, target):
+    """Generator: the correspondence found by the markers of both objects; yields the fraction done. Raises MeshProblem
+    or native.NativeError."""
+    global _last
+    if _last[0] == _searched_for(source, target):
+        return _last[1]
+    matched = correspondence.Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
+    match = native.Match((mesh_data.rest(source.data), matched.source_triangles),
+                         (mesh_data.rest(target.data), matched.target_triangles), markers.pairs(source, target))
+    try:
+        running = True
+        while running:
+            running, fraction, _ = match.progress()
+            yield fraction
+            if running:
+                time.sleep(_POLL_SECONDS)
+        matched.pairs, matched.confidence, _ = match.finish()
+    finally:
+        match.close()
+    _last = (_searched_for(source, target), matched)
+    return matched
+
+
+def must_be_found(how):
+    """Whether it is found or read anew, and not seen from the meshes or kept with the target."""
+    return how in {'MARKERS', 'LIST'}
+
+
+def find(how, source, target, path, pairs_of):
+    """Generator: the correspondence of two objects; yields the fraction done. how: as the settings' correspondence;
+    path, pairs_of: of a list. Raises MeshProblem or native.NativeError."""
+    if how == 'MARKERS':
+        return (yield from search(source, target))
+    if how == 'LIST':
+        return pair_lists.by_list(source, target, bpy.path.abspath(path), pairs_of)
+    if how == 'STORED':
+        return correspondence.stored(source, target)
+    return correspondence.by_topology(source, target)

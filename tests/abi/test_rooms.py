@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The add-on's folders know those below them alone, as their imports say."""
+
+import ast
+
+import pytest
+from conftest import ADDON
+
+# From the bottom up. The modules beside them (properties, handlers) come where their imports put them.
+FOLDERS = ['library', 'scene', 'follow', 'setup', 'results', 'operators']
+ALSO = {'ui': 'operators'}  # of the same height, and neither knows the other
+MODULES = sorted(ADDON.rglob('*.py'))
+
+
+def _module_of(path):
+    """('follow', 'life') of follow/life.py, () of __init__.py."""
+    parts = path.relative_to(ADDON).with_suffix('').parts
+    return parts[:-1] if parts[-1] == '__init__' else parts
+
+
+def _is_module(parts):
+    return ADDON.joinpath(*parts).with_suffix('.py').exists() or ADDON.joinpath(*parts, '__init__.py').exists()
+
+
+def imports(path):
+    """The add-on's modules that this one imports, wherever it does."""
+    package = path.relative_to(ADDON).parent.parts
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if not isinstance(node, ast.ImportFrom) or not node.level:
+            continue
+        base = package[:len(package) + 1 - node.level] + tuple((node.module or '').split('.') if node.module else ())
+        for name in node.names:
+            yield (*base, name.name) if _is_module((*base, name.name)) else base
+
+
+def room(module):
+    """A folder, or a module that lies beside the folders; '' is the add-on itself."""
+    return module[0] if module else ''
+
+
+def arrows():
+    """{(room, room that it knows)}"""
+    found = {(room(_module_of(path)), room(other)) for path in MODULES for other in imports(path)}
+    return {(one, other) for one, other in found if one != other}
+
+
+def height(folder):
+    return FOLDERS.index(ALSO.get(folder, folder))
+
+
+def test_the_folders_are_those_that_have_an_order():
+    folders = {path.parent.name for path in ADDON.glob('*/__init__.py')}
+    assert folders == {*FOLDERS, *ALSO}
+
+
+@pytest.mark.parametrize('folder', [*FOLDERS, *ALSO])
+def test_a_folder_knows_those_below_it_alone(folder):
+    known = {other for one, other in arrows() if one == folder and other in {*FOLDERS, *ALSO}}
+    assert not [other for other in known if height(other) >= height(folder)]
+
+
+def test_only_what_is_above_a_folder_is_known_by_what_lies_beside():
+    """Through modules beside the folders no way leads back up: no room is reached from itself."""
+    known = {}
+    for one, other in arrows():
+        known.setdefault(one, set()).add(other)
+
+    def reached(start):
+        found, left = set(), [start]
+        while left:
+            for other in known.get(left.pop(), ()):
+                if other not in found:
+                    found.add(other)
+                    left.append(other)
+        return found
+
+    assert not [one for one in known if one in reached(one)]
+
+
+def test_a_module_is_not_imported_in_a_circle():
+    graph = {_module_of(path): set(imports(path)) for path in MODULES}
+    free = set()
+    while len(free) < len(graph):
+        more = {module for module, others in graph.items() if module not in free and others - {module} <= free}
+        assert more, sorted(set(graph) - free)
+        free |= more
+
+
+def test_nobody_imports_the_add_on_by_its_name():
+    """It has another one as an extension."""
+    for path in MODULES:
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            names = [node.module or ''] if isinstance(node, ast.ImportFrom) and not node.level else [
+                alias.name for alias in getattr(node, 'names', ())] if isinstance(node, ast.Import) else []
+            assert not any(name.split('.')[0] == 'detail_deform' for name in names), path
+
+
+def test_both_kinds_of_what_follows_have_all_that_their_life_asks_for():
+    def tree(name):
+        return ast.parse((ADDON / 'follow' / f'{name}.py').read_text(encoding='utf-8'))
+
+    asked = {node.attr for node in ast.walk(tree('life'))
+             if isinstance(node, ast.Attribute) and getattr(node.value, 'id', None) == 'kind'}
+    assert {'cache', 'has', 'check', 'Frame'} <= asked
+    for kind in ('bound', 'fed'):
+        names = {name for node in tree(kind).body for name in (
+            [target.id for target in node.targets] if isinstance(node, ast.Assign) else [getattr(node, 'name', None)])}
+        assert asked <= names, asked - names
