@@ -98,7 +98,7 @@ def _follow(ob, bound, depsgraph, force):
         return ""
     places = handle_matrices.local_places(ob, depsgraph)
     motions = handle_matrices.motions(settings, places)
-    asked = look.options(settings)
+    asked = look.asked(settings)
     base = None
     what = (settings.signature, motions.tobytes(), asked)
     if settings.base == 'OBJECT':

@@ -6,6 +6,7 @@ import textwrap
 import bpy
 
 from ..follow import deformers, look, slow_results
+from ..library import options
 from ..scene import node_group, offset_attribute
 from ..setup import handle_setup
 
@@ -46,13 +47,22 @@ class ModifierPanel:
         self.draw_settings(context, self.layout, context.object, context.object.detail_deform)
 
 
-def _setting(layout, context, settings, name, why_not):
-    """A setting; when there is a reason why it has no effect now, greyed and followed by it."""
-    column = layout.column()
-    column.active = not why_not
-    column.prop(settings, name)
+def draw_options(layout, context, settings, section, table=options.SETTINGS):
+    """A section's rows; where there is a reason why one has no effect now, greyed and followed by it."""
+    for option in table:
+        if option.section == section and options.is_shown(option, settings):
+            _draw_option(layout, context, settings, option, options.why_not(option, settings))
+
+
+def _draw_option(layout, context, settings, option, why_not):
+    row = layout.row() if option.expand else layout.column()
+    row.active = not why_not
+    if option.search:
+        row.prop_search(settings, option.name, settings.id_data, option.search)
+    else:
+        row.prop(settings, option.name, expand=option.expand)
     if why_not:
-        draw_text(column, context, why_not, 'INFO')
+        draw_text(row, context, why_not, 'INFO')
 
 
 class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
@@ -65,17 +75,7 @@ class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
             layout.operator('object.detail_deform_bake_drop', icon='PLAY')
             return
         column = layout.column()
-        column.prop(settings, 'method')
-        if settings.method in {'TRANSFER', 'GRADIENT'}:
-            column.prop(settings, 'rotation_only')
-        if settings.method == 'TRANSFER':
-            _setting(column, context, settings, 'refine', look.why_not_refined(settings))
-        if settings.method == 'NORMAL':
-            column.prop(settings, 'levels')
-        if settings.method == 'VOLUMES':
-            column.prop(settings, 'volume_tolerance')
-            column.prop(settings, 'volume_iterations')
-        column.prop(settings, 'output')
+        draw_options(column, context, settings, 'METHOD')
         modifier = node_group.find_modifier(ob)
         factor = modifier and node_group.factor_property(modifier)
         if factor:
@@ -222,9 +222,7 @@ class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
                 layout.prop_search(example, 'name', ob.data.shape_keys, 'key_blocks', text="Shape Key")
             if settings.weights_by == 'SLIDERS':
                 layout.prop(example, 'weight', slider=True)
-        layout.row().prop(settings, 'weights_by', expand=True)
-        if settings.weights_by == 'HANDLES':
-            layout.prop(settings, 'example_stiffness')
+        draw_options(layout, context, settings, 'EXAMPLES')
 
 
 class OBJECT_PT_detail_deform_base(ModifierPanel, bpy.types.Panel):
@@ -233,17 +231,15 @@ class OBJECT_PT_detail_deform_base(ModifierPanel, bpy.types.Panel):
     bl_options = {'DEFAULT_CLOSED'}
 
     def draw_settings(self, context, layout, ob, settings):
-        if settings.method in {'GRADIENT', 'EXAMPLES'} and settings.output == 'RESULT':
+        why_not = look.why_no_base(settings)
+        if why_not:
             layout.active = False
-            draw_text(layout, context, "This method has no base surface.", 'INFO')
+            draw_text(layout, context, why_not, 'INFO')
         column = layout.column()
-        column.prop(settings, 'base')
+        draw_options(column, context, settings, 'BASE')
         if settings.base == 'OBJECT':
             column.prop(settings, 'base_object')
             return
-        column.prop(settings, 'smoothness')
-        column.prop(settings, 'base_metric')
-        _setting(column, context, settings, 'metric_smoothing', look.why_not_smoothed(settings))
         layout.operator('object.detail_deform_base_make', icon='MOD_SMOOTH')
 
 
@@ -253,9 +249,7 @@ class OBJECT_PT_detail_deform_advanced(ModifierPanel, bpy.types.Panel):
     bl_options = {'DEFAULT_CLOSED'}
 
     def draw_settings(self, context, layout, ob, settings):
-        _setting(layout, context, settings, 'steps', look.why_not_in_steps(settings))
-        _setting(layout, context, settings, 'formulation',
-                 "" if settings.method == 'TRANSFER' else "Only Detail Transfer has formulations.")
+        draw_options(layout, context, settings, 'ADVANCED')
         layout.operator('object.detail_deform_copy_settings', icon='COPYDOWN')
         if settings.is_bound:
             draw_text(layout, context, f"Bind {settings.bind_ms:.0f} ms, update {settings.update_ms:.1f} ms", 'TIME')

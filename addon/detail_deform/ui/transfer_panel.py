@@ -4,8 +4,9 @@
 import bpy
 
 from ..follow import live_transfer
+from ..library.options import TRANSFER_SETTINGS
 from ..setup import correspondence, markers
-from .panels import ModifierPanel, draw_text
+from .panels import ModifierPanel, draw_options, draw_text
 
 
 class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
@@ -20,10 +21,7 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         layout.prop(settings, 'source')
         column = layout.column()
         column.enabled = not settings.live
-        column.prop(settings, 'correspondence')
-        if settings.correspondence == 'LIST':
-            column.prop(settings, 'filepath')
-            column.prop(settings, 'pairs_of')
+        draw_options(column, context, settings, 'CORRESPONDENCE', TRANSFER_SETTINGS)
         here, there, both = markers.counts(ob, source)
         if settings.correspondence == 'MARKERS' or here:
             counts = f"{here} markers here, {there} on the source, {both} with the same numbers"
@@ -37,12 +35,7 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
             row.prop(settings, 'show_match', toggle=True)
             row.operator('object.detail_deform_transfer_save', text="", icon='EXPORT')
             row.operator('object.detail_deform_transfer_forget', text="", icon='TRASH')
-        column = layout.column()
-        column.prop(settings, 'rotation_only')
-        column.prop(settings, 'anchor')
-        if settings.anchor in {'VERTICES', 'PINNED'}:
-            column.prop_search(settings, 'anchor_group', ob, 'vertex_groups')
-        column.prop(settings, 'formulation')
+        draw_options(layout.column(), context, settings, 'TRANSFER', TRANSFER_SETTINGS)
         layout.separator()
         row = layout.row(align=True)
         row.enabled = source is not None
