@@ -128,6 +128,10 @@ def _gradients(rotation_only):
     return 'ROTATIONS' if rotation_only else 'WHOLE'
 
 
+def _next_to_none(stiffness):
+    return max(stiffness, 1e-6)  # a zero would stand for the default
+
+
 _COMPUTED = Need('base', ('COMPUTED',))
 
 # Of Object.detail_deform, by the panels' sections and in the order of their rows.
@@ -170,8 +174,9 @@ SETTINGS = (
     Option('example_stiffness', float, "Stiffness",
            "How much the mesh keeps to single examples and between rest and example, rather than to what fits the "
            "handles most closely by mixing and exaggerating them",
-           default=1.0, limits=dict(min=0.0, soft_max=10.0, max=1e4), fills=Field(UPDATE, 'example_stiffness', float),
-           section='EXAMPLES', needs=(_by('EXAMPLES'), Need('weights_by', ('HANDLES',)))),
+           default=1.0, limits=dict(min=0.0, soft_max=10.0, max=1e4),
+           fills=Field(UPDATE, 'example_stiffness', float, _next_to_none), section='EXAMPLES',
+           needs=(_by('EXAMPLES'), Need('weights_by', ('HANDLES',)))),
 
     Option('base', _BASES, "Base", "Where the smooth base surface comes from. Takes effect at the next Bind",
            section='BASE', copied=False),
