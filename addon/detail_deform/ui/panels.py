@@ -9,17 +9,26 @@ from ..follow import deformers, look, slow_results
 from ..library import options
 from ..scene import node_group, offset_attribute
 from ..setup import handle_setup
+from .registration import registration
 
 
-class OBJECT_UL_detail_deform_handles(bpy.types.UIList):
+class _Switched:
+    """A list whose items can be switched off."""
+
     def draw_item(self, context, layout, data, item, icon, active_data, active_propname, index=0):
         row = layout.row()
         row.use_property_split = False
-        name = row.row()
-        name.active = item.enabled
-        name.prop(item, 'name', text="", emboss=False, icon='EMPTY_AXIS')
+        content = row.row()
+        content.active = item.enabled
+        self.draw_content(content, data, item)
         row.prop(item, 'enabled', text="", emboss=False,
                  icon='CHECKBOX_HLT' if item.enabled else 'CHECKBOX_DEHLT')
+
+
+class OBJECT_UL_detail_deform_handles(_Switched, bpy.types.UIList):
+    @staticmethod
+    def draw_content(row, settings, handle):
+        row.prop(handle, 'name', text="", emboss=False, icon='EMPTY_AXIS')
 
 
 def draw_text(layout, context, text, icon):
@@ -183,19 +192,12 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
         layout.prop(settings, 'preview')
 
 
-class OBJECT_UL_detail_deform_examples(bpy.types.UIList):
-    def draw_item(self, context, layout, data, item, icon, active_data, active_propname, index=0):
-        row = layout.row()
-        row.use_property_split = False
-        name = row.row()
-        name.active = item.enabled
-        name.label(text=item.object.name if item.object else item.name,
-                   icon='OBJECT_DATA' if item.object else 'SHAPEKEY_DATA')
-        weight = row.row()
-        weight.active = item.enabled
-        weight.prop(item, 'weight' if data.weights_by == 'SLIDERS' else 'found_weight', text="", emboss=False)
-        row.prop(item, 'enabled', text="", emboss=False,
-                 icon='CHECKBOX_HLT' if item.enabled else 'CHECKBOX_DEHLT')
+class OBJECT_UL_detail_deform_examples(_Switched, bpy.types.UIList):
+    @staticmethod
+    def draw_content(row, settings, example):
+        row.label(text=example.object.name if example.object else example.name,
+                  icon='OBJECT_DATA' if example.object else 'SHAPEKEY_DATA')
+        row.prop(example, 'weight' if settings.weights_by == 'SLIDERS' else 'found_weight', text="", emboss=False)
 
 
 class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
@@ -295,24 +297,8 @@ CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_UL_detail_deform_examples, OB
            OBJECT_PT_detail_deform_empty)
 
 
-def _add_menu():
+register, unregister = registration(CLASSES, (
+    ('VIEW3D_MT_edit_mesh_context_menu', _draw_pull_entry),
+    ('VIEW3D_MT_edit_mesh_vertices', _draw_pull_entry),
     # 4.2 on; before, the modifier menu can't be added to and the panel is the way in.
-    return getattr(bpy.types, 'OBJECT_MT_modifier_add_deform', None)
-
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.types.VIEW3D_MT_edit_mesh_context_menu.append(_draw_pull_entry)
-    bpy.types.VIEW3D_MT_edit_mesh_vertices.append(_draw_pull_entry)
-    if _add_menu():
-        _add_menu().append(_draw_add_entry)
-
-
-def unregister():
-    bpy.types.VIEW3D_MT_edit_mesh_context_menu.remove(_draw_pull_entry)
-    bpy.types.VIEW3D_MT_edit_mesh_vertices.remove(_draw_pull_entry)
-    if _add_menu():
-        _add_menu().remove(_draw_add_entry)
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    ('OBJECT_MT_modifier_add_deform', _draw_add_entry)))

@@ -7,6 +7,7 @@ from ..follow import live_transfer
 from ..library.options import TRANSFER_SETTINGS
 from ..setup import correspondence, markers
 from .panels import ModifierPanel, draw_options, draw_text
+from .registration import registration
 
 
 class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
@@ -50,16 +51,5 @@ def _draw_marker_entry(self, context):
     self.layout.operator('object.detail_deform_marker_add', icon='EMPTY_AXIS')
 
 
-CLASSES = (OBJECT_PT_detail_deform_transfer,)
-
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.types.VIEW3D_MT_edit_mesh_context_menu.append(_draw_marker_entry)
-
-
-def unregister():
-    bpy.types.VIEW3D_MT_edit_mesh_context_menu.remove(_draw_marker_entry)
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = registration((OBJECT_PT_detail_deform_transfer,),
+                                    (('VIEW3D_MT_edit_mesh_context_menu', _draw_marker_entry),))
