@@ -6,7 +6,9 @@ from bpy.props import (BoolProperty, CollectionProperty, EnumProperty, FloatProp
                        FloatVectorProperty, IntProperty, PointerProperty, StringProperty)
 
 from . import transfer_settings
+from .declared import declare
 from .follow import binding, life, status
+from .library import options
 from .ui import preview
 
 
@@ -141,83 +143,10 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     handle_collection: PointerProperty(
         type=bpy.types.Collection, options={'HIDDEN'}, description="Where the empties are that were made here")
     handle_index: IntProperty(name="Active Handle", options={'HIDDEN'})
-    method: EnumProperty(
-        name="Method", update=_method_changed,
-        items=[('TRANSFER', "Detail Transfer",
-                "A smooth base surface bends, and details turn with it (Botsch, Sumner, Pauly, Gross 2006). "
-                "The best choice nearly always"),
-               ('VARIATIONAL', "Smooth Displacement",
-                "The smoothest displacement that follows the handles: details are moved but not turned, so they shear "
-                "(variational minimization)"),
-               ('NORMAL', "Normal Displacement",
-                "A smooth base surface bends, and details stand on it along its normals: fails where they overhang, "
-                "and self-intersects in tight bends"),
-               ('GRADIENT', "Gradient Editing",
-                "The handles' rotation and scale spread over the surface; a handle that is only moved turns nothing "
-                "(differential coordinates)"),
-               ('VOLUMES', "Displacement Volumes",
-                "The space between the smooth base and the surface keeps its volume: bulges where it is pressed "
-                "together. Slow: while you drag, Detail Transfer is shown, and the result follows when you pause"),
-               ('EXAMPLES', "Examples",
-                "Poses by example: the handles pull the mesh between shape keys or posed copies of it, and what turns "
-                "there turns along an arc (mesh-based inverse kinematics). It bends as the examples do, "
-                "not as a base surface")],
-        description="How the surface follows its handles. Switching needs no new Bind")
-    rotation_only: BoolProperty(
-        name="Rotation Only", default=True, update=_look_changed,
-        description="Details only turn with the surface and keep their size. "
-                    "Off: they are stretched and sheared with it too")
-    refine: IntProperty(
-        name="Refine", default=4, min=0, soft_max=16, max=1000, update=_look_changed,
-        description="Passes that take the turn of the details from the result and solve again: less stretch and "
-                    "shrinking in large bends. Each costs about as much as three updates without. "
-                    "0: the paper's linear result")
-    formulation: EnumProperty(
-        name="Formulation", update=_look_changed,
-        items=transfer_settings.FORMULATIONS,
-        description="Which system carries the turn of the base over to the details")
-    levels: IntProperty(
-        name="Levels", default=1, min=1, max=20, soft_max=5, update=_look_changed,
-        description="Surfaces between the detailed and the smooth one, each displaced from the next smoother one: "
-                    "shorter displacements, which intersect later")
     examples: CollectionProperty(
         type=DetailDeformExample, name="Examples",
         description="Poses that the method Examples mixes, beside the rest shape")
     example_index: IntProperty(name="Active Example", options={'HIDDEN'})
-    weights_by: EnumProperty(
-        name="Weights by", update=_weights_by_changed,
-        items=[('HANDLES', "Handles", "The weights are those that fit the handles best"),
-               ('SLIDERS', "Sliders", "The weights are set by hand, and the handles let go")],
-        description="Where the weights of the examples come from")
-    example_stiffness: FloatProperty(
-        name="Stiffness", default=1.0, min=0.0, soft_max=10.0, max=1e4, update=_look_changed,
-        description="How much the mesh keeps to single examples and between rest and example, rather than to what fits "
-                    "the handles most closely by mixing and exaggerating them")
-    volume_tolerance: FloatProperty(
-        name="Tolerance", default=0.01, min=1e-6, max=1.0, precision=4, update=_look_changed,
-        description="Displacement volumes are found when no vertex moves by more than this from one iteration to the "
-                    "next, in mean heights of the details")
-    volume_iterations: IntProperty(
-        name="Iterations", default=50, min=1, max=10000, soft_max=500, update=_look_changed,
-        description="Iterations after which the search for displacement volumes stops anyway")
-    steps: IntProperty(
-        name="Steps", default=1, min=1, soft_max=24, max=1000, update=_look_changed,
-        description="Split a large motion of the handles into so many steps, each on the surface that the last one "
-                    "left: for turns beyond 90 degrees and whole turns of an empty's Euler rotation. While you drag, "
-                    "one step is shown; the result in steps follows when you pause. Each step takes as long as a Bind")
-    output: EnumProperty(
-        name="Show", update=_look_changed,
-        items=[('RESULT', "Result", "The deformed surface"),
-               ('BASE', "Base", "The smooth base surface in its place, to see where it bulges")],
-        description="What the modifier shows")
-    base: EnumProperty(
-        name="Base", update=_base_changed,
-        items=[('COMPUTED', "Computed",
-                "The smooth base surface is computed from the region's border, and the handles move it"),
-               ('OBJECT', "Object",
-                "Another object of the same topology is the base: whatever deforms it (armature, lattice, curve, shape "
-                "keys, simulation) moves the details. Handles are not needed")],
-        description="Where the smooth base surface comes from. Takes effect at the next Bind")
     base_object: PointerProperty(
         name="Base Object", type=bpy.types.Object, update=_base_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
@@ -226,30 +155,6 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     base_rest_matrix: FloatVectorProperty(
         name="Base Rest Matrix", size=16, options={'HIDDEN'},
         description="Place of the base object relative to this one when it was bound, row by row")
-    smoothness: IntProperty(
-        name="Smoothness", default=2, min=1, max=3, update=_input_changed,
-        description="What the smooth base surface keeps small. 1: its area; it meets its border with a crease and "
-                    "bulges least. 2: its curvature; it continues the slope of its border. 3: the change of its "
-                    "curvature; it continues that too and bulges most. Takes effect at the next Bind")
-    base_deformer: EnumProperty(
-        name="Base Deformer",
-        items=[('LINEAR', "Linear", "The smoothest displacement that the handles allow")],
-        description="How the handles move the computed base surface")
-    base_metric: EnumProperty(
-        name="Stiffness", update=_input_changed,
-        items=[('SURFACE', "From Surface",
-                "Stiffness measured on the surface itself: exact when all handles move together, fast to bind"),
-               ('BASE', "From Base",
-                "Stiffness measured on the smooth base surface, as in the paper: "
-                "sensitive where the base has tiny triangles")],
-        description="Where the stiffness of the base surface is measured. Takes effect at the next Bind")
-    metric_smoothing: FloatProperty(
-        name="Smoothing", default=0.0, min=0.0, soft_max=4.0, max=6.0, update=_input_changed,
-        description="Measure the stiffness on a slightly smoothed copy of the surface, in mean edge lengths: evens out "
-                    "the pull where the relief is strong. Takes effect at the next Bind")
-    preview: BoolProperty(
-        name="Show Vertices", update=_preview_changed,
-        description="Colour the vertices of the region and of the handles in the viewport, outside Edit Mode")
     influence: StringProperty(
         name="Influence", update=_influence_changed,
         description="Vertex group by whose weights the result is shown, as with other modifiers: a soft border, or a "
@@ -260,9 +165,6 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     transfer: PointerProperty(
         type=transfer_settings.DetailDeformTransfer, name="Transfer",
         description="From where and how deformations are carried over to this mesh")
-    live: BoolProperty(
-        name="Live", default=True,
-        description="Follow every move of the handles. Off: only when Update is pressed")
 
     is_bound: BoolProperty(
         name="Bound", get=lambda self: status.is_bound(self.id_data),
@@ -289,23 +191,23 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         description="Its driver keeps the empties evaluated where they are hidden; the value is of no use")
 
 
-# What one object's settings and another's may have in common.
-COPIED_SETTINGS = ('method', 'rotation_only', 'refine', 'formulation', 'levels', 'volume_tolerance',
-                   'volume_iterations', 'steps', 'output', 'smoothness', 'base_metric', 'metric_smoothing',
-                   'base_deformer', 'example_stiffness', 'preview', 'live')
+_HEARD = {'method': _method_changed, 'weights_by': _weights_by_changed, 'base': _base_changed,
+          'preview': _preview_changed}
+_HEARD_BY_STRUCT = {options.BIND: _input_changed, options.UPDATE: _look_changed}
+declare(DetailDeformSettings, options.SETTINGS,
+        lambda option: _HEARD.get(option.name, _HEARD_BY_STRUCT.get(option.struct)))
 
 CLASSES = (DetailDeformHandle, DetailDeformExample, DetailDeformSettings)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 
 def register():
     transfer_settings.register()
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+    _register_classes()
     bpy.types.Object.detail_deform = PointerProperty(type=DetailDeformSettings)
 
 
 def unregister():
     del bpy.types.Object.detail_deform
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    _unregister_classes()
     transfer_settings.unregister()

@@ -18,7 +18,7 @@ def rotation(angle, shift):
     return np.array([[[c, 0, s, shift[0]], [0, 1, 0, shift[1]], [-s, 0, c, shift[2]]]])
 
 
-def _part(name):
+def part(name):
     """A module of the add-on that needs no Blender, without the package's own __init__."""
     package = sys.modules.setdefault('detail_deform_parts', types.ModuleType('detail_deform_parts'))
     package.__path__ = [str(ADDON)]
@@ -27,12 +27,12 @@ def _part(name):
 
 @pytest.fixture(scope='session')
 def native():
-    return _part('library.native')
+    return part('library.native')
 
 
 @pytest.fixture(scope='session')
 def structs():
-    return _part('library.structs')
+    return part('library.structs')
 
 
 class Strip:

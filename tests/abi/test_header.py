@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conftest import rotation
+from conftest import part, rotation
 
 INCLUDE = Path(__file__).resolve().parents[2] / 'native' / 'include'
 TEXT = (INCLUDE / 'detail_deform' / 'detail_deform.h').read_text(encoding='utf-8')
@@ -200,8 +200,8 @@ def test_zero_stands_for_what_the_header_says(native, structs, strip, struct, fi
         assert all(same) and (field == 'reach' or not all(other))
         return
     assert struct == 'dd_update_options'
-    of = {'levels': 'NORMAL', 'volume_tolerance': 'VOLUMES', 'volume_iterations': 'VOLUMES',
-          'example_stiffness': 'EXAMPLES'}
+    of = {option.fills.name: need.values[0] for option in part('library.options').SETTINGS if option.fills
+          for need in option.needs if need.name == 'method'}
     # What lets the field matter: a search that isn't over before, or one that its stiffness holds back.
     others = {'volume_tolerance': 1e-9} if field == 'volume_iterations' else {}
     poses, more = None, 2

@@ -135,7 +135,7 @@ class Frame:
         self._ob, self._deformer = ob, deformer
         places = handle_matrices.local_places(ob, depsgraph)
         self._motions, self._base = handle_matrices.motions(of, places), None
-        self._asked = look.options(of)
+        self._asked = look.asked(of)
         self.of = (of.signature, self._motions.tobytes(), self._asked)
         if of.base == 'OBJECT':
             self._base = outside_base.deformed_positions(ob, depsgraph)

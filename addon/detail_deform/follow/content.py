@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a binding is made for, as a signature: equal signatures, equal mesh, roles and options."""
 
+from ..library.options import BIND, asked
+from ..library.structs import BindOptions
 from ..scene import examples, handle_matrices, mesh_data, outside_base
 from ..scene.mesh_data import MeshProblem
 
@@ -25,8 +27,8 @@ def options(ob):
     settings = ob.detail_deform
     if settings.base == 'OBJECT':
         return {'base': outside_base.rest_positions(ob)}
-    smoothing = settings.metric_smoothing if settings.base_metric == 'SURFACE' else 0.0
-    made = {'base_metric': settings.base_metric, 'metric_smoothing': smoothing, 'smoothness': settings.smoothness}
+    told = asked(BIND, settings)
+    made = {name: told[name] for name in BindOptions.kinds if name in told}  # in the order that files hold
     try:
         poses = examples.positions(ob)
     except MeshProblem:
@@ -43,10 +45,13 @@ def roles(ob):
 
 def signature(ob, shape, roles_of_vertices):
     """shape: as of mesh_data.shape_signature."""
-    texts = {'examples': lambda value: _EXAMPLES + mesh_data.signature(value), 'base': mesh_data.signature,
-             'metric_smoothing': "{:g}".format}
+    texts = {'examples': lambda value: _EXAMPLES + mesh_data.signature(value), 'base': mesh_data.signature}
     return '.'.join([*shape, mesh_data.signature(roles_of_vertices),
-                     *(texts.get(name, str)(value) for name, value in options(ob).items())])
+                     *(texts.get(name, _text)(value) for name, value in options(ob).items())])
+
+
+def _text(value):
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def bind_arguments(ob, roles_of_vertices):

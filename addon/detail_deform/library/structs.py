@@ -6,6 +6,8 @@ import ctypes
 
 import numpy as np
 
+from . import options
+
 ABI_VERSION = 3
 
 # Enums, by the prefix of their values' names in the header.
@@ -15,15 +17,15 @@ COUNTS = {'NONE': -1}
 ROLES = {'FREE': -1, 'FIXED': -2}
 GRADIENTS = {'ROTATIONS': 0, 'WHOLE': 1}
 VALUES = {'POSITIONS': 0, 'OFFSETS': 1}
-FORMULATIONS = {'SURFACE': 0, 'FOURTH_POINTS': 1, 'FOURTH_POINTS_UNWEIGHTED': 2}
+FORMULATIONS = options.numbers_of(options.FORMULATIONS)
 PRECISIONS = {'SINGLE': 0, 'DOUBLE': 1}
 JOB_STATES = {'RUNNING': 0, 'DONE': 1, 'FAILED': 2}
-METRICS = {'SURFACE': 0, 'BASE': 1}
+METRICS = options.numbers_of(options.METRICS)
 SMOOTHNESSES = {'DEFAULT': 0, 'MEMBRANE': 1, 'THIN_PLATE': 2, 'CURVATURE_VARIATION': 3}
-METHODS = {'TRANSFER': 0, 'VARIATIONAL': 1, 'NORMAL': 2, 'GRADIENT': 3, 'VOLUMES': 4, 'EXAMPLES': 5}
-OUTPUTS = {'RESULT': 0, 'BASE': 1}
-PAIRS_OF = {'TRIANGLES': 0, 'VERTICES': 1}
-ANCHORS = {'SOURCE': 0, 'CENTROID': 1, 'VERTICES': 2, 'PINNED': 3}
+METHODS = options.numbers_of(options.METHODS)
+OUTPUTS = options.numbers_of(options.OUTPUTS)
+PAIRS_OF = options.numbers_of(options.PAIRS_OF)
+ANCHORS = options.numbers_of(options.ANCHORS)
 TET_OPERATORS = {'GRADIENT': 0, 'DEFORMATION_GRADIENT': 1, 'LAPLACIAN': 2}
 ENUMS = {
     'dd_status': ('DD_', STATUS), 'dd_count': ('DD_', COUNTS), 'dd_role': ('DD_ROLE_', ROLES),
@@ -96,9 +98,16 @@ class Struct(ctypes.Structure):
             setattr(self, size, count)
 
 
+def _option(c_name, field):
+    kind = options.kind_of(c_name, field)
+    return {int: _INT, float: _DOUBLE}.get(kind, kind), field
+
+
 def _struct(c_name, doc, *fields):
-    """fields: (kind, names...), a kind being a ctypes type, an Array, or the name of an enum."""
-    kinds = {name: kind for kind, *names in fields for name in names}
+    """fields: (kind, names...), a kind being a ctypes type, an Array, or the name of an enum; or the name alone where
+    the table of options says which."""
+    each = (_option(c_name, field) if isinstance(field, str) else field for field in fields)
+    kinds = {name: kind for kind, *names in each for name in names}
     types = {name: ctypes.c_void_p if isinstance(kind, Array) else _INT if isinstance(kind, str) else kind
              for name, kind in kinds.items()}
     names, sizes_after = list(kinds), {}
@@ -122,16 +131,15 @@ Progress = _sized('dd_progress', "How far a job is", ('dd_job_state', 'state'), 
                   (ctypes.c_char_p, 'stage'))
 BindOptions = _sized(
     'dd_bind_options', "What a binding depends on beside mesh and roles",
-    ('dd_base_metric', 'base_metric'), (_DOUBLE, 'metric_smoothing'), ('dd_smoothness', 'smoothness'),
-    ('dd_precision', 'precision'), (_INT, 'threads'), (_POSITIONS, 'base'), (_SIZE, 'base_count'),
-    (_POSITIONS, 'examples'), (_SIZE, 'example_count', 'example_vertex_count'))
+    'base_metric', 'metric_smoothing', 'smoothness', ('dd_precision', 'precision'), (_INT, 'threads'),
+    (_POSITIONS, 'base'), (_SIZE, 'base_count'), (_POSITIONS, 'examples'),
+    (_SIZE, 'example_count', 'example_vertex_count'))
 UpdateOptions = _sized(
     'dd_update_options', "What an update depends on beside the handles",
-    ('dd_method', 'method'), ('dd_gradients', 'gradients'), (_INT, 'refine'), ('dd_output', 'output'),
-    ('dd_values', 'values'), (_INT, 'levels'), ('dd_formulation', 'formulation'), (_POSITIONS, 'base'),
-    (_SIZE, 'base_count'), (_DOUBLE, 'volume_tolerance'), (_INT, 'volume_iterations', 'steps'),
+    'method', 'gradients', 'refine', 'output', ('dd_values', 'values'), 'levels', 'formulation',
+    (_POSITIONS, 'base'), (_SIZE, 'base_count'), 'volume_tolerance', 'volume_iterations', 'steps',
     (Array(np.float64, 3), 'turns'), (_SIZE, 'turn_count'), (Array(np.float64), 'example_weights'),
-    (_SIZE, 'example_weight_count'), (_DOUBLE, 'example_stiffness'))
+    (_SIZE, 'example_weight_count'), 'example_stiffness')
 UpdateInfo = _sized('dd_update_info', "Facts about an update that was a job", (_INT, 'volumes_converged'),
                     (_DOUBLE, 'volume_error'))
 Info = _sized(
@@ -142,12 +150,10 @@ Info = _sized(
     (_DOUBLE, 'bind_seconds', 'bytes'))
 TransferOptions = _sized(
     'dd_transfer_options', "What a transfer depends on beside meshes and pairs",
-    ('dd_pairs_of', 'pairs_of'), ('dd_formulation', 'formulation'), ('dd_anchor', 'anchor'),
-    (Array(np.int32), 'anchors'), (_SIZE, 'anchor_count'), (Array(np.float64, 3, 4), 'placement'),
-    ('dd_precision', 'precision'), (_INT, 'threads'))
+    'pairs_of', 'formulation', 'anchor', (Array(np.int32), 'anchors'), (_SIZE, 'anchor_count'),
+    (Array(np.float64, 3, 4), 'placement'), ('dd_precision', 'precision'), (_INT, 'threads'))
 ApplyOptions = _sized('dd_apply_options', "What a transferred pose depends on beside the source's",
-                      ('dd_gradients', 'gradients'), ('dd_values', 'values'), (_POSITIONS, 'places'),
-                      (_SIZE, 'place_count'))
+                      'gradients', ('dd_values', 'values'), (_POSITIONS, 'places'), (_SIZE, 'place_count'))
 TransferInfo = _sized(
     'dd_transfer_info', "Facts about a source and a target that correspond",
     (_INT, 'unmatched_count', 'unmatched_example', 'unmatched_component_count', 'unmatched_component_example',

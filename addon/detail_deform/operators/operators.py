@@ -5,11 +5,11 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty
 
 from ..follow import binding, life, live_transfer, slow_results, status
+from ..library.options import SETTINGS
 from ..results import bake
 from ..scene import apply_result, correspondence, mesh_data, node_group, offset_attribute
 from ..setup import handle_setup, region_setup
 from .operator_base import MeshOperator
-from ..properties import COPIED_SETTINGS
 
 
 class OBJECT_OT_detail_deform_add(MeshOperator, bpy.types.Operator):
@@ -166,8 +166,9 @@ class OBJECT_OT_detail_deform_copy_settings(MeshOperator, bpy.types.Operator):
         if not others:
             raise mesh_data.MeshProblem(f"No other mesh is selected: select those to get the settings of '{ob.name}'.")
         for other in others:
-            for name in COPIED_SETTINGS:
-                setattr(other.detail_deform, name, getattr(ob.detail_deform, name))
+            for option in SETTINGS:
+                if option.copied:
+                    setattr(other.detail_deform, option.name, getattr(ob.detail_deform, option.name))
 
 
 CLASSES = (OBJECT_OT_detail_deform_add, OBJECT_OT_detail_deform_remove,

@@ -5,12 +5,13 @@ bpy.ops.object.detail_deform_transfer..."""
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
+from ..declared import declare
 from ..follow import live_transfer
+from ..library.options import TRANSFER_SETTINGS
 from ..results import transfer
 from ..scene import correspondence, mesh_data
 from ..setup import markers, matching, pair_lists
 from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
-from ..transfer_settings import ANCHORS, CORRESPONDENCES, FORMULATIONS, PAIRS_OF
 
 
 def _source_of(ob, name):
@@ -37,26 +38,6 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
                ('ALL_KEYS', "All Shape Keys", "Each of its shape keys, as one of the same name and range"),
                ('ANIMATION', "Animation",
                 "A range of frames, as a cache that a Mesh Cache modifier plays, or as keyed shape keys")])
-    correspondence: EnumProperty(
-        name="Correspondence", items=CORRESPONDENCES, options={'SKIP_SAVE'},
-        description="How it is known which part of the source belongs to which of this mesh; "
-                    "as in the panel unless given")
-    filepath: StringProperty(
-        name="List", subtype='FILE_PATH', options=PATH_OPTIONS,
-        description="Text file with a pair of numbers a line, source then target, counted from 0")
-    pairs_of: EnumProperty(name="Pairs of", items=PAIRS_OF, options={'SKIP_SAVE'},
-                           description="What the list's numbers count")
-    rotation_only: BoolProperty(
-        name="Rotation Only", options={'SKIP_SAVE'},
-        description="Only turn with the source, without its stretch; as in the panel unless given")
-    anchor: EnumProperty(
-        name="Anchor", items=ANCHORS, options={'SKIP_SAVE'},
-        description="What stays in place; as in the panel unless given")
-    anchor_group: StringProperty(
-        name="Anchor Group", options={'SKIP_SAVE'}, description="Vertex group of this mesh that stays in place")
-    formulation: EnumProperty(
-        name="Formulation", items=FORMULATIONS, options={'SKIP_SAVE'},
-        description="Which system turns the deformation of faces into that of the mesh; as in the panel unless given")
     pattern: StringProperty(
         name="Keys", default="*", options={'SKIP_SAVE'},
         description="Of all shape keys those whose names fit, such as mouth* (* stands for any letters)")
@@ -138,6 +119,10 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
     def _reported(self, work):
         for sentence in (yield from work):
             self.report({'INFO'}, sentence)
+
+
+declare(OBJECT_OT_detail_deform_transfer, [option.argument for option in TRANSFER_SETTINGS],
+        flags_of=lambda option: PATH_OPTIONS if option.limits.get('subtype') == 'FILE_PATH' else {'SKIP_SAVE'})
 
 
 class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):

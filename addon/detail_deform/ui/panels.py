@@ -6,19 +6,29 @@ import textwrap
 import bpy
 
 from ..follow import bound, look, slow_results
+from ..library import options
 from ..scene import node_group, offset_attribute
 from ..setup import handle_setup
+from .registration import registration
 
 
-class OBJECT_UL_detail_deform_handles(bpy.types.UIList):
+class _Switched:
+    """A list whose items can be switched off."""
+
     def draw_item(self, context, layout, data, item, icon, active_data, active_propname, index=0):
         row = layout.row()
         row.use_property_split = False
-        name = row.row()
-        name.active = item.enabled
-        name.prop(item, 'name', text="", emboss=False, icon='EMPTY_AXIS')
+        content = row.row()
+        content.active = item.enabled
+        self.draw_content(content, data, item)
         row.prop(item, 'enabled', text="", emboss=False,
                  icon='CHECKBOX_HLT' if item.enabled else 'CHECKBOX_DEHLT')
+
+
+class OBJECT_UL_detail_deform_handles(_Switched, bpy.types.UIList):
+    @staticmethod
+    def draw_content(row, settings, handle):
+        row.prop(handle, 'name', text="", emboss=False, icon='EMPTY_AXIS')
 
 
 def draw_text(layout, context, text, icon):
@@ -46,13 +56,22 @@ class ModifierPanel:
         self.draw_settings(context, self.layout, context.object, context.object.detail_deform)
 
 
-def _setting(layout, context, settings, name, why_not):
-    """A setting; when there is a reason why it has no effect now, greyed and followed by it."""
-    column = layout.column()
-    column.active = not why_not
-    column.prop(settings, name)
+def draw_options(layout, context, settings, section, table=options.SETTINGS):
+    """A section's rows; where there is a reason why one has no effect now, greyed and followed by it."""
+    for option in table:
+        if option.section == section and options.is_shown(option, settings):
+            _draw_option(layout, context, settings, option, options.why_not(option, settings))
+
+
+def _draw_option(layout, context, settings, option, why_not):
+    row = layout.row() if option.expand else layout.column()
+    row.active = not why_not
+    if option.search:
+        row.prop_search(settings, option.name, settings.id_data, option.search)
+    else:
+        row.prop(settings, option.name, expand=option.expand)
     if why_not:
-        draw_text(column, context, why_not, 'INFO')
+        draw_text(row, context, why_not, 'INFO')
 
 
 class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
@@ -65,17 +84,7 @@ class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
             layout.operator('object.detail_deform_bake_drop', icon='PLAY')
             return
         column = layout.column()
-        column.prop(settings, 'method')
-        if settings.method in {'TRANSFER', 'GRADIENT'}:
-            column.prop(settings, 'rotation_only')
-        if settings.method == 'TRANSFER':
-            _setting(column, context, settings, 'refine', look.why_not_refined(settings))
-        if settings.method == 'NORMAL':
-            column.prop(settings, 'levels')
-        if settings.method == 'VOLUMES':
-            column.prop(settings, 'volume_tolerance')
-            column.prop(settings, 'volume_iterations')
-        column.prop(settings, 'output')
+        draw_options(column, context, settings, 'METHOD')
         modifier = node_group.find_modifier(ob)
         factor = modifier and node_group.factor_property(modifier)
         if factor:
@@ -183,19 +192,12 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
         layout.prop(settings, 'preview')
 
 
-class OBJECT_UL_detail_deform_examples(bpy.types.UIList):
-    def draw_item(self, context, layout, data, item, icon, active_data, active_propname, index=0):
-        row = layout.row()
-        row.use_property_split = False
-        name = row.row()
-        name.active = item.enabled
-        name.label(text=item.object.name if item.object else item.name,
-                   icon='OBJECT_DATA' if item.object else 'SHAPEKEY_DATA')
-        weight = row.row()
-        weight.active = item.enabled
-        weight.prop(item, 'weight' if data.weights_by == 'SLIDERS' else 'found_weight', text="", emboss=False)
-        row.prop(item, 'enabled', text="", emboss=False,
-                 icon='CHECKBOX_HLT' if item.enabled else 'CHECKBOX_DEHLT')
+class OBJECT_UL_detail_deform_examples(_Switched, bpy.types.UIList):
+    @staticmethod
+    def draw_content(row, settings, example):
+        row.label(text=example.object.name if example.object else example.name,
+                  icon='OBJECT_DATA' if example.object else 'SHAPEKEY_DATA')
+        row.prop(example, 'weight' if settings.weights_by == 'SLIDERS' else 'found_weight', text="", emboss=False)
 
 
 class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
@@ -222,9 +224,7 @@ class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
                 layout.prop_search(example, 'name', ob.data.shape_keys, 'key_blocks', text="Shape Key")
             if settings.weights_by == 'SLIDERS':
                 layout.prop(example, 'weight', slider=True)
-        layout.row().prop(settings, 'weights_by', expand=True)
-        if settings.weights_by == 'HANDLES':
-            layout.prop(settings, 'example_stiffness')
+        draw_options(layout, context, settings, 'EXAMPLES')
 
 
 class OBJECT_PT_detail_deform_base(ModifierPanel, bpy.types.Panel):
@@ -233,17 +233,15 @@ class OBJECT_PT_detail_deform_base(ModifierPanel, bpy.types.Panel):
     bl_options = {'DEFAULT_CLOSED'}
 
     def draw_settings(self, context, layout, ob, settings):
-        if settings.method in {'GRADIENT', 'EXAMPLES'} and settings.output == 'RESULT':
+        why_not = look.why_no_base(settings)
+        if why_not:
             layout.active = False
-            draw_text(layout, context, "This method has no base surface.", 'INFO')
+            draw_text(layout, context, why_not, 'INFO')
         column = layout.column()
-        column.prop(settings, 'base')
+        draw_options(column, context, settings, 'BASE')
         if settings.base == 'OBJECT':
             column.prop(settings, 'base_object')
             return
-        column.prop(settings, 'smoothness')
-        column.prop(settings, 'base_metric')
-        _setting(column, context, settings, 'metric_smoothing', look.why_not_smoothed(settings))
         layout.operator('object.detail_deform_base_make', icon='MOD_SMOOTH')
 
 
@@ -253,9 +251,7 @@ class OBJECT_PT_detail_deform_advanced(ModifierPanel, bpy.types.Panel):
     bl_options = {'DEFAULT_CLOSED'}
 
     def draw_settings(self, context, layout, ob, settings):
-        _setting(layout, context, settings, 'steps', look.why_not_in_steps(settings))
-        _setting(layout, context, settings, 'formulation',
-                 "" if settings.method == 'TRANSFER' else "Only Detail Transfer has formulations.")
+        draw_options(layout, context, settings, 'ADVANCED')
         layout.operator('object.detail_deform_copy_settings', icon='COPYDOWN')
         if settings.is_bound:
             draw_text(layout, context, f"Bind {settings.bind_ms:.0f} ms, update {settings.update_ms:.1f} ms", 'TIME')
@@ -301,24 +297,8 @@ CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_UL_detail_deform_examples, OB
            OBJECT_PT_detail_deform_empty)
 
 
-def _add_menu():
+register, unregister = registration(CLASSES, (
+    ('VIEW3D_MT_edit_mesh_context_menu', _draw_pull_entry),
+    ('VIEW3D_MT_edit_mesh_vertices', _draw_pull_entry),
     # 4.2 on; before, the modifier menu can't be added to and the panel is the way in.
-    return getattr(bpy.types, 'OBJECT_MT_modifier_add_deform', None)
-
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.types.VIEW3D_MT_edit_mesh_context_menu.append(_draw_pull_entry)
-    bpy.types.VIEW3D_MT_edit_mesh_vertices.append(_draw_pull_entry)
-    if _add_menu():
-        _add_menu().append(_draw_add_entry)
-
-
-def unregister():
-    bpy.types.VIEW3D_MT_edit_mesh_context_menu.remove(_draw_pull_entry)
-    bpy.types.VIEW3D_MT_edit_mesh_vertices.remove(_draw_pull_entry)
-    if _add_menu():
-        _add_menu().remove(_draw_add_entry)
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    ('OBJECT_MT_modifier_add_deform', _draw_add_entry)))

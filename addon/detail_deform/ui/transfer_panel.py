@@ -4,9 +4,11 @@
 import bpy
 
 from ..follow import live_transfer
+from ..library.options import TRANSFER_SETTINGS
 from ..scene import correspondence
 from ..setup import markers
-from .panels import ModifierPanel, draw_text
+from .panels import ModifierPanel, draw_options, draw_text
+from .registration import registration
 
 
 class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
@@ -21,10 +23,7 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         layout.prop(settings, 'source')
         column = layout.column()
         column.enabled = not settings.live
-        column.prop(settings, 'correspondence')
-        if settings.correspondence == 'LIST':
-            column.prop(settings, 'filepath')
-            column.prop(settings, 'pairs_of')
+        draw_options(column, context, settings, 'CORRESPONDENCE', TRANSFER_SETTINGS)
         here, there, both = markers.counts(ob, source)
         if settings.correspondence == 'MARKERS' or here:
             counts = f"{here} markers here, {there} on the source, {both} with the same numbers"
@@ -38,12 +37,7 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
             row.prop(settings, 'show_match', toggle=True)
             row.operator('object.detail_deform_transfer_save', text="", icon='EXPORT')
             row.operator('object.detail_deform_transfer_forget', text="", icon='TRASH')
-        column = layout.column()
-        column.prop(settings, 'rotation_only')
-        column.prop(settings, 'anchor')
-        if settings.anchor in {'VERTICES', 'PINNED'}:
-            column.prop_search(settings, 'anchor_group', ob, 'vertex_groups')
-        column.prop(settings, 'formulation')
+        draw_options(layout.column(), context, settings, 'TRANSFER', TRANSFER_SETTINGS)
         layout.separator()
         row = layout.row(align=True)
         row.enabled = source is not None
@@ -58,16 +52,5 @@ def _draw_marker_entry(self, context):
     self.layout.operator('object.detail_deform_marker_add', icon='EMPTY_AXIS')
 
 
-CLASSES = (OBJECT_PT_detail_deform_transfer,)
-
-
-def register():
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-    bpy.types.VIEW3D_MT_edit_mesh_context_menu.append(_draw_marker_entry)
-
-
-def unregister():
-    bpy.types.VIEW3D_MT_edit_mesh_context_menu.remove(_draw_marker_entry)
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = registration((OBJECT_PT_detail_deform_transfer,),
+                                    (('VIEW3D_MT_edit_mesh_context_menu', _draw_marker_entry),))

@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's properties from the table of options."""
+
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
+
+_MAKERS = {bool: BoolProperty, int: IntProperty, float: FloatProperty, str: StringProperty}
+
+
+def declare(cls, options, update_of=lambda option: None, flags_of=None):
+    """Adds a property for each option to a class that is not registered yet.
+
+    update_of, flags_of: the function that hears of changes, and bpy.props' options, for an Option."""
+    for option in options:
+        make, more = _MAKERS.get(option.kind, EnumProperty), dict(option.limits)
+        if make is EnumProperty:
+            more['items'] = option.kind
+        if option.default is not None:
+            more['default'] = option.default
+        if flags_of:
+            more['options'] = flags_of(option)
+        cls.__annotations__[option.name] = make(
+            name=option.title, description=option.tooltip, update=update_of(option), **more)

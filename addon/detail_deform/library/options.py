@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All that can be set, as one table. Blender's properties, the panels' rows and why one is greyed, Copy Settings, what
+a bind and an update are asked for, and the option structs' fields are made of it. It needs no Blender.
+
+A new setting of a method is a row here and its field's name in structs.py, beside the C library's own."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+BIND, UPDATE, TRANSFER, APPLY = 'dd_bind_options', 'dd_update_options', 'dd_transfer_options', 'dd_apply_options'
+
+
+class Need(NamedTuple):
+    """Values of another setting without which one has no effect."""
+    name: str
+    values: tuple
+    why_not: str = ""  # the sentence with which it is greyed then; without one it isn't shown
+
+
+class Field(NamedTuple):
+    """What a setting fills of the C library's structs."""
+    struct: str
+    name: str
+    kind: Any  # int, float, or the name of an enum
+    value: Callable = lambda value: value  # of the setting's
+
+
+@dataclasses.dataclass(frozen=True)
+class Option:
+    name: str  # in Blender's properties
+    kind: Any  # bool, int, float, str, or (name, title, tooltip) of each value of an enum
+    title: str
+    tooltip: str
+    default: Any = None  # None: false, nothing, or the enum's first
+    limits: dict = dataclasses.field(default_factory=dict)  # min, max and so on, as bpy.props has them
+    fills: Field | None = None
+    needs: tuple = ()
+    off: Any = None  # what the library is told where a need says why not; None: nothing
+    section: str = ""  # of the panels; '': no row, or one of its own
+    expand: bool = False  # as buttons side by side
+    search: str = ""  # of the object: collection that a name is chosen from
+    copied: bool = True  # by Copy Settings
+    told: str = ""  # tooltip in the operator that takes the setting as an argument, where it is another one
+
+    @property
+    def struct(self):
+        return self.fills.struct if self.fills else ""
+
+    @property
+    def argument(self):
+        """As the operator has it."""
+        return dataclasses.replace(self, tooltip=self.told or self.tooltip)
+
+
+# Values of enums. The order is that of the C library's numbers where it knows them.
+
+METHODS = (
+    ('TRANSFER', "Detail Transfer",
+     "A smooth base surface bends, and details turn with it (Botsch, Sumner, Pauly, Gross 2006). "
+     "The best choice nearly always"),
+    ('VARIATIONAL', "Smooth Displacement",
+     "The smoothest displacement that follows the handles: details are moved but not turned, so they shear "
+     "(variational minimization)"),
+    ('NORMAL', "Normal Displacement",
+     "A smooth base surface bends, and details stand on it along its normals: fails where they overhang, "
+     "and self-intersects in tight bends"),
+    ('GRADIENT', "Gradient Editing",
+     "The handles' rotation and scale spread over the surface; a handle that is only moved turns nothing "
+     "(differential coordinates)"),
+    ('VOLUMES', "Displacement Volumes",
+     "The space between the smooth base and the surface keeps its volume: bulges where it is pressed "
+     "together. Slow: while you drag, Detail Transfer is shown, and the result follows when you pause"),
+    ('EXAMPLES', "Examples",
+     "Poses by example: the handles pull the mesh between shape keys or posed copies of it, and what turns "
+     "there turns along an arc (mesh-based inverse kinematics). It bends as the examples do, "
+     "not as a base surface"))
+OUTPUTS = (
+    ('RESULT', "Result", "The deformed surface"),
+    ('BASE', "Base", "The smooth base surface in its place, to see where it bulges"))
+METRICS = (
+    ('SURFACE', "From Surface",
+     "Stiffness measured on the surface itself: exact when all handles move together, fast to bind"),
+    ('BASE', "From Base",
+     "Stiffness measured on the smooth base surface, as in the paper: "
+     "sensitive where the base has tiny triangles"))
+FORMULATIONS = (
+    ('SURFACE', "Surface", "One unknown a vertex: the paper's, fast, and refined"),
+    ('FOURTH_POINTS', "Fourth Points",
+     "One unknown a vertex and a face, as in the original deformation transfer, weighted by volumes: to compare with"),
+    ('FOURTH_POINTS_UNWEIGHTED', "Fourth Points, Unweighted",
+     "The original deformation transfer as it was: small faces count as much as large ones"))
+PAIRS_OF = (
+    ('TRIANGLES', "Triangles", "Numbers of triangles; those of faces where all of them are triangles"),
+    ('VERTICES', "Vertices", "Numbers of vertices"))
+ANCHORS = (
+    ('SOURCE', "With Source", "Every loose part moves along with what it corresponds to"),
+    ('CENTROID', "Centre", "The centre of the mesh stays in place"),
+    ('VERTICES', "Group's Mean", "The vertices of the anchor group stay in place on average"),
+    ('PINNED', "Pinned Group", "Each vertex of the anchor group stays in place"))
+_BASES = (
+    ('COMPUTED', "Computed",
+     "The smooth base surface is computed from the region's border, and the handles move it"),
+    ('OBJECT', "Object",
+     "Another object of the same topology is the base: whatever deforms it (armature, lattice, curve, shape "
+     "keys, simulation) moves the details. Handles are not needed"))
+_WEIGHTS_BY = (
+    ('HANDLES', "Handles", "The weights are those that fit the handles best"),
+    ('SLIDERS', "Sliders", "The weights are set by hand, and the handles let go"))
+_CORRESPONDENCES = (
+    ('TOPOLOGY', "Same Topology", "Both meshes have the same vertices and faces in the same order"),
+    ('MARKERS', "Markers", "A few places are marked on both meshes, by vertex groups or empties named Marker 1, Marker "
+                           "2 and so on; the rest is found by fitting the source to this mesh"),
+    ('LIST', "List", "Pairs of triangles or vertices from a text file"),
+    ('STORED', "Kept", "What was found or read before and is kept with this mesh"))
+
+
+def numbers_of(values):
+    """{name: number} of an enum's values."""
+    return {value[0]: number for number, value in enumerate(values)}
+
+
+def _by(*methods, why_not=""):
+    return Need('method', methods, why_not)
+
+
+def _gradients(rotation_only):
+    return 'ROTATIONS' if rotation_only else 'WHOLE'
+
+
+def _next_to_none(stiffness):
+    return max(stiffness, 1e-6)  # a zero would stand for the default
+
+
+_COMPUTED = Need('base', ('COMPUTED',))
+
+# Of Object.detail_deform, by the panels' sections and in the order of their rows.
+SETTINGS = (
+    Option('method', METHODS, "Method",
+           "How the surface follows its handles. Switching needs no new Bind",
+           fills=Field(UPDATE, 'method', 'dd_method'), section='METHOD'),
+    Option('rotation_only', bool, "Rotation Only",
+           "Details only turn with the surface and keep their size. Off: they are stretched and sheared with it too",
+           default=True, fills=Field(UPDATE, 'gradients', 'dd_gradients', _gradients), section='METHOD',
+           needs=(_by('TRANSFER', 'GRADIENT'),)),
+    Option('refine', int, "Refine",
+           "Passes that take the turn of the details from the result and solve again: less stretch and shrinking in "
+           "large bends. Each costs about as much as three updates without. 0: the paper's linear result",
+           default=4, limits=dict(min=0, soft_max=16, max=1000), fills=Field(UPDATE, 'refine', int), section='METHOD',
+           needs=(_by('TRANSFER'),
+                  Need('base', ('COMPUTED',), "A base object is followed as it is: refining would go away from it."),
+                  Need('rotation_only', (True,), "Only rotations are refined: switch Rotation Only on."),
+                  Need('formulation', ('SURFACE',), "Only the surface formulation (Advanced) is refined.")),
+           off=0),
+    Option('levels', int, "Levels",
+           "Surfaces between the detailed and the smooth one, each displaced from the next smoother one: shorter "
+           "displacements, which intersect later",
+           default=1, limits=dict(min=1, max=20, soft_max=5), fills=Field(UPDATE, 'levels', int), section='METHOD',
+           needs=(_by('NORMAL'),)),
+    Option('volume_tolerance', float, "Tolerance",
+           "Displacement volumes are found when no vertex moves by more than this from one iteration to the next, in "
+           "mean heights of the details",
+           default=0.01, limits=dict(min=1e-6, max=1.0, precision=4), fills=Field(UPDATE, 'volume_tolerance', float),
+           section='METHOD', needs=(_by('VOLUMES'),)),
+    Option('volume_iterations', int, "Iterations",
+           "Iterations after which the search for displacement volumes stops anyway",
+           default=50, limits=dict(min=1, max=10000, soft_max=500), fills=Field(UPDATE, 'volume_iterations', int),
+           section='METHOD', needs=(_by('VOLUMES'),)),
+    Option('output', OUTPUTS, "Show", "What the modifier shows",
+           fills=Field(UPDATE, 'output', 'dd_output'), section='METHOD'),
+
+    Option('weights_by', _WEIGHTS_BY, "Weights by", "Where the weights of the examples come from",
+           section='EXAMPLES', expand=True, copied=False, needs=(_by('EXAMPLES'),)),
+    Option('example_stiffness', float, "Stiffness",
+           "How much the mesh keeps to single examples and between rest and example, rather than to what fits the "
+           "handles most closely by mixing and exaggerating them",
+           default=1.0, limits=dict(min=0.0, soft_max=10.0, max=1e4),
+           fills=Field(UPDATE, 'example_stiffness', float, _next_to_none), section='EXAMPLES',
+           needs=(_by('EXAMPLES'), Need('weights_by', ('HANDLES',)))),
+
+    Option('base', _BASES, "Base", "Where the smooth base surface comes from. Takes effect at the next Bind",
+           section='BASE', copied=False),
+    Option('smoothness', int, "Smoothness",
+           "What the smooth base surface keeps small. 1: its area; it meets its border with a crease and bulges least. "
+           "2: its curvature; it continues the slope of its border. 3: the change of its curvature; it continues that "
+           "too and bulges most. Takes effect at the next Bind",
+           default=2, limits=dict(min=1, max=3), fills=Field(BIND, 'smoothness', 'dd_smoothness'), section='BASE',
+           needs=(_COMPUTED,)),
+    Option('base_metric', METRICS, "Stiffness",
+           "Where the stiffness of the base surface is measured. Takes effect at the next Bind",
+           fills=Field(BIND, 'base_metric', 'dd_base_metric'), section='BASE', needs=(_COMPUTED,)),
+    Option('metric_smoothing', float, "Smoothing",
+           "Measure the stiffness on a slightly smoothed copy of the surface, in mean edge lengths: evens out the pull "
+           "where the relief is strong. Takes effect at the next Bind",
+           default=0.0, limits=dict(min=0.0, soft_max=4.0, max=6.0), fills=Field(BIND, 'metric_smoothing', float),
+           section='BASE',
+           needs=(_COMPUTED, Need('base_metric', ('SURFACE',), "Only stiffness from the surface is smoothed.")),
+           off=0.0),
+    Option('base_deformer', (('LINEAR', "Linear", "The smoothest displacement that the handles allow"),),
+           "Base Deformer", "How the handles move the computed base surface"),
+
+    Option('steps', int, "Steps",
+           "Split a large motion of the handles into so many steps, each on the surface that the last one left: for "
+           "turns beyond 90 degrees and whole turns of an empty's Euler rotation. While you drag, one step is shown; "
+           "the result in steps follows when you pause. Each step takes as long as a Bind",
+           default=1, limits=dict(min=1, soft_max=24, max=1000), fills=Field(UPDATE, 'steps', int), section='ADVANCED',
+           needs=(_by('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT', 'VOLUMES',
+                      why_not="Examples are not approached in steps: add examples of the larger motion."),
+                  Need('base', ('COMPUTED',), "The motion of a base object can't be split.")),
+           off=1),
+    Option('formulation', FORMULATIONS, "Formulation",
+           "Which system carries the turn of the base over to the details",
+           fills=Field(UPDATE, 'formulation', 'dd_formulation'), section='ADVANCED',
+           needs=(_by('TRANSFER', why_not="Only Detail Transfer has formulations."),)),
+
+    Option('preview', bool, "Show Vertices",
+           "Colour the vertices of the region and of the handles in the viewport, outside Edit Mode"),
+    Option('live', bool, "Live", "Follow every move of the handles. Off: only when Update is pressed", default=True),
+)
+
+# Of Object.detail_deform.transfer, and arguments of the operator that transfers.
+TRANSFER_SETTINGS = (
+    Option('correspondence', _CORRESPONDENCES, "Correspondence",
+           "How it is known which part of the source belongs to which of this mesh", section='CORRESPONDENCE',
+           told="How it is known which part of the source belongs to which of this mesh; as in the panel unless given"),
+    Option('filepath', str, "List",
+           "Text file with a pair of numbers a line, source then target, counted from 0",
+           limits=dict(subtype='FILE_PATH'), section='CORRESPONDENCE', needs=(Need('correspondence', ('LIST',)),)),
+    Option('pairs_of', PAIRS_OF, "Pairs of", "What the list's numbers count",
+           fills=Field(TRANSFER, 'pairs_of', 'dd_pairs_of'), section='CORRESPONDENCE',
+           needs=(Need('correspondence', ('LIST',)),)),
+    Option('rotation_only', bool, "Rotation Only",
+           "This mesh only turns as the source does and keeps its proportions. Off: it is stretched with the source "
+           "too",
+           fills=Field(APPLY, 'gradients', 'dd_gradients', _gradients), section='TRANSFER',
+           told="Only turn with the source, without its stretch; as in the panel unless given"),
+    Option('anchor', ANCHORS, "Anchor", "What stays in place: how a mesh bends says nothing of where it is",
+           fills=Field(TRANSFER, 'anchor', 'dd_anchor'), section='TRANSFER',
+           told="What stays in place; as in the panel unless given"),
+    Option('anchor_group', str, "Anchor Group", "Vertex group of this mesh that stays in place", section='TRANSFER',
+           search='vertex_groups', needs=(Need('anchor', ('VERTICES', 'PINNED')),)),
+    Option('formulation', FORMULATIONS, "Formulation",
+           "Which system turns the deformation of faces into that of the mesh",
+           fills=Field(TRANSFER, 'formulation', 'dd_formulation'), section='TRANSFER',
+           told="Which system turns the deformation of faces into that of the mesh; as in the panel unless given"),
+)
+
+
+# What the rows say of an object's settings
+
+def _is_met(need, settings):
+    return getattr(settings, need.name) in need.values
+
+
+def is_shown(option, settings):
+    return all(need.why_not or _is_met(need, settings) for need in option.needs)
+
+
+def why_not(option, settings):
+    """Why a setting that is shown has no effect now: a sentence, or ''."""
+    return next((need.why_not for need in option.needs if need.why_not and not _is_met(need, settings)), "")
+
+
+def value(option, settings):
+    """What the library is told. None: nothing, so that a setting without effect costs nothing when it is changed."""
+    if not is_shown(option, settings):
+        return None
+    if why_not(option, settings):
+        return option.off
+    return option.fills.value(getattr(settings, option.name))
+
+
+def asked(struct, settings):
+    """{field: value} of a struct of the header, of those that matter now."""
+    told = {option.fills.name: value(option, settings) for option in SETTINGS if option.struct == struct}
+    return {name: value for name, value in told.items() if value is not None}
+
+
+def kind_of(struct, field):
+    """int, float, or the name of an enum."""
+    return next(option.fills.kind for option in SETTINGS + TRANSFER_SETTINGS
+                if option.fills and option.fills[:2] == (struct, field))
