@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The manual's pictures: Blender's own window, and each panel by itself.
+
+    xvfb-run -a -s "-screen 0 1280x1000x24" blender --factory-startup --window-geometry 0 0 1280 1000 \
+        --python tests/figures/make_manual.py
+
+Writes into addon/manual/. Needs a release build, xdotool, and ImageMagick's import and convert.
+"""
+import os
+import subprocess
+import sys
+import traceback
+from math import radians
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+ROOT = Path(__file__).resolve().parents[2]
+OUT = ROOT / 'addon' / 'manual'
+sys.path.insert(0, str(ROOT / 'addon'))
+import detail_deform  # noqa: E402
+from detail_deform.scene import mesh_data  # noqa: E402
+from detail_deform.setup import markers  # noqa: E402
+from detail_deform.ui import panels, transfer_panel  # noqa: E402
+
+PANEL_WIDTH = 440  # of the Properties editor, pixels
+PATH_HEIGHT = 26  # the object's name above the panels
+VIEW_ONLY = ('-shave', '0x150', '-resize', '560x', '-quality', '75')  # without its header
+
+
+def window():
+    return bpy.context.window_manager.windows[0]
+
+
+def area(kind):
+    return next(a for a in window().screen.areas if a.type == kind)
+
+
+def in_area(kind):
+    where = area(kind)
+    return bpy.context.temp_override(window=window(), area=where,
+                                     region=next(r for r in where.regions if r.type == 'WINDOW'))
+
+
+def picture(name, kinds, options):
+    """Of these areas, side by side, as far as the highest bottom; options of convert."""
+    areas = [area(kind) for kind in kinds]
+    left, bottom = min(a.x for a in areas), max(a.y for a in areas)
+    width, height = max(a.x + a.width for a in areas) - left, max(a.y + a.height for a in areas) - bottom
+    shot = subprocess.run(['import', '-window', 'root', 'png:-'], check=True, capture_output=True).stdout
+    crop = f'{width}x{height}+{left}+{window().height - bottom - height}'
+    subprocess.run(['convert', 'png:-', '-crop', crop, '+repage', *options, str(OUT / name)], check=True, input=shot)
+
+
+def panel_picture(name):
+    """The panels alone: what is left when the tabs, the search field, the path and the empty rest are cut off."""
+    region = next(r for r in area('PROPERTIES').regions if r.type == 'WINDOW')
+    top = window().height - region.y - region.height + PATH_HEIGHT
+    shot = subprocess.run(['import', '-window', 'root', 'png:-'], check=True, capture_output=True).stdout
+    crop = f'{region.width}x{region.height - PATH_HEIGHT - 20}+{region.x}+{top}'
+    trim = ('-trim', '+repage')  # twice: beside the scroll bar's edge, and below the panels
+    subprocess.run(['convert', 'png:-', '-crop', crop, '+repage', *trim, *trim, '+dither', '-colors', '128',
+                    str(OUT / name)], check=True, input=shot)
+
+
+def settle():
+    """Waits until the window shows what is so now."""
+    for _ in range(3):
+        for shown in window().screen.areas:
+            shown.tag_redraw()
+        yield 0.3
+
+
+def drag(start, end):
+    """With the mouse, from the bottom left corner of the window."""
+    for words in (('mousemove', *start), ('mousedown', 1), ('mousemove', *end), ('mouseup', 1)):
+        if words[0] == 'mousemove':
+            words = (*words[:2], window().height - words[2])
+        subprocess.run(['xdotool', *map(str, words)], check=True)
+        yield 0.3
+
+
+def arrange():
+    """A wide Properties editor under a low outliner."""
+    side = area('PROPERTIES')
+    yield from drag((side.x - 1, side.y + 100), (side.x + side.width - PANEL_WIDTH, side.y + 100))
+    side = area('PROPERTIES')
+    yield from drag((side.x + 200, side.y + side.height), (side.x + 200, window().height - 60))
+    area('PROPERTIES').spaces[0].context = 'MODIFIER'
+    view = area('VIEW_3D').spaces[0]
+    view.show_region_toolbar = view.show_region_ui = view.show_gizmo = False
+    view.overlay.show_cursor = view.overlay.show_floor = view.overlay.show_axis_y = view.overlay.show_axis_x = False
+
+
+def show_only(*classes):
+    """These of the add-on's panels, open; nothing else in the editor but the path."""
+    for cls in bpy.types.Panel.__subclasses__():
+        if cls.is_registered and getattr(cls, 'bl_context', "") in {'modifier', 'object'}:
+            bpy.utils.unregister_class(cls)
+    for cls in classes:
+        if getattr(cls, 'bl_parent_id', "") and cls.bl_parent_id not in {c.__name__ for c in classes}:
+            del cls.bl_parent_id
+        bpy.utils.register_class(cls)
+
+
+def activate(ob):
+    bpy.context.view_layer.update()
+    for other in bpy.context.view_layer.objects:
+        other.select_set(other == ob)
+    bpy.context.view_layer.objects.active = ob
+
+
+def open_scene(name):
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / name), load_ui=False)
+
+
+def look(eye, at, lens=60):
+    view = area('VIEW_3D').spaces[0]
+    region = view.region_3d
+    turn = (Vector(eye) - Vector(at)).to_track_quat('Z', 'Y')
+    region.view_perspective, view.lens = 'PERSP', lens
+    region.view_location, region.view_rotation = at, turn
+    region.view_distance = (Vector(eye) - Vector(at)).length
+
+
+def hide_cameras():
+    for ob in bpy.context.scene.objects:
+        if ob.type == 'CAMERA':
+            ob.hide_set(True)
+
+
+def turn_about_itself(empty, shift, degrees):
+    place = empty.matrix_world.translation.copy()
+    empty.matrix_world = (Matrix.Translation(Vector(shift) + place) @ Matrix.Rotation(radians(degrees), 4, 'Y')
+                          @ Matrix.Translation(-place) @ empty.matrix_world)
+
+
+def suzanne():
+    open_scene('suzanne.blend')
+    yield 1.0
+    yield from arrange()
+    ob = bpy.data.objects["Suzanne"]
+    activate(ob)
+    bpy.ops.object.detail_deform_bind(wait=True)
+    ear = ob.detail_deform.handles[0].target
+    turn_about_itself(ear, (-0.45, -0.1, 0.6), 50)
+    ear.empty_display_size = 0.4
+    bpy.context.view_layer.update()
+    hide_cameras()
+    look((-1.2, -5.0, 0.9), (-0.25, 0, 0.25), 62)
+    ob.select_set(False)  # its outline hides the details
+    yield from settle()
+    area('OUTLINER').type = 'INFO'  # nothing that moves
+    show_only(panels.OBJECT_PT_detail_deform, panels.OBJECT_PT_detail_deform_handles)
+    yield from settle()
+    picture('window.jpg', ('VIEW_3D', 'PROPERTIES'), ('-resize', '900x', '-quality', '72'))
+
+    settings = ob.detail_deform
+    settings.preview = True
+    yield from settle()
+    picture('vertices.jpg', ('VIEW_3D',), VIEW_ONLY)
+    for name, cls in (('panel', panels.OBJECT_PT_detail_deform), ('handles', panels.OBJECT_PT_detail_deform_handles),
+                      ('base', panels.OBJECT_PT_detail_deform_base),
+                      ('advanced', panels.OBJECT_PT_detail_deform_advanced)):
+        show_only(cls)
+        yield from settle()
+        panel_picture(f'{name}.png')
+
+    show_only(panels.OBJECT_PT_detail_deform)
+    settings.handles[1].enabled = False  # no longer what it was bound for
+    yield from settle()
+    panel_picture('message.png')
+    settings.handles[1].enabled = True
+
+    activate(ear)
+    show_only(panels.OBJECT_PT_detail_deform_empty)
+    area('PROPERTIES').spaces[0].context = 'OBJECT'
+    yield from settle()
+    panel_picture('empty.png')
+
+
+def creatures():
+    open_scene('creatures.blend')
+    yield 1.0
+    giraffe, calf = bpy.data.objects["Giraffe"], bpy.data.objects["Calf"]
+    area('PROPERTIES').spaces[0].context = 'MODIFIER'
+    activate(giraffe)
+    giraffe.select_set(False)
+    show_only(transfer_panel.OBJECT_PT_detail_deform_transfer)
+    hide_cameras()
+    look((3.6, -5.0, 2.3), (0.45, 0.9, 1.45), 62)
+    yield from settle()
+    picture('markers.jpg', ('VIEW_3D',), VIEW_ONLY)
+    bpy.ops.object.detail_deform_transfer_match()
+    bpy.ops.object.detail_deform_transfer_live()
+    bpy.context.scene.frame_set(17)
+    yield 2.0
+    yield from settle()
+    panel_picture('transfer.png')
+    bpy.ops.object.detail_deform_transfer_live(on=False)
+
+    examples = examples_of(calf)
+    bpy.data.objects.remove(giraffe)
+    activate(calf)
+    for example in examples:
+        example.select_set(True)
+    settings = calf.detail_deform
+    settings.method = 'EXAMPLES'
+    bpy.ops.object.detail_deform_examples_from_objects()
+    for example in examples:
+        example.hide_set(True)
+    points, targets = mesh_data.positions(calf.data), {}
+    for name, marker in (("muzzle", 1), ("hoof L", 26), ("hoof R", 27), ("heel L", 36), ("heel R", 37)):
+        near = np.linalg.norm(points - points[markers.of(calf)[marker]], axis=1) < 0.09
+        calf.vertex_groups.new(name=name).add(np.flatnonzero(near).tolist(), 1.0, 'REPLACE')
+        bpy.ops.object.detail_deform_handle_add(vertex_group=name, align=False)
+        targets[name] = settings.handles[-1].target
+        targets[name].empty_display_size = 0.15
+    bpy.context.view_layer.update()
+    bpy.ops.object.detail_deform_bind(wait=True)
+    targets["hoof L"].location += Vector((0.32, 0, 0.30))
+    targets["muzzle"].location += Vector((-0.25, 0, -0.75))
+    bpy.context.view_layer.update()
+    show_only(panels.OBJECT_PT_detail_deform_examples)
+    yield from settle()
+    panel_picture('examples.png')
+
+
+def examples_of(calf):
+    """Copies of it in its poses."""
+    scene, found = bpy.context.scene, []
+    for frame, name in ((9, "Head down"), (17, "Step"), (24, "Leap")):
+        scene.frame_set(frame)
+        mesh = bpy.data.meshes.new_from_object(calf.evaluated_get(bpy.context.evaluated_depsgraph_get()))
+        found.append(bpy.data.objects.new(name, mesh))
+        scene.collection.objects.link(found[-1])
+    scene.frame_set(1)
+    calf.modifiers.remove(calf.modifiers["Armature"])
+    return found
+
+
+def steps():
+    """Yields the seconds to wait before going on: in between Blender draws."""
+    yield from suzanne()
+    yield from creatures()
+
+
+def main():
+    for cls in (*panels.CLASSES, *transfer_panel.CLASSES):
+        if issubclass(cls, bpy.types.Panel):
+            cls.bl_options = set()  # all of them open
+    detail_deform.register()
+    bpy.context.preferences.view.show_splash = False
+    OUT.mkdir(exist_ok=True)
+    going = steps()
+
+    def go_on():
+        try:
+            return next(going)
+        except StopIteration:
+            os._exit(0)
+        except Exception:
+            traceback.print_exc()
+            os._exit(1)
+
+    bpy.app.timers.register(go_on, first_interval=1.0, persistent=True)
+
+
+main()
