@@ -4,10 +4,10 @@
 import threading
 
 import pytest
-from conftest import _part
+from conftest import part
 
-made = _part('follow.made')
-NativeError = _part('library.native').NativeError
+made = part('follow.made')
+NativeError = part('library.native').NativeError
 
 
 class Job:
