@@ -248,31 +248,33 @@ TRANSFER_SETTINGS = (
 
 # What the rows say of an object's settings
 
-def _is_met(need, settings):
-    return getattr(settings, need.name) in need.values
+def _unmet(option, settings):
+    return [need for need in option.needs if getattr(settings, need.name) not in need.values]
 
 
 def is_shown(option, settings):
-    return all(need.why_not or _is_met(need, settings) for need in option.needs)
+    return all(need.why_not for need in _unmet(option, settings))
 
 
 def why_not(option, settings):
     """Why a setting that is shown has no effect now: a sentence, or ''."""
-    return next((need.why_not for need in option.needs if need.why_not and not _is_met(need, settings)), "")
+    return next((need.why_not for need in _unmet(option, settings) if need.why_not), "")
 
 
 def value(option, settings):
     """What the library is told. None: nothing, so that a setting without effect costs nothing when it is changed."""
-    if not is_shown(option, settings):
-        return None
-    if why_not(option, settings):
-        return option.off
+    unmet = _unmet(option, settings)
+    if unmet:
+        return option.off if all(need.why_not for need in unmet) else None
     return option.fills.value(getattr(settings, option.name))
+
+
+_OF_STRUCT = {struct: [option for option in SETTINGS if option.struct == struct] for struct in (BIND, UPDATE)}
 
 
 def asked(struct, settings):
     """{field: value} of a struct of the header, of those that matter now."""
-    told = {option.fills.name: value(option, settings) for option in SETTINGS if option.struct == struct}
+    told = {option.fills.name: value(option, settings) for option in _OF_STRUCT[struct]}
     return {name: value for name, value in told.items() if value is not None}
 
 
