@@ -163,7 +163,7 @@ class Frame:
                 redraw_panels()  # they show the weights
         if look.is_slow(of) and not self._is_rest():
             record.is_final = False
-            asked = {**self._asked, 'steps': look.steps(of), 'turns': self._turns, 'base': self._base}
+            asked = {**self._asked, 'turns': self._turns, 'base': self._base}
             SlowUpdate(self._ob, self._deformer, self._motions, asked).run(wait)
 
     def _is_rest(self):
