@@ -290,8 +290,7 @@ void bind(const Scene& scene, Report& report) {
   const dd::SurfaceOperators operators =
       dd::surface_operators(scene.mesh.positions, scene.mesh.triangles);
   const dd::SparseMatrix L = dd::free_block(operators.laplacian, region);
-  const dd::SparseMatrix K =
-      dd::free_block_of_energy(operators, region, dd::Smoothness::thin_plate);
+  const dd::SparseMatrix K = dd::energy_block(operators, region, dd::Smoothness::thin_plate).sparse;
 #endif
 #ifdef DD_HAVE_CHOLMOD
   contest.enter("cholmod_analyze_factor", "CHOLMOD: AMD analyze + supernodal factor, L and K", [&] {

@@ -28,13 +28,16 @@ Positions faired_surface(const Mesh& mesh, const SurfaceOperators& operators, do
 Positions smoothed_surface(const Positions& positions, const SurfaceOperators& operators,
                            const Region& region, double length) {
   const double weight = length * length * length * length;
-  SparseMatrix system = weight * free_block_of_energy(operators, region, Smoothness::thin_plate);
+  const EnergyBlock energy = energy_block(operators, region, Smoothness::thin_plate);
+  SparseMatrix system = weight * energy.sparse;
   for (int r = 0; r < region.free_count(); ++r)
     system.coeffRef(r, r) += operators.masses[region.free[r]];
   // Solved for the displacement, in which constrained vertices have no part.
   const RowMatrix force =
       -weight * free_rows(apply_energy(operators, positions, Smoothness::thin_plate), region);
-  const RowMatrix displacement = factor_free_block(system, region).solve(force);
+  const UpdatedCholesky factor(factor_free_block(system, region), energy.vectors,
+                               weight * energy.core, nullptr);
+  const RowMatrix displacement = factor.solve(force, nullptr);
   Positions smoothed = positions;
   for (int r = 0; r < region.free_count(); ++r) smoothed.row(region.free[r]) += displacement.row(r);
   return smoothed;

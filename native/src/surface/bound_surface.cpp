@@ -48,7 +48,7 @@ std::string edge_lengths(double value) {
 
 /// K on S with its symbolic factorization, which one thread can make while others factor L.
 struct BoundSurface::Energy {
-  SparseMatrix block;
+  EnergyBlock block;
   std::shared_ptr<const SymbolicCholesky> symbolic;
 };
 
@@ -63,8 +63,10 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
   std::future<Energy> energy;
   if (on_surface)
     energy = beside(pool, [&]() -> Energy {
-      const SparseMatrix bending = free_block_of_energy(operators, region, options.smoothness);
-      return {bending, std::make_shared<SymbolicCholesky>(bending, dissection.order(bending))};
+      EnergyBlock bending = energy_block(operators, region, options.smoothness);
+      auto symbolic =
+          std::make_shared<SymbolicCholesky>(bending.sparse, dissection.order(bending.sparse));
+      return {std::move(bending), std::move(symbolic)};
     });
 
   BlockOptions block_options;
@@ -91,7 +93,7 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
     report(progress, begin, stage);
     how.progress = within(progress, begin, end);
     how.stage = stage;
-    const bool made = &metric == &operators && on_surface.block.size() > 0;
+    const bool made = &metric == &operators && on_surface.block.sparse.size() > 0;
     PolyharmonicSystem bending =
         made ? PolyharmonicSystem(metric, region, options.smoothness, on_surface.block, how)
              : PolyharmonicSystem(metric, region, options.smoothness, how);

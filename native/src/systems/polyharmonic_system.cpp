@@ -20,39 +20,20 @@ BlockOptions tolerant(BlockOptions options) {
 
 }  // namespace
 
-SparseMatrix free_block_of_energy(const SurfaceOperators& operators, const Region& region,
-                                  Smoothness smoothness) {
-  if (smoothness == Smoothness::membrane) return free_block(operators.laplacian, region);
-  const SparseMatrix columns = free_columns(operators.laplacian, region);
-  // Evaluated first: Eigen would invert all masses again for each column.
-  const Eigen::VectorXd inverse_masses = operators.masses.cwiseInverse();
-  const SparseMatrix curvature = inverse_masses.asDiagonal() * columns;
-  if (smoothness == Smoothness::thin_plate) return columns.transpose() * curvature;
-  const SparseMatrix variation = operators.laplacian * curvature;
-  return curvature.transpose() * variation;
-}
-
 PolyharmonicSystem::PolyharmonicSystem(const SurfaceOperators& operators, const Region& region,
                                        Smoothness smoothness, const BlockOptions& options)
-    : PolyharmonicSystem(operators, region, smoothness,
-                         free_block_of_energy(operators, region, smoothness), options) {}
+    : PolyharmonicSystem(operators, region, smoothness, energy_block(operators, region, smoothness),
+                         options) {}
 
 PolyharmonicSystem::PolyharmonicSystem(const SurfaceOperators& operators, const Region& region,
-                                       Smoothness smoothness, const SparseMatrix& block,
+                                       Smoothness smoothness, const EnergyBlock& block,
                                        const BlockOptions& options)
     : operators_(operators),
       region_(region),
       smoothness_(smoothness),
-      factor_(factor_free_block(block, region, tolerant(options))),
+      factor_(factor_free_block(block.sparse, region, tolerant(options)), block.vectors, block.core,
+              options.pool),
       pool_(options.pool) {}
-
-RowMatrix apply_energy(const SurfaceOperators& operators, const RowMatrix& values,
-                       Smoothness smoothness) {
-  RowMatrix result = operators.laplacian * values;
-  for (int order = 1; order < static_cast<int>(smoothness); ++order)
-    result = operators.laplacian * RowMatrix(operators.masses.cwiseInverse().asDiagonal() * result);
-  return result;
-}
 
 RowMatrix PolyharmonicSystem::extend(const RowMatrix& values) const {
   RowMatrix x = values;

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "solver/updated_cholesky.h"
+
+#include <algorithm>
+
+namespace dd {
+
+namespace {
+
+constexpr Index kColumnsAtOnce = 64;  // of A⁻¹ U, which is dense and never kept
+
+}  // namespace
+
+UpdatedCholesky::UpdatedCholesky(SparseCholesky factor, SparseMatrix vectors,
+                                 const Eigen::MatrixXd& core, ThreadPool* pool)
+    : factor_(std::move(factor)), vectors_(std::move(vectors)), core_(core) {
+  const Index count = vectors_.cols();
+  if (count == 0) return;
+  Eigen::MatrixXd inner(count, count);
+  for (Index first = 0; first < count; first += kColumnsAtOnce) {
+    const Index width = std::min(kColumnsAtOnce, count - first);
+    const RowMatrix columns = vectors_.middleCols(first, width);
+    inner.middleCols(first, width) = vectors_.transpose() * factor_.solve(columns, pool);
+  }
+  small_.compute(Eigen::MatrixXd::Identity(count, count) + core_ * inner);
+}
+
+RowMatrix UpdatedCholesky::solve(const RowMatrix& right, ThreadPool* pool) const {
+  RowMatrix solution = factor_.solve(right, pool);
+  if (vectors_.cols() == 0) return solution;
+  const Eigen::MatrixXd shares =
+      small_.solve(core_ * Eigen::MatrixXd(vectors_.transpose() * solution));
+  solution -= factor_.solve(vectors_ * shares, pool);
+  return solution;
+}
+
+}  // namespace dd

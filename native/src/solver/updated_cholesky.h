@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/LU>
+#include <utility>
+
+#include "solver/sparse_cholesky.h"
+
+namespace dd {
+
+/// The inverse of A + U C Uᵀ by the factor of A, which is sparse where the sum is not (Sherman,
+/// Morrison 1950; Woodbury 1950):
+///
+///   (A + U C Uᵀ)⁻¹ = A⁻¹ − A⁻¹ U (1 + C Uᵀ A⁻¹ U)⁻¹ C Uᵀ A⁻¹
+///
+/// It loses the digits by which A is worse conditioned than the sum.
+class UpdatedCholesky {
+ public:
+  /// vectors: U, n×k, k small or 0. core: C, k×k.
+  UpdatedCholesky(SparseCholesky factor, SparseMatrix vectors, const Eigen::MatrixXd& core,
+                  ThreadPool* pool);
+
+  /// Solves for any number of columns.
+  RowMatrix solve(const RowMatrix& right, ThreadPool* pool) const;
+
+  std::shared_ptr<const SymbolicCholesky> shared_symbolic() const {
+    return factor_.shared_symbolic();
+  }
+
+ private:
+  SparseCholesky factor_;
+  SparseMatrix vectors_;
+  Eigen::MatrixXd core_;
+  Eigen::PartialPivLU<Eigen::MatrixXd> small_;  // 1 + C Uᵀ A⁻¹ U
+};
+
+}  // namespace dd

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <Eigen/Core>
+
+#include "systems/operators.h"
+#include "systems/region.h"
+
+namespace dd {
+
+/// The energy whose minimizer is the base surface: K = L (M⁻¹ L)^(order − 1).
+enum class Smoothness {
+  membrane = 1,            ///< least area: continuous at the border
+  thin_plate = 2,          ///< least curvature: tangents continuous, the paper's choice
+  curvature_variation = 3  ///< least variation of curvature: curvature continuous
+};
+
+/// Beyond it a vertex is a hub, whose curvature would couple each of its neighbours with all others
+/// in K: a full matrix of that size.
+constexpr int kMostNeighbours = 1000;
+
+/// The F×F block of K that belongs to free vertices: sparse + vectors · core · vectorsᵀ, positive
+/// definite wherever K is, and so is its sparse part. Without hubs that is all.
+struct EnergyBlock {
+  SparseMatrix sparse;
+  SparseMatrix vectors;  ///< F×k, two or three for each hub
+  Eigen::MatrixXd core;  ///< k×k, symmetric, indefinite
+};
+EnergyBlock energy_block(const SurfaceOperators& operators, const Region& region,
+                         Smoothness smoothness, int most_neighbours = kMostNeighbours);
+
+/// K times the columns of values, n×k.
+RowMatrix apply_energy(const SurfaceOperators& operators, const RowMatrix& values,
+                       Smoothness smoothness);
+
+}  // namespace dd
