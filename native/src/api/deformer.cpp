@@ -114,12 +114,11 @@ int32_t dd_update_start(dd_deformer* deformer, const double* matrices, size_t ma
     start_job<Updated>("an update", job,
                        [bound = deformer->bound, in_use = std::move(in_use),
                         update = std::move(update)](const dd::Progress& progress) mutable {
-                         const std::shared_ptr<Bound> kept = bound;
                          InUse first_step = std::move(in_use);
                          auto made = std::make_unique<Updated>();
-                         made->values.resize(count_of(3 * kept->deformer.mesh().vertex_count()));
+                         made->values.resize(count_of(3 * bound->deformer.mesh().vertex_count()));
                          const dd::SplitResult result =
-                             update_in_steps(kept->deformer, update, made->values.data(), progress,
+                             update_in_steps(bound->deformer, update, made->values.data(), progress,
                                              [&] { first_step.release(); });
                          made->info.volumes_converged = result.volumes_converged;
                          made->info.volume_error = result.volume_error;
