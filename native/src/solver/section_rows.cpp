@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "solver/section_rows.h"
 
-#include <algorithm>
-
 namespace dd {
 
 SectionRows::SectionRows(const SymbolicCholesky& plan)
@@ -16,12 +14,6 @@ SectionRows::SectionRows(const SymbolicCholesky& plan)
   for (int d = 0; d < domains; ++d)
     for (int k = slot_begin_[d]; k < slot_begin_[d + 1]; ++k)
       slot_of_top_[d][slot_target_[k] - top] = plan.size() + k;
-}
-
-int SectionRows::section_of(int place) const {
-  return static_cast<int>(std::upper_bound(begin_.begin(), begin_.end() - 1, place) -
-                          begin_.begin()) -
-         1;
 }
 
 void SectionRows::fold(Rows& right) const {

@@ -18,8 +18,6 @@ class SectionRows {
   int sections() const { return static_cast<int>(begin_.size()) - 1; }
   /// The first place of a section; of sections(): the end.
   int begin(int section) const { return begin_[section]; }
-  /// The section of a place.
-  int section_of(int place) const;
   /// Rows in all.
   int count() const { return places() + static_cast<int>(slot_target_.size()) + sections(); }
 

@@ -48,13 +48,14 @@ FourthPoints::FourthPoints(const Mesh& mesh, const Region& region, std::vector<i
                            FourthPointWeights weights, const Progress& progress)
     : weights_(weights),
       triangles_(std::move(triangles)),
-      roles_(with_free_fourth_points(region, triangles_.size())),
       tets_(with_fourth_points(mesh, triangles_)),
-      poisson_(tets_, roles_, region.handle_count, deformation_operator(tets_),
+      poisson_(tets_, with_free_fourth_points(region, triangles_.size()), region.handle_count,
+               deformation_operator(tets_),
                weights == FourthPointWeights::volumes ? volumes(tets_)
                                                       : Eigen::VectorXd::Ones(tets_.tet_count()),
                progress),
-      unknowns_(static_cast<int>(std::count(roles_.begin(), roles_.end(), kFree))) {}
+      unknowns_(region.free_count() - static_cast<int>(region.grounds.size()) +
+                static_cast<int>(triangles_.size())) {}
 
 void FourthPoints::solve(const GradientSource& source, const RowOrder& order, Rows& offsets) const {
   Positions constrained = tets_.positions;

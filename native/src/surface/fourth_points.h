@@ -44,7 +44,6 @@ class FourthPoints {
  private:
   FourthPointWeights weights_;
   std::vector<int> triangles_;
-  std::vector<int> roles_;
   TetMesh tets_;
   TetPoisson poisson_;
   int unknowns_;
