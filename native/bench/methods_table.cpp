@@ -18,21 +18,41 @@ struct Row {
   dd::UpdateOptions options;
 };
 
+dd::UpdateOptions by(dd::MethodKind method, bool rotation_only = true) {
+  dd::UpdateOptions options;
+  options.method = method;
+  options.of_method.rotation_only = rotation_only;
+  return options;
+}
+
+dd::UpdateOptions levels(int count) {
+  dd::UpdateOptions options = by(dd::MethodKind::normal);
+  options.of_method.levels = count;
+  return options;
+}
+
+/// As the add-on does it unless told otherwise, but for the number of iterations.
+dd::UpdateOptions refined(int iterations) {
+  dd::UpdateOptions options = by(dd::MethodKind::transfer);
+  options.of_method.refined = {iterations, 0.009, 0.05};
+  return options;
+}
+
 std::vector<Row> rows() {
   using dd::MethodKind;
-  const auto shown = dd::Output::result;
-  return {{"VarMin", {MethodKind::variational, {true, 0}, shown}},
-          {"normal displacements", {MethodKind::normal, {}, shown}},
-          {"  3 levels", {MethodKind::normal, {true, 0, 3}, shown}},
-          {"displacement volumes", {MethodKind::volumes, {}, shown}},
-          {"gradient", {MethodKind::gradient, {true, 0}, shown}},
-          {"transfer, whole S", {MethodKind::transfer, {false, 0}, shown}},
-          {"transfer, rotations", {MethodKind::transfer, {true, 0}, shown}},
-          {"  refined, 1", {MethodKind::transfer, {true, 1}, shown}},
-          {"  refined, 2", {MethodKind::transfer, {true, 2}, shown}},
-          {"  refined, 4", {MethodKind::transfer, {true, 4}, shown}},
-          {"  refined, 8", {MethodKind::transfer, {true, 8}, shown}},
-          {"  refined, 16", {MethodKind::transfer, {true, 16}, shown}}};
+  return {{"VarMin", by(MethodKind::variational)},
+          {"normal displacements", by(MethodKind::normal)},
+          {"  3 levels", levels(3)},
+          {"displacement volumes", by(MethodKind::volumes)},
+          {"gradient", by(MethodKind::gradient)},
+          {"transfer, whole S", by(MethodKind::transfer, false)},
+          {"transfer, rotations", by(MethodKind::transfer)},
+          {"  smooth at the rims", refined(0)},
+          {"  refined, 1", refined(1)},
+          {"  refined, 2", refined(2)},
+          {"  refined, 4", refined(4)},
+          {"  refined, 8", refined(8)},
+          {"  refined, 16", refined(16)}};
 }
 
 using dd::bench::milliseconds_since;
@@ -69,8 +89,7 @@ int main() {
       dd::SplitMotion motion;
       motion.matrices.assign(one.motion.data(), one.motion.data() + 12);
       motion.steps = steps;
-      dd::UpdateOptions options;
-      options.of_method.refine = 4;
+      const dd::UpdateOptions options = refined(4);
       const auto start = Clock::now();
       dd::Deformer first(one.mesh, one.roles, 1, dd::BindOptions{});
       const auto result = dd::split_update(first, motion, options);

@@ -158,7 +158,8 @@ struct Scene {
 
 dd::UpdateOptions refined(int iterations) {
   dd::UpdateOptions options;
-  options.of_method.refine = iterations;
+  options.of_method.refined.iterations = iterations;
+  options.of_method.refined.rim_smoothing = iterations > 0 ? 0.05 : 0;  // the usual, and (14)
   return options;
 }
 

@@ -216,5 +216,5 @@ def test_zero_stands_for_what_the_header_says(native, structs, strip, struct, fi
 
 def test_defaults_are_told():
     assert [field for _, field, _ in told_defaults()] == [
-        'refine', 'levels', 'volume_tolerance', 'volume_iterations', 'steps', 'example_stiffness', 'stages', 'rounds',
-        'smoothness', 'identity', 'reach']
+        'refine', 'levels', 'volume_tolerance', 'volume_iterations', 'steps', 'example_stiffness', 'rim_smoothing',
+        'rotation_smoothing', 'stages', 'rounds', 'smoothness', 'identity', 'reach']

@@ -83,8 +83,9 @@ def test_needs_name_settings_and_values_that_there_are():
         assert len(rows) == len(table)
         for option in table:
             for need in option.needs:
-                kind = rows[need.name].kind
-                possible = {value[0] for value in kind} if isinstance(kind, tuple) else {False, True}
+                kind, limits = rows[need.name].kind, rows[need.name].limits
+                possible = ({value[0] for value in kind} if isinstance(kind, tuple) else {False, True} if kind is bool
+                            else set(range(limits['min'], limits['max'] + 1)))
                 assert set(need.values) < possible, f"{option.name} needs {need}"
                 assert not need.why_not or need.why_not.endswith('.')
             assert option.off is None or any(need.why_not for need in option.needs)

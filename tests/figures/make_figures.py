@@ -24,7 +24,10 @@ from detail_deform.library import native  # noqa: E402
 from detail_deform.scene import mesh_data  # noqa: E402
 
 COLUMNS = ("panel", "intersecting pairs (new)", "normal error, °", "mean ‖S − R‖", "area", "volume", "update, ms")
-PAPERS_LINEAR = {'method': 'TRANSFER', 'rotation_only': True, 'refine': 0}
+PAPERS_LINEAR = {'method': 'TRANSFER', 'rotation_only': True, 'refine': 0, 'rim_smoothing': 0.0,
+                 'base_deformer': 'LINEAR'}
+REFINED = {'method': 'TRANSFER', 'rotation_only': True, 'refine': 4, 'rim_smoothing': 0.05,
+           'base_deformer': 'AUTOMATIC'}
 
 
 # ---------------------------------------------------------------- one surface and its deformations
@@ -123,7 +126,7 @@ def figure_1():
     subject.panel("Normal displacements", method='NORMAL')
     subject.panel("Gradient editing", method='GRADIENT', rotation_only=True)
     turned = subject.panel("Detail transfer", **PAPERS_LINEAR)
-    refined = subject.panel("Transfer, refined", method='TRANSFER', refine=4)
+    refined = subject.panel("Transfer, refined", **REFINED)
     yield subject, dict(columns=3, view=(-0.6, -1.6, 1.1))
     yield "transfer turns the details", turned.normal_error < 0.6 * sheared.normal_error
     yield "nothing intersects", turned.intersecting_pairs + refined.intersecting_pairs == 0
@@ -147,11 +150,11 @@ def figure_3():
     normal = subject.panel("Normal displacements", method='NORMAL')
     status = subject.settings.status
     transfer = subject.panel("Detail transfer", **PAPERS_LINEAR)
-    refined = subject.panel("Transfer, refined", method='TRANSFER', refine=4)
+    refined = subject.panel("Transfer, refined", **REFINED)
     subject.settings.base_metric = 'SURFACE'
     bpy.ops.object.detail_deform_bind(wait=True, keep_rest=True)
-    for title, passes in (("Transfer, stiffness from surface", 0), ("the same, refined", 4)):
-        subject.panel(title, method='TRANSFER', refine=passes)
+    for title, settings in (("Transfer, stiffness from surface", PAPERS_LINEAR), ("the same, refined", REFINED)):
+        subject.panel(title, **settings)
         subject.panels.pop()  # numbers only
     print("status:", status)
     yield subject, dict(columns=2, view=(-0.3, -1.7, 0.8))
@@ -195,7 +198,7 @@ def figure_5():
     normal = subject.panel("Normal displacements", method='NORMAL')
     subject.panel("Gradient editing", method='GRADIENT', rotation_only=True)
     transfer = subject.panel("Detail transfer", **PAPERS_LINEAR)
-    refined = subject.panel("Transfer, refined", method='TRANSFER', refine=4)
+    refined = subject.panel("Transfer, refined", **REFINED)
     yield subject, dict(columns=3, view=(-1.3, -1.0, 0.75))
     yield "transfer stretches details less", transfer.stretch < normal.stretch
     yield "its refinement still less", refined.stretch < transfer.stretch

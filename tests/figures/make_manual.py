@@ -248,7 +248,7 @@ def steps():
 
 
 def main():
-    for cls in (*panels.CLASSES, *transfer_panel.CLASSES):
+    for cls in (*panels.CLASSES, transfer_panel.OBJECT_PT_detail_deform_transfer):
         if issubclass(cls, bpy.types.Panel):
             cls.bl_options = set()  # all of them open
     detail_deform.register()

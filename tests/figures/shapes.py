@@ -77,3 +77,36 @@ def bent(p, degrees, radius=0.7):
     rest, turn, arm = p[:, 2] - along, along / radius, radius - p[:, 0]
     return np.stack([radius - arm * np.cos(turn) + np.sin(turn) * rest, p[:, 1],
                      arm * np.sin(turn) + np.cos(turn) * rest], -1)
+
+
+def sheet(side=121):
+    """A flat grid over the unit square."""
+    x, y = (a.ravel() for a in np.meshgrid(*[np.linspace(0, 1, side)] * 2, indexing='ij'))
+    return np.stack([x, y, np.zeros_like(x)], -1), grid_faces(side, side)
+
+
+def tube(rings, sides, length, outline):
+    """Triangles about the x axis, closed by caps. outline: of angles, (n,) to (n, 2): y and z."""
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(rings), np.arange(sides), indexing='ij'))
+    p = np.concatenate([(length / (rings - 1) * i)[:, None], outline(2 * np.pi * j / sides)], -1)
+    p = np.concatenate([p, [[0, 0, 0], [length, 0, 0]]])
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(rings - 1), np.arange(sides), indexing='ij'))
+    a, b = i * sides + j, i * sides + (j + 1) % sides
+    j = np.arange(sides)
+    last = (rings - 1) * sides
+    return p, np.concatenate([
+        np.stack([a, b + sides, b], -1), np.stack([a, a + sides, b + sides], -1),
+        np.stack([np.full(sides, rings * sides), j, (j + 1) % sides], -1),
+        np.stack([np.full(sides, rings * sides + 1), last + (j + 1) % sides, last + j], -1)])
+
+
+def square(angle, half=0.07):
+    """An outline whose corners are vertices where the number of sides divides by four: the survey's bar."""
+    side, along = np.divmod(4 * angle / np.pi + 1e-9, 2)
+    turn = side * np.pi / 2
+    y, z = half, half * (along - 1)
+    return np.stack([np.cos(turn) * y - np.sin(turn) * z, np.sin(turn) * y + np.cos(turn) * z], -1)
+
+
+def circle(angle, radius=0.08):
+    return radius * np.stack([np.cos(angle), np.sin(angle)], -1)

@@ -5,7 +5,9 @@
 #pragma once
 
 #include <cmath>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "meshes.h"
@@ -144,6 +146,50 @@ inline ExplicitBend cylinder_of_figure_4(double degrees, double bend_radius = 0.
   made.base.leftCols<2>() *= 0.5;
   made.deformed_base = bent_explicitly(made.base, degrees, bend_radius);
   return made;
+}
+
+/// A disc pulled out of a flat unit sheet whose border is held; of no radius: its middle vertex.
+inline Case pulled_disc(int edges, double radius, double height = 0.3) {
+  Case made;
+  made.name = "disc pulled";
+  made.mesh = grid(edges + 1, edges + 1, [](double, double) { return 0.0; });
+  for (Index v = 0; v < made.mesh.positions.rows(); ++v) {
+    const Eigen::RowVector3d p = made.mesh.positions.row(v);
+    const bool border = p.x() == 0 || p.x() == 1 || p.y() == 0 || p.y() == 1;
+    const bool disc = (p - Eigen::RowVector3d(0.5, 0.5, 0)).norm() <= radius + 1e-9;
+    made.roles.push_back(disc ? 0 : border ? kFixed : kFree);
+  }
+  made.motion = identity();
+  made.motion(2, 3) = height;
+  return made;
+}
+
+/// Each triangle in four, through the middles of its edges: the same shape. A middle has its ends'
+/// role where they have one.
+inline Case subdivided(Case one) {
+  std::map<std::pair<int, int>, int> middles;
+  std::vector<Eigen::RowVector3d> added;
+  const int n = one.mesh.vertex_count(), m = one.mesh.triangle_count();
+  const auto middle = [&](int a, int b) {
+    const auto [found, is_new] =
+        middles.try_emplace(std::minmax(a, b), n + static_cast<int>(added.size()));
+    if (is_new) {
+      added.push_back(0.5 * (one.mesh.positions.row(a) + one.mesh.positions.row(b)));
+      one.roles.push_back(one.roles[a] == one.roles[b] ? one.roles[a] : kFree);
+    }
+    return found->second;
+  };
+  Triangles split(4 * m, 3);
+  for (int j = 0; j < m; ++j) {
+    const int a = one.mesh.triangles(j, 0), b = one.mesh.triangles(j, 1),
+              c = one.mesh.triangles(j, 2);
+    const int ab = middle(a, b), bc = middle(b, c), ca = middle(c, a);
+    split.middleRows<4>(4 * j) << a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca;
+  }
+  one.mesh.triangles = split;
+  one.mesh.positions.conservativeResize(n + Index(added.size()), 3);
+  for (size_t i = 0; i < added.size(); ++i) one.mesh.positions.row(n + Index(i)) = added[i];
+  return one;
 }
 
 inline std::vector<Case> survey_cases() {

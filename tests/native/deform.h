@@ -11,7 +11,24 @@
 namespace dd::test {
 
 inline UpdateOptions by(MethodKind method, bool rotation_only = true, int refine = 0) {
-  return {method, {rotation_only, refine}, Output::result};
+  UpdateOptions options;
+  options.method = method;
+  options.of_method.rotation_only = rotation_only;
+  options.of_method.refined.iterations = refine;
+  return options;
+}
+
+/// What the public interface does by default, but for the number of iterations.
+inline UpdateOptions usual(int refine = 4) {
+  UpdateOptions options = by(MethodKind::transfer, true, refine);
+  options.of_method.refined.rim_smoothing = 0.05;
+  return options;
+}
+
+inline UpdateOptions shown_base() {
+  UpdateOptions options = usual();
+  options.output = Output::base;
+  return options;
 }
 
 /// The deformed positions.

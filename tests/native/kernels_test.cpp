@@ -64,18 +64,26 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
     const FactorView<Real> factor = {begin.data(), rows.data(), slots.data(), starts.data(),
                                      values.data()};
     const auto right = numbers(size, double());
-    auto a = numbers(size, Real()), b = a;
+    const auto start = numbers(size, Real());
+    auto a = start, b = start, c = start, d = start;
     plain.forward(factor, 0, count, right.data(), a.data());
     wide.forward(factor, 0, count, right.data(), b.data());
+    plain.forward_four(factor, 0, count, right.data(), c.data());
+    wide.forward_four(factor, 0, count, right.data(), d.data());
     const auto first_columns = [](std::vector<Real> x) {
-      for (size_t i = 3; i < x.size(); i += 4)
-        if (kColumns<Real> == 3) x[i] = 0;
+      for (size_t i = 3; i < x.size(); i += 4) x[i] = 0;
       return x;
     };
     CHECK(close(first_columns(a), first_columns(b)));
+    CHECK(close(first_columns(a), first_columns(c)));
+    CHECK(close(c, d));
     plain.backward(factor, 0, count, a.data());
     wide.backward(factor, 0, count, b.data());
+    plain.backward_four(factor, 0, count, c.data());
+    wide.backward_four(factor, 0, count, d.data());
     CHECK(close(first_columns(a), first_columns(b)));
+    CHECK(close(first_columns(a), first_columns(c)));
+    CHECK(close(c, d));
   }
   SECTION("blend") {
     const auto weights = numbers(7 * 8, double()), coefficients = numbers(4 * 8, double()),

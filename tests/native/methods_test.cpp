@@ -127,11 +127,15 @@ TEST_CASE(
 
 TEST_CASE("methods share a deformer without leaving traces in each other's results") {
   const Ball ball;
+  UpdateOptions turned = test::usual();
+  turned.base_deformer = BaseDeformer::motions;
   const std::vector<UpdateOptions> all = {by(MethodKind::transfer),
                                           by(MethodKind::variational),
                                           by(MethodKind::gradient),
                                           by(MethodKind::transfer, true, 3),
-                                          {MethodKind::transfer, {true, 0}, Output::base}};
+                                          test::usual(),
+                                          turned,
+                                          test::shown_base()};
   std::vector<Positions> alone;
   for (const UpdateOptions& options : all) {
     Deformer fresh(ball.mesh, ball.roles, 2, {});
@@ -146,7 +150,7 @@ TEST_CASE("methods share a deformer without leaving traces in each other's resul
 TEST_CASE("showing the base gives B at rest and B' in a pose") {
   const Ball ball;
   Deformer deformer(ball.mesh, ball.roles, 2, {});
-  const UpdateOptions shown = {MethodKind::transfer, {true, 4}, Output::base};
+  const UpdateOptions shown = test::shown_base();
   CHECK(test::largest_difference(surface(deformer, {test::identity(), test::identity()}, shown),
                                  deformer.base()) < 1e-12);
   const auto dense = test::dense_transfer(ball.mesh, ball.roles, kMotions, false, true);

@@ -67,7 +67,7 @@ TEST_CASE("single precision stays within 1e-5 of the box of double") {
     for (const auto& how :
          {test::by(MethodKind::transfer, true), test::by(MethodKind::transfer, false),
           test::by(MethodKind::transfer, true, 4)}) {
-      INFO(one.name << ", refined " << how.of_method.refine);
+      INFO(one.name << ", refined " << how.of_method.refined.iterations);
       const double error = test::largest_difference(test::surface(*single, {one.motion}, how),
                                                     test::surface(*full, {one.motion}, how));
       CHECK(error < 1e-5 * box);

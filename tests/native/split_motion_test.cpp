@@ -21,11 +21,10 @@ SplitMotion in_steps(const Affine& matrix, int steps) {
   return motion;
 }
 
-Positions split(const test::Case& one, int steps,
-                const UpdateOptions& update = by(MethodKind::transfer),
+Positions split(const test::Case& one, int steps, UpdateOptions update = by(MethodKind::transfer),
                 const Eigen::Vector3d& turn = Eigen::Vector3d::Zero()) {
-  SplitMotion motion = in_steps(one.motion, steps);
-  motion.turns.assign(turn.data(), turn.data() + 3);
+  const SplitMotion motion = in_steps(one.motion, steps);
+  update.turns.assign(turn.data(), turn.data() + 3);
   Deformer deformer(one.mesh, one.roles, 1, {});
   return one.mesh.positions + split_update(deformer, motion, update).offsets;
 }

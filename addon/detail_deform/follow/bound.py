@@ -137,19 +137,19 @@ class Frame:
         self._motions, self._base = handle_matrices.motions(of, places), None
         self._asked = look.asked(of)
         self.of = (of.signature, self._motions.tobytes(), self._asked)
+        self._turns = np.zeros((len(self._motions), 3))
         if of.base == 'OBJECT':
             self._base = outside_base.deformed_positions(ob, depsgraph)
             self.of += (self._base.tobytes(),)
-        self._turns = np.zeros((len(self._motions), 3))
-        if look.steps(of) > 1:
+        elif look.knows_whole_turns(of):
             self._turns = handle_matrices.turns(of, places, depsgraph)
-            self.of += (of.steps, self._turns.tobytes())
+            self.of += (self._turns.tobytes(),)
 
     def offsets(self):
         """The quick ones, where there are slow ones."""
         slow_results.cancel(offset_attribute.token(self._ob.data))
         slow_results.make_way(self._deformer)
-        return self._deformer.offsets(self._motions, self._base, **look.quick(self._asked))
+        return self._deformer.offsets(self._motions, self._base, **look.quick({**self._asked, 'turns': self._turns}))
 
     def written(self, record, wait):
         """Notes the facts of what is shown now, and sees to the slow result. wait: for it, and without a window."""

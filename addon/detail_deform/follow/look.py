@@ -26,13 +26,19 @@ def why_no_base(settings):
 def quick(told):
     """What is shown while handles move: one step, and detail transfer in place of a slow method."""
     if told['method'] == 'VOLUMES':
-        return {'method': 'TRANSFER', 'refine': 0, 'output': told['output']}
+        kept = {name: told.get(name) for name in ('output', 'base_deformer', 'turns')}
+        return {'method': 'TRANSFER', 'refine': 0, **kept}
     return {**told, 'steps': 1}
 
 
 def steps(settings):
     """How many; a base from outside has no motion that could be split."""
     return options.value(_STEPS, settings)
+
+
+def knows_whole_turns(settings):
+    """Whether a handle's whole turns make a difference."""
+    return steps(settings) > 1 or settings.base_deformer != 'LINEAR'
 
 
 def is_slow(settings):

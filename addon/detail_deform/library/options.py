@@ -98,6 +98,16 @@ ANCHORS = (
     ('CENTROID', "Centre", "The centre of the mesh stays in place"),
     ('VERTICES', "Group's Mean", "The vertices of the anchor group stay in place on average"),
     ('PINNED', "Pinned Group", "Each vertex of the anchor group stays in place"))
+BASE_DEFORMERS = (
+    ('AUTOMATIC', "Automatic",
+     "Linear where no handle turns by more than 135 degrees against another one or what is fixed, motions from 180 "
+     "degrees on, and a mean of both in between"),
+    ('LINEAR', "Linear",
+     "The smoothest displacement that the handles allow: stretches least, but gathers a twist in the middle, collapses "
+     "towards half a turn and knows no more"),
+    ('MOTIONS', "Motions",
+     "The handles' rotations are blended: even twists and arcs of any number of turns, those of an empty's Euler "
+     "rotation"))
 _BASES = (
     ('COMPUTED', "Computed",
      "The smooth base surface is computed from the region's border, and the handles move it"),
@@ -128,6 +138,10 @@ def _gradients(rotation_only):
     return 'ROTATIONS' if rotation_only else 'WHOLE'
 
 
+def _or_none(length):
+    return length or -1  # a zero would stand for the default
+
+
 def _next_to_none(stiffness):
     return max(stiffness, 1e-6)  # a zero would stand for the default
 
@@ -152,6 +166,24 @@ SETTINGS = (
                   Need('rotation_only', (True,), "Only rotations are refined: switch Rotation Only on."),
                   Need('formulation', ('SURFACE',), "Only the surface formulation (Advanced) is refined.")),
            off=0),
+    Option('rotation_smoothing', float, "Bend Length",
+           "Length over which Refine smooths the turn of the details, as a share of the size of the region (the square "
+           "root of its area), so that the mesh's density doesn't matter. Short bends sharply, and a thick shape may "
+           "fold; long is stiff",
+           default=0.009, limits=dict(min=0.009, soft_max=0.05, max=1.0, precision=3, step=0.1),
+           fills=Field(UPDATE, 'rotation_smoothing', float), section='METHOD',
+           needs=(_by('TRANSFER'), Need('base', ('COMPUTED',)), Need('rotation_only', (True,)),
+                  Need('formulation', ('SURFACE',)),
+                  Need('refine', range(1, 1001), "Only Refine bends: it is 0."))),
+    Option('rim_smoothing', float, "Rim Smoothing",
+           "Width of the band around handles and fixed parts in which the surface leaves them smoothly, without a "
+           "crease or spike, as a share of the size of the region (the square root of its area). 0: the paper's result",
+           default=0.05, limits=dict(min=0.0, soft_max=0.2, max=1.0, precision=3, step=1),
+           fills=Field(UPDATE, 'rim_smoothing', float, _or_none), section='METHOD',
+           needs=(_by('TRANSFER'),
+                  Need('rotation_only', (True,), "Whole gradients leave no crease at the rims."),
+                  Need('formulation', ('SURFACE',), "Only the surface formulation (Advanced) is smooth at the rims.")),
+           off=-1),
     Option('levels', int, "Levels",
            "Surfaces between the detailed and the smooth one, each displaced from the next smoother one: shorter "
            "displacements, which intersect later",
@@ -196,14 +228,15 @@ SETTINGS = (
            section='BASE',
            needs=(_COMPUTED, Need('base_metric', ('SURFACE',), "Only stiffness from the surface is smoothed.")),
            off=0.0),
-    Option('base_deformer', (('LINEAR', "Linear", "The smoothest displacement that the handles allow"),),
-           "Base Deformer", "How the handles move the computed base surface"),
+    Option('base_deformer', BASE_DEFORMERS, "Deformer", "How the handles move the computed base surface",
+           fills=Field(UPDATE, 'base_deformer', 'dd_base_deformer'), section='BASE',
+           needs=(_COMPUTED, _by('TRANSFER', 'NORMAL', 'VOLUMES'))),
 
     Option('steps', int, "Steps",
-           "Split a large motion of the handles into so many steps, each on the surface that the last one left: for "
-           "turns beyond 90 degrees and whole turns of an empty's Euler rotation. While you drag, one step is shown; "
-           "the result in steps follows when you pause. Each step takes as long as a Bind",
-           default=1, limits=dict(min=1, soft_max=24, max=1000), fills=Field(UPDATE, 'steps', int), section='ADVANCED',
+           "Split a large motion of the handles into so many steps, each on the surface that the last one left, as the "
+           "paper does. Large turns need none: see Base > Deformer. While you drag, one step is shown; the result in "
+           "steps follows when you pause. Each step takes as long as a Bind",
+           default=1, limits=dict(min=1, soft_max=24, max=1000), fills=Field(UPDATE, 'steps', int),
            needs=(_by('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT', 'VOLUMES',
                       why_not="Examples are not approached in steps: add examples of the larger motion."),
                   Need('base', ('COMPUTED',), "The motion of a base object can't be split.")),

@@ -23,6 +23,7 @@ JOB_STATES = {'RUNNING': 0, 'DONE': 1, 'FAILED': 2}
 METRICS = options.numbers_of(options.METRICS)
 SMOOTHNESSES = {'DEFAULT': 0, 'MEMBRANE': 1, 'THIN_PLATE': 2, 'CURVATURE_VARIATION': 3}
 METHODS = options.numbers_of(options.METHODS)
+BASE_DEFORMERS = options.numbers_of(options.BASE_DEFORMERS)
 OUTPUTS = options.numbers_of(options.OUTPUTS)
 PAIRS_OF = options.numbers_of(options.PAIRS_OF)
 ANCHORS = options.numbers_of(options.ANCHORS)
@@ -33,7 +34,8 @@ ENUMS = {
     'dd_formulation': ('DD_FORMULATION_', FORMULATIONS), 'dd_precision': ('DD_PRECISION_', PRECISIONS),
     'dd_job_state': ('DD_JOB_', JOB_STATES), 'dd_base_metric': ('DD_METRIC_', METRICS),
     'dd_smoothness': ('DD_SMOOTHNESS_', SMOOTHNESSES), 'dd_method': ('DD_METHOD_', METHODS),
-    'dd_output': ('DD_OUTPUT_', OUTPUTS), 'dd_pairs_of': ('DD_PAIRS_OF_', PAIRS_OF),
+    'dd_output': ('DD_OUTPUT_', OUTPUTS), 'dd_base_deformer': ('DD_BASE_DEFORMER_', BASE_DEFORMERS),
+    'dd_pairs_of': ('DD_PAIRS_OF_', PAIRS_OF),
     'dd_anchor': ('DD_ANCHOR_', ANCHORS), 'dd_tet_operator': ('DD_TETS_', TET_OPERATORS)}
 
 
@@ -139,7 +141,7 @@ UpdateOptions = _sized(
     'method', 'gradients', 'refine', 'output', ('dd_values', 'values'), 'levels', 'formulation',
     (_POSITIONS, 'base'), (_SIZE, 'base_count'), 'volume_tolerance', 'volume_iterations', 'steps',
     (Array(np.float64, 3), 'turns'), (_SIZE, 'turn_count'), (Array(np.float64), 'example_weights'),
-    (_SIZE, 'example_weight_count'), 'example_stiffness')
+    (_SIZE, 'example_weight_count'), 'example_stiffness', 'rim_smoothing', 'rotation_smoothing', 'base_deformer')
 UpdateInfo = _sized('dd_update_info', "Facts about an update that was a job", (_INT, 'volumes_converged'),
                     (_DOUBLE, 'volume_error'))
 Info = _sized(

@@ -117,9 +117,10 @@ def store_rest(settings, places, only_new):
 
 
 def turns(settings, places, depsgraph):
-    """(h, 3) float64: rotation vectors of more than half a turn since rest, in the object's space, as
-    the empties' Euler rotations tell; zero where there is no such. A matrix alone can't tell whole
-    turns apart."""
+    """(h, 3) float64: how far each handle has turned since rest, whole turns among it, as a rotation vector in the
+    object's space: the sum of what the channels of the empty's Euler rotation have turned, about the axes that these
+    have now. It is a continuous function of the channels, and the rotation itself where only one of them turns. Zero
+    where the rotation is told in another way: a matrix alone can't tell whole turns apart."""
     result = np.zeros((len(places), 3))
     handles = enabled_handles(settings)
     for number, handle in enumerate(handles):
@@ -128,21 +129,19 @@ def turns(settings, places, depsgraph):
         target = handle.target.evaluated_get(depsgraph)
         if target.rotation_mode in {'QUATERNION', 'AXIS_ANGLE'}:
             continue
-        euler = target.rotation_euler
-        change = np.array(euler) - np.array(handle.rest_euler)
-        channel = int(np.abs(change).argmax())
-        if abs(change[channel]) <= np.pi:
-            continue
-        # The axis of this channel: what a little more of it turns about, in the empty's parent space.
-        more = euler.copy()
-        more[channel] += 1e-3
-        now = euler.to_matrix()
-        axis = np.array((more.to_matrix() @ now.inverted()).to_quaternion().axis)
         basis = np.array(target.matrix_basis)[:3, :3]
         if abs(np.linalg.det(basis)) < 1e-30:
             continue  # without size there is nothing to turn
-        axis = places[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis) @ axis
-        result[number] = change[channel] * axis / np.linalg.norm(axis)
+        # From the empty's parent space to the object's. Of axes of rotation, which a mirror turns round.
+        space = places[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis)
+        side = np.sign(np.linalg.det(space))
+        euler = target.rotation_euler
+        now = euler.to_matrix()
+        for channel, change in enumerate(np.array(euler) - np.array(handle.rest_euler)):
+            more = euler.copy()
+            more[channel] += 1e-3
+            axis = side * space @ np.array((more.to_matrix() @ now.inverted()).to_quaternion().axis)
+            result[number] += change * axis / np.linalg.norm(axis)
     for number, source in mirrored(handles):
         result[number] = -reflection(handles[number].mirror_axis)[:3, :3] @ result[source]  # as axes of rotation do
     return result

@@ -260,6 +260,17 @@ enum dd_output {
   DD_OUTPUT_BASE = 1    /* B' in its place */
 };
 
+/* How the handles move a computed base. */
+enum dd_base_deformer {
+  DD_BASE_DEFORMER_AUTOMATIC = 0, /* linear where no handle turns by more than 135 degrees against
+                                     another or what is fixed, motions from 180 on, a mean of both
+                                     in between */
+  DD_BASE_DEFORMER_LINEAR = 1,    /* the paper's: the smoothest displacement. Stretches least, but
+                                     collapses towards half a turn and knows no more */
+  DD_BASE_DEFORMER_MOTIONS = 2    /* blends the handles' rotations by harmonic weights: even twists
+                                     and arcs, of any number of turns */
+};
+
 typedef struct dd_update_options {
   uint32_t struct_size;
   int32_t method;    /* dd_method */
@@ -267,8 +278,9 @@ typedef struct dd_update_options {
                         DD_METHOD_EXAMPLES: of each S_ij; examples with stretches are met with
                         DD_GRADIENTS_WHOLE only */
   int32_t refine;    /* of DD_METHOD_TRANSFER with DD_GRADIENTS_ROTATIONS: iterations, each of which
-                        takes the rotations anew from S to S', smooths them over the surface and
-                        solves (14) again; 0 stands for 4, DD_NONE for the paper's linear result */
+                        takes the rotations anew from S to S', smooths them over a length
+                        (rotation_smoothing) and solves again; 0 stands for 4, DD_NONE for the
+                        paper's linear result */
   int32_t output;    /* dd_output */
   int32_t values;    /* dd_values */
   int32_t levels;    /* of DD_METHOD_NORMAL, at most 20: surfaces from S to B, each displaced from
@@ -284,17 +296,34 @@ typedef struct dd_update_options {
                                 along their screw motions in step, and after each the surface is
                                 bound anew to its result; 0 stands for 1. More than one is slow (see
                                 dd_update_start), and not for a base from outside */
-  const double* turns; /* of steps: for each handle a rotation vector (an axis times radians), near
-                          which its motion's rotation is taken, so that it may be more than half a
-                          turn. Null: the shortest */
+  const double* turns; /* of a base that blends motions, and of steps: for each handle a rotation
+                          vector (an axis times radians), as far as it has turned, so that this may
+                          be more than half a turn. It need not be exact: what is missing to the
+                          motion's rotation is taken the shortest way. Null: all of it */
   size_t turn_count;   /* handles */
   const double* example_weights; /* of DD_METHOD_EXAMPLES: the pose of these weights, w, is shown
                                     and the handles are let go, 1 being an example, 0 the rest;
                                     parts that nothing fixes go where the examples' centres take
                                     them. Null: the weights that fit the handles */
   size_t example_weight_count;   /* examples */
-  double example_stiffness; /* of DD_METHOD_EXAMPLES, >= 0: a factor on what keeps weights near a
+  double example_stiffness;  /* of DD_METHOD_EXAMPLES, >= 0: a factor on what keeps weights near a
                                guess from the handles' places and within 0 to 1; 0 stands for 1 */
+  double rim_smoothing;      /* of DD_METHOD_TRANSFER with DD_GRADIENTS_ROTATIONS on the surface: a
+                                length, as a share of the square root of the deforming area, at
+                                most 1. So far from handles and fixed parts, and somewhat farther,
+                                the slope has a say as well as the place, (L + L W L) p' =
+                                (1 + L W) div(S), so that no crease runs around them and no single
+                                vertex stands on a spike. 0 stands for 0.05, DD_NONE for none: (14)
+                                as it stands */
+  double rotation_smoothing; /* of refine: the length over which an iteration smooths the rotations,
+                                as a share of the square root of the deforming area, at most 1; the
+                                result is the same at any density. Shorter bends more sharply and
+                                may fold, thick shapes sooner; longer is stiffer. 0 stands for
+                                0.009 */
+  int32_t base_deformer;     /* dd_base_deformer. The farther handles turn, the less they are
+                                refined: wholly up to 135 degrees, by 0.7 at half a turn, not at all
+                                from 630 degrees on. It would pinch the inside of a bend and wring
+                                a twist to a thread */
 } dd_update_options;
 
 /* Makes one frame. By DD_METHOD_TRANSFER: B' from the handles, its deformation gradients S_j (15),

@@ -61,6 +61,11 @@ inline double number(const char* name, double value, double fallback) {
   require(value >= 0 && std::isfinite(value), std::string(name) + " must be zero or more.");
   return value == 0 ? fallback : value;
 }
+/// A share of a whole.
+inline double share(const char* name, double value, double fallback) {
+  require(value >= 0 && value <= 1, std::string(name) + " must be between 0 and 1.");
+  return value == 0 ? fallback : value;
+}
 
 inline int threads(int32_t value) { return number("options.threads", value, 1024, 0); }
 

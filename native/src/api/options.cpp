@@ -7,6 +7,7 @@ namespace {
 
 constexpr int kMostExamples = 1000;
 constexpr int kUsualRefinement = 4;
+constexpr double kUsualRimSmoothing = 0.05;
 
 std::vector<Positions> read_examples(const dd_bind_options& options, size_t vertex_count) {
   require(options.example_count <= kMostExamples,
@@ -46,15 +47,24 @@ Update read_update_options(const dd_update_options* given, const Deformer& defor
   const dd_update_options options = read_struct(given);
   Update result;
   result.options.method = choice("options.method", options.method, MethodKind::examples);
+  result.options.base_deformer =
+      choice("options.base_deformer", options.base_deformer, BaseDeformer::motions);
   result.options.output = choice("options.output", options.output, Output::base);
   result.values = choice("options.values", options.values, Values::offsets);
 
   MethodOptions& of_method = result.options.of_method;
   of_method.rotation_only = rotations_only(options.gradients);
   require_between("options.refine", options.refine, DD_NONE, 10000);
-  of_method.refine = options.refine == 0         ? kUsualRefinement
-                     : options.refine == DD_NONE ? 0
-                                                 : options.refine;
+  Refined& refined = of_method.refined;
+  refined.iterations = options.refine == 0         ? kUsualRefinement
+                       : options.refine == DD_NONE ? 0
+                                                   : options.refine;
+  refined.rim_smoothing =
+      options.rim_smoothing == static_cast<double>(DD_NONE)
+          ? 0
+          : share("options.rim_smoothing", options.rim_smoothing, kUsualRimSmoothing);
+  refined.rotation_smoothing =
+      share("options.rotation_smoothing", options.rotation_smoothing, refined.rotation_smoothing);
   of_method.levels = number("options.levels", options.levels, 20, of_method.levels);
   of_method.formulation =
       choice("options.formulation", options.formulation, Formulation::fourth_points_unweighted);
@@ -76,7 +86,7 @@ Update read_update_options(const dd_update_options* given, const Deformer& defor
   result.motion.steps = number("options.steps", options.steps, 1000, 1);
   if (is_given("options.turns", options.turns, options.turn_count,
                count_of(deformer.region().handle_count), "handles"))
-    result.motion.turns.assign(options.turns, options.turns + 3 * options.turn_count);
+    result.options.turns.assign(options.turns, options.turns + 3 * options.turn_count);
   result.deformed_base = read_optional_positions("options.base", options.base, options.base_count,
                                                  count_of(deformer.mesh().vertex_count()));
   return result;

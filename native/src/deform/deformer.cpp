@@ -118,20 +118,43 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
     moved_.row(r) = arm * coefficients_.middleRows<3>(4 * h) + coefficients_.row(4 * h + 3);
   }
   moved_.bottomRows(order.count() - order.fixed_begin).setZero();
-  move_base(deformed_base);
+  MotionBlend* const motions = outside_base() ? nullptr : &blend(options);
+  move_base(motions, options.base_deformer, deformed_base);
   if (options.output == Output::base) {
     moved_ = base_ - bound_->rest;
     return;
   }
   const bool carried = facts(options.method).from_base;
   Method& method = this->method(options.method, options.of_method.progress);
-  method.update({coefficients_, linear_, base_, moved_}, options.of_method);
+  Turning turning;
+  if (!motions)
+    turning.unknown = true;
+  else if (options.method == MethodKind::transfer && options.of_method.rotation_only)
+    turning = motions->turning(options.base_deformer);
+  method.update({coefficients_, linear_, base_, turning, moved_}, options.of_method);
   if (carried && carried_) carried_->place(base_, moved_);
 }
 
-void Deformer::move_base(const Positions* deformed) {
+MotionBlend& Deformer::blend(const UpdateOptions& options) {
+  if (!motions_) motions_ = std::make_unique<MotionBlend>(*bound_);
+  std::vector<MotionBlend::Affine> motions;
+  for (int h = 0; h < region_.handle_count; ++h) {
+    // About the handle's centre in the unit box: x ↦ o + A (x − o) + what moves o.
+    const Eigen::Vector3d own = bound_->basis.centres.row(h);
+    MotionBlend::Affine motion;
+    motion << linear_[h],
+        own - linear_[h] * own + coefficients_.row(4 * h + 3).head<3>().transpose();
+    motions.push_back(motion);
+  }
+  // The linear base knows of no whole turns.
+  const bool linear = options.base_deformer == BaseDeformer::linear;
+  motions_->take(motions, linear ? std::vector<double>{} : options.turns);
+  return *motions_;
+}
+
+void Deformer::move_base(MotionBlend* motions, BaseDeformer deformer, const Positions* deformed) {
   const RowOrder& order = bound_->order();
-  if (bound_->outside_base()) {
+  if (!motions) {
     if (!deformed || deformed->rows() != mesh_.vertex_count())
       throw Error(Status::argument,
                   "This surface was bound to a base from outside, and the update "
@@ -147,6 +170,8 @@ void Deformer::move_base(const Positions* deformed) {
                     weights.row(begin).data(), coefficients_.data(),
                     bound_->rest_base.row(begin).data(), base_.row(begin).data());
   });
+  const double share = motions->share(deformer);
+  if (share > 0) motions->move(moved_, share, base_);
   const int held = order.fixed_begin - order.free_count;
   base_.middleRows(order.free_count, held) = bound_->rest_base.middleRows(order.free_count, held) +
                                              moved_.middleRows(order.free_count, held);
@@ -211,7 +236,8 @@ double Deformer::bytes() const {
                     static_cast<Index>(region_.role.size() + region_.row.size() +
                                        region_.free.size() + region_.handle_vertices.size());
   double sum = static_cast<double>(doubles) * sizeof(double) +
-               static_cast<double>(ints) * sizeof(int) + bound_->bytes();
+               static_cast<double>(ints) * sizeof(int) + bound_->bytes() +
+               (motions_ ? motions_->bytes() : 0);
   for (const auto& made : methods_)
     if (made) sum += made->bytes();
   return sum;

@@ -7,6 +7,7 @@
 
 #include "mesh/unit_box.h"
 #include "methods/methods.h"
+#include "surface/motion_blend.h"
 
 namespace dd {
 
@@ -20,6 +21,10 @@ enum class Output {
 
 struct UpdateOptions {
   MethodKind method = MethodKind::transfer;
+  BaseDeformer base_deformer = BaseDeformer::automatic;
+  /// For each handle a rotation vector, how far it is said to have turned, 3 numbers; or none: the
+  /// shortest way. See MotionBlend and ScrewMotion.
+  std::vector<double> turns = {};
   MethodOptions of_method;
   Output output = Output::result;
 };
@@ -68,7 +73,10 @@ class Deformer {
  private:
   void move(const double* matrices, const UpdateOptions& options, const Positions* deformed_base);
   void take_matrices(const double* matrices);
-  void move_base(const Positions* deformed);
+  /// motions: those of this pose, null with a base from outside.
+  void move_base(MotionBlend* motions, BaseDeformer deformer, const Positions* deformed);
+  /// Of the handles' present matrices; for a frame it is taken once.
+  MotionBlend& blend(const UpdateOptions& options);
   /// The method, prepared when it isn't yet.
   Method& method(MethodKind kind, const Progress& progress);
   /// Throws Error(numeric) where the displacement, or a position with it, leaves the range of
@@ -88,6 +96,7 @@ class Deformer {
 
   RowMatrix coefficients_;  // 4h×4, unit box
   std::vector<Eigen::Matrix3d> linear_;
+  std::unique_ptr<MotionBlend> motions_;  // made when it is first asked for
   Rows base_, moved_;  // B' and the displacement, in BoundSurface::order(), unit box
   std::unique_ptr<CarriedComponents> carried_;  // where there are any
   Positions offsets_;

@@ -32,7 +32,6 @@ class ScrewMotion {
 /// each step the surface is bound anew to its result. One step is Deformer::update().
 struct SplitMotion {
   std::vector<double> matrices;  ///< as for Deformer::update()
-  std::vector<double> turns;     ///< 3 a handle, as for ScrewMotion; or none: all zero
   int steps = 1;
 };
 
@@ -44,10 +43,11 @@ struct SplitResult {
   bool volumes_converged = true;
 };
 
-/// Arguments as for Deformer::update(); a base from outside has no motion that could be split and
-/// allows one step only. The first step is an update of the bound deformer, the later ones of
-/// surfaces bound anew, which only read what never changes of it. let_go: called where these begin,
-/// and from where on others may update the deformer. Throws Error, with the step where it happened.
+/// Arguments as for Deformer::update(), with the turns of the whole motion; a base from outside has
+/// no motion that could be split and allows one step only. The first step is an update of the bound
+/// deformer, the later ones of surfaces bound anew, which only read what never changes of it.
+/// let_go: called where these begin, and from where on others may update the deformer. Throws
+/// Error, with the step where it happened.
 SplitResult split_update(Deformer& bound, const SplitMotion& motion, const UpdateOptions& update,
                          const Progress& progress = {}, const Positions* deformed_base = nullptr,
                          const std::function<void()>& let_go = {});

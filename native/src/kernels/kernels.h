@@ -80,23 +80,21 @@ struct FactorView {
   const Real* values;
 };
 
-/// Columns that a solve computes; a row has room for four.
-template <class Real>
-constexpr int kColumns = 4;
-template <>
-inline constexpr int kColumns<float> = 3;
-
 /// Loops that come in two precisions: of what is constant in a frame and of what is computed from
 /// it. Positions and right-hand sides are double always. x, right, quaternions: rows of 4.
 template <class Real>
 struct KernelsOf {
   /// Forward substitution through the supernodes first to last: x ← C⁻¹ (right + x) in their
-  /// places, and what that takes from the rows below added to those of x. In single precision of
-  /// the first three columns; the fourth is left with whatever.
+  /// places, and what that takes from the rows below added to those of x. Of the first three
+  /// columns; the fourth may be left with whatever.
   void (*forward)(const FactorView<Real>& factor, int first, int last, const double* right,
                   Real* x);
   /// Backward substitution, x ← C⁻ᵀ x.
   void (*backward)(const FactorView<Real>& factor, int first, int last, Real* x);
+  /// The same of all four columns, which in single precision takes longer.
+  void (*forward_four)(const FactorView<Real>& factor, int first, int last, const double* right,
+                       Real* x);
+  void (*backward_four)(const FactorView<Real>& factor, int first, int last, Real* x);
 
   /// For each triangle: S_j by (15) from its source corners in base, only its rotation if asked,
   /// and S_j · flux added to the rows of its target corners.

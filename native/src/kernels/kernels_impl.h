@@ -8,10 +8,21 @@ namespace dd {
 
 namespace {
 
+/// In double precision a row takes one register, whether three of its columns are asked for or
+/// four.
+template <class Real>
+constexpr int kFewColumns = sizeof(Real) == 4 ? 3 : 4;
+
 template <class Real>
 constexpr KernelsOf<Real> kernels_of() {
-  return {forward<Real>,       backward<Real>,       gradient_pass<Real>,
-          rotation_pass<Real>, mean_rotations<Real>, turn_pass<Real>};
+  return {forward<kFewColumns<Real>, Real>,
+          backward<kFewColumns<Real>, Real>,
+          forward<4, Real>,
+          backward<4, Real>,
+          gradient_pass<Real>,
+          rotation_pass<Real>,
+          mean_rotations<Real>,
+          turn_pass<Real>};
 }
 
 }  // namespace

@@ -77,74 +77,88 @@ inline void backward_rows(int width, const Real* values, const Source& source, R
   }
 }
 
-// The same for blocks of eight rows, on the first three of four.
+// The same for blocks of eight rows, on the first so many of four columns.
 #ifdef __AVX2__
-template <int Blocks, class Target>
+/// Blocks that go together: the sums of all must fit into the registers.
+template <int Columns, int Blocks>
+constexpr int kTogether = Columns == 4 && Blocks > 2 ? 2 : Blocks;
+
+template <int Columns, int Blocks, class Target>
 inline void forward_blocks(int width, const float* values, const float* own, const Target& target) {
-  __m256 sums[Blocks][4];
-  for (int b = 0; b < Blocks; ++b)
-    for (int k = 0; k < 4; ++k) sums[b][k] = _mm256_setzero_ps();
-  for (int c = 0; c < width; ++c) {
-    __m256 column[Blocks];
-    for (int b = 0; b < Blocks; ++b, values += 8) column[b] = _mm256_loadu_ps(values);
-    for (int k = 0; k < 3; ++k) {
-      const __m256 factor = _mm256_broadcast_ss(own + 4 * c + k);
-      for (int b = 0; b < Blocks; ++b) sums[b][k] = _mm256_fmadd_ps(column[b], factor, sums[b][k]);
+  constexpr int kCount = kTogether<Columns, Blocks>;
+  for (int first = 0; first < Blocks; first += kCount) {
+    __m256 sums[kCount][4];
+    for (int b = 0; b < kCount; ++b)
+      for (int k = 0; k < 4; ++k) sums[b][k] = _mm256_setzero_ps();
+    const float* next = values + 8 * first;
+    for (int c = 0; c < width; ++c, next += 8 * Blocks) {
+      __m256 column[kCount];
+      for (int b = 0; b < kCount; ++b) column[b] = _mm256_loadu_ps(next + 8 * b);
+      for (int k = 0; k < Columns; ++k) {
+        const __m256 factor = _mm256_broadcast_ss(own + 4 * c + k);
+        for (int b = 0; b < kCount; ++b)
+          sums[b][k] = _mm256_fmadd_ps(column[b], factor, sums[b][k]);
+      }
     }
-  }
-  for (int b = 0; b < Blocks; ++b) {
-    __m256* r = sums[b];
-    transpose_quarters(r[0], r[1], r[2], r[3]);
-    for (int i = 0; i < 4; ++i) target(8 * b + i, _mm256_castps256_ps128(r[i]));
-    for (int i = 0; i < 4; ++i) target(8 * b + 4 + i, _mm256_extractf128_ps(r[i], 1));
+    for (int b = 0; b < kCount; ++b) {
+      __m256* r = sums[b];
+      const int row = 8 * (first + b);
+      transpose_quarters(r[0], r[1], r[2], r[3]);
+      for (int i = 0; i < 4; ++i) target(row + i, _mm256_castps256_ps128(r[i]));
+      for (int i = 0; i < 4; ++i) target(row + 4 + i, _mm256_extractf128_ps(r[i], 1));
+    }
   }
 }
 
-template <int Blocks, class Source>
+template <int Columns, int Blocks, class Source>
 inline void backward_blocks(int width, const float* values, const Source& source, float* own) {
-  __m256 rows[Blocks][4];
-  for (int b = 0; b < Blocks; ++b) {
-    __m256* r = rows[b];
-    for (int i = 0; i < 4; ++i)
-      r[i] =
-          _mm256_insertf128_ps(_mm256_castps128_ps256(source(8 * b + i)), source(8 * b + 4 + i), 1);
-    transpose_quarters(r[0], r[1], r[2], r[3]);
-  }
-  values += 8 * Blocks * static_cast<int64_t>(width);
-  for (int c = width - 1; c >= 0; --c) {
-    __m256 s[3];
-    for (int b = Blocks - 1; b >= 0; --b) {
-      values -= 8;
-      const __m256 column = _mm256_loadu_ps(values);
-      for (int k = 0; k < 3; ++k)
-        s[k] = b == Blocks - 1 ? _mm256_mul_ps(column, rows[b][k])
-                               : _mm256_fmadd_ps(column, rows[b][k], s[k]);
+  constexpr int kCount = kTogether<Columns, Blocks>;
+  for (int first = Blocks - kCount; first >= 0; first -= kCount) {
+    __m256 rows[kCount][4];
+    for (int b = 0; b < kCount; ++b) {
+      __m256* r = rows[b];
+      const int row = 8 * (first + b);
+      for (int i = 0; i < 4; ++i)
+        r[i] =
+            _mm256_insertf128_ps(_mm256_castps128_ps256(source(row + i)), source(row + 4 + i), 1);
+      transpose_quarters(r[0], r[1], r[2], r[3]);
     }
-    const __m256 sums =
-        _mm256_hadd_ps(_mm256_hadd_ps(s[0], s[1]), _mm256_hadd_ps(s[2], _mm256_setzero_ps()));
-    const __m128 sum = _mm_add_ps(_mm256_castps256_ps128(sums), _mm256_extractf128_ps(sums, 1));
-    put(own + 4 * c, minus(get(own + 4 * c), sum));
+    const float* next = values + 8 * first + 8 * Blocks * static_cast<int64_t>(width);
+    for (int c = width - 1; c >= 0; --c) {
+      next -= 8 * Blocks;
+      __m256 s[4];
+      for (int b = kCount - 1; b >= 0; --b) {
+        const __m256 column = _mm256_loadu_ps(next + 8 * b);
+        for (int k = 0; k < Columns; ++k)
+          s[k] = b == kCount - 1 ? _mm256_mul_ps(column, rows[b][k])
+                                 : _mm256_fmadd_ps(column, rows[b][k], s[k]);
+      }
+      if constexpr (Columns < 4) s[3] = _mm256_setzero_ps();
+      const __m256 sums = _mm256_hadd_ps(_mm256_hadd_ps(s[0], s[1]), _mm256_hadd_ps(s[2], s[3]));
+      const __m128 sum = _mm_add_ps(_mm256_castps256_ps128(sums), _mm256_extractf128_ps(sums, 1));
+      put(own + 4 * c, minus(get(own + 4 * c), sum));
+    }
   }
 }
 #else
-template <int Blocks, class Target>
+template <int Columns, int Blocks, class Target>
 inline void forward_blocks(int width, const float* values, const float* own, const Target& target) {
-  float sums[3][8 * Blocks] = {};
+  float sums[4][8 * Blocks] = {};
   for (int c = 0; c < width; ++c, values += 8 * Blocks)
-    for (int k = 0; k < 3; ++k)
+    for (int k = 0; k < Columns; ++k)
       for (int i = 0; i < 8 * Blocks; ++i) sums[k][i] += values[i] * own[4 * c + k];
   for (int i = 0; i < 8 * Blocks; ++i)
-    target(i, RowOf<float>{{sums[0][i], sums[1][i], sums[2][i], 0}});
+    target(i, RowOf<float>{{sums[0][i], sums[1][i], sums[2][i], sums[3][i]}});
 }
 
-template <int Blocks, class Source>
+template <int Columns, int Blocks, class Source>
 inline void backward_blocks(int width, const float* values, const Source& source, float* own) {
   RowOf<float> rows[8 * Blocks];
   for (int i = 0; i < 8 * Blocks; ++i) rows[i] = source(i);
   values += 8 * Blocks * static_cast<int64_t>(width);
   for (int c = width - 1; c >= 0; --c) {
     values -= 8 * Blocks;
-    for (int k = 0; k < 3; ++k)
+    for (int k = 0; k < Columns; ++k)
       for (int i = 0; i < 8 * Blocks; ++i) own[4 * c + k] -= values[i] * rows[i].v[k];
   }
 }
@@ -166,22 +180,22 @@ inline void in_groups_from_end(int count, const Body& body) {
 }
 
 /// Forward and backward products of a group of so many rows.
-template <int Count, class Real, class Target>
+template <int Columns, int Count, class Real, class Target>
 inline void forward_group(int width, const Real* values, const Real* own, const Target& target) {
   if constexpr (Count % 8 == 0)
-    forward_blocks<Count / 8>(width, values, own, target);
+    forward_blocks<Columns, Count / 8>(width, values, own, target);
   else
     forward_rows<Count>(width, values, own, target);
 }
-template <int Count, class Real, class Source>
+template <int Columns, int Count, class Real, class Source>
 inline void backward_group(int width, const Real* values, const Source& source, Real* own) {
   if constexpr (Count % 8 == 0)
-    backward_blocks<Count / 8>(width, values, source, own);
+    backward_blocks<Columns, Count / 8>(width, values, source, own);
   else
     backward_rows<Count>(width, values, source, own);
 }
 
-template <class Real>
+template <int Columns, class Real>
 void forward(const FactorView<Real>& factor, int first, int last, const double* right, Real* x) {
   for (int s = first; s < last; ++s) {
     const int begin = factor.begin[s], width = factor.begin[s + 1] - begin;
@@ -197,15 +211,16 @@ void forward(const FactorView<Real>& factor, int first, int last, const double* 
       const Real* rows = values;
       values += kCount * j;
       j -= kCount;
-      forward_group<kCount>(j + kCount, rows, own,
-                            [&](int i, const Four<Real>& sum) { put(own + 4 * (j + i), sum); });
+      forward_group<Columns, kCount>(j + kCount, rows, own, [&](int i, const Four<Real>& sum) {
+        put(own + 4 * (j + i), sum);
+      });
     });
 
     const int32_t* slot = factor.slots + factor.row_begin[s];
     const int height = static_cast<int>(factor.row_begin[s + 1] - factor.row_begin[s]);
     in_groups<kRowsBelow<Real>>(height, [&](auto group) {
       constexpr int kCount = decltype(group)::value;
-      forward_group<kCount>(width, values, own, [&](int i, const Four<Real>& sum) {
+      forward_group<Columns, kCount>(width, values, own, [&](int i, const Four<Real>& sum) {
         Real* row = x + 4 * static_cast<int64_t>(slot[i]);
         put(row, minus(get(row), sum));
       });
@@ -215,7 +230,7 @@ void forward(const FactorView<Real>& factor, int first, int last, const double* 
   }
 }
 
-template <class Real>
+template <int Columns, class Real>
 void backward(const FactorView<Real>& factor, int first, int last, Real* x) {
   for (int s = last - 1; s >= first; --s) {
     const int begin = factor.begin[s], width = factor.begin[s + 1] - begin;
@@ -227,7 +242,7 @@ void backward(const FactorView<Real>& factor, int first, int last, Real* x) {
       constexpr int kCount = decltype(group)::value;
       slot -= kCount;
       values -= kCount * static_cast<int64_t>(width);
-      backward_group<kCount>(
+      backward_group<Columns, kCount>(
           width, values, [&](int i) { return get(x + 4 * static_cast<int64_t>(slot[i])); }, own);
     });
 
@@ -236,7 +251,7 @@ void backward(const FactorView<Real>& factor, int first, int last, Real* x) {
     in_groups_from_end<kTriangleRows<Real>>(width, [&](auto group) {
       constexpr int kCount = decltype(group)::value;
       values -= kCount * (j + kCount);
-      backward_group<kCount>(
+      backward_group<Columns, kCount>(
           j + kCount, values,
           [&](int i) {
             Real* row = own + 4 * (j + i);

@@ -33,7 +33,8 @@ double through_triangle(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
 
 }  // namespace
 
-std::vector<double> geodesic_distances(const Mesh& mesh, const std::vector<char>& sources) {
+std::vector<double> geodesic_distances(const Mesh& mesh, const std::vector<char>& sources,
+                                       double farthest) {
   const Triangles& t = mesh.triangles;
   const size_t n = static_cast<size_t>(mesh.vertex_count());
   const Fans fans(t, mesh.vertex_count());
@@ -58,7 +59,7 @@ std::vector<double> geodesic_distances(const Mesh& mesh, const std::vector<char>
   const auto nearer = [&](int s, int other, int c) {
     return s == other || straight(s, c) <= straight(other, c) ? s : other;
   };
-  while (!front.empty()) {
+  while (!front.empty() && front.top().first <= farthest) {
     const int a = front.top().second;
     front.pop();
     if (passed[a]) continue;

@@ -168,7 +168,7 @@ Rows DisplacementVolumes::shift_for(const Vector& wanted, const GoOn& go_on) con
 
 void DisplacementVolumes::update(const Frame& frame, const MethodOptions& options) {
   MethodOptions linear = options;
-  linear.refine = 0;
+  linear.refined = {};
   linear.formulation = Formulation::surface;
   linear.levels = 1;
   normal_.update(frame, linear);

@@ -2,6 +2,7 @@
 #include "methods/gradient_editing.h"
 
 #include "support/handle_blend.h"
+#include "surface/motion_blend.h"
 
 namespace dd {
 
@@ -9,23 +10,18 @@ GradientEditing::GradientEditing(BoundSurface& bound) : bound_(bound), flux_(bou
   const Triangles& t = bound.mesh.triangles;
   const RowOrder& order = bound.order();
   const std::vector<int>& active = bound.poisson->active().triangles;
-  const int handle_count = bound.region.handle_count;
 
-  weights_ = RowMatrix::Zero(static_cast<Index>(active.size()), handle_count);
-  // Three handles a solve: a right-hand side of the Poisson system has three columns.
-  for (int first = 0; first < handle_count; first += 3) {
-    Rows values = Rows::Zero(order.count(), 4);
-    for (int r = order.free_count; r < order.fixed_begin; ++r) {
-      const int column = bound.region.role[order.vertex_of_row[r]] - first;
-      if (column >= 0 && column < 3) values(r, column) = 1;
+  // A triangle's weight is the mean of its corners'; those of a handle have 1 of their own.
+  const RowMatrix of_vertices = harmonic_weights(bound);
+  weights_ = RowMatrix::Zero(static_cast<Index>(active.size()), bound.region.handle_count);
+  for (size_t i = 0; i < active.size(); ++i)
+    for (int k = 0; k < 3; ++k) {
+      const int v = t(active[i], k), row = order.row_of_vertex[v];
+      if (row < order.free_count)
+        weights_.row(Index(i)) += of_vertices.row(row) / 3;
+      else if (bound.region.role[v] >= 0)
+        weights_(Index(i), bound.region.role[v]) += 1.0 / 3;
     }
-    bound.poisson->extend(values);
-    for (size_t i = 0; i < active.size(); ++i)
-      for (int column = 0; column < std::min(3, handle_count - first); ++column)
-        for (int k = 0; k < 3; ++k)
-          weights_(Index(i), first + column) +=
-              values(order.row_of_vertex[t(active[i], k)], column) / 3;
-  }
 }
 
 void GradientEditing::update(const Frame& frame, const MethodOptions& options) {

@@ -21,7 +21,8 @@ enum class MethodKind {
 
 struct MethodOptions {
   bool rotation_only = true;  ///< S_j reduced to its rotation
-  int refine = 0;  ///< of transfer: iterations after its linear result; with rotation_only
+  /// Of transfer with rotation_only: what goes beyond its linear result.
+  Refined refined = {};
   int levels = 1;  ///< of normal displacements: surfaces that each is displaced from the next
   double volume_tolerance = 1e-2;  ///< of displacement volumes: step to stop at, in mean heights
   int volume_iterations = 50;      ///< of displacement volumes: steps after which to stop anyway
@@ -40,7 +41,8 @@ struct Frame {
   const RowMatrix& coefficients;
   const std::vector<Eigen::Matrix3d>& linear;
   const Rows& base;  ///< B', all rows in BoundSurface::order()
-  Rows& offsets;     ///< displacement of S: in those of the handles' vertices, out the free ones'
+  const Turning& turning;
+  Rows& offsets;  ///< displacement of S: in those of the handles' vertices, out the free ones'
 };
 
 /// What a method found out about the surface or about its last update.

@@ -8,9 +8,10 @@ Transfer::Transfer(BoundSurface& bound)
 
 void Transfer::update(const Frame& frame, const MethodOptions& options) {
   gradients_->take(frame.base, frame.linear, options.rotation_only);
-  reconstruction_.solve(*gradients_, options.formulation, frame.offsets);
   if (options.rotation_only && options.formulation == Formulation::surface)
-    reconstruction_.refine(options.refine, frame.offsets);
+    reconstruction_.solve(*gradients_, options.refined, frame.turning, frame.offsets);
+  else
+    reconstruction_.solve(*gradients_, options.formulation, frame.offsets);
 }
 
 MethodFindings Transfer::findings() const {

@@ -238,7 +238,8 @@ void SparseCholesky::prepare(RawArray<Real>& x) const {
 }
 
 template <class Real>
-void SparseCholesky::forward(int part, const double* right, RawArray<Real>& x) const {
+void SparseCholesky::forward(int part, const double* right, RawArray<Real>& x,
+                             Columns columns) const {
   const SymbolicCholesky& e = *symbolic_;
   const auto clear = [&](int begin, int end) {
     std::fill(x.data() + 4 * std::ptrdiff_t(begin), x.data() + 4 * std::ptrdiff_t(end), Real(0));
@@ -254,28 +255,29 @@ void SparseCholesky::forward(int part, const double* right, RawArray<Real>& x) c
   } else {
     clear(size() + e.slot_begin[part], size() + e.slot_begin[part + 1]);
   }
-  kernels().of<Real>().forward(view<Real>(), e.first_supernode(part), e.first_supernode(part + 1),
-                               right, x.data());
+  const KernelsOf<Real>& set = kernels().of<Real>();
+  (columns == Columns::three ? set.forward : set.forward_four)(
+      view<Real>(), e.first_supernode(part), e.first_supernode(part + 1), right, x.data());
 }
 
 template <class Real>
-void SparseCholesky::backward(int part, RawArray<Real>& x) const {
+void SparseCholesky::backward(int part, RawArray<Real>& x, Columns columns) const {
   const SymbolicCholesky& e = *symbolic_;
   if (part < e.domain_count())
     for (int k = e.slot_begin[part]; k < e.slot_begin[part + 1]; ++k)
       std::copy_n(x.data() + 4 * std::ptrdiff_t(e.slot_target[k]), 4,
                   x.data() + 4 * (std::ptrdiff_t(size()) + k));
-  kernels().of<Real>().backward(view<Real>(), e.first_supernode(part), e.first_supernode(part + 1),
-                                x.data());
+  const KernelsOf<Real>& set = kernels().of<Real>();
+  (columns == Columns::three ? set.backward : set.backward_four)(
+      view<Real>(), e.first_supernode(part), e.first_supernode(part + 1), x.data());
 }
 
 RowMatrix SparseCholesky::solve(const RowMatrix& B, ThreadPool* pool) const {
   RowMatrix X(B.rows(), B.cols());
   Rows panel = Rows::Zero(symbolic_->slotted_size(), 4);
   Space space;
-  const Index at_once = precision_ == Precision::single ? kColumns<float> : kColumns<double>;
-  for (Index first = 0; first < B.cols(); first += at_once) {
-    const Index width = std::min(at_once, B.cols() - first);
+  for (Index first = 0; first < B.cols(); first += 4) {
+    const Index width = std::min<Index>(4, B.cols() - first);
     for (Index k = 0; k < B.rows(); ++k)
       panel.row(k).head(width) = B.row(order()[k]).segment(first, width);
     solve_in_order(
@@ -283,7 +285,8 @@ RowMatrix SparseCholesky::solve(const RowMatrix& B, ThreadPool* pool) const {
         [&](int begin, int end, const auto* x) {
           for (int k = begin; k < end; ++k, x += 4)
             for (Index c = 0; c < width; ++c) X(order()[k], first + c) = x[c];
-        });
+        },
+        width == 4 ? Columns::four : Columns::three);
   }
   return X;
 }
@@ -303,9 +306,9 @@ double SparseCholesky::bytes() const {
 
 template void SparseCholesky::prepare(RawArray<float>&) const;
 template void SparseCholesky::prepare(RawArray<double>&) const;
-template void SparseCholesky::forward(int, const double*, RawArray<float>&) const;
-template void SparseCholesky::forward(int, const double*, RawArray<double>&) const;
-template void SparseCholesky::backward(int, RawArray<float>&) const;
-template void SparseCholesky::backward(int, RawArray<double>&) const;
+template void SparseCholesky::forward(int, const double*, RawArray<float>&, Columns) const;
+template void SparseCholesky::forward(int, const double*, RawArray<double>&, Columns) const;
+template void SparseCholesky::backward(int, RawArray<float>&, Columns) const;
+template void SparseCholesky::backward(int, RawArray<double>&, Columns) const;
 
 }  // namespace dd

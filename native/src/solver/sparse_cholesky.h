@@ -28,6 +28,10 @@ class SingularMatrix : public Error {
 /// How the factor is kept. It is computed in double always.
 enum class Precision { single, full };
 
+/// How many columns a solve is for. Rows have room for four; in single precision three take less
+/// time.
+enum class Columns { three, four };
+
 struct FactorOptions {
   /// A pivot of less than this times its diagonal entry is refused: that far it cancelled. Rounding
   /// leaves up to 1e-13 of it in a singular Laplacian of 65,000 rows.
@@ -70,18 +74,18 @@ class SparseCholesky {
     RawArray<double> full;
   };
 
-  /// Solves A X = B for four columns, in single precision three, rows in the factor's order.
+  /// Solves A X = B for three or four columns, rows in the factor's order.
   /// right: slotted_size()×4, row-major; what belongs to a row of the top may be spread over its
   /// slots. fill(part) is called before the rows and slots of a part are read: a frame makes its
   /// right-hand side there, where the caches have it. done(begin, end, x) gives the rows of x at
   /// these places, float or double as precision() says. Each part once, from any thread.
   template <class Fill, class Done>
   void solve_in_order(const double* right, Space& space, ThreadPool* pool, const Fill& fill,
-                      const Done& done) const {
+                      const Done& done, Columns columns = Columns::three) const {
     if (precision_ == Precision::single)
-      solve_as(right, space.single, pool, fill, done);
+      solve_as(right, space.single, pool, fill, done, columns);
     else
-      solve_as(right, space.full, pool, fill, done);
+      solve_as(right, space.full, pool, fill, done, columns);
   }
 
   /// Solves A X = B, rows in A's own order, any number of columns.
@@ -98,27 +102,27 @@ class SparseCholesky {
   template <class Real>
   void prepare(RawArray<Real>& x) const;
   template <class Real>
-  void forward(int part, const double* right, RawArray<Real>& x) const;
+  void forward(int part, const double* right, RawArray<Real>& x, Columns columns) const;
   template <class Real>
-  void backward(int part, RawArray<Real>& x) const;
+  void backward(int part, RawArray<Real>& x, Columns columns) const;
 
   template <class Real, class Fill, class Done>
   void solve_as(const double* right, RawArray<Real>& x, ThreadPool* pool, const Fill& fill,
-                const Done& done) const {
+                const Done& done, Columns columns) const {
     const SymbolicCholesky& e = *symbolic_;
     const int domains = e.domain_count();
     prepare(x);
     const auto finish = [&](int part) {
-      backward(part, x);
+      backward(part, x, columns);
       const int begin = e.section_begin(part);
       done(begin, e.section_begin(part + 1), x.data() + 4 * static_cast<size_t>(begin));
     };
     run_tasks(pool, domains, [&](int d) {
       fill(d);
-      forward(d, right, x);
+      forward(d, right, x, columns);
     });
     fill(domains);
-    forward(domains, right, x);
+    forward(domains, right, x, columns);
     finish(domains);
     run_tasks(pool, domains, finish);
   }

@@ -57,7 +57,7 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
     : FactoredSurface(std::move(surface), its_region), examples(options.examples) {
   report(progress, 0.05, "Factoring the Poisson system");
   SparseMatrix block = free_block(operators.laplacian, region);
-  const Dissection dissection = free_dissection(block, region, mesh.positions);
+  dissection = free_dissection(block, region, mesh.positions);
   const bool computed = options.base.size() == 0;
   const bool on_surface = computed && options.metric_smoothing == 0;
   std::future<Energy> energy;
@@ -65,12 +65,12 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
     energy = beside(pool, [&]() -> Energy {
       EnergyBlock bending = energy_block(operators, region, options.smoothness);
       auto symbolic =
-          std::make_shared<SymbolicCholesky>(bending.sparse, dissection.order(bending.sparse));
+          std::make_shared<SymbolicCholesky>(bending.sparse, dissection->order(bending.sparse));
       return {std::move(bending), std::move(symbolic)};
     });
 
   BlockOptions block_options;
-  block_options.dissection = &dissection;
+  block_options.dissection = &*dissection;
   block_options.pool = &pool;
   block_options.precision = options.precision;
   block_options.progress = within(progress, 0.05, 0.15);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "surface/factored_surface.h"
 
+#include <cmath>
 #include <utility>
 
 namespace dd {
@@ -10,9 +11,14 @@ FactoredSurface::FactoredSurface(Mesh its_mesh, const Region& its_region)
       region(its_region),
       operators(surface_operators(mesh.positions, mesh.triangles)) {}
 
-void FactoredSurface::factor(SparseMatrix block, const BlockOptions& options) {
+void FactoredSurface::factor(SparseMatrix block, BlockOptions options) {
+  if (!dissection) dissection = free_dissection(block, region, mesh.positions);
+  options.dissection = &*dissection;
   poisson = std::make_unique<PoissonSystem>(mesh, region, operators, std::move(block), options);
   rest = in_order(mesh.positions, order());
+  double area = 0;
+  for (int j : poisson->active().triangles) area += operators.metric.areas[j];
+  active_size = std::sqrt(area);
 }
 
 double FactoredSurface::bytes() const {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "mesh/mesh.h"
 #include "systems/operators.h"
@@ -15,8 +16,9 @@ struct FactoredSurface {
   /// it.
   FactoredSurface(Mesh its_mesh, const Region& its_region);
 
-  /// The Poisson system, by a free_block() of operators.laplacian. Throws UnsolvableSurface.
-  void factor(SparseMatrix block, const BlockOptions& options);
+  /// The Poisson system, by block, a free_block() of operators.laplacian; with its dissection where
+  /// that is not made yet. Throws UnsolvableSurface.
+  void factor(SparseMatrix block, BlockOptions options);
 
   const RowOrder& order() const { return poisson->order(); }
   double bytes() const;
@@ -24,8 +26,11 @@ struct FactoredSurface {
   Mesh mesh;  ///< S
   const Region& region;
   SurfaceOperators operators;
+  std::optional<Dissection> dissection;  ///< of the free vertices
   std::unique_ptr<PoissonSystem> poisson;
   Rows rest;  ///< S as rows in order()
+  /// √ of the active triangles' area: the unit of lengths that are told as shares of the surface.
+  double active_size = 0;
 };
 
 /// n×3 positions as rows of 4 in the given order.

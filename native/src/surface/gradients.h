@@ -68,6 +68,29 @@ struct ActiveBlocks {
   std::vector<int> begin;  ///< first block of each section, and the end
 };
 
+/// The active triangles for Kernels::turn_pass, with the flux of the positions of (n×3) by the
+/// metric of the surface. corner_of(vertex): its row of the quaternions.
+template <class Real, class CornerOf>
+std::vector<TurnBlock<Real>> turn_blocks(const FactoredSurface& surface, const ActiveBlocks& layout,
+                                         const Positions& of, const CornerOf& corner_of) {
+  const PoissonSystem& poisson = *surface.poisson;
+  const Triangles& t = surface.mesh.triangles;
+  const Positions flux = corner_divergence(surface.operators.metric, of, t);
+  auto blocks = layout.without_targets<TurnBlock<Real>>(poisson);
+  layout.each(poisson.active(), [&](int i, int section, int b, int lane) {
+    TurnBlock<Real>& block = blocks[b];
+    const int j = poisson.active().triangles[i];
+    for (int k = 0; k < 3; ++k) {
+      block.corner[k][lane] = corner_of(t(j, k));
+      block.target[k][lane] = poisson.target(section, t(j, k));
+    }
+    for (int k = 0; k < 2; ++k)
+      for (int c = 0; c < 3; ++c)
+        block.flux[k][c][lane] = static_cast<Real>(flux(3 * Index(j) + k, c));
+  });
+  return blocks;
+}
+
 /// A pass over triangles that turns base positions into the right-hand side div(S_jᵀ) of (14).
 template <class Real>
 class GradientPass {

@@ -18,6 +18,13 @@ enum class Formulation {
   fourth_points_unweighted = 2  ///< (10) as it stands
 };
 
+/// What goes beyond (14). Lengths are shares of FactoredSurface::active_size.
+struct Refined {
+  int iterations = 0;
+  double rotation_smoothing = 0.009;  ///< see RotationSmoothing
+  double rim_smoothing = 0;           ///< see ClampedPoisson; 0: (14) as it stands
+};
+
 /// A surface made of deformation gradients: by (14) on its factor, or by (10), and refined if
 /// asked. What a formulation needs beside the factor is made when it is first asked for.
 class Reconstruction {
@@ -29,14 +36,21 @@ class Reconstruction {
   /// Components that nothing holds come out with one vertex at rest.
   void solve(const GradientSource& gradients, Formulation formulation, Rows& offsets);
 
-  /// Improves the result of (14) by rotations alone: see Refinement.
-  void refine(int iterations, Rows& offsets);
+  /// By (14), and the result improved by rotations alone.
+  void solve(const GradientSource& rotations, const Refined& refined, const Turning& turning,
+             Rows& offsets);
 
   double bytes() const;
 
  private:
+  ClampedPoisson* clamped(double rim_smoothing);
+  /// held: how much of the slope at rims is.
+  void solve_unrefined(const GradientSource& rotations, ClampedPoisson* clamps, double held,
+                       Rows& offsets);
+
   FactoredSurface& surface_;
   std::unique_ptr<FourthPoints> fourth_points_;
+  std::unique_ptr<ClampedPoisson> clamped_;
   std::unique_ptr<Refinement> refinement_;
 };
 

@@ -16,6 +16,15 @@ namespace {
 
 constexpr int kLeastRange = 512;  // items that are worth a task
 
+/// How many times the way to the next solution an iteration goes, by how many are left after it.
+/// Long waves converge slowly: the last four iterations move them 8.95 times as far as one would.
+/// Short ones, of which the smoothing leaves nothing, are no larger after 3.25 and 1.45, and the
+/// last iteration ends them. More of it lets the inside of a sharp bend buckle on dense meshes.
+double relaxation(int left) {
+  if (left == 0 || left >= 4) return 1;
+  return left % 2 == 1 ? 3.25 : 1.45;
+}
+
 /// As the kernels take them.
 template <class Value>
 const Value (*rows_of(const std::vector<std::array<Value, kLanes>>& blocks))[kLanes] {
@@ -25,8 +34,9 @@ const Value (*rows_of(const std::vector<std::array<Value, kLanes>>& blocks))[kLa
 template <class Real>
 class RefinementOf : public Refinement {
  public:
-  explicit RefinementOf(FactoredSurface& surface);
-  void run(int iterations, Rows& offsets) override;
+  RefinementOf(FactoredSurface& surface, double length);
+  double length() const override { return smoothing_.length(); }
+  void run(int iterations, ClampedPoisson* clamped, const Turning& turning, Rows& offsets) override;
   double bytes() const override;
 
  private:
@@ -45,119 +55,106 @@ class RefinementOf : public Refinement {
   /// The terms of kLanes averages that are being collected.
   using Terms = std::array<std::vector<std::pair<int, double>>, kLanes>;
   using Quaternions = std::vector<Real>;  // rows of 4
-  static constexpr int kPasses = 6;
 
-  void make_averages(const std::vector<int>& vertices, const std::vector<int>& local_vertex,
-                     const std::vector<int>& local_triangle, int first_rim);
+  void make_averages(const std::vector<int>& local_triangle, int first_held);
   static void append(Averages& averages, Terms& terms);
-  void make_turns(const std::vector<int>& local_vertex);
-  int first_held_row() const { return kLanes * of_neighbours_.count(); }
-  void apply(const Averages& averages, const Quaternions& in, Quaternions& out) const;
+  /// The row of a vertex's rotation: free ones in order, then rims.
+  int rotation_row(int vertex) const;
   /// Of the triangles without a free corner, which only the handles move.
   void find_held_rotations();
-  /// Smoothed, of what positions_ shows.
-  void find_vertex_rotations();
+  /// Of what positions_ shows: means around each vertex, with the signs of the gauge.
+  void find_means(const Rows* gauge);
+  /// A gauge of the means: a walk over the surface, from vertex to neighbour.
+  void follow_means();
   /// As PoissonSystem::solve() takes it.
   void add(int section, double* rows) const;
 
   FactoredSurface& surface_;
+  RotationSmoothing smoothing_;
   // Triangles are numbered anew: those with a free corner, padded to whole blocks, then those
   // without that share a vertex with them.
   std::vector<RotationBlock<Real>> moving_, held_;
   ActiveBlocks layout_;
   std::vector<TurnBlock<Real>> turns_;
-  // For each vertex, of the rotations of its triangles; of those of vertices, and of the triangles
-  // without a free corner.
-  Averages of_triangles_, of_neighbours_;
-  Quaternions triangle_rotations_, vertex_rotations_, smoothed_;
-  Rows positions_, at_rest_;
+  Averages averages_;
+  Quaternions triangle_rotations_, vertex_rotations_;
+  Rows positions_, at_rest_, start_;
+  std::vector<std::pair<int, int>> steps_;  // of the walk: from a row of rotations to another
+  Rows followed_;
 };
 
 template <class Real>
-RefinementOf<Real>::RefinementOf(FactoredSurface& surface)
-    : surface_(surface), layout_(surface.poisson->active()) {
+RefinementOf<Real>::RefinementOf(FactoredSurface& surface, double length)
+    : surface_(surface), smoothing_(surface, length), layout_(surface.poisson->active()) {
   const Triangles& t = surface.mesh.triangles;
   const RowOrder& order = surface.order();
   const std::vector<int>& active = surface.poisson->active().triangles;
   const int m = surface.mesh.triangle_count();
 
-  // Vertices of triangles with a free corner, and the other triangles of these vertices.
-  std::vector<int> local_vertex(surface.region.role.size(), -1), vertices;
-  std::vector<int> local_triangle(static_cast<size_t>(m), -1), rim;
-  for (int j : active)
-    for (int k = 0; k < 3; ++k) {
-      int& number = local_vertex[t(j, k)];
-      if (number >= 0) continue;
-      number = static_cast<int>(vertices.size());
-      vertices.push_back(t(j, k));
-    }
+  std::vector<char> is_rim(surface.region.role.size(), 0);
+  for (int row : surface.poisson->rims()) is_rim[order.vertex_of_row[row]] = 1;
   const StandIns standing =
       stand_ins(surface.mesh.positions, t, bounding_box_diagonal(surface.mesh.positions));
   moving_ = rotation_blocks<Real>(surface.mesh.positions, t, active, standing, order);
-  const int first_rim = kLanes * static_cast<int>(moving_.size());
+  const int first_held = kLanes * static_cast<int>(moving_.size());
+  std::vector<int> local_triangle(static_cast<size_t>(m), -1), held;
   for (size_t i = 0; i < active.size(); ++i) local_triangle[active[i]] = static_cast<int>(i);
   for (int j = 0; j < m; ++j) {
     if (local_triangle[j] >= 0) continue;
     for (int k = 0; k < 3; ++k) {
-      if (local_vertex[t(j, k)] < 0) continue;
-      local_triangle[j] = first_rim + static_cast<int>(rim.size());
-      rim.push_back(j);
+      if (!is_rim[t(j, k)]) continue;
+      local_triangle[j] = first_held + static_cast<int>(held.size());
+      held.push_back(j);
       break;
     }
   }
-  if (!rim.empty()) held_ = rotation_blocks<Real>(surface.mesh.positions, t, rim, standing, order);
+  if (!held.empty())
+    held_ = rotation_blocks<Real>(surface.mesh.positions, t, held, standing, order);
 
-  make_averages(vertices, local_vertex, local_triangle, first_rim);
-  make_turns(local_vertex);
-  triangle_rotations_.assign(4 * (static_cast<size_t>(first_rim) + kLanes * held_.size()), 0);
-  // The rotations of the triangles without a free corner stand behind those of the vertices.
-  vertex_rotations_.assign(4 * (static_cast<size_t>(first_held_row()) + kLanes * held_.size()), 0);
-  for (size_t i = 3; i < vertex_rotations_.size(); i += 4) vertex_rotations_[i] = 1;
-  smoothed_ = vertex_rotations_;
+  make_averages(local_triangle, first_held);
+  turns_ = turn_blocks<Real>(surface, layout_, surface.mesh.positions,
+                             [&](int v) { return rotation_row(v); });
+  triangle_rotations_.assign(4 * (static_cast<size_t>(first_held) + kLanes * held_.size()), 0);
+  vertex_rotations_.assign(4 * static_cast<size_t>(kLanes * averages_.count()), 0);
 
   positions_ = surface.rest;
   find_held_rotations();
-  find_vertex_rotations();
+  find_means(nullptr);
+  smoothing_.run(vertex_rotations_.data());
   at_rest_ = Rows::Zero(surface.poisson->right_hand_side_rows(), 4);
   for (int section = 0; section < layout_.sections(); ++section) add(section, at_rest_.data());
 }
 
 template <class Real>
-void RefinementOf<Real>::make_averages(const std::vector<int>& vertices,
-                                       const std::vector<int>& local_vertex,
-                                       const std::vector<int>& local_triangle, int first_rim) {
-  const Triangles& t = surface_.mesh.triangles;
-  const Fans fans(t, surface_.mesh.vertex_count());
+int RefinementOf<Real>::rotation_row(int vertex) const {
+  return surface_.poisson->active_place(surface_.order().row_of_vertex[vertex]);
+}
 
-  const int blocks = (static_cast<int>(vertices.size()) + kLanes - 1) / kLanes;
-  std::vector<double> share(vertices.size(), 0.0);  // of each neighbour of one vertex
-  std::vector<int> neighbours;
-  for (int b = 0; b < blocks; ++b) {
-    Terms triangle_terms, vertex_terms;
+template <class Real>
+void RefinementOf<Real>::make_averages(const std::vector<int>& local_triangle, int first_held) {
+  const Fans fans(surface_.mesh.triangles, surface_.mesh.vertex_count());
+  const PoissonSystem& poisson = *surface_.poisson;
+  std::vector<int> vertices;
+  for (int i = 0; i < poisson.active_vertex_count(); ++i)
+    vertices.push_back(poisson.order().vertex_of_row[poisson.active_row(i)]);
+
+  const size_t blocks = (vertices.size() + kLanes - 1) / kLanes;
+  for (size_t b = 0; b < blocks; ++b) {
+    Terms terms;
     for (size_t lane = 0; lane < kLanes; ++lane) {
-      const size_t vertex = static_cast<size_t>(b) * kLanes + lane;
-      if (vertex >= vertices.size()) continue;
-      const Fans::Range fan = fans.of(vertices[vertex]);
+      const size_t i = b * kLanes + lane;
+      if (i >= vertices.size()) continue;
+      const Fans::Range fan = fans.of(vertices[i]);
+      const auto is_held = [&](int j) { return local_triangle[j] >= first_held; };
+      const bool only_held = std::any_of(fan.begin(), fan.end(), is_held);
       double sum = 0;
-      for (int j : fan) sum += surface_.operators.metric.areas[j];
-      neighbours.clear();
-      for (int j : fan) {
-        const double weight = surface_.operators.metric.areas[j] / sum;
-        triangle_terms[lane].emplace_back(local_triangle[j], weight);
-        if (local_triangle[j] >= first_rim) {
-          vertex_terms[lane].emplace_back(kLanes * blocks + local_triangle[j] - first_rim, weight);
-          continue;
-        }
-        for (int k = 0; k < 3; ++k) {
-          const int v = local_vertex[t(j, k)];
-          if (share[v] == 0) neighbours.push_back(v);
-          share[v] += weight / 3;
-        }
-      }
-      for (int v : neighbours) vertex_terms[lane].emplace_back(v, std::exchange(share[v], 0.0));
+      for (int j : fan)
+        if (is_held(j) == only_held) sum += surface_.operators.metric.areas[j];
+      for (int j : fan)
+        if (is_held(j) == only_held)
+          terms[lane].emplace_back(local_triangle[j], surface_.operators.metric.areas[j] / sum);
     }
-    append(of_triangles_, triangle_terms);
-    append(of_neighbours_, vertex_terms);
+    append(averages_, terms);
   }
 }
 
@@ -181,58 +178,71 @@ void RefinementOf<Real>::append(Averages& averages, Terms& terms) {
 }
 
 template <class Real>
-void RefinementOf<Real>::make_turns(const std::vector<int>& local_vertex) {
-  const Triangles& t = surface_.mesh.triangles;
+void RefinementOf<Real>::find_held_rotations() {
+  kernels().of<Real>().rotation_pass(static_cast<int>(held_.size()), held_.data(),
+                                     positions_.data(),
+                                     triangle_rotations_.data() + 4 * kLanes * moving_.size());
+}
+
+template <class Real>
+void RefinementOf<Real>::find_means(const Rows* gauge) {
+  const auto& pass = kernels().of<Real>();
+  ThreadPool& pool = surface_.poisson->pool();
+  pool.parallel_for(
+      static_cast<int64_t>(moving_.size()), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
+        pass.rotation_pass(static_cast<int>(end - begin), moving_.data() + begin, positions_.data(),
+                           triangle_rotations_.data() + 4 * kLanes * begin);
+      });
+  pool.parallel_for(averages_.count(), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
+    pass.mean_rotations(static_cast<int>(begin), static_cast<int>(end), averages_.starts.data(),
+                        rows_of(averages_.index), rows_of(averages_.weights),
+                        triangle_rotations_.data(), vertex_rotations_.data());
+  });
+  // A rotation is two quaternions; the smoothing must not meet one of each side by side.
   const PoissonSystem& poisson = *surface_.poisson;
-  const Positions flux = corner_divergence(surface_.operators.metric, surface_.mesh.positions, t);
-  turns_ = layout_.without_targets<TurnBlock<Real>>(poisson);
-  layout_.each(poisson.active(), [&](int i, int section, int b, int lane) {
-    TurnBlock<Real>& block = turns_[b];
-    const int j = poisson.active().triangles[i];
-    for (int k = 0; k < 3; ++k) {
-      block.corner[k][lane] = local_vertex[t(j, k)];
-      block.target[k][lane] = poisson.target(section, t(j, k));
+  pool.parallel_for(poisson.active_vertex_count(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      Eigen::Map<Eigen::Matrix<Real, 4, 1>> q(vertex_rotations_.data() + 4 * i);
+      const double side =
+          gauge ? gauge->row(poisson.active_row(int(i))).dot(q.template cast<double>())
+                : double(q[3]);
+      if (side < 0) q = -q;
     }
-    for (int k = 0; k < 2; ++k)
-      for (int c = 0; c < 3; ++c)
-        block.flux[k][c][lane] = static_cast<Real>(flux(3 * Index(j) + k, c));
   });
 }
 
 template <class Real>
-void RefinementOf<Real>::apply(const Averages& averages, const Quaternions& in,
-                               Quaternions& out) const {
-  surface_.poisson->pool().parallel_for(
-      averages.count(), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
-        kernels().of<Real>().mean_rotations(static_cast<int>(begin), static_cast<int>(end),
-                                            averages.starts.data(), rows_of(averages.index),
-                                            rows_of(averages.weights), in.data(), out.data());
-      });
-}
-
-template <class Real>
-void RefinementOf<Real>::find_held_rotations() {
-  Real* held = triangle_rotations_.data() + 4 * kLanes * moving_.size();
-  kernels().of<Real>().rotation_pass(static_cast<int>(held_.size()), held_.data(),
-                                     positions_.data(), held);
-  const size_t count = 4 * kLanes * held_.size();
-  for (Quaternions* rotations : {&vertex_rotations_, &smoothed_})
-    std::copy_n(held, count, rotations->end() - static_cast<std::ptrdiff_t>(count));
-}
-
-template <class Real>
-void RefinementOf<Real>::find_vertex_rotations() {
-  surface_.poisson->pool().parallel_for(
-      static_cast<int64_t>(moving_.size()), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
-        kernels().of<Real>().rotation_pass(static_cast<int>(end - begin), moving_.data() + begin,
-                                           positions_.data(),
-                                           triangle_rotations_.data() + 4 * kLanes * begin);
-      });
-  apply(of_triangles_, triangle_rotations_, vertex_rotations_);
-  for (int pass = 1; pass < kPasses; ++pass) {
-    apply(of_neighbours_, vertex_rotations_, smoothed_);
-    vertex_rotations_.swap(smoothed_);
+void RefinementOf<Real>::follow_means() {
+  const PoissonSystem& poisson = *surface_.poisson;
+  const Triangles& t = surface_.mesh.triangles;
+  const int count = poisson.active_vertex_count();
+  if (steps_.empty()) {
+    std::vector<std::vector<int>> neighbours(static_cast<size_t>(count));
+    for (int j : poisson.active().triangles)
+      for (int k = 0; k < 3; ++k)
+        for (int other : {(k + 1) % 3, (k + 2) % 3})
+          neighbours[rotation_row(t(j, k))].push_back(rotation_row(t(j, other)));
+    std::vector<char> reached(static_cast<size_t>(count), 0);
+    for (int start = 0; start < count; ++start) {
+      if (reached[start]) continue;
+      reached[start] = 1;
+      std::vector<int> front{start};
+      for (size_t i = 0; i < front.size(); ++i)
+        for (int next : neighbours[front[i]])
+          if (!std::exchange(reached[next], 1)) {
+            steps_.emplace_back(front[i], next);
+            front.push_back(next);
+          }
+    }
   }
+  const auto mean = [&](int row) {
+    return Eigen::Map<Eigen::Matrix<Real, 4, 1>>(vertex_rotations_.data() + 4 * Index(row));
+  };
+  for (const auto& [from, to] : steps_)
+    if (mean(from).dot(mean(to)) < 0) mean(to) *= Real(-1);
+  followed_ = Rows::Zero(poisson.order().count(), 4);
+  for (int i = 0; i < count; ++i)
+    followed_.row(poisson.active_row(i)) = mean(i).transpose().template cast<double>();
 }
 
 template <class Real>
@@ -243,37 +253,51 @@ void RefinementOf<Real>::add(int section, double* rows) const {
 }
 
 template <class Real>
-void RefinementOf<Real>::run(int iterations, Rows& offsets) {
+void RefinementOf<Real>::run(int iterations, ClampedPoisson* clamped, const Turning& turning,
+                             Rows& offsets) {
   const RowOrder& order = surface_.order();
+  PoissonSystem& poisson = *surface_.poisson;
+  if (turning.share < 1) start_ = offsets;
+  const auto add_turned = [&](int section, double* rows) { add(section, rows); };
   for (int iteration = 0; iteration < iterations; ++iteration) {
     const int moved = iteration == 0 ? order.fixed_begin : order.free_count;
-    surface_.poisson->pool().parallel_for(moved, kLeastRange, [&](int64_t begin, int64_t end) {
+    poisson.pool().parallel_for(moved, kLeastRange, [&](int64_t begin, int64_t end) {
       const int64_t count = end - begin;
       positions_.middleRows(begin, count) =
           surface_.rest.middleRows(begin, count) + offsets.middleRows(begin, count);
     });
     if (iteration == 0) find_held_rotations();
-    find_vertex_rotations();
-    surface_.poisson->solve(
-        at_rest_, [&](int section, double* rows) { add(section, rows); }, offsets);
+    find_means(turning.unknown && iteration > 0 ? &followed_ : turning.gauge);
+    if (turning.unknown && iteration == 0) follow_means();
+    smoothing_.run(vertex_rotations_.data());
+    const int left = iterations - 1 - iteration;
+    if (clamped && left == 0)
+      clamped->step(at_rest_, add_turned, offsets);
+    else
+      poisson.solve(at_rest_, add_turned, offsets, turning.share * relaxation(left));
   }
+  if (turning.share < 1) offsets = start_ + turning.share * (offsets - start_);
 }
 
 template <class Real>
 double RefinementOf<Real>::bytes() const {
-  const auto numbers = triangle_rotations_.size() + vertex_rotations_.size() + smoothed_.size();
-  return static_cast<double>((moving_.size() + held_.size()) * sizeof(RotationBlock<Real>) +
-                             turns_.size() * sizeof(TurnBlock<Real>) + numbers * sizeof(Real)) +
-         of_triangles_.bytes() + of_neighbours_.bytes() +
-         static_cast<double>((positions_.size() + at_rest_.size()) * Index(sizeof(double)));
+  const auto numbers = triangle_rotations_.size() + vertex_rotations_.size();
+  return smoothing_.bytes() +
+         static_cast<double>((moving_.size() + held_.size()) * sizeof(RotationBlock<Real>) +
+                             turns_.size() * sizeof(TurnBlock<Real>) + numbers * sizeof(Real) +
+                             steps_.size() * sizeof(steps_[0])) +
+         averages_.bytes() +
+         static_cast<double>(
+             (positions_.size() + at_rest_.size() + start_.size() + followed_.size()) *
+             Index(sizeof(double)));
 }
 
 }  // namespace
 
-std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface) {
+std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, double length) {
   if (surface.poisson->precision() == Precision::single)
-    return std::make_unique<RefinementOf<float>>(surface);
-  return std::make_unique<RefinementOf<double>>(surface);
+    return std::make_unique<RefinementOf<float>>(surface, length);
+  return std::make_unique<RefinementOf<double>>(surface, length);
 }
 
 }  // namespace dd

@@ -1,28 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "systems/energy_block.h"
 
-#include <vector>
-
 #include "systems/free_block.h"
 
 namespace dd {
 
 namespace {
-
-/// Vertices of more neighbours, where a free vertex is among these and the vertex itself.
-std::vector<int> find_hubs(const SparseMatrix& laplacian, const Region& region,
-                           int most_neighbours) {
-  std::vector<int> hubs;
-  for (int v = 0; v < static_cast<int>(laplacian.cols()); ++v) {
-    if (laplacian.col(v).nonZeros() - 1 <= most_neighbours) continue;
-    for (SparseMatrix::InnerIterator it(laplacian, v); it; ++it) {
-      if (region.row[it.row()] < 0) continue;
-      hubs.push_back(v);
-      break;
-    }
-  }
-  return hubs;
-}
 
 /// The given rows of a matrix as columns.
 SparseMatrix rows_of(const SparseMatrix& matrix, const std::vector<int>& rows) {
@@ -63,6 +46,28 @@ void pin(const std::vector<int>& hubs, const Region& region, EnergyBlock& block)
 }
 
 }  // namespace
+
+std::vector<int> find_hubs(const SparseMatrix& laplacian, const Region& region,
+                           int most_neighbours) {
+  std::vector<int> hubs;
+  for (int v = 0; v < static_cast<int>(laplacian.cols()); ++v) {
+    if (laplacian.col(v).nonZeros() - 1 <= most_neighbours) continue;
+    for (SparseMatrix::InnerIterator it(laplacian, v); it; ++it) {
+      if (region.row[it.row()] < 0) continue;
+      hubs.push_back(v);
+      break;
+    }
+  }
+  return hubs;
+}
+
+SparseMatrix bending_block(const SparseMatrix& laplacian, const Region& region,
+                           const Eigen::VectorXd& weights) {
+  SparseMatrix columns = free_columns(laplacian, region);
+  columns.prune([&](Index row, Index, double) { return weights[row] != 0; });
+  const SparseMatrix weighted = weights.asDiagonal() * columns;
+  return columns.transpose() * weighted;
+}
 
 // With C = M⁻¹ L on the free vertices, K is Lᵀ C or Cᵀ L C. A hub's row of C is taken out of it and
 // comes back as a vector: C = C₀ + E cᵀ, where E has the hubs' unit vectors and cᵀ their rows.

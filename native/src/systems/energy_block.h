@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "systems/operators.h"
 #include "systems/region.h"
@@ -18,6 +19,14 @@ enum class Smoothness {
 /// Beyond it a vertex is a hub, whose curvature would couple each of its neighbours with all others
 /// in K: a full matrix of that size.
 constexpr int kMostNeighbours = 1000;
+
+/// Vertices of more neighbours, where a free vertex is among these and the vertex itself.
+std::vector<int> find_hubs(const SparseMatrix& laplacian, const Region& region,
+                           int most_neighbours = kMostNeighbours);
+
+/// L_F: W L_:F, F×F: with W = M⁻¹ the block of K of order 2. weights: the diagonal of W, n.
+SparseMatrix bending_block(const SparseMatrix& laplacian, const Region& region,
+                           const Eigen::VectorXd& weights);
 
 /// The F×F block of K that belongs to free vertices: sparse + vectors · core · vectorsᵀ, positive
 /// definite wherever K is, and so is its sparse part. Without hubs that is all.

@@ -10,13 +10,11 @@ namespace {
 // Of the mesh's size, for a solution of that size. Handles rarely move further.
 constexpr double kSingleIsEnough = 3e-6, kRefinedIsEnough = 5e-7;
 
-/// A component that nothing holds leaves its translation open. A right-hand side that sums to zero
-/// over it, as every divergence does, keeps the grounded vertex in place whatever its added weight.
+}  // namespace
+
 void ground(SparseMatrix& block, const Region& region) {
   for (int v : region.grounds) block.coeffRef(region.row[v], region.row[v]) *= 2;
 }
-
-}  // namespace
 
 RowOrder row_order(const Region& region, const std::vector<int>& order_of_free) {
   RowOrder order;
@@ -43,7 +41,8 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
   find_active_triangles(mesh);
 
   const int sections = active_.sections();
-  right_ = Rows::Zero(rows_.count(), 4);
+  find_rims(mesh.triangles);
+  right_ = Rows::Zero(rim_begin() + Index(rims_.size() + rim_of_slot_.size()), 4);
   for (int r = order_.free_count; r < order_.fixed_begin; ++r)
     for (SparseMatrix::InnerIterator it(operators.laplacian, order_.vertex_of_row[r]); it; ++it)
       if (region.row[it.row()] >= 0)
@@ -116,16 +115,61 @@ void PoissonSystem::find_active_triangles(const Mesh& mesh) {
         active_.triangles.begin()));
 }
 
+void PoissonSystem::find_rims(const Triangles& t) {
+  std::vector<int> found;  // rows
+  const auto add = [&](int j) {
+    for (int k = 0; k < 3; ++k) {
+      const int row = order_.row_of_vertex[t(j, k)];
+      if (row >= order_.free_count) found.push_back(row);
+    }
+  };
+  const auto sort = [&] {
+    std::sort(found.begin(), found.end());
+    found.erase(std::unique(found.begin(), found.end()), found.end());
+  };
+  for (int j : active_.triangles) add(j);
+  sort();
+  rims_ = found;
+  for (int section = 0; section < active_.sections(); ++section) {
+    rim_slot_begin_.push_back(static_cast<int>(rim_of_slot_.size()));
+    found.clear();
+    for (int i = active_.begin[section]; i < active_.begin[section + 1]; ++i)
+      add(active_.triangles[i]);
+    sort();
+    for (int row : found) rim_of_slot_.push_back(rim_of(row));
+  }
+  rim_slot_begin_.push_back(static_cast<int>(rim_of_slot_.size()));
+}
+
 int PoissonSystem::target(int section, int vertex) const {
   const int row = order_.row_of_vertex[vertex];
-  return row < order_.free_count ? rows_.target(section, row) : spare_target(section);
+  if (row < order_.free_count) return rows_.target(section, row);
+  const auto slots = rim_of_slot_.begin();
+  const auto slot = std::lower_bound(slots + rim_slot_begin_[section],
+                                     slots + rim_slot_begin_[section + 1], rim_of(row));
+  return rim_begin() + static_cast<int>(rims_.size()) + static_cast<int>(slot - slots);
+}
+
+void PoissonSystem::clear(int section, const Rows& at_rest) {
+  const auto clear_rows = [&](Index begin, Index count) {
+    right_.middleRows(begin, count) = -at_rest.middleRows(begin, count);
+  };
+  rows_.each_range(section, clear_rows);
+  right_.row(rows_.spare(section)).setZero();
+  clear_rows(rim_begin() + Index(rims_.size()) + rim_slot_begin_[section],
+             rim_slot_begin_[section + 1] - rim_slot_begin_[section]);
+}
+
+void PoissonSystem::fold() {
+  rows_.fold(right_);
+  const Index slots = rim_begin() + Index(rims_.size());
+  right_.middleRows(rim_begin(), Index(rims_.size())).setZero();
+  for (size_t k = 0; k < rim_of_slot_.size(); ++k)
+    right_.row(rim_begin() + rim_of_slot_[k]) += right_.row(slots + Index(k));
 }
 
 void PoissonSystem::start(int section, const Rows& at_rest, const Rows& offsets) {
-  rows_.each_range(section, [&](int begin, int count) {
-    right_.middleRows(begin, count) = -at_rest.middleRows(begin, count);
-  });
-  right_.row(rows_.spare(section)).setZero();
+  clear(section, at_rest);
   for (int i = pull_begin_[section]; i < pull_begin_[section + 1]; ++i)
     right_.row(pulls_[i].target_row) -= pulls_[i].weight * offsets.row(pulls_[i].handle_row);
 }
@@ -155,7 +199,7 @@ double PoissonSystem::solving_error(const Rows& right, const Rows& solution) {
   for (int k = 0; k < order_.free_count; ++k) right_.row(k) = right.row(factor_->order()[k]);
   Rows solved(order_.free_count, 4);
   factor_->solve_in_order(
-      right_.data(), space_, &pool_, [](int) {}, into(solved));
+      right_.data(), space_, &pool_, [](int) {}, towards(solved, 1));
   for (int step = 0; step < correction_steps_; ++step) refine(solved);
   return (solved - solution).cwiseAbs().maxCoeff();
 }
@@ -167,10 +211,12 @@ void PoissonSystem::extend(Rows& values) {
 }
 
 double PoissonSystem::bytes() const {
-  const size_t ints = 2 * order_.vertex_of_row.size() + active_.triangles.size();
+  const size_t ints = 2 * order_.vertex_of_row.size() + active_.triangles.size() + rims_.size() +
+                      rim_of_slot_.size();
   return factor_->bytes() + rows_.bytes() +
-         static_cast<double>((right_.size() + rest_divergence_.size() + residual_.size()) *
-                             Index(sizeof(double))) +
+         static_cast<double>(
+             (right_.size() + rest_divergence_.size() + residual_.size() + before_.size()) *
+             Index(sizeof(double))) +
          static_cast<double>(laplacian_.nonZeros()) * (sizeof(double) + sizeof(int)) +
          static_cast<double>(pulls_.size() * sizeof(Pull) + ints * sizeof(int) +
                              space_.single.size() * sizeof(float) +

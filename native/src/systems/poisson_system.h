@@ -26,6 +26,10 @@ struct RowOrder {
 /// order_of_free: the rows of Region::free in the wanted order.
 RowOrder row_order(const Region& region, const std::vector<int>& order_of_free);
 
+/// A component that nothing holds leaves its translation open. A right-hand side that sums to zero
+/// over it, as every divergence does, keeps the grounded vertex in place whatever its added weight.
+void ground(SparseMatrix& block, const Region& region);
+
 /// The triangles with a free corner, the only ones whose gradients matter, as they share out over
 /// the domains of the Poisson factor: those of domain d at begin[d] to begin[d + 1], then those of
 /// the top. No two domains have a free vertex in common but the top's.
@@ -43,11 +47,17 @@ struct ActiveTriangles {
 ///
 /// so that resting handles give nothing but rounding and the mesh's size costs no digits.
 class PoissonSystem {
-  /// What SparseCholesky::solve_in_order() calls with its results, to put them into rows. Its
-  /// deduced type is known only below it.
-  static auto into(Rows& rows) {
-    return [out = rows.data()](int begin, int end, const auto* x) {
-      std::copy(x, x + 4 * Index(end - begin), out + 4 * Index(begin));
+  /// What SparseCholesky::solve_in_order() calls with its results, to move rows towards them by
+  /// relaxation times the way. Its deduced type is known only below it.
+  static auto towards(Rows& rows, double relaxation) {
+    return [out = rows.data(), relaxation](int begin, int end, const auto* x) {
+      double* row = out + 4 * Index(begin);
+      if (relaxation == 1) {
+        std::copy(x, x + 4 * Index(end - begin), row);
+        return;
+      }
+      for (const double* last = out + 4 * Index(end); row != last; ++row, ++x)
+        *row += relaxation * (static_cast<double>(*x) - *row);
     };
   }
 
@@ -62,8 +72,20 @@ class PoissonSystem {
   const RowOrder& order() const { return order_; }
   const ActiveTriangles& active() const { return active_; }
 
+  /// Constrained vertices of active triangles, by their rows in order(), ascending.
+  const std::vector<int>& rims() const { return rims_; }
+  /// The vertices of active triangles in one line, free ones in order(), then rims: how many, the
+  /// row of each in order(), and the place of such a row.
+  int active_vertex_count() const { return order_.free_count + static_cast<int>(rims_.size()); }
+  int active_row(int place) const {
+    return place < order_.free_count ? place : rims_[place - order_.free_count];
+  }
+  int active_place(int row) const {
+    return row < order_.free_count ? row : order_.free_count + rim_of(row);
+  }
+
   /// Where a section adds what one of its active triangles gives to a vertex: a row of the
-  /// right-hand side. Held vertices have none, and their share goes to a row that nobody reads.
+  /// right-hand side. Those of rims are read by divergence() alone.
   int target(int section, int vertex) const;
   /// The row of a section that nobody reads.
   int spare_target(int section) const { return rows_.spare(section); }
@@ -75,18 +97,38 @@ class PoissonSystem {
   /// Solves for the free rows of offsets, the displacement of all vertices, of which the handles'
   /// rows are given. add(section, rows) adds the divergences of the active triangles of a section
   /// to rows; from any thread, each section once. at_rest: what they all add where nothing moves.
-  /// Components with a ground come out with that vertex at rest.
+  /// Components with a ground come out with that vertex at rest. relaxation: how many times the way
+  /// from the free rows that are given to the solution is gone.
   template <class Add>
-  void solve(const Rows& at_rest, const Add& add, Rows& offsets) {
+  void solve(const Rows& at_rest, const Add& add, Rows& offsets, double relaxation = 1) {
+    const bool corrected = correction_steps_ > 0 && relaxation != 1;
+    if (corrected) before_ = offsets.topRows(order_.free_count);
     factor_->solve_in_order(
         right_.data(), space_, &pool_,
         [&](int section) {
           start(section, at_rest, offsets);
           add(section, right_.data());
         },
-        into(offsets));
+        towards(offsets, corrected ? 1 : relaxation));
     for (int step = 0; step < correction_steps_; ++step) refine(offsets);
+    if (corrected) {
+      auto now = offsets.topRows(order_.free_count);
+      now = before_ + relaxation * (now - before_);
+    }
   }
+
+  /// What the sections add to each vertex in all, less at_rest, as rows of the result: free
+  /// vertices in order(), and from rim_begin() on rims(). Valid until the next call of any kind.
+  template <class Add>
+  const Rows& divergence(const Rows& at_rest, const Add& add) {
+    run_tasks(&pool_, active_.sections(), [&](int section) {
+      clear(section, at_rest);
+      add(section, right_.data());
+    });
+    fold();
+    return right_;
+  }
+  int rim_begin() const { return rows_.count(); }
 
   /// Harmonic extension, L x = 0: the free rows of three columns of values from the handles' rows,
   /// with zero on the fixed ones.
@@ -103,6 +145,12 @@ class PoissonSystem {
 
  private:
   void find_active_triangles(const Mesh& mesh);
+  void find_rims(const Triangles& triangles);
+  int rim_of(int row) const {
+    return static_cast<int>(std::lower_bound(rims_.begin(), rims_.end(), row) - rims_.begin());
+  }
+  void clear(int section, const Rows& at_rest);
+  void fold();
   void start(int section, const Rows& at_rest, const Rows& offsets);
   void refine(Rows& offsets);
   /// The largest error of the solution for a right-hand side in the order of the region.
@@ -118,14 +166,17 @@ class PoissonSystem {
   SectionRows rows_;
   RowOrder order_;
   ActiveTriangles active_;
+  std::vector<int> rims_;
+  // What a section gives to rims, behind their sums: the rim of each slot, ascending in a section.
+  std::vector<int> rim_of_slot_, rim_slot_begin_;
   std::vector<Pull> pulls_;      // L between free vertices and those of handles
   std::vector<int> pull_begin_;  // by section
   Rows rest_divergence_;         // L p
-  Rows right_;                   // as rows_ says
+  Rows right_;                   // as rows_ says, then rims and their slots
   SparseCholesky::Space space_;
   int correction_steps_ = 0;
   Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian_;  // in the factor's order, to refine with
-  Rows residual_;
+  Rows residual_, before_;
 };
 
 }  // namespace dd

@@ -115,9 +115,7 @@ void MeshTransfer::factor(const TransferOptions& options, const Progress& progre
     SparseMatrix block = free_block(surface_->operators.laplacian, region_);
     unknowns_ = region_.free_count();
     nonzeros_ = static_cast<double>(block.nonZeros());
-    const Dissection dissection = free_dissection(block, region_, unit.positions);
     BlockOptions how;
-    how.dissection = &dissection;
     how.pool = &pool_;
     how.precision = options.precision;
     how.progress = progress;

@@ -71,19 +71,19 @@ ExamplePass<Real>::ExamplePass(const BoundSurface& bound, const ExampleTurns& tu
       block.corner[k][lane] = poisson.order().row_of_vertex[t(j, k)];
       block.target[k][lane] = poisson.target(section, t(j, k));
     }
-    using Columns = Eigen::Matrix<double, 3, 2>;
+    using InPlane = Eigen::Matrix<double, 3, 2>;
     const auto in_plane = [&](const Positions& x) {
       const Eigen::Vector3d first = x.row(t(j, 0)) - x.row(t(j, 2));
       const Eigen::Vector3d second = x.row(t(j, 1)) - x.row(t(j, 2));
-      Columns columns;
+      InPlane columns;
       columns << a * first + skew * second, c * second;
       return columns;
     };
-    const auto put = [lane](Gradient& gradient, const Columns& columns) {
+    const auto put = [lane](Gradient& gradient, const InPlane& columns) {
       for (int k = 0; k < 6; ++k)
         gradient[size_t(k)][lane] = static_cast<Real>(columns(k % 3, k / 3));
     };
-    const Columns rest = in_plane(bound.mesh.positions);
+    const InPlane rest = in_plane(bound.mesh.positions);
     put(block.rest, rest);
     for (int i = 0; i < example_count_; ++i) {
       Change& change = changes_[size_t(b) * size_t(example_count_) + size_t(i)];

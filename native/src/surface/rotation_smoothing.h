@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "surface/factored_surface.h"
+
+namespace dd {
+
+/// A field of rotations, smoothed over a length: (M + tL) q = M q₀ on the free vertices, t =
+/// length², q₀ unit quaternions, given on rims. The same at any density, because M and L measure
+/// the surface. On a surface of even curvature a wave of wavelength 2πλ keeps 1/(1 + (length/λ)²)
+/// of itself.
+class RotationSmoothing {
+ public:
+  /// length: in the mesh's units. surface must outlive it. Throws UnsolvableSurface.
+  RotationSmoothing(const FactoredSurface& surface, double length);
+
+  double length() const { return length_; }
+
+  /// quaternions: rows of 4, free vertices in the surface's order, then the Poisson system's rims.
+  /// Signs are such that neighbours agree. Free rows come out smoothed and shorter than 1 where
+  /// they differ from those around.
+  template <class Real>
+  void run(Real* quaternions);
+
+  double bytes() const;
+
+ private:
+  struct Pull {
+    int row, rim;
+    double weight;
+  };
+
+  const PoissonSystem& poisson_;
+  double length_;
+  std::unique_ptr<SparseCholesky> factor_;
+  Eigen::VectorXd masses_;   // of free rows
+  std::vector<Pull> pulls_;  // −tL between free rows and rims
+  Rows right_;
+  SparseCholesky::Space space_;
+};
+
+}  // namespace dd

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "systems/clamped_poisson.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "mesh/geodesic_distances.h"
+#include "systems/energy_block.h"
+
+namespace dd {
+
+namespace {
+
+constexpr int kLeastRange = 512;
+// As PolyharmonicSystem: K has tiny pivots where a surface is sound.
+constexpr double kSmallestPivot = 1e-17;
+constexpr double kAtRims = 1.5, kReach = 2.5;  // lengths
+// What a solve may leave of a solution, and what it may leave before it is corrected.
+constexpr double kEnough = 3e-6, kWorthCorrecting = 0.02;
+
+/// The diagonal of W, n.
+Eigen::VectorXd slope_weights(const Mesh& mesh, const Region& region,
+                              const SurfaceOperators& operators, const PoissonSystem& poisson,
+                              double length) {
+  std::vector<char> is_rim(region.role.size(), 0);
+  for (int row : poisson.rims()) is_rim[poisson.order().vertex_of_row[row]] = 1;
+  const double reach = kReach * length;
+  const std::vector<double> distance = geodesic_distances(mesh, is_rim, reach);
+  Eigen::VectorXd weights = Eigen::VectorXd::Zero(mesh.vertex_count());
+  for (int v = 0; v < mesh.vertex_count(); ++v) {
+    const double size = kAtRims * length * (1 - distance[v] / reach);
+    if (size > 0) weights[v] = size * size / operators.masses[v];
+  }
+  for (int hub : find_hubs(operators.laplacian, region)) weights[hub] = 0;
+  return weights;
+}
+
+/// L of the active triangles alone: the rows of free vertices, then of rims; columns in order.
+Eigen::SparseMatrix<double, Eigen::RowMajor> active_laplacian(const Mesh& mesh,
+                                                              const SurfaceOperators& operators,
+                                                              const PoissonSystem& poisson) {
+  const RowOrder& order = poisson.order();
+  const std::vector<int>& rims = poisson.rims();
+  const SparseMatrix& whole = operators.laplacian;
+  using Entries = std::map<int, double>;
+  std::vector<Entries> of_rims(rims.size());
+  const auto add = [&](int at, int other, double weight) {
+    const int row = order.row_of_vertex[at];
+    if (row < order.free_count) return;
+    Entries& entries = of_rims[poisson.active_place(row) - order.free_count];
+    entries[row] += weight;
+    entries[order.row_of_vertex[other]] -= weight;
+  };
+  for (int j : poisson.active().triangles)
+    for (int k = 0; k < 3; ++k) {
+      const int a = mesh.triangles(j, (k + 1) % 3), b = mesh.triangles(j, (k + 2) % 3);
+      const double weight = 0.5 * operators.metric.cotangents(j, k);
+      add(a, b, weight);
+      add(b, a, weight);
+    }
+  Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian(poisson.active_vertex_count(),
+                                                         order.count());
+  laplacian.reserve(whole.nonZeros());
+  for (int r = 0; r < order.free_count; ++r) {
+    laplacian.startVec(r);
+    for (SparseMatrix::InnerIterator it(whole, order.vertex_of_row[r]); it; ++it)
+      laplacian.insertBackByOuterInnerUnordered(r, order.row_of_vertex[it.row()]) = it.value();
+  }
+  for (size_t i = 0; i < rims.size(); ++i) {
+    laplacian.startVec(order.free_count + Index(i));
+    for (const auto& [column, value] : of_rims[i])
+      laplacian.insertBackByOuterInnerUnordered(order.free_count + Index(i), column) = value;
+  }
+  laplacian.finalize();
+  return laplacian;
+}
+
+}  // namespace
+
+ClampedPoisson::ClampedPoisson(const Mesh& mesh, const Region& region,
+                               const SurfaceOperators& operators, PoissonSystem& poisson,
+                               const Dissection& dissection, double length)
+    : poisson_(poisson), length_(length) {
+  const RowOrder& order = poisson.order();
+  const int free_count = order.free_count;
+  const int active_rows = poisson.active_vertex_count();
+
+  const Eigen::VectorXd weights = slope_weights(mesh, region, operators, poisson, length);
+  SparseMatrix block = bending_block(operators.laplacian, region, weights);
+  block += free_block(operators.laplacian, region);
+  ground(block, region);
+  BlockOptions options;
+  options.precision = poisson.precision();
+  options.pool = &poisson.pool();
+  options.smallest_pivot = kSmallestPivot;
+  options.dissection = &dissection;
+  factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
+  options.symbolic = factor_->shared_symbolic();
+
+  for (int r : factor_->order()) row_of_place_.push_back(order.row_of_vertex[region.free[r]]);
+  weights_.resize(active_rows);
+  for (int i = 0; i < active_rows; ++i)
+    weights_[i] = weights[order.vertex_of_row[poisson.active_row(i)]];
+  laplacian_ = active_laplacian(mesh, operators, poisson);
+
+  residual_ = Rows::Zero(active_rows, 4);
+  scaled_ = Rows::Zero(order.count(), 4);
+  right_ = Rows::Zero(factor_->symbolic().slotted_size(), 4);
+  if (options.precision == Precision::full) return;
+  // Of a solution as large and as smooth as a frame's.
+  Rows smooth(free_count, 4);
+  for (int r = 0; r < free_count; ++r)
+    smooth.row(r) << mesh.positions.row(order.vertex_of_row[r]), 0;
+  const double error = solving_error(block, smooth);
+  if (error <= kEnough) return;
+  if (error < kWorthCorrecting) {
+    for (double left = error; left > kEnough; left *= error) ++corrections_;
+    return;
+  }
+  options.precision = Precision::full;
+  factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
+}
+
+double ClampedPoisson::solving_error(const SparseMatrix& block, const Rows& smooth) {
+  Rows at_places(smooth.rows(), 4);
+  const std::vector<int>& order = factor_->order();
+  for (Index k = 0; k < smooth.rows(); ++k) at_places.row(order[k]) = smooth.row(row_of_place_[k]);
+  const Rows right = block * at_places;
+  for (Index k = 0; k < smooth.rows(); ++k) right_.row(k) = right.row(order[k]);
+  double error = 0;
+  factor_->solve_in_order(
+      right_.data(), space_, nullptr, [](int) {},
+      [&](int begin, int end, const auto* x) {
+        for (int k = begin; k < end; ++k, x += 4)
+          for (int c = 0; c < 3; ++c)
+            error = std::max(error, std::abs(double(x[c]) - smooth(row_of_place_[k], c)));
+      });
+  return std::isfinite(error) ? error : 1;
+}
+
+void ClampedPoisson::correct(const Rows& divergence, Rows& offsets) {
+  const int free_count = poisson_.order().free_count;
+  ThreadPool& pool = poisson_.pool();
+  pool.parallel_for(residual_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int64_t i = begin; i < end; ++i) {
+      const bool free = i < free_count;
+      Eigen::RowVector4d row = divergence.row(free ? i : poisson_.rim_begin() + (i - free_count));
+      for (decltype(laplacian_)::InnerIterator it(laplacian_, i); it; ++it)
+        row -= it.value() * offsets.row(it.col());
+      residual_.row(i) = row;
+      scaled_.row(poisson_.active_row(static_cast<int>(i))) = weights_[i] * row;
+    }
+  });
+  pool.parallel_for(free_count, kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int64_t k = begin; k < end; ++k) {
+      const int i = row_of_place_[size_t(k)];
+      Eigen::RowVector4d sum = Eigen::RowVector4d::Zero();
+      for (decltype(laplacian_)::InnerIterator it(laplacian_, i); it; ++it)
+        sum += it.value() * scaled_.row(it.col());
+      right_.row(k) = residual_.row(i) + sum;
+    }
+  });
+  factor_->solve_in_order(
+      right_.data(), space_, &pool, [](int) {},
+      [&](int begin, int end, const auto* x) {
+        for (int k = begin; k < end; ++k, x += 4) {
+          double* row = offsets.data() + 4 * Index(row_of_place_[k]);
+          for (int c = 0; c < 3; ++c) row[c] += static_cast<double>(x[c]);
+        }
+      });
+}
+
+double ClampedPoisson::bytes() const {
+  return factor_->bytes() +
+         static_cast<double>(laplacian_.nonZeros()) * (sizeof(double) + sizeof(int)) +
+         static_cast<double>((residual_.size() + scaled_.size() + right_.size() + weights_.size()) *
+                             Index(sizeof(double))) +
+         static_cast<double>(row_of_place_.size() * sizeof(int) +
+                             space_.single.size() * sizeof(float) +
+                             space_.full.size() * sizeof(double));
+}
+
+}  // namespace dd

@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the settings of the shape do, each by the older way and by the default: rims, turns and densities.
+
+    blender --background --factory-startup --python-exit-code 1 --python tests/figures/make_shape.py
+
+Writes shape.jpg beside this file and prints what was measured. Needs a release build.
+"""
+import sys
+import tempfile
+from math import cos, pi, radians, sin
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parents[1] / "addon")]
+
+import detail_deform  # noqa: E402
+import shapes  # noqa: E402
+from detail_deform.library import native  # noqa: E402
+from detail_deform.scene import mesh_data  # noqa: E402
+from make_figures import Subject  # noqa: E402
+
+WIDTH = 1200  # of a row of panels
+BAR, CYLINDER = 1.2, 1.6  # lengths
+DEFAULT = dict(rim_smoothing=0.05, rotation_smoothing=0.009, base_deformer='AUTOMATIC', steps=1)
+
+
+# ---------------------------------------------------------------- the cases
+
+def held_subject(name, shape, region, handle):
+    """Bound; returns it and its empty. region, handle: of positions, which vertices."""
+    positions, faces = shape
+    subject = Subject(name, positions, faces)
+    subject.group("region", region(positions))
+    subject.settings.region = "region"
+    empty = subject.handle("handle", handle(positions))
+    subject.bind()
+    subject.roles = mesh_data.roles(subject.object, "region", [("handle", "handle")])
+    return subject, empty
+
+
+def sheet(name, radius):
+    """Its border is fixed, and a disc in its middle is pulled up."""
+    subject, empty = held_subject(name, shapes.sheet(), lambda p: (abs(p[:, :2] - 0.5) < 0.499).all(1),
+                                  lambda p: np.linalg.norm(p[:, :2] - 0.5, axis=1) < radius)
+    empty.location.z += 0.3
+    return subject
+
+
+def twisted_bar(degrees, density=1):
+    """A tenth at each end is held; the empty's Euler angle says how far the one turns."""
+    shape = shapes.tube(60 * density + 1, 96 * density, BAR, shapes.square)
+    subject, empty = held_subject(f"Bar {len(shape[0])}", shape, lambda p: p[:, 0] > 0.1 * BAR + 1e-6,
+                                  lambda p: p[:, 0] > 0.9 * BAR - 1e-6)
+    empty.rotation_euler.x = radians(degrees)
+    return subject
+
+
+def bent_cylinder(degrees):
+    """Along an arc as long as what is free."""
+    ends = 0.1 * CYLINDER, 0.9 * CYLINDER
+    subject, empty = held_subject("Cylinder", shapes.tube(81, 60, CYLINDER, shapes.circle),
+                                  lambda p: p[:, 0] > ends[0] + 1e-6, lambda p: p[:, 0] > ends[1] - 1e-6)
+    angle = radians(degrees)
+    radius = (ends[1] - ends[0]) / angle
+    arrival = Vector((ends[0] + radius * sin(angle), 0, radius * (1 - cos(angle))))
+    empty.location = arrival + Matrix.Rotation(-angle, 3, 'Y') @ (empty.location - Vector((ends[1], 0, 0)))
+    empty.rotation_euler.y = -angle
+    return subject
+
+
+def rows():
+    """Of each row its panels: subject, title, settings, and how it is looked at."""
+    near = dict(view=(-0.1, -1, 0.14), centre=(0.5, 0.5, 0.255), height=0.17, pixels=220)
+    over = dict(view=(-0.35, -1, 0.3), centre=(0.5, 0.5, 0.17), height=0.4, pixels=220)
+    for name, what, radius, look in (("Disc", "A disc", 0.13, near), ("Vertex", "A single vertex", 1e-6, over)):
+        subject = sheet(name, radius)
+        yield [(subject, f"{what}, {title}", dict(DEFAULT, rim_smoothing=rim), look)
+               for title, rim in (("Rim Smoothing 0", 0.0), ("the default", 0.05))]
+    along = dict(view=(-1, -1, 0.7), centre=(0.5 * BAR, 0, 0), height=0.58, pixels=260)
+    bar = twisted_bar(360)
+    yield [(bar, title, dict(DEFAULT, **settings), along)
+           for title, settings in (("360°, Linear", dict(base_deformer='LINEAR')),
+                                   ("360°, Linear in 12 steps", dict(base_deformer='LINEAR', steps=12)),
+                                   ("360°, the default", {}))]
+    bent = bent_cylinder(200)
+    aside = dict(view=(0.15, -1, 0.2), centre=(0.2, 0, 0.42), height=1.1, pixels=300)
+    yield [(bent, f"200°, {title}", dict(DEFAULT, **settings), aside)
+           for title, settings in (("Linear", dict(base_deformer='LINEAR')), ("the default", {}),
+                                   ("Bend Length 0.03", dict(rotation_smoothing=0.03)))]
+    bars = [twisted_bar(135, density) for density in (1, 2, 4)]
+    yield [(one, f"135°, {len(one.rest):,} vertices", DEFAULT, along) for one in bars]
+
+
+# ---------------------------------------------------------------- what is measured
+
+def report(subject, title):
+    deformed = subject.evaluated()
+    triangles = mesh_data.triangles(subject.object.data)
+    found = native.measure(subject.rest, deformed, triangles, subject.roles)
+    text = f"{title}: {found.intersecting_triangles} faces intersect, stretch {found.stretch:.3f}"
+    if subject.object.name == "Vertex":
+        text += f", slope at the vertex {slope_at_handle(subject, deformed, triangles):.0f}°"
+    if subject.object.name == "Disc":
+        text += f", mean change of the angle at the rim {crease_at_rim(subject, deformed, triangles):.1f}°"
+    print(text, flush=True)
+
+
+def normals(p, triangles):
+    a, b, c = (p[triangles[:, k]].astype(float) for k in range(3))
+    n = np.cross(b - a, c - a)
+    return n / np.linalg.norm(n, axis=1)[:, None]
+
+
+def slope_at_handle(subject, deformed, triangles):
+    """Mean over the triangles around it."""
+    around = (subject.roles[triangles] >= 0).any(1)
+    return np.degrees(np.arccos(normals(deformed, triangles)[around, 2].clip(-1, 1))).mean()
+
+
+def crease_at_rim(subject, deformed, triangles):
+    """Mean over the edges between two vertices of the handle that a triangle on one side only is held by."""
+    beside, held = {}, (subject.roles[triangles] >= 0)
+    for j in np.flatnonzero(held.sum(1) >= 2):
+        for k in range(3):
+            if held[j, k] and held[j, (k + 1) % 3]:
+                beside.setdefault(frozenset(triangles[j, [k, (k + 1) % 3]].tolist()), []).append(j)
+    n = normals(deformed, triangles)
+    pairs = np.array([pair for pair in beside.values() if len(pair) == 2 and held[pair].all(1).sum() == 1])
+    return np.degrees(np.arccos((n[pairs[:, 0]] * n[pairs[:, 1]]).sum(1).clip(-1, 1))).mean()
+
+
+# ---------------------------------------------------------------- the sheet
+
+def paint(subject):
+    """What is held in another colour, shaded smoothly, sharp where it is at rest."""
+    mesh = subject.object.data
+    for name, colour in (("Free", (0.84, 0.58, 0.30, 1)), ("Held", (0.45, 0.47, 0.52, 1))):
+        material = bpy.data.materials.get(name) or bpy.data.materials.new(name)
+        material.diffuse_color = colour
+        mesh.materials.append(material)
+    is_held = subject.roles != native.ROLE_FREE
+    mesh.polygons.foreach_set('material_index', [int(is_held[list(p.vertices)].all()) for p in mesh.polygons])
+    mesh.polygons.foreach_set('use_smooth', [True] * len(mesh.polygons))
+    beside = {}
+    for polygon in mesh.polygons:
+        for key in polygon.edge_keys:
+            beside.setdefault(key, []).append(polygon.normal)
+    for edge in mesh.edges:
+        one, *others = beside[edge.key]
+        edge.use_edge_sharp = any(one.angle(other) > radians(40) for other in others)
+    if hasattr(mesh, 'use_auto_smooth'):  # up to Blender 4.0; later sharp edges are always regarded
+        mesh.use_auto_smooth, mesh.auto_smooth_angle = True, pi
+
+
+def prepare_scene():
+    scene = bpy.context.scene
+    scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.camera.data.type = 'ORTHO'
+    scene.camera.data.sensor_fit = 'VERTICAL'
+    scene.collection.objects.link(scene.camera)
+    scene.world = bpy.data.worlds.new("White")
+    scene.world.color = (1, 1, 1)
+    shading = scene.display.shading
+    shading.light, shading.color_type = 'STUDIO', 'MATERIAL'
+    shading.show_cavity, shading.cavity_type = True, 'WORLD'
+    scene.view_settings.view_transform = 'Standard'
+    render = scene.render
+    render.engine = 'BLENDER_WORKBENCH'
+    render.film_transparent = False
+    text = bpy.data.curves.new("Title", 'FONT')
+    text.materials.append(bpy.data.materials.new("Ink"))
+    text.materials[0].diffuse_color = (0.05, 0.05, 0.05, 1)
+    sign = bpy.data.objects.new("Title", text)
+    sign.parent = scene.camera
+    scene.collection.objects.link(sign)
+    return sign
+
+
+def picture(folder, sign, title, width, view, centre, height, pixels):
+    """(rows, columns, 4) of the scene as it is now."""
+    scene = bpy.context.scene
+    scene.camera.data.ortho_scale = height
+    scene.camera.matrix_world = (Matrix.Translation(Vector(centre) + 5 * Vector(view).normalized())
+                                 @ Vector(view).to_track_quat('Z', 'Y').to_matrix().to_4x4())
+    sign.data.body = title
+    pixel = height / pixels
+    sign.location = ((12 - width / 2) * pixel, (pixels / 2 - 24) * pixel, -1)
+    sign.scale = [22 * pixel] * 3
+    scene.render.resolution_x, scene.render.resolution_y = width, pixels
+    scene.render.filepath = str(Path(folder) / "picture.png")
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(scene.render.filepath)
+    values = np.array(image.pixels[:], np.float32).reshape(pixels, width, 4)
+    bpy.data.images.remove(image)
+    return values
+
+
+def main():
+    detail_deform.register()
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    sign = prepare_scene()
+    sheet_rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for panels in rows():
+            pictures = []
+            for subject in {panel[0].object.name: panel[0] for panel in panels}.values():
+                paint(subject)
+            for subject, title, settings, look in panels:
+                for other in bpy.data.objects:
+                    other.hide_render = other.type == 'MESH' and other != subject.object
+                subject.shown(**settings)
+                report(subject, title)
+                pictures.append(picture(folder, sign, title, WIDTH // len(panels), **look))
+            sheet_rows.append(np.concatenate(pictures, axis=1))
+    pixels = np.concatenate(sheet_rows[::-1], axis=0)  # images begin at the bottom
+    image = bpy.data.images.new("shape", pixels.shape[1], pixels.shape[0])
+    image.pixels.foreach_set(pixels.ravel())
+    settings = bpy.context.scene.render.image_settings
+    settings.file_format, settings.quality = 'JPEG', 85
+    image.save_render(str(HERE / "shape.jpg"))
+    detail_deform.unregister()
+
+
+main()

@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "surface/motion_blend.h"
+
+#include "cases.h"
+#include "catch.h"
+#include "deform.h"
+#include "mesh/measures.h"
+
+using namespace dd;
+using test::Affine;
+using test::surface;
+
+namespace {
+
+const double kTurn = 2 * std::acos(-1.0);
+
+UpdateOptions blended(std::vector<double> turns = {}, int refine = 4) {
+  UpdateOptions options = test::usual(refine);
+  options.base_deformer = BaseDeformer::motions;
+  options.turns = std::move(turns);
+  return options;
+}
+
+/// A tube in three handles, with nothing fixed.
+test::Case three_handles() {
+  test::Case made = test::bent_cylinder();
+  for (size_t v = 0; v < made.roles.size(); ++v) {
+    const double z = made.mesh.positions(Index(v), 2);
+    made.roles[v] = z < 0.2 ? 0 : z > 1.4 ? 1 : std::abs(z - 0.8) < 0.05 ? 2 : kFree;
+  }
+  return made;
+}
+
+/// The bar's end turned about its axis.
+Affine twist(double angle) { return test::rotation_about(angle, {0, 0, 1}, {0, 0, 0}, {0, 0, 0}); }
+
+/// The largest rate of twist over twentieths of the free length, against the even one.
+double largest_rate(const test::Case& bar, const Positions& deformed, double angle) {
+  constexpr int kSlabs = 20;
+  double cosine[kSlabs] = {}, sine[kSlabs] = {};
+  const double low = 0.1 * 1.2, high = 0.9 * 1.2;
+  for (int v = 0; v < bar.mesh.vertex_count(); ++v) {
+    const Eigen::RowVector3d p = bar.mesh.positions.row(v), q = deformed.row(v);
+    const double place = (p.z() - low) / (high - low);
+    if (place <= 0 || place >= 1) continue;
+    const int slab = static_cast<int>(place * kSlabs);
+    cosine[slab] += p.x() * q.x() + p.y() * q.y();
+    sine[slab] += p.x() * q.y() - p.y() * q.x();
+  }
+  double largest = 0;
+  for (int k = 1; k < kSlabs; ++k) {
+    const double step = std::atan2(sine[k], cosine[k]) - std::atan2(sine[k - 1], cosine[k - 1]);
+    largest = std::max(largest, std::abs(std::remainder(step, kTurn)));
+  }
+  return largest * kSlabs / angle;
+}
+
+int intersecting(const test::Case& one, const Positions& deformed) {
+  std::vector<char> free;
+  for (int role : one.roles) free.push_back(role == kFree);
+  return measure(one.mesh, deformed, free).intersecting_triangles;
+}
+
+}  // namespace
+
+TEST_CASE("blended motions: a rigid motion of all handles is exact, with any number of turns") {
+  const test::Case tube = three_handles();
+  Deformer deformer(tube.mesh, tube.roles, 3, {});
+  const Eigen::Vector3d axis = Eigen::Vector3d(1, 2, -0.5).normalized();
+  for (double angle : {0.0, 1e-9, 0.5, 2.5, 3.5, 5.5, 0.999 * kTurn, kTurn, 2.3 * kTurn}) {
+    INFO(angle);
+    const Affine motion = test::rotation_about(angle, axis, {0.3, 0, 2}, {0.4, -1, 2});
+    const Eigen::Vector3d turn = angle * axis;
+    std::vector<double> turns;
+    for (int h = 0; h < 3; ++h) turns.insert(turns.end(), turn.data(), turn.data() + 3);
+    const Positions expected = test::transformed(motion, tube.mesh.positions);
+    for (int refine : {0, 4})
+      CHECK(test::largest_difference(
+                surface(deformer, {motion, motion, motion}, blended(turns, refine)), expected) <
+            1e-8);
+  }
+}
+
+TEST_CASE("blended motions: translations and small turns move the base as the linear one does") {
+  const test::Case tube = three_handles();
+  Deformer deformer(tube.mesh, tube.roles, 3, {});
+  const auto base = [&](const std::vector<Affine>& motions, BaseDeformer kind) {
+    UpdateOptions options = test::shown_base();
+    options.base_deformer = kind;
+    return surface(deformer, motions, options);
+  };
+  Affine shift = test::identity(), other = test::identity();
+  shift.col(3) << 0.3, -0.2, 0.5;
+  other.col(3) << -0.1, 0.4, 0;
+  const std::vector<Affine> shifts = {shift, test::identity(), other};
+  CHECK(test::largest_difference(base(shifts, BaseDeformer::motions),
+                                 base(shifts, BaseDeformer::linear)) < 1e-12);
+  // To the second order of the turns.
+  double last = 0;
+  for (double angle : {0.1, 0.05}) {
+    const std::vector<Affine> motions = {
+        test::rotation_about(angle, {0, 1, 0}, {0, 0, 0}, {0, 0, 0}), test::identity(),
+        test::rotation_about(-angle, {1, 1, 0}, {0, 0.3, 1}, {0, 0, 0})};
+    const double difference = test::largest_difference(base(motions, BaseDeformer::motions),
+                                                       base(motions, BaseDeformer::linear));
+    if (angle < 0.1) CHECK(difference < 0.27 * last);
+    last = difference;
+  }
+  // By itself it stays with the linear base up to 135 degrees, and then goes over.
+  const auto bend = [&](double degrees, BaseDeformer kind) {
+    return base({test::bend(degrees, 0.3, 0.8), test::identity(), test::identity()}, kind);
+  };
+  CHECK(test::largest_difference(bend(134, BaseDeformer::automatic),
+                                 bend(134, BaseDeformer::linear)) == 0);
+  CHECK(test::largest_difference(bend(179.999, BaseDeformer::automatic),
+                                 bend(179.999, BaseDeformer::motions)) < 1e-4);
+}
+
+TEST_CASE("blended motions: handles have their places whatever their matrices are") {
+  const test::Case tube = three_handles();
+  Deformer deformer(tube.mesh, tube.roles, 3, {});
+  Affine mirrored = test::identity(), sheared = twist(4), flat = test::identity();
+  mirrored(0, 0) = -1;
+  sheared(0, 1) += 0.7;
+  sheared(2, 2) = 3;
+  flat(1, 1) = 0;
+  const std::vector<Affine> motions = {mirrored, sheared, flat};
+  const Positions result = surface(deformer, motions, blended());
+  CHECK(result.allFinite());
+  const double box = 1.6;
+  CHECK((result - tube.mesh.positions).rowwise().norm().maxCoeff() < 3 * box);
+  for (int v = 0; v < tube.mesh.vertex_count(); ++v)
+    if (tube.roles[v] >= 0)
+      CHECK((result.row(v) -
+             test::transformed(motions[size_t(tube.roles[v])], tube.mesh.positions.row(v)))
+                .norm() < 1e-12);
+  // Next to a handle the base goes with it.
+  UpdateOptions shown = blended();
+  shown.output = Output::base;
+  const Positions base = surface(deformer, motions, shown);
+  CHECK((base - test::transformed(flat, tube.mesh.positions)).rowwise().norm().minCoeff() < 1e-9);
+  const double nan = std::nan("");
+  CHECK(test::refusal(
+            [&] {
+              surface(deformer, motions, blended({0, 0, 0, nan, 0, 0, 0, 0, 0}));
+            },
+            Status::argument)
+            .find("handle 1") != std::string::npos);
+}
+
+TEST_CASE("a bar twisted by one turn and by two, in one step: even, and without a fold") {
+  const test::Case bar = test::twisted_bar();
+  Deformer deformer(bar.mesh, bar.roles, 1, {});
+  UpdateOptions options = test::usual();
+  for (double turns : {0.5, 1.0, 2.0}) {
+    INFO(turns);
+    const double angle = turns * kTurn;
+    options.turns = {0, 0, angle};
+    const Positions result = surface(deformer, {twist(angle)}, options);
+    CHECK(intersecting(bar, result) == 0);
+    CHECK(largest_rate(bar, result, angle) < 1.3);
+  }
+}
+
+TEST_CASE("a cylinder bent along an arc of its own length, in one step") {
+  const test::Case tube = test::bent_cylinder();
+  Deformer deformer(tube.mesh, tube.roles, 1, {});
+  const std::vector<char> all(tube.roles.size(), 1);  // as published figures are
+  const double low = 0.16, length = 1.44 - low;
+  const struct { double degrees, stretch; } bends[] = {{150, 0.13}, {200, 0.17}, {270, 0.2}};
+  for (const auto& [degrees, most] : bends) {
+    INFO(degrees);
+    const double angle = test::radians(degrees), radius = length / angle;
+    Affine motion = test::rotation_about(angle, {0, 1, 0}, {radius, 0, low}, {0, 0, 0});
+    motion.col(3) -= length * motion.col(2);
+    UpdateOptions options = test::usual();
+    options.turns = {0, angle, 0};
+    const Measures found = measure(tube.mesh, surface(deformer, {motion}, options), all);
+    CHECK(found.new_intersecting_pairs == 0);
+    CHECK(found.stretch < most);
+  }
+}
+
+TEST_CASE("the pose alone decides, and turning on past half a turn and whole ones has no jumps") {
+  const test::Case bar = test::twisted_bar();
+  Deformer deformer(bar.mesh, bar.roles, 1, {});
+  UpdateOptions options = test::usual();
+  constexpr int kMoves = 200;
+  const double farthest = 1.3 * kTurn;
+  const auto at = [&](int k) {
+    const double angle = farthest * k / kMoves;
+    // Sideways as well: at a whole turn no screw does that.
+    Affine motion = twist(angle);
+    motion(0, 3) = 0.2 * k / kMoves;
+    options.turns = {0, 0, angle};
+    return surface(deformer, {motion}, options);
+  };
+  Positions last = bar.mesh.positions;
+  for (int k = 1; k <= kMoves; ++k) {
+    const Positions now = at(k);
+    double handle = 0, all = 0;
+    for (int v = 0; v < bar.mesh.vertex_count(); ++v) {
+      const double moved = (now.row(v) - last.row(v)).norm();
+      all = std::max(all, moved);
+      if (bar.roles[v] == 0) handle = std::max(handle, moved);
+    }
+    CHECK(all < 3 * handle);
+    last = now;
+  }
+  Deformer fresh(bar.mesh, bar.roles, 1, {});
+  const double angle = farthest;
+  Affine motion = twist(angle);
+  motion(0, 3) = 0.2;
+  options.turns = {0, 0, angle};
+  CHECK(test::largest_difference(surface(fresh, {motion}, options), last) == 0);
+}
