@@ -23,6 +23,7 @@ JOB_STATES = {'RUNNING': 0, 'DONE': 1, 'FAILED': 2}
 METRICS = options.numbers_of(options.METRICS)
 SMOOTHNESSES = {'DEFAULT': 0, 'MEMBRANE': 1, 'THIN_PLATE': 2, 'CURVATURE_VARIATION': 3}
 METHODS = options.numbers_of(options.METHODS)
+HANDLE_TURNS = options.numbers_of(options.HANDLE_TURNS)
 BASE_DEFORMERS = options.numbers_of(options.BASE_DEFORMERS)
 OUTPUTS = options.numbers_of(options.OUTPUTS)
 PAIRS_OF = options.numbers_of(options.PAIRS_OF)
@@ -35,7 +36,7 @@ ENUMS = {
     'dd_job_state': ('DD_JOB_', JOB_STATES), 'dd_base_metric': ('DD_METRIC_', METRICS),
     'dd_smoothness': ('DD_SMOOTHNESS_', SMOOTHNESSES), 'dd_method': ('DD_METHOD_', METHODS),
     'dd_output': ('DD_OUTPUT_', OUTPUTS), 'dd_base_deformer': ('DD_BASE_DEFORMER_', BASE_DEFORMERS),
-    'dd_pairs_of': ('DD_PAIRS_OF_', PAIRS_OF),
+    'dd_handle_turns': ('DD_HANDLE_TURNS_', HANDLE_TURNS), 'dd_pairs_of': ('DD_PAIRS_OF_', PAIRS_OF),
     'dd_anchor': ('DD_ANCHOR_', ANCHORS), 'dd_tet_operator': ('DD_TETS_', TET_OPERATORS)}
 
 
@@ -141,7 +142,9 @@ UpdateOptions = _sized(
     'method', 'gradients', 'refine', 'output', ('dd_values', 'values'), 'levels', 'formulation',
     (_POSITIONS, 'base'), (_SIZE, 'base_count'), 'volume_tolerance', 'volume_iterations', 'steps',
     (Array(np.float64, 3), 'turns'), (_SIZE, 'turn_count'), (Array(np.float64), 'example_weights'),
-    (_SIZE, 'example_weight_count'), 'example_stiffness', 'rim_smoothing', 'rotation_smoothing', 'base_deformer')
+    (_SIZE, 'example_weight_count'), 'example_stiffness', 'rim_smoothing', 'rotation_smoothing', 'base_deformer',
+    (Array(np.int32), 'handle_turns'), (_SIZE, 'handle_turn_count'), (Array(np.float64, 3), 'pivots'),
+    (_SIZE, 'pivot_count'))
 UpdateInfo = _sized('dd_update_info', "Facts about an update that was a job", (_INT, 'volumes_converged'),
                     (_DOUBLE, 'volume_error'))
 Info = _sized(

@@ -59,8 +59,8 @@ class Deformer {
   void update_to(float* out, bool positions, const double* matrices, const UpdateOptions& options,
                  const Positions* deformed_base = nullptr);
 
-  /// The matrices of an update, 12 numbers a handle, with the rotations of those that only place put
-  /// in; and the turns, where there are any.
+  /// The matrices of an update, 12 numbers a handle, with the rotations of those that only place
+  /// put in; and the turns, where there are any.
   std::vector<double> turned(const double* matrices, const UpdateOptions& options,
                              std::vector<double>& turns);
 
