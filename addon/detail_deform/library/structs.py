@@ -136,7 +136,8 @@ BindOptions = _sized(
     'dd_bind_options', "What a binding depends on beside mesh and roles",
     'base_metric', 'metric_smoothing', 'smoothness', ('dd_precision', 'precision'), (_INT, 'threads'),
     (_POSITIONS, 'base'), (_SIZE, 'base_count'), (_POSITIONS, 'examples'),
-    (_SIZE, 'example_count', 'example_vertex_count'))
+    (_SIZE, 'example_count', 'example_vertex_count'), (Array(np.int32, 3), 'base_triangles'),
+    (_SIZE, 'base_triangle_count'))
 UpdateOptions = _sized(
     'dd_update_options', "What an update depends on beside the handles",
     'method', 'gradients', 'refine', 'output', ('dd_values', 'values'), 'levels', 'formulation',
@@ -152,7 +153,7 @@ Info = _sized(
     (_INT, 'vertex_count', 'triangle_count', 'handle_count', 'free_count', 'resting_count', 'resting_component_count',
      'resting_example', 'loose_count', 'loose_example', 'degenerate_count', 'degenerate_example',
      'idle_handle_count', 'idle_handle_example', 'stand_in_count', 'unrepresented_count', 'unrepresented_example'),
-    (_DOUBLE, 'bind_seconds', 'bytes'))
+    (_DOUBLE, 'bind_seconds', 'bytes'), (_INT, 'far_count', 'far_example', 'torn_count', 'torn_example'))
 TransferOptions = _sized(
     'dd_transfer_options', "What a transfer depends on beside meshes and pairs",
     'pairs_of', 'formulation', 'anchor', (Array(np.int32), 'anchors'), (_SIZE, 'anchor_count'),

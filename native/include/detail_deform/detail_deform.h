@@ -221,13 +221,20 @@ typedef struct dd_bind_options {
   const float* base; /* B at rest from outside, as positions: then handle_count may be 0, free parts
                         that nothing holds are carried by their base, and base_metric,
                         metric_smoothing and smoothness have no meaning. Null: B is computed */
-  size_t base_count; /* vertices: as many as the mesh's */
+  size_t base_count; /* vertices: as many as the mesh's, unless there are base_triangles */
   const float* examples; /* of DD_METHOD_EXAMPLES: poses of S, the positions of one after those of
                             the other. They matter to nothing else and cost nothing before that
                             method is used. An example's translation doesn't matter, its rotation
                             does */
   size_t example_count;  /* poses, at most 1000 */
   size_t example_vertex_count; /* vertices of each: as many as the mesh's */
+  const int32_t*
+      base_triangles; /* null: the base has the mesh's own vertices and triangles. Else it
+                                    is a mesh of its own, a cage or a coarser or finer copy, three
+                                    vertices for each of these: each vertex of the mesh follows the
+                                    nearest point of it, with a rotation that is continuous across
+                                    its edges */
+  size_t base_triangle_count;
 } dd_bind_options;
 
 /* Starts to bind: a job that makes a dd_deformer.
@@ -399,6 +406,12 @@ typedef struct dd_deformer_info {
   int32_t unrepresented_example; /* one of them */
   double bind_seconds;           /* what the bind took */
   double bytes;                  /* memory that the deformer holds */
+  int32_t far_count;   /* vertices farther from a base of its own topology than a tenth of its size:
+                           what they follow is a guess */
+  int32_t far_example; /* one of them */
+  int32_t torn_count;  /* vertices between parts of such a base, whose nearest point and that of a
+                           neighbour lie far apart: they may follow different parts of it */
+  int32_t torn_example; /* one of them */
 } dd_deformer_info;
 
 DD_API int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info);

@@ -164,6 +164,13 @@ int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info
     const dd::MethodFindings normal = bound.findings(dd::MethodKind::normal);
     facts.unrepresented_count = normal.unrepresented_count;
     facts.unrepresented_example = normal.unrepresented_example;
+    facts.far_example = facts.torn_example = -1;
+    if (const dd::BaseProxy* proxy = bound.proxy()) {
+      facts.far_count = proxy->far_count;
+      facts.far_example = proxy->far_example;
+      facts.torn_count = proxy->torn_count;
+      facts.torn_example = proxy->torn_example;
+    }
     facts.bind_seconds = of.bind_seconds;
     facts.bytes = bound.bytes();
     write_struct("info", info, facts);

@@ -47,8 +47,17 @@ BindOptions read_bind_options(const dd_bind_options* given, size_t vertex_count)
   result.smoothness =
       static_cast<Smoothness>(number("options.smoothness", options.smoothness,
                                      DD_SMOOTHNESS_CURVATURE_VARIATION, DD_SMOOTHNESS_THIN_PLATE));
-  result.base =
-      read_optional_positions("options.base", options.base, options.base_count, vertex_count);
+  const bool own_topology =
+      is_given("options.base_triangles", options.base_triangles, options.base_triangle_count,
+               options.base_triangle_count, "triangles");
+  require(!own_topology || options.base, "options.base_triangles are given, but no options.base.");
+  require(options.base_count < kMostElements && options.base_triangle_count < kMostElements,
+          "The base has more vertices or triangles than this library can number.");
+  result.base = read_optional_positions("options.base", options.base, options.base_count,
+                                        own_topology ? options.base_count : vertex_count);
+  if (own_topology)
+    result.base_triangles = Eigen::Map<const Triangles>(
+        options.base_triangles, static_cast<Index>(options.base_triangle_count), 3);
   result.precision = choice("options.precision", options.precision, Precision::full);
   result.threads = threads(options.threads);
   result.examples = read_examples(options, vertex_count);
@@ -106,7 +115,7 @@ Update read_update_options(const dd_update_options* given, const Deformer& defor
                                            HandleTurns::free) == HandleTurns::free);
   result.options.pivots = read_pivots(options, handles);
   result.deformed_base = read_optional_positions("options.base", options.base, options.base_count,
-                                                 count_of(deformer.mesh().vertex_count()));
+                                                 count_of(deformer.base_vertex_count()));
   return result;
 }
 

@@ -43,6 +43,7 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
                     options.metric_smoothing,
                     options.smoothness,
                     {},
+                    {},
                     options.precision,
                     options.threads,
                     {}},
@@ -52,7 +53,16 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
   report(progress, 0.02, "Building operators");
   box_ = UnitBox(mesh_.positions);
   BindOptions in_unit = options;
-  in_unit.base = box_.into(options.base);
+  if (options.base_triangles.size()) {
+    Mesh proxy{options.base, options.base_triangles};
+    validate(proxy, "base");
+    proxy.positions = box_.into(proxy.positions);
+    proxy_ = std::make_unique<BaseProxy>(Mesh{box_.into(mesh_.positions), mesh_.triangles},
+                                         std::move(proxy));
+    in_unit.base = box_.into(mesh_.positions);  // as it carries S at rest
+  } else {
+    in_unit.base = box_.into(options.base);
+  }
   for (size_t i = 0; i < options.examples.size(); ++i) {
     validate_example(options.examples[i], static_cast<int>(i), mesh_);
     in_unit.examples[i] = box_.into(options.examples[i]);
@@ -213,13 +223,14 @@ MotionBlend& Deformer::blend(BaseDeformer deformer, const std::vector<double>& t
 }
 
 void Deformer::take_base(const Positions* deformed) {
-  if (!deformed || deformed->rows() != mesh_.vertex_count())
+  if (!deformed || deformed->rows() != base_vertex_count())
     throw Error(Status::argument,
                 "This surface was bound to a base from outside, and the update "
                 "has no deformed base with as many vertices.");
   if (!deformed->allFinite())
     throw Error(Status::argument, "The deformed base has coordinates that are not finite.");
-  base_ = in_order(box_.into(*deformed), bound_->order());
+  const Positions base = box_.into(*deformed);
+  base_ = in_order(proxy_ ? proxy_->carry(base, pool_) : base, bound_->order());
 }
 
 void Deformer::move_base(MotionBlend& motions, BaseDeformer deformer) {
@@ -297,7 +308,8 @@ double Deformer::bytes() const {
                                        region_.free.size() + region_.handle_vertices.size());
   double sum = static_cast<double>(doubles) * sizeof(double) +
                static_cast<double>(ints) * sizeof(int) + bound_->bytes() +
-               (motions_ ? motions_->bytes() : 0) + (free_turns_ ? free_turns_->bytes() : 0);
+               (motions_ ? motions_->bytes() : 0) + (free_turns_ ? free_turns_->bytes() : 0) +
+               (proxy_ ? proxy_->bytes() : 0);
   for (const auto& made : methods_)
     if (made) sum += made->bytes();
   return sum;

@@ -7,6 +7,7 @@
 
 #include "mesh/unit_box.h"
 #include "methods/methods.h"
+#include "surface/base_proxy.h"
 #include "surface/free_turns.h"
 #include "surface/motion_blend.h"
 
@@ -45,7 +46,8 @@ class Deformer {
   Deformer(const Deformer&) = delete;
   Deformer& operator=(const Deformer&) = delete;
 
-  /// deformed_base: B', n×3 in the mesh's units, for a base from outside; else null.
+  /// deformed_base: B' in the mesh's units, for a base from outside, as many vertices as that has;
+  /// else null.
   /// matrices: handle_count row-major 3×4 affine matrices, rest to present, in the mesh's units.
   /// Returns the displacement of every vertex, n×3, in the mesh's units; valid until the next call.
   /// The first update by a method prepares it, which may take longer.
@@ -69,6 +71,10 @@ class Deformer {
   const BindOptions& bind_options() const { return bind_options_; }
   /// Whether updates need B'.
   bool outside_base() const { return bound_->outside_base(); }
+  /// Vertices of such a base.
+  int base_vertex_count() const { return proxy_ ? proxy_->vertex_count() : mesh_.vertex_count(); }
+  /// What binds S to a base of another topology; null where it is of its own.
+  const BaseProxy* proxy() const { return proxy_.get(); }
   const Region& region() const { return region_; }
   const std::vector<int>& degenerate_triangles() const {
     return bound_->operators.metric.degenerate;
@@ -110,6 +116,7 @@ class Deformer {
   Mesh mesh_;
   Region region_;
   UnitBox box_;
+  std::unique_ptr<BaseProxy> proxy_;
   std::unique_ptr<BoundSurface> bound_;
   std::array<std::unique_ptr<Method>, kMethodCount> methods_;  // by MethodKind
 

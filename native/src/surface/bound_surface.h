@@ -16,6 +16,8 @@ struct BindOptions {
   Smoothness smoothness = Smoothness::thin_plate;
   /// B at rest from outside, n×3 in the mesh's units; empty: computed, as the others say.
   Positions base = {};
+  /// Where that base has a topology of its own, its triangles; else none. See BaseProxy.
+  Triangles base_triangles = {};
   /// Of what a frame works with; see PoissonSystem. Full is for comparisons.
   Precision precision = Precision::full;
   /// For the bind and every frame, the caller's among them; 0: what the machine has.
