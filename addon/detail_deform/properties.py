@@ -153,11 +153,13 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     base_object: PointerProperty(
         name="Base Object", type=bpy.types.Object, update=_base_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
-        description="Smooth mesh with the same vertices and faces as this one. Its own mesh is the base at rest, what "
-                    "its modifiers make of it the deformed one")
+        description="Smooth copy of this mesh, or a cage or a coarser mesh near it, which is followed by nearest points. "
+                    "Its own mesh is the base at rest, what its modifiers make of it the deformed one. Where they make "
+                    "vertices, its shape at Bind is the rest")
     base_rest_matrix: FloatVectorProperty(
         name="Base Rest Matrix", size=16, options={'HIDDEN'},
         description="Place of the base object relative to this one when it was bound, row by row")
+    base_rest_mesh: PointerProperty(type=bpy.types.Mesh, options={'HIDDEN'})  # in this object's space
     influence: StringProperty(
         name="Influence", update=_influence_changed,
         description="Vertex group by whose weights the result is shown, as with other modifiers: a soft border, or a "

@@ -118,6 +118,7 @@ def forget(ob):
         handle.property_unset('rest_matrix')
         handle.property_unset('rest_euler')
     of.property_unset('base_rest_matrix')
+    outside_base.forget_kept(of)
     dependency.release(ob)
 
 

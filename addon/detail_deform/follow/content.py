@@ -26,7 +26,7 @@ def options(ob):
     """Of native.Bind: what a binding depends on beside mesh and roles."""
     settings = ob.detail_deform
     if settings.base == 'OBJECT':
-        return {'base': outside_base.rest_positions(ob)}
+        return outside_base.rest(ob)
     told = asked(BIND, settings)
     made = {name: told[name] for name in BindOptions.kinds if name in told}  # in the order that files hold
     try:
@@ -45,9 +45,13 @@ def roles(ob):
 
 def signature(ob, shape, roles_of_vertices):
     """shape: as of mesh_data.shape_signature."""
-    texts = {'examples': lambda value: _EXAMPLES + mesh_data.signature(value), 'base': mesh_data.signature}
-    return '.'.join([*shape, mesh_data.signature(roles_of_vertices),
-                     *(texts.get(name, _text)(value) for name, value in options(ob).items())])
+    return '.'.join([*shape, mesh_data.signature(roles_of_vertices), _texts(options(ob))])
+
+
+def _texts(values):
+    texts = {'examples': lambda value: _EXAMPLES + mesh_data.signature(value), 'base': mesh_data.signature,
+             'base_triangles': mesh_data.signature}
+    return '.'.join(texts.get(name, _text)(value) for name, value in values.items())
 
 
 def _text(value):
@@ -62,7 +66,7 @@ def bind_arguments(ob, roles_of_vertices):
 
 def is_of_base(ob):
     """Whether the binding is made for the base object's mesh as it is. Raises MeshProblem."""
-    return ob.detail_deform.signature.endswith('.' + mesh_data.signature(outside_base.rest_positions(ob)))
+    return ob.detail_deform.signature.endswith('.' + _texts(outside_base.rest(ob)))
 
 
 def difference(ob):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A base surface from outside: another object of the same topology, deformed by whatever it has."""
+"""A base surface from outside: another object, deformed by whatever it has. A copy of the mesh is followed vertex by
+vertex, another mesh by nearest points."""
 
 import bpy
 import numpy as np
@@ -15,16 +16,9 @@ def _base_object(ob):
                           "should follow, or let the base be computed.")
     if base == ob or base.type != 'MESH':
         raise MeshProblem(f"'{base.name}' can't be the base: choose another mesh object.")
-    counts = [(len(m.vertices), len(m.polygons)) for m in (ob.data, base.data)]
-    if counts[0] != counts[1]:
-        raise MeshProblem(
-            f"The base object '{base.name}' has {counts[1][0]:,} vertices and {counts[1][1]:,} faces, "
-            f"'{ob.name}' has {counts[0][0]:,} and {counts[0][1]:,}: the base must be a copy with the "
-            "same vertices and faces.")
-    if mesh_data.topology_signature(ob.data) != mesh_data.topology_signature(base.data):
-        raise MeshProblem(
-            f"The base object '{base.name}' has as many vertices and faces as '{ob.name}', but its faces "
-            "join other vertices: the base must be a copy with the same vertices and faces.")
+    if not base.data.polygons:
+        raise MeshProblem(f"The base object '{base.name}' has no faces: choose a mesh whose faces lie near "
+                          f"'{ob.name}'.")
     return base
 
 
@@ -32,11 +26,18 @@ def _moved(positions, matrix):
     return (positions @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
 
 
-def rest_positions(ob):
-    """(n, 3) float32: the base object's own mesh, in the object's space as of the bind."""
-    base = _base_object(ob)
+def rest(ob):
+    """What native.Bind is told of the base object, in the object's space as of the bind: its own mesh, or what was
+    kept of it. With triangles where it is not a copy of the mesh, vertex for vertex and face for face."""
+    base, kept = _base_object(ob), ob.detail_deform.base_rest_mesh
+    if kept:
+        return {'base': mesh_data.positions(kept), 'base_triangles': mesh_data.triangles(kept)}
     matrix = np.array(ob.detail_deform.base_rest_matrix, np.float64).reshape(4, 4)
-    return _moved(mesh_data.positions(base.data), matrix)
+    found = {'base': _moved(mesh_data.positions(base.data), matrix)}
+    if (len(ob.data.vertices) != len(base.data.vertices)
+            or mesh_data.topology_signature(ob.data) != mesh_data.topology_signature(base.data)):
+        found['base_triangles'] = mesh_data.triangles(base.data)
+    return found
 
 
 def _place(ob, base, depsgraph):
@@ -47,22 +48,40 @@ def _place(ob, base, depsgraph):
 
 def deformed_positions(ob, depsgraph):
     """(n, 3) float32: what the base object's modifiers make of it, in the object's space, now."""
-    base = _base_object(ob)
+    base, kept = _base_object(ob), ob.detail_deform.base_rest_mesh
     mesh = base.evaluated_get(depsgraph).data
-    if len(mesh.vertices) != len(ob.data.vertices):
+    count = len((kept or base.data).vertices)
+    if len(mesh.vertices) != count:
         raise MeshProblem(
-            f"The modifiers of the base object '{base.name}' make {len(mesh.vertices):,} vertices of its "
-            f"{len(base.data.vertices):,}: use only such that move vertices.")
+            f"The modifiers of the base object '{base.name}' make {len(mesh.vertices):,} vertices, but {count:,} were "
+            "there when it was bound: bind again, or use only modifiers that make the same vertices in each frame.")
     return _moved(mesh_data.positions(mesh), _place(ob, base, depsgraph))
 
 
 def store_rest(ob, depsgraph, only_new):
-    """Takes the base object's present place as rest; only_new: when there is none yet."""
-    if only_new and any(ob.detail_deform.base_rest_matrix):
+    """Takes the base object's present place as rest; only_new: when there is none yet. Where its modifiers make
+    vertices, what they make now is kept as its rest, for its own mesh isn't comparable."""
+    settings = ob.detail_deform
+    if only_new and any(settings.base_rest_matrix):
         return
-    place = _place(ob, _base_object(ob), depsgraph)
+    base = _base_object(ob)
+    place = _place(ob, base, depsgraph)
     # As single precision, which is what is stored, on both sides.
-    ob.detail_deform.base_rest_matrix = place.astype(np.float32).ravel().tolist()
+    settings.base_rest_matrix = place.astype(np.float32).ravel().tolist()
+    forget_kept(settings)
+    mesh = base.evaluated_get(depsgraph).data
+    if len(mesh.vertices) != len(base.data.vertices):
+        kept = bpy.data.meshes.new(f"{base.name} Rest")
+        kept.from_pydata(_moved(mesh_data.positions(mesh), place).tolist(), [], mesh_data.triangles(mesh).tolist())
+        settings.base_rest_mesh = kept
+
+
+def forget_kept(settings):
+    """Lets go of the mesh that was kept as the base's rest."""
+    kept = settings.base_rest_mesh
+    settings.base_rest_mesh = None
+    if kept and not kept.users:
+        bpy.data.meshes.remove(kept)
 
 
 def make(ob, positions):

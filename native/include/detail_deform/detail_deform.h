@@ -411,7 +411,8 @@ typedef struct dd_deformer_info {
   int32_t far_example; /* one of them */
   int32_t torn_count;  /* vertices between parts of such a base, whose nearest point and that of a
                            neighbour lie far apart: they may follow different parts of it */
-  int32_t torn_example; /* one of them */
+  int32_t torn_example;       /* one of them */
+  int32_t proxy_vertex_count; /* vertices of a base of its own topology; 0 where there is none */
 } dd_deformer_info;
 
 DD_API int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info);

@@ -166,6 +166,7 @@ int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info
     facts.unrepresented_example = normal.unrepresented_example;
     facts.far_example = facts.torn_example = -1;
     if (const dd::BaseProxy* proxy = bound.proxy()) {
+      facts.proxy_vertex_count = proxy->vertex_count();
       facts.far_count = proxy->far_count;
       facts.far_example = proxy->far_example;
       facts.torn_count = proxy->torn_count;
