@@ -83,6 +83,31 @@ def bent_cylinder(degrees):
     return subject
 
 
+def pulled_limb(turns):
+    """A cylinder whose end is moved to a side."""
+    subject, empty = held_subject(f"Limb {turns}", shapes.tube(81, 60, CYLINDER, shapes.circle),
+                                  lambda p: p[:, 0] > 0.1 * CYLINDER, lambda p: p[:, 0] > 0.9 * CYLINDER)
+    subject.settings.handles[0].turns = turns
+    empty.location += Vector((-0.4, 0, 0.85))
+    return subject
+
+
+def caged():
+    """A bumpy plane on a sheet of 6 × 6 faces that is rolled; both."""
+    plane, cage = Subject("Bumpy", *shapes.bumpy_plane(161, 8)), Subject("Cage", *shapes.sheet(7))
+    turn, arm = 2.2 * (cage.rest[:, 0] - 0.5), 1 / 2.2 - cage.rest[:, 2]
+    posed = np.stack([arm * np.sin(turn) + 0.5, cage.rest[:, 1], 1 / 2.2 - arm * np.cos(turn)], -1)
+    cage.object.shape_key_add(name="Basis")
+    key = cage.object.shape_key_add(name="Rolled")
+    key.data.foreach_set('co', posed.astype(np.float32).ravel())
+    plane.settings.base, plane.settings.base_object = 'OBJECT', cage.object
+    plane.bind()
+    key.value = 1
+    for subject in (plane, cage):
+        subject.roles = np.full(len(subject.rest), native.ROLE_FREE, np.int32)
+    return plane, cage
+
+
 def rows():
     """Of each row its panels: subject, title, settings, and how it is looked at."""
     profile = dict(view=(-0.25, -1, 0.04), centre=(0.403, 0.524, 0.29), height=0.05, pixels=240)
@@ -105,6 +130,12 @@ def rows():
     yield [(bent, f"Bent by 200°, {title}", dict(DEFAULT, **settings), aside)
            for title, settings in (("Linear", dict(base_deformer='LINEAR')), ("the default", {}),
                                    ("Bend Length 0.03", dict(rotation_smoothing=0.03)))]
+    beside = dict(view=(0.15, -1, 0.2), centre=(0.65, 0, 0.38), height=1.15, pixels=310)
+    yield [(pulled_limb(turns), f"Pulled to a side, Turns {title}", DEFAULT, beside)
+           for turns, title in (('TARGET', "As Empty"), ('FREE', "Freely"))]
+    plane, cage = caged()
+    above = dict(view=(-0.5, -1, 0.75), centre=(0.5, 0.5, 0.12), height=0.95, pixels=330)
+    yield [(cage, "A cage", DEFAULT, above), (plane, "What follows it", DEFAULT, above)]
     densities = 1, 2, 4
     bars = [twisted_bar(135, density) for density in densities]
     # A length of as many edges at each density, which is what smoothing from triangle to triangle comes to.
@@ -130,6 +161,10 @@ def report(subject, title):
         said = twist(deformed)
     elif title.startswith("Bent"):
         said = f"{thickness(deformed):.2f} as thick in the middle"
+    elif title.startswith("Pulled"):
+        said = f"stretched by {100 * found.stretch:.1f}%"
+    elif name in {"Cage", "Bumpy"}:
+        said = f"{len(triangles):,} triangles"
     else:
         said = f"{found.intersecting_triangles:,} faces intersect"
     print(f"{title}: {said} ({found.intersecting_triangles} faces intersect, stretch {found.stretch:.3f})", flush=True)
