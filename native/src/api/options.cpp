@@ -37,6 +37,8 @@ BindOptions read_bind_options(const dd_bind_options* given, size_t vertex_count)
                                      DD_SMOOTHNESS_CURVATURE_VARIATION, DD_SMOOTHNESS_THIN_PLATE));
   result.base =
       read_optional_positions("options.base", options.base, options.base_count, vertex_count);
+  result.triangulation =
+      choice("options.triangulation", options.triangulation, Triangulation::given);
   result.precision = choice("options.precision", options.precision, Precision::full);
   result.threads = threads(options.threads);
   result.examples = read_examples(options, vertex_count);

@@ -14,6 +14,7 @@ struct BindOptions {
   BaseMetric base_metric = BaseMetric::surface;
   double metric_smoothing = 0;  ///< mean edge lengths; with BaseMetric::surface only
   Smoothness smoothness = Smoothness::thin_plate;
+  Triangulation triangulation = Triangulation::delaunay;
   /// B at rest from outside, n×3 in the mesh's units; empty: computed, as the others say.
   Positions base = {};
   /// Of what a frame works with; see PoissonSystem. Full is for comparisons.

@@ -76,7 +76,7 @@ GradientPass<Real>::GradientPass(const FactoredSurface& surface, const Positions
     : layout_(surface.poisson->active()),
       blocks_(layout_.without_targets<TriangleBlock<Real>>(*surface.poisson)) {
   const PoissonSystem& poisson = *surface.poisson;
-  const Triangles& t = surface.mesh.triangles;
+  const Triangles& t = surface.operators.triangles;
   const Positions corner_flux =
       corner_divergence(surface.operators.metric, surface.mesh.positions, t);
   layout_.each(poisson.active(), [&](int i, int section, int b, int lane) {

@@ -75,7 +75,7 @@ template <class Real, class CornerOf>
 std::vector<TurnBlock<Real>> turn_blocks(const FactoredSurface& surface, const ActiveBlocks& layout,
                                          const Positions& of, const CornerOf& corner_of) {
   const PoissonSystem& poisson = *surface.poisson;
-  const Triangles& t = surface.mesh.triangles;
+  const Triangles& t = surface.operators.triangles;
   const Positions flux = corner_divergence(surface.operators.metric, of, t);
   auto blocks = layout.without_targets<TurnBlock<Real>>(poisson);
   layout.each(poisson.active(), [&](int i, int section, int b, int lane) {
