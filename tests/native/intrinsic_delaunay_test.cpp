@@ -97,7 +97,8 @@ TEST_CASE("DELAUNAY: a sheet that is folded along its edges has the Laplacian of
     for (int j = 0; j < 9; ++j) straight.positions.row(i * 9 + j) << i / 11.0, j / 8.0, 0;
   Mesh folded = straight;
   for (Index v = 0; v < folded.positions.rows(); ++v) {
-    const double beyond = folded.positions(v, 0) - 4 / 11.0, far = folded.positions(v, 0) - 8 / 11.0;
+    const double beyond = folded.positions(v, 0) - 4 / 11.0,
+                 far = folded.positions(v, 0) - 8 / 11.0;
     if (far > 0)
       folded.positions.row(v) << 4 / 11.0, folded.positions(v, 1), 4 / 11.0 - far;
     else if (beyond > 0)
@@ -153,9 +154,9 @@ TEST_CASE("DELAUNAY: neither numbering nor size nor winding has a say") {
       surface_operators(mesh.positions, mesh.triangles, Triangulation::delaunay).laplacian;
   const auto other =
       test::renumbered(mesh, std::vector<int>(static_cast<size_t>(mesh.vertex_count()), kFree));
-  const Eigen::MatrixXd renumbered = surface_operators(other.mesh.positions, other.mesh.triangles,
-                                                       Triangulation::delaunay)
-                                         .laplacian;
+  const Eigen::MatrixXd renumbered =
+      surface_operators(other.mesh.positions, other.mesh.triangles, Triangulation::delaunay)
+          .laplacian;
   CHECK((renumbered(other.new_of_old, other.new_of_old) - L).cwiseAbs().maxCoeff() < 1e-9);
 
   const test::Affine turn = test::rotation_about(0.7, {1, 2, 3}, {0, 0, 0}, {0.3, 0.2, 0.1});

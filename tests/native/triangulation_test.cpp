@@ -18,11 +18,9 @@ using test::surface;
 namespace {
 
 const std::vector<UpdateOptions> kWays = {
-    by(MethodKind::transfer),           by(MethodKind::transfer, false),
-    test::usual(),                      test::shown_base(),
-    by(MethodKind::variational),        by(MethodKind::gradient),
-    by(MethodKind::normal),             by(MethodKind::volumes),
-    by(MethodKind::transfer, true, 16),
+    by(MethodKind::transfer), by(MethodKind::transfer, false), test::usual(),
+    test::shown_base(),       by(MethodKind::variational),     by(MethodKind::gradient),
+    by(MethodKind::normal),   by(MethodKind::volumes),         by(MethodKind::transfer, true, 16),
 };
 
 BindOptions way(Triangulation triangulation) {
@@ -62,8 +60,8 @@ TEST_CASE("TRIANGULATION: on curved shapes slivers count for a tenth of what the
     const Mesh slivers = test::with_slivers(one.mesh, 0.2);
     const Positions expected = deformed(one.mesh, one, test::usual());
     const double now = largest_difference(deformed(slivers, one, test::usual()), expected);
-    const double before = largest_difference(
-        deformed(slivers, one, test::usual(), Triangulation::given), expected);
+    const double before =
+        largest_difference(deformed(slivers, one, test::usual(), Triangulation::given), expected);
     INFO(one.name << ": " << now << ", by the slivers themselves " << before);
     CHECK(now < 0.1 * before);
   }
@@ -112,8 +110,7 @@ TEST_CASE("TRIANGULATION: a plane of needles alone bends as one of squares does"
       const double x = one.mesh.positions(v, 0);
       one.roles.push_back(x < 0.1 + 1e-9 ? kFixed : x > 0.9 - 1e-9 ? 0 : kFree);
     }
-    one.motion =
-        test::rotation_about(test::radians(60), {0, 1, 0}, {0.95, 0.5, 0}, {0, 0, 0.25});
+    one.motion = test::rotation_about(test::radians(60), {0, 1, 0}, {0.95, 0.5, 0}, {0, 0, 0.25});
     return one;
   };
   const test::Case squares = made(61, 61), needles = made(1201, 7);  // 1 : 200
@@ -122,8 +119,8 @@ TEST_CASE("TRIANGULATION: a plane of needles alone bends as one of squares does"
   double largest = 0;
   for (int i = 0; i <= 60; ++i)
     for (int j = 0; j <= 6; ++j)
-      largest = std::max(
-          largest, (result.row(20 * i * 7 + j) - expected.row(i * 61 + 10 * j)).norm());
+      largest =
+          std::max(largest, (result.row(20 * i * 7 + j) - expected.row(i * 61 + 10 * j)).norm());
   INFO(largest);
   CHECK(largest < 0.01);
 }

@@ -67,9 +67,8 @@ struct Junction {
 
 inline Junction junction(int side = 15) {
   Junction made;
-  made.mesh = grid(side, side, [](double x, double y) {
-    return 0.03 * std::sin(9 * x) * std::cos(7 * y);
-  });
+  made.mesh =
+      grid(side, side, [](double x, double y) { return 0.03 * std::sin(9 * x) * std::cos(7 * y); });
   const int middle = side / 2, n = side * side;
   made.roles.assign(static_cast<size_t>(n + side * middle), kFree);
   std::vector<Eigen::RowVector3d> added;

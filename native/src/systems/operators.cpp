@@ -80,14 +80,6 @@ void set_metric(TriangleMetric& metric, Index j, const Layout& l) {
   metric.cotangents(j, l.apex) = l.height / l.base - (l.foot / l.height) * (rest / l.base);
 }
 
-/// Whether an edge may be worth a flip. One of two triangles has the sum of both cotangents in L.
-bool has_obtuse_edge(const SparseMatrix& laplacian) {
-  for (Index v = 0; v < laplacian.cols(); ++v)
-    for (SparseMatrix::InnerIterator it(laplacian, v); it; ++it)
-      if (it.row() < v && it.value() > -0.5 * kObtuse) return true;
-  return false;
-}
-
 }  // namespace
 
 TriangleMetric triangle_metric(const Positions& p, const Triangles& t) {
@@ -150,17 +142,18 @@ SurfaceOperators surface_operators(const Positions& p, const Triangles& t,
   SurfaceOperators operators;
   operators.triangles = t;
   operators.metric = triangle_metric(p, t);
-  operators.laplacian = cotangent_laplacian(operators.metric, t, n);
-  if (triangulation == Triangulation::delaunay && has_obtuse_edge(operators.laplacian)) {
+  // An obtuse edge has an obtuse angle.
+  if (triangulation == Triangulation::delaunay && t.size() > 0 &&
+      operators.metric.cotangents.minCoeff() < 0.5 * kObtuse) {
     IntrinsicTriangles intrinsic = intrinsic_delaunay(p, t);
     operators.flipped = intrinsic.flips > 0;
     if (operators.flipped) {
       operators.triangles = std::move(intrinsic.triangles);
       for (Index j = 0; j < t.rows(); ++j)
         if (intrinsic.moved[j]) set_metric(operators.metric, j, lay_out(intrinsic.lengths.row(j)));
-      operators.laplacian = cotangent_laplacian(operators.metric, operators.triangles, n);
     }
   }
+  operators.laplacian = cotangent_laplacian(operators.metric, operators.triangles, n);
   operators.masses = mixed_voronoi_masses(operators.metric, operators.triangles, n);
   return operators;
 }
