@@ -80,8 +80,8 @@ TEST_CASE("TRIANGULATION: whatever the slivers, rest is rest and a rigid motion 
     if (how.output == Output::result)
       CHECK(largest_difference(surface(resting, {test::identity()}, how), slivers.positions) <
             1e-9);
-    // Smooth displacement isn't rotation-invariant on S itself, normal displacements and volumes are
-    // as exact as their feet and iterations.
+    // Smooth displacement isn't rotation-invariant on S itself, and the feet of normal
+    // displacements and the volumes are as exact as their iterations.
     if (how.method == MethodKind::transfer && how.output == Output::result)
       CHECK(largest_difference(surface(held, {motion}, how), expected) < 1e-8);
   }

@@ -17,8 +17,8 @@ struct IntrinsicTriangles {
   int flips = 0;
 };
 
-/// Where the third corner of a triangle stands over a base from (0, 0) to (length, 0), by the lengths
-/// of its edges to both ends of that.
+/// Where the third corner of a triangle stands over a base from (0, 0) to (length, 0), by the
+/// lengths of its edges to both ends of that.
 struct TriangleApex {
   double foot, height;
 };
