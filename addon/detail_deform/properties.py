@@ -93,6 +93,9 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
     mirror_axis: EnumProperty(
         name="Axis", update=_target_changed, items=AXES,
         description="Axis of the object across which the motion is mirrored")
+    turns: EnumProperty(
+        name="Turns", update=_look_changed, items=options.HANDLE_TURNS,
+        description="What turns the vertices of this handle")
     enabled: BoolProperty(
         name="Enabled", default=True, update=_input_changed,
         description="Let this handle hold and move its vertices. Without it they follow the others like the rest of "

@@ -440,6 +440,25 @@ def test_unusable_splits_are_refused(native, strip, change, sentence):
         split(native, strip, **arguments).finish()
 
 
+def test_a_handle_that_only_places_takes_its_turn_from_the_surface(native, strip):
+    deformer = bound(native, strip)
+    held = strip.roles == 0
+    lift = np.eye(4)[None, :3].copy()
+    lift[0, 2, 3] = 0.3
+    told = deformer.offsets(lift).reshape(-1, 3)[held]
+    assert np.abs(told - (0, 0, 0.3)).max() < 1e-6
+    free = deformer.offsets(lift, handle_turns=[1]).reshape(-1, 3)[held]
+    assert np.abs(free.mean(0) - (0, 0, 0.3)).max() < 1e-5 and np.ptp(free[:, 2]) > 0.01
+    pivot = strip.positions[held][0].astype(np.float64)
+    there = deformer.offsets(lift, handle_turns=[1], pivots=[pivot]).reshape(-1, 3)[held][0]
+    assert np.abs(there - (0, 0, 0.3)).max() < 1e-5
+    for change, sentence in ((dict(handle_turns=[2]), 'handle_turns is 2'), (dict(handle_turns=[1, 0]), 'for 2 handles'),
+                             (dict(handle_turns=[1], pivots=[(0, np.nan, 0)]), 'pivot of handle 0'),
+                             (dict(handle_turns=[1], pivots=np.zeros((2, 3))), 'for 2 handles')):
+        with pytest.raises(native.NativeError, match=sentence):
+            deformer.offsets(lift, **change)
+
+
 def test_a_base_from_outside_moves_the_details(native, strip):
     flat = strip.positions.copy()
     flat[:, 2] = 0

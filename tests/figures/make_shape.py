@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the settings of the shape do, each by the older way and by the default: rims, turns and densities.
+"""What the settings of the shape do, each without them and by default: rims, single vertices, turns and densities.
 
     blender --background --factory-startup --python-exit-code 1 --python tests/figures/make_shape.py
 
@@ -20,6 +20,7 @@ sys.path[:0] = [str(HERE), str(HERE.parents[1] / "addon")]
 import detail_deform  # noqa: E402
 import shapes  # noqa: E402
 from detail_deform.library import native  # noqa: E402
+from detail_deform.library.deformer import Bind  # noqa: E402
 from detail_deform.scene import mesh_data  # noqa: E402
 from make_figures import Subject  # noqa: E402
 
@@ -42,9 +43,9 @@ def held_subject(name, shape, region, handle):
     return subject, empty
 
 
-def sheet(name, radius):
+def sheet(name, radius, side):
     """Its border is fixed, and a disc in its middle is pulled up."""
-    subject, empty = held_subject(name, shapes.sheet(), lambda p: (abs(p[:, :2] - 0.5) < 0.499).all(1),
+    subject, empty = held_subject(name, shapes.sheet(side), lambda p: (abs(p[:, :2] - 0.5) < 0.499).all(1),
                                   lambda p: np.linalg.norm(p[:, :2] - 0.5, axis=1) < radius)
     empty.location.z += 0.3
     return subject
@@ -56,7 +57,17 @@ def twisted_bar(degrees, density=1):
     subject, empty = held_subject(f"Bar {len(shape[0])}", shape, lambda p: p[:, 0] > 0.1 * BAR + 1e-6,
                                   lambda p: p[:, 0] > 0.9 * BAR - 1e-6)
     empty.rotation_euler.x = radians(degrees)
+    subject.motion = np.array(Matrix.Rotation(radians(degrees), 4, 'X'))[:3]
     return subject
+
+
+def posed(subject, **options):
+    """Its surface as the library alone deforms it, which the panel's limits don't bind."""
+    triangles = mesh_data.triangles(subject.object.data)
+    offsets = Bind(subject.rest, triangles, subject.roles, 1).finish().offsets(subject.motion[None], **options)
+    made = Subject(f"{subject.object.name} posed", subject.rest + offsets.reshape(-1, 3), triangles)
+    made.rest, made.roles = subject.rest, subject.roles
+    return made
 
 
 def bent_cylinder(degrees):
@@ -74,39 +85,55 @@ def bent_cylinder(degrees):
 
 def rows():
     """Of each row its panels: subject, title, settings, and how it is looked at."""
-    near = dict(view=(-0.1, -1, 0.14), centre=(0.5, 0.5, 0.255), height=0.17, pixels=220)
+    profile = dict(view=(-0.25, -1, 0.04), centre=(0.403, 0.524, 0.29), height=0.05, pixels=240)
+    mirrored = dict(view=(0, -1, 0.5), centre=(0.5, 0.5, 0.287), height=0.26, pixels=280, reflected=True)
     over = dict(view=(-0.35, -1, 0.3), centre=(0.5, 0.5, 0.17), height=0.4, pixels=220)
-    for name, what, radius, look in (("Disc", "A disc", 0.13, near), ("Vertex", "A single vertex", 1e-6, over)):
-        subject = sheet(name, radius)
-        yield [(subject, f"{what}, {title}", dict(DEFAULT, rim_smoothing=rim), look)
-               for title, rim in (("Rim Smoothing 0", 0.0), ("the default", 0.05))]
-    along = dict(view=(-1, -1, 0.7), centre=(0.5 * BAR, 0, 0), height=0.58, pixels=260)
+    rims = ("Rim Smoothing 0", 0.0), ("the default", 0.05)
+    disc = sheet("Disc", 0.13, 241)
+    for what, look in (("A disc's rim", profile), ("Its reflections", mirrored)):
+        yield [(disc, f"{what}, {title}", dict(DEFAULT, rim_smoothing=rim), look) for title, rim in rims]
+    vertex = sheet("Vertex", 1e-6, 121)
+    yield [(vertex, f"A single vertex, {title}", dict(DEFAULT, rim_smoothing=rim), over) for title, rim in rims]
+    along = dict(view=(-1, -1, 0.7), centre=(0.5 * BAR, 0, 0), height=0.62, pixels=270)
     bar = twisted_bar(360)
-    yield [(bar, title, dict(DEFAULT, **settings), along)
-           for title, settings in (("360°, Linear", dict(base_deformer='LINEAR')),
-                                   ("360°, Linear in 12 steps", dict(base_deformer='LINEAR', steps=12)),
-                                   ("360°, the default", {}))]
+    yield [(bar, f"Twisted by 360°, {title}", dict(DEFAULT, **settings), along)
+           for title, settings in (("Linear", dict(base_deformer='LINEAR')),
+                                   ("Linear in 12 steps", dict(base_deformer='LINEAR', steps=12)),
+                                   ("the default", {}))]
     bent = bent_cylinder(200)
-    aside = dict(view=(0.15, -1, 0.2), centre=(0.2, 0, 0.42), height=1.1, pixels=300)
-    yield [(bent, f"200°, {title}", dict(DEFAULT, **settings), aside)
+    aside = dict(view=(0.15, -1, 0.2), centre=(0.2, 0, 0.45), height=1.15, pixels=310)
+    yield [(bent, f"Bent by 200°, {title}", dict(DEFAULT, **settings), aside)
            for title, settings in (("Linear", dict(base_deformer='LINEAR')), ("the default", {}),
                                    ("Bend Length 0.03", dict(rotation_smoothing=0.03)))]
-    bars = [twisted_bar(135, density) for density in (1, 2, 4)]
-    yield [(one, f"135°, {len(one.rest):,} vertices", DEFAULT, along) for one in bars]
+    densities = 1, 2, 4
+    bars = [twisted_bar(135, density) for density in densities]
+    # A length of as many edges at each density, which is what smoothing from triangle to triangle comes to.
+    by_edges = [posed(one, rotation_smoothing=DEFAULT['rotation_smoothing'] / density)
+                for one, density in zip(bars, densities)]
+    for what, subjects in (("smoothed by edges", by_edges), ("the default", bars)):
+        yield [(one, f"{len(one.rest):,} vertices, {what}", DEFAULT, along) for one in subjects]
 
 
 # ---------------------------------------------------------------- what is measured
 
 def report(subject, title):
+    """Prints what was measured; returns what matters most of it."""
     deformed = subject.evaluated()
     triangles = mesh_data.triangles(subject.object.data)
     found = native.measure(subject.rest, deformed, triangles, subject.roles)
-    text = f"{title}: {found.intersecting_triangles} faces intersect, stretch {found.stretch:.3f}"
-    if subject.object.name == "Vertex":
-        text += f", slope at the vertex {slope_at_handle(subject, deformed, triangles):.0f}°"
-    if subject.object.name == "Disc":
-        text += f", mean change of the angle at the rim {crease_at_rim(subject, deformed, triangles):.1f}°"
-    print(text, flush=True)
+    name = subject.object.name
+    if name == "Vertex":
+        said = f"slope {slope_at_handle(subject, deformed, triangles):.0f}°"
+    elif name == "Disc":
+        said = f"angle at its edges {crease_at_rim(subject, deformed, triangles):.0f}°"
+    elif title.startswith("Twisted"):
+        said = twist(deformed)
+    elif title.startswith("Bent"):
+        said = f"{thickness(deformed):.2f} as thick in the middle"
+    else:
+        said = f"{found.intersecting_triangles:,} faces intersect"
+    print(f"{title}: {said} ({found.intersecting_triangles} faces intersect, stretch {found.stretch:.3f})", flush=True)
+    return said
 
 
 def normals(p, triangles):
@@ -131,6 +158,23 @@ def crease_at_rim(subject, deformed, triangles):
     n = normals(deformed, triangles)
     pairs = np.array([pair for pair in beside.values() if len(pair) == 2 and held[pair].all(1).sum() == 1])
     return np.degrees(np.arccos((n[pairs[:, 0]] * n[pairs[:, 1]]).sum(1).clip(-1, 1))).mean()
+
+
+def twist(deformed):
+    """How far the bar's rings turn, and how evenly. deformed: of the coarsest bar."""
+    rings = deformed[:61 * 96].reshape(61, 96, 3)[..., 1:].astype(float)
+    across = rings[:, 0] - rings[:, 48]
+    angles = np.degrees(np.unwrap(np.arctan2(across[:, 1], across[:, 0])))
+    steps = np.abs(np.diff(angles))[6:54]  # those between the held ends
+    if steps.sum() < 1:
+        return "nothing turns"
+    return f"at most {steps.max() / steps.mean():.1f} times the mean rate"
+
+
+def thickness(deformed):
+    """Of the cylinder in the plane of its bend, as a share of its diameter at rest."""
+    ring = deformed[40 * 60:41 * 60].astype(float)
+    return np.linalg.norm(ring[15] - ring[45]) / 0.16
 
 
 # ---------------------------------------------------------------- the sheet
@@ -180,16 +224,19 @@ def prepare_scene():
     return sign
 
 
-def picture(folder, sign, title, width, view, centre, height, pixels):
-    """(rows, columns, 4) of the scene as it is now."""
+def picture(folder, sign, title, width, view, centre, height, pixels, reflected=False):
+    """(rows, columns, 4) of the scene as it is now. reflected: as stripes are, which show where a surface bends."""
     scene = bpy.context.scene
+    shading = scene.display.shading
+    shading.light = 'MATCAP' if reflected else 'STUDIO'
+    shading.studio_light = 'reflection_check_horizontal.exr' if reflected else 'Default'
     scene.camera.data.ortho_scale = height
     scene.camera.matrix_world = (Matrix.Translation(Vector(centre) + 5 * Vector(view).normalized())
                                  @ Vector(view).to_track_quat('Z', 'Y').to_matrix().to_4x4())
     sign.data.body = title
     pixel = height / pixels
     sign.location = ((12 - width / 2) * pixel, (pixels / 2 - 24) * pixel, -1)
-    sign.scale = [22 * pixel] * 3
+    sign.scale = [20 * pixel] * 3
     scene.render.resolution_x, scene.render.resolution_y = width, pixels
     scene.render.filepath = str(Path(folder) / "picture.png")
     bpy.ops.render.render(write_still=True)
@@ -213,7 +260,7 @@ def main():
                 for other in bpy.data.objects:
                     other.hide_render = other.type == 'MESH' and other != subject.object
                 subject.shown(**settings)
-                report(subject, title)
+                title = f"{title}\n{report(subject, title)}"
                 pictures.append(picture(folder, sign, title, WIDTH // len(panels), **look))
             sheet_rows.append(np.concatenate(pictures, axis=1))
     pixels = np.concatenate(sheet_rows[::-1], axis=0)  # images begin at the bottom

@@ -136,7 +136,10 @@ class Frame:
         places = handle_matrices.local_places(ob, depsgraph)
         self._motions, self._base = handle_matrices.motions(of, places), None
         self._asked = look.asked(of)
-        self.of = (of.signature, self._motions.tobytes(), self._asked)
+        self._free = handle_matrices.free(of)
+        self.of = (of.signature, self._motions.tobytes(), self._asked.copy(), self._free.tobytes())
+        if self._free.any():
+            self._asked |= {'handle_turns': self._free.astype(np.int32), 'pivots': handle_matrices.pivots(of)}
         self._turns = np.zeros((len(self._motions), 3))
         if of.base == 'OBJECT':
             self._base = outside_base.deformed_positions(ob, depsgraph)
@@ -155,8 +158,9 @@ class Frame:
         """Notes the facts of what is shown now, and sees to the slow result. wait: for it, and without a window."""
         of = self._ob.detail_deform
         record.only_moved = [
-            handle.name for handle, motion in zip(handle_matrices.enabled_handles(of), self._motions)
-            if handle_matrices.only_moves(motion)]
+            handle.name
+            for handle, motion, free in zip(handle_matrices.enabled_handles(of), self._motions, self._free)
+            if not free and handle_matrices.only_moves(motion)]
         if of.method == 'EXAMPLES':
             record.example_weights = self._deformer.example_weights().tolist()
             if not wait:

@@ -26,7 +26,7 @@ def why_no_base(settings):
 def quick(told):
     """What is shown while handles move: one step, and detail transfer in place of a slow method."""
     if told['method'] == 'VOLUMES':
-        kept = {name: told.get(name) for name in ('output', 'base_deformer', 'turns')}
+        kept = {name: told.get(name) for name in ('output', 'base_deformer', 'turns', 'handle_turns', 'pivots')}
         return {'method': 'TRANSFER', 'refine': 0, **kept}
     return {**told, 'steps': 1}
 

@@ -108,6 +108,11 @@ BASE_DEFORMERS = (
     ('MOTIONS', "Motions",
      "The handles' rotations are blended: even twists and arcs of any number of turns, those of an empty's Euler "
      "rotation"))
+HANDLE_TURNS = (
+    ('TARGET', "As Empty", "The vertices turn and scale as the empty does"),
+    ('FREE', "Freely",
+     "The empty only places the vertices: they keep their shape and turn as the surface around them asks, about the "
+     "place where the empty was bound. Pull a limb by its hand, and it follows with no twist of the wrist"))
 _BASES = (
     ('COMPUTED', "Computed",
      "The smooth base surface is computed from the region's border, and the handles move it"),

@@ -24,6 +24,7 @@ METRICS = options.numbers_of(options.METRICS)
 SMOOTHNESSES = {'DEFAULT': 0, 'MEMBRANE': 1, 'THIN_PLATE': 2, 'CURVATURE_VARIATION': 3}
 TRIANGULATIONS = {'DELAUNAY': 0, 'GIVEN': 1}
 METHODS = options.numbers_of(options.METHODS)
+HANDLE_TURNS = options.numbers_of(options.HANDLE_TURNS)
 BASE_DEFORMERS = options.numbers_of(options.BASE_DEFORMERS)
 OUTPUTS = options.numbers_of(options.OUTPUTS)
 PAIRS_OF = options.numbers_of(options.PAIRS_OF)
@@ -37,7 +38,7 @@ ENUMS = {
     'dd_smoothness': ('DD_SMOOTHNESS_', SMOOTHNESSES), 'dd_triangulation': ('DD_TRIANGULATION_', TRIANGULATIONS),
     'dd_method': ('DD_METHOD_', METHODS),
     'dd_output': ('DD_OUTPUT_', OUTPUTS), 'dd_base_deformer': ('DD_BASE_DEFORMER_', BASE_DEFORMERS),
-    'dd_pairs_of': ('DD_PAIRS_OF_', PAIRS_OF),
+    'dd_handle_turns': ('DD_HANDLE_TURNS_', HANDLE_TURNS), 'dd_pairs_of': ('DD_PAIRS_OF_', PAIRS_OF),
     'dd_anchor': ('DD_ANCHOR_', ANCHORS), 'dd_tet_operator': ('DD_TETS_', TET_OPERATORS)}
 
 
@@ -143,7 +144,9 @@ UpdateOptions = _sized(
     'method', 'gradients', 'refine', 'output', ('dd_values', 'values'), 'levels', 'formulation',
     (_POSITIONS, 'base'), (_SIZE, 'base_count'), 'volume_tolerance', 'volume_iterations', 'steps',
     (Array(np.float64, 3), 'turns'), (_SIZE, 'turn_count'), (Array(np.float64), 'example_weights'),
-    (_SIZE, 'example_weight_count'), 'example_stiffness', 'rim_smoothing', 'rotation_smoothing', 'base_deformer')
+    (_SIZE, 'example_weight_count'), 'example_stiffness', 'rim_smoothing', 'rotation_smoothing', 'base_deformer',
+    (Array(np.int32), 'handle_turns'), (_SIZE, 'handle_turn_count'), (Array(np.float64, 3), 'pivots'),
+    (_SIZE, 'pivot_count'))
 UpdateInfo = _sized('dd_update_info', "Facts about an update that was a job", (_INT, 'volumes_converged'),
                     (_DOUBLE, 'volume_error'))
 Info = _sized(

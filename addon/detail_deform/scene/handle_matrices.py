@@ -104,6 +104,24 @@ def only_moves(motion):
     return bool(np.abs(motion[:, :3] - np.eye(3)).max() < 1e-5 and np.abs(motion[:, 3]).max() > 0)
 
 
+def free(settings):
+    """(h,) bool: the handles that only place; those that mirror another one are as that one is."""
+    handles = enabled_handles(settings)
+    result = np.array([handle.turns == 'FREE' for handle in handles], bool)
+    for number, source in mirrored(handles):
+        result[number] = result[source]
+    return result
+
+
+def pivots(settings):
+    """(h, 3) float64: where each handle's empty was bound, in the object's own space."""
+    handles = enabled_handles(settings)
+    result = np.array([np.reshape(handle.rest_matrix, (4, 4))[:3, 3] for handle in handles], np.float64).reshape(-1, 3)
+    for number, source in mirrored(handles):
+        result[number] = reflection(handles[number].mirror_axis)[:3, :3] @ result[source]
+    return result
+
+
 def has_rest(handle):
     return any(handle.rest_matrix)
 

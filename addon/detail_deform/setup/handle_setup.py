@@ -252,6 +252,7 @@ def mirror(context, ob, handle, axis, symmetric):
     empty = None if symmetric else _mirrored_empty(context, ob, handle, axis, group_name)
     made = _append(ob, group_name, empty)
     made.own_group = group_name
+    made.turns = handle.turns
     _mirror_region(ob, image, axis)
     if symmetric:
         made.mirrors, made.mirror_axis = name, letter

@@ -281,6 +281,15 @@ enum dd_base_deformer {
                                      and arcs, of any number of turns */
 };
 
+/* What turns a handle. */
+enum dd_handle_turns {
+  DD_HANDLE_TURNS_TARGET = 0, /* its matrix */
+  DD_HANDLE_TURNS_FREE = 1 /* the surface around it: its matrix only places its pivot, its shape is
+                                 kept, and its rotation is the one that strains the base least.
+                                 A limb pulled by its hand needs no twist of the wrist so. Pushed
+                                 straight together it buckles to a side, as a limb does */
+};
+
 typedef struct dd_update_options {
   uint32_t struct_size;
   int32_t method;    /* dd_method */
@@ -334,6 +343,13 @@ typedef struct dd_update_options {
                                 refined: wholly up to 135 degrees, by 0.7 at half a turn, not at all
                                 from 630 degrees on. It would pinch the inside of a bend and wring
                                 a twist to a thread */
+  const int32_t* handle_turns; /* a dd_handle_turns for each handle; null: all by their matrices. By
+                                  DD_METHOD_EXAMPLES a free handle's vertices go as the examples do,
+                                  and their mean is placed */
+  size_t handle_turn_count;    /* handles */
+  const double* pivots;        /* of free handles: three numbers for each handle, the point at rest
+                                  that its matrix places; null: the mean of its vertices */
+  size_t pivot_count;          /* handles */
 } dd_update_options;
 
 /* Makes one frame. By DD_METHOD_TRANSFER: B' from the handles, its deformation gradients S_j (15),

@@ -25,6 +25,18 @@ std::vector<Positions> read_examples(const dd_bind_options& options, size_t vert
   return examples;
 }
 
+enum class HandleTurns { target = 0, free = 1 };
+
+Positions read_pivots(const dd_update_options& options, size_t handles) {
+  if (!is_given("options.pivots", options.pivots, options.pivot_count, handles, "handles"))
+    return {};
+  const Positions pivots = Eigen::Map<const Positions>(options.pivots, Index(handles), 3);
+  for (Index h = 0; h < pivots.rows(); ++h)
+    if (!pivots.row(h).allFinite())
+      throw Error(Status::argument, "The pivot of handle " + std::to_string(h) + " is not finite.");
+  return pivots;
+}
+
 }  // namespace
 
 BindOptions read_bind_options(const dd_bind_options* given, size_t vertex_count) {
@@ -86,9 +98,15 @@ Update read_update_options(const dd_update_options* given, const Deformer& defor
       number("options.example_stiffness", options.example_stiffness, of_method.example_stiffness);
 
   result.motion.steps = number("options.steps", options.steps, 1000, 1);
-  if (is_given("options.turns", options.turns, options.turn_count,
-               count_of(deformer.region().handle_count), "handles"))
+  const size_t handles = count_of(deformer.region().handle_count);
+  if (is_given("options.turns", options.turns, options.turn_count, handles, "handles"))
     result.options.turns.assign(options.turns, options.turns + 3 * options.turn_count);
+  if (is_given("options.handle_turns", options.handle_turns, options.handle_turn_count, handles,
+               "handles"))
+    for (size_t h = 0; h < handles; ++h)
+      result.options.free.push_back(choice("options.handle_turns", options.handle_turns[h],
+                                           HandleTurns::free) == HandleTurns::free);
+  result.options.pivots = read_pivots(options, handles);
   result.deformed_base = read_optional_positions("options.base", options.base, options.base_count,
                                                  count_of(deformer.mesh().vertex_count()));
   return result;

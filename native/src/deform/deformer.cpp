@@ -112,6 +112,9 @@ void Deformer::require_floats() {
 void Deformer::move(const double* matrices, const UpdateOptions& options,
                     const Positions* deformed_base) {
   take_matrices(matrices);
+  if (outside_base()) take_base(deformed_base);
+  std::vector<double> turns = options.turns;
+  turn_free(options, turns);
   const RowOrder& order = bound_->order();
   for (int r = order.free_count; r < order.fixed_begin; ++r) {
     const int h = region_.role[order.vertex_of_row[r]];
@@ -119,8 +122,8 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
     moved_.row(r) = arm * coefficients_.middleRows<3>(4 * h) + coefficients_.row(4 * h + 3);
   }
   moved_.bottomRows(order.count() - order.fixed_begin).setZero();
-  MotionBlend* const motions = outside_base() ? nullptr : &blend(options);
-  move_base(motions, options.base_deformer, deformed_base);
+  MotionBlend* const motions = outside_base() ? nullptr : &blend(options.base_deformer, turns);
+  if (motions) move_base(*motions, options.base_deformer);
   if (options.output == Output::base) {
     moved_ = base_ - bound_->rest;
     return;
@@ -132,12 +135,11 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
     turning.unknown = true;
   else if (options.method == MethodKind::transfer && options.of_method.rotation_only)
     turning = motions->turning(options.base_deformer);
-  method.update({coefficients_, linear_, base_, turning, moved_}, options.of_method);
+  method.update({coefficients_, linear_, base_, turning, options.free, moved_}, options.of_method);
   if (carried && carried_) carried_->place(base_, moved_);
 }
 
-MotionBlend& Deformer::blend(const UpdateOptions& options) {
-  if (!motions_) motions_ = std::make_unique<MotionBlend>(*bound_);
+std::vector<MotionBlend::Affine> Deformer::motions() const {
   std::vector<MotionBlend::Affine> motions;
   for (int h = 0; h < region_.handle_count; ++h) {
     // About the handle's centre in the unit box: x ↦ o + A (x − o) + what moves o.
@@ -147,32 +149,90 @@ MotionBlend& Deformer::blend(const UpdateOptions& options) {
         own - linear_[h] * own + coefficients_.row(4 * h + 3).head<3>().transpose();
     motions.push_back(motion);
   }
+  return motions;
+}
+
+void Deformer::turn_free(const UpdateOptions& options, std::vector<double>& turns) {
+  const std::vector<char>& free = options.free;
+  if (std::find(free.begin(), free.end(), 1) == free.end()) return;
+  const Positions pivots =
+      options.pivots.size() ? box_.into(options.pivots) : bound_->basis.centres;
+  std::vector<MotionBlend::Affine> motions = this->motions();
+  if (options.method == MethodKind::examples) {
+    // Which says itself how they turn.
+    for (int h = 0; h < region_.handle_count; ++h) {
+      if (!free[h]) continue;
+      const Eigen::Vector3d pivot = pivots.row(h);
+      motions[h].col(3) += motions[h].leftCols<3>() * pivot - pivot;
+      motions[h].leftCols<3>().setIdentity();
+    }
+  } else {
+    find_turns(free, pivots, motions, turns);
+  }
+  for (int h = 0; h < region_.handle_count; ++h) {
+    if (!free[h]) continue;
+    linear_[h] = motions[h].leftCols<3>();
+    const Eigen::Matrix3d change = linear_[h] - Eigen::Matrix3d::Identity();
+    const Eigen::Vector3d centre = bound_->basis.centres.row(h);
+    coefficients_.block<3, 3>(4 * h, 0) = change.transpose();
+    coefficients_.block<1, 3>(4 * h + 3, 0) = (change * centre + motions[h].col(3)).transpose();
+  }
+}
+
+void Deformer::find_turns(const std::vector<char>& free, const Positions& pivots,
+                          std::vector<MotionBlend::Affine>& motions, std::vector<double>& turns) {
+  if (!free_turns_ || free_turns_->free() != free)
+    free_turns_ = std::make_unique<FreeTurns>(*bound_, free);
+  if (outside_base())
+    free_turns_->follow(base_, motions, pivots);
+  else
+    free_turns_->find(motions, pivots, turns);
+}
+
+std::vector<double> Deformer::turned(const double* matrices, const UpdateOptions& options,
+                                     std::vector<double>& turns) {
+  take_matrices(matrices);
+  turns = options.turns;
+  turn_free(options, turns);
+  std::vector<double> result(matrices, matrices + 12 * Index(region_.handle_count));
+  const std::vector<MotionBlend::Affine> motions = this->motions();
+  for (size_t h = 0; h < options.free.size(); ++h) {
+    if (!options.free[h]) continue;
+    const Eigen::Vector3d centre = box_.centre;
+    Eigen::Map<Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> matrix(result.data() + 12 * h);
+    matrix.leftCols<3>() = motions[h].leftCols<3>();
+    matrix.col(3) = box_.scale * motions[h].col(3) + centre - motions[h].leftCols<3>() * centre;
+  }
+  return result;
+}
+
+MotionBlend& Deformer::blend(BaseDeformer deformer, const std::vector<double>& turns) {
+  if (!motions_) motions_ = std::make_unique<MotionBlend>(*bound_);
   // The linear base knows of no whole turns.
-  const bool linear = options.base_deformer == BaseDeformer::linear;
-  motions_->take(motions, linear ? std::vector<double>{} : options.turns);
+  motions_->take(motions(), deformer == BaseDeformer::linear ? std::vector<double>{} : turns);
   return *motions_;
 }
 
-void Deformer::move_base(MotionBlend* motions, BaseDeformer deformer, const Positions* deformed) {
+void Deformer::take_base(const Positions* deformed) {
+  if (!deformed || deformed->rows() != mesh_.vertex_count())
+    throw Error(Status::argument,
+                "This surface was bound to a base from outside, and the update "
+                "has no deformed base with as many vertices.");
+  if (!deformed->allFinite())
+    throw Error(Status::argument, "The deformed base has coordinates that are not finite.");
+  base_ = in_order(box_.into(*deformed), bound_->order());
+}
+
+void Deformer::move_base(MotionBlend& motions, BaseDeformer deformer) {
   const RowOrder& order = bound_->order();
-  if (!motions) {
-    if (!deformed || deformed->rows() != mesh_.vertex_count())
-      throw Error(Status::argument,
-                  "This surface was bound to a base from outside, and the update "
-                  "has no deformed base with as many vertices.");
-    if (!deformed->allFinite())
-      throw Error(Status::argument, "The deformed base has coordinates that are not finite.");
-    base_ = in_order(box_.into(*deformed), order);
-    return;
-  }
   const RowMatrix& weights = bound_->basis.weights;
   pool_.parallel_for(order.free_count, kLeastRange, [&](int64_t begin, int64_t end) {
     kernels().blend(static_cast<int>(end - begin), static_cast<int>(weights.cols()),
                     weights.row(begin).data(), coefficients_.data(),
                     bound_->rest_base.row(begin).data(), base_.row(begin).data());
   });
-  const double share = motions->share(deformer);
-  if (share > 0) motions->move(moved_, share, base_);
+  const double share = motions.share(deformer);
+  if (share > 0) motions.move(moved_, share, base_);
   const int held = order.fixed_begin - order.free_count;
   base_.middleRows(order.free_count, held) = bound_->rest_base.middleRows(order.free_count, held) +
                                              moved_.middleRows(order.free_count, held);
@@ -238,7 +298,7 @@ double Deformer::bytes() const {
                                        region_.free.size() + region_.handle_vertices.size());
   double sum = static_cast<double>(doubles) * sizeof(double) +
                static_cast<double>(ints) * sizeof(int) + bound_->bytes() +
-               (motions_ ? motions_->bytes() : 0);
+               (motions_ ? motions_->bytes() : 0) + (free_turns_ ? free_turns_->bytes() : 0);
   for (const auto& made : methods_)
     if (made) sum += made->bytes();
   return sum;

@@ -7,6 +7,7 @@
 
 #include "mesh/unit_box.h"
 #include "methods/methods.h"
+#include "surface/free_turns.h"
 #include "surface/motion_blend.h"
 
 namespace dd {
@@ -25,6 +26,11 @@ struct UpdateOptions {
   /// For each handle a rotation vector, how far it is said to have turned, 3 numbers; or none: the
   /// shortest way. See MotionBlend and ScrewMotion.
   std::vector<double> turns = {};
+  /// For each handle whether it only places (see FreeTurns), or none: all turn as their matrices.
+  std::vector<char> free = {};
+  /// For each handle the point at rest, in the mesh's units, that its matrix places where it is
+  /// free, n×3; or none: the handles' centres.
+  Positions pivots = {};
   MethodOptions of_method;
   Output output = Output::result;
 };
@@ -53,6 +59,11 @@ class Deformer {
   void update_to(float* out, bool positions, const double* matrices, const UpdateOptions& options,
                  const Positions* deformed_base = nullptr);
 
+  /// The matrices of an update, 12 numbers a handle, with the rotations of those that only place
+  /// put in; and the turns, where there are any.
+  std::vector<double> turned(const double* matrices, const UpdateOptions& options,
+                             std::vector<double>& turns);
+
   const Mesh& mesh() const { return mesh_; }
   /// As it was bound, but for base and examples, which only this surface fits.
   const BindOptions& bind_options() const { return bind_options_; }
@@ -73,10 +84,18 @@ class Deformer {
  private:
   void move(const double* matrices, const UpdateOptions& options, const Positions* deformed_base);
   void take_matrices(const double* matrices);
-  /// motions: those of this pose, null with a base from outside.
-  void move_base(MotionBlend* motions, BaseDeformer deformer, const Positions* deformed);
+  /// Gives handles that only place their rotations; turns: with theirs put in.
+  void turn_free(const UpdateOptions& options, std::vector<double>& turns);
+  /// The same of motions in the unit box.
+  void find_turns(const std::vector<char>& free, const Positions& pivots,
+                  std::vector<MotionBlend::Affine>& motions, std::vector<double>& turns);
+  /// Of the handles' matrices, in the unit box.
+  std::vector<MotionBlend::Affine> motions() const;
+  void move_base(MotionBlend& motions, BaseDeformer deformer);
+  /// The one from outside.
+  void take_base(const Positions* deformed);
   /// Of the handles' present matrices; for a frame it is taken once.
-  MotionBlend& blend(const UpdateOptions& options);
+  MotionBlend& blend(BaseDeformer deformer, const std::vector<double>& turns);
   /// The method, prepared when it isn't yet.
   Method& method(MethodKind kind, const Progress& progress);
   /// Throws Error(numeric) where the displacement, or a position with it, leaves the range of
@@ -96,7 +115,9 @@ class Deformer {
 
   RowMatrix coefficients_;  // 4h×4, unit box
   std::vector<Eigen::Matrix3d> linear_;
-  std::unique_ptr<MotionBlend> motions_;  // made when it is first asked for
+  // Made when they are first asked for.
+  std::unique_ptr<MotionBlend> motions_;
+  std::unique_ptr<FreeTurns> free_turns_;
   Rows base_, moved_;  // B' and the displacement, in BoundSurface::order(), unit box
   std::unique_ptr<CarriedComponents> carried_;  // where there are any
   Positions offsets_;

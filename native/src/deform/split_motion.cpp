@@ -49,13 +49,13 @@ ScrewMotion::Affine ScrewMotion::at(double s) const {
 
 namespace {
 
-std::vector<ScrewMotion> screw_motions(const Deformer& bound, const SplitMotion& motion,
+std::vector<ScrewMotion> screw_motions(const Deformer& bound, const std::vector<double>& matrices,
                                        const std::vector<double>& turns) {
   const Positions centres = handle_centres(bound.region(), bound.mesh().positions);
   std::vector<ScrewMotion> screws;
   for (int h = 0; h < bound.region().handle_count; ++h) {
     const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> matrix(
-        motion.matrices.data() + 12 * static_cast<size_t>(h));
+        matrices.data() + 12 * static_cast<size_t>(h));
     Eigen::Vector3d turn = Eigen::Vector3d::Zero();
     if (!turns.empty())
       turn = Eigen::Map<const Eigen::Vector3d>(turns.data() + 3 * static_cast<size_t>(h));
@@ -94,7 +94,11 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     throw Error(Status::argument,
                 "Posing by example goes to any pose in one step: steps would forget the rest.");
   std::vector<ScrewMotion> screws;  // of no need, and maybe not to be had, for one step
-  if (motion.steps > 1) screws = screw_motions(bound, motion, update.turns);
+  if (motion.steps > 1) {
+    std::vector<double> turns;
+    const std::vector<double> matrices = bound.turned(motion.matrices.data(), update, turns);
+    screws = screw_motions(bound, matrices, turns);
+  }
 
   Mesh surface = bound.mesh();
   SplitResult result;
@@ -107,7 +111,10 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     const double bound_at = step == 1 ? 0 : facts(update.method).slow ? 0.2 : 0.95;
     UpdateOptions options = update;
     if (step < motion.steps) options.output = Output::result;
-    if (motion.steps > 1) options.turns.clear();  // a step's motion is part of the whole one's
+    if (motion.steps > 1) {
+      options.turns.clear();  // a step's motion is part of the whole one's
+      options.free.clear();
+    }
     options.of_method.progress = [&](double fraction, const char* stage) {
       return tell(bound_at + (1 - bound_at) * fraction, stage);
     };

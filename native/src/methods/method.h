@@ -42,6 +42,7 @@ struct Frame {
   const std::vector<Eigen::Matrix3d>& linear;
   const Rows& base;  ///< B', all rows in BoundSurface::order()
   const Turning& turning;
+  const std::vector<char>& free;  ///< by handle, whether it only places; or none
   Rows& offsets;  ///< displacement of S: in those of the handles' vertices, out the free ones'
 };
 

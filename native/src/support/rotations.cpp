@@ -14,6 +14,10 @@ Eigen::Matrix3d polar_rotation(const Eigen::Matrix3d& A) {
   return U * svd.matrixV().transpose();
 }
 
+Eigen::Matrix3d rotation_or(const Eigen::Matrix3d& A, const Eigen::Vector3d& turn) {
+  return A.determinant() > 0 ? polar_rotation(A) : rotation_by(turn);
+}
+
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R) {
   const Eigen::AngleAxisd turn(R);
   return turn.angle() * turn.axis();

@@ -18,6 +18,10 @@ inline Eigen::Quaterniond quaternion(const Rows& rows, Index r) {
 /// orientation; its determinant is +1 whatever A is.
 Eigen::Matrix3d polar_rotation(const Eigen::Matrix3d& A);
 
+/// The same where A keeps orientation; what mirrors or flattens has no rotation of its own and gets
+/// the turn's, of rotation_by().
+Eigen::Matrix3d rotation_or(const Eigen::Matrix3d& A, const Eigen::Vector3d& turn);
+
 /// The logarithm of a rotation, axis times angle, at most half a turn; and its inverse.
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R);
 Eigen::Matrix3d rotation_by(const Eigen::Vector3d& turn);

@@ -41,12 +41,6 @@ Eigen::Quaterniond quaternion_by(const Eigen::Vector3d& turn) {
   return q;
 }
 
-/// The rotation that a handle has, given how far it is said to have turned: what mirrors has none
-/// of its own.
-Eigen::Matrix3d rotation_of(const Eigen::Matrix3d& A, const Eigen::Vector3d& turn) {
-  return A.determinant() > 0 ? polar_rotation(A) : rotation_by(turn);
-}
-
 }  // namespace
 
 RowMatrix harmonic_weights(const BoundSurface& bound) {
@@ -141,7 +135,7 @@ void MotionBlend::take(const std::vector<Affine>& motions, const std::vector<dou
   reference_.setIdentity();
   if (!fixed && !motions.empty()) {
     reference_turn = said(0);
-    reference_ = rotation_of(motions[0].leftCols<3>(), reference_turn);
+    reference_ = rotation_or(motions[0].leftCols<3>(), reference_turn);
     reference_shift_ =
         motions[0].leftCols<3>() * centre(0) + motions[0].col(3) - reference_ * centre(0);
   }
@@ -154,7 +148,7 @@ void MotionBlend::take(const std::vector<Affine>& motions, const std::vector<dou
     const Eigen::Matrix3d A = reference_.transpose() * motions[h].leftCols<3>();
     const Eigen::Vector3d shift = reference_.transpose() * (motions[h].col(3) - reference_shift_);
     const Eigen::Vector3d turn = reference_.transpose() * (said(h) - reference_turn);
-    const Eigen::Vector3d rest = rotation_vector(rotation_by(-turn) * rotation_of(A, turn));
+    const Eigen::Vector3d rest = rotation_vector(rotation_by(-turn) * rotation_or(A, turn));
     angles.push_back(turn + rest);
     largest_ = std::max(largest_, turn.norm() + rest.norm() + reference_turn.norm());
     const double keep = linear_share(angles.back().norm());

@@ -135,6 +135,7 @@ void RefinementOf<Real>::make_averages(const std::vector<int>& local_triangle, i
   const Fans fans(surface_.operators.triangles, surface_.mesh.vertex_count());
   const PoissonSystem& poisson = *surface_.poisson;
   std::vector<int> vertices;
+  vertices.reserve(static_cast<size_t>(poisson.active_vertex_count()));
   for (int i = 0; i < poisson.active_vertex_count(); ++i)
     vertices.push_back(poisson.order().vertex_of_row[poisson.active_row(i)]);
 

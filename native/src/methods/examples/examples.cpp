@@ -47,42 +47,23 @@ struct Restraint {
 }  // namespace
 
 template <class Real>
-Examples<Real>::LetGo::LetGo(const BoundSurface& bound, const ExampleTurns& turns) {
-  std::vector<int> roles = bound.region.role;
-  for (int& role : roles) role = role == kFixed ? kFixed : kFree;
-  region = split_region(bound.mesh, roles, 0, MovedBy::base);
-  SparseMatrix block = free_block(bound.operators.laplacian, region);
-  const Dissection dissection = free_dissection(block, region, bound.mesh.positions);
-  BlockOptions options;
-  options.dissection = &dissection;
-  options.pool = &bound.poisson->pool();
-  options.precision = bound.poisson->precision();
-  poisson = std::make_unique<PoissonSystem>(bound.mesh, region, bound.operators, std::move(block),
-                                            options);
-  pass = std::make_unique<ExamplePass<Real>>(bound, turns, *poisson);
-  places = std::make_unique<ExamplePlaces>(bound, region, poisson->order());
-  offsets = Rows::Zero(poisson->order().count(), 4);
-}
-
-template <class Real>
-Examples<Real>::Examples(BoundSurface& bound)
-    : bound_(bound),
-      turns_(bound),
-      pass_(bound, turns_, *bound.poisson),
-      places_(bound, bound.region, bound.order()),
-      nothing_(Rows::Zero(bound.poisson->right_hand_side_rows(), 4)),
-      follow_(Rows::Zero(bound.order().count(), 4)) {
-  weights_ = Eigen::VectorXd::Zero(pass_.example_count());
+Examples<Real>::Examples(BoundSurface& bound) : bound_(bound), turns_(bound) {
+  weights_ = Eigen::VectorXd::Zero(Index(bound.examples.size()));
 }
 
 template <class Real>
 void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
   if (options.example_weights) return show(*options.example_weights, options, frame.offsets);
-  fit(options, frame.offsets);
+  std::vector<HandleHold> hold(static_cast<size_t>(bound_.region.handle_count), HandleHold::whole);
+  for (size_t h = 0; h < frame.free.size(); ++h)
+    if (frame.free[h]) hold[h] = HandleHold::mean;
+  make(fitted_, std::move(hold));
+  fitted_->take_handles(frame.offsets);
+  fit(options);
   if (!weights_.allFinite())
     throw Error(Status::numeric,
                 "No weights of the examples fit the handles: their motion is too large.");
-  places_.place(weights_, frame.offsets);
+  fitted_->give(weights_, frame.offsets);
 }
 
 template <class Real>
@@ -98,46 +79,49 @@ void Examples<Real>::show(const std::vector<double>& weights, const MethodOption
       throw Error(Status::argument,
                   "The weight of example " + std::to_string(i) + " is not finite.");
   weights_ = given;
-  if (!let_go_) let_go_ = std::make_unique<LetGo>(bound_, turns_);
-  LetGo& free = *let_go_;
-  free.poisson->solve(
-      Rows::Zero(free.poisson->right_hand_side_rows(), 4),
-      [&](int section, double* rows) {
-        free.pass->pose(section, weights_, options.rotation_only, rows);
-      },
-      free.offsets);
-  free.places->place(weights_, free.offsets);
-  const RowOrder& order = bound_.order();
-  for (int r = 0; r < order.fixed_begin; ++r)
-    offsets.row(r) = free.offsets.row(free.poisson->order().row_of_vertex[order.vertex_of_row[r]]);
+  make(let_go_,
+       std::vector<HandleHold>(static_cast<size_t>(bound_.region.handle_count), HandleHold::none));
+  let_go_->solve([&](int section, double* rows) {
+    let_go_->pass().pose(section, weights_, options.rotation_only, rows);
+  });
+  let_go_->give(weights_, offsets);
 }
 
 template <class Real>
-double Examples<Real>::take(const Eigen::VectorXd& weights, bool rotation_only, Rows& offsets) {
-  bound_.poisson->solve(
-      nothing_,
-      [&](int section, double* rows) { pass_.pose(section, weights, rotation_only, rows); },
-      offsets);
-  return pass_.misfit(offsets);
+void Examples<Real>::make(std::unique_ptr<ExampleSystem<Real>>& system,
+                          std::vector<HandleHold> hold) {
+  if (system && system->hold() == hold) return;
+  if (&system == &fitted_)
+    for (auto& starts : starts_) starts = nullptr;
+  system = nullptr;  // before its memory is needed again
+  system = std::make_unique<ExampleSystem<Real>>(bound_, turns_, std::move(hold));
+}
+
+template <class Real>
+double Examples<Real>::take(const Eigen::VectorXd& weights, bool rotation_only) {
+  return fitted_->pass().misfit(fitted_->solve([&](int section, double* rows) {
+    fitted_->pass().pose(section, weights, rotation_only, rows);
+  }));
 }
 
 template <class Real>
 const typename Examples<Real>::Starts& Examples<Real>::starts(bool rotation_only) {
   std::unique_ptr<Starts>& made = starts_[rotation_only];
   if (made) return *made;
-  const RowOrder& order = bound_.order();
-  const Index count = pass_.example_count();
-  const int held = order.fixed_begin - order.free_count;
+  const Index count = weights_.size();
   auto starts = std::make_unique<Starts>();
   starts->sizes.resize(count);
   starts->constants.resize(count);
-  starts->forces.resize(4 * Index(held), count);
+  starts->forces.resize(fitted_->told().size(), count);
+  const Rows told = fitted_->told();
+  fitted_->rest_handles();
   for (Index i = 0; i < count; ++i) {
-    starts->constants[i] = take(Eigen::VectorXd::Unit(count, i), rotation_only, follow_);
-    starts->sizes[i] = pass_.size() + kLeastSize * bound_.operators.metric.areas.sum();
-    const Rows forces = pass_.misfit_divergence(order.count()).middleRows(order.free_count, held);
+    starts->constants[i] = take(Eigen::VectorXd::Unit(count, i), rotation_only);
+    starts->sizes[i] = fitted_->pass().size() + kLeastSize * bound_.operators.metric.areas.sum();
+    const Rows forces = fitted_->forces();
     starts->forces.col(i) = Eigen::Map<const Eigen::VectorXd>(forces.data(), forces.size());
   }
+  fitted_->take_told(told);
   made = std::move(starts);
   return *made;
 }
@@ -161,29 +145,30 @@ Eigen::VectorXd Examples<Real>::guess(const Starts& starts, double at_rest,
 
 template <class Real>
 void Examples<Real>::derive(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) {
-  for (int i = 0; i < pass_.example_count(); ++i) {
-    bound_.poisson->solve(
-        nothing_, [&](int section, double* rows) { pass_.slope(i, section, rows); }, follow_);
-    pass_.project(i, follow_);
-  }
-  pass_.second_order(hessian, gradient);
+  const Rows told = fitted_->told();
+  fitted_->rest_handles();
+  for (int i = 0; i < weights_.size(); ++i)
+    fitted_->pass().project(i, fitted_->solve([&](int section, double* rows) {
+      fitted_->pass().slope(i, section, rows);
+    }));
+  fitted_->take_told(told);
+  fitted_->pass().second_order(hessian, gradient);
 }
 
 template <class Real>
-void Examples<Real>::fit(const MethodOptions& options, Rows& offsets) {
-  const Index count = pass_.example_count();
+void Examples<Real>::fit(const MethodOptions& options) {
+  const Index count = weights_.size();
   const Starts& at = starts(options.rotation_only);
   weights_.setZero();
-  const double at_rest = take(weights_, options.rotation_only, offsets);
+  const double at_rest = take(weights_, options.rotation_only);
   if (count == 0 || at_rest == 0) return;
 
-  const RowOrder& order = bound_.order();
-  const Eigen::Map<const Eigen::VectorXd> handles(offsets.data() + 4 * Index(order.free_count),
-                                                  4 * Index(order.fixed_begin - order.free_count));
+  const Rows& told = fitted_->told();
+  const Eigen::Map<const Eigen::VectorXd> handles(told.data(), told.size());
   const Restraint restraint = {options.example_stiffness * at.sizes, guess(at, at_rest, handles)};
   const auto try_out = [&](const Eigen::VectorXd& weights) {
     weights_ = weights;
-    return take(weights_, options.rotation_only, offsets) + restraint.energy(weights_);
+    return take(weights_, options.rotation_only) + restraint.energy(weights_);
   };
   double energy = try_out(restraint.guess);
 
@@ -232,13 +217,11 @@ MethodFindings Examples<Real>::findings() const {
 
 template <class Real>
 double Examples<Real>::bytes() const {
-  double bytes = turns_.bytes() + pass_.bytes() +
-                 static_cast<double>((nothing_.size() + follow_.size()) * Index(sizeof(double)));
+  double bytes = turns_.bytes();
   for (const auto& starts : starts_)
     if (starts) bytes += static_cast<double>(starts->forces.size() * Index(sizeof(double)));
-  if (let_go_)
-    bytes += let_go_->poisson->bytes() + let_go_->pass->bytes() +
-             static_cast<double>(let_go_->offsets.size() * Index(sizeof(double)));
+  for (const auto* system : {fitted_.get(), let_go_.get()})
+    if (system) bytes += system->bytes();
   return bytes;
 }
 

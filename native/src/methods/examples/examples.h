@@ -3,8 +3,7 @@
 
 #include <memory>
 
-#include "methods/examples/example_pass.h"
-#include "methods/examples/example_places.h"
+#include "methods/examples/example_system.h"
 #include "methods/method.h"
 
 namespace dd {
@@ -53,6 +52,8 @@ std::unique_ptr<Method> make_examples(BoundSurface& bound);
 /// - rotation_only leaves U_ij out: limbs bend, nothing swells; examples that swell are not met.
 /// - Weights given, the handles are let go: their vertices are free in a system of its own, and
 ///   what then floats is placed by ExamplePlaces.
+/// - A handle that only places gives the mean of its vertices: how these turn, and what shape they
+///   have, is the examples' to say (ExampleSystem).
 /// Without examples, or with such as equal the rest, it is p' = L⁻¹ div(G) with handles.
 template <class Real>
 class Examples : public Method {
@@ -69,36 +70,24 @@ class Examples : public Method {
     Eigen::VectorXd constants;  // c_i
     Eigen::MatrixXd forces;     // q_i, a column an example, 4 rows a handle's vertex
   };
-  /// Poses by given weights.
-  struct LetGo {
-    LetGo(const BoundSurface& bound, const ExampleTurns& turns);
-    Region region;
-    std::unique_ptr<PoissonSystem> poisson;
-    std::unique_ptr<ExamplePass<Real>> pass;
-    std::unique_ptr<ExamplePlaces> places;
-    Rows offsets;
-  };
-
   void show(const std::vector<double>& weights, const MethodOptions& options, Rows& offsets);
   const Starts& starts(bool rotation_only);
+  /// Makes the system anew where it holds the handles in another way.
+  void make(std::unique_ptr<ExampleSystem<Real>>& system, std::vector<HandleHold> hold);
   /// Solves for the pose with these weights and takes it; the energy's first sum.
-  double take(const Eigen::VectorXd& weights, bool rotation_only, Rows& offsets);
+  double take(const Eigen::VectorXd& weights, bool rotation_only);
   /// The guess g. at_rest: E_0. handles: displacements of their vertices, 4 numbers each.
   Eigen::VectorXd guess(const Starts& starts, double at_rest, const Eigen::VectorXd& handles) const;
   /// Half the derivatives of the energy's first sum in the pose taken.
   void derive(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient);
   /// The weights of the least energy, with their pose taken.
-  void fit(const MethodOptions& options, Rows& offsets);
+  void fit(const MethodOptions& options);
 
   BoundSurface& bound_;
   ExampleTurns turns_;
-  ExamplePass<Real> pass_;
-  ExamplePlaces places_;
-  Eigen::VectorXd weights_;            // of the last update
-  Rows nothing_;                       // a right-hand side
-  Rows follow_;                        // what positions do for a weight; held rows stay zero
-  std::unique_ptr<Starts> starts_[2];  // whole gradients, rotations
-  std::unique_ptr<LetGo> let_go_;
+  Eigen::VectorXd weights_;  // of the last update
+  std::unique_ptr<ExampleSystem<Real>> fitted_, let_go_;
+  std::unique_ptr<Starts> starts_[2];  // of the fitted one: whole gradients, rotations
 };
 
 }  // namespace dd

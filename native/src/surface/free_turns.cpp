@@ -1,0 +1,378 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "surface/free_turns.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <functional>
+#include <limits>
+#include <queue>
+#include <utility>
+
+#include "support/rotations.h"
+
+namespace dd {
+
+namespace {
+
+constexpr int kClusters = 64;
+constexpr int kMostSteps = 60;
+constexpr double kBeyond = 1.5, kSettled = 1e-5;
+// Of the largest entry: a handle of one vertex has no linear part that anything asks for.
+constexpr double kStiffness = 1e-9;
+constexpr double kFoundUntil = 0.75 * kPi;  // from there to half a turn the spread takes over
+
+/// Parts of the surface around centres as far from each other as they can be, by lengths along
+/// edges: the number of its part for each vertex, -1 where no edge leads.
+std::vector<int> parts_of(const SparseMatrix& laplacian, const Positions& positions,
+                          const std::vector<char>& taken, int wanted) {
+  const size_t n = taken.size();
+  std::vector<double> distance(n, std::numeric_limits<double>::infinity());
+  std::vector<int> part(n, -1);
+  using Front = std::pair<double, int>;
+  std::priority_queue<Front, std::vector<Front>, std::greater<Front>> front;
+  for (int number = 0; number < wanted; ++number) {
+    int centre = -1;
+    for (size_t v = 0; v < n; ++v)
+      if (taken[v] && (centre < 0 || distance[v] > distance[centre])) centre = static_cast<int>(v);
+    if (centre < 0 || distance[centre] == 0) break;
+    front.emplace(0, centre);
+    distance[centre] = 0;
+    part[centre] = number;
+    while (!front.empty()) {
+      const auto [so_far, v] = front.top();
+      front.pop();
+      if (so_far > distance[v]) continue;
+      for (SparseMatrix::InnerIterator it(laplacian, v); it; ++it) {
+        const Index next = it.row();
+        const double there = so_far + (positions.row(next) - positions.row(v)).norm();
+        if (!taken[next] || !(there < distance[next])) continue;
+        distance[next] = there;
+        part[next] = number;
+        front.emplace(there, static_cast<int>(next));
+      }
+    }
+  }
+  return part;
+}
+
+/// The rotation that takes one set of points nearest to the other, both about their means; of those
+/// that points in a line leave open, the least.
+Eigen::Matrix3d rotation_between(const Positions& from, const Positions& to) {
+  const Positions a = from.rowwise() - from.colwise().mean();
+  const Positions b = to.rowwise() - to.colwise().mean();
+  Eigen::Matrix3d covariance = b.transpose() * a;
+  covariance.diagonal().array() += 1e-6 * covariance.norm();
+  return polar_rotation(covariance);
+}
+
+}  // namespace
+
+/// Rotations of the free handles, how far these have turned, the rotation where no handle turns by
+/// itself and nothing is fixed, and how much of it is to be taken, 0 to 1.
+struct FreeTurns::Spread {
+  std::vector<Eigen::Matrix3d> rotations;
+  std::vector<Eigen::Vector3d> turns;
+  double share = 0;
+};
+
+FreeTurns::FreeTurns(const BoundSurface& bound, std::vector<char> free)
+    : bound_(bound), free_(std::move(free)) {
+  for (size_t h = 0; h < free_.size(); ++h)
+    if (free_[h]) handles_.push_back(static_cast<int>(h));
+  int count = 0;
+  const std::vector<int> cluster = cluster_triangles(count);
+  gather(cluster, count);
+  if (bound.outside_base()) return;
+
+  // With all handles held, D = the energy of the harmonic weights; a free one let go takes what
+  // leaves its row without force.
+  const RowMatrix harmonic = harmonic_weights(bound);
+  const RowOrder& order = bound.order();
+  const int all = bound.region.handle_count, own = static_cast<int>(handles_.size());
+  RowMatrix forces = RowMatrix::Zero(all, all);
+  for (int v : bound.region.handle_vertices)
+    for (SparseMatrix::InnerIterator it(bound.operators.laplacian, v); it; ++it) {
+      const int row = order.row_of_vertex[it.row()], role = bound.region.role[it.row()];
+      if (row < order.free_count)
+        forces.row(bound.region.role[v]) += it.value() * harmonic.row(row);
+      else if (role >= 0)
+        forces(bound.region.role[v], role) += it.value();
+    }
+  RowMatrix among(own, own), others(own, all);
+  for (int i = 0; i < own; ++i) {
+    others.row(i) = forces.row(handles_[i]);
+    for (int k = 0; k < own; ++k) {
+      among(i, k) = forces(handles_[i], handles_[k]);
+      others(i, handles_[k]) = 0;
+    }
+  }
+  // A handle that nothing reaches has a row of zeros, and keeps its turn.
+  among.diagonal().array() += 1e-12 * (1e-12 + among.diagonal().cwiseAbs().maxCoeff());
+  weights_ = -Eigen::LDLT<Eigen::MatrixXd>(among).solve(others);
+}
+
+std::vector<int> FreeTurns::cluster_triangles(int& count) const {
+  const Mesh& mesh = bound_.mesh;
+  const Triangles& t = bound_.operators.triangles;
+  const Region& region = bound_.region;
+  std::vector<int> own(free_.size(), -1);
+  for (size_t i = 0; i < handles_.size(); ++i) own[handles_[i]] = static_cast<int>(i);
+  std::vector<char> taken(size_t(mesh.vertex_count()), 0);
+  for (int v = 0; v < mesh.vertex_count(); ++v) taken[v] = region.role[v] == kFree;
+  std::vector<int> part;
+  if (!bound_.outside_base())
+    part = parts_of(bound_.operators.laplacian, mesh.positions, taken, kClusters);
+  count = static_cast<int>(handles_.size());
+  std::vector<int> cluster(size_t(mesh.triangle_count()), -1);
+  for (int j = 0; j < mesh.triangle_count(); ++j) {
+    int found = -1;
+    for (int k = 0; k < 3; ++k) {
+      const int v = t(j, k), role = region.role[v];
+      if (role >= 0 && own[role] >= 0) {
+        found = own[role];
+        break;
+      }
+      if (found < 0 && !part.empty() && part[v] >= 0)
+        found = static_cast<int>(handles_.size()) + part[v];
+    }
+    cluster[j] = found;
+    count = std::max(count, found + 1);
+  }
+  return cluster;
+}
+
+void FreeTurns::gather(const std::vector<int>& cluster, int count) {
+  const Mesh& mesh = bound_.mesh;
+  const Triangles& t = bound_.operators.triangles;
+  const Region& region = bound_.region;
+  const RowOrder& order = bound_.order();
+  const Positions flux = corner_divergence(bound_.operators.metric, bound_.base, t);
+  std::vector<std::vector<int>> triangles(static_cast<size_t>(count));
+  for (size_t j = 0; j < cluster.size(); ++j)
+    if (cluster[j] >= 0) triangles[cluster[j]].push_back(static_cast<int>(j));
+
+  const int columns = 4 * region.handle_count;
+  at_rest_ = RowMatrix::Zero(3 * Index(count), 3);
+  if (!bound_.outside_base()) pull_ = RowMatrix::Zero(3 * Index(count), columns);
+  Positions sums = Positions::Zero(mesh.vertex_count(), 3);
+  for (int k = 0; k < count; ++k) {
+    std::vector<int> touched;
+    for (int j : triangles[k])
+      for (int c = 0; c < 3; ++c) {
+        sums.row(t(j, c)) += flux.row(3 * Index(j) + c);
+        touched.push_back(t(j, c));
+      }
+    std::sort(touched.begin(), touched.end());
+    touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
+    std::vector<Corner> corners;
+    for (int v : touched) {
+      const Eigen::Vector3d along = sums.row(v);
+      const int row = order.row_of_vertex[v], role = region.role[v];
+      at_rest_.middleRows<3>(3 * Index(k)) += along * bound_.base.row(v);
+      if (k < static_cast<int>(handles_.size())) corners.push_back({row, along});
+      sums.row(v).setZero();
+      if (bound_.outside_base()) continue;
+      if (row < order.free_count)
+        pull_.middleRows<3>(3 * Index(k)) += along * bound_.basis.weights.row(row);
+      else if (role >= 0)
+        pull_.block<3, 4>(3 * Index(k), 4 * Index(role)) +=
+            along * handle_coordinates(mesh.positions, v, bound_.basis.centres, role);
+    }
+    if (k < static_cast<int>(handles_.size())) around_.push_back(std::move(corners));
+  }
+  if (bound_.outside_base()) return;
+
+  // Wᵀ L W, its rows of free handles, a block of vertices at a time.
+  constexpr int kBlock = 64;
+  energy_ = RowMatrix::Zero(4 * Index(handles_.size()), columns);
+  const SparseMatrix laplacian =
+      cotangent_laplacian(bound_.operators.metric, t, mesh.vertex_count());
+  const auto own_columns = [&](int v, double factor, auto&& out) {
+    const int row = order.row_of_vertex[v], role = region.role[v];
+    for (size_t i = 0; i < handles_.size(); ++i) {
+      if (row < order.free_count)
+        out.template segment<4>(4 * Index(i)) +=
+            factor * bound_.basis.weights.template block<1, 4>(row, 4 * Index(handles_[i]));
+      else if (role == handles_[i])
+        out.template segment<4>(4 * Index(i)) +=
+            factor * handle_coordinates(mesh.positions, v, bound_.basis.centres, role);
+    }
+  };
+  RowMatrix left(kBlock, energy_.rows()), right(kBlock, columns);
+  int filled = 0;
+  const auto flush = [&] {
+    energy_.noalias() += left.topRows(filled).transpose() * right.topRows(filled);
+    filled = 0;
+  };
+  for (int v = 0; v < mesh.vertex_count(); ++v) {
+    const int row = order.row_of_vertex[v], role = region.role[v];
+    if (role == kFixed) continue;
+    left.row(filled).setZero();
+    for (SparseMatrix::InnerIterator it(laplacian, v); it; ++it)
+      own_columns(static_cast<int>(it.row()), it.value(), left.row(filled));
+    if (row < order.free_count) {
+      right.row(filled) = bound_.basis.weights.row(row);
+    } else {
+      right.row(filled).setZero();
+      right.block<1, 4>(filled, 4 * Index(role)) =
+          handle_coordinates(mesh.positions, v, bound_.basis.centres, role);
+    }
+    if (++filled == kBlock) flush();
+  }
+  flush();
+}
+
+FreeTurns::Spread FreeTurns::spread(const std::vector<Affine>& motions, const Positions& pivots,
+                                    const std::vector<double>& turns) const {
+  const bool fixed = bound_.order().count() > bound_.order().fixed_begin;
+  std::vector<int> turning;
+  for (size_t h = 0; h < free_.size(); ++h)
+    if (!free_[h]) turning.push_back(static_cast<int>(h));
+
+  Spread result;
+  const size_t own = handles_.size();
+  if (turning.empty()) {
+    Eigen::Matrix3d together = Eigen::Matrix3d::Identity();
+    if (!fixed) {
+      Positions from(Index(own), 3), to(Index(own), 3);
+      for (size_t i = 0; i < own; ++i) {
+        from.row(Index(i)) = pivots.row(handles_[i]);
+        to.row(Index(i)) =
+            (motions[handles_[i]].leftCols<3>() * pivots.row(handles_[i]).transpose() +
+             motions[handles_[i]].col(3))
+                .transpose();
+      }
+      together = rotation_between(from, to);
+    }
+    result.rotations.assign(own, together);
+    result.turns.assign(own, Eigen::Vector3d::Zero());
+    return result;
+  }
+
+  const auto said = [&](int h) -> Eigen::Vector3d {
+    if (turns.empty()) return Eigen::Vector3d::Zero();
+    return Eigen::Map<const Eigen::Vector3d>(turns.data() + 3 * size_t(h));
+  };
+  // As MotionBlend has it: all is relative to what is fixed, or to the first that turns by itself.
+  const Eigen::Vector3d first_turn = fixed ? Eigen::Vector3d::Zero() : said(turning[0]);
+  const Eigen::Matrix3d first = fixed ? Eigen::Matrix3d::Identity()
+                                      : rotation_or(motions[turning[0]].leftCols<3>(), first_turn);
+  RowMatrix angles = RowMatrix::Zero(Index(free_.size()), 3);
+  double farthest = 0;
+  for (int h : turning) {
+    const Eigen::Vector3d turn = first.transpose() * (said(h) - first_turn);
+    const Eigen::Matrix3d R = rotation_or(first.transpose() * motions[h].leftCols<3>(), turn);
+    angles.row(h) = (turn + rotation_vector(rotation_by(-turn) * R)).transpose();
+    if (fixed) farthest = std::max(farthest, angles.row(h).norm());
+    for (int other : turning)
+      if (other < h) farthest = std::max(farthest, (angles.row(h) - angles.row(other)).norm());
+  }
+  const RowMatrix spread = weights_ * angles;
+  for (size_t i = 0; i < own; ++i) {
+    const Eigen::Vector3d turn = spread.row(Index(i)).transpose();
+    result.rotations.push_back(first * rotation_by(turn));
+    result.turns.push_back(first_turn + first * turn);
+  }
+  result.share = std::clamp((farthest - kFoundUntil) / (kPi - kFoundUntil), 0.0, 1.0);
+  return result;
+}
+
+void FreeTurns::find(std::vector<Affine>& motions, const Positions& pivots,
+                     std::vector<double>& turns) const {
+  const Index own = Index(handles_.size()), all = Index(free_.size());
+  const Index clusters = at_rest_.rows() / 3;
+  const Positions& centres = bound_.basis.centres;
+  const Spread start = spread(motions, pivots, turns);
+
+  // C = [(A − I)ᵀ; A o − o]: of a free handle Tᵀ X and where its pivot goes, X = (A − I)ᵀ and
+  // T = [I, o − pivot].
+  RowMatrix given = RowMatrix::Zero(4 * all, 3), X(3 * own, 3), pulled(3 * clusters, 3 * own);
+  RowMatrix stiffness(3 * own, 3 * own);
+  std::vector<Eigen::Vector3d> placed;
+  std::vector<Eigen::Matrix<double, 3, 4>> T;
+  for (Index h = 0; h < all; ++h) {
+    const Eigen::Vector3d o = centres.row(h), pivot = pivots.row(h);
+    const auto A = motions[size_t(h)].leftCols<3>();
+    auto block = given.middleRows<4>(4 * h);
+    if (free_[size_t(h)]) {
+      placed.push_back(A * pivot + motions[size_t(h)].col(3));
+      T.emplace_back();
+      T.back() << Eigen::Matrix3d::Identity(), o - pivot;
+      block.row(3) = (placed.back() - pivot).transpose();
+    } else {
+      block.topRows<3>() = A.transpose() - Eigen::Matrix3d::Identity();
+      block.row(3) = (A * o + motions[size_t(h)].col(3) - o).transpose();
+    }
+  }
+  for (Index i = 0; i < own; ++i) {
+    pulled.middleCols<3>(3 * i) =
+        pull_.middleCols<4>(4 * Index(handles_[size_t(i)])) * T[size_t(i)].transpose();
+    for (Index k = 0; k < own; ++k)
+      stiffness.block<3, 3>(3 * i, 3 * k) =
+          T[size_t(i)] * energy_.block<4, 4>(4 * i, 4 * Index(handles_[size_t(k)])) *
+          T[size_t(k)].transpose();
+    X.middleRows<3>(3 * i) = start.rotations[size_t(i)].transpose() - Eigen::Matrix3d::Identity();
+  }
+  stiffness.diagonal().array() += kStiffness * stiffness.diagonal().maxCoeff();
+  const Eigen::LDLT<Eigen::MatrixXd> factor{Eigen::MatrixXd(stiffness)};
+  const RowMatrix covariances = at_rest_ + pull_ * given;
+  RowMatrix forces(3 * own, 3);
+  const RowMatrix from_given = energy_ * given;
+  for (Index i = 0; i < own; ++i)
+    forces.middleRows<3>(3 * i) = T[size_t(i)] * from_given.middleRows<4>(4 * i);
+
+  RowMatrix rotations(3 * clusters, 3);  // R_kᵀ − I
+  const auto turn_clusters = [&](Index count) {
+    const RowMatrix now = covariances.topRows(3 * count) + pulled.topRows(3 * count) * X;
+    for (Index k = 0; k < count; ++k)
+      rotations.middleRows<3>(3 * k) =
+          polar_rotation(now.middleRows<3>(3 * k).transpose()).transpose() -
+          Eigen::Matrix3d::Identity();
+  };
+  for (int step = 0; step < kMostSteps; ++step) {
+    turn_clusters(clusters);
+    const RowMatrix better = factor.solve(pulled.transpose() * rotations - forces);
+    const RowMatrix change = better - X;
+    X += kBeyond * change;
+    if (change.cwiseAbs().maxCoeff() < kSettled) break;
+  }
+  turn_clusters(own);
+
+  if (turns.empty()) turns.assign(3 * size_t(all), 0.0);
+  for (Index i = 0; i < own; ++i) {
+    const size_t h = size_t(handles_[size_t(i)]);
+    const Eigen::Matrix3d found =
+        (rotations.middleRows<3>(3 * i) + Eigen::Matrix3d::Identity()).transpose();
+    const Eigen::Matrix3d& spread = start.rotations[size_t(i)];
+    const Eigen::Matrix3d R =
+        spread * rotation_by((1 - start.share) * rotation_vector(spread.transpose() * found));
+    motions[h].leftCols<3>() = R;
+    motions[h].col(3) = placed[size_t(i)] - R * pivots.row(Index(h)).transpose();
+    Eigen::Map<Eigen::Vector3d>(turns.data() + 3 * h) =
+        rotation_vector_near(Eigen::AngleAxisd(R), start.turns[size_t(i)]);
+  }
+}
+
+void FreeTurns::follow(const Rows& base, std::vector<Affine>& motions,
+                       const Positions& pivots) const {
+  for (size_t i = 0; i < handles_.size(); ++i) {
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+    for (const Corner& corner : around_[i])
+      covariance += base.row(corner.row).head<3>().transpose() * corner.flux.transpose();
+    Affine& motion = motions[size_t(handles_[i])];
+    const Eigen::Vector3d pivot = pivots.row(handles_[i]);
+    const Eigen::Vector3d place = motion.leftCols<3>() * pivot + motion.col(3);
+    motion.leftCols<3>() = polar_rotation(covariance);
+    motion.col(3) = place - motion.leftCols<3>() * pivot;
+  }
+}
+
+double FreeTurns::bytes() const {
+  size_t corners = 0;
+  for (const auto& around : around_) corners += around.size();
+  return static_cast<double>(weights_.size() + energy_.size() + pull_.size() + at_rest_.size()) *
+             sizeof(double) +
+         static_cast<double>(corners * sizeof(Corner));
+}
+
+}  // namespace dd
