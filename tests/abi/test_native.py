@@ -498,3 +498,72 @@ def test_a_split_takes_a_base_from_outside_in_one_step_only(native, strip):
     assert np.allclose(offsets.reshape(-1, 3), [1, 2, 3], atol=1e-4)
     with pytest.raises(native.NativeError, match='no motion that could be split'):
         split(native, strip, none, 2, options={'base': flat}, base=moved).finish()
+
+
+class Sheets:
+    """A strip with a stem on its middle column, whose edges have three faces each: a T. The ends of the strip are
+    fixed, the stem's far border is handle 0."""
+
+    def __init__(self, n=15, rows=8, levels=6):
+        i, j = np.meshgrid(np.arange(n), np.arange(rows), indexing='ij')
+        bar = np.stack([i, j, 0.2 * np.sin(1.1 * i) * np.cos(j)], -1).reshape(-1, 3)
+        level, k = np.meshgrid(np.arange(1, levels + 1), np.arange(rows), indexing='ij')
+        stem = np.stack([n // 2 + 0.2 * np.sin(level + k), k, level], -1).reshape(-1, 3)
+        self.positions = np.concatenate([bar, stem]).astype(np.float32)
+        numbers = np.arange(len(bar)).reshape(n, rows)
+        raised = np.concatenate([numbers[n // 2][None], len(bar) + np.arange(len(stem)).reshape(levels, rows)])
+
+        def faces(grid):
+            a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
+            return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+
+        self.triangles = np.concatenate([faces(numbers), faces(raised)]).astype(np.int32)
+        self.roles = np.full(len(self.positions), -1, np.int32)
+        self.roles[numbers[[0, 1, -2, -1]].ravel()] = -2
+        self.roles[raised[-1]] = 0
+        self.seam = numbers[n // 2]
+
+
+@pytest.mark.parametrize('method', METHODS)
+@pytest.mark.parametrize('triangulation', ['DELAUNAY', 'GIVEN'])
+def test_edges_of_three_faces_bind_and_deform(native, method, triangulation):
+    sheets = Sheets()
+    p = sheets.positions.astype(float)
+    examples = (p + 0.3 * np.sin(p[:, [1, 2, 0]]))[None].astype(np.float32)
+
+    def deformer():
+        return bound(native, sheets, triangulation=triangulation, examples=examples)
+
+    lift = rotation(0.1, (-0.6, 0, 2))
+    assert np.abs(deformer().offsets(IDENTITY, method=method)).max() <= 1e-5
+    moved = deformer().offsets(lift, method=method).reshape(-1, 3)
+    assert np.isfinite(moved).all() and np.linalg.norm(moved, axis=1).max() < 6
+    assert moved[sheets.seam, 2].min() > 0.05 and (moved[sheets.roles == -2] == 0).all()
+    if method in ('VARIATIONAL', 'EXAMPLES'):
+        return  # which turn with the handles only as far as they can
+    sheets.roles[sheets.roles == -2] = 0
+    motion = rotation(0.9, (1, -2, 3))
+    moved = deformer().offsets(motion, method=method).reshape(-1, 3)
+    assert np.allclose(p + moved, p @ motion[0, :, :3].T + motion[0, :, 3], atol=2e-5)
+
+
+
+def test_slivers_in_a_plane_change_nothing_unless_they_are_asked_for(native):
+    strip = Strip(31)
+    strip.positions[:, 2] = 0
+    motion = rotation(0.4, (1, 0, 3))
+    expected = {way: bound(native, strip, triangulation=way, precision='DOUBLE').offsets(motion).copy()
+                for way in ('DELAUNAY', 'GIVEN')}
+    assert (expected['DELAUNAY'] == expected['GIVEN']).all()  # a regular grid stays as it is
+    corners = np.arange(31 * 8).reshape(31, 8)
+    sheared = []  # each row of cells between the line below and the one above, two columns farther on
+    for low, high in zip(corners.T[:-1], corners.T[1:]):
+        sheared += [(low[0], high[1], high[0]), (low[0], high[2], high[1])]
+        sheared += [(low[i], high[i + 3], high[i + 2]) for i in range(28)]
+        sheared += [(low[i], low[i + 1], high[i + 3]) for i in range(28)]
+        sheared += [(low[28], low[29], high[30]), (low[29], low[30], high[30])]
+    strip.triangles = np.array(sheared, np.int32)
+    result = {way: bound(native, strip, triangulation=way, precision='DOUBLE').offsets(motion).copy()
+              for way in ('DELAUNAY', 'GIVEN')}
+    assert np.abs(result['DELAUNAY'] - expected['DELAUNAY']).max() < 1e-5
+    assert np.abs(result['GIVEN'] - expected['GIVEN']).max() > 0.01

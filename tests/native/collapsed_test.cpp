@@ -17,7 +17,7 @@ namespace {
 Mesh ribbon() {
   Mesh mesh = test::grid(21, 3, [](double, double) { return 0.0; });
   mesh.positions.col(0) *= 20;
-  mesh.positions.col(1) *= 2 * 0.008;
+  mesh.positions.col(1) *= 2 * 1e-4;
   return mesh;
 }
 

@@ -31,6 +31,14 @@ inline UpdateOptions shown_base() {
   return options;
 }
 
+/// As the paper has it: measured by the mesh's own triangles, however obtuse they are.
+inline BindOptions as_given(BaseMetric metric = BaseMetric::surface) {
+  BindOptions options;
+  options.base_metric = metric;
+  options.triangulation = Triangulation::given;
+  return options;
+}
+
 /// The deformed positions.
 inline Positions surface(Deformer& deformer, const std::vector<Affine>& handles,
                          const UpdateOptions& options) {

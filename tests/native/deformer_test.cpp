@@ -73,7 +73,7 @@ TEST_CASE("the whole method equals the dense solve") {
       test::rotation_about(0.6, {1, 0.3, 0}, {0, 0, 1}, {0.2, 0.1, 0.4}),
       test::rotation_about(-0.4, {0, 1, 1}, {0, 1, 0}, {0, 0.3, 0})};
   for (BaseMetric metric : {BaseMetric::surface, BaseMetric::base}) {
-    Deformer deformer(mesh, roles, 2, {metric, 0});
+    Deformer deformer(mesh, roles, 2, test::as_given(metric));
     for (bool rotation_only : {true, false}) {
       const auto dense =
           test::dense_transfer(mesh, roles, handles, metric == BaseMetric::base, rotation_only);

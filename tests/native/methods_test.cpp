@@ -202,7 +202,7 @@ TEST_CASE("what fails on another geometry than the mesh's is not blamed on the m
 }
 
 TEST_CASE("NORMAL reconstructs S at rest at every level count, and follows rigid motions") {
-  const auto plane = test::lifted_plane(61);
+  const auto plane = test::lifted_plane(71);
   const Ball ball;
   const Affine motion = test::rotation_about(0.7, {1, 2, 0.5}, {0.2, 0, 0}, {0.3, -1, 2});
   for (int levels : {1, 2, 3, 5}) {

@@ -22,6 +22,7 @@ PRECISIONS = {'SINGLE': 0, 'DOUBLE': 1}
 JOB_STATES = {'RUNNING': 0, 'DONE': 1, 'FAILED': 2}
 METRICS = options.numbers_of(options.METRICS)
 SMOOTHNESSES = {'DEFAULT': 0, 'MEMBRANE': 1, 'THIN_PLATE': 2, 'CURVATURE_VARIATION': 3}
+TRIANGULATIONS = {'DELAUNAY': 0, 'GIVEN': 1}
 METHODS = options.numbers_of(options.METHODS)
 HANDLE_TURNS = options.numbers_of(options.HANDLE_TURNS)
 BASE_DEFORMERS = options.numbers_of(options.BASE_DEFORMERS)
@@ -34,7 +35,8 @@ ENUMS = {
     'dd_gradients': ('DD_GRADIENTS_', GRADIENTS), 'dd_values': ('DD_VALUES_', VALUES),
     'dd_formulation': ('DD_FORMULATION_', FORMULATIONS), 'dd_precision': ('DD_PRECISION_', PRECISIONS),
     'dd_job_state': ('DD_JOB_', JOB_STATES), 'dd_base_metric': ('DD_METRIC_', METRICS),
-    'dd_smoothness': ('DD_SMOOTHNESS_', SMOOTHNESSES), 'dd_method': ('DD_METHOD_', METHODS),
+    'dd_smoothness': ('DD_SMOOTHNESS_', SMOOTHNESSES), 'dd_triangulation': ('DD_TRIANGULATION_', TRIANGULATIONS),
+    'dd_method': ('DD_METHOD_', METHODS),
     'dd_output': ('DD_OUTPUT_', OUTPUTS), 'dd_base_deformer': ('DD_BASE_DEFORMER_', BASE_DEFORMERS),
     'dd_handle_turns': ('DD_HANDLE_TURNS_', HANDLE_TURNS), 'dd_pairs_of': ('DD_PAIRS_OF_', PAIRS_OF),
     'dd_anchor': ('DD_ANCHOR_', ANCHORS), 'dd_tet_operator': ('DD_TETS_', TET_OPERATORS)}
@@ -137,7 +139,7 @@ BindOptions = _sized(
     'base_metric', 'metric_smoothing', 'smoothness', ('dd_precision', 'precision'), (_INT, 'threads'),
     (_POSITIONS, 'base'), (_SIZE, 'base_count'), (_POSITIONS, 'examples'),
     (_SIZE, 'example_count', 'example_vertex_count'), (Array(np.int32, 3), 'base_triangles'),
-    (_SIZE, 'base_triangle_count'))
+    (_SIZE, 'base_triangle_count'), ('dd_triangulation', 'triangulation'))
 UpdateOptions = _sized(
     'dd_update_options', "What an update depends on beside the handles",
     'method', 'gradients', 'refine', 'output', ('dd_values', 'values'), 'levels', 'formulation',

@@ -208,6 +208,15 @@ enum dd_smoothness {
   DD_SMOOTHNESS_CURVATURE_VARIATION = 3 /* change of curvature */
 };
 
+/* The triangles that a surface is measured by, and by which it carries gradients. The shape is that
+ * of the mesh in any case. */
+enum dd_triangulation {
+  DD_TRIANGULATION_DELAUNAY = 0, /* where the mesh's are obtuse, others of the same vertices, whose
+                                    edges run straight over the faces (intrinsic Delaunay): how
+                                    faces were cut into triangles hardly matters */
+  DD_TRIANGULATION_GIVEN = 1     /* the mesh's own, as in the paper's text */
+};
+
 typedef struct dd_bind_options {
   uint32_t struct_size;
   int32_t base_metric;     /* dd_base_metric */
@@ -228,13 +237,12 @@ typedef struct dd_bind_options {
                             does */
   size_t example_count;  /* poses, at most 1000 */
   size_t example_vertex_count; /* vertices of each: as many as the mesh's */
-  const int32_t*
-      base_triangles; /* null: the base has the mesh's own vertices and triangles. Else it
-                                    is a mesh of its own, a cage or a coarser or finer copy, three
-                                    vertices for each of these: each vertex of the mesh follows the
-                                    nearest point of it, with a rotation that is continuous across
-                                    its edges */
-  size_t base_triangle_count;
+  /* Null: the base has the mesh's own vertices and triangles. Else it is a mesh of its own, a cage
+   * or a coarser or finer copy, with three vertices for each of these: each vertex of the mesh
+   * follows the nearest point of it, with a rotation that is continuous across its edges. */
+  const int32_t* base_triangles;
+  size_t base_triangle_count; /* triangles */
+  int32_t triangulation;      /* dd_triangulation */
 } dd_bind_options;
 
 /* Starts to bind: a job that makes a dd_deformer.

@@ -58,6 +58,8 @@ BindOptions read_bind_options(const dd_bind_options* given, size_t vertex_count)
   if (own_topology)
     result.base_triangles = Eigen::Map<const Triangles>(
         options.base_triangles, static_cast<Index>(options.base_triangle_count), 3);
+  result.triangulation =
+      choice("options.triangulation", options.triangulation, Triangulation::given);
   result.precision = choice("options.precision", options.precision, Precision::full);
   result.threads = threads(options.threads);
   result.examples = read_examples(options, vertex_count);

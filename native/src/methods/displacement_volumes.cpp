@@ -55,7 +55,7 @@ SparseMatrix free_rows_in_order(const SparseMatrix& matrix, const RowOrder& orde
 DisplacementVolumes::DisplacementVolumes(BoundSurface& bound, const Progress& progress)
     : bound_(bound), transfer_(bound), normal_(bound) {
   const RowOrder& order = bound.order();
-  const std::vector<int>& active = bound.poisson->active().triangles;
+  const std::vector<int> active = bound.faces_with_free_corners();
   triangles_.resize(static_cast<Index>(active.size()), 3);
   for (size_t i = 0; i < active.size(); ++i)
     for (int k = 0; k < 3; ++k)

@@ -7,7 +7,7 @@
 namespace dd {
 
 GradientEditing::GradientEditing(BoundSurface& bound) : bound_(bound), flux_(bound) {
-  const Triangles& t = bound.mesh.triangles;
+  const Triangles& t = bound.operators.triangles;
   const RowOrder& order = bound.order();
   const std::vector<int>& active = bound.poisson->active().triangles;
 

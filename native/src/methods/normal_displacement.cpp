@@ -26,7 +26,7 @@ Vector3d vector(const Rows& rows, int row) { return rows.row(row).head<3>(); }
 Triangles triangles_near_free(const BoundSurface& bound) {
   const Triangles& t = bound.mesh.triangles;
   std::vector<char> near(bound.region.role.size(), 0);
-  for (int j : bound.poisson->active().triangles)
+  for (int j : bound.faces_with_free_corners())
     for (int k = 0; k < 3; ++k) near[t(j, k)] = 1;
   std::vector<int> chosen;
   for (int j = 0; j < bound.mesh.triangle_count(); ++j)

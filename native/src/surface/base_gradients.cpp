@@ -44,13 +44,17 @@ class BaseGradientsOf : public BaseGradients {
  public:
   explicit BaseGradientsOf(const BoundSurface& bound)
       : bound_(bound),
-        stand_ins_(stand_ins(bound.base, bound.mesh.triangles,
+        stand_ins_(stand_ins(bound.base, bound.operators.triangles,
                              bounding_box_diagonal(bound.mesh.positions))),
         pass_(bound, bound.base, stand_ins_),
         collapsed_(bound, without_stand_in(stand_ins_, bound.poisson->active())),
         base_(&bound.rest_base) {
     for (int j : bound.poisson->active().triangles)
       stand_in_count_ += stand_ins_.of_triangle[j] != j;
+    if (bound.operators.flipped)
+      of_faces_ =
+          stand_ins(bound.base, bound.mesh.triangles, bounding_box_diagonal(bound.mesh.positions))
+              .of_triangle;
     if (collapsed_.size() > 0) {
       const Components components(bound.mesh.triangles, bound.mesh.vertex_count());
       const std::vector<int> lone = lone_handles(bound.region, components);
@@ -87,16 +91,15 @@ class BaseGradientsOf : public BaseGradients {
 
   const Rows& at_rest() const override { return at_rest_[rotation_only_]; }
 
-  Eigen::Matrix3d at(int triangle) const override {
-    const int j = stand_ins_.of_triangle[triangle];
-    if (j < 0) return of_collapsed(triangle);
+  Eigen::Matrix3d at(int face) const override {
+    const Triangles& t = bound_.mesh.triangles;
+    const int j = of_faces_.empty() ? stand_ins_.of_triangle[face] : of_faces_[face];
+    if (j < 0) return of_collapsed(face);
     const auto place = [&](int k) -> Eigen::Vector3d {
-      const int row = bound_.order().row_of_vertex[bound_.mesh.triangles(j, k)];
-      return Eigen::Vector3d::Map(base_->data() + 4 * Index(row));
+      return Eigen::Vector3d::Map(base_->data() + 4 * Index(bound_.order().row_of_vertex[t(j, k)]));
     };
-    const Eigen::Matrix3d S =
-        edges_and_normal(place(0), place(1), place(2)) *
-        edges_and_normal(bound_.base, bound_.mesh.triangles, j).inverse();  // (15)
+    const Eigen::Matrix3d S = edges_and_normal(place(0), place(1), place(2)) *
+                              edges_and_normal(bound_.base, t, j).inverse();  // (15)
     return rotation_only_ ? polar_rotation(S) : S;
   }
 
@@ -104,7 +107,9 @@ class BaseGradientsOf : public BaseGradients {
 
   double bytes() const override {
     return pass_.bytes() + collapsed_.bytes() +
-           static_cast<double>((stand_ins_.of_triangle.size() + handle_of_.size()) * sizeof(int)) +
+           static_cast<double>(
+               (stand_ins_.of_triangle.size() + of_faces_.size() + handle_of_.size()) *
+               sizeof(int)) +
            static_cast<double>((at_rest_[0].size() + at_rest_[1].size()) * Index(sizeof(double)));
   }
 
@@ -118,6 +123,7 @@ class BaseGradientsOf : public BaseGradients {
 
   const BoundSurface& bound_;
   StandIns stand_ins_;
+  std::vector<int> of_faces_;  // the same of the mesh's own triangles, where these are others
   GradientPass<Real> pass_;
   CornerFlux collapsed_;        // of what nothing stands in for
   std::vector<int> handle_of_;  // of triangles, where there are such

@@ -54,7 +54,8 @@ struct BoundSurface::Energy {
 
 BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOptions& options,
                            ThreadPool& pool, const Progress& progress)
-    : FactoredSurface(std::move(surface), its_region), examples(options.examples) {
+    : FactoredSurface(std::move(surface), its_region, options.triangulation),
+      examples(options.examples) {
   report(progress, 0.05, "Factoring the Poisson system");
   SparseMatrix block = free_block(operators.laplacian, region);
   dissection = free_dissection(block, region, mesh.positions);
@@ -118,8 +119,9 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
     blaming("The surface smoothed by " + edge_lengths(options.metric_smoothing) +
                 " edge lengths can't be solved for",
             "lower the smoothing.", [&] {
-              const SurfaceOperators faired = surface_operators(
-                  faired_surface(mesh, operators, options.metric_smoothing), mesh.triangles);
+              const SurfaceOperators faired =
+                  surface_operators(faired_surface(mesh, operators, options.metric_smoothing),
+                                    mesh.triangles, options.triangulation);
               solve_on(faired, 0.15);
             });
   } else {
@@ -130,7 +132,9 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
             "its stiffness can't be measured there. Measure it on the surface (SURFACE), or hold "
             "that part by one more handle.",
             [&] {
-              const SurfaceOperators on_base = surface_operators(base, mesh.triangles);
+              const SurfaceOperators on_base =
+                  surface_operators(base, mesh.triangles, options.triangulation);
+              if (operators.flipped || on_base.flipped) how.symbolic = nullptr;
               const PolyharmonicSystem bending =
                   factored(on_base, 0.6, 0.8, "Factoring the energy on the base");
               basis = extend_handles(bending, 0.8, 1);

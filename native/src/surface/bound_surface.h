@@ -14,6 +14,7 @@ struct BindOptions {
   BaseMetric base_metric = BaseMetric::surface;
   double metric_smoothing = 0;  ///< mean edge lengths; with BaseMetric::surface only
   Smoothness smoothness = Smoothness::thin_plate;
+  Triangulation triangulation = Triangulation::delaunay;
   /// B at rest from outside, n×3 in the mesh's units; empty: computed, as the others say.
   Positions base = {};
   /// Where that base has a topology of its own, its triangles; else none. See BaseProxy.

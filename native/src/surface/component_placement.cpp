@@ -43,7 +43,7 @@ Eigen::RowVector3d centre(const Rows& rows, const Triangles& t, Index j) {
 }  // namespace
 
 CarriedComponents::CarriedComponents(const BoundSurface& bound) : bound_(bound) {
-  const Triangles& t = bound.mesh.triangles;
+  const Triangles& t = bound.operators.triangles;
   const std::vector<int>& row_of = bound.order().row_of_vertex;
   std::vector<int> chosen;
   for (const Component& component : movable_components(bound.mesh, bound.region)) {

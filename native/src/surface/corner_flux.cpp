@@ -21,7 +21,7 @@ CornerFlux::CornerFlux(const FactoredSurface& surface)
 CornerFlux::CornerFlux(const FactoredSurface& surface, const std::vector<int>& chosen) {
   const PoissonSystem& poisson = *surface.poisson;
   const ActiveTriangles& active = poisson.active();
-  const Triangles& t = surface.mesh.triangles;
+  const Triangles& t = surface.operators.triangles;
   const Positions flux = corner_divergence(surface.operators.metric, surface.mesh.positions, t);
   size_t next = 0;
   for (int section = 0; section < active.sections(); ++section) {

@@ -13,14 +13,17 @@ namespace dd {
 /// A surface that can be solved for: what every reconstruction works on.
 struct FactoredSurface {
   /// mesh: validated, in a box of about unit size, on which tolerances rely. region must outlive
-  /// it.
-  FactoredSurface(Mesh its_mesh, const Region& its_region);
+  /// it. triangulation: what gradients are carried by.
+  FactoredSurface(Mesh its_mesh, const Region& its_region,
+                  Triangulation triangulation = Triangulation::given);
 
   /// The Poisson system, by block, a free_block() of operators.laplacian; with its dissection where
   /// that is not made yet. Throws UnsolvableSurface.
   void factor(SparseMatrix block, BlockOptions options);
 
   const RowOrder& order() const { return poisson->order(); }
+  /// The mesh's own triangles with a free corner. Where none was flipped they are the active ones.
+  std::vector<int> faces_with_free_corners() const;
   double bytes() const;
 
   Mesh mesh;  ///< S

@@ -113,6 +113,7 @@ FreeTurns::FreeTurns(const BoundSurface& bound, std::vector<char> free)
 
 std::vector<int> FreeTurns::cluster_triangles(int& count) const {
   const Mesh& mesh = bound_.mesh;
+  const Triangles& t = bound_.operators.triangles;
   const Region& region = bound_.region;
   std::vector<int> own(free_.size(), -1);
   for (size_t i = 0; i < handles_.size(); ++i) own[handles_[i]] = static_cast<int>(i);
@@ -126,7 +127,7 @@ std::vector<int> FreeTurns::cluster_triangles(int& count) const {
   for (int j = 0; j < mesh.triangle_count(); ++j) {
     int found = -1;
     for (int k = 0; k < 3; ++k) {
-      const int v = mesh.triangles(j, k), role = region.role[v];
+      const int v = t(j, k), role = region.role[v];
       if (role >= 0 && own[role] >= 0) {
         found = own[role];
         break;
@@ -142,9 +143,10 @@ std::vector<int> FreeTurns::cluster_triangles(int& count) const {
 
 void FreeTurns::gather(const std::vector<int>& cluster, int count) {
   const Mesh& mesh = bound_.mesh;
+  const Triangles& t = bound_.operators.triangles;
   const Region& region = bound_.region;
   const RowOrder& order = bound_.order();
-  const Positions flux = corner_divergence(bound_.operators.metric, bound_.base, mesh.triangles);
+  const Positions flux = corner_divergence(bound_.operators.metric, bound_.base, t);
   std::vector<std::vector<int>> triangles(static_cast<size_t>(count));
   for (size_t j = 0; j < cluster.size(); ++j)
     if (cluster[j] >= 0) triangles[cluster[j]].push_back(static_cast<int>(j));
@@ -157,8 +159,8 @@ void FreeTurns::gather(const std::vector<int>& cluster, int count) {
     std::vector<int> touched;
     for (int j : triangles[k])
       for (int c = 0; c < 3; ++c) {
-        sums.row(mesh.triangles(j, c)) += flux.row(3 * Index(j) + c);
-        touched.push_back(mesh.triangles(j, c));
+        sums.row(t(j, c)) += flux.row(3 * Index(j) + c);
+        touched.push_back(t(j, c));
       }
     std::sort(touched.begin(), touched.end());
     touched.erase(std::unique(touched.begin(), touched.end()), touched.end());
@@ -184,7 +186,7 @@ void FreeTurns::gather(const std::vector<int>& cluster, int count) {
   constexpr int kBlock = 64;
   energy_ = RowMatrix::Zero(4 * Index(handles_.size()), columns);
   const SparseMatrix laplacian =
-      cotangent_laplacian(bound_.operators.metric, mesh.triangles, mesh.vertex_count());
+      cotangent_laplacian(bound_.operators.metric, t, mesh.vertex_count());
   const auto own_columns = [&](int v, double factor, auto&& out) {
     const int row = order.row_of_vertex[v], role = region.role[v];
     for (size_t i = 0; i < handles_.size(); ++i) {

@@ -16,7 +16,7 @@ class GradientSource {
   virtual void add(int section, double* rows) const = 0;
   /// What add() gives where nothing moves, in the same arithmetic: both cancel to the last digits.
   virtual const Rows& at_rest() const = 0;
-  /// S_j of an active triangle, for the formulation with fourth points (10).
+  /// S_j of a triangle of the mesh with a free corner, for the formulation with fourth points (10).
   virtual Eigen::Matrix3d at(int triangle) const = 0;
 };
 

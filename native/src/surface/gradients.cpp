@@ -12,24 +12,25 @@ namespace {
 
 constexpr double kShortest = 1e-9;  // of the surface's size
 constexpr double kFlattest = 1e-2;  // height over longest edge
+constexpr double kLowest = 1e-5;    // height, of the surface's size
 
-bool has_area(const Positions& p, const Triangles& t, Index j, double shortest) {
+bool has_area(const Positions& p, const Triangles& t, Index j, double size) {
   const Eigen::Vector3d a = p.row(t(j, 0)), b = p.row(t(j, 1)), c = p.row(t(j, 2));
   const double longest = std::max({(b - a).norm(), (c - b).norm(), (a - c).norm()});
-  return longest > shortest && (b - a).cross(c - a).norm() > kFlattest * longest * longest;
+  const double height = (b - a).cross(c - a).norm() / longest;  // NaN in one place
+  return longest > kShortest * size && (height > kFlattest * longest || height > kLowest * size);
 }
 
 }  // namespace
 
 StandIns stand_ins(const Positions& surface, const Triangles& t, double size,
                    const Positions* moved) {
-  const double shortest = kShortest * size;
   const int m = static_cast<int>(t.rows());
   StandIns result;
   result.of_triangle.assign(static_cast<size_t>(m), -1);
   bool all = true;
   for (int j = 0; j < m; ++j) {
-    if (has_area(surface, t, j, shortest) && (!moved || has_area(*moved, t, j, shortest)))
+    if (has_area(surface, t, j, size) && (!moved || has_area(*moved, t, j, size)))
       result.of_triangle[j] = j;
     else
       all = false;
@@ -75,7 +76,7 @@ GradientPass<Real>::GradientPass(const FactoredSurface& surface, const Positions
     : layout_(surface.poisson->active()),
       blocks_(layout_.without_targets<TriangleBlock<Real>>(*surface.poisson)) {
   const PoissonSystem& poisson = *surface.poisson;
-  const Triangles& t = surface.mesh.triangles;
+  const Triangles& t = surface.operators.triangles;
   const Positions corner_flux =
       corner_divergence(surface.operators.metric, surface.mesh.positions, t);
   layout_.each(poisson.active(), [&](int i, int section, int b, int lane) {

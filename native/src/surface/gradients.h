@@ -14,8 +14,9 @@ namespace dd {
 /// first and then across vertices. -1 says that no triangle of the component has an area.
 ///
 /// A triangle counts as one without area when its longest edge is under 1e-9 of size, or its height
-/// over that edge under 1e-2 of it: flatter ones turn rounding into a rotation. A neighbour's
-/// gradient was chosen over a clamped one because it is exact for rigid and affine motions.
+/// under 1e-2 of that edge and 1e-5 of size: there rounding turns into a rotation. A needle that is
+/// higher has its own gradient, so that a mesh of nothing but needles bends. A neighbour's gradient
+/// was chosen over a clamped one because it is exact for rigid and affine motions.
 struct StandIns {
   std::vector<int> of_triangle;
 };
@@ -74,7 +75,7 @@ template <class Real, class CornerOf>
 std::vector<TurnBlock<Real>> turn_blocks(const FactoredSurface& surface, const ActiveBlocks& layout,
                                          const Positions& of, const CornerOf& corner_of) {
   const PoissonSystem& poisson = *surface.poisson;
-  const Triangles& t = surface.mesh.triangles;
+  const Triangles& t = surface.operators.triangles;
   const Positions flux = corner_divergence(surface.operators.metric, of, t);
   auto blocks = layout.without_targets<TurnBlock<Real>>(poisson);
   layout.each(poisson.active(), [&](int i, int section, int b, int lane) {

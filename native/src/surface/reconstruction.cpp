@@ -19,7 +19,7 @@ void Reconstruction::solve(const GradientSource& gradients, Formulation formulat
   // Made before the present one is let go: it may be refused.
   if (!fourth_points_ || fourth_points_->weights() != weights)
     fourth_points_ = std::make_unique<FourthPoints>(surface_.mesh, surface_.region,
-                                                    surface_.poisson->active().triangles, weights);
+                                                    surface_.faces_with_free_corners(), weights);
   fourth_points_->solve(gradients, surface_.order(), offsets);
 }
 

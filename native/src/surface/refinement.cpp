@@ -86,7 +86,7 @@ class RefinementOf : public Refinement {
 template <class Real>
 RefinementOf<Real>::RefinementOf(FactoredSurface& surface, double length)
     : surface_(surface), smoothing_(surface, length), layout_(surface.poisson->active()) {
-  const Triangles& t = surface.mesh.triangles;
+  const Triangles& t = surface.operators.triangles;
   const RowOrder& order = surface.order();
   const std::vector<int>& active = surface.poisson->active().triangles;
   const int m = surface.mesh.triangle_count();
@@ -132,7 +132,7 @@ int RefinementOf<Real>::rotation_row(int vertex) const {
 
 template <class Real>
 void RefinementOf<Real>::make_averages(const std::vector<int>& local_triangle, int first_held) {
-  const Fans fans(surface_.mesh.triangles, surface_.mesh.vertex_count());
+  const Fans fans(surface_.operators.triangles, surface_.mesh.vertex_count());
   const PoissonSystem& poisson = *surface_.poisson;
   std::vector<int> vertices;
   vertices.reserve(static_cast<size_t>(poisson.active_vertex_count()));
@@ -215,7 +215,7 @@ void RefinementOf<Real>::find_means(const Rows* gauge) {
 template <class Real>
 void RefinementOf<Real>::follow_means() {
   const PoissonSystem& poisson = *surface_.poisson;
-  const Triangles& t = surface_.mesh.triangles;
+  const Triangles& t = surface_.operators.triangles;
   const int count = poisson.active_vertex_count();
   if (steps_.empty()) {
     std::vector<std::vector<int>> neighbours(static_cast<size_t>(count));

@@ -28,7 +28,10 @@ Eigen::VectorXd slope_weights(const Mesh& mesh, const Region& region,
   std::vector<char> is_rim(region.role.size(), 0);
   for (int row : poisson.rims()) is_rim[poisson.order().vertex_of_row[row]] = 1;
   const double reach = kReach * length;
-  const std::vector<double> distance = geodesic_distances(mesh, is_rim, reach);
+  // Fast marching, too, wants triangles that are not obtuse.
+  const std::vector<double> distance =
+      operators.flipped ? geodesic_distances({mesh.positions, operators.triangles}, is_rim, reach)
+                        : geodesic_distances(mesh, is_rim, reach);
   Eigen::VectorXd weights = Eigen::VectorXd::Zero(mesh.vertex_count());
   for (int v = 0; v < mesh.vertex_count(); ++v) {
     const double size = kAtRims * length * (1 - distance[v] / reach);
@@ -39,9 +42,9 @@ Eigen::VectorXd slope_weights(const Mesh& mesh, const Region& region,
 }
 
 /// L of the active triangles alone: the rows of free vertices, then of rims; columns in order.
-Eigen::SparseMatrix<double, Eigen::RowMajor> active_laplacian(const Mesh& mesh,
-                                                              const SurfaceOperators& operators,
+Eigen::SparseMatrix<double, Eigen::RowMajor> active_laplacian(const SurfaceOperators& operators,
                                                               const PoissonSystem& poisson) {
+  const Triangles& t = operators.triangles;
   const RowOrder& order = poisson.order();
   const std::vector<int>& rims = poisson.rims();
   const SparseMatrix& whole = operators.laplacian;
@@ -56,7 +59,7 @@ Eigen::SparseMatrix<double, Eigen::RowMajor> active_laplacian(const Mesh& mesh,
   };
   for (int j : poisson.active().triangles)
     for (int k = 0; k < 3; ++k) {
-      const int a = mesh.triangles(j, (k + 1) % 3), b = mesh.triangles(j, (k + 2) % 3);
+      const int a = t(j, (k + 1) % 3), b = t(j, (k + 2) % 3);
       const double weight = 0.5 * operators.metric.cotangents(j, k);
       add(a, b, weight);
       add(b, a, weight);
@@ -104,7 +107,7 @@ ClampedPoisson::ClampedPoisson(const Mesh& mesh, const Region& region,
   weights_.resize(active_rows);
   for (int i = 0; i < active_rows; ++i)
     weights_[i] = weights[order.vertex_of_row[poisson.active_row(i)]];
-  laplacian_ = active_laplacian(mesh, operators, poisson);
+  laplacian_ = active_laplacian(operators, poisson);
 
   residual_ = Rows::Zero(active_rows, 4);
   scaled_ = Rows::Zero(order.count(), 4);

@@ -5,12 +5,16 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
+
+#include "systems/intrinsic_delaunay.h"
 
 namespace dd {
 
 namespace {
 
 constexpr double kThinnest = 1e-3;  // height over longest edge
+constexpr double kShortest = std::numeric_limits<double>::min() * 1e20;
 
 /// A triangle laid out in the plane: the longest edge from (0, 0) to (base, 0), the third corner
 /// at (foot, height).
@@ -19,6 +23,16 @@ struct Layout {
   double base, foot, height;
   bool degenerate;
 };
+
+/// Three corners in one place have no shape to keep: any will do.
+Layout in_one_place(const Layout& layout) {
+  return {layout.apex, layout.first, layout.second, 1e-100, 0.5e-100, 0.8e-100, true};
+}
+
+void lift(Layout& layout) {
+  layout.degenerate = layout.height < kThinnest * layout.base;
+  if (layout.degenerate) layout.height = kThinnest * layout.base;
+}
 
 Layout lay_out(const Positions& p, const Triangles& t, Index j) {
   const Eigen::Vector3d x[3] = {p.row(t(j, 0)), p.row(t(j, 1)), p.row(t(j, 2))};
@@ -36,15 +50,34 @@ Layout lay_out(const Positions& p, const Triangles& t, Index j) {
   const Eigen::Vector3d edge = x[layout.second] - x[layout.first];
   const Eigen::Vector3d arm = x[layout.apex] - x[layout.first];
   layout.base = edge.norm();
-  if (!(layout.base > std::numeric_limits<double>::min() * 1e20)) {
-    // Three corners in one place have no shape to keep: any will do.
-    return {layout.apex, layout.first, layout.second, 1e-100, 0.5e-100, 0.8e-100, true};
-  }
+  if (!(layout.base > kShortest)) return in_one_place(layout);
   layout.foot = arm.dot(edge) / layout.base;
   layout.height = edge.cross(arm).norm() / layout.base;
-  layout.degenerate = layout.height < kThinnest * layout.base;
-  if (layout.degenerate) layout.height = kThinnest * layout.base;
+  lift(layout);
   return layout;
+}
+
+/// The same of a triangle whose lengths alone are known, each opposite to a corner.
+Layout lay_out(const Eigen::RowVector3d& lengths) {
+  Layout layout{};
+  layout.base = lengths.maxCoeff(&layout.apex);
+  layout.first = (layout.apex + 1) % 3;
+  layout.second = (layout.apex + 2) % 3;
+  if (!(layout.base > kShortest)) return in_one_place(layout);
+  const TriangleApex apex =
+      triangle_apex(layout.base, lengths[layout.second], lengths[layout.first]);
+  layout.foot = apex.foot;
+  layout.height = apex.height;
+  lift(layout);
+  return layout;
+}
+
+void set_metric(TriangleMetric& metric, Index j, const Layout& l) {
+  metric.areas[j] = 0.5 * l.base * l.height;
+  const double rest = l.base - l.foot;
+  metric.cotangents(j, l.first) = l.foot / l.height;
+  metric.cotangents(j, l.second) = rest / l.height;
+  metric.cotangents(j, l.apex) = l.height / l.base - (l.foot / l.height) * (rest / l.base);
 }
 
 }  // namespace
@@ -57,11 +90,7 @@ TriangleMetric triangle_metric(const Positions& p, const Triangles& t) {
   for (Index j = 0; j < m; ++j) {
     const Layout l = lay_out(p, t, j);
     if (l.degenerate) metric.degenerate.push_back(static_cast<int>(j));
-    metric.areas[j] = 0.5 * l.base * l.height;
-    const double rest = l.base - l.foot;
-    metric.cotangents(j, l.first) = l.foot / l.height;
-    metric.cotangents(j, l.second) = rest / l.height;
-    metric.cotangents(j, l.apex) = l.height / l.base - (l.foot / l.height) * (rest / l.base);
+    set_metric(metric, j, l);
   }
   return metric;
 }
@@ -107,12 +136,25 @@ Eigen::VectorXd mixed_voronoi_masses(const TriangleMetric& metric, const Triangl
   return masses.cwiseMax(floor);
 }
 
-SurfaceOperators surface_operators(const Positions& p, const Triangles& t) {
+SurfaceOperators surface_operators(const Positions& p, const Triangles& t,
+                                   Triangulation triangulation) {
   const int n = static_cast<int>(p.rows());
   SurfaceOperators operators;
+  operators.triangles = t;
   operators.metric = triangle_metric(p, t);
-  operators.laplacian = cotangent_laplacian(operators.metric, t, n);
-  operators.masses = mixed_voronoi_masses(operators.metric, t, n);
+  // An obtuse edge has an obtuse angle.
+  if (triangulation == Triangulation::delaunay && t.size() > 0 &&
+      operators.metric.cotangents.minCoeff() < 0.5 * kObtuse) {
+    IntrinsicTriangles intrinsic = intrinsic_delaunay(p, t);
+    operators.flipped = intrinsic.flips > 0;
+    if (operators.flipped) {
+      operators.triangles = std::move(intrinsic.triangles);
+      for (Index j = 0; j < t.rows(); ++j)
+        if (intrinsic.moved[j]) set_metric(operators.metric, j, lay_out(intrinsic.lengths.row(j)));
+    }
+  }
+  operators.laplacian = cotangent_laplacian(operators.metric, operators.triangles, n);
+  operators.masses = mixed_voronoi_masses(operators.metric, operators.triangles, n);
   return operators;
 }
 

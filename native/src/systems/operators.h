@@ -17,7 +17,7 @@ namespace dd {
 struct TriangleMetric {
   CornerValues cotangents;      ///< m×3, of the angle at each corner
   Eigen::VectorXd areas;        ///< m
-  std::vector<int> degenerate;  ///< triangles thinner than 1 : 1000
+  std::vector<int> degenerate;  ///< triangles thinner than 1 : 1000, as the mesh has them
 };
 TriangleMetric triangle_metric(const Positions& positions, const Triangles& triangles);
 
@@ -30,13 +30,25 @@ SparseMatrix cotangent_laplacian(const TriangleMetric& metric, const Triangles& 
 Eigen::VectorXd mixed_voronoi_masses(const TriangleMetric& metric, const Triangles& triangles,
                                      int n);
 
+/// Which triangles a surface is measured by. The values are those of dd_triangulation in the public
+/// header.
+enum class Triangulation {
+  delaunay = 0,  ///< intrinsic ones, without obtuse edges: see intrinsic_delaunay()
+  given = 1      ///< the mesh's own
+};
+
 /// What every method needs of one geometry, made once.
 struct SurfaceOperators {
+  /// m×3: what metric and L are made of, and gradients are taken on. The mesh's own, or as many
+  /// others of the same vertices, in the same places where they are the mesh's own.
+  Triangles triangles;
+  bool flipped = false;  ///< whether any is another
   TriangleMetric metric;
   SparseMatrix laplacian;
   Eigen::VectorXd masses;
 };
-SurfaceOperators surface_operators(const Positions& positions, const Triangles& triangles);
+SurfaceOperators surface_operators(const Positions& positions, const Triangles& triangles,
+                                   Triangulation triangulation = Triangulation::given);
 
 /// Gradient operator G (3), 3m×n: rows 3j..3j+2 hold (∇φ₁, ∇φ₂, ∇φ₃) of triangle j as in (13).
 SparseMatrix gradient(const Positions& positions, const Triangles& triangles);
@@ -47,8 +59,8 @@ SparseMatrix divergence(const SparseMatrix& gradient, const TriangleMetric& metr
 /// Divergence of each triangle's own position gradient, div(G_j) by corner: row 3j+k is
 /// area_j (∇φ_k)ᵀ G_j, a vector in the triangle's plane, so that div(G_j S_jᵀ) at corner k is S_j
 /// times it. 3m×3, from the metric alone: exact for S_j = const even where the triangle is
-/// degenerate, and for all others equal to area_j ∇φ_k, the paper's div(S_jᵀ) (§5, both right-hand
-/// sides lead to the same result).
+/// degenerate or an intrinsic one, and for all others equal to area_j ∇φ_k, the paper's div(S_jᵀ)
+/// (§5, both right-hand sides lead to the same result).
 Positions corner_divergence(const TriangleMetric& metric, const Positions& positions,
                             const Triangles& triangles);
 

@@ -38,10 +38,10 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
   factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
   rows_ = SectionRows(factor_->symbolic());
   order_ = row_order(region, factor_->order());
-  find_active_triangles(mesh);
+  find_active_triangles(operators.triangles);
 
   const int sections = active_.sections();
-  find_rims(mesh.triangles);
+  find_rims(operators.triangles);
   right_ = Rows::Zero(rim_begin() + Index(rims_.size() + rim_of_slot_.size()), 4);
   for (int r = order_.free_count; r < order_.fixed_begin; ++r)
     for (SparseMatrix::InnerIterator it(operators.laplacian, order_.vertex_of_row[r]); it; ++it)
@@ -84,23 +84,22 @@ PoissonSystem::PoissonSystem(const Mesh& mesh, const Region& region,
   }
 
   // Summed over the triangles as the methods do, so that both cancel to the last digits.
-  const Positions flux = corner_divergence(operators.metric, mesh.positions, mesh.triangles);
+  const Positions flux = corner_divergence(operators.metric, mesh.positions, operators.triangles);
   rest_divergence_ = Rows::Zero(right_.rows(), 4);
   for (int section = 0; section < sections; ++section)
     for (int i = active_.begin[section]; i < active_.begin[section + 1]; ++i)
       for (int k = 0; k < 3; ++k) {
         const int j = active_.triangles[i];
-        rest_divergence_.row(target(section, mesh.triangles(j, k))).head<3>() +=
+        rest_divergence_.row(target(section, operators.triangles(j, k))).head<3>() +=
             flux.row(3 * Index(j) + k);
       }
 }
 
-void PoissonSystem::find_active_triangles(const Mesh& mesh) {
-  const Triangles& t = mesh.triangles;
+void PoissonSystem::find_active_triangles(const Triangles& t) {
   // The lowest row of a triangle tells its section, and its place there: what is worked on together
   // lies together.
-  std::vector<int> lowest(static_cast<size_t>(mesh.triangle_count()));
-  for (int j = 0; j < mesh.triangle_count(); ++j) {
+  std::vector<int> lowest(static_cast<size_t>(t.rows()));
+  for (int j = 0; j < static_cast<int>(t.rows()); ++j) {
     lowest[j] = std::min({order_.row_of_vertex[t(j, 0)], order_.row_of_vertex[t(j, 1)],
                           order_.row_of_vertex[t(j, 2)]});
     if (lowest[j] < order_.free_count) active_.triangles.push_back(j);

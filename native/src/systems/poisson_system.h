@@ -144,7 +144,7 @@ class PoissonSystem {
   double bytes() const;
 
  private:
-  void find_active_triangles(const Mesh& mesh);
+  void find_active_triangles(const Triangles& triangles);
   void find_rims(const Triangles& triangles);
   int rim_of(int row) const {
     return static_cast<int>(std::lower_bound(rims_.begin(), rims_.end(), row) - rims_.begin());

@@ -38,7 +38,7 @@ ExamplePass<Real>::ExamplePass(const BoundSurface& bound, const ExampleTurns& tu
       example_count_(static_cast<int>(bound.examples.size())),
       layout_(poisson.active()),
       blocks_(layout_.without_targets<Block>(poisson)) {
-  const Triangles& t = bound.mesh.triangles;
+  const Triangles& t = bound.operators.triangles;
   for (Block& block : blocks_) {
     for (auto& corner : block.corner)
       for (int32_t& row : corner) row = 0;

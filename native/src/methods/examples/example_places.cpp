@@ -10,7 +10,7 @@ namespace dd {
 ExamplePlaces::ExamplePlaces(const BoundSurface& bound, const Region& region,
                              const RowOrder& order) {
   if (region.grounds.empty()) return;
-  const Triangles& t = bound.mesh.triangles;
+  const Triangles& t = bound.operators.triangles;
   std::vector<double> area(region.role.size(), 0);
   for (Index j = 0; j < t.rows(); ++j)
     for (int k = 0; k < 3; ++k) area[t(j, k)] += bound.operators.metric.areas[j] / 3;

@@ -83,11 +83,12 @@ void ExampleSystem<Real>::make_means(const BoundSurface& bound) {
   };
   std::vector<std::vector<Push>> pushes(static_cast<size_t>(poisson_->active().sections()));
   std::vector<char> done(placed_by.size(), 0);
+  const Triangles& t = bound.operators.triangles;
   const ActiveTriangles& active = poisson_->active();
   for (int section = 0; section < active.sections(); ++section)
     for (int i = active.begin[section]; i < active.begin[section + 1]; ++i)
       for (int k = 0; k < 3; ++k) {
-        const int v = bound.mesh.triangles(active.triangles[i], k), row = order.row_of_vertex[v];
+        const int v = t(active.triangles[i], k), row = order.row_of_vertex[v];
         if (placed_by[row] < 0 || done[row]) continue;
         done[row] = 1;
         pushes[section].push_back({poisson_->target(section, v), placed_by[row]});

@@ -100,7 +100,7 @@ Positions continuous_logarithms(const Rows& rotations, const Patch& patch) {
 
 ExampleTurns::ExampleTurns(const BoundSurface& bound)
     : place_(static_cast<size_t>(bound.mesh.triangle_count()), -1) {
-  const Triangles& t = bound.mesh.triangles;
+  const Triangles& t = bound.operators.triangles;
   const Positions& rest = bound.mesh.positions;
   std::vector<int> chosen;
   for (int j = 0; j < bound.mesh.triangle_count(); ++j)
