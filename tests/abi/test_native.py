@@ -452,7 +452,8 @@ def test_a_handle_that_only_places_takes_its_turn_from_the_surface(native, strip
     pivot = strip.positions[held][0].astype(np.float64)
     there = deformer.offsets(lift, handle_turns=[1], pivots=[pivot]).reshape(-1, 3)[held][0]
     assert np.abs(there - (0, 0, 0.3)).max() < 1e-5
-    for change, sentence in ((dict(handle_turns=[2]), 'handle_turns is 2'), (dict(handle_turns=[1, 0]), 'for 2 handles'),
+    for change, sentence in ((dict(handle_turns=[2]), 'handle_turns is 2'),
+                             (dict(handle_turns=[1, 0]), 'for 2 handles'),
                              (dict(handle_turns=[1], pivots=[(0, np.nan, 0)]), 'pivot of handle 0'),
                              (dict(handle_turns=[1], pivots=np.zeros((2, 3))), 'for 2 handles')):
         with pytest.raises(native.NativeError, match=sentence):

@@ -118,15 +118,16 @@ def _remarks(ob, info):
         yield (f"{_count(info.loose_count, 'vertex', 'vertices')} without faces (such as vertex "
                f"{info.loose_example}) {'stays' if info.loose_count == 1 else 'stay'} at rest.")
     if info.proxy_vertex_count:
-        yield f"'{ob.detail_deform.base_object.name}' is no copy of this mesh: each vertex follows the nearest point of it."
+        yield (f"'{ob.detail_deform.base_object.name}' is no copy of this mesh: each vertex follows the nearest point "
+               "of it.")
     if info.far_count:
         yield (f"{_count(info.far_count, 'vertex lies', 'vertices lie')} far from the base (such as vertex "
                f"{info.far_example}), and what they follow is a guess: move the base closer, or leave them out of the "
                "region.")
     if info.torn_count:
         yield (f"{_count(info.torn_count, 'vertex lies', 'vertices lie')} between parts of the base (such as vertex "
-               f"{info.torn_example}): neighbours follow different parts. Fit the base closer there, or pose it so that "
-               "its parts are apart when you bind.")
+               f"{info.torn_example}): neighbours follow different parts. Fit the base closer there, or pose it so "
+               "that its parts are apart when you bind.")
     if info.degenerate_count:
         yield (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
                f"(such as triangle {info.degenerate_example}).")

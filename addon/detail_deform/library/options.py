@@ -117,8 +117,8 @@ _BASES = (
     ('COMPUTED', "Computed",
      "The smooth base surface is computed from the region's border, and the handles move it"),
     ('OBJECT', "Object",
-     "Another object is the base, a copy of this mesh or a cage or coarser mesh near it: whatever deforms it (armature, "
-     "lattice, curve, shape keys, simulation) moves the details. Handles are not needed"))
+     "Another object is the base, a copy of this mesh or a cage or coarser mesh near it: whatever deforms it "
+     "(armature, lattice, curve, shape keys, simulation) moves the details. Handles are not needed"))
 _WEIGHTS_BY = (
     ('HANDLES', "Handles", "The weights are those that fit the handles best"),
     ('SLIDERS', "Sliders", "The weights are set by hand, and the handles let go"))

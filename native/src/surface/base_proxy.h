@@ -16,10 +16,10 @@ namespace dd {
 ///   y' = Σ λ_k (c'_k + ½ F_k (y − c_k)),
 ///
 /// F_k the mean of the deformation gradients (15) of the triangles around a corner c_k, at a border
-/// continued from its neighbours. F is continuous across its edges, and so is the slope of y' but for a part that falls with the square
-/// of their angles: the half makes y' turn at a corner as F does there (James 2020, Phong
-/// Deformation). So none of its faces shows. At rest x' is x, so that S is a base of its own, and
-/// what is carried is how it turns.
+/// continued from its neighbours. F is continuous across its edges, and so is the slope of y' but
+/// for a part that falls with the square of their angles: the half makes y' turn at a corner as F
+/// does there (James 2020, Phong Deformation). So none of its faces shows. At rest x' is x, so that
+/// S is a base of its own, and what is carried is how it turns.
 class BaseProxy {
  public:
   /// surface: S, n×3. proxy: at rest, validated. In a box of about unit size.
