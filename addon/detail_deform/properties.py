@@ -154,8 +154,8 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         name="Base Object", type=bpy.types.Object, update=_base_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
         description="Smooth copy of this mesh, or a cage or a coarser mesh near it, which is followed by nearest "
-                    "points. Its own mesh is the base at rest, what its modifiers make of it the deformed one. Where they make "
-                    "vertices, its shape at Bind is the rest")
+                    "points. Its own mesh is the base at rest, what its modifiers make of it the deformed one. Where "
+                    "they make vertices, its shape at Bind is the rest")
     base_rest_matrix: FloatVectorProperty(
         name="Base Rest Matrix", size=16, options={'HIDDEN'},
         description="Place of the base object relative to this one when it was bound, row by row")

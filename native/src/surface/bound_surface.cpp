@@ -132,9 +132,10 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
             "its stiffness can't be measured there. Measure it on the surface (SURFACE), or hold "
             "that part by one more handle.",
             [&] {
-              const SurfaceOperators on_base =
-                  surface_operators(base, mesh.triangles, options.triangulation);
-              if (operators.flipped || on_base.flipped) how.symbolic = nullptr;
+              // The mesh's own triangles: where the base is crumpled, intrinsic ones gather it
+              // further (on Fig. 3's thorns they make 13 intersections, these none).
+              const SurfaceOperators on_base = surface_operators(base, mesh.triangles);
+              if (operators.flipped) how.symbolic = nullptr;
               const PolyharmonicSystem bending =
                   factored(on_base, 0.6, 0.8, "Factoring the energy on the base");
               basis = extend_handles(bending, 0.8, 1);
