@@ -9,6 +9,7 @@ from . import transfer_settings
 from .declared import declare
 from .follow import binding, life, status
 from .library import options
+from .scene import outside_base
 from .ui import preview
 
 
@@ -36,6 +37,13 @@ def _name_changed(self, context):
 
 def _target_changed(self, context):
     binding.targets_changed(self.id_data)
+
+
+def _base_object_changed(self, context):
+    if self.base_object != self.base_rest_of:
+        outside_base.forget_rest(self)  # that of another object
+    self.base_rest_of = self.base_object
+    _base_changed(self, context)
 
 
 def _base_changed(self, context):
@@ -94,7 +102,7 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
         name="Axis", update=_target_changed, items=AXES,
         description="Axis of the object across which the motion is mirrored")
     turns: EnumProperty(
-        name="Turns", update=_look_changed, items=options.HANDLE_TURNS,
+        name="Turns", update=_look_changed, items=options.HANDLE_TURNS, options=set(),
         description="What turns the vertices of this handle")
     enabled: BoolProperty(
         name="Enabled", default=True, update=_input_changed,
@@ -151,7 +159,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         description="Poses that the method Examples mixes, beside the rest shape")
     example_index: IntProperty(name="Active Example", options={'HIDDEN'})
     base_object: PointerProperty(
-        name="Base Object", type=bpy.types.Object, update=_base_changed,
+        name="Base Object", type=bpy.types.Object, update=_base_object_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
         description="Smooth copy of this mesh, or a cage or a coarser mesh near it, which is followed by nearest "
                     "points. Its own mesh is the base at rest, what its modifiers make of it the deformed one. Where "
@@ -160,6 +168,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         name="Base Rest Matrix", size=16, options={'HIDDEN'},
         description="Place of the base object relative to this one when it was bound, row by row")
     base_rest_mesh: PointerProperty(type=bpy.types.Mesh, options={'HIDDEN'})  # in this object's space
+    base_rest_of: PointerProperty(type=bpy.types.Object, options={'HIDDEN'})  # the base object that has this rest
     influence: StringProperty(
         name="Influence", update=_influence_changed,
         description="Vertex group by whose weights the result is shown, as with other modifiers: a soft border, or a "

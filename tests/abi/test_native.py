@@ -460,6 +460,23 @@ def test_a_handle_that_only_places_takes_its_turn_from_the_surface(native, strip
             deformer.offsets(lift, **change)
 
 
+def test_a_base_of_its_own_topology_carries_the_details(native, strip):
+    corners = np.array([(-1, -1, 0), (25, -1, 0), (25, 9, 0), (-1, 9, 0)], np.float32)
+    roles = np.full(len(strip.positions), native.ROLE_FREE, np.int32)
+    asked = {'base': corners, 'base_triangles': [(0, 1, 2), (0, 2, 3)]}
+    deformer = native.Bind(strip.positions, strip.triangles, roles, 0, **asked).finish()
+    assert deformer.info.proxy_vertex_count == 4
+    none, motion = np.zeros((0, 3, 4)), rotation(0.9, (1, 2, 3))[0]
+    moved = corners @ motion[:, :3].T + motion[:, 3]
+    expected = strip.positions @ motion[:, :3].T + motion[:, 3]
+    assert np.abs(strip.positions + deformer.offsets(none, base=moved).reshape(-1, 3) - expected).max() < 1e-3
+    for change, sentence in (({'base_triangles': np.zeros((0, 3))}, 'no triangles'),
+                             ({'base_triangles': [(0, 1, 9)]}, 'base: '),
+                             ({'base': np.zeros((0, 3))}, 'no vertices|is null|no options.base'), ({'base': None}, 'no options.base')):
+        with pytest.raises(native.NativeError, match=sentence):
+            native.Bind(strip.positions, strip.triangles, roles, 0, **{**asked, **change}).finish()
+
+
 def test_a_base_from_outside_moves_the_details(native, strip):
     flat = strip.positions.copy()
     flat[:, 2] = 0

@@ -257,10 +257,13 @@ def test_a_cage_may_have_a_subdivision_and_its_shape_at_bind_is_kept():
     ob, base = make_pair()
     bpy.data.objects.remove(base)
     base = cage(4)
-    base.modifiers.new("Smooth", 'SUBSURF').levels = 2
+    smooth = base.modifiers.new("Smooth", 'SUBSURF')
+    smooth.levels, smooth.render_levels = 2, 3
     ob.detail_deform.base_object = base
     update()
     activate(ob)
+    assert "make the levels alike" in refusal(bpy.ops.object.detail_deform_bind, wait=True)
+    smooth.render_levels = 2
     bind(ob)
     kept = ob.detail_deform.base_rest_mesh
     assert len(kept.vertices) == len(base.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.vertices) > 25
@@ -273,10 +276,75 @@ def test_a_cage_may_have_a_subdivision_and_its_shape_at_bind_is_kept():
     base.modifiers[0].levels = 1
     update()
     assert "were there when it was bound" in ob.detail_deform.status
-    base.modifiers[0].levels = 2
-    update()
+    # Bound anew it has another rest.
+    base.modifiers[0].render_levels = 1
+    bind(ob, keep_rest=True)
+    assert len(ob.detail_deform.base_rest_mesh.vertices) < len(own(ob)) and "Bound" in ob.detail_deform.status
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
     assert bpy.ops.object.detail_deform_unbind() == {'FINISHED'}
     assert not any(mesh.name.endswith('Rest') for mesh in bpy.data.meshes)
+
+
+@pytest.mark.parametrize('hide', ['hide_viewport', 'collection'])
+def test_a_hidden_cage_with_modifiers_is_bound(hide):
+    ob, base = make_pair()
+    bpy.data.objects.remove(base)
+    base = cage(4)
+    smooth = base.modifiers.new("Smooth", 'SUBSURF')
+    smooth.levels = smooth.render_levels = 2
+    ob.detail_deform.base_object = base
+    if hide == 'collection':
+        hidden = bpy.data.collections.new("Hidden")
+        bpy.context.scene.collection.children.link(hidden)
+        hidden.objects.link(base)
+        bpy.context.scene.collection.objects.unlink(base)
+        hidden.hide_viewport = True
+    else:
+        base.hide_viewport = True
+    update()
+    activate(ob)
+    bind(ob)
+    assert ob.detail_deform.base_rest_mesh and not ob.detail_deform.problem
+    base.location.z = 0.3
+    update()
+    assert np.abs(evaluated(ob) - own(ob) - (0, 0, 0.3)).max() < 1e-5
+
+
+def test_another_base_object_has_a_rest_of_its_own():
+    ob, first = make_pair()
+    bpy.data.objects.remove(first)
+    of = ob.detail_deform
+    of.base_object = cage(4)
+    smooth = of.base_object.modifiers.new("Smooth", 'SUBSURF')
+    smooth.levels = smooth.render_levels = 1
+    update()
+    activate(ob)
+    bind(ob)
+    assert of.base_rest_mesh
+    of.base_object = cage(5, below=0.05)
+    update()
+    assert of.stale and not of.base_rest_mesh
+    bind(ob, keep_rest=True)
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6 and "far" not in of.status
+    bpy.data.objects.remove(of.base_object)
+    assert of.status is not None  # before the next update, too
+
+
+def test_a_base_without_faces_is_refused():
+    ob, base = make_pair()
+    bpy.data.objects.remove(base)
+    base = cage(4)
+    group(base, "few", [0, 7])
+    mask = base.modifiers.new("Mask", 'MASK')
+    mask.vertex_group = "few"
+    ob.detail_deform.base_object = base
+    update()
+    activate(ob)
+    assert "leave no faces" in refusal(bpy.ops.object.detail_deform_bind, wait=True)
+    base.modifiers.clear()
+    update()
+    bind(ob)
+    assert not [mesh for mesh in bpy.data.meshes if mesh.name.endswith("Rest")]
 
 
 def test_vertices_far_from_a_cage_are_told():

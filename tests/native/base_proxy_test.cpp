@@ -164,6 +164,10 @@ TEST_CASE("vertices far from a base or between its parts are told, and a broken 
   const std::vector<int> roles(size_t(wall.vertex_count()), kFree);
   CHECK(test::refusal([&] { Deformer(wall, roles, 0, on(broken)); }, Status::mesh)
             .find("The base: ") == 0);
+  BindOptions few;
+  few.base = cage.positions;
+  CHECK(test::refusal([&] { Deformer(wall, roles, 0, few); }, Status::argument)
+            .find("25 vertices, the mesh 900") != std::string::npos);
   Deformer deformer(wall, roles, 0, on(cage));
   const Positions wrong = Positions::Zero(7, 3);
   CHECK(test::refusal([&] { deformer.update(nullptr, test::usual(), &wrong); }, Status::argument)

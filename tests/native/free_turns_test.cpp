@@ -130,6 +130,40 @@ TEST_CASE("a limb pulled by a hand that only places stretches as little as by th
   }
 }
 
+TEST_CASE("handles that only place know nothing of other loose parts") {
+  // One tube is fixed and turned far, one floats by two handles that only place; and a vertex lies
+  // about.
+  const test::Case tube = three_handles(true);
+  const int n = tube.mesh.vertex_count();
+  Mesh mesh = test::appended(tube.mesh, tube.mesh);
+  mesh.positions.conservativeResize(2 * n + 1, 3);
+  mesh.positions.row(2 * n) << 1, 1, 1;
+  std::vector<int> roles = tube.roles;
+  for (int v = 0; v < n; ++v) {
+    const double z = tube.mesh.positions(v, 2);
+    roles.push_back(z < 0.3 ? 3 : z > 1.4 ? 4 : kFree);
+  }
+  roles.push_back(kFree);
+  Deformer deformer(mesh, roles, 5, {});
+  const Positions centres = handle_centres(deformer.region(), mesh.positions);
+  const Affine turn = test::rotation_about(1.1, {0, 1, 0}, {0, 0, 0.5}, {0.2, 0, 0});
+  for (double far : {0.0, 2.0, 3.1}) {
+    std::vector<Affine> motions = {test::identity(),
+                                   test::rotation_about(far, {0, 0, 1}, {0, 0, 0}, {0, 0, 0}),
+                                   test::identity()};
+    for (int h : {3, 4}) {
+      const Eigen::Vector3d from = centres.row(h);
+      const Eigen::Vector3d goes = turn.leftCols<3>() * from + turn.col(3) - from;
+      motions.push_back(moved(goes.x(), goes.y(), goes.z()));
+    }
+    const Positions found = surface(deformer, motions, placed({0, 0, 1, 1, 1}));
+    INFO(far);
+    CHECK(test::largest_difference(found.middleRows(n, n),
+                                   test::transformed(turn, tube.mesh.positions)) < 2e-4);
+    CHECK((found.row(2 * n) - mesh.positions.row(2 * n)).norm() < 1e-12);
+  }
+}
+
 TEST_CASE("a handle that only places keeps its pivot where it is told, in any unit") {
   for (double unit : {1.0, 1e-4, 1e4}) {
     test::Case limb = test::bent_cylinder();

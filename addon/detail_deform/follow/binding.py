@@ -29,7 +29,13 @@ def bind(ob, depsgraph, wait, keep_rest):
         content.options(ob)  # what it refuses leaves the present binding
     bound.refuse(ob, "")  # from here on there is none, until it is complete
     if settings.base == 'OBJECT':
+        # What is hidden is evaluated where it is needed only, and so its modifiers are looked at.
+        node_group.ensure_modifier(ob)
+        _need_base(ob)
+        depsgraph.view_layer.update()
         outside_base.store_rest(ob, depsgraph, only_new=keep_rest)
+    else:
+        outside_base.forget_rest(settings)
     handle_matrices.store_rest(settings, places, only_new=keep_rest)
     handle_matrices.motions(settings, places)  # refuses places that can't be inverted
 
@@ -58,10 +64,15 @@ def targets_changed(ob):
     settings = ob.detail_deform
     if not settings.signature:
         return
-    modifier = node_group.find_modifier(ob)
+    _need_base(ob)
+    dependency.depend_on(ob, [h.target for h in handle_matrices.enabled_handles(settings) if h.target])
+
+
+def _need_base(ob):
+    """The modifier needs the base object's geometry, so that it is evaluated wherever the surface is."""
+    settings, modifier = ob.detail_deform, node_group.find_modifier(ob)
     if modifier:
         node_group.set_base(modifier, settings.base_object if settings.base == 'OBJECT' else None)
-    dependency.depend_on(ob, [h.target for h in handle_matrices.enabled_handles(settings) if h.target])
 
 
 def cancel(ob):

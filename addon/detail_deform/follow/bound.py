@@ -117,8 +117,7 @@ def forget(ob):
     for handle in of.handles:
         handle.property_unset('rest_matrix')
         handle.property_unset('rest_euler')
-    of.property_unset('base_rest_matrix')
-    outside_base.forget_kept(of)
+    outside_base.forget_rest(of)
     dependency.release(ob)
 
 

@@ -117,7 +117,7 @@ def _remarks(ob, info):
     if info.loose_count:
         yield (f"{_count(info.loose_count, 'vertex', 'vertices')} without faces (such as vertex "
                f"{info.loose_example}) {'stays' if info.loose_count == 1 else 'stay'} at rest.")
-    if info.proxy_vertex_count:
+    if info.proxy_vertex_count and ob.detail_deform.base_object:
         yield (f"'{ob.detail_deform.base_object.name}' is no copy of this mesh: each vertex follows the nearest point "
                "of it.")
     if info.far_count:

@@ -52,28 +52,47 @@ def deformed_positions(ob, depsgraph):
     mesh = base.evaluated_get(depsgraph).data
     count = len((kept or base.data).vertices)
     if len(mesh.vertices) != count:
+        if base.mode == 'EDIT' and not len(mesh.vertices):
+            raise MeshProblem(f"The base object '{base.name}' is in Edit Mode: leave it to go on.")
         raise MeshProblem(
             f"The modifiers of the base object '{base.name}' make {len(mesh.vertices):,} vertices, but {count:,} were "
-            "there when it was bound: bind again, or use only modifiers that make the same vertices in each frame.")
+            "there when it was bound: Re-bind, or use only modifiers that make the same vertices in each frame.")
     return _moved(mesh_data.positions(mesh), _place(ob, base, depsgraph))
 
 
 def store_rest(ob, depsgraph, only_new):
     """Takes the base object's present place as rest; only_new: when there is none yet. Where its modifiers make
     vertices, what they make now is kept as its rest, for its own mesh isn't comparable."""
-    settings = ob.detail_deform
+    settings, base = ob.detail_deform, _base_object(ob)
+    mesh = base.evaluated_get(depsgraph).data
+    makes_vertices = len(mesh.vertices) != len(base.data.vertices)
     if only_new and any(settings.base_rest_matrix):
-        return
-    base = _base_object(ob)
+        kept = settings.base_rest_mesh
+        if len(kept.vertices) == len(mesh.vertices) if kept else not makes_vertices:
+            return
+    if makes_vertices:
+        if not mesh.polygons:
+            raise MeshProblem(f"The modifiers of the base object '{base.name}' leave no faces to follow.")
+        for modifier in base.modifiers:
+            if modifier.type in {'SUBSURF', 'MULTIRES'} and modifier.levels != modifier.render_levels:
+                raise MeshProblem(
+                    f"Modifier '{modifier.name}' of the base object '{base.name}' makes other vertices in renders "
+                    f"(level {modifier.render_levels}) than in the viewport (level {modifier.levels}), and one kind "
+                    "can be followed: make the levels alike.")
     place = _place(ob, base, depsgraph)
     # As single precision, which is what is stored, on both sides.
     settings.base_rest_matrix = place.astype(np.float32).ravel().tolist()
     forget_kept(settings)
-    mesh = base.evaluated_get(depsgraph).data
-    if len(mesh.vertices) != len(base.data.vertices):
+    if makes_vertices:
         kept = bpy.data.meshes.new(f"{base.name} Rest")
         kept.from_pydata(_moved(mesh_data.positions(mesh), place).tolist(), [], mesh_data.triangles(mesh).tolist())
         settings.base_rest_mesh = kept
+
+
+def forget_rest(settings):
+    """That of the base object as it was bound: with the next Bind it has one anew."""
+    settings.property_unset('base_rest_matrix')
+    forget_kept(settings)
 
 
 def forget_kept(settings):

@@ -120,7 +120,7 @@ class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
         if context.object.mode == 'EDIT':
             layout.operator('object.detail_deform_pull', text="Pull Selected", icon='EMPTY_AXIS')
         if settings.signature:
-            if settings.stale:
+            if settings.stale or (settings.problem and settings.base == 'OBJECT'):  # it may make other vertices now
                 row.operator('object.detail_deform_bind', text="Re-bind", icon='FILE_REFRESH').keep_rest = True
             row.operator('object.detail_deform_unbind', icon='UNLINKED')
             if not settings.stale:

@@ -51,6 +51,9 @@ BindOptions read_bind_options(const dd_bind_options* given, size_t vertex_count)
       is_given("options.base_triangles", options.base_triangles, options.base_triangle_count,
                options.base_triangle_count, "triangles");
   require(!own_topology || options.base, "options.base_triangles are given, but no options.base.");
+  require(!own_topology || options.base_triangle_count > 0,
+          "options.base has no triangles, so nothing can follow it.");
+  require(!options.base || options.base_count > 0, "options.base has no vertices.");
   require(options.base_count < kMostElements && options.base_triangle_count < kMostElements,
           "The base has more vertices or triangles than this library can number.");
   result.base = read_optional_positions("options.base", options.base, options.base_count,

@@ -62,6 +62,11 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
                                          std::move(proxy));
     in_unit.base = box_.into(mesh_.positions);  // as it carries S at rest
   } else {
+    if (options.base.size() && options.base.rows() != mesh_.vertex_count())
+      throw Error(Status::argument, "The base has " + std::to_string(options.base.rows()) +
+                                        " vertices, the mesh " +
+                                        std::to_string(mesh_.vertex_count()) +
+                                        ": without triangles of its own it must be a copy.");
     in_unit.base = box_.into(options.base);
   }
   for (size_t i = 0; i < options.examples.size(); ++i) {

@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <functional>
 #include <limits>
+#include <map>
+#include <numeric>
 #include <queue>
 #include <utility>
 
+#include "mesh/topology.h"
 #include "support/rotations.h"
 
 namespace dd {
@@ -67,18 +70,19 @@ Eigen::Matrix3d rotation_between(const Positions& from, const Positions& to) {
 
 }  // namespace
 
-/// Rotations of the free handles, how far these have turned, the rotation where no handle turns by
-/// itself and nothing is fixed, and how much of it is to be taken, 0 to 1.
+/// Of each free handle its rotation, how far it has turned, and how much of that is to be taken, 0
+/// to 1.
 struct FreeTurns::Spread {
   std::vector<Eigen::Matrix3d> rotations;
   std::vector<Eigen::Vector3d> turns;
-  double share = 0;
+  std::vector<double> shares;
 };
 
 FreeTurns::FreeTurns(const BoundSurface& bound, std::vector<char> free)
     : bound_(bound), free_(std::move(free)) {
   for (size_t h = 0; h < free_.size(); ++h)
     if (free_[h]) handles_.push_back(static_cast<int>(h));
+  find_parts();
   int count = 0;
   const std::vector<int> cluster = cluster_triangles(count);
   gather(cluster, count);
@@ -109,6 +113,40 @@ FreeTurns::FreeTurns(const BoundSurface& bound, std::vector<char> free)
   // A handle that nothing reaches has a row of zeros, and keeps its turn.
   among.diagonal().array() += 1e-12 * (1e-12 + among.diagonal().cwiseAbs().maxCoeff());
   weights_ = -Eigen::LDLT<Eigen::MatrixXd>(among).solve(others);
+}
+
+void FreeTurns::find_parts() {
+  const Region& region = bound_.region;
+  const Components components(bound_.mesh.triangles, bound_.mesh.vertex_count());
+  // A handle joins the components that it has vertices of.
+  std::vector<int> first(free_.size(), -1), joined(size_t(components.count));
+  std::iota(joined.begin(), joined.end(), 0);
+  const auto root = [&](int component) {
+    while (joined[component] != component) component = joined[component];
+    return component;
+  };
+  for (int v : region.handle_vertices) {
+    int& component = first[region.role[v]];
+    if (component < 0)
+      component = components.of_vertex[v];
+    else
+      joined[root(components.of_vertex[v])] = root(component);
+  }
+  std::map<int, Part> parts;
+  for (size_t h = 0, own = 0; h < free_.size(); ++h) {
+    Part& part = parts[root(first[h])];
+    if (free_[h])
+      part.free.push_back(static_cast<int>(own++));
+    else
+      part.turning.push_back(static_cast<int>(h));
+  }
+  for (size_t v = 0; v < region.role.size(); ++v) {
+    if (region.role[v] != kFixed) continue;
+    const auto found = parts.find(root(components.of_vertex[v]));
+    if (found != parts.end()) found->second.fixed = true;
+  }
+  for (auto& [number, part] : parts)
+    if (!part.free.empty()) parts_.push_back(std::move(part));
 }
 
 std::vector<int> FreeTurns::cluster_triangles(int& count) const {
@@ -224,57 +262,60 @@ void FreeTurns::gather(const std::vector<int>& cluster, int count) {
 
 FreeTurns::Spread FreeTurns::spread(const std::vector<Affine>& motions, const Positions& pivots,
                                     const std::vector<double>& turns) const {
-  const bool fixed = bound_.order().count() > bound_.order().fixed_begin;
-  std::vector<int> turning;
-  for (size_t h = 0; h < free_.size(); ++h)
-    if (!free_[h]) turning.push_back(static_cast<int>(h));
-
-  Spread result;
   const size_t own = handles_.size();
-  if (turning.empty()) {
-    Eigen::Matrix3d together = Eigen::Matrix3d::Identity();
-    if (!fixed) {
-      Positions from(Index(own), 3), to(Index(own), 3);
-      for (size_t i = 0; i < own; ++i) {
-        from.row(Index(i)) = pivots.row(handles_[i]);
-        to.row(Index(i)) =
-            (motions[handles_[i]].leftCols<3>() * pivots.row(handles_[i]).transpose() +
-             motions[handles_[i]].col(3))
-                .transpose();
-      }
-      together = rotation_between(from, to);
+  Spread result{std::vector<Eigen::Matrix3d>(own, Eigen::Matrix3d::Identity()),
+                std::vector<Eigen::Vector3d>(own, Eigen::Vector3d::Zero()),
+                std::vector<double>(own, 0.0)};
+  for (const Part& part : parts_) spread(part, motions, pivots, turns, result);
+  return result;
+}
+
+void FreeTurns::spread(const Part& part, const std::vector<Affine>& motions,
+                       const Positions& pivots, const std::vector<double>& turns,
+                       Spread& result) const {
+  if (part.turning.empty()) {
+    if (part.fixed) return;
+    Positions from(Index(part.free.size()), 3), to(from.rows(), 3);
+    for (size_t i = 0; i < part.free.size(); ++i) {
+      const int h = handles_[size_t(part.free[i])];
+      const Eigen::Vector3d pivot = pivots.row(h);
+      const Affine& motion = motions[size_t(h)];
+      from.row(Index(i)) = pivot.transpose();
+      to.row(Index(i)) = (motion.leftCols<3>() * pivot + motion.col(3)).transpose();
     }
-    result.rotations.assign(own, together);
-    result.turns.assign(own, Eigen::Vector3d::Zero());
-    return result;
+    const Eigen::Matrix3d together = rotation_between(from, to);
+    for (int i : part.free) result.rotations[size_t(i)] = together;
+    return;
   }
 
   const auto said = [&](int h) -> Eigen::Vector3d {
     if (turns.empty()) return Eigen::Vector3d::Zero();
     return Eigen::Map<const Eigen::Vector3d>(turns.data() + 3 * size_t(h));
   };
-  // As MotionBlend has it: all is relative to what is fixed, or to the first that turns by itself.
-  const Eigen::Vector3d first_turn = fixed ? Eigen::Vector3d::Zero() : said(turning[0]);
-  const Eigen::Matrix3d first = fixed ? Eigen::Matrix3d::Identity()
-                                      : rotation_or(motions[turning[0]].leftCols<3>(), first_turn);
+  // All is relative to what is fixed, or to the first that turns by itself.
+  const int reference = part.turning[0];
+  const Eigen::Vector3d first_turn = part.fixed ? Eigen::Vector3d::Zero() : said(reference);
+  const Eigen::Matrix3d first =
+      part.fixed ? Eigen::Matrix3d::Identity()
+                 : rotation_or(motions[size_t(reference)].leftCols<3>(), first_turn);
   RowMatrix angles = RowMatrix::Zero(Index(free_.size()), 3);
   double farthest = 0;
-  for (int h : turning) {
+  for (int h : part.turning) {
     const Eigen::Vector3d turn = first.transpose() * (said(h) - first_turn);
-    const Eigen::Matrix3d R = rotation_or(first.transpose() * motions[h].leftCols<3>(), turn);
+    const Eigen::Matrix3d R =
+        rotation_or(first.transpose() * motions[size_t(h)].leftCols<3>(), turn);
     angles.row(h) = (turn + rotation_vector(rotation_by(-turn) * R)).transpose();
-    if (fixed) farthest = std::max(farthest, angles.row(h).norm());
-    for (int other : turning)
+    if (part.fixed) farthest = std::max(farthest, angles.row(h).norm());
+    for (int other : part.turning)
       if (other < h) farthest = std::max(farthest, (angles.row(h) - angles.row(other)).norm());
   }
-  const RowMatrix spread = weights_ * angles;
-  for (size_t i = 0; i < own; ++i) {
-    const Eigen::Vector3d turn = spread.row(Index(i)).transpose();
-    result.rotations.push_back(first * rotation_by(turn));
-    result.turns.push_back(first_turn + first * turn);
+  const double share = std::clamp((farthest - kFoundUntil) / (kPi - kFoundUntil), 0.0, 1.0);
+  for (int i : part.free) {
+    const Eigen::Vector3d turn = (weights_.row(i) * angles).transpose();
+    result.rotations[size_t(i)] = first * rotation_by(turn);
+    result.turns[size_t(i)] = first_turn + first * turn;
+    result.shares[size_t(i)] = share;
   }
-  result.share = std::clamp((farthest - kFoundUntil) / (kPi - kFoundUntil), 0.0, 1.0);
-  return result;
 }
 
 void FreeTurns::find(std::vector<Affine>& motions, const Positions& pivots,
@@ -344,8 +385,8 @@ void FreeTurns::find(std::vector<Affine>& motions, const Positions& pivots,
     const Eigen::Matrix3d found =
         (rotations.middleRows<3>(3 * i) + Eigen::Matrix3d::Identity()).transpose();
     const Eigen::Matrix3d& spread = start.rotations[size_t(i)];
-    const Eigen::Matrix3d R =
-        spread * rotation_by((1 - start.share) * rotation_vector(spread.transpose() * found));
+    const Eigen::Matrix3d R = spread * rotation_by((1 - start.shares[size_t(i)]) *
+                                                   rotation_vector(spread.transpose() * found));
     motions[h].leftCols<3>() = R;
     motions[h].col(3) = placed[size_t(i)] - R * pivots.row(Index(h)).transpose();
     Eigen::Map<Eigen::Vector3d>(turns.data() + 3 * h) =

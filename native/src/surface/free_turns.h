@@ -42,19 +42,29 @@ class FreeTurns {
   double bytes() const;
 
  private:
+  struct Part;
   struct Spread;
   std::vector<int> cluster_triangles(int& count) const;
   void gather(const std::vector<int>& cluster, int count);
+  void find_parts();
   Spread spread(const std::vector<Affine>& motions, const Positions& pivots,
                 const std::vector<double>& turns) const;
+  void spread(const Part& part, const std::vector<Affine>& motions, const Positions& pivots,
+              const std::vector<double>& turns, Spread& result) const;
 
   const BoundSurface& bound_;
   std::vector<char> free_;
   std::vector<int> handles_;  // the free ones
-  RowMatrix weights_;         // f×h: harmonic, of the others at a free handle let go
-  RowMatrix energy_;          // 4f×4h, Wᵀ L W
-  RowMatrix pull_;            // 3k×4h, of each cluster Σ div(G_j) Wᵀ
-  RowMatrix at_rest_;         // 3k×3, the same with q for W
+  // Handles on the same loose part have to do with one another, those on others have not.
+  struct Part {
+    std::vector<int> turning, free;  // handles; free: places in handles_
+    bool fixed = false;              // whether it has a fixed vertex
+  };
+  std::vector<Part> parts_;
+  RowMatrix weights_;  // f×h: harmonic, of the others at a free handle let go
+  RowMatrix energy_;   // 4f×4h, Wᵀ L W
+  RowMatrix pull_;     // 3k×4h, of each cluster Σ div(G_j) Wᵀ
+  RowMatrix at_rest_;  // 3k×3, the same with q for W
   struct Corner {
     int row;  // in order()
     Eigen::Vector3d flux;
