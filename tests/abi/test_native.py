@@ -472,7 +472,7 @@ def test_a_base_of_its_own_topology_carries_the_details(native, strip):
     assert np.abs(strip.positions + deformer.offsets(none, base=moved).reshape(-1, 3) - expected).max() < 1e-3
     for change, sentence in (({'base_triangles': np.zeros((0, 3))}, 'no triangles'),
                              ({'base_triangles': [(0, 1, 9)]}, 'base: '),
-                             ({'base': np.zeros((0, 3))}, 'no vertices|is null|no options.base'), ({'base': None}, 'no options.base')):
+                             ({'base': np.zeros((0, 3))}, 'no vertices'), ({'base': None}, 'no options.base')):
         with pytest.raises(native.NativeError, match=sentence):
             native.Bind(strip.positions, strip.triangles, roles, 0, **{**asked, **change}).finish()
 
