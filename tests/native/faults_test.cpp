@@ -45,6 +45,11 @@ const Surface& other_ball() {
   return made;
 }
 
+const Surface& cage() {
+  static const Surface made(test::sphere(1));
+  return made;
+}
+
 Floats turned(const Floats& positions) {
   Floats result = positions;
   for (size_t k = 0; k < positions.size(); k += 3) {
@@ -173,6 +178,23 @@ std::vector<Work> works() {
   given.example_weights = &weight;
   given.example_weight_count = 1;
   all.push_back(updated("examples by weights", given, how));
+  static const int32_t freely = DD_HANDLE_TURNS_FREE;
+  for (dd_method method : {DD_METHOD_TRANSFER, DD_METHOD_EXAMPLES}) {
+    dd_update_options placed = update_options(method);
+    placed.handle_turns = &freely;
+    placed.handle_turn_count = 1;
+    all.push_back(updated("a handle that only places, " + std::to_string(method), placed, how));
+  }
+  how = bind_options(2);
+  static const Floats cage_moved = turned(cage().positions);
+  how.base = cage().positions.data();
+  how.base_count = cage().positions.size() / 3;
+  how.base_triangles = cage().triangles.data();
+  how.base_triangle_count = cage().triangles.size() / 3;
+  dd_update_options carried = update_options(DD_METHOD_TRANSFER);
+  carried.base = cage_moved.data();
+  carried.base_count = how.base_count;
+  all.push_back(updated("a cage", carried, how));
 
   all.push_back({"in steps", [](Floats& out, const Fallible& fallible) {
                    dd_update_options in_steps = update_options(DD_METHOD_TRANSFER);
