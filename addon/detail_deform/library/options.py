@@ -164,7 +164,7 @@ SETTINGS = (
            needs=(_by('TRANSFER', 'GRADIENT'),)),
     Option('refine', int, "Refine",
            "Passes that take the turn of the details from the result and solve again: less stretch and shrinking in "
-           "large bends. Each costs about as much as three updates without. 0: the paper's linear result",
+           "large bends. Each costs about as much as an update without. 0: the paper's linear result",
            default=4, limits=dict(min=0, soft_max=16, max=1000), fills=Field(UPDATE, 'refine', int), section='METHOD',
            needs=(_by('TRANSFER'),
                   Need('base', ('COMPUTED',), "A base object is followed as it is: refining would go away from it."),
