@@ -57,11 +57,10 @@ def to_cache(context, ob, start, end, path, whole=None):
     if not first <= start <= end <= last:
         raise MeshProblem(f"Frames {start} to {end} are not within the cache's {first} to {last}.")
     modifier = modifier_of(ob)
-    for other in list(ob.modifiers)[:list(ob.modifiers).index(modifier)]:
-        if other.type in {'SUBSURF', 'MULTIRES'} and other.levels != other.render_levels:
-            raise MeshProblem(f"Modifier '{other.name}' before Detail Deform makes other vertices in renders (level "
-                              f"{other.render_levels}) than in the viewport (level {other.levels}), and a cache holds "
-                              "one kind: make the levels alike.")
+    for other in mesh_data.unlike_levels(list(ob.modifiers)[:list(ob.modifiers).index(modifier)]):
+        raise MeshProblem(f"Modifier '{other.name}' before Detail Deform makes other vertices in renders (level "
+                          f"{other.render_levels}) than in the viewport (level {other.levels}), and a cache holds "
+                          "one kind: make the levels alike.")
     yield from point_cache.write(path, _evaluated(context, ob, modifier, start, end), start, end, whole)
 
 

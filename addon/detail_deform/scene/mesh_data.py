@@ -71,6 +71,11 @@ def key_shape(mesh, key):
     return rest(mesh) + key_positions(key) - key_positions(key.relative_key)
 
 
+def unlike_levels(modifiers):
+    """Those that make other vertices in renders than in the viewport."""
+    return [m for m in modifiers if m.type in {'SUBSURF', 'MULTIRES'} and m.levels != m.render_levels]
+
+
 def triangles(mesh):
     """(m, 3) int32: Blender's own triangulation of the faces."""
     mesh.calc_loop_triangles()

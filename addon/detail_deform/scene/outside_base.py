@@ -73,12 +73,11 @@ def store_rest(ob, depsgraph, only_new):
     if makes_vertices:
         if not mesh.polygons:
             raise MeshProblem(f"The modifiers of the base object '{base.name}' leave no faces to follow.")
-        for modifier in base.modifiers:
-            if modifier.type in {'SUBSURF', 'MULTIRES'} and modifier.levels != modifier.render_levels:
-                raise MeshProblem(
-                    f"Modifier '{modifier.name}' of the base object '{base.name}' makes other vertices in renders "
-                    f"(level {modifier.render_levels}) than in the viewport (level {modifier.levels}), and one kind "
-                    "can be followed: make the levels alike.")
+        for modifier in mesh_data.unlike_levels(base.modifiers):
+            raise MeshProblem(
+                f"Modifier '{modifier.name}' of the base object '{base.name}' makes other vertices in renders "
+                f"(level {modifier.render_levels}) than in the viewport (level {modifier.levels}), and one kind "
+                "can be followed: make the levels alike.")
     place = _place(ob, base, depsgraph)
     # As single precision, which is what is stored, on both sides.
     settings.base_rest_matrix = place.astype(np.float32).ravel().tolist()

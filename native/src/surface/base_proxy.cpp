@@ -8,6 +8,7 @@
 
 #include "mesh/aabb_tree.h"
 #include "mesh/topology.h"
+#include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 
 namespace dd {
@@ -20,35 +21,19 @@ constexpr double kFar = 0.1;  // of the proxy's box
 // in a proxy, where they cover more of it.
 constexpr double kTorn = 6;
 
-/// e_1, e_2 and the unit normal as columns.
-Eigen::Matrix3d frame(const Positions& p, const Triangles& t, Index j) {
-  const Eigen::Vector3d a = p.row(t(j, 0));
-  const Eigen::Vector3d first = p.row(t(j, 1)).transpose() - a;
-  const Eigen::Vector3d second = p.row(t(j, 2)).transpose() - a;
-  const Eigen::Vector3d normal = first.cross(second);
-  const double length = normal.norm();
-  Eigen::Matrix3d result;
-  result << first, second, length > 0 ? Eigen::Vector3d(normal / length) : normal;
-  return result;
-}
-
-double diagonal(const Positions& p) {
-  return (p.colwise().maxCoeff() - p.colwise().minCoeff()).norm();
-}
-
 }  // namespace
 
 BaseProxy::BaseProxy(const Mesh& surface, Mesh proxy)
-    : rest_(std::move(proxy)),
-      stand_ins_(stand_ins(rest_.positions, rest_.triangles, diagonal(rest_.positions))) {
+    : rest_(std::move(proxy)), areas_(triangle_areas(rest_.positions, rest_.triangles)) {
+  const double size = bounding_box_diagonal(rest_.positions);
+  stand_ins_ = stand_ins(rest_.positions, rest_.triangles, size);
   for (Index j = 0; j < rest_.triangles.rows(); ++j) {
-    const Eigen::Matrix3d at_rest = frame(rest_.positions, rest_.triangles, j);
-    areas_.push_back(0.5 * at_rest.col(0).cross(at_rest.col(1)).norm());
+    const Eigen::Matrix3d at_rest = edges_and_normal(rest_.positions, rest_.triangles, j);
     inverse_.push_back(stand_ins_.of_triangle[size_t(j)] == j ? Eigen::Matrix3d(at_rest.inverse())
                                                               : Eigen::Matrix3d::Identity());
   }
   const AabbTree tree(rest_);
-  const double far = kFar * diagonal(rest_.positions);
+  const double far = kFar * size;
   bindings_.reserve(size_t(surface.vertex_count()));
   for (int v = 0; v < surface.vertex_count(); ++v) {
     const Eigen::Vector3d x = surface.positions.row(v);
@@ -102,8 +87,9 @@ std::vector<Eigen::Matrix3d> BaseProxy::corner_gradients(const Positions& deform
   for (Index j = 0; j < rest_.triangles.rows(); ++j) {
     const int by = stand_ins_.of_triangle[size_t(j)];
     if (by < 0) continue;
-    const Eigen::Matrix3d F = frame(deformed, rest_.triangles, by) * inverse_[size_t(by)];
-    const double weight = std::max(areas_[size_t(j)], 1e-30);
+    const Eigen::Matrix3d F =
+        edges_and_normal(deformed, rest_.triangles, by) * inverse_[size_t(by)];
+    const double weight = std::max(areas_[j], 1e-30);
     for (int k = 0; k < 3; ++k) {
       turns[rest_.triangles(j, k)] += weight * F;
       weights[rest_.triangles(j, k)] += weight;

@@ -42,9 +42,9 @@ class BaseProxy {
   std::vector<Eigen::Matrix3d> corner_gradients(const Positions& deformed) const;
 
   Mesh rest_;
+  Eigen::VectorXd areas_;
   StandIns stand_ins_;
   std::vector<Eigen::Matrix3d> inverse_;  // of each triangle, (e_1, e_2, n)⁻¹
-  std::vector<double> areas_;
   struct Border {
     int vertex;
     std::vector<int> inner;  // neighbours that are on no border

@@ -223,8 +223,6 @@ void FreeTurns::gather(const std::vector<int>& cluster, int count) {
   // Wᵀ L W, its rows of free handles, a block of vertices at a time.
   constexpr int kBlock = 64;
   energy_ = RowMatrix::Zero(4 * Index(handles_.size()), columns);
-  const SparseMatrix laplacian =
-      cotangent_laplacian(bound_.operators.metric, t, mesh.vertex_count());
   const auto own_columns = [&](int v, double factor, auto&& out) {
     const int row = order.row_of_vertex[v], role = region.role[v];
     for (size_t i = 0; i < handles_.size(); ++i) {
@@ -246,7 +244,7 @@ void FreeTurns::gather(const std::vector<int>& cluster, int count) {
     const int row = order.row_of_vertex[v], role = region.role[v];
     if (role == kFixed) continue;
     left.row(filled).setZero();
-    for (SparseMatrix::InnerIterator it(laplacian, v); it; ++it)
+    for (SparseMatrix::InnerIterator it(bound_.operators.laplacian, v); it; ++it)
       own_columns(static_cast<int>(it.row()), it.value(), left.row(filled));
     if (row < order.free_count) {
       right.row(filled) = bound_.basis.weights.row(row);

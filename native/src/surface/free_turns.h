@@ -16,9 +16,9 @@ namespace dd {
 ///   E(A, R) = Σ_k Σ_{j∈k} A_j ‖G_j(q + W C) − G_j(q) R_kᵀ‖²
 ///
 /// over the linear parts A of these handles, all other numbers of C given, and a rotation R_k for
-/// each of a hundred clusters of triangles: the reduced energy of Jacobson and others 2012 (Fast
+/// each of some 70 clusters of triangles: the reduced energy of Jacobson and others 2012 (Fast
 /// automatic skinning transformations), on the functions W that move the base anyway. A step takes
-/// no more than those hundred rotations and a product with small matrices, whatever the mesh's
+/// no more than those rotations and a product with small matrices, whatever the mesh's
 /// size. The steps begin at what the other handles' rotations, spread harmonically, give a handle;
 /// where those turn too far for functions that blend displacements, that is the result.
 class FreeTurns {

@@ -39,7 +39,7 @@ ExampleSystem<Real>::ExampleSystem(const BoundSurface& bound, const ExampleTurns
   nothing_ = Rows::Zero(poisson_->right_hand_side_rows(), 4);
   offsets_ = Rows::Zero(order.count(), 4);
   for (int v : bound.region.handle_vertices) told_rows_.push_back(order.row_of_vertex[v]);
-  told_ = Rows::Zero(static_cast<Index>(told_rows_.size()), 4);
+  told_ = at_rest_ = Rows::Zero(static_cast<Index>(told_rows_.size()), 4);
   make_means(bound);
   places_ = std::make_unique<ExamplePlaces>(bound, shared ? bound.region : region_, order);
 }
@@ -118,12 +118,12 @@ void ExampleSystem<Real>::make_means(const BoundSurface& bound) {
 }
 
 template <class Real>
-void ExampleSystem<Real>::place_means() {
+void ExampleSystem<Real>::place_means(const Rows& told) {
   Eigen::MatrixXd missing = Eigen::MatrixXd::Zero(responses_.cols(), 3);
   for (size_t h = 0; h < placed_.size(); ++h)
     for (size_t i = 0; i < placed_[h].rows.size(); ++i)
       missing.row(Index(h)) +=
-          (told_.row(placed_[h].told[i]) - offsets_.row(placed_[h].rows[i])).template head<3>() /
+          (told.row(placed_[h].told[i]) - offsets_.row(placed_[h].rows[i])).template head<3>() /
           static_cast<double>(placed_[h].rows.size());
   const RowMatrix forces = means_.solve(missing);
   offsets_.topLeftCorner(responses_.rows(), 3).noalias() += responses_ * forces;
@@ -147,7 +147,7 @@ template <class Real>
 void ExampleSystem<Real>::give(const Eigen::VectorXd& weights, Rows& offsets) {
   places_->place(weights, offsets_);
   // Where it floats, a placed mean is told to the component as a whole once more.
-  if (!placed_.empty()) place_means();
+  if (!placed_.empty()) place_means(told_);
   const RowOrder& order = bound_.order();
   for (int r = 0; r < order.fixed_begin; ++r)
     offsets.row(r) = offsets_.row(poisson_->order().row_of_vertex[order.vertex_of_row[r]]);
@@ -156,7 +156,8 @@ void ExampleSystem<Real>::give(const Eigen::VectorXd& weights, Rows& offsets) {
 template <class Real>
 double ExampleSystem<Real>::bytes() const {
   return pass_->bytes() + (own_ ? own_->bytes() : 0) +
-         static_cast<double>(told_.size() + offsets_.size() + nothing_.size() + responses_.size()) *
+         static_cast<double>(2 * told_.size() + offsets_.size() + nothing_.size() +
+                             responses_.size()) *
              sizeof(double);
 }
 

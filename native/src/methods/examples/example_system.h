@@ -30,20 +30,18 @@ class ExampleSystem {
 
   /// The handles' displacements, of all rows in BoundSurface::order(), which are met from then on.
   void take_handles(const Rows& offsets);
-  /// All of its handles at rest.
-  void rest_handles() { told_.setZero(); }
   /// 4 numbers for each handle's vertex, in order.
   const Rows& told() const { return told_; }
-  void take_told(const Rows& told) { told_ = told; }
 
   /// Solves by the sections' divergences, as PoissonSystem::solve(): all rows, in its own order.
   template <class Add>
   const Rows& solve(const Add& add) {
-    for (size_t i = 0; i < told_rows_.size(); ++i)
-      offsets_.row(told_rows_[i]) = told_.row(Index(i));
-    poisson_->solve(nothing_, add, offsets_);
-    if (!placed_.empty()) place_means();
-    return offsets_;
+    return solve(add, told_);
+  }
+  /// The same with all of its handles at rest.
+  template <class Add>
+  const Rows& solve_at_rest(const Add& add) {
+    return solve(add, at_rest_);
   }
   /// By the misfit of the pass, the force at each handle's vertex, as told() has them.
   Rows forces() const;
@@ -59,7 +57,14 @@ class ExampleSystem {
     std::vector<int> rows, told;  // of its vertices: in its order, and in told_
   };
   void make_means(const BoundSurface& bound);
-  void place_means();
+  void place_means(const Rows& told);
+  template <class Add>
+  const Rows& solve(const Add& add, const Rows& told) {
+    for (size_t i = 0; i < told_rows_.size(); ++i) offsets_.row(told_rows_[i]) = told.row(Index(i));
+    poisson_->solve(nothing_, add, offsets_);
+    if (!placed_.empty()) place_means(told);
+    return offsets_;
+  }
 
   const BoundSurface& bound_;
   std::vector<HandleHold> hold_;
@@ -69,7 +74,7 @@ class ExampleSystem {
   std::unique_ptr<ExamplePass<Real>> pass_;
   std::unique_ptr<ExamplePlaces> places_;
   std::vector<int> told_rows_;  // of the handles' vertices
-  Rows told_, offsets_, nothing_;
+  Rows told_, at_rest_, offsets_, nothing_;
   std::vector<Placed> placed_;
   RowMatrix responses_;  // y_h of L y = a_h, then 1 on each component that floats
   Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> means_;

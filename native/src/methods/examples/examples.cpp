@@ -113,15 +113,16 @@ const typename Examples<Real>::Starts& Examples<Real>::starts(bool rotation_only
   starts->sizes.resize(count);
   starts->constants.resize(count);
   starts->forces.resize(fitted_->told().size(), count);
-  const Rows told = fitted_->told();
-  fitted_->rest_handles();
   for (Index i = 0; i < count; ++i) {
-    starts->constants[i] = take(Eigen::VectorXd::Unit(count, i), rotation_only);
+    const Eigen::VectorXd alone = Eigen::VectorXd::Unit(count, i);
+    starts->constants[i] =
+        fitted_->pass().misfit(fitted_->solve_at_rest([&](int section, double* rows) {
+          fitted_->pass().pose(section, alone, rotation_only, rows);
+        }));
     starts->sizes[i] = fitted_->pass().size() + kLeastSize * bound_.operators.metric.areas.sum();
     const Rows forces = fitted_->forces();
     starts->forces.col(i) = Eigen::Map<const Eigen::VectorXd>(forces.data(), forces.size());
   }
-  fitted_->take_told(told);
   made = std::move(starts);
   return *made;
 }
@@ -145,13 +146,10 @@ Eigen::VectorXd Examples<Real>::guess(const Starts& starts, double at_rest,
 
 template <class Real>
 void Examples<Real>::derive(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) {
-  const Rows told = fitted_->told();
-  fitted_->rest_handles();
   for (int i = 0; i < weights_.size(); ++i)
-    fitted_->pass().project(i, fitted_->solve([&](int section, double* rows) {
+    fitted_->pass().project(i, fitted_->solve_at_rest([&](int section, double* rows) {
       fitted_->pass().slope(i, section, rows);
     }));
-  fitted_->take_told(told);
   fitted_->pass().second_order(hessian, gradient);
 }
 
