@@ -36,19 +36,19 @@ def test_a_mirrored_handle_bends_the_other_side_alike():
     assert np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-4
 
 
-def test_mirroring_a_posed_handle_goes_by_its_rest():
+def test_the_mirror_image_of_a_posed_handle_stands_on_the_surface_as_it_is_there():
     ob = symmetric()
     p = own(ob)
     handle = add_from(ob, (p[:, 0] > 0.4) & (p[:, 1] > 0.2))
     bind(ob)
     update()
     rest = handle.target.matrix_world.copy()
-    handle.target.location.z += 1
+    handle.target.location.z += 1  # it is alone, so everything comes along
     update()
     bpy.ops.object.detail_deform_handle_mirror(axis='X')
     update()
     place = ob.detail_deform.handles[-1].target.matrix_world.translation
-    assert (place - Vector((-rest.translation.x, *rest.translation.yz))).length < 1e-5
+    assert (place - Vector((-rest.translation.x, rest.translation.y, rest.translation.z + 1))).length < 1e-5
 
 
 def test_mirroring_is_refused_where_it_makes_no_sense():

@@ -4,7 +4,7 @@
 import numpy as np
 
 from ..library import native
-from ..scene import dependency, handle_matrices, mesh_data, node_group, offset_attribute, outside_base
+from ..scene import dependency, handle_matrices, mesh_data, node_group, offset_attribute, outside_base, start
 from ..scene.mesh_data import MeshProblem
 from . import bound, content, life, registry
 
@@ -13,7 +13,8 @@ def bind(ob, depsgraph, wait, keep_rest):
     """Starts to bind the object's region to its handles, and with wait also finishes.
 
     keep_rest: the empties' rest places stay those of the last Bind, so that a pose survives a
-    change of the mesh; handles that have none yet get their present place.
+    change of the mesh. Where a handle has come that has none, all begin where they are now, and so does the surface
+    (scene/start.py).
     Raises MeshProblem or native.NativeError; the object then has no binding.
     """
     mesh_data.check_object(ob)
@@ -36,10 +37,10 @@ def bind(ob, depsgraph, wait, keep_rest):
         outside_base.store_rest(ob, depsgraph, only_new=keep_rest)
     else:
         outside_base.forget_rest(settings)
-    handle_matrices.store_rest(settings, places, only_new=keep_rest)
+    _find_start(ob, places, keep_rest)
     handle_matrices.motions(settings, places)  # refuses places that can't be inverted
 
-    signature = content.signature(ob, mesh_data.shape_signature(ob.data), roles)
+    signature = content.signature(ob, content.shape_signature(ob), roles)
     life.start(bound, signature, lambda: bound.begin(ob, roles))
     settings.signature = signature
     bound.note_handles(settings)
@@ -51,6 +52,34 @@ def bind(ob, depsgraph, wait, keep_rest):
         life.finish(bound, signature)
         life.refresh(ob, depsgraph, force=True)
         life.drop_unused()
+
+
+def _find_start(ob, places, keep_rest):
+    """Where the surface and the handles start from."""
+    settings = ob.detail_deform
+    if settings.base == 'OBJECT' or not keep_rest:
+        start.forget(ob.data)
+    if settings.base == 'COMPUTED':
+        start.take_keys(ob)
+        if keep_rest and _has_come(settings) and start.take_deformation(ob):
+            handle_matrices.start_here(settings, places)
+            return
+    handle_matrices.store_rest(settings, places, only_new=keep_rest)
+
+
+def go_home(ob, depsgraph, wait):
+    """Where the handles are home again: the surface starts from the mesh as it is without any deformation."""
+    settings = ob.detail_deform
+    if start.forget_deformation(ob.data) or _has_come(settings):
+        handle_matrices.go_home(settings)
+        offset_attribute.remove(ob.data)  # nor does what it shows count
+        bind(ob, depsgraph, wait, keep_rest=True)
+
+
+def _has_come(settings):
+    """Whether a handle was added since the last Bind."""
+    return any(not (handle.mirrors or handle_matrices.has_rest(handle))
+               for handle in handle_matrices.enabled_handles(settings))
 
 
 def influence_changed(ob):
@@ -91,6 +120,9 @@ def make_base_object(ob):
     entry = bound.cache.find(settings.signature)
     if entry is None or settings.stale or settings.base == 'OBJECT':
         raise MeshProblem("Bind with a computed base first: that is what becomes an object.")
+    if start.is_deformed(ob.data):
+        raise MeshProblem("A handle was added to the deformed surface, and a base is made of the mesh without "
+                          "deformation: put all handles back to rest first (Handles > ▾ > All Back to Rest).")
     rest = np.repeat(np.eye(4)[None, :3], entry.made.info.handle_count, axis=0)
     offsets = entry.made.offsets(rest, output='BASE').reshape(-1, 3)
     settings.base_object = outside_base.make(ob, mesh_data.positions(ob.data) + offsets)

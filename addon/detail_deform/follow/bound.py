@@ -4,7 +4,7 @@
 import numpy as np
 
 from ..library import native
-from ..scene import dependency, handle_matrices, mesh_data, node_group, offset_attribute, outside_base
+from ..scene import dependency, handle_matrices, mesh_data, node_group, offset_attribute, outside_base, start
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
 from . import content, look, made, shown, slow_results
@@ -117,6 +117,9 @@ def forget(ob):
     for handle in of.handles:
         handle.property_unset('rest_matrix')
         handle.property_unset('rest_euler')
+        handle.property_unset('home_matrix')
+        handle.property_unset('home_euler')
+    start.forget(ob.data)
     outside_base.forget_rest(of)
     dependency.release(ob)
 
@@ -152,7 +155,8 @@ class Frame:
         """The quick ones, where there are slow ones."""
         slow_results.cancel(offset_attribute.token(self._ob.data))
         slow_results.make_way(self._deformer)
-        return self._deformer.offsets(self._motions, self._base, **look.quick({**self._asked, 'turns': self._turns}))
+        found = self._deformer.offsets(self._motions, self._base, **look.quick({**self._asked, 'turns': self._turns}))
+        return start.with_kept(self._ob.data, found)
 
     def written(self, record, wait):
         """Notes the facts of what is shown now, and sees to the slow result. wait: for it, and without a window."""

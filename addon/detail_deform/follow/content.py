@@ -3,7 +3,7 @@
 
 from ..library.options import BIND, asked
 from ..library.structs import BindOptions
-from ..scene import examples, handle_matrices, mesh_data, outside_base
+from ..scene import examples, handle_matrices, mesh_data, outside_base, start
 from ..scene.mesh_data import MeshProblem
 
 _EXAMPLES = 'examples-'  # before their part of a signature
@@ -43,8 +43,13 @@ def roles(ob):
     return mesh_data.roles(ob, settings.region, handle_groups(settings), need_handles=settings.base == 'COMPUTED')
 
 
+def shape_signature(ob):
+    """[positions, topology] of what is bound, as short texts: equal texts, equal content."""
+    return [mesh_data.signature(start.shape(ob)), mesh_data.topology_signature(ob.data)]
+
+
 def signature(ob, shape, roles_of_vertices):
-    """shape: as of mesh_data.shape_signature."""
+    """shape: as of shape_signature."""
     return '.'.join([*shape, mesh_data.signature(roles_of_vertices), _texts(options(ob))])
 
 
@@ -60,7 +65,7 @@ def _text(value):
 
 def bind_arguments(ob, roles_of_vertices):
     """Positional arguments and those by name of native.Bind."""
-    return ((mesh_data.positions(ob.data), mesh_data.triangles(ob.data), roles_of_vertices,
+    return ((start.shape(ob), mesh_data.triangles(ob.data), roles_of_vertices,
              len(handle_matrices.enabled_handles(ob.detail_deform))), options(ob))
 
 
@@ -73,7 +78,7 @@ def difference(ob):
     """How the object differs from what its binding is made for: a sentence, or ''."""
     settings = ob.detail_deform
     positions, topology, bound_roles, *bound_options = settings.signature.split('.', 3)
-    shape = mesh_data.shape_signature(ob.data)
+    shape = shape_signature(ob)
     if shape[1] != topology:
         return TOPOLOGY_CHANGED
     if shape[0] != positions:

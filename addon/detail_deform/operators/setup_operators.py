@@ -125,8 +125,10 @@ class OBJECT_OT_detail_deform_handle_reset(_HandleOperator, bpy.types.Operator):
         return True
 
     def run(self, context, ob):
-        handles = ob.detail_deform.handles
-        handle_setup.to_rest(context, ob, list(handles) if self.everything else [self.handle(ob)])
+        if self.everything:
+            handle_setup.all_to_rest(context, ob)
+        else:
+            handle_setup.to_rest(context, ob, [self.handle(ob)])
 
 
 class OBJECT_OT_detail_deform_handle_activate(_HandleOperator, bpy.types.Operator):

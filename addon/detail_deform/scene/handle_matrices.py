@@ -85,17 +85,21 @@ def motions(settings, places):
     empty that did not move gives the identity to the last digit.
     """
     result = np.empty((len(places), 3, 4))
-    handles = enabled_handles(settings)
-    for number, handle in enumerate(handles):
-        if handle.mirrors:
-            continue
-        rest = np.array(handle.rest_matrix, np.float64).reshape(4, 4)
-        inverse = inverse_or_refuse(rest, f"Handle '{handle.name}': its empty had a scale of zero when it was "
+    for number, (handle, place) in enumerate(zip(enabled_handles(settings), _with_mirrored(settings, places))):
+        inverse = inverse_or_refuse(rest(handle), f"Handle '{handle.name}': its empty had a scale of zero when it was "
                                  "bound. Give it a size and bind again.")
-        result[number] = (places[number].astype(np.float64) @ inverse)[:3]
+        result[number] = (place @ inverse)[:3]
+    return result
+
+
+def _with_mirrored(settings, places):
+    """(h, 4, 4) float64: the places, and of those that mirror another one how its motion since home takes the object's
+    own place."""
+    handles, result = enabled_handles(settings), places.astype(np.float64)
     for number, source in mirrored(handles):
-        flip = reflection(handles[number].mirror_axis)
-        result[number] = flip[:3, :3] @ result[source] @ flip
+        if has_rest(handles[source]):
+            flip = reflection(handles[number].mirror_axis)
+            result[number] = flip @ result[source] @ np.linalg.inv(home(handles[source])) @ flip
     return result
 
 
@@ -116,9 +120,10 @@ def free(settings):
 def pivots(settings):
     """(h, 3) float64: where each handle's empty was bound, in the object's own space."""
     handles = enabled_handles(settings)
-    result = np.array([np.reshape(handle.rest_matrix, (4, 4))[:3, 3] for handle in handles], np.float64).reshape(-1, 3)
+    result = np.array([rest(handle)[:3, 3] for handle in handles], np.float64).reshape(-1, 3)
     for number, source in mirrored(handles):
-        result[number] = reflection(handles[number].mirror_axis)[:3, :3] @ result[source]
+        mirror = rest(handles[number]) @ reflection(handles[number].mirror_axis)
+        result[number] = (mirror @ home(handles[source])[:, 3])[:3]
     return result
 
 
@@ -126,12 +131,67 @@ def has_rest(handle):
     return any(handle.rest_matrix)
 
 
+def rest(handle):
+    """(4, 4): the place from which its motion is counted. Of one that mirrors another, the motion that its vertices
+    have made since home."""
+    return np.array(handle.rest_matrix, np.float64).reshape(4, 4) if has_rest(handle) else np.eye(4)
+
+
+def has_home(handle):
+    return has_rest(handle) or any(handle.home_matrix)
+
+
+def home(handle):
+    """(4, 4): its place on the mesh as it is without any deformation."""
+    return np.array(handle.home_matrix, np.float64).reshape(4, 4) if any(handle.home_matrix) else rest(handle)
+
+
+def home_euler(handle):
+    return handle.home_euler if any(handle.home_matrix) else handle.rest_euler
+
+
+def set_home(handle, matrix):
+    """Of a handle that is made where the mesh is deformed."""
+    handle.home_matrix = np.asarray(matrix, np.float32).ravel().tolist()
+    if handle.target:
+        handle.home_euler = handle.target.rotation_euler
+
+
 def store_rest(settings, places, only_new):
-    """Takes the present places as rest; only_new: for handles that have none yet."""
+    """Takes the present places as rest, and as home; only_new: as rest for handles that have none yet."""
     for handle, place in zip(enabled_handles(settings), places):
-        if not handle.mirrors and not (only_new and has_rest(handle)):
-            handle.rest_matrix = place.ravel().tolist()
-            handle.rest_euler = handle.target.rotation_euler
+        if not only_new:
+            handle.property_unset('home_matrix')
+        if not (only_new and has_rest(handle)):
+            _set_rest(handle, place)
+
+
+def start_here(settings, places):
+    """Takes the present places as rest; home stays where it was, of those that had none where they were bound."""
+    places = _with_mirrored(settings, places)
+    for handle in settings.handles:
+        if has_rest(handle) and not handle.mirrors and not any(handle.home_matrix):
+            handle.home_matrix, handle.home_euler = handle.rest_matrix, handle.rest_euler
+        if not handle.enabled:
+            handle.property_unset('rest_matrix')  # where it stands when it comes back moves nothing
+    for handle, place in zip(enabled_handles(settings), places):
+        _set_rest(handle, place)
+
+
+def _set_rest(handle, place):
+    handle.rest_matrix = np.asarray(place).ravel().tolist()
+    if handle.target:
+        handle.rest_euler = handle.target.rotation_euler
+
+
+def go_home(settings):
+    """Counts motions from the homes again."""
+    for handle in settings.handles:
+        if handle.mirrors:
+            handle.property_unset('rest_matrix')
+        elif any(handle.home_matrix):
+            handle.rest_matrix, handle.rest_euler = handle.home_matrix, handle.home_euler
+            handle.property_unset('home_matrix')
 
 
 def turns(settings, places, depsgraph):

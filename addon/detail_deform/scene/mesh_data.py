@@ -71,6 +71,26 @@ def key_shape(mesh, key):
     return rest(mesh) + key_positions(key) - key_positions(key.relative_key)
 
 
+def key_mix(ob):
+    """(n, 3) float32: by how much the shape keys, as their values are now, move the mesh's own vertices. Zero for
+    absolute ones, which have no values."""
+    keys = ob.data.shape_keys
+    if not keys or not keys.use_relative:
+        return np.zeros((len(ob.data.vertices), 3), np.float32)
+    if ob.show_only_shape_key and ob.active_shape_key:
+        mix = key_positions(ob.active_shape_key)
+    else:
+        mix = rest(ob.data)
+        for key in keys.key_blocks:
+            if key == keys.reference_key or key.mute or not key.value:
+                continue
+            change = key.value * (key_positions(key) - key_positions(key.relative_key))
+            if key.vertex_group in ob.vertex_groups:
+                change *= group_weights(ob, [key.vertex_group])[0][:, None]
+            mix += change
+    return mix - positions(ob.data)
+
+
 def unlike_levels(modifiers):
     """Those that make other vertices in renders than in the viewport."""
     return [m for m in modifiers if m.type in {'SUBSURF', 'MULTIRES'} and m.levels != m.render_levels]
@@ -192,11 +212,6 @@ def _digest(*arrays):
 
 def topology_signature(mesh):
     return _digest(*_faces(mesh))
-
-
-def shape_signature(mesh):
-    """[positions, topology] as short texts: equal texts, equal content."""
-    return [_digest(positions(mesh)), topology_signature(mesh)]
 
 
 def signature(array):

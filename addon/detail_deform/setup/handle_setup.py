@@ -5,8 +5,8 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Vector, kdtree
 
-from ..follow import life
-from ..scene import handle_matrices, mesh_data, selection
+from ..follow import binding, life
+from ..scene import handle_matrices, mesh_data, selection, start
 from ..scene.mesh_data import MeshProblem
 
 _GROUP_NAME = "Handle"
@@ -33,11 +33,11 @@ def _chosen_group(ob, name):
     return name or ob.vertex_groups.active.name
 
 
-def _normal(ob, chosen):
+def _normal(ob, points, chosen):
     """The area-weighted normal of the faces around these vertices, or zero."""
     triangles = mesh_data.triangles(ob.data)
     near = triangles[chosen[triangles].any(axis=1)]
-    a, b, c = np.moveaxis(mesh_data.positions(ob.data).astype(float)[near], 1, 0)
+    a, b, c = np.moveaxis(points.astype(float)[near], 1, 0)
     crosses = np.cross(b - a, c - a)
     total = crosses.sum(0)
     # A ring around a limb points nowhere.
@@ -47,11 +47,12 @@ def _normal(ob, chosen):
 
 
 def _place(ob, chosen, align):
-    """World matrix at the middle of these vertices, with its Z axis along their normal if asked, and
-    half the extent of their box."""
-    points = mesh_data.positions(ob.data)[chosen]
+    """World matrix at the middle of these vertices as they are seen, with its Z axis along their normal if asked,
+    and half the extent of their box."""
+    visible = start.visible(ob)
+    points = visible[chosen]
     low, high, middle = (ob.matrix_world @ Vector(p) for p in (points.min(0), points.max(0), points.mean(0)))
-    normal = Vector(_normal(ob, chosen)) if align else Vector()
+    normal = Vector(_normal(ob, visible, chosen)) if align else Vector()
     place = Matrix.Translation(middle)
     if normal.length > 0:
         normal = ob.matrix_world.to_3x3().inverted_safe().transposed() @ normal
@@ -116,7 +117,14 @@ def add_handle(context, ob, group_name, parented=True, align=True):
     handle = _append(ob, group_name,
                      _make_empty(context, ob, group_name, place, size, ob if parented else None))
     handle.own_group = group_name if from_selection else ""
+    _note_home(ob, handle, chosen, np.array(ob.matrix_world.inverted_safe() @ place))
     return handle
+
+
+def _note_home(ob, handle, chosen, place):
+    """place: (4, 4) of the handle's empty in the object's space, on the surface as it is seen."""
+    if ob.detail_deform.signature:
+        handle_matrices.set_home(handle, np.linalg.inv(start.motion(ob, chosen)) @ place)
 
 
 def _append(ob, group_name, empty):
@@ -202,15 +210,15 @@ def _mirror_image(ob, chosen, axis):
     return image, missing
 
 
-def _mirrored_empty(context, ob, handle, axis, name):
+def _mirrored_empty(context, ob, handle, axis, name, image):
     source = handle.target
     depsgraph = context.evaluated_depsgraph_get()
-    # While it is posed, the rest place: that is where its mirror image has its own.
-    local = (np.array(handle.rest_matrix).reshape(4, 4) if handle_matrices.has_rest(handle) else
+    # While it is posed, its home: that is where its mirror image has its own.
+    local = (handle_matrices.home(handle) if handle_matrices.has_rest(handle) else
              handle_matrices.world_to_local(ob, depsgraph)
              @ handle_matrices.evaluated_world(source, depsgraph, f"Handle '{handle.name}': empty"))
     flip = handle_matrices.reflection('XYZ'[axis])
-    place = ob.matrix_world @ Matrix((flip @ local @ flip).tolist())
+    place = ob.matrix_world @ Matrix((start.motion(ob, image) @ flip @ local @ flip).tolist())
     parent = source.parent if source.parent_type == 'OBJECT' else None
     empty = _make_empty(context, ob, name, place, source.empty_display_size, parent)
     empty.empty_display_type = source.empty_display_type
@@ -249,13 +257,17 @@ def mirror(context, ob, handle, axis, symmetric):
         raise MeshProblem(f"Handle '{name}' lies across the object's {letter} axis: its mirror image is itself.")
     flipped = bpy.utils.flip_name(name)
     group_name = selection.new_group(ob, flipped if flipped != name else f"{name} Mirrored", image).name
-    empty = None if symmetric else _mirrored_empty(context, ob, handle, axis, group_name)
+    empty = None if symmetric else _mirrored_empty(context, ob, handle, axis, group_name, image)
     made = _append(ob, group_name, empty)
     made.own_group = group_name
     made.turns = handle.turns
     _mirror_region(ob, image, axis)
     if symmetric:
         made.mirrors, made.mirror_axis = name, letter
+        if start.is_deformed(ob.data):  # where its vertices start, so that it takes the mirrored pose from there
+            made.rest_matrix = start.motion(ob, image, start.KEPT).ravel().tolist()
+    else:
+        _note_home(ob, made, image, np.array(ob.matrix_world.inverted_safe() @ empty.matrix_basis))
     if not missing:
         return ""
     return (f"{len(missing):,} of {chosen.sum():,} vertices of '{name}' (such as vertex {missing[0]}) have no "
@@ -265,16 +277,21 @@ def mirror(context, ob, handle, axis, symmetric):
 # Back to rest
 
 def to_rest(context, ob, handles):
-    """Puts the handles' empties where they were when the object was bound."""
-    movable = [h for h in handles if h.target and handle_matrices.has_rest(h)]
+    """Puts the handles' empties where they are without deformation."""
+    movable = [h for h in handles if h.target and handle_matrices.has_home(h)]
     for handle in sorted(movable, key=lambda h: _depth(h.target)):  # parents first: they move their children
-        rest = Matrix(np.array(handle.rest_matrix).reshape(4, 4).tolist())
-        handle.target.matrix_world = ob.matrix_world @ rest
+        handle.target.matrix_world = ob.matrix_world @ Matrix(handle_matrices.home(handle).tolist())
         mode = handle.target.rotation_mode
         if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix can't tell whole turns apart
-            euler = handle.target.rotation_euler.to_matrix().to_euler(mode, Euler(handle.rest_euler, mode))
+            euler = handle.target.rotation_euler.to_matrix().to_euler(mode, Euler(handle_matrices.home_euler(handle), mode))
             handle.target.rotation_euler = euler
         context.view_layer.update()
+
+
+def all_to_rest(context, ob):
+    """All of them, and with them the surface: it shows the mesh as it is without any deformation."""
+    to_rest(context, ob, list(ob.detail_deform.handles))
+    binding.go_home(ob, context.evaluated_depsgraph_get(), wait=bpy.app.background)
 
 
 def _depth(ob):

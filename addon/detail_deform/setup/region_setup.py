@@ -6,6 +6,7 @@ import numpy as np
 from ..library import native
 from ..scene import handle_matrices, mesh_data, selection
 from ..scene.mesh_data import MeshProblem
+from ..scene.start import visible
 
 _GROUP_NAME = "Region"
 # Of the size of the mesh: how far the region reaches unless the user says otherwise.
@@ -79,7 +80,7 @@ def usual_radius(ob):
 def within(ob, start, radius):
     """(n,) bool: the vertices whose distance over the surface is at most radius, in the world's unit."""
     world = np.array(ob.matrix_world, np.float64)
-    places = (mesh_data.positions(ob.data) @ world[:3, :3].T).astype(np.float32)
+    places = (visible(ob) @ world[:3, :3].T).astype(np.float32)
     return native.distances(places, mesh_data.triangles(ob.data), start) <= radius
 
 

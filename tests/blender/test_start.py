@@ -1,0 +1,313 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A handle that is added starts from the surface as it is seen: it moves nothing, and its empty stands on it."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Euler
+
+from conftest import activate, add_from, bind, evaluated, make_strip, own, refusal, select, symmetric, update
+
+SIZE = 1e-5
+
+
+def box(ob):
+    return np.ptp(own(ob), axis=0).max()
+
+
+def pulled_sheet(lift=0.6, turn=0.0):
+    """A sheet whose middle is pulled out, and its empty."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=40, y_subdivisions=40)
+    ob = bpy.context.active_object
+    pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2)
+    empty = ob.detail_deform.handles[0].target
+    empty.location.z += lift
+    empty.rotation_euler.x += turn
+    update()
+    return ob, empty
+
+
+def pull(ob, chosen, **options):
+    select(ob, chosen)
+    assert bpy.ops.object.detail_deform_pull(**options) == {'FINISHED'}, ob.detail_deform.status
+    update()
+    assert ob.detail_deform.is_bound, ob.detail_deform.status
+    return ob.detail_deform.handles[-1].target
+
+
+def on_slope(ob):
+    return np.linalg.norm(own(ob)[:, :2] - (0.45, 0), axis=1) < 0.08
+
+
+def on_surface(ob, empty, chosen):
+    """How far the empty is from the middle of these vertices as they are seen, in the object's space."""
+    place = np.array(ob.matrix_world.inverted() @ empty.matrix_world.translation)
+    return np.linalg.norm(evaluated(ob)[chosen].mean(0) - place)
+
+
+@pytest.mark.parametrize('turn', [0.0, 0.5])
+def test_a_second_pull_moves_nothing_and_stands_on_the_surface(turn):
+    ob, first = pulled_sheet(turn=turn)
+    before, spot = evaluated(ob), on_slope(ob)
+    assert before[spot, 2].min() > 0.1
+    second = pull(ob, spot)
+    assert np.abs(evaluated(ob) - before).max() < SIZE * box(ob)
+    assert on_surface(ob, second, spot) < SIZE * box(ob)
+    normal = np.array(second.matrix_world.col[2])[:3]
+    assert normal[0] > 0.3  # away from the slope, which the flat sheet has not
+
+    # Both go on from there, and each alone takes its vertices along.
+    second.location.x += 0.2
+    update()
+    moved = evaluated(ob) - before
+    assert np.abs(moved[spot] - (0.2, 0, 0)).max() < 1e-5
+    held = np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2
+    assert np.abs(moved[held]).max() < 1e-5
+    first.location.z += 0.1
+    update()
+    assert np.abs(evaluated(ob)[held] - before[held] - (0, 0, 0.1)).max() < 1e-5
+
+
+def test_the_start_is_as_smooth_as_a_pose_from_rest():
+    """What is built in two pulls is near what both handles make of the flat sheet at once."""
+    ob, first = pulled_sheet(lift=0.3)
+    spot = on_slope(ob)
+    second = pull(ob, spot)
+    second.location.z += 0.1
+    update()
+    twice, places = evaluated(ob), [empty.matrix_world.copy() for empty in (first, second)]
+    activate(ob)
+    bpy.ops.object.detail_deform_handle_reset(everything=True)
+    update()
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
+    for empty, place in zip((first, second), places):
+        empty.matrix_world = place
+    update()
+    once = evaluated(ob)
+    held = spot | (np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2)
+    assert np.linalg.norm(twice - once, axis=1)[held].max() < 0.05
+    assert np.linalg.norm(twice - once, axis=1).max() < 0.1
+
+
+def test_handles_added_by_plus_and_then_bound_again():
+    ob, _ = pulled_sheet()
+    before, spot = evaluated(ob), on_slope(ob)
+    handle = add_from(ob, spot)
+    update()
+    assert np.abs(evaluated(ob) - before).max() < SIZE
+    assert on_surface(ob, handle.target, spot) < SIZE
+    bind(ob, keep_rest=True)
+    update()
+    assert np.abs(evaluated(ob) - before).max() < SIZE
+
+
+def test_a_handle_of_one_vertex():
+    ob, _ = pulled_sheet()
+    spot = np.zeros(len(ob.data.vertices), bool)
+    spot[np.linalg.norm(own(ob)[:, :2] - (0.45, 0), axis=1).argmin()] = True
+    before = evaluated(ob)
+    empty = pull(ob, spot)
+    assert np.abs(evaluated(ob) - before).max() < SIZE
+    assert on_surface(ob, empty, spot) < SIZE
+    home = np.array(ob.detail_deform.handles[-1].home_matrix).reshape(4, 4)[:3, 3]
+    assert np.linalg.norm(home - own(ob)[spot][0]) < 0.05  # by the rigid motion of all around
+
+
+def pulled_square(side=1):
+    ob = symmetric(41)
+    empty = pull(ob, np.linalg.norm(own(ob)[:, :2] - (0.25 * side, 0), axis=1) < 0.06, radius=0.3)
+    empty.location.z += 0.1
+    empty.rotation_euler.rotate(Euler((0.3, 0.2, 0)))
+    update()
+    return ob, empty
+
+
+def test_a_mirrored_handle_with_an_empty_of_its_own_moves_nothing():
+    ob, empty = pulled_square()
+    before = evaluated(ob)
+    activate(ob)
+    bpy.ops.object.detail_deform_handle_mirror(axis='X')
+    bind(ob, keep_rest=True)
+    update()
+    assert np.abs(evaluated(ob) - before).max() < SIZE
+    there = np.linalg.norm(own(ob)[:, :2] - (-0.25, 0), axis=1) < 0.06
+    assert on_surface(ob, ob.detail_deform.handles[1].target, there) < 0.005  # its rotated mean is not quite so
+
+
+def test_one_made_symmetric_later_takes_the_whole_mirrored_pose():
+    """Also what was made of it before another handle came."""
+    ob, empty = pulled_square()
+    p = own(ob)
+    pull(ob, np.linalg.norm(p[:, :2] - (0, 0.2), axis=1) < 0.05)
+    empty.location.x += 0.05
+    update()
+    bpy.ops.object.detail_deform_mesh_activate()
+    bpy.ops.object.detail_deform_handle_mirror(index=0, axis='X', symmetric=True)
+    bind(ob, keep_rest=True)
+    update()
+    image = np.array([np.linalg.norm(p - q * (-1, 1, 1), axis=1).argmin() for q in p])
+    left, now = np.linalg.norm(p[:, :2] - (0.25, 0), axis=1) < 0.06, evaluated(ob)
+    assert np.abs(now[left] - p[left]).max() > 0.09
+    assert np.abs(now[image][left] * (-1, 1, 1) - now[left]).max() < 0.01  # of what was pulled unevenly the nearest
+
+
+def test_a_mirrored_pose_goes_on_as_it_is():
+    """Symmetric from the first, posed, then a third handle: nothing moves, and the two go on as mirror images."""
+    ob, empty = pulled_square()
+    activate(ob)
+    bpy.ops.object.detail_deform_handle_reset(everything=True)
+    bpy.ops.object.detail_deform_handle_mirror(axis='X', symmetric=True)
+    bind(ob, keep_rest=True)
+    empty.location.z += 0.1
+    empty.rotation_euler.rotate(Euler((0.3, 0.2, 0)))
+    update()
+    before, p = evaluated(ob), own(ob)
+    pull(ob, np.linalg.norm(p[:, :2], axis=1) < 0.05)
+    assert np.abs(evaluated(ob) - before).max() < SIZE
+    empty.location.x += 0.05
+    empty.rotation_euler.rotate(Euler((0.2, 0, 0.3)))
+    update()
+    image = np.array([np.linalg.norm(p - q * (-1, 1, 1), axis=1).argmin() for q in p])
+    left = np.linalg.norm(p[:, :2] - (0.25, 0), axis=1) < 0.06
+    now = evaluated(ob)
+    assert np.abs(now[image][left] * (-1, 1, 1) - now[left]).max() < 1e-5
+    assert np.abs(now[left] - before[left]).max() > 0.05
+
+
+def with_key(ob, value=1.0):
+    ob.shape_key_add(name="Basis")
+    key = ob.shape_key_add(name="Lift", from_mix=False)
+    p = own(ob)
+    key.data.foreach_set('co', (p + np.outer(0.4 * p[:, 0] ** 2, (0, 0, 1))).astype(np.float32).ravel())
+    key.value = value
+    update()
+    return key
+
+
+@pytest.mark.parametrize('value', [1.0, 0.5])
+def test_the_shape_of_keys_is_the_start(value):
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=40, y_subdivisions=40)
+    ob = bpy.context.active_object
+    with_key(ob, value)
+    before, spot = evaluated(ob), np.linalg.norm(own(ob)[:, :2] - (0.7, 0), axis=1) < 0.1
+    empty = pull(ob, spot)
+    assert np.abs(evaluated(ob) - before).max() < SIZE * box(ob)
+    assert on_surface(ob, empty, spot) < SIZE * box(ob)
+    empty.rotation_euler.rotate(Euler((0, 0, 0.5)))
+    update()
+    # Rigid about what is seen, not about the mesh without its keys.
+    middle = before[spot].mean(0)
+    turn = np.array(Euler((0, 0, 0.5)).to_matrix())
+    assert np.abs(evaluated(ob)[spot] - (middle + (before[spot] - middle) @ turn.T)).max() < 1e-5
+
+
+def test_keys_and_a_pose_and_another_pull():
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=40, y_subdivisions=40)
+    ob = bpy.context.active_object
+    with_key(ob)
+    empty = pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2)
+    empty.location.z += 0.5
+    update()
+    before = evaluated(ob)
+    pull(ob, on_slope(ob))
+    assert np.abs(evaluated(ob) - before).max() < SIZE * box(ob)
+
+
+def test_back_to_rest_is_the_mesh_itself():
+    ob, first = pulled_sheet(turn=0.4)
+    second = pull(ob, on_slope(ob))
+    second.location.x += 0.1
+    update()
+    activate(ob)
+    bpy.ops.object.detail_deform_handle_reset(everything=True)
+    update()
+    assert ob.detail_deform.is_bound, ob.detail_deform.status
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
+    middle = own(ob)[np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2].mean(0)
+    assert np.abs(np.array(first.matrix_world.translation) - middle).max() < 1e-5
+    assert abs(second.matrix_world.translation.z) < 0.02  # on the flat sheet
+    assert not [name for name in ob.data.attributes.keys() if 'kept' in name]
+
+
+def test_it_survives_save_undo_and_copies(tmp_path):
+    ob, _ = pulled_sheet()
+    second = pull(ob, on_slope(ob))
+    second.location.x += 0.1
+    update()
+    before = evaluated(ob)
+    path = str(tmp_path / 'start.blend')
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    ob = next(o for o in bpy.data.objects if o.type == 'MESH')
+    second = ob.detail_deform.handles[1].target
+    second.location.x += 0.1
+    update()
+    second.location.x -= 0.1
+    update()
+    assert ob.detail_deform.is_bound, ob.detail_deform.status
+    assert np.abs(evaluated(ob) - before).max() < SIZE
+
+
+@pytest.mark.parametrize('mode', ['MESH', 'SHAPE_KEY'])
+def test_apply_makes_all_of_it_part_of_the_mesh(mode):
+    ob, _ = pulled_sheet()
+    second = pull(ob, on_slope(ob))
+    second.location.x += 0.1
+    update()
+    before = evaluated(ob)
+    activate(ob)
+    bpy.ops.object.detail_deform_apply(mode=mode)
+    update()
+    assert np.abs(evaluated(ob) - before).max() < SIZE
+    assert not [name for name in ob.data.attributes.keys() if name.startswith('detail_deform')]
+
+
+def test_unbind_shows_the_mesh():
+    ob, _ = pulled_sheet()
+    pull(ob, on_slope(ob))
+    activate(ob)
+    bpy.ops.object.detail_deform_unbind()
+    update()
+    assert np.abs(evaluated(ob) - own(ob)).max() == 0
+    bind(ob)  # from here: the empties' places are the rest
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
+
+
+def test_a_slow_result_goes_on_from_there_too():
+    ob, _ = pulled_sheet(lift=0.3)
+    second = pull(ob, on_slope(ob))
+    ob.detail_deform.steps = 3
+    update()
+    before = evaluated(ob)
+    second.location.x += 0.1
+    update()
+    moved = evaluated(ob) - before
+    assert np.abs(moved[on_slope(ob)] - (0.1, 0, 0)).max() < 1e-5
+
+
+def test_a_handle_that_was_off_comes_back_where_it_stands():
+    ob, first = pulled_sheet()
+    pull(ob, np.linalg.norm(own(ob)[:, :2] - (-0.6, 0), axis=1) < 0.08)
+    off = ob.detail_deform.handles[1]
+    off.enabled = False
+    bind(ob, keep_rest=True)
+    pull(ob, on_slope(ob))
+    before = evaluated(ob)
+    ob.detail_deform.handles[1].enabled = True
+    bind(ob, keep_rest=True)
+    update()
+    assert np.abs(evaluated(ob) - before).max() < SIZE
+
+
+def test_no_base_object_of_a_surface_that_is_deformed_already():
+    ob, _ = pulled_sheet()
+    pull(ob, on_slope(ob))
+    activate(ob)
+    assert "put all handles back to rest" in refusal(bpy.ops.object.detail_deform_base_make)
+
+
+def test_nothing_is_kept_where_nothing_was_moved():
+    ob = bind(make_strip())
+    select(ob, (own(ob)[:, 0] > 0.4) & (own(ob)[:, 0] < 0.5))
+    bpy.ops.object.detail_deform_pull()
+    assert sorted(n for n in ob.data.attributes.keys() if n.startswith('detail_')) == ['detail_deform_offset']
