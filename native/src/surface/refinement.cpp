@@ -16,13 +16,22 @@ namespace {
 
 constexpr int kLeastRange = 512;  // items that are worth a task
 
-/// How many times the way to the next solution an iteration goes, by how many are left after it.
-/// Long waves converge slowly: the last four iterations move them 8.95 times as far as one would.
-/// Short ones, of which the smoothing leaves nothing, are no larger after 3.25 and 1.45, and the
-/// last iteration ends them. More of it lets the inside of a sharp bend buckle on dense meshes.
-double relaxation(int left) {
-  if (left == 0 || left >= 4) return 1;
-  return left % 2 == 1 ? 3.25 : 1.45;
+struct Pass {
+  double relaxation;  // how many times the way to the next solution it goes
+  double smoothing;   // how much of the smoothing it has
+};
+
+/// Long waves converge slowly, so some passes go beyond. Short ones, of which the smoothing leaves
+/// nothing, grow by that, and the passes between end them. Going farther lets the inside of a sharp
+/// bend buckle on dense meshes.
+///
+/// After many passes what is left of the stretch is the smoothing's own doing: the last two have
+/// less of it.
+Pass pass(int iteration, int iterations) {
+  const int left = iterations - 1 - iteration;
+  const bool beyond = left % 2 == 1;
+  if (iterations <= 4) return {left == 0 ? 1 : beyond ? 3.25 : 1.45, 1};
+  return {iteration == 0 ? 4.0 : beyond ? 2.0 : 1.0, left == 0 ? 0.5 : left == 1 ? 0.8 : 1};
 }
 
 /// As the kernels take them.
@@ -270,12 +279,12 @@ void RefinementOf<Real>::run(int iterations, ClampedPoisson* clamped, const Turn
     if (iteration == 0) find_held_rotations();
     find_means(turning.unknown && iteration > 0 ? &followed_ : turning.gauge);
     if (turning.unknown && iteration == 0) follow_means();
-    smoothing_.run(vertex_rotations_.data());
-    const int left = iterations - 1 - iteration;
-    if (clamped && left == 0)
+    const Pass how = pass(iteration, iterations);
+    smoothing_.run(vertex_rotations_.data(), how.smoothing);
+    if (clamped && iteration == iterations - 1)
       clamped->step(at_rest_, add_turned, offsets);
     else
-      poisson.solve(at_rest_, add_turned, offsets, turning.share * relaxation(left));
+      poisson.solve(at_rest_, add_turned, offsets, turning.share * how.relaxation);
   }
   if (turning.share < 1) offsets = start_ + turning.share * (offsets - start_);
 }

@@ -41,7 +41,7 @@ RotationSmoothing::RotationSmoothing(const FactoredSurface& surface, double leng
 }
 
 template <class Real>
-void RotationSmoothing::run(Real* quaternions) {
+void RotationSmoothing::run(Real* quaternions, double share) {
   const auto quaternion = [=](Index row) {
     return Eigen::Map<Eigen::Matrix<Real, 1, 4>>(quaternions + 4 * row);
   };
@@ -54,13 +54,15 @@ void RotationSmoothing::run(Real* quaternions) {
   factor_->solve_in_order(
       right_.data(), space_, &poisson_.pool(), [](int) {},
       [&](int begin, int end, const auto* x) {
-        std::copy(x, x + 4 * Index(end - begin), quaternions + 4 * Index(begin));
+        Real* to = quaternions + 4 * Index(begin);
+        for (Index i = 0; i < 4 * Index(end - begin); ++i)
+          to[i] += static_cast<Real>(share * (static_cast<double>(x[i]) - to[i]));
       },
       Columns::four);
 }
 
-template void RotationSmoothing::run(float*);
-template void RotationSmoothing::run(double*);
+template void RotationSmoothing::run(float*, double);
+template void RotationSmoothing::run(double*, double);
 
 double RotationSmoothing::bytes() const {
   return factor_->bytes() +

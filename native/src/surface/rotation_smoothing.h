@@ -21,9 +21,9 @@ class RotationSmoothing {
 
   /// quaternions: rows of 4, free vertices in the surface's order, then the Poisson system's rims.
   /// Signs are such that neighbours agree. Free rows come out smoothed and shorter than 1 where
-  /// they differ from those around.
+  /// they differ from those around. share: of the way from given to smoothed.
   template <class Real>
-  void run(Real* quaternions);
+  void run(Real* quaternions, double share = 1);
 
   double bytes() const;
 
