@@ -113,7 +113,7 @@ class OBJECT_OT_detail_deform_handle_mirror(_HandleOperator, bpy.types.Operator)
 class OBJECT_OT_detail_deform_handle_reset(_HandleOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_handle_reset'
     bl_label = "Back to Rest"
-    bl_description = "Put the handle's empty back where it was when the object was bound"
+    bl_description = "Put the handle's empty back where its vertices are on the mesh without deformation"
 
     everything: BoolProperty(name="All", options={'SKIP_SAVE'}, description="Do so with all handles")
 
