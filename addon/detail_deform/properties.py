@@ -116,7 +116,7 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
         description="The empty's own Euler rotation when it was bound: its whole turns are counted from there")
     home_matrix: FloatVectorProperty(
         name="Home Matrix", size=16, options={'HIDDEN'},
-        description="Where that place is on the mesh without any deformation, if the handle was bound to a deformed one")
+        description="Where that place is on the mesh without deformation, if the handle was bound to a deformed one")
     home_euler: FloatVectorProperty(
         name="Home Euler", size=3, options={'HIDDEN'}, description="The empty's own Euler rotation there")
     earlier_name: StringProperty(options={'HIDDEN'})

@@ -123,7 +123,7 @@ def pulled_square(side=1):
 
 
 def test_a_mirrored_handle_with_an_empty_of_its_own_moves_nothing():
-    ob, empty = pulled_square()
+    ob, _ = pulled_square()
     before = evaluated(ob)
     activate(ob)
     bpy.ops.object.detail_deform_handle_mirror(axis='X')
@@ -286,7 +286,7 @@ def test_a_slow_result_goes_on_from_there_too():
 
 
 def test_a_handle_that_was_off_comes_back_where_it_stands():
-    ob, first = pulled_sheet()
+    ob, _ = pulled_sheet()
     pull(ob, np.linalg.norm(own(ob)[:, :2] - (-0.6, 0), axis=1) < 0.08)
     off = ob.detail_deform.handles[1]
     off.enabled = False

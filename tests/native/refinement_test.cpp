@@ -87,8 +87,8 @@ Positions dense_refinement(const Mesh& mesh, const std::vector<int>& roles, Posi
       gradients.middleRows<3>(3 * j) = R.transpose();
     }
     deformed += pass.relaxation * (test::dense_solve(dense.L, deformed, roles,
-                                         dense.G.transpose() * dense.D * gradients) -
-                       deformed);
+                                                     dense.G.transpose() * dense.D * gradients) -
+                                   deformed);
   }
   return deformed;
 }

@@ -4,7 +4,7 @@
 import numpy as np
 
 from ..library import native
-from ..scene import dependency, handle_matrices, mesh_data, node_group, offset_attribute, outside_base, start
+from ..scene import dependency, handle_matrices, mesh_data, node_group, offset_attribute, outside_base, stack, start
 from ..scene.mesh_data import MeshProblem
 from . import bound, content, life, registry
 
@@ -31,7 +31,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     bound.refuse(ob, "")  # from here on there is none, until it is complete
     if settings.base == 'OBJECT':
         # What is hidden is evaluated where it is needed only, and so its modifiers are looked at.
-        node_group.ensure_modifier(ob)
+        stack.ensure_modifier(ob)
         _need_base(ob)
         depsgraph.view_layer.update()
         outside_base.store_rest(ob, depsgraph, only_new=keep_rest)
@@ -45,7 +45,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     settings.signature = signature
     bound.note_handles(settings)
     registry.forget()
-    node_group.ensure_modifier(ob)
+    stack.ensure_modifier(ob)
     influence_changed(ob)
     targets_changed(ob)
     if wait or bound.cache.find(signature):

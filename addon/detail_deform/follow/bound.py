@@ -4,10 +4,11 @@
 import numpy as np
 
 from ..library import native
-from ..scene import dependency, handle_matrices, mesh_data, node_group, offset_attribute, outside_base, start
+from ..scene import (dependency, handle_matrices, mesh_data, mirror_plane, node_group, offset_attribute, outside_base,
+                     start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
-from . import content, look, made, shown, slow_results
+from . import content, look, made, placed, shown, slow_results
 from .slow_update import SlowUpdate
 
 cache = made.Cache(spare=3)  # of native.Deformer
@@ -140,7 +141,8 @@ class Frame:
         self._motions, self._base = handle_matrices.motions(of, places), None
         self._asked = look.asked(of)
         self._free = handle_matrices.free(of)
-        self.of = (of.signature, self._motions.tobytes(), self._asked.copy(), self._free.tobytes())
+        self.of = (of.signature, self._motions.tobytes(), self._asked.copy(), self._free.tobytes(),
+                   mirror_plane.key(ob))
         if self._free.any():
             self._asked |= {'handle_turns': self._free.astype(np.int32), 'pivots': handle_matrices.pivots(of)}
         self._turns = np.zeros((len(self._motions), 3))
@@ -156,7 +158,7 @@ class Frame:
         slow_results.cancel(offset_attribute.token(self._ob.data))
         slow_results.make_way(self._deformer)
         found = self._deformer.offsets(self._motions, self._base, **look.quick({**self._asked, 'turns': self._turns}))
-        return start.with_kept(self._ob.data, found)
+        return placed.offsets(self._ob, found)
 
     def written(self, record, wait):
         """Notes the facts of what is shown now, and sees to the slow result. wait: for it, and without a window."""

@@ -21,7 +21,7 @@ from ..library import native
 from ..scene import mesh_data, node_group, offset_attribute, reach
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
-from . import bound, fed, registry, shown, slow_results
+from . import bound, fed, placed, registry, shown, slow_results
 
 KINDS = (fed, bound)
 
@@ -228,5 +228,6 @@ def clear():
     slow_results.clear()
     for kind in KINDS:
         kind.cache.clear()
+    placed.clear()
     shown.clear()
     registry.forget()

@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..scene import correspondence, node_group, offset_attribute, source_pose, transferred
+from ..scene import correspondence, node_group, offset_attribute, source_pose, stack, transferred
 from ..scene.mesh_data import MeshProblem
 from . import binding, fed, life, registry
 
@@ -40,7 +40,7 @@ def start(context, ob, source, matched=None):
     if matched:
         correspondence.store(matched, source, ob)
         settings.correspondence = 'STORED'
-    modifier = node_group.ensure_modifier(ob)
+    modifier = stack.ensure_modifier(ob)
     if settings.source != source:
         settings.source = source
     settings.prepared_for = content

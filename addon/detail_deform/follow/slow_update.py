@@ -2,9 +2,9 @@
 """The slow result that is to take the place of a quick one."""
 
 from ..library import native
-from ..scene import offset_attribute, start
+from ..scene import offset_attribute
 from ..scene.window import redraw_panels
-from . import registry, shown, slow_results
+from . import placed, registry, shown, slow_results
 
 
 class SlowUpdate:
@@ -32,7 +32,7 @@ class SlowUpdate:
         quick = [(ob, shown.by(ob.data)) for ob in self._owners()]
         for ob, record in quick:
             if record is not None:
-                shown.show_slow(ob.data, start.with_kept(ob.data, offsets), record, info)
+                shown.show_slow(ob.data, placed.offsets(ob, offsets), record, info)
         redraw_panels()
 
     def refuse(self, sentence):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
 
-from ..scene import examples, handle_matrices, node_group, offset_attribute
+from ..scene import examples, handle_matrices, node_group, offset_attribute, stack
 from . import bound, look, shown, slow_results
 
 
@@ -109,6 +109,9 @@ def _remarks(ob, info):
         yield "Its modifier was removed, so nothing is shown: bind again to add it."
     elif not modifier.show_viewport:
         yield "Its modifier is hidden, so nothing is computed."
+    place = stack.why_not_here(ob)
+    if place:
+        yield place
     if info.resting_count:
         yield (f"{_count(info.resting_component_count, 'loose part', 'loose parts')} of the region "
                f"({_count(info.resting_count, 'vertex', 'vertices')}, such as vertex "

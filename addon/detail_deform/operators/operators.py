@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, EnumProperty
 from ..follow import binding, life, live_transfer, slow_results, status
 from ..library.options import SETTINGS
 from ..results import bake
-from ..scene import apply_result, correspondence, mesh_data, node_group, offset_attribute
+from ..scene import apply_result, correspondence, mesh_data, node_group, offset_attribute, stack
 from ..setup import handle_setup, region_setup
 from .operator_base import MeshOperator
 
@@ -26,7 +26,24 @@ class OBJECT_OT_detail_deform_add(MeshOperator, bpy.types.Operator):
 
     def run(self, context, ob):
         mesh_data.check_object(ob)
-        node_group.ensure_modifier(ob)
+        stack.ensure_modifier(ob)
+
+
+class OBJECT_OT_detail_deform_place(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_place'
+    bl_label = "Move to Its Place"
+    bl_description = ("Move Detail Deform in the modifier stack to where it gives the right result: before all that "
+                      "moves the mesh or makes vertices of it")
+
+    @classmethod
+    def poll_object(cls, ob):
+        if not stack.before(ob):
+            cls.poll_message_set("No modifier before Detail Deform should stand behind it")
+            return False
+        return True
+
+    def run(self, context, ob):
+        stack.place(ob)
 
 
 class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
@@ -171,7 +188,7 @@ class OBJECT_OT_detail_deform_copy_settings(MeshOperator, bpy.types.Operator):
                     setattr(other.detail_deform, option.name, getattr(ob.detail_deform, option.name))
 
 
-CLASSES = (OBJECT_OT_detail_deform_add, OBJECT_OT_detail_deform_remove,
+CLASSES = (OBJECT_OT_detail_deform_add, OBJECT_OT_detail_deform_place, OBJECT_OT_detail_deform_remove,
            OBJECT_OT_detail_deform_bind, OBJECT_OT_detail_deform_bind_cancel,
            OBJECT_OT_detail_deform_unbind, OBJECT_OT_detail_deform_update,
            OBJECT_OT_detail_deform_apply, OBJECT_OT_detail_deform_base_make,

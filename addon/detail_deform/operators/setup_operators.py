@@ -6,7 +6,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 
 from ..follow import binding, life
 from ..library import native
-from ..scene import handle_matrices, mesh_data
+from ..scene import handle_matrices, mesh_data, mirror_plane, node_group, stack
 from ..setup import handle_setup, region_setup
 from .operator_base import MeshOperator
 from ..properties import AXES
@@ -246,11 +246,13 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
         if ob.mode != 'EDIT':
             raise mesh_data.MeshProblem("Select vertices in Edit Mode to pull them.")
         settings = ob.detail_deform
-        present = region_setup.kept(ob)
+        present, has_come = region_setup.kept(ob), node_group.find_modifier(ob) is None
+        count = len(settings.handles)
         handle_setup.add_handle(context, ob, "")
         bpy.ops.object.mode_set(mode='OBJECT')
         try:
             mesh_data.check_object(ob)
+            self._mirror(context, ob, settings.handles[count])
             if not settings.region or settings.pulled_region:
                 self.radius = self.radius or region_setup.usual_radius(ob)
                 region_setup.set_region(ob, region_setup.within(ob, region_setup.sources(ob), self.radius))
@@ -258,14 +260,32 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
             context.view_layer.update()  # the new empty's place
             binding.bind(ob, context.evaluated_depsgraph_get(), wait=True, keep_rest=bool(settings.signature))
         except (mesh_data.MeshProblem, native.NativeError):
-            handle_setup.remove_handle(ob, len(settings.handles) - 1)
+            for number in reversed(range(count, len(settings.handles))):
+                handle_setup.remove_handle(ob, number)
             region_setup.restore(ob, present)
             life.check(ob)
             bpy.ops.object.mode_set(mode='EDIT')
             raise
-        target = settings.handles[-1].target
-        activate(context, target)
-        self.report({'INFO'}, "Move the empty (G); F9 changes how far the region reaches")
+        settings.handle_index = count
+        activate(context, settings.handles[count].target)
+        behind = stack.comes_before(ob) if has_come else ()
+        self.report({'INFO'}, "Move the empty (G); F9 changes how far the region reaches" + (
+            f". Detail Deform stands before {', '.join(behind)}" if behind else ""))
+
+
+    def _mirror(self, context, ob, handle):
+        """Edit Mode's symmetry makes the symmetric handle, too."""
+        for axis, letter in enumerate('xyz'):
+            if not getattr(ob.data, f'use_mirror_{letter}') or mirror_plane.is_mirrored(ob, axis):
+                continue
+            try:
+                remark = handle_setup.mirror(context, ob, handle, axis, symmetric=True)
+            except handle_setup.MirrorsItself:
+                continue
+            except mesh_data.MeshProblem as problem:  # it pulls the chosen vertices all the same
+                remark = str(problem)
+            if remark:
+                self.report({'WARNING'}, remark)
 
 
 CLASSES = (OBJECT_OT_detail_deform_handle_add, OBJECT_OT_detail_deform_handle_remove,

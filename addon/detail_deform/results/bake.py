@@ -2,7 +2,7 @@
 """The deformation of a range of frames, kept where the add-on is not needed: a cache or shape keys."""
 
 from ..follow import life
-from ..scene import mesh_data, node_group, offset_attribute
+from ..scene import mesh_data, node_group, offset_attribute, stack
 from ..scene.mesh_data import MeshProblem
 from . import frames, keyed_keys, point_cache
 
@@ -92,7 +92,7 @@ def use_cache(ob, path, start):
         cache = ob.modifiers.new(node_group.CACHE_NAME, 'MESH_CACHE')
         ob.detail_deform.cache_modifier = cache.name
     node_group.set_up_cache(cache, path, start)
-    node_group.move_behind(ob, cache, modifier)
+    stack.move_behind(ob, cache, modifier)
     # Nothing is computed any more for what is not shown.
     _show(modifier, False)
     _show(cache, True)

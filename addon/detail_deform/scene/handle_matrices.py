@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from . import skin
 from .mesh_data import MeshProblem
 
 
@@ -44,7 +45,7 @@ def world_to_local(ob, depsgraph):
 
 def local_places(ob, depsgraph):
     """(h, 4, 4) float32: the place of each enabled handle's empty in the object's own space,
-    evaluated. Raises MeshProblem naming the handle."""
+    evaluated; of a bone's, before the bone's pose. Raises MeshProblem naming the handle."""
     to_local = world_to_local(ob, depsgraph)
     handles = enabled_handles(ob.detail_deform)
     places = np.empty((len(handles), 4, 4), np.float32)
@@ -55,9 +56,19 @@ def local_places(ob, depsgraph):
         if handle.target is None:
             raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
                               "an empty to move it with.")
-        places[number] = to_local @ evaluated_world(handle.target, depsgraph,
-                                                     f"Handle '{handle.name}': empty")
+        places[number] = _local_place(ob, handle, to_local, depsgraph)
     return places
+
+
+def local_place(ob, handle, depsgraph):
+    """(4, 4) float64: of one."""
+    return _local_place(ob, handle, world_to_local(ob, depsgraph), depsgraph)
+
+
+def _local_place(ob, handle, to_local, depsgraph):
+    place = to_local @ evaluated_world(handle.target, depsgraph, f"Handle '{handle.name}': empty")
+    pose = skin.pose_of(ob, handle.target, depsgraph)
+    return inverse_or_refuse(pose, f"Handle '{handle.name}': the bone of its empty has a scale of zero.") @ place
 
 
 def mirrored(handles):

@@ -71,18 +71,18 @@ def key_shape(mesh, key):
     return rest(mesh) + key_positions(key) - key_positions(key.relative_key)
 
 
-def key_mix(ob):
+def key_mix(ob, without=()):
     """(n, 3) float32: by how much the shape keys, as their values are now, move the mesh's own vertices. Zero for
-    absolute ones, which have no values."""
+    absolute ones, which have no values. without: names of keys that don't count."""
     keys = ob.data.shape_keys
     if not keys or not keys.use_relative:
         return np.zeros((len(ob.data.vertices), 3), np.float32)
-    if ob.show_only_shape_key and ob.active_shape_key:
+    if ob.show_only_shape_key and ob.active_shape_key and ob.active_shape_key.name not in without:
         mix = key_positions(ob.active_shape_key)
     else:
         mix = rest(ob.data)
         for key in keys.key_blocks:
-            if key == keys.reference_key or key.mute or not key.value:
+            if key == keys.reference_key or key.mute or not key.value or key.name in without:
                 continue
             change = key.value * (key_positions(key) - key_positions(key.relative_key))
             if key.vertex_group in ob.vertex_groups:

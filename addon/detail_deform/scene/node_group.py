@@ -111,7 +111,7 @@ def is_shown(ob, depsgraph):
 
 
 def ensure_modifier(ob):
-    """The object's modifier, added at the end of the stack when there is none."""
+    """The object's modifier, with the present nodes; added at the end of the stack when there is none."""
     modifier = find_modifier(ob)
     if modifier and modifier.node_group[_MARK] == _VERSION:
         return modifier
@@ -132,18 +132,6 @@ def remove_modifier(ob):
     ob.modifiers.remove(modifier)
     if group.users == 0:
         bpy.data.node_groups.remove(group)
-
-
-def move_behind(ob, modifier, other):
-    """Puts a modifier directly behind another one."""
-    modifiers = list(ob.modifiers)
-    at, behind = modifiers.index(modifier), modifiers.index(other)
-    move_to(ob, modifier, behind + (at > behind))
-
-
-def move_to(ob, modifier, index):
-    with bpy.context.temp_override(object=ob, active_object=ob):
-        bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
 
 
 def set_up_cache(cache, path, start):

@@ -7,7 +7,7 @@ Both are attributes of the mesh, which are copied, saved and undone with it. Onl
 
 import numpy as np
 
-from . import mesh_data, node_group, offset_attribute
+from . import examples, mesh_data, node_group, offset_attribute
 from .offset_attribute import KEPT, KEYED
 
 # Of the size of the mesh: by so little has nothing moved.
@@ -67,8 +67,9 @@ def _rigid(before, after):
 
 
 def take_keys(ob):
-    """What the shape keys make of the mesh now belongs to the start."""
-    _put(ob, KEYED, mesh_data.key_mix(ob))
+    """What the shape keys make of the mesh now belongs to the start, but for those that are examples: how much of
+    these there is, is to be found."""
+    _put(ob, KEYED, mesh_data.key_mix(ob, examples.shown_keys(ob)))
 
 
 def take_deformation(ob):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What was transferred to a mesh and stays with it: shape keys, and the modifier that plays an animation."""
 
-from . import apply_result, node_group
+from . import apply_result, node_group, stack
 from .mesh_data import MeshProblem
 
 CACHE_NAME = "Detail Deform Transfer"
@@ -36,7 +36,7 @@ def use_cache(target, path, start):
     cache = find_cache(target)
     if cache is None:
         cache = target.modifiers.new(CACHE_NAME, 'MESH_CACHE')
-        node_group.move_to(target, cache, 0)
+        stack.move_to(target, cache, 0)
     node_group.set_up_cache(cache, path, start)
 
 

@@ -6,13 +6,17 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector, kdtree
 
 from ..follow import binding, life
-from ..scene import handle_matrices, mesh_data, selection, start
+from ..scene import handle_matrices, mesh_data, selection, skin, start
 from ..scene.mesh_data import MeshProblem
 
 _GROUP_NAME = "Handle"
 _COLLECTION_NAME = "{} Handles"
 # Of the mean edge length: as far may a vertex be from the mirror image of another.
 _MIRROR_TOLERANCE = 0.25
+
+
+class MirrorsItself(MeshProblem):
+    """The handle's mirror image is the handle."""
 
 
 def owner(empty):
@@ -83,7 +87,8 @@ def _shown_collections(layer):
         yield from _shown_collections(child)
 
 
-def _make_empty(context, ob, name, place, size, parent):
+def _make_empty(context, ob, name, place, size, parent, bone=""):
+    """bone: of the parent, an armature."""
     empty = bpy.data.objects.new(f"{ob.name} {name}", None)
     empty.empty_display_type = 'ARROWS'
     empty.empty_display_size = size
@@ -91,6 +96,11 @@ def _make_empty(context, ob, name, place, size, parent):
     _collection(context, ob).objects.link(empty)
     if parent:
         empty.parent = parent
+        if bone:
+            empty.parent_type, empty.parent_bone = 'BONE', bone
+            context.view_layer.update()  # the bone's place
+            empty.matrix_world = place
+            return empty
         empty.matrix_parent_inverse = parent.matrix_world.inverted_safe()
     empty.matrix_basis = place
     return empty
@@ -114,16 +124,33 @@ def add_handle(context, ob, group_name, parented=True, align=True):
                           f"{mesh_data.MEMBER_WEIGHT}: assign the vertices that the handle should move.")
     place, extent = _place(ob, chosen, align)
     size = max(extent, 0.05 * max(ob.dimensions), 1e-3)
-    handle = _append(ob, group_name,
-                     _make_empty(context, ob, group_name, place, size, ob if parented else None))
+    empty = (_make_parented(context, ob, group_name, place, size, chosen) if parented else
+             _make_empty(context, ob, group_name, place, size, None))
+    handle = _append(ob, group_name, empty)
     handle.own_group = group_name if from_selection else ""
-    _note_home(ob, handle, chosen, np.array(ob.matrix_world.inverted_safe() @ place))
+    _note_home(context, ob, handle, chosen)
     return handle
 
 
-def _note_home(ob, handle, chosen, place):
-    """place: (4, 4) of the handle's empty in the object's space, on the surface as it is seen."""
+def _make_parented(context, ob, name, place, size, chosen):
+    """An empty that goes with the object, or with the bone that poses most of the chosen vertices. place: among them,
+    in the world, where no bone moves them."""
+    rig = skin.armature(ob)
+    means = skin.weights(ob, rig, chosen) if rig else {}
+    if not means:
+        return _make_empty(context, ob, name, place, size, ob)
+    pose = Matrix(skin.mean_motion(ob, rig, means, context.evaluated_depsgraph_get()).tolist())
+    where, turn, _ = (ob.matrix_world @ pose @ ob.matrix_world.inverted_safe() @ place).decompose()
+    # A blend of rotations is none.
+    return _make_empty(context, ob, name, Matrix.LocRotScale(where, turn, place.to_scale()), size, rig,
+                       max(means, key=means.get))
+
+
+def _note_home(context, ob, handle, chosen):
+    """Of a handle whose empty was put on the surface as it is seen."""
     if ob.detail_deform.signature:
+        context.view_layer.update()  # the empty's place
+        place = handle_matrices.local_place(ob, handle, context.evaluated_depsgraph_get())
         handle_matrices.set_home(handle, np.linalg.inv(start.motion(ob, chosen)) @ place)
 
 
@@ -215,12 +242,14 @@ def _mirrored_empty(context, ob, handle, axis, name, image):
     depsgraph = context.evaluated_depsgraph_get()
     # While it is posed, its home: that is where its mirror image has its own.
     local = (handle_matrices.home(handle) if handle_matrices.has_rest(handle) else
-             handle_matrices.world_to_local(ob, depsgraph)
-             @ handle_matrices.evaluated_world(source, depsgraph, f"Handle '{handle.name}': empty"))
+             handle_matrices.local_place(ob, handle, depsgraph))
     flip = handle_matrices.reflection('XYZ'[axis])
     place = ob.matrix_world @ Matrix((start.motion(ob, image) @ flip @ local @ flip).tolist())
-    parent = source.parent if source.parent_type == 'OBJECT' else None
-    empty = _make_empty(context, ob, name, place, source.empty_display_size, parent)
+    size = source.empty_display_size
+    if source.parent_type == 'BONE' or source.parent == ob:
+        empty = _make_parented(context, ob, name, place, size, image)
+    else:
+        empty = _make_empty(context, ob, name, place, size, source.parent if source.parent_type == 'OBJECT' else None)
     empty.empty_display_type = source.empty_display_type
     return empty
 
@@ -254,7 +283,7 @@ def mirror(context, ob, handle, axis, symmetric):
         raise MeshProblem(f"No vertex of handle '{name}' has a counterpart across the object's {letter} axis: "
                           "the mesh is not symmetric there, or not about its origin.")
     if (image & chosen).sum() > 0.5 * chosen.sum():
-        raise MeshProblem(f"Handle '{name}' lies across the object's {letter} axis: its mirror image is itself.")
+        raise MirrorsItself(f"Handle '{name}' lies across the object's {letter} axis: its mirror image is itself.")
     flipped = bpy.utils.flip_name(name)
     group_name = selection.new_group(ob, flipped if flipped != name else f"{name} Mirrored", image).name
     empty = None if symmetric else _mirrored_empty(context, ob, handle, axis, group_name, image)
@@ -267,7 +296,7 @@ def mirror(context, ob, handle, axis, symmetric):
         if start.is_deformed(ob.data):  # where its vertices start, so that it takes the mirrored pose from there
             made.rest_matrix = start.motion(ob, image, start.KEPT).ravel().tolist()
     else:
-        _note_home(ob, made, image, np.array(ob.matrix_world.inverted_safe() @ empty.matrix_basis))
+        _note_home(context, ob, made, image)
     if not missing:
         return ""
     return (f"{len(missing):,} of {chosen.sum():,} vertices of '{name}' (such as vertex {missing[0]}) have no "
@@ -280,11 +309,12 @@ def to_rest(context, ob, handles):
     """Puts the handles' empties where they are without deformation."""
     movable = [h for h in handles if h.target and handle_matrices.has_home(h)]
     for handle in sorted(movable, key=lambda h: _depth(h.target)):  # parents first: they move their children
-        handle.target.matrix_world = ob.matrix_world @ Matrix(handle_matrices.home(handle).tolist())
+        pose = skin.pose_of(ob, handle.target, context.evaluated_depsgraph_get())
+        handle.target.matrix_world = ob.matrix_world @ Matrix((pose @ handle_matrices.home(handle)).tolist())
         mode = handle.target.rotation_mode
         if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix can't tell whole turns apart
-            euler = handle.target.rotation_euler.to_matrix().to_euler(mode, Euler(handle_matrices.home_euler(handle), mode))
-            handle.target.rotation_euler = euler
+            home = Euler(handle_matrices.home_euler(handle), mode)
+            handle.target.rotation_euler = handle.target.rotation_euler.to_matrix().to_euler(mode, home)
         context.view_layer.update()
 
 

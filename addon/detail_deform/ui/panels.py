@@ -7,7 +7,7 @@ import bpy
 
 from ..follow import bound, look, slow_results
 from ..library import options
-from ..scene import node_group, offset_attribute
+from ..scene import node_group, offset_attribute, stack
 from ..setup import handle_setup
 from .registration import registration
 
@@ -107,6 +107,8 @@ class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
                 'LINKED' if settings.is_bound else 'UNLINKED')
         draw_text(box, context, settings.status, icon)
 
+        if stack.before(context.object):
+            layout.operator('object.detail_deform_place', icon='SORT_DESC')
         row = layout.row(align=True)
         row.use_property_split = False
         if under_way:

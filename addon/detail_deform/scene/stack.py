@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where in the modifier stack the deformation belongs. It is made for the mesh's own vertices, as a shape key is: so
+before all that moves them or makes others, and behind what brings them from a file. Blender lets nodes not stand before
+Multires, which is said."""
+
+import bpy
+
+from . import node_group
+
+_BRINGERS = {'MESH_CACHE', 'MESH_SEQUENCE_CACHE'}
+# What goes wrong behind a modifier of that type.
+_DEFORMERS = {'ARMATURE', 'CAST', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE', 'HOOK', 'LAPLACIANDEFORM', 'LATTICE',
+              'MESH_DEFORM', 'SIMPLE_DEFORM', 'SURFACE_DEFORM', 'WARP', 'WAVE'}
+_WRONG = {'MIRROR': "its mirrored half moves the wrong way",
+          'SUBSURF': "what is pulled isn't smoothed by it",
+          **dict.fromkeys(_DEFORMERS, "the shape breaks where it bends or turns the mesh")}
+
+
+def move_to(ob, modifier, index):
+    with bpy.context.temp_override(object=ob, active_object=ob):
+        bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
+
+
+def move_behind(ob, modifier, other):
+    """Puts a modifier directly behind another one."""
+    modifiers = list(ob.modifiers)
+    at, behind = modifiers.index(modifier), modifiers.index(other)
+    move_to(ob, modifier, behind + (at > behind))
+
+
+def place(ob):
+    """Moves the deformation's modifier to where it belongs, with the cache that plays in its stead."""
+    modifier, cache = node_group.find_modifier(ob), node_group.find_cache(ob)
+    others = [other for other in ob.modifiers if other not in (modifier, cache)]
+    last = max((k for k, other in enumerate(others) if other.type == 'MULTIRES'), default=-1)
+    first_user = next((k for k, other in enumerate(others) if other.type not in _BRINGERS), len(others))
+    move_to(ob, modifier, max(last + 1, first_user))
+    if cache:
+        move_behind(ob, cache, modifier)
+
+
+def _shown_before(ob, types):
+    modifiers, modifier = list(ob.modifiers), node_group.find_modifier(ob)
+    earlier = modifiers[:modifiers.index(modifier)] if modifier else ()
+    return [other for other in earlier if other.type in types and other.show_viewport]
+
+
+def before(ob):
+    """The modifiers that should stand behind the deformation's and don't."""
+    fixed = _shown_before(ob, {'MULTIRES'})
+    return [] if fixed else _shown_before(ob, _WRONG)
+
+
+def why_not_here(ob):
+    """What is wrong with its place: a sentence, or ''."""
+    fixed = _shown_before(ob, {'MULTIRES'})
+    if fixed:
+        return (f"'{fixed[-1].name}' has to come before Detail Deform, so what was sculpted only moves along and "
+                "doesn't turn: apply it first, or pull before you sculpt.")
+    found = before(ob)
+    if not found:
+        return ""
+    return (f"'{found[-1].name}' comes before Detail Deform in the modifier stack, so {_WRONG[found[-1].type]}: press "
+            "Move to Its Place.")
+
+
+def comes_before(ob):
+    """Names of the modifiers behind it that would be wrong before it."""
+    modifiers = list(ob.modifiers)
+    modifier = node_group.find_modifier(ob)
+    return [other.name for other in modifiers[modifiers.index(modifier) + 1:] if other.type in _WRONG]
+
+
+def ensure_modifier(ob):
+    """The object's modifier, put where it belongs when there is none."""
+    is_new = node_group.find_modifier(ob) is None
+    modifier = node_group.ensure_modifier(ob)
+    if is_new and len(ob.modifiers) > 1:
+        place(ob)
+    return modifier

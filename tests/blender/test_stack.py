@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Modifier stacks as artists have them: before Mirror, Subdivision and Armature, closed seams, posed bones."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Euler, Matrix, Vector
+
+from conftest import activate, bind, evaluated, make_strip, own, refusal, select, symmetric, update
+
+
+def names(ob):
+    return [m.name for m in ob.modifiers]
+
+
+def pull(ob, chosen, **options):
+    select(ob, chosen)
+    assert bpy.ops.object.detail_deform_pull(**options) == {'FINISHED'}, ob.detail_deform.status
+    update()
+    assert ob.detail_deform.is_bound, ob.detail_deform.status
+    return bpy.context.active_object
+
+
+@pytest.mark.parametrize('kind', ['MIRROR', 'SUBSURF', 'ARMATURE', 'LATTICE', 'ARRAY', 'SOLIDIFY'])
+def test_pull_places_it_first(kind):
+    ob = make_strip()
+    ob.modifiers.new("Theirs", kind)
+    ob.modifiers.new("Another", 'BEVEL')
+    pull(ob, own(ob)[:, 0] < 0.2)
+    assert names(ob) == ["Detail Deform", "Theirs", "Another"]
+    activate(ob)
+    assert not bpy.ops.object.detail_deform_place.poll()
+
+
+def test_but_behind_what_comes_from_a_file():
+    ob = make_strip()
+    ob.modifiers.new("Cache", 'MESH_CACHE')
+    ob.modifiers.new("Smooth", 'SUBSURF')
+    bind(ob)
+    assert names(ob) == ["Cache", "Detail Deform", "Smooth"]
+
+
+def test_multires_stays_before_and_that_is_said():
+    ob = make_strip()
+    ob.modifiers.new("Detail", 'MULTIRES')
+    ob.modifiers.new("Twin", 'MIRROR')
+    bind(ob)
+    assert names(ob) == ["Detail", "Detail Deform", "Twin"]
+    assert "'Detail' has to come before" in ob.detail_deform.status
+    assert "should stand behind" in refusal(bpy.ops.object.detail_deform_place)
+
+
+def test_where_it_stands_wrong_it_is_said_and_a_button_moves_it():
+    ob = bind(make_strip())
+    assert "modifier stack" not in ob.detail_deform.status
+    ob.modifiers.new("Twin", 'MIRROR')
+    bpy.ops.object.modifier_move_to_index(modifier="Twin", index=0)
+    assert "'Twin' comes before Detail Deform" in ob.detail_deform.status
+    assert bpy.ops.object.detail_deform_place() == {'FINISHED'}
+    assert names(ob) == ["Detail Deform", "Twin"] and "modifier stack" not in ob.detail_deform.status
+
+
+def half(n=30):
+    """A rough half sphere, x ≥ 0, to be mirrored across x = 0."""
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=2 * n, ring_count=n)
+    ob = bpy.context.active_object
+    bpy.ops.object.mode_set(mode='EDIT')
+    bpy.ops.mesh.select_all(action='SELECT')
+    bpy.ops.mesh.bisect(plane_co=(0, 0, 0), plane_no=(1, 0, 0), clear_inner=True)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    ob.modifiers.new("Mirror", 'MIRROR')
+    return ob
+
+
+def on_seam(ob):
+    return np.abs(own(ob)[:, 0]) < 1e-4
+
+
+def shown_offsets(ob):
+    values = np.empty(3 * len(ob.data.vertices), np.float32)
+    ob.data.attributes['detail_deform_offset'].data.foreach_get('vector', values)
+    return values.reshape(-1, 3)
+
+
+@pytest.mark.parametrize('across', [False, True])
+@pytest.mark.parametrize('refine', [0, 4])
+def test_the_seam_of_a_mirror_stays_closed(across, refine):
+    """By a handle beside the plane, and by one on it, that is moved off it too."""
+    ob = half()
+    ob.detail_deform.refine = refine
+    p, seam = own(ob), on_seam(ob)
+    assert seam.sum() > 20
+    place = np.array((0, -1, 0)) if across else np.array((0.3, -0.95, 0))
+    chosen = np.linalg.norm(p - place, axis=1) < 0.15
+    assert (chosen & seam).any() == across
+    empty = pull(ob, chosen, radius=1.2)
+    empty.location += Vector((0.2, -0.5, 0.1))
+    update()
+    moved = shown_offsets(ob)
+    assert np.abs(moved[seam, 0]).max() < 1e-6
+    assert np.abs(moved[seam]).max() > 0.05
+    if not across:
+        assert np.abs(moved[chosen] - (0.2, -0.5, 0.1)).max() < 1e-5  # the handle is met
+    # The whole is closed and smooth: no triangle beside the seam stretches far more than those around.
+    assert (np.abs(own(ob)[:, 0] + moved[:, 0])[~seam] > 1e-4).all()
+    seen = evaluated(ob)
+    assert len(seen) == 2 * len(p) - seam.sum()  # all of the seam was merged
+
+
+def test_without_a_mirror_nothing_is_taken_back():
+    ob = half()
+    ob.modifiers.clear()
+    seam = on_seam(ob)
+    empty = pull(ob, np.linalg.norm(own(ob) - (0.3, -0.95, 0), axis=1) < 0.15, radius=1.2)
+    empty.location.x += 0.2
+    update()
+    before = shown_offsets(ob)
+    assert np.abs(before[seam, 0]).max() > 1e-3
+    ob.modifiers.new("Mirror", 'MIRROR')  # from now on it is
+    empty.location.x += 0.001
+    update()
+    assert np.abs(shown_offsets(ob)[seam, 0]).max() < 1e-6
+
+
+def test_the_seam_of_another_objects_plane():
+    ob = half()
+    ob.matrix_world = Matrix.Translation((1, 2, 3)) @ Euler((0.4, 0.2, 0.9)).to_matrix().to_4x4()
+    plane = bpy.data.objects.new("Plane", None)
+    bpy.context.scene.collection.objects.link(plane)
+    plane.matrix_world = ob.matrix_world.copy()
+    ob.modifiers["Mirror"].mirror_object = plane
+    update()
+    seam = on_seam(ob)
+    empty = pull(ob, np.linalg.norm(own(ob) - (0.3, -0.95, 0), axis=1) < 0.15, radius=1.2)
+    empty.location.x += 0.2
+    update()
+    assert np.abs(shown_offsets(ob)[seam, 0]).max() < 1e-5
+
+
+# Armatures
+
+def rigged(bend=0.0):
+    """A column of two bones, the upper one bent; with the rig's object."""
+    bpy.ops.mesh.primitive_cylinder_add(vertices=24, radius=0.3, depth=0.1)
+    ob = bpy.context.active_object
+    bpy.ops.object.mode_set(mode='EDIT')
+    bpy.ops.mesh.select_all(action='SELECT')
+    bpy.ops.mesh.delete(type='ONLY_FACE')
+    bpy.ops.object.mode_set(mode='OBJECT')
+    rings, around = 41, 24
+    z, a = np.meshgrid(np.linspace(0, 4, rings), np.arange(around) * 2 * np.pi / around, indexing='ij')
+    p = np.stack([0.3 * np.cos(a), 0.3 * np.sin(a), z], -1).reshape(-1, 3)
+    faces = [(i * around + j, i * around + (j + 1) % around, (i + 1) * around + (j + 1) % around, (i + 1) * around + j)
+             for i in range(rings - 1) for j in range(around)]
+    mesh = bpy.data.meshes.new("Column")
+    mesh.from_pydata(p.tolist(), [], faces)
+    ob.data = mesh
+    bones = bpy.data.armatures.new("Bones")
+    rig = bpy.data.objects.new("Rig", bones)
+    bpy.context.scene.collection.objects.link(rig)
+    activate(rig)
+    bpy.ops.object.mode_set(mode='EDIT')
+    for name, low, high in (("lower", 0, 2), ("upper", 2, 4)):
+        bone = bones.edit_bones.new(name)
+        bone.head, bone.tail = (0, 0, low), (0, 0, high)
+    bones.edit_bones["upper"].parent = bones.edit_bones["lower"]
+    bpy.ops.object.mode_set(mode='OBJECT')
+    weight = np.clip((p[:, 2] - 1.5) / 1.0, 0, 1)
+    for name, values in (("lower", 1 - weight), ("upper", weight)):
+        made = ob.vertex_groups.new(name=name)
+        for vertex, value in enumerate(values.tolist()):
+            if value > 0:
+                made.add([vertex], value, 'REPLACE')
+    ob.modifiers.new("Armature", 'ARMATURE').object = rig
+    turn(rig, bend)
+    return activate(ob), rig
+
+
+def turn(rig, bend):
+    bone = rig.pose.bones["upper"]
+    bone.rotation_mode = 'XYZ'
+    bone.rotation_euler = (bend, 0, 0)
+    update()
+
+
+@pytest.mark.parametrize('height', [3.5, 2.0])
+def test_on_a_posed_bone_the_empty_stands_on_the_skin_and_goes_with_it(height):
+    ob, rig = rigged(bend=1.2)
+    p = own(ob)
+    chosen = (np.abs(p[:, 2] - height) < 0.15) & (p[:, 1] < -0.2)
+    before = evaluated(ob)
+    empty = pull(ob, chosen, radius=0.8)
+    assert names(ob) == ["Detail Deform", "Armature"]
+    assert empty.parent == rig and empty.parent_type == 'BONE'
+    assert np.abs(evaluated(ob) - before).max() < 1e-5
+    place = np.array(empty.matrix_world.translation)
+    assert np.linalg.norm(evaluated(ob)[chosen].mean(0) - place) < 0.02
+
+    # Pulled along the world's X: so moves the skin.
+    empty.matrix_world = Matrix.Translation((0.3, 0, 0)) @ empty.matrix_world
+    update()
+    moved = evaluated(ob) - before
+    tolerance = 1e-4 if height > 3 else 0.15  # where two bones share it, the skin goes between
+    assert np.abs(moved[chosen] - (0.3, 0, 0)).max() < tolerance
+    # As the bone turns, the shape stays what it is at rest, and the empty goes with the skin.
+    at_rest = shown_offsets(ob).copy()
+    turn(rig, -0.5)
+    assert np.abs(shown_offsets(ob) - at_rest).max() < 1e-4
+    if height > 3:
+        place = np.array(empty.matrix_world.translation)
+        assert np.linalg.norm(evaluated(ob)[chosen].mean(0) - place) < 0.02
+
+
+def test_back_to_rest_on_a_posed_bone():
+    ob, rig = rigged(bend=0.8)
+    p = own(ob)
+    before = evaluated(ob)
+    empty = pull(ob, (np.abs(p[:, 2] - 3.5) < 0.15) & (p[:, 1] < -0.2), radius=0.8)
+    place = empty.matrix_world.copy()
+    empty.location.x += 0.3
+    update()
+    turn(rig, -0.5)
+    activate(ob)
+    bpy.ops.object.detail_deform_handle_reset(everything=True)
+    turn(rig, 0.8)
+    assert np.abs(evaluated(ob) - before).max() < 1e-5
+    assert np.abs(np.array(empty.matrix_world) - np.array(place)).max() < 1e-5
+
+
+def test_a_second_pull_on_a_posed_bone():
+    ob, _ = rigged(bend=0.8)
+    p = own(ob)
+    empty = pull(ob, (np.abs(p[:, 2] - 3.5) < 0.15) & (p[:, 1] < -0.2), radius=1.5)
+    empty.matrix_world = Matrix.Translation((0.3, 0, 0)) @ empty.matrix_world
+    update()
+    before = evaluated(ob)
+    spot = (np.abs(p[:, 2] - 2.9) < 0.15) & (p[:, 1] < -0.2)
+    second = pull(ob, spot, radius=1.5)
+    assert np.abs(evaluated(ob) - before).max() < 1e-4
+    assert np.linalg.norm(evaluated(ob)[spot].mean(0) - np.array(second.matrix_world.translation)) < 0.05
+
+
+# Symmetry
+
+def test_edit_modes_symmetry_makes_the_symmetric_handle():
+    ob = symmetric(41)
+    ob.data.use_mirror_x = True
+    p = own(ob)
+    empty = pull(ob, np.linalg.norm(p[:, :2] - (0.25, 0), axis=1) < 0.06, radius=0.3)
+    assert [h.mirrors for h in ob.detail_deform.handles] == ["", ob.detail_deform.handles[0].name]
+    assert empty == ob.detail_deform.handles[0].target
+    empty.location.z += 0.1
+    empty.location.x += 0.05
+    update()
+    moved = evaluated(ob) - p
+    image = np.array([np.linalg.norm(p - q * (-1, 1, 1), axis=1).argmin() for q in p])
+    assert np.abs(moved).max() > 0.09 and np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-5
+
+
+def test_on_the_middle_it_makes_none_and_on_a_half_neither():
+    ob = symmetric(41)
+    ob.data.use_mirror_x = True
+    pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.06, radius=0.3)
+    assert len(ob.detail_deform.handles) == 1
+    ob = half()
+    ob.data.use_mirror_x = True
+    pull(ob, np.linalg.norm(own(ob) - (0.3, -0.95, 0), axis=1) < 0.15, radius=0.5)
+    assert len(ob.detail_deform.handles) == 1
+
+
+def test_a_pull_that_fails_takes_both_back():
+    ob = symmetric(41)
+    ob.data.use_mirror_x = True
+    chosen = own(ob)[:, 0] > 0.4
+    pull(ob, chosen, radius=0.3)
+    select(ob, own(ob)[:, 0] > 0.45)
+    assert "larger weight" in refusal(bpy.ops.object.detail_deform_pull)
+    assert len(ob.detail_deform.handles) == 2
