@@ -146,6 +146,10 @@ class DetailDeformExample(bpy.types.PropertyGroup):
         description="How much of this example the handles asked for")
 
 
+class DetailDeformExpression(bpy.types.PropertyGroup):
+    name: StringProperty(name="Expression", description="Shape key that was saved here")
+
+
 class DetailDeformSettings(bpy.types.PropertyGroup):
     region: StringProperty(
         name="Region", update=_region_changed,
@@ -163,6 +167,8 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         type=DetailDeformExample, name="Examples",
         description="Poses that the method Examples mixes, beside the rest shape")
     example_index: IntProperty(name="Active Example", options={'HIDDEN'})
+    expressions: CollectionProperty(
+        type=DetailDeformExpression, name="Expressions", description="Shape keys that were saved of the deformation")
     base_object: PointerProperty(
         name="Base Object", type=bpy.types.Object, update=_base_object_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
@@ -216,7 +222,7 @@ _HEARD_BY_STRUCT = {options.BIND: _input_changed, options.UPDATE: _look_changed}
 declare(DetailDeformSettings, options.SETTINGS,
         lambda option: _HEARD.get(option.name, _HEARD_BY_STRUCT.get(option.struct)))
 
-CLASSES = (DetailDeformHandle, DetailDeformExample, DetailDeformSettings)
+CLASSES = (DetailDeformHandle, DetailDeformExample, DetailDeformExpression, DetailDeformSettings)
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 

@@ -70,7 +70,7 @@ def _find_start(ob, places, keep_rest):
 def go_home(ob, depsgraph, wait):
     """Where the handles are home again: the surface starts from the mesh as it is without any deformation."""
     settings = ob.detail_deform
-    if start.forget_deformation(ob.data) or _has_come(settings):
+    if settings.signature and (start.forget_deformation(ob.data) or _has_come(settings)):
         handle_matrices.go_home(settings)
         offset_attribute.remove(ob.data)  # nor does what it shows count
         bind(ob, depsgraph, wait, keep_rest=True)
@@ -109,9 +109,12 @@ def cancel(ob):
     bound.cache.cancel(ob.detail_deform.signature)
 
 
-def unbind(ob):
-    """Forgets the binding; the mesh shows its rest shape."""
+def unbind(ob, keep_rest=False):
+    """Forgets the binding; the mesh shows its rest shape. keep_rest: the handles still know where they are at rest."""
+    homes = [handle_matrices.kept_home(handle) for handle in ob.detail_deform.handles] if keep_rest else ()
     life.end(bound, ob)
+    for handle, kept in zip(ob.detail_deform.handles, homes):
+        handle.rest_matrix, handle.rest_euler = kept
 
 
 def make_base_object(ob):

@@ -7,6 +7,7 @@ import bpy
 
 from ..library import native
 from ..scene import mesh_data
+from ..setup import handle_setup
 
 _TICK_SECONDS = 0.05
 PATH_OPTIONS = {'SKIP_SAVE'} | ({'PATH_SUPPORTS_BLEND_RELATIVE'} if bpy.app.version >= (4, 5) else set())
@@ -17,8 +18,13 @@ class MeshOperator:
     bl_options = {'REGISTER', 'UNDO'}
 
     @classmethod
+    def object_of(cls, context):
+        """What it works on, a mesh object if it can be found."""
+        return context.active_object
+
+    @classmethod
     def poll(cls, context):
-        ob = context.active_object
+        ob = cls.object_of(context)
         if ob is None or ob.type != 'MESH':
             cls.poll_message_set("Select a mesh object")
             return False
@@ -29,7 +35,7 @@ class MeshOperator:
         return True
 
     def execute(self, context):
-        ob = context.active_object
+        ob = self.object_of(context)
         try:
             mesh_data.check_editable(ob)
             result = self.run(context, ob) or {'FINISHED'}
@@ -53,6 +59,16 @@ class MeshOperator:
             cls.poll_message_set("Select vertices in Edit Mode")
             return False
         return True
+
+
+class HandOperator(MeshOperator):
+    """Also while an empty is active, for the mesh that it pulls."""
+
+    @classmethod
+    def object_of(cls, context):
+        active = context.active_object
+        pulled = handle_setup.owner(active)[0] if active and active.type == 'EMPTY' else None
+        return pulled or active
 
 
 class LongOperator(MeshOperator):

@@ -2,14 +2,14 @@
 """What the user can do; scripts call these as bpy.ops.object.detail_deform_..."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ..follow import binding, life, live_transfer, slow_results, status
 from ..library.options import SETTINGS
 from ..results import bake
 from ..scene import apply_result, correspondence, mesh_data, node_group, offset_attribute, stack
 from ..setup import handle_setup, region_setup
-from .operator_base import MeshOperator
+from .operator_base import HandOperator, MeshOperator
 
 
 class OBJECT_OT_detail_deform_add(MeshOperator, bpy.types.Operator):
@@ -99,11 +99,12 @@ class OBJECT_OT_detail_deform_bind_cancel(MeshOperator, bpy.types.Operator):
 class OBJECT_OT_detail_deform_unbind(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_unbind'
     bl_label = "Unbind"
-    bl_description = "Detach the surface from its handles and show its rest shape. Settings stay"
+    bl_description = ("Detach the surface from its handles and show its rest shape. Settings stay, and where the handles "
+                      "are at rest is known until the next Bind")
 
     def run(self, context, ob):
         mesh_data.check_object(ob)
-        binding.unbind(ob)
+        binding.unbind(ob, keep_rest=True)
         live_transfer.stop(ob)
 
 
@@ -120,6 +121,43 @@ class OBJECT_OT_detail_deform_update(MeshOperator, bpy.types.Operator):
         life.refresh(ob, context.evaluated_depsgraph_get(), force=True)
         if settings.stale or settings.problem:
             raise mesh_data.MeshProblem(status.text(ob))
+
+
+def _settle_what_is_seen(ob):
+    """Raises MeshProblem where the deformation isn't what is seen."""
+    mesh_data.check_object(ob)
+    modifier = node_group.find_modifier(ob)
+    if node_group.find_cache(ob):
+        raise mesh_data.MeshProblem("A baked cache is played in place of the deformation: press Go Live first, or "
+                                    "apply the cache's modifier.")
+    if modifier and not modifier.show_viewport:
+        raise mesh_data.MeshProblem("The modifier is hidden, so there is nothing to see that could be applied: "
+                                    "show it in the viewport first.")
+    life.settle(ob)
+
+
+class OBJECT_OT_detail_deform_save_key(HandOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_save_key'
+    bl_label = "Save as Shape Key"
+    bl_description = ("Keep what is shown as a new shape key, put all handles back to rest, and go on: an expression "
+                      "after the other, with one binding")
+
+    name: StringProperty(name="Name", default="Expression", options={'SKIP_SAVE'},
+                         description="Name of the shape key")
+
+    @classmethod
+    def poll_object(cls, ob):
+        if not ob.detail_deform.signature:
+            cls.poll_message_set("Bind first, and move a handle")
+            return False
+        return True
+
+    def run(self, context, ob):
+        _settle_what_is_seen(ob)
+        name = apply_result.save_key(ob, self.name or "Expression")
+        ob.detail_deform.expressions.add().name = name
+        handle_setup.all_to_rest(context, ob)
+        self.report({'INFO'}, f"Saved as '{name}', with value 0; the handles are at rest")
 
 
 class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
@@ -140,15 +178,7 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
         return True
 
     def run(self, context, ob):
-        mesh_data.check_object(ob)
-        modifier = node_group.find_modifier(ob)
-        if node_group.find_cache(ob):
-            raise mesh_data.MeshProblem("A baked cache is played in place of the deformation: press Go Live first, or "
-                                        "apply the cache's modifier.")
-        if modifier and not modifier.show_viewport:
-            raise mesh_data.MeshProblem("The modifier is hidden, so there is nothing to see that could be applied: "
-                                        "show it in the viewport first.")
-        life.settle(ob)
+        _settle_what_is_seen(ob)
         apply_result.apply(ob, self.mode)
         binding.unbind(ob)
         live_transfer.stop(ob)
@@ -191,6 +221,7 @@ class OBJECT_OT_detail_deform_copy_settings(MeshOperator, bpy.types.Operator):
 CLASSES = (OBJECT_OT_detail_deform_add, OBJECT_OT_detail_deform_place, OBJECT_OT_detail_deform_remove,
            OBJECT_OT_detail_deform_bind, OBJECT_OT_detail_deform_bind_cancel,
            OBJECT_OT_detail_deform_unbind, OBJECT_OT_detail_deform_update,
+           OBJECT_OT_detail_deform_save_key,
            OBJECT_OT_detail_deform_apply, OBJECT_OT_detail_deform_base_make,
            OBJECT_OT_detail_deform_copy_settings)
 

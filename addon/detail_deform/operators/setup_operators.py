@@ -8,7 +8,7 @@ from ..follow import binding, life
 from ..library import native
 from ..scene import handle_matrices, mesh_data, mirror_plane, node_group, stack
 from ..setup import handle_setup, region_setup
-from .operator_base import MeshOperator
+from .operator_base import HandOperator, MeshOperator
 from ..properties import AXES
 
 
@@ -110,7 +110,7 @@ class OBJECT_OT_detail_deform_handle_mirror(_HandleOperator, bpy.types.Operator)
             self.report({'WARNING'}, remark)
 
 
-class OBJECT_OT_detail_deform_handle_reset(_HandleOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_handle_reset(HandOperator, _HandleOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_handle_reset'
     bl_label = "Back to Rest"
     bl_description = "Put the handle's empty back where its vertices are on the mesh without deformation"
@@ -128,6 +128,9 @@ class OBJECT_OT_detail_deform_handle_reset(_HandleOperator, bpy.types.Operator):
         if self.everything:
             handle_setup.all_to_rest(context, ob)
         else:
+            owner, number = handle_setup.owner(context.active_object)
+            if owner == ob and self.index < 0:
+                self.index = number
             handle_setup.to_rest(context, ob, [self.handle(ob)])
 
 

@@ -6,14 +6,29 @@ import numpy as np
 from . import mesh_data, node_group, offset_attribute
 
 SHAPE_KEY_NAME = 'Detail Deform'
+# Of the size of the mesh: by so little has nothing moved.
+_NOTHING = 1e-6
+
+
+def shown_offsets(ob):
+    """(n, 3) float32: as far as the modifier's Factor and Influence show the deformation."""
+    modifier = node_group.find_modifier(ob)
+    return offset_attribute.read(ob.data) * (node_group.amount(ob, modifier) if modifier else 1.0)
+
+
+def save_key(ob, name):
+    """A shape key, not shown yet, that holds the deformation as it is shown. Returns its name."""
+    offsets = shown_offsets(ob)
+    size = np.ptp(mesh_data.positions(ob.data), axis=0).max(initial=0)
+    if np.abs(offsets).max(initial=0) <= _NOTHING * size:
+        raise mesh_data.MeshProblem("Nothing is deformed that could be saved: move a handle first.")
+    return add_key(ob, name, offsets).name
 
 
 def apply(ob, mode):
     """mode: 'MESH' moves the vertices (of every shape key too, so that keys keep their effect);
     'SHAPE_KEY' adds a key. As far as the modifier's Factor and Influence show the deformation."""
-    mesh = ob.data
-    modifier = node_group.find_modifier(ob)
-    offsets = offset_attribute.read(mesh) * (node_group.amount(ob, modifier) if modifier else 1.0)
+    mesh, offsets = ob.data, shown_offsets(ob)
     if mode == 'SHAPE_KEY':
         add_key(ob, SHAPE_KEY_NAME, offsets).value = 1.0
         return

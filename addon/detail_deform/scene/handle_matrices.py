@@ -161,6 +161,13 @@ def home_euler(handle):
     return handle.home_euler if any(handle.home_matrix) else handle.rest_euler
 
 
+def kept_home(handle):
+    """(matrix, Euler rotation) as a handle keeps its rest; a matrix of zeros where it has none."""
+    if handle.mirrors or not has_home(handle):
+        return [0.0] * 16, (0.0, 0.0, 0.0)
+    return home(handle).ravel().tolist(), home_euler(handle)[:]
+
+
 def set_home(handle, matrix):
     """Of a handle that is made where the mesh is deformed."""
     handle.home_matrix = np.asarray(matrix, np.float32).ravel().tolist()

@@ -232,6 +232,25 @@ class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
         draw_options(layout, context, settings, 'EXAMPLES')
 
 
+def saved_keys(ob):
+    """The shape keys that were saved here and are still there."""
+    keys = ob.data.shape_keys
+    blocks = keys.key_blocks if keys else {}
+    return [blocks[saved.name] for saved in ob.detail_deform.expressions if saved.name in blocks]
+
+
+class OBJECT_PT_detail_deform_expressions(ModifierPanel, bpy.types.Panel):
+    bl_label = "Expressions"
+    bl_parent_id = 'OBJECT_PT_detail_deform'
+    bl_options = {'DEFAULT_CLOSED'}
+
+    def draw_settings(self, context, layout, ob, settings):
+        layout.operator('object.detail_deform_save_key', icon='SHAPEKEY_DATA')
+        column = layout.column()
+        for key in saved_keys(ob):
+            column.prop(key, 'value', text=key.name, slider=True)
+
+
 class OBJECT_PT_detail_deform_base(ModifierPanel, bpy.types.Panel):
     bl_label = "Base Surface"
     bl_parent_id = 'OBJECT_PT_detail_deform'
@@ -281,6 +300,10 @@ class OBJECT_PT_detail_deform_empty(bpy.types.Panel):
         draw_text(layout, context, f"Handle '{settings.handles[number].name}' of '{ob.name}'. {settings.status}",
                    'ERROR' if settings.stale or settings.problem else 'EMPTY_AXIS')
         layout.operator('object.detail_deform_mesh_activate', icon='MESH_DATA')
+        row = layout.row(align=True)
+        row.operator('object.detail_deform_handle_reset', icon='LOOP_BACK')
+        row.operator('object.detail_deform_handle_reset', text="All Back to Rest").everything = True
+        layout.operator('object.detail_deform_save_key', icon='SHAPEKEY_DATA')
         layout.prop(settings, 'preview')
         if settings.method == 'EXAMPLES':
             layout.template_list('OBJECT_UL_detail_deform_examples', "", settings, 'examples', settings,
@@ -298,8 +321,8 @@ def _draw_add_entry(self, context):
 
 CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_UL_detail_deform_examples, OBJECT_MT_detail_deform_mirror,
            OBJECT_MT_detail_deform_handles, OBJECT_PT_detail_deform, OBJECT_PT_detail_deform_examples,
-           OBJECT_PT_detail_deform_handles, OBJECT_PT_detail_deform_base, OBJECT_PT_detail_deform_advanced,
-           OBJECT_PT_detail_deform_empty)
+           OBJECT_PT_detail_deform_handles, OBJECT_PT_detail_deform_expressions, OBJECT_PT_detail_deform_base,
+           OBJECT_PT_detail_deform_advanced, OBJECT_PT_detail_deform_empty)
 
 
 register, unregister = registration(CLASSES, (
