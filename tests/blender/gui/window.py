@@ -15,6 +15,7 @@ import sys
 import traceback
 from pathlib import Path
 
+import bmesh
 import bpy
 import numpy as np
 
@@ -103,6 +104,7 @@ def checks():
     yield from reopening()
     yield from transferring()
     yield from pulling()
+    yield from expressing()
     yield from rendering()
     yield from baking()
 
@@ -277,6 +279,65 @@ def pulling():
     check("Pull, g and a move of the mouse deform Suzanne", lengths[chosen].min() > 0.05)
     check("around her ear only", not lengths[[v.co.x < 0 for v in surface()[0].data.vertices]].any())
     screenshot('pulled')
+
+
+def expressing():
+    """From Suzanne to a symmetric expression as a shape key, and back at rest, each action of the hand counted."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    yield 1.0
+    with in_view():
+        bpy.ops.mesh.primitive_monkey_add()
+        bpy.ops.view3d.view_selected()
+    ob = bpy.context.active_object
+    ob.modifiers.new("Subdivision", 'SUBSURF').levels = 2
+    chosen = np.array([v.co.x > 1.2 for v in ob.data.vertices])
+    point_at('VIEW_3D')
+    yield 0.5
+    actions = 0
+
+    def done(count=1):
+        nonlocal actions
+        actions += count
+        return 0.5
+
+    xdotool('key', 'Tab')
+    yield done()
+    ob.data.use_mirror_x = True  # X among the symmetry buttons in the header
+    yield done()
+    mesh = bmesh.from_edit_mesh(ob.data)
+    for vertex in mesh.verts:
+        vertex.select_set(bool(chosen[vertex.index]))
+    bmesh.update_edit_mesh(ob.data)
+    yield done()  # a click with the circle
+    with in_view():
+        bpy.ops.object.detail_deform_pull('INVOKE_DEFAULT', radius=0.5)
+    yield done(2)  # right click, and the entry
+    xdotool('key', 'g')
+    yield done()
+    xdotool('mousemove_relative', '--', 50, -70)
+    yield 0.3
+    xdotool('key', 'Return')
+    yield done()
+    ob, empty = surface()
+    seen = {tuple(np.round(v.co, 4)): v.index for v in ob.data.vertices}
+    image = [seen[tuple(np.round((-v.co.x, v.co.y, v.co.z), 4) + 0.0)] for v in ob.data.vertices]
+    moved = np.array([v.vector for v in ob.data.attributes['detail_deform_offset'].data])
+    check("both of her ears move", np.linalg.norm(moved[chosen], axis=1).min() > 0.05)
+    check("as mirror images", np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-4)
+    check("before her subdivision", ob.modifiers[0].name == "Detail Deform")
+    area('PROPERTIES').spaces.active.context = 'OBJECT'
+    yield 0.5
+    screenshot('expression')
+    bpy.ops.object.detail_deform_save_key('INVOKE_DEFAULT')
+    yield done(2)  # the tab of the empty's object, and the button
+    key = ob.data.shape_keys.key_blocks.get("Expression")
+    check("the expression is a shape key", key is not None and key.value == 0)
+    check("and the face is at rest, still bound", ob.detail_deform.is_bound and not np.abs(
+        [v.vector for v in ob.data.attributes['detail_deform_offset'].data]).max() > 1e-6)
+    check(f"in {actions} actions, at most 10", actions <= 10)
+    key.value = 1
+    yield 0.5
+    screenshot('expression-saved')
 
 
 def rendering():
