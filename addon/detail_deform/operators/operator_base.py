@@ -66,9 +66,7 @@ class HandOperator(MeshOperator):
 
     @classmethod
     def object_of(cls, context):
-        active = context.active_object
-        pulled = handle_setup.owner(active)[0] if active and active.type == 'EMPTY' else None
-        return pulled or active
+        return handle_setup.owner(context.active_object)[0] or context.active_object
 
 
 class LongOperator(MeshOperator):

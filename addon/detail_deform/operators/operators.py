@@ -29,7 +29,7 @@ class OBJECT_OT_detail_deform_add(MeshOperator, bpy.types.Operator):
         stack.ensure_modifier(ob)
 
 
-class OBJECT_OT_detail_deform_place(MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_place(HandOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_place'
     bl_label = "Move to Its Place"
     bl_description = ("Move Detail Deform in the modifier stack to where it gives the right result: before all that "
@@ -65,7 +65,7 @@ class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
         ob.property_unset('detail_deform')
 
 
-class OBJECT_OT_detail_deform_bind(MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_bind(HandOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_bind'
     bl_label = "Bind"
     bl_description = ("Attach the region to its handles: the empties' present places are the rest. From "
@@ -85,7 +85,7 @@ class OBJECT_OT_detail_deform_bind(MeshOperator, bpy.types.Operator):
             self.report({'WARNING'}, ob.detail_deform.problem)
 
 
-class OBJECT_OT_detail_deform_bind_cancel(MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_bind_cancel(HandOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_bind_cancel'
     bl_label = "Cancel"
     bl_description = "Stop the bind, or the slow result, that is under way"
@@ -96,7 +96,7 @@ class OBJECT_OT_detail_deform_bind_cancel(MeshOperator, bpy.types.Operator):
         slow_results.cancel(offset_attribute.token(ob.data))
 
 
-class OBJECT_OT_detail_deform_unbind(MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_unbind(HandOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_unbind'
     bl_label = "Unbind"
     bl_description = ("Detach the surface from its handles and show its rest shape. Settings stay, and where the handles "
@@ -108,7 +108,7 @@ class OBJECT_OT_detail_deform_unbind(MeshOperator, bpy.types.Operator):
         live_transfer.stop(ob)
 
 
-class OBJECT_OT_detail_deform_update(MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_update(HandOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_update'
     bl_label = "Update"
     bl_description = "Bring the surface up to date with its handles now"

@@ -134,7 +134,7 @@ class OBJECT_OT_detail_deform_handle_reset(HandOperator, _HandleOperator, bpy.ty
             handle_setup.to_rest(context, ob, [self.handle(ob)])
 
 
-class OBJECT_OT_detail_deform_handle_activate(_HandleOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_handle_activate(HandOperator, _HandleOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_handle_activate'
     bl_label = "Select Empty"
     bl_description = "Select the handle's empty alone, to move it"
@@ -156,7 +156,7 @@ class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return bool(context.active_object and handle_setup.owner(context.active_object)[0])
+        return handle_setup.owner(context.active_object)[0] is not None
 
     def execute(self, context):
         ob, number = handle_setup.owner(context.active_object)
@@ -236,8 +236,7 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         # It leaves with the empty active: there its slider is still to be had, which takes it back first.
-        empty = context.active_object
-        if empty and empty.type == 'EMPTY' and handle_setup.owner(empty)[0]:
+        if handle_setup.owner(context.active_object)[0]:
             return True
         return super().poll(context)
 

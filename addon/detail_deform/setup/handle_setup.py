@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Handles made from a selection, a group or another handle, changed, and taken away again."""
 
+import itertools
+
 import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Vector, kdtree
@@ -21,7 +23,10 @@ class MirrorsItself(MeshProblem):
 
 def owner(empty):
     """The mesh object that has this empty for a handle, and the handle's number; None and -1 for others."""
-    for ob in bpy.data.objects:
+    if empty is None or empty.type != 'EMPTY':
+        return None, -1
+    # Nearly always the parent, and this is asked at every redraw.
+    for ob in itertools.chain([empty.parent] if empty.parent else [], bpy.data.objects):
         if ob.type == 'MESH':
             for number, handle in enumerate(ob.detail_deform.handles):
                 if handle.target == empty:

@@ -74,12 +74,48 @@ def _draw_option(layout, context, settings, option, why_not):
         draw_text(row, context, why_not, 'INFO')
 
 
+def draw_state(layout, context, ob):
+    """How things stand, and the buttons that change it."""
+    settings = ob.detail_deform
+    wrong = settings.stale or settings.problem
+    under_way = bound.cache.under_way(settings.signature)
+    box = layout.box()
+    icon = ('ERROR' if wrong else 'SORTTIME' if under_way else
+            'LINKED' if settings.is_bound else 'UNLINKED')
+    draw_text(box, context, settings.status, icon)
+
+    if stack.before(ob):
+        layout.operator('object.detail_deform_place', icon='SORT_DESC')
+    row = layout.row(align=True)
+    row.use_property_split = False
+    if under_way:
+        row.enabled = not under_way.cancelled
+        row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
+        return
+    if node_group.find_cache(ob):
+        return
+    if slow_results.progress(offset_attribute.token(ob.data)) is not None:
+        row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
+    if ob.mode == 'EDIT':
+        layout.operator('object.detail_deform_pull', text="Pull Selected", icon='EMPTY_AXIS')
+    if settings.signature:
+        if settings.stale or (settings.problem and settings.base == 'OBJECT'):  # it may make other vertices now
+            row.operator('object.detail_deform_bind', text="Re-bind", icon='FILE_REFRESH').keep_rest = True
+        row.operator('object.detail_deform_unbind', icon='UNLINKED')
+        if not settings.stale:
+            row.operator('object.detail_deform_update', text="", icon='FILE_REFRESH')
+            row.prop(settings, 'live', toggle=True)
+    else:
+        row.enabled = bool(settings.handles) or settings.base == 'OBJECT'
+        row.operator('object.detail_deform_bind', icon='LINKED').keep_rest = False
+
+
 class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
     bl_label = "Detail Deform"
     bl_options = {'DEFAULT_CLOSED'}
 
     def draw_settings(self, context, layout, ob, settings):
-        self.draw_state(context, layout, settings)
+        draw_state(layout, context, ob)
         if node_group.find_cache(ob):
             layout.operator('object.detail_deform_bake_drop', icon='PLAY')
             return
@@ -98,40 +134,6 @@ class OBJECT_PT_detail_deform(ModifierPanel, bpy.types.Panel):
         row.operator_menu_enum('object.detail_deform_apply', 'mode', text="Apply")
         row.operator('object.detail_deform_bake', text="Bake", icon='REC')
         layout.operator('object.detail_deform_remove', text="Remove All", icon='TRASH')
-
-    def draw_state(self, context, layout, settings):
-        wrong = settings.stale or settings.problem
-        under_way = bound.cache.under_way(settings.signature)
-        box = layout.box()
-        icon = ('ERROR' if wrong else 'SORTTIME' if under_way else
-                'LINKED' if settings.is_bound else 'UNLINKED')
-        draw_text(box, context, settings.status, icon)
-
-        if stack.before(context.object):
-            layout.operator('object.detail_deform_place', icon='SORT_DESC')
-        row = layout.row(align=True)
-        row.use_property_split = False
-        if under_way:
-            row.enabled = not under_way.cancelled
-            row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
-            return
-        if node_group.find_cache(context.object):
-            return
-        if slow_results.progress(offset_attribute.token(context.object.data)) is not None:
-            row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
-        if context.object.mode == 'EDIT':
-            layout.operator('object.detail_deform_pull', text="Pull Selected", icon='EMPTY_AXIS')
-        if settings.signature:
-            if settings.stale or (settings.problem and settings.base == 'OBJECT'):  # it may make other vertices now
-                row.operator('object.detail_deform_bind', text="Re-bind", icon='FILE_REFRESH').keep_rest = True
-            row.operator('object.detail_deform_unbind', icon='UNLINKED')
-            if not settings.stale:
-                row.operator('object.detail_deform_update', text="", icon='FILE_REFRESH')
-                row.prop(settings, 'live', toggle=True)
-        else:
-            row.enabled = bool(settings.handles) or settings.base == 'OBJECT'
-            row.operator('object.detail_deform_bind', icon='LINKED').keep_rest = False
-
 
 class OBJECT_MT_detail_deform_mirror(bpy.types.Menu):
     bl_label = "Mirror Handle"
