@@ -174,6 +174,15 @@ def suzanne():
     panel_picture('message.png')
     settings.handles[1].enabled = True
 
+    for name, axis in (("Ear Up", 2), ("Ear Back", 1)):
+        ear.location[axis] += 0.4
+        bpy.context.view_layer.update()
+        bpy.ops.object.detail_deform_save_key(name=name)
+    ob.data.shape_keys.key_blocks["Ear Up"].value = 0.7
+    show_only(panels.OBJECT_PT_detail_deform_expressions)
+    yield from settle()
+    panel_picture('expressions.png')
+
     activate(ear)
     show_only(panels.OBJECT_PT_detail_deform_empty)
     area('PROPERTIES').spaces[0].context = 'OBJECT'

@@ -34,7 +34,8 @@ class OBJECT_UL_detail_deform_handles(_Switched, bpy.types.UIList):
 def draw_text(layout, context, text, icon):
     """Wraps a sentence to the panel's width; labels don't."""
     scale = context.preferences.system.ui_scale
-    width = max(20, int(context.region.width / (7 * scale)) - 6)
+    beside = 30 if context.region.type == 'UI' else 0  # the tabs
+    width = max(20, int((context.region.width / scale - beside) / 7) - 6)
     column = layout.column(align=True)
     column.scale_y = 0.8
     for number, line in enumerate(textwrap.wrap(text, width)):

@@ -35,9 +35,9 @@ class VIEW3D_PT_detail_deform(bpy.types.Panel):
         if 0 <= settings.handle_index < len(settings.handles):
             if not empty:
                 layout.operator('object.detail_deform_handle_activate', icon='EMPTY_AXIS')
-            row = layout.row(align=True)
-            row.operator('object.detail_deform_handle_reset', icon='LOOP_BACK')
-            row.operator('object.detail_deform_handle_reset', text="All").everything = True
+            column = layout.column(align=True)
+            column.operator('object.detail_deform_handle_reset', icon='LOOP_BACK')
+            column.operator('object.detail_deform_handle_reset', text="All Back to Rest").everything = True
         layout.operator('object.detail_deform_save_key', icon='SHAPEKEY_DATA')
         column = layout.column()
         for key in saved_keys(ob):

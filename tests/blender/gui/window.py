@@ -22,6 +22,8 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[3]
 OUT = Path(sys.argv[sys.argv.index('--') + 1]).resolve()
 HEADERS = (141, 166)  # of the two panels in the full window, pixels from its top, while the first is closed
+# In the viewport's sidebar, pixels from the viewport's right upper corner.
+SIDEBAR_TAB, SAVE_BUTTON = (13, 220), (117, 360)
 failures = []
 
 
@@ -75,6 +77,19 @@ def point_at(kind):
     where = area(kind)
     window = bpy.context.window_manager.windows[0]
     xdotool('mousemove', where.x + where.width // 2, window.height - where.y - where.height // 2)
+
+
+def show_sidebar():
+    area('VIEW_3D').spaces.active.show_region_ui = True
+
+
+def click_in_view(x, y):
+    """x, y: pixels from the viewport's right upper corner."""
+    where, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
+    xdotool('mousemove', where.x + where.width - x, window.height - where.y - where.height + y)
+    yield 0.3
+    xdotool('click', 1)
+    yield 0.5
 
 
 def in_view():
@@ -325,19 +340,32 @@ def expressing():
     check("both of her ears move", np.linalg.norm(moved[chosen], axis=1).min() > 0.05)
     check("as mirror images", np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-4)
     check("before her subdivision", ob.modifiers[0].name == "Detail Deform")
-    area('PROPERTIES').spaces.active.context = 'OBJECT'
+    show_sidebar()
     yield 0.5
+    yield from click_in_view(*SIDEBAR_TAB)
+    yield done(2)  # N, and the tab
     screenshot('expression')
-    bpy.ops.object.detail_deform_save_key('INVOKE_DEFAULT')
-    yield done(2)  # the tab of the empty's object, and the button
+    yield from click_in_view(*SAVE_BUTTON)
+    yield done()
     key = ob.data.shape_keys.key_blocks.get("Expression")
     check("the expression is a shape key", key is not None and key.value == 0)
     check("and the face is at rest, still bound", ob.detail_deform.is_bound and not np.abs(
         [v.vector for v in ob.data.attributes['detail_deform_offset'].data]).max() > 1e-6)
     check(f"in {actions} actions, at most 10", actions <= 10)
     key.value = 1
+    xdotool('mousemove', 400, 400)
     yield 0.5
     screenshot('expression-saved')
+    check("the empty is active", bpy.context.active_object == empty)
+    xdotool('key', 'Tab')
+    yield 0.5
+    check("Tab goes from the empty to its mesh", bpy.context.active_object == ob and ob.mode == 'OBJECT')
+    xdotool('key', 'Tab')
+    yield 0.5
+    check("and from there to Edit Mode", ob.mode == 'EDIT')
+    xdotool('key', 'Tab')
+    area('VIEW_3D').spaces.active.show_region_ui = False
+    yield 0.5
 
 
 def rendering():
