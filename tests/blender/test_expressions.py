@@ -150,6 +150,6 @@ def test_back_to_rest_without_a_binding(deformed):
 
 
 def test_after_apply_there_is_no_way_back():
-    ob, _ = posed()
+    posed()
     bpy.ops.object.detail_deform_apply(mode='MESH')
     assert "none has a rest place" in refusal(bpy.ops.object.detail_deform_handle_reset)

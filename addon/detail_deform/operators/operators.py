@@ -99,8 +99,8 @@ class OBJECT_OT_detail_deform_bind_cancel(HandOperator, bpy.types.Operator):
 class OBJECT_OT_detail_deform_unbind(HandOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_unbind'
     bl_label = "Unbind"
-    bl_description = ("Detach the surface from its handles and show its rest shape. Settings stay, and where the handles "
-                      "are at rest is known until the next Bind")
+    bl_description = ("Detach the surface from its handles and show its rest shape. Settings stay, and until the next "
+                      "Bind the handles can go back to rest")
 
     def run(self, context, ob):
         mesh_data.check_object(ob)
