@@ -4,7 +4,7 @@
 import bpy
 from bpy.app.handlers import persistent
 
-from .follow import edits, life, registry
+from .follow import auto_bind, edits, life, registry
 from .ui import marker_preview, preview
 
 # With nothing bound, neither of these two goes through what a scene has or what was changed.
@@ -50,6 +50,7 @@ _HANDLERS = (('depsgraph_update_post', _depsgraph_updated), ('frame_change_post'
 def register():
     for name, function in _HANDLERS:
         getattr(bpy.app.handlers, name).append(function)
+    life.when_stale.append(auto_bind.soon)
 
 
 def unregister():
@@ -57,5 +58,7 @@ def unregister():
         handlers = getattr(bpy.app.handlers, name)
         if function in handlers:
             handlers.remove(function)
+    life.when_stale.clear()
+    auto_bind.clear()
     edits.clear()
     life.clear()

@@ -27,6 +27,8 @@ KINDS = (fed, bound)
 
 _POLL_SECONDS = 0.1
 
+when_stale = []  # called where an object is found to differ from what was bound
+
 
 def kind_of(ob):
     """The kind of what follows, None of all else."""
@@ -115,6 +117,9 @@ def check(ob):
     if lost:
         end(kind, ob)
         kind.settings(ob).problem = lost
+    elif ob.detail_deform.stale:
+        for tell in when_stale:
+            tell()
 
 
 # Made

@@ -251,6 +251,10 @@ SETTINGS = (
            fills=Field(UPDATE, 'formulation', 'dd_formulation'), section='ADVANCED',
            needs=(_by('TRANSFER', why_not="Only Detail Transfer has formulations."),)),
 
+    Option('auto_bind', bool, "Re-bind by Itself",
+           "After an edit of the mesh, of handles or of settings, bind again with the present pose, where that takes "
+           "less than half a second. In the window, while Live is on",
+           default=True),
     Option('preview', bool, "Show Vertices",
            "Colour the vertices of the region and of the handles in the viewport, outside Edit Mode"),
     Option('live', bool, "Live", "Follow every move of the handles. Off: only when Update is pressed", default=True),

@@ -279,6 +279,7 @@ class OBJECT_PT_detail_deform_advanced(ModifierPanel, bpy.types.Panel):
 
     def draw_settings(self, context, layout, ob, settings):
         draw_options(layout, context, settings, 'ADVANCED')
+        layout.prop(settings, 'auto_bind')
         layout.operator('object.detail_deform_copy_settings', icon='COPYDOWN')
         if settings.is_bound:
             draw_text(layout, context, f"Bind {settings.bind_ms:.0f} ms, update {settings.update_ms:.1f} ms", 'TIME')

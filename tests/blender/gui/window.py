@@ -194,6 +194,7 @@ def undoing():
 
 
 def reopening():
+    from detail_deform.follow import auto_bind
     before, path = offsets(), str(OUT / 'posed.blend')
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
@@ -206,6 +207,7 @@ def reopening():
     check("binds by itself when a handle moves, and follows",
           np.allclose((offsets() - before)[held()], (0, 0, 0.1), atol=1e-5))
     ob, _ = surface()
+    ob.detail_deform.auto_bind = False
     ob.data.vertices[0].co.z += 0.5
     ob.data.update()
     yield from wait_until(lambda: "were moved since Bind" in ob.detail_deform.status)
@@ -213,6 +215,15 @@ def reopening():
     activate(ob)
     yield 0.5
     screenshot('stale')
+    ob.detail_deform.auto_bind = True
+    auto_bind._LIMIT_SECONDS = 60  # however busy the machine is
+    ob.data.vertices[0].co.z -= 0.1
+    ob.data.update()
+    bound_to = ob.detail_deform.signature
+    yield from wait_until(lambda: ob.detail_deform.is_bound and ob.detail_deform.signature != bound_to)
+    check("and it is bound again by itself", ob.detail_deform.is_bound and ob.detail_deform.signature != bound_to)
+    yield 0.3
+    check("with its pose", np.allclose((offsets() - before)[held()], (0, 0, 0.1), atol=1e-5))
 
 
 def transferring():
