@@ -112,3 +112,21 @@ def test_from_mesh_to_empty_and_back():
     bpy.ops.object.detail_deform_mesh_activate()
     assert bpy.context.active_object == ob
     assert "Edit Mode" in refusal(bpy.ops.object.detail_deform_pull)
+
+
+def test_it_is_said_that_one_handle_without_a_region_takes_all_along():
+    ob = make_strip()
+    ob.detail_deform.region = ""
+    bind(ob)
+    assert "takes the whole mesh along" in ob.detail_deform.status
+    ob.detail_deform.region = 'region'
+    bind(ob)
+    assert "takes the whole mesh along" not in ob.detail_deform.status
+
+
+def test_no_way_to_a_mesh_that_is_not_in_the_view_layer():
+    ob = bind(make_strip())
+    empty = ob.detail_deform.handles[0].target
+    activate(empty)
+    bpy.context.scene.collection.objects.unlink(ob)
+    assert not bpy.ops.object.detail_deform_mesh_activate.poll()

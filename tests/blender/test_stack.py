@@ -240,6 +240,78 @@ def test_a_second_pull_on_a_posed_bone():
     assert np.linalg.norm(evaluated(ob)[spot].mean(0) - np.array(second.matrix_world.translation)) < 0.05
 
 
+@pytest.mark.parametrize('pulled_again', [False, True])
+def test_hiding_the_armature_changes_no_shape(pulled_again):
+    ob, _ = rigged(bend=1.2)
+    p = own(ob)
+    empty = pull(ob, (np.abs(p[:, 2] - 3.5) < 0.15) & (p[:, 1] < -0.2), radius=1.5)
+    empty.matrix_world = Matrix.Translation((0.3, 0, 0)) @ empty.matrix_world
+    update()
+    before, seen = shown_offsets(ob).copy(), evaluated(ob)
+    ob.modifiers["Armature"].show_viewport = False
+    update()
+    assert np.abs(shown_offsets(ob) - before).max() < 1e-4
+    if pulled_again:
+        pull(ob, (np.abs(p[:, 2] - 2.9) < 0.15) & (p[:, 1] < -0.2), radius=1.5)
+    ob.modifiers["Armature"].show_viewport = True
+    update()
+    assert np.abs(evaluated(ob) - seen).max() < 1e-4
+
+
+def test_a_bone_that_is_gone_is_named():
+    ob, rig = rigged(bend=1.2)
+    p = own(ob)
+    empty = pull(ob, (np.abs(p[:, 2] - 3.5) < 0.15) & (p[:, 1] < -0.2), radius=1.5)
+    before = shown_offsets(ob).copy()
+    activate(rig)
+    bpy.ops.object.mode_set(mode='EDIT')
+    rig.data.edit_bones.remove(rig.data.edit_bones["upper"])
+    bpy.ops.object.mode_set(mode='OBJECT')
+    empty.location.x += 0.1
+    update()
+    assert "'upper' of 'Rig'" in ob.detail_deform.status
+    assert np.abs(shown_offsets(ob) - before).max() < 1e-6
+
+
+@pytest.mark.parametrize('parented', [True, False])
+def test_of_two_armatures_the_one_that_poses_it(parented):
+    ob, rig = rigged(bend=1.2)
+    other = bpy.data.objects.new("Other", bpy.data.armatures.new("Other"))
+    bpy.context.scene.collection.objects.link(other)
+    first = ob.modifiers.new("First", 'ARMATURE')
+    first.object = other
+    bpy.ops.object.modifier_move_to_index(modifier="First", index=0)
+    chosen = (np.abs(own(ob)[:, 2] - 3.5) < 0.15) & (own(ob)[:, 1] < -0.2)
+    select(ob, chosen)
+    bpy.ops.object.detail_deform_handle_add(parented=parented)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    update()
+    empty = ob.detail_deform.handles[0].target
+    assert empty.parent == (rig if parented else None)
+    assert np.linalg.norm(evaluated(ob)[chosen].mean(0) - np.array(empty.matrix_world.translation)) < 0.02
+
+
+def test_a_mirror_that_comes_after_a_start_closes_its_seam():
+    ob = half()
+    ob.modifiers.clear()
+    seam = on_seam(ob)
+    empty = pull(ob, np.linalg.norm(own(ob) - (0.3, -0.95, 0), axis=1) < 0.15, radius=1.2)
+    empty.location.x += 0.2
+    update()
+    pull(ob, np.linalg.norm(own(ob) - (0.5, -0.85, 0.3), axis=1) < 0.1, radius=1.2)
+    ob.modifiers.new("Mirror", 'MIRROR')
+    empty.location.x += 0.01
+    update()
+    assert np.abs(shown_offsets(ob)[seam, 0]).max() < 1e-6
+
+
+def test_a_soft_body_stays_before_too():
+    ob = make_strip()
+    ob.modifiers.new("Soft", 'SOFT_BODY')
+    bind(ob)
+    assert names(ob) == ["Soft", "Detail Deform"] and "'Soft' has to come before" in ob.detail_deform.status
+
+
 # Symmetry
 
 def test_edit_modes_symmetry_makes_the_symmetric_handle():

@@ -311,3 +311,92 @@ def test_nothing_is_kept_where_nothing_was_moved():
     select(ob, (own(ob)[:, 0] > 0.4) & (own(ob)[:, 0] < 0.5))
     bpy.ops.object.detail_deform_pull()
     assert sorted(n for n in ob.data.attributes.keys() if n.startswith('detail_')) == ['detail_deform_offset']
+
+
+@pytest.mark.parametrize('turn', [0.0, 0.4])
+def test_a_symmetric_pull_on_the_slope_moves_nothing(turn):
+    ob, empty = pulled_square()
+    ob.data.use_mirror_x = True
+    empty.rotation_euler.x += turn
+    update()
+    before = evaluated(ob)
+    pull(ob, np.linalg.norm(own(ob)[:, :2] - (0.25, 0.15), axis=1) < 0.05, radius=0.3)
+    assert len(ob.detail_deform.handles) == 3
+    assert np.abs(evaluated(ob) - before).max() < SIZE
+    activate(ob)
+    bpy.ops.object.detail_deform_handle_reset(everything=True)
+    update()
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
+
+
+def test_a_symmetric_handle_that_was_off_comes_back_where_it_was():
+    ob = symmetric(41)
+    ob.data.use_mirror_x = True
+    pull(ob, np.linalg.norm(own(ob)[:, :2] - (0.25, 0), axis=1) < 0.06, radius=0.3)
+    ob.detail_deform.handles[0].target.location.z += 0.1
+    update()
+    ob.data.use_mirror_x = False
+    ob.detail_deform.handles[1].enabled = False
+    pull(ob, np.linalg.norm(own(ob)[:, :2] - (0, 0.3), axis=1) < 0.05, radius=0.3)
+    before = evaluated(ob)
+    ob.detail_deform.handles[1].enabled = True
+    bind(ob, keep_rest=True)
+    update()
+    there = np.linalg.norm(own(ob)[:, :2] - (-0.25, 0), axis=1) < 0.06
+    assert np.abs(evaluated(ob) - before)[there].max() < SIZE
+
+
+@pytest.mark.parametrize('scale', [(2, 3, 0.5), (1, 1, 3), (2, 2, 2)])
+def test_back_to_rest_in_any_scale_of_the_object(scale):
+    ob, _ = pulled_sheet(turn=0.5)
+    activate(ob)
+    bpy.ops.object.detail_deform_remove()
+    ob.scale = scale
+    ob.rotation_euler = (0.3, 0.2, 0.5)
+    update()
+    first = pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2)
+    first.location.z += 0.4
+    first.rotation_euler.x += 0.5
+    update()
+    before = evaluated(ob)
+    pull(ob, on_slope(ob))
+    assert np.abs(evaluated(ob) - before).max() < SIZE * 4
+    activate(ob)
+    bpy.ops.object.detail_deform_handle_reset(everything=True)
+    update()
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-5
+
+
+@pytest.mark.parametrize('by', ['factor', 'influence'])
+def test_where_half_of_it_is_shown(part, by):
+    ob, _ = pulled_sheet()
+    if by == 'influence':
+        ob.vertex_groups.new(name="half").add(range(len(ob.data.vertices)), 0.5, 'REPLACE')
+        ob.detail_deform.influence = "half"
+    else:
+        node_group = part('scene.node_group')
+        owner, name = node_group.factor_property(node_group.find_modifier(ob))
+        if name == 'value':
+            owner.value = 0.5
+        else:
+            owner[name[2:-2]] = 0.5
+        ob.update_tag()
+    update()
+    before, spot = evaluated(ob), on_slope(ob)
+    second = pull(ob, spot)
+    assert np.abs(evaluated(ob) - before).max() < SIZE
+    assert on_surface(ob, second, spot) < SIZE
+    activate(ob)
+    bpy.ops.object.detail_deform_handle_reset(everything=True)
+    update()
+    assert abs(second.matrix_world.translation.z) < 0.03
+
+
+def test_a_base_object_has_nothing_of_the_start():
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=20, y_subdivisions=20)
+    ob = bpy.context.active_object
+    with_key(ob)
+    pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2)
+    activate(ob)
+    bpy.ops.object.detail_deform_base_make()
+    assert not [n for n in ob.detail_deform.base_object.data.attributes.keys() if n.startswith('detail_')]

@@ -11,7 +11,8 @@ _seams = {}  # mirror_plane.Seams by the content that they were made for
 
 def offsets(ob, computed):
     """(3 n,) float32; computed: from the start."""
-    return start.with_kept(ob.data, _of(ob).closed(computed) if mirror_plane.key(ob) else computed)
+    result = start.with_kept(ob.data, computed)
+    return _of(ob).closed(result) if mirror_plane.key(ob) else result
 
 
 def _of(ob):

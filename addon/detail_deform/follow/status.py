@@ -135,6 +135,9 @@ def _remarks(ob, info):
         yield (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
                f"(such as triangle {info.degenerate_example}).")
     settings = ob.detail_deform
+    if info.handle_count == 1 and not settings.region and settings.base == 'COMPUTED':
+        yield ("The only handle takes the whole mesh along, because nothing holds it: choose a region (By Radius), or "
+               "add a handle that stays.")
     if info.idle_handle_count:
         idle = handle_matrices.enabled_handles(settings)[info.idle_handle_example].name
         yield (f"Nothing follows {_count(info.idle_handle_count, 'handle', 'handles')} (such as '{idle}'): no vertex "

@@ -156,7 +156,8 @@ class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return handle_setup.owner(context.active_object)[0] is not None
+        ob, _ = handle_setup.owner(context.active_object)
+        return ob is not None and ob.name in context.view_layer.objects
 
     def execute(self, context):
         ob, number = handle_setup.owner(context.active_object)

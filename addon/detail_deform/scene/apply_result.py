@@ -6,8 +6,6 @@ import numpy as np
 from . import mesh_data, node_group, offset_attribute
 
 SHAPE_KEY_NAME = 'Detail Deform'
-# Of the size of the mesh: by so little has nothing moved.
-_NOTHING = 1e-6
 
 
 def shown_offsets(ob):
@@ -19,8 +17,7 @@ def shown_offsets(ob):
 def save_key(ob, name):
     """A shape key, not shown yet, that holds the deformation as it is shown. Returns its name."""
     offsets = shown_offsets(ob)
-    size = np.ptp(mesh_data.positions(ob.data), axis=0).max(initial=0)
-    if np.abs(offsets).max(initial=0) <= _NOTHING * size:
+    if mesh_data.is_nothing(ob.data, offsets):
         raise mesh_data.MeshProblem("Nothing is deformed that could be saved: move a handle first.")
     return add_key(ob, name, offsets).name
 

@@ -104,14 +104,19 @@ def motions(settings, places):
 
 
 def _with_mirrored(settings, places):
-    """(h, 4, 4) float64: the places, and of those that mirror another one how its motion since home takes the object's
-    own place."""
+    """(h, 4, 4) float64: the places, and of those that mirror another one as of _mirrored_place."""
     handles, result = enabled_handles(settings), places.astype(np.float64)
     for number, source in mirrored(handles):
-        if has_rest(handles[source]):
-            flip = reflection(handles[number].mirror_axis)
-            result[number] = flip @ result[source] @ np.linalg.inv(home(handles[source])) @ flip
+        result[number] = _mirrored_place(handles[number], handles[source], result[source])
     return result
+
+
+def _mirrored_place(handle, source, place):
+    """(4, 4): where the source's motion from home to this place takes, mirrored, the object's own place."""
+    if not has_home(source):
+        return np.eye(4)
+    flip = reflection(handle.mirror_axis)
+    return flip @ place @ np.linalg.inv(home(source)) @ flip
 
 
 def only_moves(motion):
@@ -186,14 +191,18 @@ def store_rest(settings, places, only_new):
 
 def start_here(settings, places):
     """Takes the present places as rest; home stays where it was, of those that had none where they were bound."""
-    places = _with_mirrored(settings, places)
+    found = dict(zip((handle.name for handle in enabled_handles(settings)), _with_mirrored(settings, places)))
     for handle in settings.handles:
         if has_rest(handle) and not handle.mirrors and not any(handle.home_matrix):
             handle.home_matrix, handle.home_euler = handle.rest_matrix, handle.rest_euler
-        if not handle.enabled:
+    for handle in settings.handles:
+        source = next((h for h in settings.handles if h.name == handle.mirrors), None)
+        if handle.enabled:
+            _set_rest(handle, found[handle.name])
+        elif not handle.mirrors:
             handle.property_unset('rest_matrix')  # where it stands when it comes back moves nothing
-    for handle, place in zip(enabled_handles(settings), places):
-        _set_rest(handle, place)
+        elif source and source.name in found:
+            _set_rest(handle, _mirrored_place(handle, source, found[source.name]))
 
 
 def _set_rest(handle, place):

@@ -8,6 +8,8 @@ import numpy as np
 from ..library import native
 
 MEMBER_WEIGHT = 0.5
+# Of the size of the mesh.
+_NOTHING = 1e-6
 
 
 class MeshProblem(Exception):
@@ -69,6 +71,12 @@ def relative_keys(ob):
 def key_shape(mesh, key):
     """(n, 3) float32: the rest as this key alone deforms it, whatever it is relative to."""
     return rest(mesh) + key_positions(key) - key_positions(key.relative_key)
+
+
+def is_nothing(mesh, vectors):
+    """Whether these (n, 3) vectors move nothing that could be seen."""
+    size = np.ptp(positions(mesh), axis=0).max() if len(mesh.vertices) else 0.0
+    return bool(np.abs(vectors).max(initial=0) <= _NOTHING * size)
 
 
 def key_mix(ob, without=()):

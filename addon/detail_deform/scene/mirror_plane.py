@@ -15,10 +15,7 @@ _NEAREST = 4  # vertices of the seam that a vertex goes by
 
 def _mirrors(ob):
     """The Mirror modifiers behind the deformation's."""
-    modifiers = list(ob.modifiers)
-    ours = node_group.find_modifier(ob)
-    behind = modifiers[modifiers.index(ours) + 1:] if ours else modifiers
-    return [m for m in behind if m.type == 'MIRROR' and m.show_viewport]
+    return [m for m in node_group.behind(ob) if m.type == 'MIRROR' and m.show_viewport]
 
 
 def is_mirrored(ob, axis):
@@ -37,12 +34,14 @@ def _planes(ob):
         for axis in range(3):
             if modifier.use_axis[axis]:
                 normal = np.linalg.inv(to_local[:3, :3])[axis]  # normals go by the inverse transpose
-                yield to_local[:3, 3], normal / np.linalg.norm(normal), modifier.merge_threshold
+                # Blender merges what is twice as near, once on either side.
+                yield to_local[:3, 3], normal / np.linalg.norm(normal), 0.5 * modifier.merge_threshold
 
 
 def key(ob):
-    """Equal keys, equal planes."""
-    return tuple((tuple(point), tuple(normal), distance) for point, normal, distance in _planes(ob))
+    """Equal keys, equal planes, but for rounding: where the mesh and the mirror's object are carried along."""
+    return tuple((*np.round(point, 5).tolist(), *np.round(normal, 5).tolist(), distance)
+                 for point, normal, distance in _planes(ob))
 
 
 class Seam:
@@ -51,7 +50,7 @@ class Seam:
     def __init__(self, ob, roles, plane):
         """roles: (n,) of the binding."""
         point, self._normal, distance = plane
-        shape = start.shape(ob).astype(np.float64)
+        shape = start.shape_at_rest(ob).astype(np.float64)
         on_plane = np.abs((shape - point) @ self._normal) <= distance
         self._on_plane = np.flatnonzero(on_plane)
         if not len(self._on_plane):

@@ -93,6 +93,12 @@ def find_modifier(ob):
     return None
 
 
+def behind(ob):
+    """The modifiers behind the object's, or all of them where it has none yet."""
+    modifiers, modifier = list(ob.modifiers), find_modifier(ob)
+    return modifiers[modifiers.index(modifier) + 1:] if modifier else modifiers
+
+
 def uses():
     """How often this file uses the group: another number, other modifiers."""
     return sum(group.users for group in bpy.data.node_groups if _MARK in group)

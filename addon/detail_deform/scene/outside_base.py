@@ -5,7 +5,7 @@ vertex, another mesh by nearest points."""
 import bpy
 import numpy as np
 
-from . import handle_matrices, mesh_data, offset_attribute
+from . import handle_matrices, mesh_data, offset_attribute, start
 from .mesh_data import MeshProblem
 
 
@@ -107,6 +107,7 @@ def make(ob, positions):
     mesh = ob.data.copy()
     mesh.name = f"{ob.name} Base"
     offset_attribute.remove(mesh)
+    start.forget(mesh)
     base = bpy.data.objects.new(f"{ob.name} Base", mesh)
     if mesh.shape_keys:
         base.shape_key_clear()

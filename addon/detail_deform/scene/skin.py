@@ -5,15 +5,21 @@ counts in the space of the mesh at rest; its empty stands on the posed surface, 
 import numpy as np
 
 from . import mesh_data, node_group
+from .mesh_data import MeshProblem
 
 
-def armature(ob):
-    """The armature object that poses what the deformation makes, or None."""
-    modifiers = list(ob.modifiers)
-    ours = node_group.find_modifier(ob)
-    behind = modifiers[modifiers.index(ours) + 1:] if ours else modifiers
-    return next((m.object for m in behind if m.type == 'ARMATURE' and m.object and m.show_viewport
-                 and m.use_vertex_groups), None)
+def _armatures(ob):
+    """Those that pose what the deformation makes, whether they are shown or not."""
+    return [m for m in node_group.behind(ob) if m.type == 'ARMATURE' and m.object and m.use_vertex_groups]
+
+
+def rig_of(ob, chosen):
+    """(armature object, weights()) of the first that is seen to pose the chosen vertices; None and nothing."""
+    for modifier in _armatures(ob):
+        means = weights(ob, modifier.object, chosen) if modifier.show_viewport else {}
+        if means:
+            return modifier.object, means
+    return None, {}
 
 
 def weights(ob, rig, chosen):
@@ -41,8 +47,12 @@ def mean_motion(ob, rig, means, depsgraph):
 
 
 def pose_of(ob, empty, depsgraph):
-    """(4, 4) float64: by which the bone that carries this empty moves the mesh; nothing where none does."""
+    """(4, 4) float64: by which the bone that carries this empty moves the mesh; nothing where none does. Raises
+    MeshProblem."""
     rig = empty.parent
-    if empty.parent_type != 'BONE' or rig is None or rig != armature(ob) or empty.parent_bone not in rig.data.bones:
+    if empty.parent_type != 'BONE' or rig is None or all(m.object != rig for m in _armatures(ob)):
         return np.eye(4)
+    if empty.parent_bone not in rig.data.bones:
+        raise MeshProblem(f"The bone '{empty.parent_bone}' of '{rig.name}', which carries the empty '{empty.name}', is "
+                          "gone: parent the empty to another one, and bind again.")
     return motion(ob, rig, empty.parent_bone, depsgraph)

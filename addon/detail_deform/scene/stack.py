@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where in the modifier stack the deformation belongs. It is made for the mesh's own vertices, as a shape key is: so
-before all that moves them or makes others, and behind what brings them from a file. Blender lets nodes not stand before
-Multires, which is said."""
+before all that moves them or makes others, and behind what brings them from a file. There are modifiers that Blender
+lets no nodes stand before, which is said."""
 
 import bpy
 
 from . import node_group
 
 _BRINGERS = {'MESH_CACHE', 'MESH_SEQUENCE_CACHE'}
+# What can't stand behind nodes, and why that matters.
+_FIXED = {'MULTIRES': "what was sculpted only moves along and doesn't turn: apply it first, or pull before you sculpt",
+          'SOFT_BODY': "it doesn't feel the deformation: apply that first"}
 # What goes wrong behind a modifier of that type.
 _DEFORMERS = {'ARMATURE', 'CAST', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE', 'HOOK', 'LAPLACIANDEFORM', 'LATTICE',
               'MESH_DEFORM', 'SIMPLE_DEFORM', 'SURFACE_DEFORM', 'WARP', 'WAVE'}
@@ -32,7 +35,7 @@ def place(ob):
     """Moves the deformation's modifier to where it belongs, with the cache that plays in its stead."""
     modifier, cache = node_group.find_modifier(ob), node_group.find_cache(ob)
     others = [other for other in ob.modifiers if other not in (modifier, cache)]
-    last = max((k for k, other in enumerate(others) if other.type == 'MULTIRES'), default=-1)
+    last = max((k for k, other in enumerate(others) if other.type in _FIXED), default=-1)
     first_user = next((k for k, other in enumerate(others) if other.type not in _BRINGERS), len(others))
     move_to(ob, modifier, max(last + 1, first_user))
     if cache:
@@ -47,16 +50,14 @@ def _shown_before(ob, types):
 
 def before(ob):
     """The modifiers that should stand behind the deformation's and don't."""
-    fixed = _shown_before(ob, {'MULTIRES'})
-    return [] if fixed else _shown_before(ob, _WRONG)
+    return [] if _shown_before(ob, _FIXED) else _shown_before(ob, _WRONG)
 
 
 def why_not_here(ob):
     """What is wrong with its place: a sentence, or ''."""
-    fixed = _shown_before(ob, {'MULTIRES'})
+    fixed = _shown_before(ob, _FIXED)
     if fixed:
-        return (f"'{fixed[-1].name}' has to come before Detail Deform, so what was sculpted only moves along and "
-                "doesn't turn: apply it first, or pull before you sculpt.")
+        return f"'{fixed[-1].name}' has to come before Detail Deform, so {_FIXED[fixed[-1].type]}."
     found = before(ob)
     if not found:
         return ""
@@ -66,9 +67,7 @@ def why_not_here(ob):
 
 def comes_before(ob):
     """Names of the modifiers behind it that would be wrong before it."""
-    modifiers = list(ob.modifiers)
-    modifier = node_group.find_modifier(ob)
-    return [other.name for other in modifiers[modifiers.index(modifier) + 1:] if other.type in _WRONG]
+    return [other.name for other in node_group.behind(ob) if other.type in _WRONG]
 
 
 def ensure_modifier(ob):

@@ -10,16 +10,20 @@ import numpy as np
 from . import examples, mesh_data, node_group, offset_attribute
 from .offset_attribute import KEPT, KEYED
 
-# Of the size of the mesh: by so little has nothing moved.
-_NOTHING = 1e-6
-
 
 def shape(ob):
     """(n, 3) float32: what is bound."""
+    result = shape_at_rest(ob)
+    if is_deformed(ob.data):
+        result += offset_attribute.read(ob.data, KEPT)
+    return result
+
+
+def shape_at_rest(ob):
+    """(n, 3) float32: the same without what an earlier binding had made of it."""
     result = mesh_data.positions(ob.data)
-    for name in (KEYED, KEPT):
-        if offset_attribute.find(ob.data, name) is not None:
-            result += offset_attribute.read(ob.data, name)
+    if offset_attribute.find(ob.data, KEYED) is not None:
+        result += offset_attribute.read(ob.data, KEYED)
     return result
 
 
@@ -34,24 +38,28 @@ def with_kept(mesh, offsets):
 
 def visible(ob):
     """(n, 3) float32: where the vertices are seen, before other modifiers, in any mode."""
+    return mesh_data.positions(ob.data) + mesh_data.key_mix(ob) + _seen(ob)
+
+
+def _seen(ob):
+    """(n, 3) float32: the offsets as far as Factor and Influence show them."""
     modifier = node_group.find_modifier(ob)
-    result = mesh_data.positions(ob.data) + mesh_data.key_mix(ob)
-    if modifier and modifier.show_viewport:
-        result += offset_attribute.read(ob.data) * node_group.amount(ob, modifier)
-    return result
+    if not modifier or not modifier.show_viewport:
+        return np.zeros((len(ob.data.vertices), 3), np.float32)
+    return offset_attribute.read(ob.data) * np.asarray(node_group.amount(ob, modifier), np.float32)
 
 
 def motion(ob, chosen, by=offset_attribute.NAME):
-    """(4, 4): the rigid motion by which offsets, those that are shown or those that are kept, take the chosen
+    """(4, 4): the rigid motion by which offsets, as far as they are seen or those that are kept, take the chosen
     vertices, and their neighbours where they are few. chosen: (n,) bool."""
-    moved = offset_attribute.read(ob.data, by)
+    moved = offset_attribute.read(ob.data, by) if by == KEPT else _seen(ob)
     if not moved.any():
         return np.eye(4)
     if chosen.sum() < 3:
         edges = mesh_data.edges(ob.data)
         chosen = chosen.copy()
         chosen[edges[chosen[edges].any(axis=1)]] = True
-    before = mesh_data.positions(ob.data) + offset_attribute.read(ob.data, KEYED)
+    before = shape_at_rest(ob)
     return _rigid(before[chosen].astype(np.float64), (before + moved)[chosen].astype(np.float64))
 
 
@@ -78,8 +86,7 @@ def take_deformation(ob):
 
 
 def _put(ob, name, vectors):
-    size = np.ptp(mesh_data.positions(ob.data), axis=0).max(initial=0)
-    if np.abs(vectors).max(initial=0) <= _NOTHING * size:
+    if mesh_data.is_nothing(ob.data, vectors):
         offset_attribute.take_away(ob.data, name)
         return False
     offset_attribute.put(ob.data, name, vectors.ravel())

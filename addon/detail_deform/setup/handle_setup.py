@@ -129,26 +129,29 @@ def add_handle(context, ob, group_name, parented=True, align=True):
                           f"{mesh_data.MEMBER_WEIGHT}: assign the vertices that the handle should move.")
     place, extent = _place(ob, chosen, align)
     size = max(extent, 0.05 * max(ob.dimensions), 1e-3)
-    empty = (_make_parented(context, ob, group_name, place, size, chosen) if parented else
-             _make_empty(context, ob, group_name, place, size, None))
+    empty = _make_on_skin(context, ob, group_name, place, size, chosen, parented)
     handle = _append(ob, group_name, empty)
     handle.own_group = group_name if from_selection else ""
     _note_home(context, ob, handle, chosen)
     return handle
 
 
-def _make_parented(context, ob, name, place, size, chosen):
-    """An empty that goes with the object, or with the bone that poses most of the chosen vertices. place: among them,
-    in the world, where no bone moves them."""
-    rig = skin.armature(ob)
-    means = skin.weights(ob, rig, chosen) if rig else {}
+def _make_on_skin(context, ob, name, place, size, chosen, parented=True):
+    """An empty, on the posed skin where bones move the chosen vertices. place: among these, in the world, where no bone
+    does. parented: it goes with the object, or with the bone that poses most of them."""
+    rig, means = skin.rig_of(ob, chosen)
     if not means:
-        return _make_empty(context, ob, name, place, size, ob)
+        return _make_empty(context, ob, name, place, size, ob if parented else None)
     pose = Matrix(skin.mean_motion(ob, rig, means, context.evaluated_depsgraph_get()).tolist())
-    where, turn, _ = (ob.matrix_world @ pose @ ob.matrix_world.inverted_safe() @ place).decompose()
-    # A blend of rotations is none.
-    return _make_empty(context, ob, name, Matrix.LocRotScale(where, turn, place.to_scale()), size, rig,
-                       max(means, key=means.get))
+    posed = ob.matrix_world @ pose @ ob.matrix_world.inverted_safe() @ place
+    return _make_empty(context, ob, name, _without_shear(posed, place.to_scale()), size, rig if parented else None,
+                       max(means, key=means.get) if parented else "")
+
+
+def _without_shear(place, scale=None):
+    """As an empty can stand; scale: as large as this."""
+    where, turn, size = place.decompose()
+    return Matrix.LocRotScale(where, turn, scale or size)
 
 
 def _note_home(context, ob, handle, chosen):
@@ -156,7 +159,10 @@ def _note_home(context, ob, handle, chosen):
     if ob.detail_deform.signature:
         context.view_layer.update()  # the empty's place
         place = handle_matrices.local_place(ob, handle, context.evaluated_depsgraph_get())
-        handle_matrices.set_home(handle, np.linalg.inv(start.motion(ob, chosen)) @ place)
+        home = Matrix((np.linalg.inv(start.motion(ob, chosen)) @ place).tolist())
+        if not handle.mirrors:
+            home = ob.matrix_world.inverted_safe() @ _without_shear(ob.matrix_world @ home)
+        handle_matrices.set_home(handle, np.array(home))
 
 
 def _append(ob, group_name, empty):
@@ -252,7 +258,7 @@ def _mirrored_empty(context, ob, handle, axis, name, image):
     place = ob.matrix_world @ Matrix((start.motion(ob, image) @ flip @ local @ flip).tolist())
     size = source.empty_display_size
     if source.parent_type == 'BONE' or source.parent == ob:
-        empty = _make_parented(context, ob, name, place, size, image)
+        empty = _make_on_skin(context, ob, name, _without_shear(place), size, image)
     else:
         empty = _make_empty(context, ob, name, place, size, source.parent if source.parent_type == 'OBJECT' else None)
     empty.empty_display_type = source.empty_display_type
