@@ -170,6 +170,25 @@ def add_from(ob, chosen, **options):
     return ob.detail_deform.handles[-1]
 
 
+def pull(ob, chosen, **options):
+    """The empty that Pull makes for these vertices."""
+    select(ob, chosen)
+    assert bpy.ops.object.detail_deform_pull(**options) == {'FINISHED'}, ob.detail_deform.status
+    update()
+    assert ob.detail_deform.is_bound, ob.detail_deform.status
+    return bpy.context.active_object
+
+
+def set_factor(part, ob, factor):
+    node_group = part('scene.node_group')
+    owner, name = node_group.factor_property(node_group.find_modifier(ob))
+    if name == 'value':  # 5.2 on
+        owner.value = factor
+    else:
+        owner[name[2:-2]] = factor
+    ob.update_tag()
+
+
 def data_blocks():
     return {(kind, block.name) for kind in ('objects', 'collections', 'node_groups', 'meshes', 'actions')
             for block in getattr(bpy.data, kind)}

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, add_from, bind, evaluated, make_strip, own, refusal, select, update
+from conftest import activate, add_from, bind, evaluated, make_strip, own, refusal, select, set_factor, update
 
 
 def key_offsets(ob, name):
@@ -92,13 +92,7 @@ def test_what_was_built_in_two_pulls_is_one_expression():
 
 def test_as_much_as_is_shown_is_saved(part):
     ob, _ = posed()
-    node_group = part('scene.node_group')
-    owner, name = node_group.factor_property(node_group.find_modifier(ob))
-    if name == 'value':
-        owner.value = 0.5
-    else:
-        owner[name[2:-2]] = 0.5
-    ob.update_tag()
+    set_factor(part, ob, 0.5)
     update()
     shape = evaluated(ob)
     bpy.ops.object.detail_deform_save_key()

@@ -272,7 +272,7 @@ class Layout:
 def drawn(ob, part, *panels):
     """Names of the properties that these panels draw."""
     context, names = SimpleNamespace(preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1)),
-                                     region=SimpleNamespace(width=300), object=ob), []
+                                     region=SimpleNamespace(width=300, type='WINDOW'), object=ob), []
     for name in panels:
         panel = getattr(part('ui.panels'), name)
         panel.draw_settings(SimpleNamespace(draw_state=lambda *_: None), context, Layout(names), ob, ob.detail_deform)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from mathutils import Euler
 
-from conftest import activate, add_from, bind, evaluated, make_strip, own, refusal, select, symmetric, update
+from conftest import (activate, add_from, bind, evaluated, make_strip, own, pull, refusal, select, set_factor,
+                      symmetric, update)
 
 SIZE = 1e-5
 
@@ -25,14 +26,6 @@ def pulled_sheet(lift=0.6, turn=0.0):
     empty.rotation_euler.x += turn
     update()
     return ob, empty
-
-
-def pull(ob, chosen, **options):
-    select(ob, chosen)
-    assert bpy.ops.object.detail_deform_pull(**options) == {'FINISHED'}, ob.detail_deform.status
-    update()
-    assert ob.detail_deform.is_bound, ob.detail_deform.status
-    return ob.detail_deform.handles[-1].target
 
 
 def on_slope(ob):
@@ -229,7 +222,7 @@ def test_back_to_rest_is_the_mesh_itself():
     assert not [name for name in ob.data.attributes.keys() if 'kept' in name]
 
 
-def test_it_survives_save_undo_and_copies(tmp_path):
+def test_it_survives_saving(tmp_path):
     ob, _ = pulled_sheet()
     second = pull(ob, on_slope(ob))
     second.location.x += 0.1
@@ -374,13 +367,7 @@ def test_where_half_of_it_is_shown(part, by):
         ob.vertex_groups.new(name="half").add(range(len(ob.data.vertices)), 0.5, 'REPLACE')
         ob.detail_deform.influence = "half"
     else:
-        node_group = part('scene.node_group')
-        owner, name = node_group.factor_property(node_group.find_modifier(ob))
-        if name == 'value':
-            owner.value = 0.5
-        else:
-            owner[name[2:-2]] = 0.5
-        ob.update_tag()
+        set_factor(part, ob, 0.5)
     update()
     before, spot = evaluated(ob), on_slope(ob)
     second = pull(ob, spot)

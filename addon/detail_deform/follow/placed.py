@@ -11,14 +11,14 @@ _seams = {}  # mirror_plane.Seams by the content that they were made for
 
 def offsets(ob, computed):
     """(3 n,) float32; computed: from the start."""
-    result = start.with_kept(ob.data, computed)
-    return _of(ob).closed(result) if mirror_plane.key(ob) else result
+    result, key = start.with_kept(ob.data, computed), mirror_plane.key(ob)
+    return _of(ob, key).closed(result) if key else result
 
 
-def _of(ob):
+def _of(ob, key):
     signature = ob.detail_deform.signature
     found = _seams.pop(signature, None)
-    if found is None or found.key != mirror_plane.key(ob):
+    if found is None or found.key != key:
         found = mirror_plane.Seams(ob, content.roles(ob))
     _seams[signature] = found  # as the newest
     for old in list(_seams)[:-_SPARE]:

@@ -34,7 +34,7 @@ class OBJECT_UL_detail_deform_handles(_Switched, bpy.types.UIList):
 def draw_text(layout, context, text, icon):
     """Wraps a sentence to the panel's width; labels don't."""
     scale = context.preferences.system.ui_scale
-    beside = 30 if getattr(context.region, 'type', "") == 'UI' else 0  # the tabs
+    beside = 30 if context.region.type == 'UI' else 0  # the tabs
     width = max(20, int((context.region.width / scale - beside) / 7) - 6)
     column = layout.column(align=True)
     column.scale_y = 0.8
