@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <numeric>
-#include <tuple>
 
 namespace dd {
 
@@ -16,15 +15,25 @@ Fans::Fans(const Triangles& t, int vertex_count)
 }
 
 Edges::Edges(const Triangles& t) {
-  half_edges_.reserve(static_cast<size_t>(t.size()));
-  for (Index j = 0; j < t.rows(); ++j)
-    for (int k = 0; k < 3; ++k) {
-      const auto [low, high] = std::minmax(t(j, k), t(j, (k + 1) % 3));
-      half_edges_.push_back({low, high, static_cast<int>(3 * j + k)});
-    }
-  std::sort(half_edges_.begin(), half_edges_.end(), [](const HalfEdge& a, const HalfEdge& b) {
-    return std::tie(a.low, a.high, a.number) < std::tie(b.low, b.high, b.number);
-  });
+  // Into the bucket of the lower vertex first: what is left to sort are a few each.
+  std::vector<int> end(t.size() == 0 ? 1 : static_cast<size_t>(t.maxCoeff()) + 2, 0);
+  const auto half_edge = [&](int number) {
+    const int a = t.data()[number], b = t.data()[number % 3 == 2 ? number - 2 : number + 1];
+    return HalfEdge{std::min(a, b), std::max(a, b), number};
+  };
+  const int count = static_cast<int>(t.size());
+  for (int number = 0; number < count; ++number) ++end[half_edge(number).low + 1];
+  std::partial_sum(end.begin(), end.end(), end.begin());
+  half_edges_.resize(static_cast<size_t>(count));
+  for (int number = 0; number < count; ++number) {
+    const HalfEdge edge = half_edge(number);
+    half_edges_[end[edge.low]++] = edge;
+  }
+  for (size_t low = 0; low + 1 < end.size(); ++low)
+    std::sort(half_edges_.begin() + (low == 0 ? 0 : end[low - 1]), half_edges_.begin() + end[low],
+              [](const HalfEdge& a, const HalfEdge& b) {
+                return a.high != b.high ? a.high < b.high : a.number < b.number;
+              });
   for (size_t i = 0; i < half_edges_.size(); ++i)
     if (i == 0 || half_edges_[i].low != half_edges_[i - 1].low ||
         half_edges_[i].high != half_edges_[i - 1].high)

@@ -13,12 +13,14 @@ namespace dd {
 
 namespace {
 
-constexpr int kSmallest = 8;            // parts that are not cut further
-constexpr int kMostBins = 256;          // places of a cut along one direction
-constexpr double kLeastShare = 0.3;     // of a part, on each side of a cut
-constexpr double kNarrow = 0.2;         // of the largest spread
-constexpr double kGoodSeparator = 1.5;  // times the root of a part's size; on a square grid it is 1
-constexpr double kParallel = 0.99;      // cosine: directions that are the same
+constexpr int kSmallest = 8;         // parts that are not cut further
+constexpr int kMostBins = 256;       // places of a cut along one direction
+constexpr double kLeastShare = 0.3;  // of a part, on each side of a cut
+constexpr double kNarrow = 0.2;      // of the largest spread
+// Times the root of a part's size; on a square grid it is 1. Others are looked for unless a separator
+// is as short, along the other long directions and then along all.
+constexpr double kShortSeparator = 0.9, kGoodSeparator = 1.5;
+constexpr double kParallel = 0.99;  // cosine: directions that are the same
 
 /// A cut in front of a bin along a direction; the separator is taken from one side.
 struct Cut {
@@ -82,15 +84,15 @@ class Bisector {
     Cut best;
     // A part that is long in one direction is cut across it. Only where that separator is long as
     // well, because triangles are thin, the others are tried.
-    const double good = kGoodSeparator * std::sqrt(static_cast<double>(end - begin));
+    const double root = std::sqrt(static_cast<double>(end - begin));
     for (const bool wide : {true, false}) {
-      if (best.cost < good) break;
+      if (best.cost < kGoodSeparator * root) break;
       for (int k = 2; k >= 0; --k)
-        if ((axes.eigenvalues()[k] > narrow) == wide)
+        if ((axes.eigenvalues()[k] > narrow) == wide && best.cost > kShortSeparator * root)
           consider(begin, end, axes.eigenvectors().col(k), best);
       // Many a mesh was made along the coordinates.
       for (int k = 0; k < 3; ++k)
-        if ((spread(k, k) > narrow) == wide &&
+        if ((spread(k, k) > narrow) == wide && best.cost > kShortSeparator * root &&
             axes.eigenvectors().row(k).cwiseAbs().maxCoeff() < kParallel)
           consider(begin, end, Eigen::Vector3d::Unit(k), best);
     }

@@ -19,7 +19,7 @@ double cost(double width, double height) {
 
 /// A supernode on its way to its final place.
 struct Node {
-  std::vector<int> columns, rows;  // in the postorder of the first tree; rows ascending
+  std::vector<int> columns, rows;  // in the postorder of the first tree, rows as they come
   std::vector<int> children;
   int parent = -1;
   bool joined = false;  // part of its parent
@@ -101,7 +101,8 @@ std::vector<Node> fundamental_supernodes(const SparseMatrix& pattern, const std:
   const auto finish = [&](int s) {
     Node& node = nodes[s];
     const int last = node.columns.back();
-    node.rows.erase(node.rows.begin(), std::upper_bound(node.rows.begin(), node.rows.end(), last));
+    const auto own = [last](int row) { return row <= last; };
+    node.rows.erase(std::remove_if(node.rows.begin(), node.rows.end(), own), node.rows.end());
     if (parent[last] >= 0) pending[parent[last]].push_back(s);
   };
   for (int j = 0; j < n; ++j) {
@@ -127,7 +128,6 @@ std::vector<Node> fundamental_supernodes(const SparseMatrix& pattern, const std:
       node.children.push_back(child);
     }
     for (SparseMatrix::InnerIterator it(pattern, order[j]); it; ++it) add(place_of[it.row()]);
-    std::sort(node.rows.begin(), node.rows.end());
   }
   if (n > 0) finish(node_of[n - 1]);
   return nodes;

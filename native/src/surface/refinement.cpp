@@ -25,12 +25,13 @@ struct Pass {
 /// nothing, grow by that, and the passes between end them. Going farther lets the inside of a sharp
 /// bend buckle on dense meshes.
 ///
-/// After many passes what is left of the stretch is the smoothing's own doing: the last two have
-/// less of it.
+/// Smoothing is what keeps the surface from folding, and two passes of it do so wherever four do: the
+/// first of a few go without, at half their cost. After many passes what is left of the stretch is
+/// the smoothing's own doing: the last two have less of it.
 Pass pass(int iteration, int iterations) {
   const int left = iterations - 1 - iteration;
   const bool beyond = left % 2 == 1;
-  if (iterations <= 4) return {left == 0 ? 1 : beyond ? 3.25 : 1.45, 1};
+  if (iterations <= 4) return {left == 0 ? 1 : beyond ? 3.25 : 1.45, left < 2 ? 1.0 : 0.0};
   return {iteration == 0 ? 4.0 : beyond ? 2.0 : 1.0, left == 0 ? 0.5 : left == 1 ? 0.8 : 1};
 }
 
@@ -77,6 +78,10 @@ class RefinementOf : public Refinement {
   void follow_means();
   /// As PoissonSystem::solve() takes it.
   void add(int section, double* rows) const;
+  /// The same of all sections.
+  Rows turned() const;
+  /// What rest's rotations, which rounding leaves a little beside none, make with so much smoothing.
+  const Rows& at_rest(double smoothing);
 
   FactoredSurface& surface_;
   RotationSmoothing smoothing_;
@@ -87,7 +92,8 @@ class RefinementOf : public Refinement {
   std::vector<TurnBlock<Real>> turns_;
   Averages averages_;
   Quaternions triangle_rotations_, vertex_rotations_;
-  Rows positions_, at_rest_, start_;
+  Rows positions_, start_;
+  Rows rest_given_, rest_smoothed_, rest_between_;
   std::vector<std::pair<int, int>> steps_;  // of the walk: from a row of rotations to another
   Rows followed_;
 };
@@ -129,9 +135,9 @@ RefinementOf<Real>::RefinementOf(FactoredSurface& surface, double length)
   positions_ = surface.rest;
   find_held_rotations();
   find_means(nullptr);
+  rest_given_ = turned();
   smoothing_.run(vertex_rotations_.data());
-  at_rest_ = Rows::Zero(surface.poisson->right_hand_side_rows(), 4);
-  for (int section = 0; section < layout_.sections(); ++section) add(section, at_rest_.data());
+  rest_smoothed_ = turned();
 }
 
 template <class Real>
@@ -149,9 +155,10 @@ void RefinementOf<Real>::make_averages(const std::vector<int>& local_triangle, i
     vertices.push_back(poisson.order().vertex_of_row[poisson.active_row(i)]);
 
   const size_t blocks = (vertices.size() + kLanes - 1) / kLanes;
+  Terms terms;
   for (size_t b = 0; b < blocks; ++b) {
-    Terms terms;
     for (size_t lane = 0; lane < kLanes; ++lane) {
+      terms[lane].clear();
       const size_t i = b * kLanes + lane;
       if (i >= vertices.size()) continue;
       const Fans::Range fan = fans.of(vertices[i]);
@@ -263,6 +270,21 @@ void RefinementOf<Real>::add(int section, double* rows) const {
 }
 
 template <class Real>
+Rows RefinementOf<Real>::turned() const {
+  Rows rows = Rows::Zero(surface_.poisson->right_hand_side_rows(), 4);
+  for (int section = 0; section < layout_.sections(); ++section) add(section, rows.data());
+  return rows;
+}
+
+template <class Real>
+const Rows& RefinementOf<Real>::at_rest(double smoothing) {
+  if (smoothing == 0) return rest_given_;
+  if (smoothing == 1) return rest_smoothed_;
+  rest_between_ = (1 - smoothing) * rest_given_ + smoothing * rest_smoothed_;
+  return rest_between_;
+}
+
+template <class Real>
 void RefinementOf<Real>::run(int iterations, ClampedPoisson* clamped, const Turning& turning,
                              Rows& offsets) {
   const RowOrder& order = surface_.order();
@@ -280,11 +302,11 @@ void RefinementOf<Real>::run(int iterations, ClampedPoisson* clamped, const Turn
     find_means(turning.unknown && iteration > 0 ? &followed_ : turning.gauge);
     if (turning.unknown && iteration == 0) follow_means();
     const Pass how = pass(iteration, iterations);
-    smoothing_.run(vertex_rotations_.data(), how.smoothing);
+    if (how.smoothing > 0) smoothing_.run(vertex_rotations_.data(), how.smoothing);
     if (clamped && iteration == iterations - 1)
-      clamped->step(at_rest_, add_turned, offsets);
+      clamped->step(at_rest(how.smoothing), add_turned, offsets);
     else
-      poisson.solve(at_rest_, add_turned, offsets, turning.share * how.relaxation);
+      poisson.solve(at_rest(how.smoothing), add_turned, offsets, turning.share * how.relaxation);
   }
   if (turning.share < 1) offsets = start_ + turning.share * (offsets - start_);
 }
@@ -297,9 +319,9 @@ double RefinementOf<Real>::bytes() const {
                              turns_.size() * sizeof(TurnBlock<Real>) + numbers * sizeof(Real) +
                              steps_.size() * sizeof(steps_[0])) +
          averages_.bytes() +
-         static_cast<double>(
-             (positions_.size() + at_rest_.size() + start_.size() + followed_.size()) *
-             Index(sizeof(double)));
+         static_cast<double>((positions_.size() + start_.size() + rest_given_.size() +
+                              rest_smoothed_.size() + rest_between_.size() + followed_.size()) *
+                             Index(sizeof(double)));
 }
 
 }  // namespace

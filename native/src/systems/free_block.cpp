@@ -6,22 +6,35 @@
 
 namespace dd {
 
+namespace {
+
+/// The columns of free vertices; of the rows those that have a number, which rises with the row.
+template <class NumberOf>
+SparseMatrix chosen(const SparseMatrix& matrix, const Region& region, Index rows,
+                    const NumberOf& number_of) {
+  SparseMatrix result(rows, region.free_count());
+  Index most = 0;
+  for (int v : region.free) most += matrix.col(v).nonZeros();
+  result.reserve(most);
+  for (int r = 0; r < region.free_count(); ++r) {
+    result.startVec(r);
+    for (SparseMatrix::InnerIterator it(matrix, region.free[r]); it; ++it) {
+      const int row = number_of(static_cast<int>(it.row()));
+      if (row >= 0) result.insertBackByOuterInner(r, row) = it.value();
+    }
+  }
+  result.finalize();
+  return result;
+}
+
+}  // namespace
+
 SparseMatrix free_columns(const SparseMatrix& matrix, const Region& region) {
-  SparseMatrix columns(matrix.rows(), region.free_count());
-  Eigen::VectorXi sizes(region.free_count());
-  for (int r = 0; r < region.free_count(); ++r)
-    sizes[r] = static_cast<int>(matrix.col(region.free[r]).nonZeros());
-  columns.reserve(sizes);
-  for (int r = 0; r < region.free_count(); ++r)
-    for (SparseMatrix::InnerIterator it(matrix, region.free[r]); it; ++it)
-      columns.insert(it.row(), r) = it.value();
-  columns.makeCompressed();
-  return columns;
+  return chosen(matrix, region, matrix.rows(), [](int row) { return row; });
 }
 
 SparseMatrix free_block(const SparseMatrix& matrix, const Region& region) {
-  const SparseMatrix rows = free_columns(matrix, region).transpose();
-  return free_columns(rows, region);
+  return chosen(matrix, region, region.free_count(), [&](int row) { return region.row[row]; });
 }
 
 RowMatrix free_rows(const RowMatrix& values, const Region& region) {

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <limits>
 #include <queue>
 #include <utility>
+
+#include "mesh/topology.h"
 
 namespace dd {
 
@@ -13,12 +15,13 @@ namespace {
 
 constexpr double kFlattest = 1e-9;  // height over longest edge
 constexpr double kSame = 1e-12;
+constexpr double kSound = 1e-6, kSurely = 0.9;
 constexpr int kMostFlips = 20;  // a triangle, in the mean
 
 /// Sides of triangles, 3 × triangle + k from corner k to the next, and what they are glued to.
 class Gluing {
  public:
-  Gluing(const Triangles& t, int vertex_count);
+  explicit Gluing(const Triangles& t);
 
   int other(int side) const { return other_[side]; }
   /// Whether both sides run in one direction: neighbours that are wound differently.
@@ -30,34 +33,14 @@ class Gluing {
   std::vector<char> same_direction_;
 };
 
-Gluing::Gluing(const Triangles& t, int vertex_count)
+Gluing::Gluing(const Triangles& t)
     : other_(static_cast<size_t>(t.size()), -1), same_direction_(other_.size(), 0) {
-  // By the lower vertex of each edge, then by the higher.
-  const auto ends = [&](int side) {
-    return std::minmax(t(side / 3, side % 3), t(side / 3, (side + 1) % 3));
-  };
-  std::vector<int> begin(static_cast<size_t>(vertex_count) + 1, 0);
-  for (int side = 0; side < t.size(); ++side) ++begin[ends(side).first + 1];
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  std::vector<std::pair<int, int>> sides(other_.size());  // higher vertex, side
-  std::vector<int> next(begin.begin(), begin.end() - 1);
-  for (int side = 0; side < t.size(); ++side) {
-    const auto [low, high] = ends(side);
-    sides[next[low]++] = {high, side};
-  }
-  for (int v = 0; v < vertex_count; ++v) {
-    const auto last = sides.begin() + begin[v + 1];
-    auto first = sides.begin() + begin[v];
-    std::sort(first, last);
-    while (first != last) {
-      const auto end =
-          std::find_if(first, last, [&](const auto& side) { return side.first != first->first; });
-      if (end - first == 2) {
-        const int a = first->second, b = (first + 1)->second;
-        glue(a, b, t(a / 3, a % 3) == t(b / 3, b % 3));
-      }
-      first = end;
-    }
+  const Edges edges(t);
+  for (int edge = 0; edge < edges.count(); ++edge) {
+    const Edges::Range sides = edges.of(edge);
+    if (sides.size() != 2) continue;
+    const int a = sides.first->number, b = sides.last[-1].number;
+    glue(a, b, t.data()[a] == t.data()[b]);
   }
 }
 
@@ -73,13 +56,17 @@ int next_side(int side) { return side % 3 == 2 ? side - 2 : side + 1; }
 
 class Flipper {
  public:
-  Flipper(const Positions& p, const Triangles& t, IntrinsicTriangles& result)
-      : t_(result.triangles), lengths_(result.lengths), result_(result), sides_(t, int(p.rows())) {}
+  explicit Flipper(IntrinsicTriangles& result)
+      : t_(result.triangles), lengths_(result.lengths), result_(result), sides_(t_) {}
 
   void run(double obtuse) {
     obtuse_ = obtuse;
-    for (int side = 0; side < t_.size(); ++side)
-      if (side < sides_.other(side)) consider(side);
+    const std::vector<double> cotangents = corner_cotangents();
+    for (int side = 0; side < t_.size(); ++side) {
+      const int other = sides_.other(side);
+      if (side < other && !(cotangents[side] + cotangents[other] > kSurely * obtuse))
+        consider(side);
+    }
     const int64_t most = int64_t{kMostFlips} * t_.rows();
     while (!queue_.empty() && result_.flips < most) {
       const auto [weight, side] = queue_.top();
@@ -94,6 +81,22 @@ class Flipper {
   double& length(int side) { return lengths_(side / 3, (side + 2) % 3); }
   double length(int side) const { return lengths_(side / 3, (side + 2) % 3); }
   int& from(int side) { return t_(side / 3, side % 3); }
+
+  /// Opposite to each side, fast, and none (not a number) where rounding might have a say.
+  std::vector<double> corner_cotangents() const {
+    std::vector<double> result(static_cast<size_t>(t_.size()));
+    for (Index j = 0; j < t_.rows(); ++j) {
+      const Eigen::RowVector3d squares = lengths_.row(j).cwiseAbs2();  // opposite to corners
+      const double sum = squares.sum();
+      const double sixteenth = sum * sum - 2 * squares.squaredNorm();  // 16 times the area's square
+      const bool sound = sixteenth > kSound * sum * sum;
+      const double by_area =
+          sound ? 1 / std::sqrt(sixteenth) : std::numeric_limits<double>::quiet_NaN();
+      for (int k = 0; k < 3; ++k)
+        result[static_cast<size_t>(3 * j + (k + 1) % 3)] = (sum - 2 * squares[k]) * by_area;
+    }
+    return result;
+  }
 
   /// Of a triangle that is lifted where it has no height.
   static TriangleApex apex(double base, double to_first, double to_last) {
@@ -216,7 +219,7 @@ IntrinsicTriangles intrinsic_delaunay(const Positions& p, const Triangles& t, do
     for (int k = 0; k < 3; ++k)
       result.lengths(j, k) = (p.row(t(j, (k + 2) % 3)) - p.row(t(j, (k + 1) % 3))).norm();
   result.moved.assign(static_cast<size_t>(t.rows()), 0);
-  Flipper(p, t, result).run(obtuse);
+  Flipper(result).run(obtuse);
   return result;
 }
 

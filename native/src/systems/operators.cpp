@@ -2,11 +2,15 @@
 #include "systems/operators.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
+#include <vector>
 
+#include "support/raw_array.h"
 #include "systems/intrinsic_delaunay.h"
 
 namespace dd {
@@ -14,6 +18,7 @@ namespace dd {
 namespace {
 
 constexpr double kThinnest = 1e-3;  // height over longest edge
+constexpr double kAlmost = 0.99;    // what rounding may make of a sum
 constexpr double kShortest = std::numeric_limits<double>::min() * 1e20;
 
 /// A triangle laid out in the plane: the longest edge from (0, 0) to (base, 0), the third corner
@@ -96,20 +101,52 @@ TriangleMetric triangle_metric(const Positions& p, const Triangles& t) {
 }
 
 SparseMatrix cotangent_laplacian(const TriangleMetric& metric, const Triangles& t, int n) {
-  std::vector<Eigen::Triplet<double>> entries;
-  entries.reserve(static_cast<size_t>(t.rows()) * 12);
+  struct Entry {
+    int row;
+    double value;
+  };
+  std::vector<int> begin(static_cast<size_t>(n) + 1, 0);
+  for (Index i = 0; i < t.size(); ++i) begin[t.data()[i] + 1] += 2;
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  RawArray<Entry> as_met(static_cast<size_t>(begin[n])), sorted(as_met.size());
+  std::vector<int> next(begin.begin(), begin.end() - 1);
   for (Index j = 0; j < t.rows(); ++j) {
     for (int k = 0; k < 3; ++k) {
       const int a = t(j, (k + 1) % 3), b = t(j, (k + 2) % 3);
-      const double w = 0.5 * metric.cotangents(j, k);
-      entries.emplace_back(a, b, -w);
-      entries.emplace_back(b, a, -w);
-      entries.emplace_back(a, a, w);
-      entries.emplace_back(b, b, w);
+      const double value = -0.5 * metric.cotangents(j, k);
+      as_met.data()[next[a]++] = {b, value};
+      as_met.data()[next[b]++] = {a, value};
     }
   }
+  // The transpose of a symmetric matrix: the same columns, their rows in order.
+  std::copy(begin.begin(), begin.end() - 1, next.begin());
+  for (int v = 0; v < n; ++v)
+    for (int i = begin[v]; i < begin[v + 1]; ++i) {
+      const Entry& entry = as_met.data()[i];
+      sorted.data()[next[entry.row]++] = {v, entry.value};
+    }
   SparseMatrix laplacian(n, n);
-  laplacian.setFromTriplets(entries.begin(), entries.end());
+  laplacian.reserve(t.size() + 2 * Index{n});
+  for (int v = 0; v < n; ++v) {
+    laplacian.startVec(v);
+    const Entry *first = sorted.data() + begin[v], *last = sorted.data() + begin[v + 1];
+    double diagonal = 0;
+    for (const Entry* it = first; it != last; ++it)
+      if (it->row != v) diagonal -= it->value;
+    bool has_diagonal = first == last;
+    const auto add_diagonal = [&] {
+      if (!std::exchange(has_diagonal, true)) laplacian.insertBackByOuterInner(v, v) = diagonal;
+    };
+    for (const Entry* it = first; it != last;) {
+      const int row = it->row;
+      double sum = 0;
+      for (; it != last && it->row == row; ++it) sum += it->value;
+      if (row >= v) add_diagonal();
+      if (row != v) laplacian.insertBackByOuterInner(v, row) = sum;
+    }
+    add_diagonal();
+  }
+  laplacian.finalize();
   return laplacian;
 }
 
