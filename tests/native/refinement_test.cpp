@@ -102,7 +102,7 @@ TEST_CASE("refinement follows the same iteration on dense matrices") {
   Deformer deformer(mesh, roles, 1, {});
   const Positions start = surface(deformer, {motion});
   // Means of quaternions and of matrices agree to the third order of the rotations' differences.
-  const std::vector<Pass> four{{3.25, 0}, {1.45, 0}, {3.25, 1}, {1, 1}};
+  const std::vector<Pass> four{{3.25, 0}, {1.45, 1}, {3.25, 1}, {1, 1}};
   const std::vector<Pass> six{{4, 1}, {1, 1}, {2, 1}, {1, 1}, {2, 0.8}, {1, 0.5}};
   for (const auto& passes : {four, six})
     for (const double length : {0.009, 0.1}) {

@@ -25,13 +25,13 @@ struct Pass {
 /// nothing, grow by that, and the passes between end them. Going farther lets the inside of a sharp
 /// bend buckle on dense meshes.
 ///
-/// Smoothing is what keeps the surface from folding, and two passes of it do so wherever four do: the
-/// first of a few go without, at half their cost. After many passes what is left of the stretch is
-/// the smoothing's own doing: the last two have less of it.
+/// Smoothing is what keeps the surface from folding, and three passes of it do so wherever four do:
+/// the first goes without, at half the cost. With two, meshes fold that didn't. After many passes
+/// what is left of the stretch is the smoothing's own doing: the last two have less of it.
 Pass pass(int iteration, int iterations) {
   const int left = iterations - 1 - iteration;
   const bool beyond = left % 2 == 1;
-  if (iterations <= 4) return {left == 0 ? 1 : beyond ? 3.25 : 1.45, left < 2 ? 1.0 : 0.0};
+  if (iterations <= 4) return {left == 0 ? 1 : beyond ? 3.25 : 1.45, left < 3 ? 1.0 : 0.0};
   return {iteration == 0 ? 4.0 : beyond ? 2.0 : 1.0, left == 0 ? 0.5 : left == 1 ? 0.8 : 1};
 }
 

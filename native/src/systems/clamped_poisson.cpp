@@ -108,6 +108,10 @@ ClampedPoisson::ClampedPoisson(const Mesh& mesh, const Region& region,
   for (int i = 0; i < active_rows; ++i)
     weights_[i] = weights[order.vertex_of_row[poisson.active_row(i)]];
   laplacian_ = active_laplacian(operators, poisson);
+  near_rims_.assign(static_cast<size_t>(free_count), 0);
+  for (int r = 0; r < free_count; ++r)
+    for (decltype(laplacian_)::InnerIterator it(laplacian_, r); it; ++it)
+      near_rims_[r] |= weights[order.vertex_of_row[it.col()]] != 0;
 
   residual_ = Rows::Zero(active_rows, 4);
   scaled_ = Rows::Zero(order.count(), 4);
@@ -154,16 +158,18 @@ void ClampedPoisson::correct(const Rows& divergence, Rows& offsets) {
       for (decltype(laplacian_)::InnerIterator it(laplacian_, i); it; ++it)
         row -= it.value() * offsets.row(it.col());
       residual_.row(i) = row;
-      scaled_.row(poisson_.active_row(static_cast<int>(i))) = weights_[i] * row;
+      if (weights_[i] != 0)
+        scaled_.row(poisson_.active_row(static_cast<int>(i))) = weights_[i] * row;
     }
   });
   pool.parallel_for(free_count, kLeastRange, [&](int64_t begin, int64_t end) {
     for (int64_t k = begin; k < end; ++k) {
       const int i = row_of_place_[size_t(k)];
-      Eigen::RowVector4d sum = Eigen::RowVector4d::Zero();
-      for (decltype(laplacian_)::InnerIterator it(laplacian_, i); it; ++it)
-        sum += it.value() * scaled_.row(it.col());
-      right_.row(k) = residual_.row(i) + sum;
+      Eigen::RowVector4d sum = residual_.row(i);
+      if (near_rims_[i])
+        for (decltype(laplacian_)::InnerIterator it(laplacian_, i); it; ++it)
+          sum += it.value() * scaled_.row(it.col());
+      right_.row(k) = sum;
     }
   });
   factor_->solve_in_order(
@@ -177,7 +183,7 @@ void ClampedPoisson::correct(const Rows& divergence, Rows& offsets) {
 }
 
 double ClampedPoisson::bytes() const {
-  return factor_->bytes() +
+  return factor_->bytes() + static_cast<double>(near_rims_.size()) +
          static_cast<double>(laplacian_.nonZeros()) * (sizeof(double) + sizeof(int)) +
          static_cast<double>((residual_.size() + scaled_.size() + right_.size() + weights_.size()) *
                              Index(sizeof(double))) +

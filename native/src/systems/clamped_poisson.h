@@ -55,7 +55,8 @@ class ClampedPoisson {
   std::vector<int> row_of_place_;  // of the factor, in the Poisson system's order
   /// Of the active triangles: free vertices, then rims; columns are rows of the order.
   Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian_;
-  Eigen::VectorXd weights_;  // of the same: the diagonal of W
+  Eigen::VectorXd weights_;      // of the same: the diagonal of W
+  std::vector<char> near_rims_;  // of free rows: whether W reaches them or a neighbour
   Rows residual_, scaled_;
   Rows right_;  // in the factor's order
   SparseCholesky::Space space_;
