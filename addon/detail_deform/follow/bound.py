@@ -9,6 +9,7 @@ from ..scene import (dependency, handle_matrices, mesh_data, mirror_plane, node_
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
 from . import content, look, made, placed, shown, slow_results
+from .bind_job import BindJob
 from .slow_update import SlowUpdate
 
 cache = made.Cache(spare=3)  # of native.Deformer
@@ -92,9 +93,20 @@ def is_for(ob, entry):
 # Made and lost
 
 def begin(ob, roles):
-    """The native.Bind."""
+    """The job."""
     arguments, options = content.bind_arguments(ob, roles)
-    return native.Bind(*arguments, **options)
+    bind, of = native.Bind(*arguments, **options), ob.detail_deform
+    if of.base == 'OBJECT':  # whose pose is another one by then
+        return bind
+    return BindJob(bind, arguments[-1], look.quick(_with_free(look.asked(of), of)))
+
+
+def _with_free(asked, of):
+    """With what is said of free handles."""
+    free = handle_matrices.free(of)
+    if not free.any():
+        return asked
+    return asked | {'handle_turns': free.astype(np.int32), 'pivots': handle_matrices.pivots(of)}
 
 
 def job(ob):
@@ -143,8 +155,7 @@ class Frame:
         self._free = handle_matrices.free(of)
         self.of = (of.signature, self._motions.tobytes(), self._asked.copy(), self._free.tobytes(),
                    mirror_plane.key(ob))
-        if self._free.any():
-            self._asked |= {'handle_turns': self._free.astype(np.int32), 'pivots': handle_matrices.pivots(of)}
+        self._asked = _with_free(self._asked, of)
         self._turns = np.zeros((len(self._motions), 3))
         if of.base == 'OBJECT':
             self._base = outside_base.deformed_positions(ob, depsgraph)

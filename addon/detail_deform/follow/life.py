@@ -198,7 +198,6 @@ def _arrive(kind, content):
         pass  # its owners have it
     else:
         for ob in _owners(kind, content):
-            check(ob)  # it may have been edited meanwhile
             refresh(ob, bpy.context.evaluated_depsgraph_get(), force=True)
     drop_unused()
 
