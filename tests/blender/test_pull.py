@@ -209,6 +209,23 @@ def test_a_pull_that_is_cancelled_leaves_nothing_behind(begin):
     pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2)
 
 
+def test_it_can_be_cancelled_after_each_stage(part):
+    ob = sheet()
+    pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2)
+    before, groups = data_blocks(), len(ob.vertex_groups)
+    for count in range(1, 6):
+        select(ob, np.linalg.norm(own(ob)[:, :2] - (0.5, 0.5), axis=1) < 0.1)
+        stages = part('setup.pulling').Pull(bpy.context, ob).stages(wait=False, watch=True)
+        for _ in range(count):
+            next(stages)
+        stages.close()
+        assert ob.mode == 'EDIT' and data_blocks() == before and len(ob.vertex_groups) == groups
+        assert len(ob.detail_deform.handles) == 1 and ob.detail_deform.signature
+        bpy.ops.object.mode_set(mode='OBJECT')
+        update()
+        assert ob.detail_deform.is_bound, ob.detail_deform.status
+
+
 def test_one_that_is_cancelled_leaves_the_binding_that_there_was(begin):
     ob = sheet()
     p = own(ob)

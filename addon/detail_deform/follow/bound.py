@@ -164,11 +164,14 @@ class Frame:
             self._turns = handle_matrices.turns(of, places, depsgraph)
             self.of += (self._turns.tobytes(),)
 
-    def offsets(self):
-        """The quick ones, where there are slow ones."""
+    def offsets(self, share):
+        """The quick ones, where there are slow ones or there is only a share of the time."""
         slow_results.cancel(offset_attribute.token(self._ob.data))
         slow_results.make_way(self._deformer)
-        found = self._deformer.offsets(self._motions, self._base, **look.quick({**self._asked, 'turns': self._turns}))
+        told = {**self._asked, 'turns': self._turns}
+        asked = look.quick(told, share)
+        self.is_hurried = asked.get('refine') != look.quick(told).get('refine')
+        found = self._deformer.offsets(self._motions, self._base, **asked)
         return placed.offsets(self._ob, found)
 
     def written(self, record, wait):
@@ -182,10 +185,11 @@ class Frame:
             record.example_weights = self._deformer.example_weights().tolist()
             if not wait:
                 redraw_panels()  # they show the weights
-        if look.is_slow(of) and not self._is_rest():
+        is_slow = look.is_slow(of)
+        if (is_slow or self.is_hurried) and not self._is_rest():
             record.is_final = False
             asked = {**self._asked, 'turns': self._turns, 'base': self._base}
-            SlowUpdate(self._ob, self._deformer, self._motions, asked).run(wait)
+            SlowUpdate(self._ob, self._deformer, self._motions, asked, is_slow).run(wait)
 
     def _is_rest(self):
         return self._base is None and np.abs(self._motions - np.eye(4)[:3]).max() < 1e-6 and not self._turns.any()

@@ -16,6 +16,7 @@ class Entry:
     def __init__(self, made):
         self.made = made
         self.update_ms = 0.0
+        self.full_ms = 0.0  # of the last update that was not hurried by a drag
         self.owners = set()  # whoever was found to have the content
 
 

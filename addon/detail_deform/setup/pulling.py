@@ -43,14 +43,16 @@ class Pull:
         """A generator that yields the fraction done. wait: for the binding, standing still; watch: for that under way.
         Raises MeshProblem or native.NativeError."""
         ob, settings = self._ob, self._ob.detail_deform
-        handle_setup.add_handle(self._context, ob, "")
-        yield 0.0
-        bpy.ops.object.mode_set(mode='OBJECT')
-        region, earlier = region_setup.kept(ob), binding.kept(ob)
+        region = earlier = None
         try:
+            handle_setup.add_handle(self._context, ob, "")
             yield 0.0
+            bpy.ops.object.mode_set(mode='OBJECT')
+            yield 0.0
+            region, earlier = region_setup.kept(ob), binding.kept(ob)
             mesh_data.check_object(ob)
             self._mirror(settings.handles[self._count])
+            yield 0.0
             if asks_for_reach(ob):
                 self._set_region(region)
                 yield 0.0
@@ -107,13 +109,17 @@ class Pull:
             raise MeshProblem(settings.problem)
 
     def _take_back(self, region, earlier):
+        """region, earlier: what there was; None where it is still there."""
         ob, settings = self._ob, self._ob.detail_deform
-        bound.cache.let_go(settings.signature)
+        if earlier and settings.signature != earlier.signature:
+            bound.cache.let_go(settings.signature)
         for number in reversed(range(self._count, len(settings.handles))):
             handle_setup.remove_handle(ob, number)
-        region_setup.restore(ob, region)
+        if region:
+            region_setup.restore(ob, region)
         if not self._had_modifier:
             node_group.remove_modifier(ob)
-        binding.restore(ob, earlier)
+        if earlier:
+            binding.restore(ob, earlier)
         life.check(ob)
         bpy.ops.object.mode_set(mode='EDIT')

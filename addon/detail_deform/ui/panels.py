@@ -95,7 +95,7 @@ def draw_state(layout, context, ob):
         return
     if node_group.find_cache(ob):
         return
-    if slow_results.progress(offset_attribute.token(ob.data)) is not None:
+    if look.is_slow(settings) and slow_results.progress(offset_attribute.token(ob.data)) is not None:
         row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
     if ob.mode == 'EDIT':
         layout.operator('object.detail_deform_pull', text="Pull Selected", icon='EMPTY_AXIS')
