@@ -154,7 +154,7 @@ class Frame:
         self._asked = look.asked(of)
         self._free = handle_matrices.free(of)
         self.of = (of.signature, self._motions.tobytes(), self._asked.copy(), self._free.tobytes(),
-                   mirror_plane.key(ob))
+                   mirror_plane.key(ob), look.soft_border(of))
         self._asked = _with_free(self._asked, of)
         self._turns = np.zeros((len(self._motions), 3))
         if of.base == 'OBJECT':

@@ -41,6 +41,11 @@ def steps(settings):
     return options.value(_STEPS, settings)
 
 
+def soft_border(settings):
+    """0: none; a base from outside says itself what moves at the border."""
+    return settings.soft_border if settings.base == 'COMPUTED' and settings.output == 'RESULT' else 0.0
+
+
 def knows_whole_turns(settings):
     """Whether a handle's whole turns make a difference."""
     return steps(settings) > 1 or settings.base_deformer != 'LINEAR'

@@ -171,6 +171,9 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator('object.detail_deform_region_set', text="From Selection")
         row.operator('object.detail_deform_region_around', text="By Radius")
+        border = layout.column()
+        border.active = settings.base == 'COMPUTED' and bool(settings.region)
+        border.prop(settings, 'soft_border')
 
         row = layout.row()
         row.template_list('OBJECT_UL_detail_deform_handles', "", settings, 'handles', settings,
