@@ -109,6 +109,13 @@ def test_a_drag_ends_when_nothing_has_moved_for_a_while(part, heavy):
     assert module.share(1000.0) == 1.0
 
 
+def test_undo_ends_it(part, heavy, drag):
+    drag(heavy, -1.2)
+    part('follow.life').forget_addresses()
+    assert not bpy.app.timers.is_registered(part('follow.drag')._tick)  # or it would go on
+    assert part('follow.drag').share(1000.0) == 1.0
+
+
 def test_a_frame_shows_the_whole_result_also_where_nothing_has_moved_since(part, heavy, drag):
     quick = drag(heavy, -1.2)
     bpy.context.scene.frame_set(2)

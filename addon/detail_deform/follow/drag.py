@@ -38,11 +38,7 @@ def share(full_ms):
 
 
 def ended():
-    """A frame has come, or other data."""
-    _drag.goes_on = False
-
-
-def clear():
+    """A frame has come, or other data, or nothing more."""
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
-    ended()
+    _drag.goes_on = False

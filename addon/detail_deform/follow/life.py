@@ -235,7 +235,7 @@ def clear():
     if bpy.app.timers.is_registered(_poll):
         bpy.app.timers.unregister(_poll)
     slow_results.clear()
-    drag.clear()
+    drag.ended()
     for kind in KINDS:
         kind.cache.clear()
     placed.clear()
