@@ -53,7 +53,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     if wait or bound.cache.find(signature):
         life.finish(bound, signature)
         life.refresh(ob, depsgraph, force=True)
-        life.drop_unused()
+    life.drop_unused()
 
 
 def _find_start(ob, places, keep_rest):
