@@ -106,13 +106,14 @@ def _need_base(ob):
         node_group.set_base(modifier, settings.base_object if settings.base == 'OBJECT' else None)
 
 
+_STATE = ('signature', 'stale', 'problem', 'compared_handles')
 _OF_HANDLES = ('rest_matrix', 'rest_euler', 'home_matrix', 'home_euler')
 _OF_MESHES = (offset_attribute.KEPT, offset_attribute.KEYED)
 
 
 class Kept(NamedTuple):
     """The binding as it is, for whoever begins another one that may not come about."""
-    signature: str
+    state: list
     places: list  # of each handle
     attributes: list  # of the mesh; None for each that it hasn't
 
@@ -120,7 +121,7 @@ class Kept(NamedTuple):
 def kept(ob):
     """What restore() brings back."""
     settings = ob.detail_deform
-    return Kept(settings.signature, [[tuple(getattr(handle, name)) for name in _OF_HANDLES]
+    return Kept([getattr(settings, name) for name in _STATE], [[tuple(getattr(handle, name)) for name in _OF_HANDLES]
                                      for handle in settings.handles],
                 [offset_attribute.read(ob.data, name) if offset_attribute.find(ob.data, name) else None
                  for name in _OF_MESHES])
@@ -136,10 +137,9 @@ def restore(ob, present):
             offset_attribute.take_away(ob.data, name)
         else:
             offset_attribute.put(ob.data, name, vectors.ravel())
-    settings.signature = present.signature
-    settings.stale = settings.problem = ""
+    for name, value in zip(_STATE, present.state):
+        setattr(settings, name, value)
     if settings.signature:
-        bound.note_handles(settings)
         targets_changed(ob)
     else:
         dependency.release(ob)

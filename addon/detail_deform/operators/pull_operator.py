@@ -79,7 +79,15 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
         self._pull = pulling.Pull(context, ob, self.radius, around)
         self._stages = self._pull.stages(wait=False, watch=True)
         self._timer = context.window_manager.event_timer_add(_TICK_SECONDS, window=context.window)
-        context.workspace.status_text_set("Binding. Esc: cancel")
+        context.window_manager.progress_begin(0, 1)
+        self._tell(context, 0.0)
+
+    def _tell(self, context, done):
+        text = f"Binding, {100 * done:.0f}%. Esc: cancel"
+        context.window_manager.progress_update(done)
+        context.workspace.status_text_set(text)
+        if self._view:
+            self._view.area.header_text_set(text)
 
     def modal(self, context, event):
         if event.type.startswith(_NAVIGATION):
@@ -112,7 +120,7 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
             done = next(self._stages)
         except StopIteration:
             return self._hand_over(context)
-        context.workspace.status_text_set(f"Binding, {100 * done:.0f}%. Esc: cancel")
+        self._tell(context, done)
         return {'RUNNING_MODAL'}
 
     def _hand_over(self, context):
@@ -136,6 +144,9 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
             self._stages.close()
         if self._timer:
             context.window_manager.event_timer_remove(self._timer)
+            context.window_manager.progress_end()
+        if self._view:
+            self._view.area.header_text_set(None)
         context.workspace.status_text_set(None)
         self._choice = self._pull = self._stages = self._timer = self._view = None
         return result

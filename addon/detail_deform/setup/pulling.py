@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 
-from ..follow import binding, bound, life
+from ..follow import binding, bound
 from ..scene import mesh_data, mirror_plane, node_group, selection
 from ..scene.mesh_data import MeshProblem
 from . import handle_setup, region_setup
@@ -111,8 +111,10 @@ class Pull:
     def _take_back(self, region, earlier):
         """region, earlier: what there was; None where it is still there."""
         ob, settings = self._ob, self._ob.detail_deform
-        if earlier and settings.signature != earlier.signature:
-            bound.cache.let_go(settings.signature)
+        if earlier:
+            if settings.signature not in earlier.state:
+                bound.cache.let_go(settings.signature)
+            settings.signature = ""  # nothing is compared with it any more
         for number in reversed(range(self._count, len(settings.handles))):
             handle_setup.remove_handle(ob, number)
         if region:
@@ -121,5 +123,4 @@ class Pull:
             node_group.remove_modifier(ob)
         if earlier:
             binding.restore(ob, earlier)
-        life.check(ob)
         bpy.ops.object.mode_set(mode='EDIT')
