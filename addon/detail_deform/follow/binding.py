@@ -113,7 +113,7 @@ _OF_MESHES = (offset_attribute.KEPT, offset_attribute.KEYED)
 
 class Kept(NamedTuple):
     """The binding as it is, for whoever begins another one that may not come about."""
-    state: list
+    state: list  # values of _STATE
     places: list  # of each handle
     attributes: list  # of the mesh; None for each that it hasn't
 

@@ -112,7 +112,7 @@ class Pull:
         """region, earlier: what there was; None where it is still there."""
         ob, settings = self._ob, self._ob.detail_deform
         if earlier:
-            if settings.signature not in earlier.state:
+            if settings.signature not in earlier.state:  # this Pull has begun to bind
                 bound.cache.let_go(settings.signature)
             settings.signature = ""  # nothing is compared with it any more
         for number in reversed(range(self._count, len(settings.handles))):
