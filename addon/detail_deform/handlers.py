@@ -4,7 +4,7 @@
 import bpy
 from bpy.app.handlers import persistent
 
-from .follow import auto_bind, edits, life, registry
+from .follow import auto_bind, drag, edits, life, registry
 from .ui import marker_preview, preview
 
 # With nothing bound, neither of these two goes through what a scene has or what was changed.
@@ -21,11 +21,13 @@ def _depsgraph_updated(scene, depsgraph):
         members = registry.of_scene(depsgraph)
         if edited:
             edits.note(members, edited)
+        drag.updated()
         life.refresh_all(members, depsgraph)
 
 
 @persistent
 def _frame_changed(scene, depsgraph):
+    drag.ended()
     life.refresh_all(registry.of_scene(depsgraph), depsgraph)
 
 

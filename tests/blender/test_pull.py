@@ -4,8 +4,10 @@
 import bpy
 import numpy as np
 
+import pytest
+
 from conftest import (activate, bind, data_blocks, evaluated, make_strip,
-                      members, own, refusal, select, update)
+                      members, own, pull, refusal, select, update)
 
 
 def test_pull_makes_all_of_it_at_once():
@@ -28,7 +30,7 @@ def test_pull_makes_all_of_it_at_once():
     select(ob, p[:, 0] < -1.2)
     assert bpy.ops.object.detail_deform_pull(radius=0.4) == {'FINISHED'}
     moved = np.linalg.norm(evaluated(ob) - p, axis=1)
-    assert np.allclose(moved[p[:, 0] > 1.2], 0.3, atol=1e-5) and not moved[p[:, 0] < 0].any()
+    assert np.allclose(moved[p[:, 0] > 1.2], 0.3, atol=1e-5) and moved[p[:, 0] < 0].max() < 1e-6
     activate(ob)
     bpy.ops.object.detail_deform_remove()
     assert not ob.vertex_groups and not bpy.data.collections and len(bpy.data.objects) == 1
@@ -130,3 +132,124 @@ def test_no_way_to_a_mesh_that_is_not_in_the_view_layer():
     activate(empty)
     bpy.context.scene.collection.objects.unlink(ob)
     assert not bpy.ops.object.detail_deform_mesh_activate.poll()
+
+
+# How far it reaches
+
+def sheet(n=40, scale=1.0, size=1.0):
+    """A flat square of two units, its places times scale in the mesh and times size by the object."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=n, y_subdivisions=n)
+    ob = bpy.context.active_object
+    ob.data.vertices.foreach_set('co', (scale * own(ob)).astype(np.float32).ravel())
+    ob.scale = 3 * [size]
+    update()
+    return ob
+
+
+def reach_of_disk(radius, **of):
+    """How far Pull reaches beyond a disk in the middle of a sheet, in the sheet's own measure."""
+    ob = sheet(**of)
+    away = np.linalg.norm(own(ob)[:, :2], axis=1) / of.get('scale', 1.0)
+    pull(ob, away <= max(radius, away.min()))
+    return away[members(ob, "Region")].max() - radius
+
+
+@pytest.mark.parametrize('of', [{}, {'n': 120}, {'scale': 1e-4}, {'scale': 1e4}, {'size': 1e-3}, {'size': 1e3}])
+def test_it_reaches_as_far_as_the_selection_is_large(of):
+    assert reach_of_disk(0.2, **of) == pytest.approx(0.4, abs=0.07)
+
+
+def test_a_larger_selection_reaches_farther_up_to_a_quarter_of_the_object():
+    assert reach_of_disk(0.1, n=80) == pytest.approx(0.2, abs=0.05)
+    assert reach_of_disk(0.38, n=80) == pytest.approx(0.25 * np.sqrt(8), abs=0.07)
+
+
+@pytest.mark.parametrize('n', [8, 40, 200])
+def test_around_a_single_vertex_there_is_something_to_follow(n):
+    assert 0.99 * max(0.04 * np.sqrt(8), 2 * 2 / n) - 2 / n < reach_of_disk(0.0, n=n) < 0.75
+
+
+def test_a_second_pull_adds_to_the_region_of_the_first():
+    ob = sheet()
+    p = own(ob)
+    pull(ob, np.linalg.norm(p[:, :2], axis=1) < 0.2, radius=0.5)
+    first = members(ob, "Region")
+    pull(ob, np.linalg.norm(p[:, :2] - (0.7, 0.7), axis=1) < 0.1, radius=0.2)
+    both = members(ob, "Region")
+    assert both[first].all() and both.sum() > first.sum() + 20
+    assert not both[np.linalg.norm(p[:, :2] - (0.7, 0.7), axis=1) > 0.35][~first[
+        np.linalg.norm(p[:, :2] - (0.7, 0.7), axis=1) > 0.35]].any()
+
+
+# Cancelled
+
+@pytest.fixture
+def begin(part):
+    """Begins a Pull of these vertices in the background, and goes on until it binds. Returns its stages."""
+    def run(ob, chosen):
+        select(ob, chosen)
+        stages = part('setup.pulling').Pull(bpy.context, ob).stages(wait=False, watch=True)
+        while not part('follow.bound').cache.contents_under_way():
+            next(stages)
+        return stages
+    yield run
+    part('follow.life').clear()
+
+
+def test_a_pull_that_is_cancelled_leaves_nothing_behind(begin):
+    ob = sheet()
+    before = data_blocks()
+    stages = begin(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2)
+    assert ob.modifiers and ob.vertex_groups
+    stages.close()
+    settings = ob.detail_deform
+    assert ob.mode == 'EDIT' and data_blocks() == before
+    assert not (ob.modifiers or ob.vertex_groups or ob.animation_data or settings.handles or settings.signature
+                or settings.problem or settings.region or settings.own_region)
+    pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2)
+
+
+def test_it_can_be_cancelled_after_each_stage(part):
+    ob = sheet()
+    pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2)
+    before, groups = data_blocks(), len(ob.vertex_groups)
+    for count in range(1, 6):
+        select(ob, np.linalg.norm(own(ob)[:, :2] - (0.5, 0.5), axis=1) < 0.1)
+        stages = part('setup.pulling').Pull(bpy.context, ob).stages(wait=False, watch=True)
+        for _ in range(count):
+            next(stages)
+        stages.close()
+        assert ob.mode == 'EDIT' and data_blocks() == before and len(ob.vertex_groups) == groups
+        assert len(ob.detail_deform.handles) == 1 and ob.detail_deform.signature
+        bpy.ops.object.mode_set(mode='OBJECT')
+        update()
+        assert ob.detail_deform.is_bound, ob.detail_deform.status
+
+
+def test_one_that_is_cancelled_leaves_the_binding_that_there_was(begin):
+    ob = sheet()
+    p = own(ob)
+    first = pull(ob, np.linalg.norm(p[:, :2], axis=1) < 0.2)
+    first.location.z += 0.3
+    update()
+    before, region = evaluated(ob), members(ob, "Region")
+    begin(ob, np.linalg.norm(p[:, :2] - (0.5, 0.5), axis=1) < 0.1).close()
+    bpy.ops.object.mode_set(mode='OBJECT')
+    update()
+    assert ob.detail_deform.is_bound and len(ob.detail_deform.handles) == 1, ob.detail_deform.status
+    assert (members(ob, "Region") == region).all() and len(ob.vertex_groups) == 2
+    assert np.abs(evaluated(ob) - before).max() < 1e-7
+    first.location.z -= 0.3
+    update()
+    assert np.abs(evaluated(ob) - p).max() < 1e-6
+
+
+def test_a_selection_on_both_sides_is_measured_once(part):
+    """Edit Mode's symmetry takes the image along, and the reach is that of one side."""
+    ob = sheet(60)
+    p = own(ob)
+    ob.data.use_mirror_x = True
+    pull(ob, np.linalg.norm(p[:, :2] - (0.6, 0), axis=1) < 0.1)
+    region, away = members(ob, "Region"), np.linalg.norm(np.abs(p[:, :2]) - (0.6, 0), axis=1)
+    assert away[region].max() == pytest.approx(0.3, abs=0.05)
+    assert (region[away < 0.25]).all()

@@ -20,7 +20,7 @@ def pulled_sheet(lift=0.6, turn=0.0):
     """A sheet whose middle is pulled out, and its empty."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=40, y_subdivisions=40)
     ob = bpy.context.active_object
-    pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2)
+    pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2, radius=0.7)
     empty = ob.detail_deform.handles[0].target
     empty.location.z += lift
     empty.rotation_euler.x += turn

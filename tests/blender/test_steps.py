@@ -138,6 +138,8 @@ def test_a_frame_stops_slow_work_on_its_deformer_which_begins_again_later(strip,
     endless = {'method': 'VOLUMES', 'volume_tolerance': 1e-300, 'volume_iterations': 10**9}
 
     class Work:
+        pause = 0.3
+
         def __init__(self):
             self.deformer = deformer
 

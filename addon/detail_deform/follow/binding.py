@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bind and Unbind, and what a binding must be told of."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..library import native
@@ -51,7 +53,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     if wait or bound.cache.find(signature):
         life.finish(bound, signature)
         life.refresh(ob, depsgraph, force=True)
-        life.drop_unused()
+    life.drop_unused()
 
 
 def _find_start(ob, places, keep_rest):
@@ -102,6 +104,46 @@ def _need_base(ob):
     settings, modifier = ob.detail_deform, node_group.find_modifier(ob)
     if modifier:
         node_group.set_base(modifier, settings.base_object if settings.base == 'OBJECT' else None)
+
+
+_STATE = ('signature', 'stale', 'problem', 'compared_handles')
+_OF_HANDLES = ('rest_matrix', 'rest_euler', 'home_matrix', 'home_euler')
+_OF_MESHES = (offset_attribute.KEPT, offset_attribute.KEYED)
+
+
+class Kept(NamedTuple):
+    """The binding as it is, for whoever begins another one that may not come about."""
+    state: list  # values of _STATE
+    places: list  # of each handle
+    attributes: list  # of the mesh; None for each that it hasn't
+
+
+def kept(ob):
+    """What restore() brings back."""
+    settings = ob.detail_deform
+    return Kept([getattr(settings, name) for name in _STATE], [[tuple(getattr(handle, name)) for name in _OF_HANDLES]
+                                     for handle in settings.handles],
+                [offset_attribute.read(ob.data, name) if offset_attribute.find(ob.data, name) else None
+                 for name in _OF_MESHES])
+
+
+def restore(ob, present):
+    settings = ob.detail_deform
+    for handle, places in zip(settings.handles, present.places):
+        for name, place in zip(_OF_HANDLES, places):
+            setattr(handle, name, place)
+    for name, vectors in zip(_OF_MESHES, present.attributes):
+        if vectors is None:
+            offset_attribute.take_away(ob.data, name)
+        else:
+            offset_attribute.put(ob.data, name, vectors.ravel())
+    for name, value in zip(_STATE, present.state):
+        setattr(settings, name, value)
+    if settings.signature:
+        targets_changed(ob)
+    else:
+        dependency.release(ob)
+    registry.forget()
 
 
 def cancel(ob):

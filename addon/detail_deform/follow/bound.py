@@ -9,6 +9,7 @@ from ..scene import (dependency, handle_matrices, mesh_data, mirror_plane, node_
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
 from . import content, look, made, placed, shown, slow_results
+from .bind_job import BindJob
 from .slow_update import SlowUpdate
 
 cache = made.Cache(spare=3)  # of native.Deformer
@@ -92,9 +93,20 @@ def is_for(ob, entry):
 # Made and lost
 
 def begin(ob, roles):
-    """The native.Bind."""
+    """The job."""
     arguments, options = content.bind_arguments(ob, roles)
-    return native.Bind(*arguments, **options)
+    bind, of = native.Bind(*arguments, **options), ob.detail_deform
+    if of.base == 'OBJECT':  # whose pose is another one by then
+        return bind
+    return BindJob(bind, arguments[-1], look.quick(_with_free(look.asked(of), of)))
+
+
+def _with_free(asked, of):
+    """With what is said of free handles."""
+    free = handle_matrices.free(of)
+    if not free.any():
+        return asked
+    return asked | {'handle_turns': free.astype(np.int32), 'pivots': handle_matrices.pivots(of)}
 
 
 def job(ob):
@@ -142,9 +154,8 @@ class Frame:
         self._asked = look.asked(of)
         self._free = handle_matrices.free(of)
         self.of = (of.signature, self._motions.tobytes(), self._asked.copy(), self._free.tobytes(),
-                   mirror_plane.key(ob))
-        if self._free.any():
-            self._asked |= {'handle_turns': self._free.astype(np.int32), 'pivots': handle_matrices.pivots(of)}
+                   mirror_plane.key(ob), look.soft_border(of))
+        self._asked = _with_free(self._asked, of)
         self._turns = np.zeros((len(self._motions), 3))
         if of.base == 'OBJECT':
             self._base = outside_base.deformed_positions(ob, depsgraph)
@@ -153,11 +164,14 @@ class Frame:
             self._turns = handle_matrices.turns(of, places, depsgraph)
             self.of += (self._turns.tobytes(),)
 
-    def offsets(self):
-        """The quick ones, where there are slow ones."""
+    def offsets(self, share):
+        """The quick ones, where there are slow ones or there is only a share of the time."""
         slow_results.cancel(offset_attribute.token(self._ob.data))
         slow_results.make_way(self._deformer)
-        found = self._deformer.offsets(self._motions, self._base, **look.quick({**self._asked, 'turns': self._turns}))
+        told = {**self._asked, 'turns': self._turns}
+        asked = look.quick(told, share)
+        self.is_hurried = asked.get('refine') != look.quick(told).get('refine')
+        found = self._deformer.offsets(self._motions, self._base, **asked)
         return placed.offsets(self._ob, found)
 
     def written(self, record, wait):
@@ -171,10 +185,11 @@ class Frame:
             record.example_weights = self._deformer.example_weights().tolist()
             if not wait:
                 redraw_panels()  # they show the weights
-        if look.is_slow(of) and not self._is_rest():
+        is_slow = look.is_slow(of)
+        if (is_slow or self.is_hurried) and not self._is_rest():
             record.is_final = False
             asked = {**self._asked, 'turns': self._turns, 'base': self._base}
-            SlowUpdate(self._ob, self._deformer, self._motions, asked).run(wait)
+            SlowUpdate(self._ob, self._deformer, self._motions, asked, is_slow).run(wait)
 
     def _is_rest(self):
         return self._base is None and np.abs(self._motions - np.eye(4)[:3]).max() < 1e-6 and not self._turns.any()

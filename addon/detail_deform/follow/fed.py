@@ -157,7 +157,9 @@ class Frame:
         self._pose = source_pose.evaluated_pose(of.source, depsgraph)
         self.of = (of.prepared_for, self._pose.tobytes(), of.rotation_only)
 
-    def offsets(self):
+    is_hurried = False
+
+    def offsets(self, share):
         moved = self._transfer.apply(self._pose, self._rotation_only)
         return (moved - mesh_data.rest(self._ob.data)).ravel()
 

@@ -9,8 +9,8 @@ What follows is of one of two kinds, the modules bound and fed. They say what di
     is_fit(ob, depsgraph): whether it can follow      is_for(ob, entry): whether that fits without comparing
     job(ob): that makes a deformer or a transfer      refuse(ob, sentence): why it could not be made
     check_frame(ob): raises what it can't follow by   forget(ob): what belongs to this kind
-    Frame(ob, made, depsgraph): what is asked for: of tells it from all others, offsets() computes it, and
-        written(record, wait) is told that it is shown
+    Frame(ob, made, depsgraph): what is asked for: of tells it from all others, offsets(share) computes it, or in a
+        drag what takes that share of the time, which is_hurried tells; written(record, wait) is told that it is shown
 """
 
 import time
@@ -21,7 +21,7 @@ from ..library import native
 from ..scene import mesh_data, node_group, offset_attribute, reach
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
-from . import bound, fed, placed, registry, shown, slow_results
+from . import bound, drag, fed, placed, registry, shown, slow_results
 
 KINDS = (fed, bound)
 
@@ -85,11 +85,15 @@ def _show(kind, ob, entry, depsgraph, force, wait):
     """Returns what is wrong with what is shown, or ''."""
     start = time.perf_counter()
     frame = kind.Frame(ob, entry.made, depsgraph)
-    record = shown.by(ob.data)
-    if not force and record is not None and record.of == frame.of:
+    record, share = shown.by(ob.data), 1.0 if force or wait else drag.share(entry.full_ms)
+    if not force and record is not None and record.of == frame.of and record.will_do(wait, share):
         return record.problem
-    record = shown.show(ob.data, frame.offsets(), frame.of)
+    record = shown.show(ob.data, frame.offsets(share), frame.of)
     entry.update_ms = 1e3 * (time.perf_counter() - start)
+    if frame.is_hurried:
+        record.is_hurried = True
+    else:
+        entry.full_ms = entry.update_ms
     frame.written(record, wait)
     return record.problem
 
@@ -198,7 +202,6 @@ def _arrive(kind, content):
         pass  # its owners have it
     else:
         for ob in _owners(kind, content):
-            check(ob)  # it may have been edited meanwhile
             refresh(ob, bpy.context.evaluated_depsgraph_get(), force=True)
     drop_unused()
 
@@ -223,6 +226,7 @@ def forget_addresses():
     """After undo, redo and loading: the meshes may hold any earlier result, and addresses mean others."""
     registry.forget()
     shown.clear()
+    drag.ended()
     for kind in KINDS:
         kind.cache.forget_owners()
 
@@ -231,6 +235,7 @@ def clear():
     if bpy.app.timers.is_registered(_poll):
         bpy.app.timers.unregister(_poll)
     slow_results.clear()
+    drag.ended()
     for kind in KINDS:
         kind.cache.clear()
     placed.clear()

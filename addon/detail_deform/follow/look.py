@@ -23,17 +23,27 @@ def why_no_base(settings):
     return "This method has no base surface." if by_handles else ""
 
 
-def quick(told):
-    """What is shown while handles move: one step, and detail transfer in place of a slow method."""
+def quick(told, share=1.0):
+    """What is shown while handles move: one step, and detail transfer in place of a slow method. share: of the time
+    that this takes, how much there is; passes of Refine are left out for it."""
     if told['method'] == 'VOLUMES':
         kept = {name: told.get(name) for name in ('output', 'base_deformer', 'turns', 'handle_turns', 'pivots')}
         return {'method': 'TRANSFER', 'refine': 0, **kept}
-    return {**told, 'steps': 1}
+    found = {**told, 'steps': 1}
+    passes = found.get('refine')
+    if share < 1.0 and passes:  # each takes about as long as an update without any
+        found['refine'] = max(int(share * (passes + 1)) - 1, 0)
+    return found
 
 
 def steps(settings):
     """How many; a base from outside has no motion that could be split."""
     return options.value(_STEPS, settings)
+
+
+def soft_border(settings):
+    """0: none; a base from outside says itself what moves at the border."""
+    return settings.soft_border if settings.base == 'COMPUTED' and settings.output == 'RESULT' else 0.0
 
 
 def knows_whole_turns(settings):

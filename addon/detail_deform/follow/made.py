@@ -16,6 +16,7 @@ class Entry:
     def __init__(self, made):
         self.made = made
         self.update_ms = 0.0
+        self.full_ms = 0.0  # of the last update that was not hurried by a drag
         self.owners = set()  # whoever was found to have the content
 
 
@@ -99,7 +100,9 @@ class Cache:
         self._ending[:] = [job for job in self._ending if job.progress()[0]]
 
     def keep(self, contents):
-        """Forgets the oldest that none of these contents needs."""
+        """Forgets the oldest that none of these contents needs, and cancels what is being made for none of them."""
+        for content in [content for content in self._jobs if content not in contents]:
+            self.let_go(content)
         self._forget_ended()
         unused = [content for content in self._entries if content not in contents]
         for content in unused[:max(0, len(unused) - self._spare)]:

@@ -17,8 +17,13 @@ class Shown:
         self.only_moved = ()  # names of the handles that are moved without being turned or scaled
         self.example_weights = ()  # how much of each example the pose has
         self.is_final = True  # no slow result is to take its place
+        self.is_hurried = False  # but one that only a drag has put off
         self.slow_info = None  # facts of the slow result that this is
         self.problem = ""  # why the slow result did not come
+
+    def will_do(self, wait, share):
+        """Whether what is shown may stay. wait: only what is final; share: of the time, what a drag leaves now."""
+        return self.is_final or not wait and (share < 1.0 or not self.is_hurried)
 
 
 _shown = {}  # by token
@@ -37,7 +42,7 @@ def show(mesh, offsets, of):
 def show_slow(mesh, offsets, quick, info):
     """Writes the slow result in place of the quick one, whose Shown is given."""
     slow = copy.copy(quick)
-    slow.is_final, slow.slow_info = True, info
+    slow.is_final, slow.is_hurried, slow.slow_info = True, False, info
     return _write(mesh, offsets, slow)
 
 

@@ -12,8 +12,6 @@ import bpy
 
 from ..library import native
 
-# A drag moves the handles many times a second: work starts when that has paused for so long.
-_PAUSE_SECONDS = 0.3
 _TICK_SECONDS = 0.1
 
 
@@ -24,7 +22,7 @@ class _Request:
         self.pause()
 
     def pause(self):
-        self.due = time.monotonic() + _PAUSE_SECONDS
+        self.due = time.monotonic() + self.work.pause
 
     def stop(self):
         if self.job:
@@ -40,11 +38,11 @@ _ending = []  # cancelled jobs, until they have ended: closing one waits for tha
 def request(token, work):
     """work.start(wait) gives the native.Update of work.deformer, work.deliver(offsets, info) takes its result,
     work.refuse(sentence) its error; work.tell() is called while it is under way, and it ends when work.is_wanted() is
-    not true any more."""
+    not true any more. It starts when handles have paused for work.pause seconds."""
     cancel(token)
     _requests[token] = _Request(work)
     if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=_PAUSE_SECONDS, persistent=True)
+        bpy.app.timers.register(_tick, first_interval=_TICK_SECONDS, persistent=True)
 
 
 def cancel(token):

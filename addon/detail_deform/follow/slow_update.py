@@ -6,15 +6,19 @@ from ..scene import offset_attribute
 from ..scene.window import redraw_panels
 from . import placed, registry, shown, slow_results
 
+# A drag moves the handles many times a second: work starts when that has paused for so long.
+_PAUSE_SECONDS, _DRAG_PAUSE_SECONDS = 0.3, 0.15
+
 
 class SlowUpdate:
     """Work for slow_results: for whatever mesh still shows the quick result when this is done."""
 
-    def __init__(self, ob, deformer, motions, asked):
-        """motions, asked: as native.Update takes them."""
+    def __init__(self, ob, deformer, motions, asked, is_slow):
+        """motions, asked: as native.Update takes them. is_slow: not only put off by a drag."""
         self.token = offset_attribute.token(ob.data)
         self.deformer = deformer
-        self._motions, self._asked = motions, asked
+        self._motions, self._asked, self._is_slow = motions, asked, is_slow
+        self.pause = _PAUSE_SECONDS if is_slow else _DRAG_PAUSE_SECONDS
 
     def is_wanted(self):
         return bool(self._owners())
@@ -53,4 +57,6 @@ class SlowUpdate:
         except native.NativeError as error:
             self.refuse(str(error))
 
-    tell = staticmethod(redraw_panels)
+    def tell(self):
+        if self._is_slow:
+            redraw_panels()

@@ -251,6 +251,10 @@ SETTINGS = (
            fills=Field(UPDATE, 'formulation', 'dd_formulation'), section='ADVANCED',
            needs=(_by('TRANSFER', why_not="Only Detail Transfer has formulations."),)),
 
+    Option('soft_border', float, "Soft Border",
+           "Let the deformation fade towards the region's border, over this share of the way from there to the "
+           "handles. 0: as the method leaves it, without a crease but close to the border. Needs no new Bind",
+           default=0.0, limits=dict(min=0.0, max=1.0, precision=2, subtype='FACTOR')),
     Option('auto_bind', bool, "Re-bind by Itself",
            "After an edit of the mesh, of handles or of settings, bind again with the present pose, where that takes "
            "less than half a second. In the window, while Live is on",

@@ -4,11 +4,10 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..follow import binding, life
-from ..library import native
-from ..scene import handle_matrices, mesh_data, mirror_plane, node_group, stack
+from ..follow import life
+from ..scene import handle_matrices, mesh_data
 from ..setup import handle_setup, region_setup
-from .operator_base import HandOperator, MeshOperator
+from .operator_base import HandOperator, MeshOperator, activate
 from ..properties import AXES
 
 
@@ -166,14 +165,6 @@ class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
         return {'FINISHED'}
 
 
-def activate(context, ob):
-    """Selects it alone."""
-    for other in context.selected_objects:
-        other.select_set(False)
-    ob.select_set(True)
-    context.view_layer.objects.active = ob
-
-
 class OBJECT_OT_detail_deform_region_set(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_region_set'
     bl_label = "Set Region"
@@ -223,79 +214,10 @@ class OBJECT_OT_detail_deform_region_around(MeshOperator, bpy.types.Operator):
         region_setup.set_region(ob, members)
 
 
-class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
-    bl_idname = 'object.detail_deform_pull'
-    bl_label = "Pull with Detail Deform"
-    bl_description = ("All in one: a handle for the selected vertices, a region around it, and Bind. The handle's "
-                      "empty is selected: move it, and the surface follows")
-
-    radius: FloatProperty(
-        name="Radius", min=0.0, subtype='DISTANCE', options={'SKIP_SAVE'},
-        description="Distance along the surface up to which it follows, where no region was chosen. 0: "
-                    "a quarter of the object's size")
-
-    @classmethod
-    def poll(cls, context):
-        # It leaves with the empty active: there its slider is still to be had, which takes it back first.
-        if handle_setup.owner(context.active_object)[0]:
-            return True
-        return super().poll(context)
-
-    @classmethod
-    def poll_object(cls, ob):
-        return cls.in_edit_mode(ob)
-
-    def run(self, context, ob):
-        if ob.mode != 'EDIT':
-            raise mesh_data.MeshProblem("Select vertices in Edit Mode to pull them.")
-        settings = ob.detail_deform
-        present, has_come = region_setup.kept(ob), node_group.find_modifier(ob) is None
-        count = len(settings.handles)
-        handle_setup.add_handle(context, ob, "")
-        bpy.ops.object.mode_set(mode='OBJECT')
-        try:
-            mesh_data.check_object(ob)
-            self._mirror(context, ob, settings.handles[count])
-            if not settings.region or settings.pulled_region:
-                self.radius = self.radius or region_setup.usual_radius(ob)
-                region_setup.set_region(ob, region_setup.within(ob, region_setup.sources(ob), self.radius))
-                settings.pulled_region = True
-            context.view_layer.update()  # the new empty's place
-            binding.bind(ob, context.evaluated_depsgraph_get(), wait=True, keep_rest=bool(settings.signature))
-        except (mesh_data.MeshProblem, native.NativeError):
-            for number in reversed(range(count, len(settings.handles))):
-                handle_setup.remove_handle(ob, number)
-            region_setup.restore(ob, present)
-            life.check(ob)
-            bpy.ops.object.mode_set(mode='EDIT')
-            raise
-        settings.handle_index = count
-        activate(context, settings.handles[count].target)
-        behind = stack.comes_before(ob) if has_come else ()
-        self.report({'INFO'}, "Move the empty (G); F9 changes how far the region reaches" + (
-            f". Detail Deform stands before {', '.join(behind)}" if behind else ""))
-
-
-    def _mirror(self, context, ob, handle):
-        """Edit Mode's symmetry makes the symmetric handle, too."""
-        for axis, letter in enumerate('xyz'):
-            if not getattr(ob.data, f'use_mirror_{letter}') or mirror_plane.is_mirrored(ob, axis):
-                continue
-            try:
-                remark = handle_setup.mirror(context, ob, handle, axis, symmetric=True)
-            except handle_setup.MirrorsItself:
-                continue
-            except mesh_data.MeshProblem as problem:  # it pulls the chosen vertices all the same
-                remark = str(problem)
-            if remark:
-                self.report({'WARNING'}, remark)
-
-
 CLASSES = (OBJECT_OT_detail_deform_handle_add, OBJECT_OT_detail_deform_handle_remove,
            OBJECT_OT_detail_deform_handle_select, OBJECT_OT_detail_deform_handle_assign,
            OBJECT_OT_detail_deform_handle_mirror, OBJECT_OT_detail_deform_handle_reset,
            OBJECT_OT_detail_deform_handle_activate, OBJECT_OT_detail_deform_mesh_activate,
-           OBJECT_OT_detail_deform_region_set, OBJECT_OT_detail_deform_region_around,
-           OBJECT_OT_detail_deform_pull)
+           OBJECT_OT_detail_deform_region_set, OBJECT_OT_detail_deform_region_around)
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -2,6 +2,7 @@
 """What the library needs from a Blender mesh."""
 
 import hashlib
+import itertools
 
 import numpy as np
 
@@ -133,12 +134,11 @@ def group_weights(ob, names):
     entries = [(index, element.group, element.weight)
                for index, vertex in enumerate(mesh.vertices) for element in vertex.groups
                if element.group in rows]
-    if entries:
-        vertices, groups, values = (np.array(column) for column in zip(*entries))
-        for group, group_rows in rows.items():
-            chosen = groups == group
-            for row in group_rows:
-                weights[row, vertices[chosen]] = values[chosen]
+    numbers = np.fromiter(itertools.chain.from_iterable(entries), np.float64, 3 * len(entries)).reshape(-1, 3)
+    for group, group_rows in rows.items():
+        chosen = numbers[numbers[:, 1] == group]
+        for row in group_rows:
+            weights[row, chosen[:, 0].astype(np.intp)] = chosen[:, 2]
     return weights
 
 

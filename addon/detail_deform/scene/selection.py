@@ -32,18 +32,19 @@ def select(ob, members, extend):
     bmesh.update_edit_mesh(ob.data, loop_triangles=False, destructive=False)
 
 
-def fill_group(ob, group, members):
+def fill_group(ob, group, members, is_new=False):
     """Makes these vertices, with weight 1, all that the group has. members: (n,) bool."""
     chosen = np.flatnonzero(members).tolist()
     if ob.mode != 'EDIT':
-        group.remove(range(len(members)))
+        if not is_new:
+            group.remove(range(len(members)))
         group.add(chosen, 1.0, 'REPLACE')
         return
     # Without leaving Edit Mode, where other objects may be too.
     mesh = bmesh.from_edit_mesh(ob.data)
     weights, index = mesh.verts.layers.deform.verify(), group.index
     mesh.verts.ensure_lookup_table()
-    for vertex in mesh.verts:
+    for vertex in () if is_new else mesh.verts:
         if index in vertex[weights]:
             del vertex[weights][index]
     for vertex in chosen:
@@ -54,7 +55,7 @@ def fill_group(ob, group, members):
 
 def new_group(ob, name, members):
     group = ob.vertex_groups.new(name=name)
-    fill_group(ob, group, members)
+    fill_group(ob, group, members, is_new=True)
     return group
 
 

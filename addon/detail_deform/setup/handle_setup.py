@@ -15,6 +15,7 @@ _GROUP_NAME = "Handle"
 _COLLECTION_NAME = "{} Handles"
 # Of the mean edge length: as far may a vertex be from the mirror image of another.
 _MIRROR_TOLERANCE = 0.25
+SELECT_FOR_HANDLE = "select those that the handle should move"
 
 
 class MirrorsItself(MeshProblem):
@@ -119,7 +120,7 @@ def add_handle(context, ob, group_name, parented=True, align=True):
     if from_selection:
         chosen = selection.selected(ob)
         if not chosen.any():
-            raise MeshProblem("No vertex is selected: select those that the handle should move.")
+            raise MeshProblem(f"No vertex is selected: {SELECT_FOR_HANDLE}.")
         group_name = selection.new_group(ob, _GROUP_NAME, chosen).name
     else:
         group_name = _chosen_group(ob, group_name)
@@ -224,24 +225,26 @@ def select(ob, handle, extend):
 
 # Mirroring
 
-def _mirror_image(ob, chosen, axis):
+def mirror_image(ob, chosen, axis):
     """(n,) bool: the vertices nearest to the mirror images of the chosen ones, and how many of those
     have none, with an example."""
     points = mesh_data.positions(ob.data)
     ends = points[mesh_data.edges(ob.data)]
-    if not len(ends):
+    if not len(ends) or not chosen.any():
         return np.zeros(len(points), bool), np.flatnonzero(chosen).tolist()
     near = _MIRROR_TOLERANCE * float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean())
-    tree = kdtree.KDTree(len(points))
-    for vertex, point in enumerate(points.tolist()):
+    mirrored = points[chosen]
+    mirrored[:, axis] *= -1
+    # Only what may be near: in a large mesh the tree takes longer than all else.
+    candidates = np.flatnonzero(((points >= mirrored.min(0) - near) & (points <= mirrored.max(0) + near)).all(axis=1))
+    tree = kdtree.KDTree(len(candidates))
+    for vertex, point in zip(candidates.tolist(), points[candidates].tolist()):
         tree.insert(point, vertex)
     tree.balance()
     image, missing = np.zeros(len(points), bool), []
-    for vertex in np.flatnonzero(chosen).tolist():
-        point = points[vertex].tolist()
-        point[axis] = -point[axis]
+    for vertex, point in zip(np.flatnonzero(chosen).tolist(), mirrored.tolist()):
         _, other, distance = tree.find(point)
-        if distance <= near:
+        if other is not None and distance <= near:
             image[other] = True
         else:
             missing.append(vertex)
@@ -273,7 +276,7 @@ def _mirror_region(ob, image, axis):
     region = mesh_data.members(ob, settings.region)
     if (region & image).sum() < image.sum():
         group = ob.vertex_groups[settings.region]
-        selection.fill_group(ob, group, region | image | _mirror_image(ob, region, axis)[0])
+        selection.fill_group(ob, group, region | image | mirror_image(ob, region, axis)[0])
 
 
 def mirror(context, ob, handle, axis, symmetric):
@@ -289,7 +292,7 @@ def mirror(context, ob, handle, axis, symmetric):
     if ob.mode == 'EDIT':
         ob.update_from_editmode()
     chosen = mesh_data.members(ob, handle.vertex_group)
-    image, missing = _mirror_image(ob, chosen, axis)
+    image, missing = mirror_image(ob, chosen, axis)
     if not image.any():
         raise MeshProblem(f"No vertex of handle '{name}' has a counterpart across the object's {letter} axis: "
                           "the mesh is not symmetric there, or not about its origin.")

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The region made from a selection, or from what lies around the handles."""
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from ..library import native
@@ -11,6 +13,9 @@ from ..scene.start import visible
 _GROUP_NAME = "Region"
 # Of the size of the mesh: how far the region reaches unless the user says otherwise.
 _USUAL_RADIUS = 0.25
+# How far it reaches around a selection: in radii of a disk of its area, at least so much of the size of the mesh and
+# so many edges, so that there is something to follow a single vertex, and at most the usual radius.
+_DISK_RADII, _LEAST_OF_SIZE, _LEAST_EDGES = 2.0, 0.04, 2.0
 
 
 def set_region(ob, members):
@@ -21,8 +26,16 @@ def set_region(ob, members):
     settings.region = settings.own_region  # also where it was that: from now on it is not Pull's any more
 
 
+class Kept(NamedTuple):
+    """The region's settings, and the vertices of its own group if there is one."""
+    region: str
+    own_region: str
+    pulled_region: bool
+    members: Any
+
+
 def kept(ob):
-    """What restore() brings back: the region's settings, and the vertices of its own group."""
+    """What restore() brings back."""
     settings = ob.detail_deform
     group = ob.vertex_groups.get(settings.own_region)
     members = None
@@ -30,18 +43,17 @@ def kept(ob):
         if ob.mode == 'EDIT':
             ob.update_from_editmode()
         members = mesh_data.members(ob, group.name)
-    return settings.region, settings.own_region, settings.pulled_region, members
+    return Kept(settings.region, settings.own_region, settings.pulled_region, members)
 
 
 def restore(ob, present):
     settings = ob.detail_deform
-    region, own, pulled, members = present
-    if settings.own_region != own:
+    if settings.own_region != present.own_region:
         remove_own(ob)
-    elif members is not None:
-        selection.fill_group(ob, ob.vertex_groups[own], members)
-    settings.own_region, settings.region = own, region
-    settings.pulled_region = pulled
+    elif present.members is not None:
+        selection.fill_group(ob, ob.vertex_groups[present.own_region], present.members)
+    settings.own_region, settings.region = present.own_region, present.region
+    settings.pulled_region = present.pulled_region
 
 
 def remove_own(ob):
@@ -77,11 +89,38 @@ def usual_radius(ob):
     return _USUAL_RADIUS * float(np.linalg.norm(ob.dimensions))
 
 
+class Around:
+    """What lies around some vertices, by distance over the surface as it is seen, in the world's unit."""
+
+    def __init__(self, ob, start, chosen=None):
+        """start, chosen: (n,) bool; chosen: those of the start that the first guess goes by; all of it if not given."""
+        world = np.array(ob.matrix_world, np.float64)
+        self.start, self.chosen = start, start if chosen is None else chosen
+        self.origin = world[:3, 3]
+        self.places = (visible(ob) @ world[:3, :3].T).astype(np.float32)  # from the object's origin
+        self.triangles = mesh_data.triangles(ob.data)
+        self.distances = native.distances(self.places, self.triangles, start)
+
+    def within(self, radius):
+        """(n,) bool: the vertices at most so far."""
+        return self.distances <= radius
+
+    def first_guess(self):
+        """How far a region should reach around what was chosen, by how large that is."""
+        near = self.triangles[self.chosen[self.triangles].any(axis=1)]
+        corners = self.places[near].astype(np.float64)
+        sides = corners - np.roll(corners, 1, axis=1)
+        # A vertex has a third of each triangle around it: a line of vertices has an area too.
+        area = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) @ self.chosen[near].mean(axis=1)
+        size = float(np.linalg.norm(np.ptp(self.places, axis=0)))
+        edge = float(np.linalg.norm(sides, axis=2).mean()) if len(near) else 0.0
+        by_area = min(_DISK_RADII * np.sqrt(area / np.pi), _USUAL_RADIUS * size)
+        return float(max(by_area, _LEAST_OF_SIZE * size, _LEAST_EDGES * edge))
+
+
 def within(ob, start, radius):
     """(n,) bool: the vertices whose distance over the surface is at most radius, in the world's unit."""
-    world = np.array(ob.matrix_world, np.float64)
-    places = (visible(ob) @ world[:3, :3].T).astype(np.float32)
-    return native.distances(places, mesh_data.triangles(ob.data), start) <= radius
+    return Around(ob, start).within(radius)
 
 
 def grown(ob, start, steps):

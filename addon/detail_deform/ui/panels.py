@@ -95,7 +95,7 @@ def draw_state(layout, context, ob):
         return
     if node_group.find_cache(ob):
         return
-    if slow_results.progress(offset_attribute.token(ob.data)) is not None:
+    if look.is_slow(settings) and slow_results.progress(offset_attribute.token(ob.data)) is not None:
         row.operator('object.detail_deform_bind_cancel', text="Cancel", icon='X')
     if ob.mode == 'EDIT':
         layout.operator('object.detail_deform_pull', text="Pull Selected", icon='EMPTY_AXIS')
@@ -171,6 +171,9 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator('object.detail_deform_region_set', text="From Selection")
         row.operator('object.detail_deform_region_around', text="By Radius")
+        border = layout.column()
+        border.active = settings.base == 'COMPUTED' and bool(settings.region)
+        border.prop(settings, 'soft_border')
 
         row = layout.row()
         row.template_list('OBJECT_UL_detail_deform_handles', "", settings, 'handles', settings,

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A bind and then the first update, both in the background: that one prepares the method, which takes long too."""
+
+import threading
+
+import numpy as np
+
+from ..library import native
+
+_SHARE_OF_BIND = 0.7  # of the time, about
+_STAGE = "preparing the first update"
+
+
+class BindJob:
+    """A job like those of native. The second half begins when progress() finds that the first has ended: who waits for
+    the deformer alone, as a render does, gets it without."""
+
+    def __init__(self, bind, handle_count, asked):
+        """bind: the native.Bind. asked: of the update, by the names of native.update_options."""
+        self._bind, self._update, self._deformer, self._error = bind, None, None, None
+        self._rest = np.repeat(np.eye(4)[None, :3], handle_count, axis=0)
+        self._asked = asked
+        self._lock = threading.Lock()  # a render may finish it while the window looks at its progress
+        self.cancelled = False
+
+    def progress(self):
+        """(running, fraction, stage)"""
+        with self._lock:
+            if self._bind:
+                running, fraction, stage = self._bind.progress()
+                if running or self.cancelled or not self._prepare():
+                    return running, _SHARE_OF_BIND * fraction, stage
+            if self._update:
+                running, fraction, _ = self._update.progress()
+                return running, _SHARE_OF_BIND + (1 - _SHARE_OF_BIND) * fraction, _STAGE
+            return False, 1.0, _STAGE
+
+    def _prepare(self):
+        """Whether the update has begun."""
+        bind, self._bind = self._bind, None
+        try:
+            self._deformer = bind.finish()
+        except native.NativeError as error:
+            self._error = error
+            return False
+        try:
+            self._update = native.Update(self._deformer, self._rest, **self._asked)
+        except native.NativeError:  # the first that is asked for will say it
+            return False
+        return True
+
+    def cancel(self):
+        with self._lock:
+            self.cancelled = True
+            for job in filter(None, (self._bind, self._update)):
+                job.cancel()
+
+    def finish(self):
+        """The native.Deformer, or native.NativeError."""
+        with self._lock:
+            if self._bind:
+                bind, self._bind = self._bind, None
+                return bind.finish()
+            if self._error:
+                raise self._error
+            if self._update:
+                self._update.close()
+            if self.cancelled:
+                raise native.NativeError("It was cancelled.")
+            return self._deformer
+
+    def close(self):
+        with self._lock:
+            for job in filter(None, (self._bind, self._update)):
+                job.close()
+            self._bind = self._update = self._deformer = None

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pull: from scripts at once, from the window with its reach chosen by eye, and then in the hand."""
+
+import bpy
+from bpy.props import FloatProperty
+
+from ..library import native
+from ..scene import mesh_data, stack
+from ..setup import handle_setup, pulling
+from .operator_base import MeshOperator, activate
+from .reach_choice import ReachChoice, View
+
+_TICK_SECONDS = 0.05
+# What moves the view goes on while a reach is chosen and while it is bound.
+_NAVIGATION = ('MIDDLEMOUSE', 'TRACKPAD', 'MOUSEROTATE', 'MOUSESMARTZOOM', 'NDOF')
+
+
+class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_pull'
+    bl_label = "Pull with Detail Deform"
+    bl_description = ("All in one: a handle for the selected vertices, a region around it, and Bind. Choose how far it "
+                      "reaches, then move the handle's empty: the surface follows")
+
+    radius: FloatProperty(
+        name="Radius", min=0.0, subtype='DISTANCE', options={'SKIP_SAVE'},
+        description="Distance along the surface up to which it follows, where no region was chosen. 0: by the size of "
+                    "the selection")
+
+    _choice = _pull = _stages = _timer = _view = None
+
+    @classmethod
+    def poll(cls, context):
+        # It leaves with the empty active: there its slider is still to be had, which takes it back first.
+        if handle_setup.owner(context.active_object)[0]:
+            return True
+        return super().poll(context)
+
+    @classmethod
+    def poll_object(cls, ob):
+        return cls.in_edit_mode(ob)
+
+    def run(self, context, ob):
+        _check_mode(ob)
+        pull = pulling.Pull(context, ob, self.radius)
+        # Its slider must not make the window stand still.
+        for _ in pull.stages(wait=bpy.app.background or not self.options.is_repeat):
+            pass
+        self._finished(context, ob, pull, "Move the empty (G); F9 changes how far the region reaches")
+
+    def _finished(self, context, ob, pull, message):
+        self.radius = pull.radius
+        activate(context, pull.empty)
+        for remark in pull.remarks:
+            self.report({'WARNING'}, remark)
+        behind = stack.comes_before(ob) if pull.made_modifier else ()
+        self.report({'INFO'}, message + (f". Detail Deform stands before {', '.join(behind)}" if behind else ""))
+
+    # In the window
+
+    def invoke(self, context, event):
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        ob, self._view = context.active_object, _view(context)
+        try:
+            mesh_data.check_editable(ob)
+            _check_mode(ob)
+            if self._view and not self.radius and pulling.asks_for_reach(ob):
+                self._choice = ReachChoice(context, self._view, pulling.selected_surroundings(ob), event)
+            else:
+                self._begin(context, ob)
+        except (mesh_data.MeshProblem, native.NativeError) as problem:
+            self.report({'ERROR'}, str(problem))
+            return {'CANCELLED'}
+        context.window_manager.modal_handler_add(self)
+        return {'RUNNING_MODAL'}
+
+    def _begin(self, context, ob):
+        around = self._choice.around if self._choice else None
+        self._pull = pulling.Pull(context, ob, self.radius, around)
+        self._stages = self._pull.stages(wait=False, watch=True)
+        self._timer = context.window_manager.event_timer_add(_TICK_SECONDS, window=context.window)
+        context.window_manager.progress_begin(0, 1)
+        self._tell(context, 0.0)
+
+    def _tell(self, context, done):
+        text = f"Binding, {100 * done:.0f}%. Esc: cancel"
+        context.window_manager.progress_update(done)
+        context.workspace.status_text_set(text)
+        if self._view:
+            self._view.area.header_text_set(text)
+
+    def modal(self, context, event):
+        if event.type.startswith(_NAVIGATION):
+            return {'PASS_THROUGH'}
+        try:
+            return self._work(context, event) if self._stages else self._choose(context, event)
+        except (mesh_data.MeshProblem, native.NativeError) as problem:
+            self.report({'ERROR'}, str(problem))
+            return self._end(context, {'CANCELLED'})
+        except Exception:
+            self._end(context, None)
+            raise
+
+    def _choose(self, context, event):
+        answer = self._choice.hear(context, event)
+        if answer == 'CANCEL':
+            return self._end(context, {'CANCELLED'})
+        if answer == 'CONFIRM':
+            self.radius = self._choice.radius
+            self._choice.close(context)
+            self._begin(context, context.active_object)
+        return {'RUNNING_MODAL'}
+
+    def _work(self, context, event):
+        if event.type == 'ESC':
+            return self._end(context, {'CANCELLED'})
+        if event.type != 'TIMER':
+            return {'RUNNING_MODAL'}
+        try:
+            done = next(self._stages)
+        except StopIteration:
+            return self._hand_over(context)
+        self._tell(context, done)
+        return {'RUNNING_MODAL'}
+
+    def _hand_over(self, context):
+        """The empty goes with the mouse at once."""
+        pull, view = self._pull, self._view
+        self._end(context, None)
+        self._finished(context, context.active_object, pull, "Move the empty, and click")
+        if view:
+            with context.temp_override(area=view.area, region=view.region):
+                bpy.ops.transform.translate('INVOKE_DEFAULT')
+        return {'FINISHED'}
+
+    def cancel(self, context):
+        """Blender ends it by itself, as when its window is closed."""
+        self._end(context, None)
+
+    def _end(self, context, result):
+        if self._choice:
+            self._choice.close(context)
+        if self._stages:
+            self._stages.close()
+        if self._timer:
+            context.window_manager.event_timer_remove(self._timer)
+            context.window_manager.progress_end()
+        if self._view:
+            self._view.area.header_text_set(None)
+        context.workspace.status_text_set(None)
+        self._choice = self._pull = self._stages = self._timer = self._view = None
+        return result
+
+
+def _check_mode(ob):
+    if ob.mode != 'EDIT':
+        raise mesh_data.MeshProblem("Select vertices in Edit Mode to pull them.")
+
+
+def _view(context):
+    """Where it is chosen and moved: the view that it was called from, or the window's largest; None without one."""
+    areas = [area for area in context.window.screen.areas if area.type == 'VIEW_3D']
+    if not areas:
+        return None
+    area = context.area if context.area in areas else max(areas, key=lambda area: area.width * area.height)
+    if context.area == area and context.region.type == 'WINDOW':
+        return View(area, context.region)
+    return View(area, next(region for region in area.regions if region.type == 'WINDOW'))
+
+
+CLASSES = (OBJECT_OT_detail_deform_pull,)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How far a region reaches, chosen by eye: with the mouse, its wheel or a number, while the view shows it."""
+
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d, region_2d_to_location_3d
+from mathutils import Vector
+
+from .reach_drawing import ReachDrawing
+
+_WHEEL, _FINE = 1.1, 0.1
+_LEAST = 1e-3  # of the first guess
+_KEYS = "Mouse, wheel: reach    Shift: finely    0-9: type it    Enter, click: pull    Esc, right click: cancel"
+
+
+class View(NamedTuple):
+    """A 3D view of the window."""
+    area: bpy.types.Area
+    region: bpy.types.Region
+
+
+class ReachChoice:
+    """While it goes on, hear() takes the window's events."""
+
+    def __init__(self, context, view, around, event):
+        """around: a region_setup.Around, whose distances are computed once."""
+        self.around, self._view, self._units = around, view, context.scene.unit_settings
+        self._guessed = self._moved = around.first_guess()
+        self._typed = ""
+        chosen = around.places[around.chosen].astype(np.float64)
+        middle = chosen.mean(0)
+        self._extent = float(np.linalg.norm(chosen - middle, axis=1).max())
+        self._middle = Vector(middle + around.origin)
+        self._mouse = self._place_of(event)
+        self._drawing = ReachDrawing(self, around)
+        self._show(context)
+
+    @property
+    def radius(self):
+        """In the world's unit."""
+        return max(self._typed_length() or self._moved, _LEAST * self._guessed)
+
+    def circle(self, region):
+        """Where the drawing's circle is in a region, (middle, radius) in pixels; None where it is not shown."""
+        if region != self._view.region:
+            return None
+        middle, unit = self._on_screen()
+        return middle and (middle, (self._extent + self.radius) / unit)
+
+    def hear(self, context, event):
+        """'CONFIRM', 'CANCEL', or None while it goes on."""
+        if event.type in {'ESC', 'RIGHTMOUSE'} and event.value == 'PRESS':
+            return 'CANCEL'
+        if event.type in {'RET', 'NUMPAD_ENTER'} and event.value == 'PRESS':
+            return 'CONFIRM'
+        if event.type == 'LEFTMOUSE' and event.value == 'RELEASE':  # so that it may be dragged, too
+            return 'CONFIRM'
+        if event.type in {'MOUSEMOVE', 'INBETWEEN_MOUSEMOVE'}:
+            self._move(event)
+        elif event.type in {'WHEELUPMOUSE', 'WHEELDOWNMOUSE'} and event.value == 'PRESS':
+            step = _WHEEL ** (_FINE if event.shift else 1)
+            self._moved = self.radius * (step if event.type == 'WHEELUPMOUSE' else 1 / step)
+            self._typed = ""
+        elif event.value == 'PRESS':
+            self._type(event)
+        self._show(context)
+        return None
+
+    def close(self, context):
+        """May be called twice."""
+        self._drawing.close()
+        self._view.area.header_text_set(None)
+        self._view.area.tag_redraw()
+        context.workspace.status_text_set(None)
+
+    def _place_of(self, event):
+        return Vector((event.mouse_x - self._view.region.x, event.mouse_y - self._view.region.y))
+
+    def _on_screen(self):
+        """The middle of what was chosen, and what a pixel is there in the world's unit."""
+        region, view = self._view.region, self._view.region.data
+        middle = location_3d_to_region_2d(region, view, self._middle)
+        if middle is None:  # behind the eye
+            return None, 1.0
+        ends = [region_2d_to_location_3d(region, view, middle + Vector((x, 0)), self._middle) for x in (0, 100)]
+        return middle, max((ends[1] - ends[0]).length / 100, 1e-30)
+
+    def _move(self, event):
+        """As much as the mouse goes away from the middle, so does the circle."""
+        before, self._mouse = self._mouse, self._place_of(event)
+        middle, unit = self._on_screen()
+        if self._typed or middle is None:
+            return
+        away = (self._mouse - middle).length - (before - middle).length
+        self._moved = max(self._moved + unit * away * (_FINE if event.shift else 1), _LEAST * self._guessed)
+
+    def _type(self, event):
+        if event.type == 'BACK_SPACE':
+            self._typed = self._typed[:-1]
+        elif event.ascii and event.ascii in '0123456789.,':
+            self._typed += event.ascii.replace(',', '.')
+
+    def _typed_length(self):
+        """0 where nothing that makes sense was typed."""
+        try:
+            value = (float(self._typed or 0) if self._units.system == 'NONE' else
+                     bpy.utils.units.to_value(self._units.system, 'LENGTH', self._typed or '0'))
+        except ValueError:
+            return 0.0
+        return value / self._units.scale_length
+
+    def _show(self, context):
+        length = (f"{self.radius:.4g}" if self._units.system == 'NONE' else bpy.utils.units.to_string(
+            self._units.system, 'LENGTH', self.radius * self._units.scale_length, precision=4))
+        self._view.area.header_text_set(f"Reach: {f'[{self._typed}|] = ' if self._typed else ''}{length}    {_KEYS}")
+        context.workspace.status_text_set(_KEYS)
+        self._view.area.tag_redraw()

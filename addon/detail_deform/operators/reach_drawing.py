@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The vertices that a region would have, coloured from the selection to its border, and a circle around them."""
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+_NEAR_COLOUR, _BORDER_COLOUR = (1.0, 0.55, 0.1, 0.6), (0.2, 0.75, 0.7, 0.25)
+_NEARER = 2e-4  # of the depth, so that the surface doesn't cover its own colour
+_SEGMENTS = 96
+
+_VERTEX = """
+void main()
+{
+  away = distance_over_surface;
+  gl_Position = placed * vec4(position, 1.0);
+  gl_Position.z -= nearer * gl_Position.w;
+}
+"""
+# Towards the border it fades as the deformation does: without a slope at either end.
+_FRAGMENT = """
+void main()
+{
+  float share = away / reach;
+  if (!(share <= 1.0)) {
+    discard;
+  }
+  colour = mix(near_colour, border_colour, smoothstep(0.0, 1.0, share));
+}
+"""
+
+
+def _make_shader():
+    import gpu
+    info, interface = gpu.types.GPUShaderCreateInfo(), gpu.types.GPUStageInterfaceInfo('detail_deform_reach')
+    interface.smooth('FLOAT', 'away')
+    for kind, name in (('MAT4', 'placed'), ('VEC4', 'near_colour'), ('VEC4', 'border_colour'), ('FLOAT', 'reach'),
+                       ('FLOAT', 'nearer')):
+        info.push_constant(kind, name)
+    info.vertex_in(0, 'VEC3', 'position')
+    info.vertex_in(1, 'FLOAT', 'distance_over_surface')
+    info.vertex_out(interface)
+    info.fragment_out(0, 'VEC4', 'colour')
+    info.vertex_source(_VERTEX)
+    info.fragment_source(_FRAGMENT)
+    return gpu.shader.create_from_info(info)
+
+
+class ReachDrawing:
+    """In every 3D view, until it is closed. A change of the reach changes one number for the shader."""
+
+    def __init__(self, choice, around):
+        self._choice, self._around = choice, around
+        self._shader = self._batch = None
+        self._handles = [bpy.types.SpaceView3D.draw_handler_add(draw, (), 'WINDOW', kind)
+                         for draw, kind in ((self._draw_surface, 'POST_VIEW'), (self._draw_circle, 'POST_PIXEL'))]
+
+    def close(self):
+        for handle in self._handles:
+            bpy.types.SpaceView3D.draw_handler_remove(handle, 'WINDOW')
+        self._handles = []
+        self._shader = self._batch = None
+
+    def _prepare(self):
+        from gpu_extras.batch import batch_for_shader
+        around = self._around
+        self._shader = _make_shader()
+        # What no way leads to is as good as far away, but the shader needs a number.
+        away = np.where(np.isfinite(around.distances), around.distances, np.float32(1e30)).astype(np.float32)
+        self._batch = batch_for_shader(
+            self._shader, 'TRIS', {'position': around.places, 'distance_over_surface': away}, indices=around.triangles)
+
+    def _draw_surface(self):
+        import gpu
+        if self._batch is None:
+            self._prepare()
+        self._shader.bind()
+        placed = bpy.context.region_data.perspective_matrix @ Matrix.Translation(self._around.origin)
+        for name, value in (('placed', placed), ('near_colour', _NEAR_COLOUR), ('border_colour', _BORDER_COLOUR),
+                            ('reach', self._choice.radius), ('nearer', _NEARER)):
+            self._shader.uniform_float(name, value)
+        gpu.state.blend_set('ALPHA')
+        gpu.state.depth_test_set('LESS_EQUAL')
+        self._batch.draw(self._shader)
+        gpu.state.depth_test_set('NONE')
+        gpu.state.blend_set('NONE')
+
+    def _draw_circle(self):
+        import gpu
+        from gpu_extras.batch import batch_for_shader
+        circle = self._choice.circle(bpy.context.region)
+        if circle is None:
+            return
+        (x, y), radius = circle
+        turns = np.linspace(0, 2 * np.pi, _SEGMENTS, endpoint=False)
+        corners = np.stack([x + radius * np.cos(turns), y + radius * np.sin(turns)], -1).astype(np.float32)
+        shader = gpu.shader.from_builtin('UNIFORM_COLOR' if bpy.app.version >= (4, 0) else '2D_UNIFORM_COLOR')
+        batch = batch_for_shader(shader, 'LINE_LOOP', {'pos': corners})
+        shader.bind()
+        gpu.state.blend_set('ALPHA')
+        for width, colour in ((3.0, (0.0, 0.0, 0.0, 0.5)), (1.5, (1.0, 1.0, 1.0, 0.9))):  # on any ground
+            gpu.state.line_width_set(width)
+            shader.uniform_float('color', colour)
+            batch.draw(shader)
+        gpu.state.line_width_set(1.0)
+        gpu.state.blend_set('NONE')

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pull: a handle of the selected vertices, a region around it and a binding, in stages of which none takes long."""
+
+import bpy
+import numpy as np
+
+from ..follow import binding, bound
+from ..scene import mesh_data, mirror_plane, node_group, selection
+from ..scene.mesh_data import MeshProblem
+from . import handle_setup, region_setup
+
+
+def asks_for_reach(ob):
+    """Whether the region is Pull's to make: one that the user chose stays."""
+    return not ob.detail_deform.region or ob.detail_deform.pulled_region
+
+
+def selected_surroundings(ob):
+    """The region_setup.Around of the selected vertices, and of those that Edit Mode's symmetry takes with them."""
+    chosen = selection.selected(ob)
+    if not chosen.any():
+        raise MeshProblem(f"No vertex is selected: {handle_setup.SELECT_FOR_HANDLE}.")
+    images = [handle_setup.mirror_image(ob, chosen, axis)[0] for axis in _symmetric_axes(ob)]
+    return region_setup.Around(ob, np.logical_or.reduce([chosen, *images]), chosen)
+
+
+def _symmetric_axes(ob):
+    return [axis for axis, letter in enumerate('xyz')
+            if getattr(ob.data, f'use_mirror_{letter}') and not mirror_plane.is_mirrored(ob, axis)]
+
+
+class Pull:
+    """stages() does it; whatever ends that early takes all of it back."""
+
+    def __init__(self, context, ob, radius=0.0, around=None):
+        """radius: of the region; 0: by the size of the selection. around: of selected_surroundings(), if known."""
+        self.radius, self.remarks = radius, []
+        self._context, self._ob, self._around = context, ob, around
+        self._had_modifier = node_group.find_modifier(ob) is not None
+        self._count = len(ob.detail_deform.handles)
+
+    def stages(self, wait, watch=False):
+        """A generator that yields the fraction done. wait: for the binding, standing still; watch: for that under way.
+        Raises MeshProblem or native.NativeError."""
+        ob, settings = self._ob, self._ob.detail_deform
+        region = earlier = None
+        try:
+            handle_setup.add_handle(self._context, ob, "")
+            yield 0.0
+            bpy.ops.object.mode_set(mode='OBJECT')
+            yield 0.0
+            region, earlier = region_setup.kept(ob), binding.kept(ob)
+            mesh_data.check_object(ob)
+            self._mirror(settings.handles[self._count])
+            yield 0.0
+            if asks_for_reach(ob):
+                self._set_region(region)
+                yield 0.0
+            self._context.view_layer.update()  # the new empty's place
+            binding.bind(ob, self._context.evaluated_depsgraph_get(), wait, keep_rest=bool(settings.signature))
+            if watch:
+                yield from self._until_bound()
+        except BaseException:
+            self._take_back(region, earlier)
+            raise
+        settings.handle_index = self._count
+
+    @property
+    def made_modifier(self):
+        return not self._had_modifier
+
+    @property
+    def empty(self):
+        return self._ob.detail_deform.handles[self._count].target
+
+    def _mirror(self, handle):
+        """Edit Mode's symmetry makes the symmetric handle, too."""
+        for axis in _symmetric_axes(self._ob):
+            try:
+                remark = handle_setup.mirror(self._context, self._ob, handle, axis, symmetric=True)
+            except handle_setup.MirrorsItself:
+                continue
+            except MeshProblem as problem:  # it pulls the chosen vertices all the same
+                remark = str(problem)
+            if remark:
+                self.remarks.append(remark)
+
+    def _set_region(self, present):
+        """Around the new handles and, while there are others, in addition to what was there for these."""
+        ob, settings = self._ob, self._ob.detail_deform
+        of_others = present.members if settings.pulled_region and self._count else None
+        names = [handle.vertex_group for handle in settings.handles][self._count:]
+        new = mesh_data.group_weights(ob, names) > mesh_data.MEMBER_WEIGHT
+        start = new.any(axis=0) if of_others is not None or not self._count else region_setup.sources(ob)
+        around = self._around
+        if around is None or not np.array_equal(around.start, start):
+            around = region_setup.Around(ob, start, chosen=new[0])
+        self.radius = self.radius or around.first_guess()
+        members = around.within(self.radius)
+        region_setup.set_region(ob, members if of_others is None else members | of_others)
+        settings.pulled_region = True
+
+    def _until_bound(self):
+        settings = self._ob.detail_deform
+        content = settings.signature
+        while bound.cache.under_way(content):
+            yield bound.cache.under_way(content).progress()[1]
+        if settings.signature != content or bound.cache.find(content) is None:
+            raise MeshProblem(settings.problem)
+
+    def _take_back(self, region, earlier):
+        """region, earlier: what there was; None where it is still there."""
+        ob, settings = self._ob, self._ob.detail_deform
+        if earlier:
+            if settings.signature not in earlier.state:  # this Pull has begun to bind
+                bound.cache.let_go(settings.signature)
+            settings.signature = ""  # nothing is compared with it any more
+        for number in reversed(range(self._count, len(settings.handles))):
+            handle_setup.remove_handle(ob, number)
+        if region:
+            region_setup.restore(ob, region)
+        if not self._had_modifier:
+            node_group.remove_modifier(ob)
+        if earlier:
+            binding.restore(ob, earlier)
+        bpy.ops.object.mode_set(mode='EDIT')

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A drag on a heavy mesh shows what is quick, and the whole result when it pauses; scripts, frames and renders get
+the whole result alone."""
+
+import time
+
+import bpy
+import numpy as np
+import pytest
+
+from conftest import bind, evaluated, make_strip, update
+
+
+@pytest.fixture
+def heavy(part, as_in_a_window):
+    """A bound strip in a window, on which a whole update takes long."""
+    as_in_a_window('follow.drag', 'follow.life')
+    ob = bind(make_strip())
+    part('follow.bound').cache.find(ob.detail_deform.signature).full_ms = 1000.0
+    yield ob
+    part('follow.life').clear()
+
+
+def bend(ob, turn):
+    """By a script: without anything in between."""
+    target = ob.detail_deform.handles[0].target
+    target.rotation_euler.y = turn
+    target.location.z = 0.3
+    update()
+    return evaluated(ob)
+
+
+@pytest.fixture
+def drag(part):
+    """As bend(), where the window goes on before."""
+    def to(ob, turn):
+        part('follow.drag').updated()
+        part('follow.drag')._tick()
+        return bend(ob, turn)
+    return to
+
+
+def whole(part, ob):
+    """What the settings ask for."""
+    part('follow.life').refresh(ob, bpy.context.evaluated_depsgraph_get(), force=True)
+    update()
+    return evaluated(ob)
+
+
+def slow_results_under_way(part, ob):
+    return part('follow.slow_results').progress(part('scene.offset_attribute').token(ob.data)) is not None
+
+
+def test_a_drag_shows_the_quick_result_and_then_the_whole_one(part, heavy, drag):
+    quick = drag(heavy, -1.2)
+    assert slow_results_under_way(part, heavy)
+    assert heavy.detail_deform.status.startswith("Bound") and "quick" not in heavy.detail_deform.status
+    part('follow.life').settle(heavy)
+    update()
+    arrived = evaluated(heavy)
+    assert np.abs(arrived - quick).max() > 1e-3
+    assert np.abs(arrived - whole(part, heavy)).max() < 1e-5
+    heavy.detail_deform.refine = 0
+    assert np.abs(whole(part, heavy) - quick).max() < 1e-5
+
+
+def test_as_many_passes_as_there_is_time_for(part):
+    look = part('follow.look')
+    told = {'method': 'TRANSFER', 'refine': 4, 'steps': 1}
+    assert [look.quick(told, share)['refine'] for share in (1.0, 0.9, 0.5, 0.1)] == [4, 3, 1, 0]
+    assert 'refine' not in look.quick({'method': 'NORMAL'}, 0.1)
+
+
+def test_it_starts_when_the_drag_pauses(part, heavy, drag):
+    drag(heavy, -1.2)
+    slow_results = part('follow.slow_results')
+    slow_results._tick()
+    assert slow_results_under_way(part, heavy)
+    deadline = time.monotonic() + 20
+    while slow_results_under_way(part, heavy) and time.monotonic() < deadline:
+        time.sleep(0.05)
+        slow_results._tick()
+    update()
+    arrived = evaluated(heavy)
+    assert np.abs(arrived - whole(part, heavy)).max() < 1e-5
+
+
+@pytest.mark.parametrize('times', [1, 3])
+def test_scripts_get_the_whole_result(part, heavy, times):
+    for number in range(times):
+        moved = bend(heavy, -1.2 - 0.1 * number)
+        assert not slow_results_under_way(part, heavy)
+        assert np.abs(moved - whole(part, heavy)).max() < 1e-6
+        part('follow.bound').cache.find(heavy.detail_deform.signature).full_ms = 1000.0
+
+
+def test_a_light_mesh_is_shown_whole(part, heavy, drag):
+    part('follow.bound').cache.find(heavy.detail_deform.signature).full_ms = 20.0
+    moved = drag(heavy, -1.2)
+    assert not slow_results_under_way(part, heavy)
+    assert np.abs(moved - whole(part, heavy)).max() < 1e-6
+
+
+def test_a_drag_ends_when_nothing_has_moved_for_a_while(part, heavy):
+    module = part('follow.drag')
+    module.updated()
+    while module._tick():
+        pass
+    assert module.share(1000.0) == 1.0
+
+
+def test_undo_ends_it(part, heavy, drag):
+    drag(heavy, -1.2)
+    part('follow.life').forget_addresses()
+    assert not bpy.app.timers.is_registered(part('follow.drag')._tick)  # or it would go on
+    assert part('follow.drag').share(1000.0) == 1.0
+
+
+def test_a_frame_shows_the_whole_result_also_where_nothing_has_moved_since(part, heavy, drag):
+    quick = drag(heavy, -1.2)
+    bpy.context.scene.frame_set(2)
+    shown = evaluated(heavy)
+    assert np.abs(shown - quick).max() > 1e-3
+    assert np.abs(shown - whole(part, heavy)).max() < 1e-6
+
+
+def test_so_does_a_render(part, heavy, drag, monkeypatch):
+    quick = drag(heavy, -1.2)
+    life = part('follow.life')
+    monkeypatch.setattr(life, 'must_wait', lambda depsgraph: True)
+    life.refresh(heavy, bpy.context.evaluated_depsgraph_get())
+    update()
+    shown = evaluated(heavy)
+    assert np.abs(shown - quick).max() > 1e-3
+    assert np.abs(shown - whole(part, heavy)).max() < 1e-6
+
+
+def test_apply_takes_the_whole_result(part, heavy, drag):
+    drag(heavy, -1.2)
+    bpy.ops.object.detail_deform_apply(mode='MESH')
+    applied = evaluated(heavy)
+    again = bind(make_strip())
+    assert np.abs(bend(again, -1.2) - applied).max() < 1e-5
+
+
+# Binding in a window
+
+def test_the_first_update_is_prepared_with_the_binding(part, as_in_a_window):
+    as_in_a_window('follow.life')
+    ob = make_strip()
+    part('follow.binding').bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
+    cache, stages = part('follow.bound').cache, set()
+    while cache.is_running(ob.detail_deform.signature):
+        stages.add(cache.under_way(ob.detail_deform.signature).progress()[2])
+    assert "preparing the first update" in stages
+    part('follow.life')._poll()
+    assert ob.detail_deform.is_bound, ob.detail_deform.status
+    moved = bend(ob, -1.2)
+    assert np.abs(moved - bend(bind(make_strip()), -1.2)).max() < 1e-6
+    part('follow.life').clear()
+
+
+@pytest.mark.parametrize('when', ["", "preparing the first update"])
+def test_it_can_be_cancelled_in_either_half(part, as_in_a_window, when):
+    as_in_a_window('follow.life')
+    ob = make_strip(120)
+    binding, cache = part('follow.binding'), part('follow.bound').cache
+    binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
+    content = ob.detail_deform.signature
+    while when and cache.under_way(content).progress()[2] != when:
+        pass
+    binding.cancel(ob)
+    while cache.is_running(content):
+        pass
+    part('follow.life')._poll()
+    assert not ob.detail_deform.is_bound and "ancelled" in ob.detail_deform.status, ob.detail_deform.status
+    assert cache.find(content) is None
+    part('follow.life').clear()
