@@ -7,6 +7,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 from ..follow import binding, life
 from ..library import native
 from ..scene import handle_matrices, mesh_data, mirror_plane, node_group, stack
+from ..scene.selection import activate
 from ..setup import handle_setup, region_setup
 from .operator_base import HandOperator, MeshOperator
 from ..properties import AXES
@@ -164,14 +165,6 @@ class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
         ob.detail_deform.handle_index = number
         activate(context, ob)
         return {'FINISHED'}
-
-
-def activate(context, ob):
-    """Selects it alone."""
-    for other in context.selected_objects:
-        other.select_set(False)
-    ob.select_set(True)
-    context.view_layer.objects.active = ob
 
 
 class OBJECT_OT_detail_deform_region_set(MeshOperator, bpy.types.Operator):
