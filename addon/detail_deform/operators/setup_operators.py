@@ -4,11 +4,11 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..follow import binding, life
+from ..follow import binding, hints, life
 from ..library import native
 from ..scene import handle_matrices, mesh_data, mirror_plane, node_group, stack
 from ..scene.selection import activate
-from ..setup import handle_setup, region_setup
+from ..setup import handle_setup, own_empties, region_setup
 from .operator_base import HandOperator, MeshOperator
 from ..properties import AXES
 
@@ -149,6 +149,23 @@ class OBJECT_OT_detail_deform_handle_activate(HandOperator, _HandleOperator, bpy
         activate(context, target)
 
 
+class OBJECT_OT_detail_deform_own_empties(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_own_empties'
+    bl_label = "Own Empties"
+    bl_description = ("Give this mesh copies of the empties that it shares with the mesh it was copied from, so that "
+                      "each can be moved and posed alone")
+
+    @classmethod
+    def poll_object(cls, ob):
+        if not hints.shares_empties_with(ob):
+            cls.poll_message_set("Its empties are its own already")
+            return False
+        return True
+
+    def run(self, context, ob):
+        own_empties.make(context, ob)
+
+
 class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
     bl_idname = 'object.detail_deform_mesh_activate'
     bl_label = "Select Mesh"
@@ -287,7 +304,8 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
 CLASSES = (OBJECT_OT_detail_deform_handle_add, OBJECT_OT_detail_deform_handle_remove,
            OBJECT_OT_detail_deform_handle_select, OBJECT_OT_detail_deform_handle_assign,
            OBJECT_OT_detail_deform_handle_mirror, OBJECT_OT_detail_deform_handle_reset,
-           OBJECT_OT_detail_deform_handle_activate, OBJECT_OT_detail_deform_mesh_activate,
+           OBJECT_OT_detail_deform_handle_activate, OBJECT_OT_detail_deform_own_empties,
+           OBJECT_OT_detail_deform_mesh_activate,
            OBJECT_OT_detail_deform_region_set, OBJECT_OT_detail_deform_region_around,
            OBJECT_OT_detail_deform_pull)
 

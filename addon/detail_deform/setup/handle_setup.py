@@ -69,7 +69,7 @@ def _place(ob, chosen, align):
     return place, 0.5 * (high - low).length
 
 
-def _collection(context, ob):
+def collection(context, ob):
     """Where the object's empties are: a collection of their own, so that they can be hidden at once."""
     settings = ob.detail_deform
     shown = set(_shown_collections(context.view_layer.layer_collection))
@@ -85,9 +85,9 @@ def _shown_collections(layer):
     """Those of the view layer that something can be put into and is then seen to."""
     if layer.exclude:
         return
-    collection = layer.collection
-    if not (collection.library or collection.override_library):
-        yield collection
+    own = layer.collection
+    if not (own.library or own.override_library):
+        yield own
     for child in layer.children:
         yield from _shown_collections(child)
 
@@ -98,7 +98,7 @@ def _make_empty(context, ob, name, place, size, parent, bone=""):
     empty.empty_display_type = 'ARROWS'
     empty.empty_display_size = size
     empty.show_in_front = True
-    _collection(context, ob).objects.link(empty)
+    collection(context, ob).objects.link(empty)
     if parent:
         empty.parent = parent
         if bone:
@@ -190,9 +190,9 @@ def remove_handle(ob, index):
             child.parent = None
             child.matrix_world = place
         bpy.data.objects.remove(target)
-    collection = settings.handle_collection
-    if collection and not collection.objects and not collection.children:
-        bpy.data.collections.remove(collection)
+    theirs = settings.handle_collection
+    if theirs and not theirs.objects and not theirs.children:
+        bpy.data.collections.remove(theirs)
 
 
 def _shares_group(ob, handle, name):
