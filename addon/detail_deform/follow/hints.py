@@ -62,8 +62,8 @@ def _cut_off(ob, roles, border):
         if moved[border].max() > _BESIDE * moved[roles != native.ROLE_FIXED].max():
             vertex = int(np.flatnonzero(border)[moved[border].argmax()])
             name = example.object.name if example.object else example.name
-            yield (f"Example '{name}' also moves what lies beside the region (such as vertex {vertex}), which stays: of "
-                   "the pose a flat stub may be left. Enlarge the region to where the example begins to move.")
+            yield (f"Example '{name}' also moves what lies beside the region (such as vertex {vertex}), which stays: "
+                   "of the pose a flat stub may be left. Enlarge the region to where the example begins to move.")
 
 
 def shares_empties_with(ob):

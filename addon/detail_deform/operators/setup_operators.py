@@ -141,9 +141,7 @@ class OBJECT_OT_detail_deform_handle_activate(HandOperator, _HandleOperator, bpy
     bl_description = "Select the handle's empty alone, to move it"
 
     def run(self, context, ob):
-        target = self.handle(ob).target
-        if target is None:
-            raise mesh_data.MeshProblem("This handle has no empty to select.")
+        target = handle_setup.empty_of(ob, self.number(ob))
         if ob.mode != 'OBJECT':
             bpy.ops.object.mode_set(mode='OBJECT')
         activate(context, target)

@@ -34,6 +34,16 @@ def owner(empty):
     return None, -1
 
 
+def empty_of(ob, index):
+    """Raises MeshProblem where the handle of that number, or its empty, isn't there."""
+    handles = ob.detail_deform.handles
+    if index >= len(handles):
+        raise MeshProblem(f"There is no handle {index}.")
+    if handles[index].target is None:
+        raise MeshProblem("This handle has no empty to select.")
+    return handles[index].target
+
+
 def _chosen_group(ob, name):
     if name and name not in ob.vertex_groups:
         raise MeshProblem(f"'{ob.name}' has no vertex group '{name}'.")

@@ -48,7 +48,7 @@ def _draw():
     ob = context.active_object
     if ob is None or ob.type != 'MESH' or context.screen.is_animation_playing:
         return
-    depsgraph = context.evaluated_depsgraph_get()
+    depsgraph = context.view_layer.depsgraph  # as it is: to evaluate it here would wait for a render that waits for us
     found = labels(ob, depsgraph)
     if not found:
         return
