@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A dot at each handle of the active mesh, or of the mesh that the active empty pulls: it is moved by a drag at once."""
+"""A dot at each handle of the active mesh, or of the mesh that the active empty pulls: a drag moves it at once."""
 
 import bpy
 from mathutils import Matrix
