@@ -14,12 +14,12 @@ _MOST = 8
 _of_regions = {}  # by signature: the sentences, as reading groups takes a while
 
 
-def of_region(ob):
-    """Of a bound object."""
+def of_region(ob, roles=None):
+    """Of a bound object. roles: of its vertices, where they are known."""
     key = (ob.detail_deform.signature, ob.detail_deform.method)
     if key not in _of_regions:
         try:
-            found = list(_of_region(ob))
+            found = list(_of_region(ob, content.roles(ob) if roles is None else roles))
         except MeshProblem:  # it is stale, or about to be
             return ()
         while len(_of_regions) >= _MOST:
@@ -28,11 +28,10 @@ def of_region(ob):
     return _of_regions[key]
 
 
-def _of_region(ob):
-    settings = ob.detail_deform
+def _of_region(ob, roles):
+    settings, edges = ob.detail_deform, mesh_data.edges(ob.data)
     if settings.base == 'OBJECT':
         return
-    roles, edges = content.roles(ob), mesh_data.edges(ob.data)
     free = roles == native.ROLE_FREE
     across = edges[free[edges].sum(1) == 1]  # from what is free to what is not
     beside = np.zeros(len(roles), bool)
@@ -56,8 +55,8 @@ def _beside(edges, chosen):
 
 def _cut_off(ob, roles, border):
     """Examples that bend more of the mesh than the region holds: of a tip alone they leave a stub."""
-    rest = mesh_data.rest(ob.data)
-    for example, pose in zip(examples.enabled(ob.detail_deform), examples.positions(ob)):
+    rest, chosen = mesh_data.rest(ob.data), examples.enabled(ob.detail_deform)
+    for example, pose in zip(chosen, examples.positions(ob) if chosen else ()):
         moved = np.linalg.norm(pose - rest, axis=1)
         if moved[border].max() > _BESIDE * moved[roles != native.ROLE_FIXED].max():
             vertex = int(np.flatnonzero(border)[moved[border].argmax()])
