@@ -32,33 +32,29 @@ def _of_region(ob, roles):
     settings, edges = ob.detail_deform, mesh_data.edges(ob.data)
     if settings.base == 'OBJECT':
         return
-    free = roles == native.ROLE_FREE
-    across = edges[free[edges].sum(1) == 1]  # from what is free to what is not
-    beside = np.zeros(len(roles), bool)
-    beside[across] = True
-    held = np.zeros(len(roles), bool)
-    held[across[(roles[across] >= 0).any(1)]] = True
-    border = beside & (roles == native.ROLE_FIXED)
-    if border.any() and (held[free] & _beside(edges, border)[free]).all():
+    free, fixed = roles == native.ROLE_FREE, roles == native.ROLE_FIXED
+    border = fixed & _beside(edges, free)
+    row = _beside(edges, fixed) & _beside(edges, roles >= 0)
+    if border.any() and row[free].all():
         yield ("The region is a single row of vertices between handle and rest, which takes all of the motion: enlarge "
                "it (By Radius).")
     if settings.method == 'EXAMPLES' and border.any():
-        yield from _cut_off(ob, roles, border)
+        yield from _cut_off(ob, ~fixed, border)
 
 
 def _beside(edges, chosen):
-    """(n,) bool: what an edge leads to from the chosen ones."""
+    """(n,) bool: what an edge leads to from the chosen ones, and these."""
     found = np.zeros(len(chosen), bool)
     found[edges[chosen[edges].any(1)]] = True
     return found
 
 
-def _cut_off(ob, roles, border):
+def _cut_off(ob, region, border):
     """Examples that bend more of the mesh than the region holds: of a tip alone they leave a stub."""
     rest, chosen = mesh_data.rest(ob.data), examples.enabled(ob.detail_deform)
     for example, pose in zip(chosen, examples.positions(ob) if chosen else ()):
         moved = np.linalg.norm(pose - rest, axis=1)
-        if moved[border].max() > _BESIDE * moved[roles != native.ROLE_FIXED].max():
+        if moved[border].max() > _BESIDE * moved[region].max():
             vertex = int(np.flatnonzero(border)[moved[border].argmax()])
             name = example.object.name if example.object else example.name
             yield (f"Example '{name}' also moves what lies beside the region (such as vertex {vertex}), which stays: "

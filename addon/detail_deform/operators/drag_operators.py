@@ -8,6 +8,7 @@ from bpy.props import FloatProperty, IntProperty
 from ..scene import selection
 from ..setup import handle_setup
 from .operator_base import HandOperator, MeshOperator
+from .setup_operators import PULL_RADIUS
 
 
 class OBJECT_OT_detail_deform_pull_begin(MeshOperator, bpy.types.Operator):
@@ -16,10 +17,7 @@ class OBJECT_OT_detail_deform_pull_begin(MeshOperator, bpy.types.Operator):
     bl_description = "Pull the selected vertices with Detail Deform; where none is selected, box select"
     bl_options = {'REGISTER', 'UNDO', 'INTERNAL'}
 
-    radius: FloatProperty(
-        name="Radius", min=0.0, subtype='DISTANCE',
-        description="Distance along the surface up to which it follows, where no region was chosen. 0: "
-                    "a quarter of the object's size")
+    radius: FloatProperty(**PULL_RADIUS)
 
     @classmethod
     def poll(cls, context):

@@ -13,6 +13,12 @@ from .operator_base import HandOperator, MeshOperator
 from ..properties import AXES
 
 
+PULL_RADIUS = {
+    'name': "Radius", 'min': 0.0, 'subtype': 'DISTANCE',
+    'description': "Distance along the surface up to which it follows, where no region was chosen. 0: a quarter of the "
+                   "object's size"}
+
+
 class _HandleOperator(MeshOperator):
     """One of the handle with a given number, or of the active one."""
 
@@ -237,10 +243,7 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
     bl_description = ("All in one: a handle for the selected vertices, a region around it, and Bind. The handle's "
                       "empty is selected: move it, and the surface follows")
 
-    radius: FloatProperty(
-        name="Radius", min=0.0, subtype='DISTANCE', options={'SKIP_SAVE'},
-        description="Distance along the surface up to which it follows, where no region was chosen. 0: "
-                    "a quarter of the object's size")
+    radius: FloatProperty(**PULL_RADIUS, options={'SKIP_SAVE'})
 
     @classmethod
     def poll(cls, context):

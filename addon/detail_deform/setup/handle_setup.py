@@ -79,7 +79,7 @@ def _place(ob, chosen, align):
     return place, 0.5 * (high - low).length
 
 
-def collection(context, ob):
+def collection_of(context, ob):
     """Where the object's empties are: a collection of their own, so that they can be hidden at once."""
     settings = ob.detail_deform
     shown = set(_shown_collections(context.view_layer.layer_collection))
@@ -95,9 +95,9 @@ def _shown_collections(layer):
     """Those of the view layer that something can be put into and is then seen to."""
     if layer.exclude:
         return
-    own = layer.collection
-    if not (own.library or own.override_library):
-        yield own
+    collection = layer.collection
+    if not (collection.library or collection.override_library):
+        yield collection
     for child in layer.children:
         yield from _shown_collections(child)
 
@@ -108,7 +108,7 @@ def _make_empty(context, ob, name, place, size, parent, bone=""):
     empty.empty_display_type = 'ARROWS'
     empty.empty_display_size = size
     empty.show_in_front = True
-    collection(context, ob).objects.link(empty)
+    collection_of(context, ob).objects.link(empty)
     if parent:
         empty.parent = parent
         if bone:
@@ -200,9 +200,9 @@ def remove_handle(ob, index):
             child.parent = None
             child.matrix_world = place
         bpy.data.objects.remove(target)
-    theirs = settings.handle_collection
-    if theirs and not theirs.objects and not theirs.children:
-        bpy.data.collections.remove(theirs)
+    collection = settings.handle_collection
+    if collection and not collection.objects and not collection.children:
+        bpy.data.collections.remove(collection)
 
 
 def _shares_group(ob, handle, name):

@@ -22,7 +22,7 @@ def make(context, ob):
 def _copy(context, ob, other, empty):
     place = ob.matrix_world @ other.matrix_world.inverted_safe() @ empty.matrix_world
     copy = empty.copy()
-    handle_setup.collection(context, ob).objects.link(copy)
+    handle_setup.collection_of(context, ob).objects.link(copy)
     if empty.parent == other:
         copy.parent = ob  # the rest as it was, so that its animation goes on
     else:

@@ -29,7 +29,8 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         if settings.correspondence == 'MARKERS' or here:
             counts = f"{here} markers here, {there} on the source, {both} with the same numbers"
             draw_text(column, context, counts if source else f"{here} markers here", 'EMPTY_AXIS')
-            _draw_markers(column, ob, _draw_doubts(column, context, source, ob) if source else ())
+            if not settings.live:
+                _draw_markers(column, ob, _draw_doubts(column, context, source, ob) if source else ())
             column.prop(settings, 'show_markers')
             column.operator('object.detail_deform_transfer_match', icon='VIEWZOOM')
         if ob.mode == 'EDIT' or settings.correspondence == 'MARKERS':
