@@ -5,7 +5,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from .follow import auto_bind, drag, edits, life, registry
-from .ui import marker_preview, preview
+from .ui import known_markers, preview
 
 # With nothing bound, neither of these two goes through what a scene has or what was changed.
 
@@ -13,11 +13,11 @@ from .ui import marker_preview, preview
 @persistent
 def _depsgraph_updated(scene, depsgraph):
     members = registry.members()
-    if members or preview.is_in_use() or marker_preview.is_in_use():
+    if members or preview.is_in_use() or known_markers.is_in_use():
         edited = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
         if edited:
             preview.forget(edited)
-            marker_preview.forget(edited)
+            known_markers.forget(edited)
         members = registry.of_scene(depsgraph)
         if edited:
             edits.note(members, edited)
@@ -28,6 +28,7 @@ def _depsgraph_updated(scene, depsgraph):
 @persistent
 def _frame_changed(scene, depsgraph):
     drag.ended()
+    known_markers.forget_shapes()
     life.refresh_all(registry.of_scene(depsgraph), depsgraph)
 
 
@@ -42,6 +43,7 @@ def _data_is_replaced(*_):
 def _data_replaced(*_):
     life.forget_addresses()
     preview.forget()
+    known_markers.clear()
 
 
 _HANDLERS = (('depsgraph_update_post', _depsgraph_updated), ('frame_change_post', _frame_changed),

@@ -32,8 +32,8 @@ class DetailDeformTransfer(bpy.types.PropertyGroup):
                     "Its mesh without shape keys and modifiers is the rest")
     show_markers: BoolProperty(
         name="Show Markers", default=True,
-        description="Number the markers of this mesh and of the source in the viewport while this mesh is active: "
-                    "yellow where both have the number, red where one has")
+        description="Number the markers of this mesh and of the source in the viewport while either is active: "
+                    "yellow where both have the number, red where one has, pink where it contradicts the others")
     show_match: BoolProperty(
         name="Show Match", update=_preview_changed,
         description="Colour the vertices by how well they are matched: green where the fitted source lies on this "

@@ -535,22 +535,6 @@ def test_undo_takes_a_transfer_back(pair):
     assert len(bpy.data.objects["Target"].data.shape_keys.key_blocks) == 3
 
 
-def test_markers_are_shown_with_their_numbers(pair, part):
-    source, target = pair
-    target.detail_deform.transfer.source = source
-    source.location.x = 3
-    group(target, "Marker 1", [4])
-    group(target, "Marker 2", [600])
-    group(source, "Marker 1", [5])
-    update()
-    labels = part('ui.marker_preview').labels
-    expected = [(1, own(target)[4], True), (2, own(target)[600], False), (1, own(source)[5] + (3, 0, 0), True)]
-    for (number, place, on_both), (n, p, b) in zip(labels(target), expected):
-        assert (number, on_both) == (n, b) and np.allclose(place, p, atol=1e-6)
-    group(source, "Marker 2", [6])
-    assert [on_both for _, _, on_both in labels(target)] == [True] * 4
-
-
 def test_following_is_not_doubled_and_goes_in_no_circle(pair, tmp_path):
     source, target = pair
     live = bpy.ops.object.detail_deform_transfer_live

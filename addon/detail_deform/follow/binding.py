@@ -8,7 +8,7 @@ import numpy as np
 from ..library import native
 from ..scene import dependency, handle_matrices, mesh_data, node_group, offset_attribute, outside_base, stack, start
 from ..scene.mesh_data import MeshProblem
-from . import bound, content, life, registry
+from . import bound, content, hints, life, registry
 
 
 def bind(ob, depsgraph, wait, keep_rest):
@@ -45,6 +45,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     signature = content.signature(ob, content.shape_signature(ob), roles)
     life.start(bound, signature, lambda: bound.begin(ob, roles))
     settings.signature = signature
+    hints.of_region(ob, roles)  # here they are known, and the panels need not read the groups
     bound.note_handles(settings)
     registry.forget()
     stack.ensure_modifier(ob)

@@ -6,6 +6,8 @@ So a mesh that was copied, exchanged, undone or emptied is never taken for one t
 
 import copy
 
+import numpy as np
+
 from ..scene import offset_attribute
 
 
@@ -14,6 +16,7 @@ class Shown:
 
     def __init__(self, of):
         self.of = of  # whatever tells this result from all others: equal, the same
+        self.moves = True  # anything, from where the mesh has it
         self.only_moved = ()  # names of the handles that are moved without being turned or scaled
         self.example_weights = ()  # how much of each example the pose has
         self.is_final = True  # no slow result is to take its place
@@ -46,7 +49,14 @@ def show_slow(mesh, offsets, quick, info):
     return _write(mesh, offsets, slow)
 
 
+def is_deformed(mesh):
+    """Whether the mesh shows another shape than its own, as far as is known without looking at all vertices."""
+    record = by(mesh)
+    return offset_attribute.find(mesh) is not None and (record is None or record.moves)
+
+
 def _write(mesh, offsets, shown):
+    shown.moves = bool(np.any(offsets))
     _shown.pop(offset_attribute.token(mesh), None)
     _shown[offset_attribute.write(mesh, offsets)] = shown
     return shown

@@ -2,7 +2,7 @@
 """What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
 
 from ..scene import examples, handle_matrices, node_group, offset_attribute, stack
-from . import bound, look, shown, slow_results
+from . import bound, hints, look, shown, slow_results
 
 
 def is_bound(ob):
@@ -142,6 +142,11 @@ def _remarks(ob, info):
         idle = handle_matrices.enabled_handles(settings)[info.idle_handle_example].name
         yield (f"Nothing follows {_count(info.idle_handle_count, 'handle', 'handles')} (such as '{idle}'): no vertex "
                "of the region is beside. Enlarge the region (Around Handles), or take another.")
+    yield from hints.of_region(ob)
+    other = hints.shares_empties_with(ob)
+    if other:
+        yield (f"Its empties are those of '{other.name}' too, so it is pulled back when it is moved alone: press Own "
+               "Empties.")
     if settings.influence and settings.influence in {*ob.data.attributes.keys(), 'position', 'normal', 'index', 'id'}:
         yield (f"The influence group '{settings.influence}' has the name of an attribute, which is taken in its place: "
                "rename the group.")

@@ -128,11 +128,3 @@ class LongOperator(MeshOperator):
         self._work = self._timer = None
         self.interactive = False  # it may be repeated without a dialog
         return result
-
-
-def activate(context, ob):
-    """Selects it alone."""
-    for other in context.selected_objects:
-        other.select_set(False)
-    ob.select_set(True)
-    context.view_layer.objects.active = ob

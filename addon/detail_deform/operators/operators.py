@@ -178,11 +178,18 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
         return True
 
     def run(self, context, ob):
-        _settle_what_is_seen(ob)
-        apply_result.apply(ob, self.mode)
-        binding.unbind(ob)
-        live_transfer.stop(ob)
-        node_group.remove_modifier(ob)
+        mode = ob.mode
+        if mode != 'OBJECT':  # the mode's own copy of the mesh would not know of it
+            bpy.ops.object.mode_set(mode='OBJECT')
+        try:
+            _settle_what_is_seen(ob)
+            apply_result.apply(ob, self.mode)
+            binding.unbind(ob)
+            live_transfer.stop(ob)
+            node_group.remove_modifier(ob)
+        finally:
+            if mode != 'OBJECT':
+                bpy.ops.object.mode_set(mode=mode)
 
 
 class OBJECT_OT_detail_deform_base_make(MeshOperator, bpy.types.Operator):

@@ -6,13 +6,19 @@ from bpy.props import FloatProperty
 
 from ..library import native
 from ..scene import mesh_data, stack
+from ..scene.selection import activate
 from ..setup import handle_setup, pulling
-from .operator_base import MeshOperator, activate
+from .operator_base import MeshOperator
 from .reach_choice import ReachChoice, View
 
 _TICK_SECONDS = 0.05
 # What moves the view goes on while a reach is chosen and while it is bound.
 _NAVIGATION = ('MIDDLEMOUSE', 'TRACKPAD', 'MOUSEROTATE', 'MOUSESMARTZOOM', 'NDOF')
+
+RADIUS = {
+    'name': "Radius", 'min': 0.0, 'subtype': 'DISTANCE',
+    'description': "Distance along the surface up to which it follows, where no region was chosen. 0: by the size of "
+                   "the selection"}
 
 
 class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
@@ -21,10 +27,7 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
     bl_description = ("All in one: a handle for the selected vertices, a region around it, and Bind. Choose how far it "
                       "reaches, then move the handle's empty: the surface follows")
 
-    radius: FloatProperty(
-        name="Radius", min=0.0, subtype='DISTANCE', options={'SKIP_SAVE'},
-        description="Distance along the surface up to which it follows, where no region was chosen. 0: by the size of "
-                    "the selection")
+    radius: FloatProperty(**RADIUS, options={'SKIP_SAVE'})
 
     _choice = _pull = _stages = _timer = _view = None
 

@@ -4,10 +4,11 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from ..follow import life
+from ..follow import hints, life
 from ..scene import handle_matrices, mesh_data
-from ..setup import handle_setup, region_setup
-from .operator_base import HandOperator, MeshOperator, activate
+from ..scene.selection import activate
+from ..setup import handle_setup, own_empties, region_setup
+from .operator_base import HandOperator, MeshOperator
 from ..properties import AXES
 
 
@@ -139,12 +140,27 @@ class OBJECT_OT_detail_deform_handle_activate(HandOperator, _HandleOperator, bpy
     bl_description = "Select the handle's empty alone, to move it"
 
     def run(self, context, ob):
-        target = self.handle(ob).target
-        if target is None:
-            raise mesh_data.MeshProblem("This handle has no empty to select.")
+        target = handle_setup.empty_of(ob, self.number(ob))
         if ob.mode != 'OBJECT':
             bpy.ops.object.mode_set(mode='OBJECT')
         activate(context, target)
+
+
+class OBJECT_OT_detail_deform_own_empties(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_own_empties'
+    bl_label = "Own Empties"
+    bl_description = ("Give this mesh copies of the empties that it shares with the mesh it was copied from, so that "
+                      "each can be moved and posed alone")
+
+    @classmethod
+    def poll_object(cls, ob):
+        if not hints.shares_empties_with(ob):
+            cls.poll_message_set("Its empties are its own already")
+            return False
+        return True
+
+    def run(self, context, ob):
+        own_empties.make(context, ob)
 
 
 class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
@@ -217,7 +233,8 @@ class OBJECT_OT_detail_deform_region_around(MeshOperator, bpy.types.Operator):
 CLASSES = (OBJECT_OT_detail_deform_handle_add, OBJECT_OT_detail_deform_handle_remove,
            OBJECT_OT_detail_deform_handle_select, OBJECT_OT_detail_deform_handle_assign,
            OBJECT_OT_detail_deform_handle_mirror, OBJECT_OT_detail_deform_handle_reset,
-           OBJECT_OT_detail_deform_handle_activate, OBJECT_OT_detail_deform_mesh_activate,
+           OBJECT_OT_detail_deform_handle_activate, OBJECT_OT_detail_deform_own_empties,
+           OBJECT_OT_detail_deform_mesh_activate,
            OBJECT_OT_detail_deform_region_set, OBJECT_OT_detail_deform_region_around)
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -10,7 +10,8 @@ from ..follow import live_transfer
 from ..library.options import TRANSFER_SETTINGS
 from ..results import transfer
 from ..scene import correspondence, mesh_data
-from ..setup import markers, matching, pair_lists
+from ..scene.selection import activate
+from ..setup import marker_check, markers, matching, pair_lists
 from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
 
 
@@ -147,6 +148,9 @@ class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
         return self.start(context, self._find(source, ob))
 
     def _find(self, source, ob):
+        doubts = yield from marker_check.search(source, ob)
+        if doubts:
+            self.report({'WARNING'}, marker_check.sentence(doubts, source, ob))
         matched = yield from matching.search(source, ob)
         correspondence.store(matched, source, ob)
         ob.detail_deform.transfer.correspondence = 'STORED'
@@ -216,6 +220,35 @@ class OBJECT_OT_detail_deform_marker_add(MeshOperator, bpy.types.Operator):
         self.report({'INFO'}, f"'{name}' added to '{ob.name}'")
 
 
+class OBJECT_OT_detail_deform_marker_select(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_marker_select'
+    bl_label = "Select Marker"
+    bl_description = "Select the vertex of a marker in Edit Mode, or the empty that marks it"
+
+    number: IntProperty(name="Number", default=1, min=0, options={'SKIP_SAVE'}, description="Number of the marker")
+
+    def run(self, context, ob):
+        empty = markers.select(ob, self.number)
+        if empty:
+            activate(context, empty)
+
+
+class OBJECT_OT_detail_deform_target_activate(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_target_activate'
+    bl_label = "Select Target"
+    bl_description = "Select the mesh that has this one for its source, to see its settings"
+
+    target: StringProperty(name="Target", options={'SKIP_SAVE'}, description="Name of the mesh object")
+
+    def run(self, context, ob):
+        target = context.view_layer.objects.get(self.target)
+        if target is None:
+            raise mesh_data.MeshProblem(f"'{self.target}' is not in this scene, or is in an excluded collection.")
+        if ob.mode != 'OBJECT':
+            bpy.ops.object.mode_set(mode='OBJECT')
+        activate(context, target)
+
+
 class OBJECT_OT_detail_deform_transfer_live(LongOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_transfer_live'
     bl_label = "Follow Source"
@@ -254,6 +287,7 @@ class OBJECT_OT_detail_deform_transfer_live(LongOperator, bpy.types.Operator):
 
 CLASSES = (OBJECT_OT_detail_deform_transfer, OBJECT_OT_detail_deform_transfer_match,
            OBJECT_OT_detail_deform_transfer_save, OBJECT_OT_detail_deform_transfer_forget,
-           OBJECT_OT_detail_deform_marker_add, OBJECT_OT_detail_deform_transfer_live)
+           OBJECT_OT_detail_deform_marker_add, OBJECT_OT_detail_deform_marker_select,
+           OBJECT_OT_detail_deform_target_activate, OBJECT_OT_detail_deform_transfer_live)
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

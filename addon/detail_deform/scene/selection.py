@@ -1,9 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The vertices selected in Edit Mode, and vertex groups made of them."""
+"""What is selected: objects, vertices in Edit Mode, and vertex groups made of these."""
 
 import bmesh
 import bpy
 import numpy as np
+
+
+def activate(context, ob):
+    """Selects this object alone."""
+    for other in context.selected_objects:
+        other.select_set(False)
+    ob.select_set(True)
+    context.view_layer.objects.active = ob
 
 
 def selected(ob):

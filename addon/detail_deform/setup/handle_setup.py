@@ -35,6 +35,16 @@ def owner(empty):
     return None, -1
 
 
+def empty_of(ob, index):
+    """Raises MeshProblem where the handle of that number, or its empty, isn't there."""
+    handles = ob.detail_deform.handles
+    if index >= len(handles):
+        raise MeshProblem(f"There is no handle {index}.")
+    if handles[index].target is None:
+        raise MeshProblem("This handle has no empty to select.")
+    return handles[index].target
+
+
 def _chosen_group(ob, name):
     if name and name not in ob.vertex_groups:
         raise MeshProblem(f"'{ob.name}' has no vertex group '{name}'.")
@@ -70,7 +80,7 @@ def _place(ob, chosen, align):
     return place, 0.5 * (high - low).length
 
 
-def _collection(context, ob):
+def collection_of(context, ob):
     """Where the object's empties are: a collection of their own, so that they can be hidden at once."""
     settings = ob.detail_deform
     shown = set(_shown_collections(context.view_layer.layer_collection))
@@ -99,7 +109,7 @@ def _make_empty(context, ob, name, place, size, parent, bone=""):
     empty.empty_display_type = 'ARROWS'
     empty.empty_display_size = size
     empty.show_in_front = True
-    _collection(context, ob).objects.link(empty)
+    collection_of(context, ob).objects.link(empty)
     if parent:
         empty.parent = parent
         if bone:

@@ -96,3 +96,19 @@ def add(ob, number):
     only = np.zeros(len(ob.data.vertices), bool)
     only[middle] = True
     return selection.new_group(ob, NAME.format(number), only).name
+
+
+def select(ob, number):
+    """Selects the vertex that a number marks, in Edit Mode. Returns the empty that marks it, if one does. Raises
+    MeshProblem."""
+    if ob.mode == 'EDIT':
+        ob.update_from_editmode()
+    vertex = of(ob).get(number)
+    if vertex is None:
+        raise MeshProblem(f"'{ob.name}' has no marker {number}.")
+    empty = next((child for child in ob.children if child.type == 'EMPTY' and _number(child.name) == number), None)
+    if empty is None:
+        only = np.zeros(len(ob.data.vertices), bool)
+        only[vertex] = True
+        selection.select(ob, only, extend=False)
+    return empty

@@ -7,7 +7,8 @@ import bpy
 
 from ..library import native
 from ..scene import correspondence, mesh_data
-from . import markers, pair_lists
+from ..scene.mesh_data import MeshProblem
+from . import marker_check, markers, pair_lists
 
 _POLL_SECONDS = 0.02
 
@@ -52,6 +53,10 @@ def find(how, source, target, path, pairs_of):
     """Generator: the correspondence of two objects; yields the fraction done. how: as the settings' correspondence;
     path, pairs_of: of a list. Raises MeshProblem or native.NativeError."""
     if how == 'MARKERS':
+        doubts = yield from marker_check.search(source, target)
+        if doubts:
+            raise MeshProblem(f"{marker_check.sentence(doubts, source, target)} If they are right, press Find "
+                              "Correspondences, which takes them as they are.")
         return (yield from search(source, target))
     if how == 'LIST':
         return pair_lists.by_list(source, target, bpy.path.abspath(path), pairs_of)

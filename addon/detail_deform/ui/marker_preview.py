@@ -1,64 +1,56 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The markers of a mesh and of its source as numbered dots in the viewport."""
+"""The markers of a source and of its targets as numbered dots in the viewport."""
 
 import bpy
 
-from ..setup import markers
-from ..scene.mesh_data import MeshProblem
+from . import known_markers
 from .preview import Drawing
 
 _BOTH_COLOUR, _ONE_COLOUR = (1.0, 0.85, 0.1, 1.0), (1.0, 0.25, 0.2, 1.0)
+_DOUBT_COLOUR = (1.0, 0.35, 0.9, 1.0)
 _TEXT_SIZE = 14
-_found = {}  # by object: what they were found in, and the vertex of each number
 
 
-def is_in_use():
-    """Whether anything is kept that forget() could forget."""
-    return bool(_found)
+def pairs(ob):
+    """[(source, target)]: the transfers whose markers are shown while this mesh is active, as either of the two."""
+    targets = known_markers.followers(ob)
+    if ob.detail_deform.transfer.source or not targets:
+        targets.insert(0, ob)
+    found = [(target.detail_deform.transfer.source, target) for target in targets]
+    return [(source, target) for source, target in found
+            if target.detail_deform.transfer.show_markers and not target.detail_deform.transfer.live]
 
 
-def forget(edited):
-    """They are looked for anew where these meshes were edited."""
-    for name in list(_found):
-        ob = bpy.data.objects.get(name)
-        if ob is None or ob.data in edited:
-            del _found[name]
+def labels(ob, depsgraph):
+    """[(number, world place, colour)] of the markers that this mesh and its source have, or its targets."""
+    shown = {}
+    for source, target in pairs(ob):
+        sides = [side for side in (target, source) if side is not None and side.type == 'MESH']
+        both = set.intersection(*(set(known_markers.of(side)) for side in sides))
+        doubts = known_markers.doubts(source, target) if len(sides) == 2 else ()
+        for side in sides:
+            points = _seen_points(side, depsgraph)
+            for number, vertex in known_markers.of(side).items():
+                if vertex < len(points):
+                    colour = _DOUBT_COLOUR if number in doubts else _BOTH_COLOUR if number in both else _ONE_COLOUR
+                    shown[side, number] = (number, side.matrix_world @ points[vertex].co, colour)
+    return list(shown.values())
 
 
-def _of(ob):
-    """As markers.of(), looked for only when groups or empties are others; none while something is wrong with
-    them, which the search says."""
-    made_of = (*ob.vertex_groups.keys(), *(child.name for child in ob.children), len(ob.data.vertices), ob.mode)
-    known = _found.get(ob.name)
-    if known is None or known[0] != made_of:
-        try:
-            known = (made_of, markers.of(ob))
-        except MeshProblem:
-            known = (made_of, {})
-        _found[ob.name] = known
-    return known[1]
-
-
-def labels(ob):
-    """[(number, world place, whether the other mesh has it too)] of a mesh and of its source."""
-    source = ob.detail_deform.transfer.source
-    sides = [(side, _of(side)) for side in (ob, source) if side is not None and side.type == 'MESH']
-    both = set.intersection(*(set(found) for _, found in sides))
-    result = []
-    for side, found in sides:
-        vertices = side.data.vertices
-        result += [(number, side.matrix_world @ vertices[vertex].co, number in both)
-                   for number, vertex in found.items() if vertex < len(vertices)]
-    return result
+def _seen_points(ob, depsgraph):
+    """The vertices as modifiers move them, or the mesh's own where they make others."""
+    seen = ob.evaluated_get(depsgraph).data
+    return seen.vertices if len(seen.vertices) == len(ob.data.vertices) else ob.data.vertices
 
 
 def _draw():
     context = bpy.context
     ob = context.active_object
-    if ob is None or ob.type != 'MESH':
+    if ob is None or ob.type != 'MESH' or context.screen.is_animation_playing:
         return
-    settings = ob.detail_deform.transfer
-    if not settings.show_markers or settings.live:
+    depsgraph = context.view_layer.depsgraph  # as it is: to evaluate it here would wait for a render that waits for us
+    found = labels(ob, depsgraph)
+    if not found:
         return
     import blf
     from bpy_extras.view3d_utils import location_3d_to_region_2d
@@ -66,14 +58,29 @@ def _draw():
     blf.size(0, size, *(() if bpy.app.version >= (4, 0) else (72,)))
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 3, 0, 0, 0, 1)
-    for number, place, on_both in labels(ob):
+    solid = _solid(context, ob)
+    for number, place, colour in found:
         at = location_3d_to_region_2d(context.region, context.region_data, place)
-        if at is None:
+        if at is None or known_markers.is_hidden(place, _eye(context.region_data, place), solid, depsgraph):
             continue
-        blf.color(0, *(_BOTH_COLOUR if on_both else _ONE_COLOUR))
+        blf.color(0, *colour)
         blf.position(0, at.x - size / 6, at.y - size / 3, 0)
         blf.draw(0, f"\u2022 {number}")
     blf.disable(0, blf.SHADOW)
+
+
+def _solid(context, ob):
+    """The meshes with markers that nothing is seen through."""
+    shading = context.space_data.shading
+    if shading.type == 'WIREFRAME' or shading.show_xray and shading.type == 'SOLID':
+        return ()
+    return {side for pair in pairs(ob) for side in pair if side is not None and side.visible_get()}
+
+
+def _eye(view, place):
+    """Where a RegionView3D looks at a place from."""
+    back = view.view_matrix.inverted()
+    return back.translation if view.is_perspective else place + 2 * view.view_distance * back.col[2].xyz
 
 
 _drawing = Drawing(_draw, 'POST_PIXEL')
@@ -82,4 +89,4 @@ register = _drawing.register
 
 def unregister():
     _drawing.unregister()
-    _found.clear()
+    known_markers.clear()

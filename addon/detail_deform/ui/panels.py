@@ -5,11 +5,15 @@ import textwrap
 
 import bpy
 
-from ..follow import bound, look, slow_results
+from ..follow import bound, hints, look, shown, slow_results
 from ..library import options
 from ..scene import node_group, offset_attribute, stack
 from ..setup import handle_setup
 from .registration import registration
+
+
+# Modes that change the mesh's own vertices, which are elsewhere than those that are seen.
+_WORKS_AT_REST = {'EDIT': "You edit", 'SCULPT': "Brushes work on"}
 
 
 class _Switched:
@@ -87,6 +91,12 @@ def draw_state(layout, context, ob):
 
     if stack.before(ob):
         layout.operator('object.detail_deform_place', icon='SORT_DESC')
+    if settings.signature and hints.shares_empties_with(ob):
+        layout.operator('object.detail_deform_own_empties', icon='DUPLICATE')
+    if ob.mode in _WORKS_AT_REST and shown.is_deformed(ob.data):
+        column = layout.column(align=True)
+        draw_text(column, context, f"{_WORKS_AT_REST[ob.mode]} the mesh without its deformation.", 'INFO')
+        column.operator('object.detail_deform_apply', text="Apply First", icon='CHECKMARK').mode = 'MESH'
     row = layout.row(align=True)
     row.use_property_split = False
     if under_way:

@@ -121,7 +121,7 @@ def _draw():
     gpu.state.depth_test_set('LESS_EQUAL')
     gpu.state.point_size_set(_POINT_SIZE)
     for ob in shown:
-        points = _points(ob, context.evaluated_depsgraph_get())
+        points = _points(ob, context.view_layer.depsgraph)  # as it is, as a render may be waiting for us
         if points is not None:
             places = {'pos': _nearer(points[0], context.region_data), 'color': points[1]}
             batch_for_shader(shader, 'POINTS', places).draw(shader)

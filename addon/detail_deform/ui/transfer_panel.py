@@ -6,7 +6,8 @@ import bpy
 from ..follow import live_transfer
 from ..library.options import TRANSFER_SETTINGS
 from ..scene import correspondence
-from ..setup import markers
+from ..setup import marker_check, markers
+from . import known_markers
 from .panels import ModifierPanel, draw_options, draw_text
 from .registration import registration
 
@@ -28,6 +29,8 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         if settings.correspondence == 'MARKERS' or here:
             counts = f"{here} markers here, {there} on the source, {both} with the same numbers"
             draw_text(column, context, counts if source else f"{here} markers here", 'EMPTY_AXIS')
+            if not settings.live:
+                _draw_markers(column, ob, _draw_doubts(column, context, source, ob) if source else ())
             column.prop(settings, 'show_markers')
             column.operator('object.detail_deform_transfer_match', icon='VIEWZOOM')
         if ob.mode == 'EDIT' or settings.correspondence == 'MARKERS':
@@ -48,9 +51,55 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         button.on = not settings.live
 
 
+def _draw_doubts(layout, context, source, target):
+    """Returns the numbers of the markers in doubt."""
+    doubts = known_markers.doubts(source, target)
+    if doubts:
+        draw_text(layout, context, marker_check.sentence(doubts, source, target), 'ERROR')
+    return doubts
+
+
+def _draw_markers(layout, ob, doubts):
+    """A button for each, red where it is in doubt."""
+    flow = layout.grid_flow(row_major=True, columns=6, even_columns=True, align=True)
+    for number in sorted(known_markers.of(ob)):
+        button = flow.row(align=True)
+        button.alert = number in doubts
+        button.operator('object.detail_deform_marker_select', text=str(number)).number = number
+
+
+class OBJECT_PT_detail_deform_source(ModifierPanel, bpy.types.Panel):
+    """On the mesh that others follow."""
+    bl_label = "Detail Deform: Source"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and bool(known_markers.followers(context.object))
+
+    def draw_settings(self, context, layout, ob, all_settings):
+        doubts = set()
+        for target in known_markers.followers(ob):
+            doubts |= set(self._draw_target(context, layout.box().column(), ob, target))
+        draw_text(layout, context, f"{len(known_markers.of(ob))} markers here", 'EMPTY_AXIS')
+        _draw_markers(layout, ob, doubts)
+        layout.operator('object.detail_deform_marker_add', icon='ADD')
+
+    @staticmethod
+    def _draw_target(context, layout, ob, target):
+        """Returns the numbers of the markers in doubt."""
+        settings = target.detail_deform.transfer
+        row = layout.row()
+        row.label(text=target.name, icon='ERROR' if settings.problem else 'LINKED' if settings.live else 'MESH_DATA')
+        row.operator('object.detail_deform_target_activate', text="", icon='RESTRICT_SELECT_OFF').target = target.name
+        draw_text(layout, context, settings.state if settings.live else "Does not follow.", 'BLANK1')
+        _, there, both = markers.counts(ob, target)
+        draw_text(layout, context, f"{there} markers there, {both} with the same numbers", 'EMPTY_AXIS')
+        return _draw_doubts(layout, context, ob, target)
+
+
 def _draw_marker_entry(self, context):
     self.layout.operator('object.detail_deform_marker_add', icon='EMPTY_AXIS')
 
 
-register, unregister = registration((OBJECT_PT_detail_deform_transfer,),
+register, unregister = registration((OBJECT_PT_detail_deform_transfer, OBJECT_PT_detail_deform_source),
                                     (('VIEW3D_MT_edit_mesh_context_menu', _draw_marker_entry),))

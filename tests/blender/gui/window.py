@@ -119,6 +119,7 @@ def checks():
     yield from reopening()
     yield from transferring()
     yield from pulling()
+    yield from by_hand()
     yield from expressing()
     yield from rendering()
     yield from baking()
@@ -243,6 +244,21 @@ def transferring():
         bpy.ops.view3d.view_selected()
     yield 0.5
     screenshot('markers')
+    from detail_deform.ui import known_markers
+    calf, pair = bpy.data.objects["Calf"], ("Calf", "Giraffe")
+    yield from wait_until(lambda: pair in known_markers._doubts)
+    check("good markers are in no doubt", known_markers.doubts(calf, giraffe) == ())
+    groups = giraffe.vertex_groups
+    for name, other in (("Marker 1", "."), ("Marker 16", "Marker 1"), (".", "Marker 16")):  # muzzle and tail
+        groups[name].name = other
+    activate(calf)
+    yield from wait_until(lambda: known_markers.doubts(calf, giraffe))
+    check("exchanged ones are named, also while the source is active", known_markers.doubts(calf, giraffe) == (1, 16))
+    yield 0.3
+    screenshot('doubts')
+    for name, other in (("Marker 1", "."), ("Marker 16", "Marker 1"), (".", "Marker 16")):
+        groups[name].name = other
+    activate(giraffe)
     with in_view():
         bpy.ops.object.detail_deform_transfer_match('INVOKE_DEFAULT')
     yield 0.2
@@ -379,6 +395,74 @@ def choosing_and_cancelling(ob):
         found = bpy.context.active_object
         check("and then Pull", found.mode == 'EDIT' and not found.vertex_groups and len(bpy.data.objects) == blocks[0])
     check(f"the wheel makes the region larger, {sizes}", sizes[1] > 1.1 * sizes[0])
+
+
+def drag(place, right, down):
+    """From a place in the world, by pixels, with the left button."""
+    from bpy_extras.view3d_utils import location_3d_to_region_2d
+    view, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
+    region = next(r for r in view.regions if r.type == 'WINDOW')
+    at = location_3d_to_region_2d(region, view.spaces.active.region_3d, place)
+    xdotool('mousemove', int(region.x + at.x), int(window.height - region.y - at.y))
+    yield 0.4
+    xdotool('mousedown', 1)
+    yield 0.2
+    for _ in range(8):
+        xdotool('mousemove_relative', '--', right // 8, down // 8)
+        yield 0.03
+    yield 0.2
+    screenshot('by_hand')
+    xdotool('mouseup', 1)
+    yield 0.5
+
+
+def by_hand():
+    """The tool in Edit Mode's toolbar, and the dots at the handles."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    yield 1.0
+    with in_view():
+        bpy.ops.mesh.primitive_monkey_add()
+        bpy.ops.view3d.view_axis(type='FRONT')
+        bpy.ops.view3d.view_selected()
+        bpy.ops.object.mode_set(mode='EDIT')
+        bpy.ops.mesh.select_all(action='DESELECT')
+        bpy.ops.wm.tool_set_by_id(name='detail_deform.pull')
+    yield 0.5
+    ob = bpy.context.active_object
+    brow = max(ob.data.vertices, key=lambda v: v.co.z - v.co.y).co.copy()
+    ob.update_from_editmode()
+    yield from drag(brow + type(brow)((-2, 0, 0)), 300, 150)  # from where nothing is
+    ob = bpy.context.active_object
+    ob.update_from_editmode()
+    check("the tool selects by a box where nothing is", any(v.select for v in ob.data.vertices)
+          and not ob.detail_deform.handles)
+    with in_view():
+        bpy.ops.mesh.select_all(action='DESELECT')
+    yield from drag(brow, 80, -80)
+    check("the tool pulls a vertex by one drag", surface()[1].location.z > brow.z + 0.1
+          and np.abs(offsets()).max() > 0.1)
+    check("which ends as the button is let go", bpy.context.active_object == surface()[1])
+    moved = surface()[1].location.copy()
+    xdotool('mousemove_relative', '--', -100, 50)
+    yield 0.3
+    check("and follows the mouse no more", surface()[1].location == moved)
+    xdotool('key', 'ctrl+z')
+    yield 0.5
+    ob = bpy.data.objects["Suzanne"]
+    check("one step of undo takes it back", not ob.detail_deform.handles and ob.mode == 'EDIT')
+    xdotool('key', 'ctrl+shift+z')
+    yield 0.5
+    ob, empty = surface()
+    check("and redo brings it again", np.abs(offsets()).max() > 0.1 and empty.location == moved)
+    activate(ob)
+    yield 0.5
+    yield from drag(moved, -80, 40)
+    ob, empty = surface()
+    check("a dot at the handle is dragged while the mesh is active", bpy.context.active_object == empty
+          and empty.location.x < moved.x - 0.1)
+    check("and the surface follows", np.allclose(offsets()[held()], empty.location - brow, atol=1e-4))
+    with in_view():
+        bpy.ops.wm.tool_set_by_id(name='builtin.select_box')
 
 
 def expressing():

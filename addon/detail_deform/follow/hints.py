@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the shape of a region, or empties that two meshes share, will make go wrong: sentences for the status."""
+
+import numpy as np
+
+from ..library import native
+from ..scene import examples, handle_matrices, mesh_data
+from ..scene.mesh_data import MeshProblem
+from . import content, registry
+
+# Of how far an example moves the region: as far may it move what lies beside.
+_BESIDE = 0.2
+_MOST = 8
+_of_regions = {}  # by signature: the sentences, as reading groups takes a while
+
+
+def of_region(ob, roles=None):
+    """Of a bound object. roles: of its vertices, where they are known."""
+    key = (ob.detail_deform.signature, ob.detail_deform.method)
+    if key not in _of_regions:
+        try:
+            found = list(_of_region(ob, content.roles(ob) if roles is None else roles))
+        except MeshProblem:  # it is stale, or about to be
+            return ()
+        while len(_of_regions) >= _MOST:
+            del _of_regions[next(iter(_of_regions))]
+        _of_regions[key] = found
+    return _of_regions[key]
+
+
+def _of_region(ob, roles):
+    settings, edges = ob.detail_deform, mesh_data.edges(ob.data)
+    if settings.base == 'OBJECT':
+        return
+    free, fixed = roles == native.ROLE_FREE, roles == native.ROLE_FIXED
+    border = fixed & _beside(edges, free)
+    row = _beside(edges, fixed) & _beside(edges, roles >= 0)
+    if border.any() and row[free].all():
+        yield ("The region is a single row of vertices between handle and rest, which takes all of the motion: enlarge "
+               "it (By Radius).")
+    if settings.method == 'EXAMPLES' and border.any():
+        yield from _cut_off(ob, ~fixed, border)
+
+
+def _beside(edges, chosen):
+    """(n,) bool: what an edge leads to from the chosen ones, and these."""
+    found = np.zeros(len(chosen), bool)
+    found[edges[chosen[edges].any(1)]] = True
+    return found
+
+
+def _cut_off(ob, region, border):
+    """Examples that bend more of the mesh than the region holds: of a tip alone they leave a stub."""
+    rest, chosen = mesh_data.rest(ob.data), examples.enabled(ob.detail_deform)
+    for example, pose in zip(chosen, examples.positions(ob) if chosen else ()):
+        moved = np.linalg.norm(pose - rest, axis=1)
+        if moved[border].max() > _BESIDE * moved[region].max():
+            vertex = int(np.flatnonzero(border)[moved[border].argmax()])
+            name = example.object.name if example.object else example.name
+            yield (f"Example '{name}' also moves what lies beside the region (such as vertex {vertex}), which stays: "
+                   "of the pose a flat stub may be left. Enlarge the region to where the example begins to move.")
+
+
+def shares_empties_with(ob):
+    """The mesh that this one was copied from, or its copy, where the copy goes on with the empties of the first; None
+    where its empties are its own."""
+    for handle in handle_matrices.enabled_handles(ob.detail_deform):
+        empty = handle.target
+        if empty is None or empty.parent == ob or handle.own_target != empty:
+            continue
+        parent = empty.parent
+        others = [parent] if parent and parent.type == 'MESH' else registry.members()
+        for other in others:
+            if other != ob and any(h.target == h.own_target == empty for h in other.detail_deform.handles):
+                return other
+    return None

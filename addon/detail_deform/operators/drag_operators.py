@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a drag in the viewport begins: a handle is made or taken, and Blender's own Move goes on until the button is let
+go. Macros, as only these hand the event on by which Move knows which button that is."""
+
+import bpy
+from bpy.props import FloatProperty, IntProperty
+
+from ..scene import selection
+from ..setup import handle_setup
+from .operator_base import HandOperator, MeshOperator
+from .pull_operator import RADIUS
+
+
+class OBJECT_OT_detail_deform_pull_begin(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_pull_begin'
+    bl_label = "Pull Selected"
+    bl_description = "Pull the selected vertices with Detail Deform; where none is selected, box select"
+    bl_options = {'REGISTER', 'UNDO', 'INTERNAL'}
+
+    radius: FloatProperty(**RADIUS)
+
+    @classmethod
+    def poll(cls, context):
+        # It leaves with the empty active, and can still be adjusted there, which takes it back first.
+        return handle_setup.owner(context.active_object)[0] is not None or super().poll(context)
+
+    @classmethod
+    def poll_object(cls, ob):
+        return cls.in_edit_mode(ob)
+
+    def invoke(self, context, event):
+        if selection.selected(context.active_object).any():
+            return self.execute(context)
+        bpy.ops.view3d.select_box('INVOKE_DEFAULT', wait_for_input=False)
+        return {'CANCELLED'}
+
+    def execute(self, context):
+        try:
+            return bpy.ops.object.detail_deform_pull(radius=self.radius)
+        except RuntimeError as problem:
+            self.report({'ERROR'}, str(problem).replace("Error: ", "", 1).strip())
+            return {'CANCELLED'}
+
+
+class OBJECT_OT_detail_deform_handle_take(HandOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_handle_take'
+    bl_label = "Take Handle"
+    bl_description = "Select the empty of a handle alone, also from another handle's empty"
+    bl_options = {'REGISTER', 'UNDO', 'INTERNAL'}
+
+    index: IntProperty(name="Index", default=0, min=0, options={'SKIP_SAVE'}, description="Number of the handle")
+
+    def run(self, context, ob):
+        empty = handle_setup.empty_of(ob, self.index)
+        ob.detail_deform.handle_index = self.index
+        selection.activate(context, empty)
+
+
+class OBJECT_OT_detail_deform_pull_drag(bpy.types.Macro):
+    bl_idname = 'object.detail_deform_pull_drag'
+    bl_label = "Pull"
+    bl_description = "Pull the selected vertices with Detail Deform by a drag"
+    bl_options = {'REGISTER', 'UNDO'}
+
+
+class OBJECT_OT_detail_deform_handle_drag(bpy.types.Macro):
+    bl_idname = 'object.detail_deform_handle_drag'
+    bl_label = "Move Handle"
+    bl_description = "Select the handle's empty, and move it by a drag"
+    bl_options = {'REGISTER', 'UNDO'}
+
+
+_BEGINNINGS = {OBJECT_OT_detail_deform_pull_drag: OBJECT_OT_detail_deform_pull_begin,
+               OBJECT_OT_detail_deform_handle_drag: OBJECT_OT_detail_deform_handle_take}
+CLASSES = (*_BEGINNINGS.values(), *_BEGINNINGS)
+_register_classes, unregister = bpy.utils.register_classes_factory(CLASSES)
+
+
+def register():
+    _register_classes()
+    for macro, beginning in _BEGINNINGS.items():
+        macro.define(beginning.__name__)
+        macro.define('TRANSFORM_OT_translate').properties.release_confirm = True

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A dot at each handle of the active mesh, or of the mesh that the active empty pulls: a drag moves it at once."""
+
+import bpy
+from mathutils import Matrix
+
+from ..setup import handle_setup
+from .preview import handle_colour
+
+_SIZE = 0.1
+
+
+def handles(context):
+    """The mesh, and [(number, empty)] of what there is a dot for: the active empty has Blender's own gizmos."""
+    active = context.active_object
+    if active is None or active.mode != 'OBJECT':
+        return None, []
+    ob = active if active.type == 'MESH' else handle_setup.owner(active)[0]
+    if ob is None or not ob.detail_deform.signature:
+        return None, []
+    found = [(number, handle.target) for number, handle in enumerate(ob.detail_deform.handles) if handle.enabled]
+    return ob, [(number, empty) for number, empty in found
+                if empty is not None and empty != active and empty.visible_get()]
+
+
+class VIEW3D_GGT_detail_deform_handles(bpy.types.GizmoGroup):
+    bl_label = "Detail Deform Handles"
+    bl_space_type = 'VIEW_3D'
+    bl_region_type = 'WINDOW'
+    bl_options = {'3D', 'PERSISTENT', 'SHOW_MODAL_ALL'}
+
+    @classmethod
+    def poll(cls, context):
+        return bool(handles(context)[1])
+
+    def setup(self, context):
+        self.numbers = []  # of the handles that have a dot
+
+    def draw_prepare(self, context):
+        found = handles(context)[1]
+        numbers = [number for number, _ in found]
+        # What a gizmo is told draws the view again, and so without an end if it were told at each drawing.
+        if numbers != self.numbers:
+            self.numbers = numbers
+            self.gizmos.clear()
+            for number in numbers:
+                self._add(number)
+        for gizmo, (_, empty) in zip(self.gizmos, found):
+            place = Matrix.Translation(empty.matrix_world.translation)
+            if gizmo.matrix_basis != place:
+                gizmo.matrix_basis = place
+
+    def _add(self, number):
+        gizmo = self.gizmos.new('GIZMO_GT_button_2d')
+        gizmo.icon = 'EMPTY_AXIS'
+        gizmo.draw_options = {'BACKDROP', 'OUTLINE'}
+        gizmo.color = gizmo.color_highlight = handle_colour(number)[:3]
+        gizmo.alpha, gizmo.alpha_highlight = 0.4, 0.9
+        gizmo.scale_basis = _SIZE
+        drag = gizmo.target_set_operator('object.detail_deform_handle_drag')
+        drag.OBJECT_OT_detail_deform_handle_take.index = number
+        drag.TRANSFORM_OT_translate.release_confirm = True
+
+
+register, unregister = bpy.utils.register_classes_factory([VIEW3D_GGT_detail_deform_handles])

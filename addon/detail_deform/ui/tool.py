@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pull in Edit Mode's toolbar: a press selects, a drag pulls."""
+
+import bpy
+
+_PULL = 'object.detail_deform_pull_drag'
+_SELECT = 'view3d.select'
+
+
+class DetailDeformPull(bpy.types.WorkSpaceTool):
+    bl_space_type = 'VIEW_3D'
+    bl_context_mode = 'EDIT_MESH'
+    bl_idname = 'detail_deform.pull'
+    bl_label = "Pull (Detail Deform)"
+    bl_description = ("Drag a vertex, or those that are selected: they become a handle, and the surface around follows "
+                      "with its details")
+    bl_icon = 'ops.gpencil.edit_bend'
+    # As Blender's Tweak: what is dragged is what lies under the mouse, or all that is selected if that belongs to it.
+    bl_keymap = (
+        (_SELECT, {'type': 'LEFTMOUSE', 'value': 'PRESS'},
+         {'properties': [('deselect_all', True), ('select_passthrough', True)]}),
+        (_SELECT, {'type': 'LEFTMOUSE', 'value': 'CLICK'}, {'properties': [('deselect_all', True)]}),
+        (_SELECT, {'type': 'LEFTMOUSE', 'value': 'PRESS', 'shift': True}, {'properties': [('toggle', True)]}),
+        (_PULL, {'type': 'LEFTMOUSE', 'value': 'CLICK_DRAG'}, None),
+    )
+
+    def draw_settings(context, layout, tool):
+        layout.prop(tool.operator_properties(_PULL).OBJECT_OT_detail_deform_pull_begin, 'radius')
+
+
+def register():
+    bpy.utils.register_tool(DetailDeformPull, after={'builtin.smooth'}, separator=True)
+
+
+def unregister():
+    bpy.utils.unregister_tool(DetailDeformPull)

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What will go wrong is said before: a region that is only a tip, empties that a copy shares, and edits of the rest
+shape."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from conftest import (activate, add_empty, add_handle, bind, data_blocks, evaluated, group, make_strip, members, own,
+                      pull, refusal, update)
+
+RINGS, AROUND = 33, 12
+
+
+def make_limb(first, held=30):
+    """A tube along z, with a shape key that bends its middle by a right angle; region and handle from these rings on,
+    method Examples, bound."""
+    angles = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
+    p = np.array([(0.4 * math.cos(a), 0.4 * math.sin(a), z) for z in np.linspace(0, 4, RINGS) for a in angles])
+    faces = [(i * AROUND + j, i * AROUND + (j + 1) % AROUND, (i + 1) * AROUND + (j + 1) % AROUND, (i + 1) * AROUND + j)
+             for i in range(RINGS - 1) for j in range(AROUND)]
+    mesh = bpy.data.meshes.new("Limb")
+    mesh.from_pydata(p.tolist(), [], faces)
+    ob = bpy.data.objects.new("Limb", mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    ob.shape_key_add(name="Basis")
+    key = ob.shape_key_add(name="Bend")
+    key.value = 0
+    key.data.foreach_set('co', bent(p).astype(np.float32).ravel())
+    rings = np.arange(len(p)) // AROUND
+    group(ob, 'region', np.flatnonzero(rings >= first))
+    group(ob, 'end', np.flatnonzero(rings >= held))
+    ob.detail_deform.region, ob.detail_deform.method = 'region', 'EXAMPLES'
+    add_handle(ob, 'end', add_empty("End", p[rings >= held].mean(0)))
+    update()
+    activate(ob)
+    bpy.ops.object.detail_deform_examples_from_keys()
+    return bind(ob)
+
+
+def bent(p):
+    """By a right angle between z = 1 and 3."""
+    x, y, z = p.T
+    turn, radius = 0.5 * np.pi * np.clip((z - 1) / 2, 0, 1), 4 / np.pi
+    beyond, below = np.maximum(z - 3, 0), np.minimum(z, 1)
+    return np.stack([radius * (1 - np.cos(turn)) + beyond * np.sin(turn) + x * np.cos(turn), y,
+                     below + radius * np.sin(turn) + beyond * np.cos(turn) - x * np.sin(turn)], -1)
+
+
+def thickness(ob, ring):
+    """The lesser half axis of a ring, as deformed."""
+    p = evaluated(ob)[ring * AROUND:(ring + 1) * AROUND]
+    return np.linalg.svd(p - p.mean(0))[1][1] / math.sqrt(AROUND / 2)
+
+
+def to_the_bend(ob):
+    """The handle to where the example has its vertices."""
+    held = members(ob, 'end')
+    empty = ob.detail_deform.handles[0].target
+    empty.matrix_world = Matrix.Translation(bent(own(ob))[held].mean(0)) @ Matrix.Rotation(0.5 * np.pi, 4, 'Y')
+    update()
+
+
+def test_a_region_that_is_only_a_tip_leaves_a_stub_of_an_example_and_says_so():
+    whole = make_limb(first=5)
+    to_the_bend(whole)
+    assert "stub" not in whole.detail_deform.status and thickness(whole, 27) > 0.39
+    tip = make_limb(first=25)
+    status = tip.detail_deform.status
+    assert "Example 'Bend' also moves what lies beside the region (such as vertex 29" in status and "stub" in status
+    to_the_bend(tip)
+    assert thickness(tip, 27) < 0.36  # as it says
+    tip.detail_deform.method = 'TRANSFER'
+    assert "stub" not in tip.detail_deform.status
+
+
+def test_a_region_of_a_single_row_is_said():
+    assert "single row" in make_limb(first=29).detail_deform.status
+    assert "single row" not in make_limb(first=27).detail_deform.status
+    assert "single row" not in bind(make_strip()).detail_deform.status
+
+
+# A copy
+
+def duplicated(ob, along=3.0):
+    """Shift D of the mesh alone, and a move."""
+    activate(ob)
+    bpy.ops.object.duplicate(linked=False)
+    copy = bpy.context.active_object
+    assert copy != ob and copy.data != ob.data
+    copy.location.x += along
+    update()
+    return copy
+
+
+@pytest.fixture
+def pulled():
+    ob = make_strip()
+    ob.detail_deform.handles.clear()
+    columns = np.arange(625) // 25
+    empty = pull(ob, (columns >= 10) & (columns <= 14) & (np.arange(625) % 25 >= 10) & (np.arange(625) % 25 <= 14))
+    empty.location.z += 0.3
+    update()
+    return ob
+
+
+def test_a_copy_that_follows_the_firsts_empties_says_so_and_gets_its_own(pulled):
+    shape = evaluated(pulled)
+    copy = duplicated(pulled)
+    assert "Its empties are those of 'Strip' too" in copy.detail_deform.status
+    assert "Its empties" not in pulled.detail_deform.status
+    assert np.abs(evaluated(copy) - shape).max() > 1  # it is pulled back
+    activate(copy)
+    assert bpy.ops.object.detail_deform_own_empties() == {'FINISHED'}
+    update()
+    assert np.allclose(evaluated(copy), shape, atol=1e-5) and np.allclose(evaluated(pulled), shape, atol=1e-5)
+    assert "Its empties" not in copy.detail_deform.status
+    mine, theirs = copy.detail_deform.handles[0].target, pulled.detail_deform.handles[0].target
+    assert mine != theirs and mine.parent == copy and mine.users_collection != theirs.users_collection
+    mine.location.z += 0.2
+    update()
+    assert np.allclose(evaluated(pulled), shape, atol=1e-5) and np.abs(evaluated(copy) - shape).max() > 0.15
+    assert "own already" in refusal(bpy.ops.object.detail_deform_own_empties)
+    # It goes with what was made for it, and the first one stays as it is.
+    before = data_blocks()
+    bpy.ops.object.detail_deform_remove()
+    assert np.allclose(evaluated(pulled), shape, atol=1e-5) and theirs.name in bpy.data.objects
+    assert len(data_blocks()) < len(before)
+
+
+def test_a_copy_with_its_empties_has_its_own_already(pulled):
+    activate(pulled)
+    pulled.detail_deform.handles[0].target.select_set(True)
+    bpy.ops.object.duplicate(linked=False)
+    copy = bpy.context.active_object
+    assert copy.detail_deform.handles[0].target != pulled.detail_deform.handles[0].target
+    assert "Its empties" not in copy.detail_deform.status + pulled.detail_deform.status
+
+
+def test_two_meshes_with_one_empty_by_intention_say_nothing():
+    one, two = make_strip(name="One"), make_strip(name="Two")
+    two.detail_deform.handles[0].target = one.detail_deform.handles[0].target
+    bind(one)
+    bind(two)
+    assert "Its empties" not in one.detail_deform.status + two.detail_deform.status
+
+
+def test_empties_without_a_parent_are_copied_to_where_the_copy_is(pulled):
+    empty = pulled.detail_deform.handles[0].target
+    place = empty.matrix_world.copy()
+    empty.parent = None
+    empty.matrix_world = place
+    update()
+    shape = evaluated(pulled)
+    copy = duplicated(pulled)
+    assert "Its empties" in copy.detail_deform.status
+    activate(copy)
+    bpy.ops.object.detail_deform_own_empties()
+    update()
+    assert np.allclose(evaluated(copy), shape, atol=1e-5)
+
+
+# Modes that work on the rest shape
+
+@pytest.mark.parametrize('mode', ['EDIT', 'SCULPT'])
+def test_apply_first_in_the_mode_that_works_on_the_rest_shape(pulled, part, mode):
+    activate(pulled)
+    deformed = evaluated(pulled)
+    is_deformed = part('follow.shown').is_deformed
+    bpy.ops.object.mode_set(mode=mode)
+    assert is_deformed(pulled.data)
+    assert bpy.ops.object.detail_deform_apply(mode='MESH') == {'FINISHED'}
+    assert pulled.mode == mode and not is_deformed(pulled.data)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    assert np.allclose(own(pulled), deformed, atol=1e-6) and not pulled.detail_deform.signature
+
+
+def test_at_rest_there_is_nothing_to_apply_first(part):
+    ob = bind(make_strip())
+    assert not part('follow.shown').is_deformed(ob.data)
+    ob.detail_deform.handles[0].target.location.z += 0.1
+    update()
+    assert part('follow.shown').is_deformed(ob.data)

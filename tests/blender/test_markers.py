@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Markers: shown on both meshes, hidden behind the surface, and those that contradict the others are named."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+
+from conftest import FIXTURES, activate, add_empty, group, make_strip, own, refusal, update
+from test_transfer import add_key, bent, mark, raw_strip, transfer
+
+
+@pytest.fixture
+def creatures():
+    """A calf and a giraffe, with the same 39 markers."""
+    bpy.ops.wm.open_mainfile(filepath=str(FIXTURES / 'creatures.blend'), load_ui=False)
+    return bpy.data.objects["Calf"], bpy.data.objects["Giraffe"]
+
+
+@pytest.fixture
+def heads():
+    """Suzanne, and one with other faces, a broad face, a long chin and small ears. Her eyes are loose parts."""
+    made = []
+    for name in ("Narrow", "Broad"):
+        bpy.ops.mesh.primitive_monkey_add()
+        ob = bpy.context.active_object
+        ob.name = name
+        ob.modifiers.new("Subdivision", 'SUBSURF').levels = 1
+        if name == "Broad":
+            ob.modifiers.new("Triangles", 'TRIANGULATE')
+            ob.data.vertices.foreach_set('co', _broad(own(ob)).astype(np.float32).ravel())
+        for modifier in list(ob.modifiers):
+            bpy.ops.object.modifier_apply(modifier=modifier.name)
+        made.append(ob)
+    return made
+
+
+def _broad(p):
+    x, y, z = p.T
+    wide = np.where(np.abs(x) < 0.8, 1.4 * x, np.sign(x) * (1.12 + 0.6 * (np.abs(x) - 0.8)))
+    return np.stack([wide, 0.8 * y, np.where(z < 0, 1.6 * z, 0.9 * z)], -1)
+
+
+def ended(steps):
+    """What a generator gives at its end."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            return end.value
+
+
+def share_found(part, pair, marked, size, wrong, count=60):
+    """Of how many sets of so many markers those that are wrong are in doubt, and no others."""
+    check, rng = part('setup.marker_check'), np.random.default_rng(1)
+    there, here = (ended(check._distances(ob, vertices)) for ob, vertices in zip(pair, marked))
+    found = 0
+    for _ in range(count):
+        chosen = apart(there, size, rng)
+        taken, truth = list(chosen), ()
+        far = [k for k in range(len(here)) if here[chosen[0], k] > 0.35 * here.max()]
+        if wrong == 'misplaced':
+            taken[0], truth = rng.choice([k for k in far if k not in chosen]), (0,)
+        elif wrong == 'exchanged':
+            other = next(number for number, k in enumerate(chosen) if k in far)
+            taken[0], taken[other], truth = taken[other], taken[0], (0, other)
+        found += check.doubtful(there[np.ix_(chosen, chosen)], here[np.ix_(taken, taken)]) == truth
+    return found / count
+
+
+def apart(distances, size, rng):
+    """Rows that lie apart, as an artist chooses places."""
+    chosen = [int(rng.integers(len(distances)))]
+    while len(chosen) < size:
+        left = [k for k in rng.permutation(len(distances)).tolist() if k not in chosen][:8]
+        chosen.append(max(left, key=lambda k: distances[k, chosen].min()))
+    return chosen
+
+
+def marked_animals(part, pair):
+    return [list(part('setup.markers').of(ob).values()) for ob in pair]
+
+
+@pytest.mark.parametrize('size', [6, 10, 20])
+def test_good_markers_on_unlike_animals_raise_no_alarm(creatures, part, size):
+    marked = marked_animals(part, creatures)
+    assert share_found(part, creatures, marked, size, '') == 1
+    assert share_found(part, creatures[::-1], marked[::-1], size, '') == 1
+
+
+@pytest.mark.parametrize('size', [10, 20])
+@pytest.mark.parametrize('wrong', ['misplaced', 'exchanged'])
+def test_the_wrong_markers_of_unlike_animals_are_named(creatures, part, size, wrong):
+    assert share_found(part, creatures, marked_animals(part, creatures), size, wrong) >= 0.75
+
+
+@pytest.mark.parametrize('wrong', ['', 'misplaced', 'exchanged'])
+def test_markers_on_unlike_heads(heads, part, wrong):
+    # The same vertices on both, as the first ones are those of the cage; some are on her eyes.
+    p = own(heads[0])[:507]
+    places = apart(np.linalg.norm(p[:, None] - p, axis=2), 30, np.random.default_rng(1))
+    found = share_found(part, heads, [places, places], 10, wrong)
+    assert found == 1 if not wrong else found >= 0.75
+
+
+def test_animals_with_all_their_markers_are_in_no_doubt(creatures, part):
+    assert ended(part('setup.marker_check').search(*creatures)) == ()
+
+
+def test_wrong_markers_are_named_before_anything_is_transferred(part):
+    source, target = raw_strip("Source", 21), raw_strip("Target", 33)
+    add_key(source, "Bend", bent(own(source)))
+    mark(source, 21, False)
+    mark(target, 33, False)
+    for name, vertex in (("Marker 1", 33 * 33 - 1), ("Marker 9", 0)):  # opposite corners, exchanged
+        target.vertex_groups.remove(target.vertex_groups[name])
+        group(target, name, [vertex])
+    activate(target)
+    named = "Markers 1 and 9 seem to be exchanged on 'Source' or 'Target'"
+    assert named in refusal(transfer, source="Source", what='ALL_KEYS', correspondence='MARKERS')
+    target.detail_deform.transfer.correspondence = 'MARKERS'
+    assert named in refusal(bpy.ops.object.detail_deform_transfer_live, source="Source")
+    assert target.data.shape_keys is None and not target.detail_deform.transfer.live
+    # They may be meant so.
+    assert bpy.ops.object.detail_deform_transfer_match(source="Source") == {'FINISHED'}
+    assert target.detail_deform.transfer.correspondence == 'STORED'
+
+
+def test_one_wrong_marker_is_named_in_the_panel_and_as_it_is_corrected_no_more(part):
+    source, target = raw_strip("Source", 21), raw_strip("Target", 33)
+    mark(source, 21, False)
+    mark(target, 33, False)
+    target.vertex_groups.remove(target.vertex_groups["Marker 1"])
+    group(target, "Marker 1", [33 * 20 + 25])
+    known = part('ui.known_markers')
+    assert known.doubts(source, target) == ()
+    while known._search_on() is not None:
+        pass
+    assert known.doubts(source, target) == (1,)
+    assert "Marker 1 seems to be at different places" in part('setup.marker_check').sentence((1,), source, target)
+    target.vertex_groups.remove(target.vertex_groups["Marker 1"])
+    update()
+    group(target, "Marker 1", [0])
+    target.data.update()
+    update()
+    known.doubts(source, target)
+    while known._search_on() is not None:
+        pass
+    assert known.doubts(source, target) == ()
+
+
+def test_numbers_are_shown_on_both_meshes_whichever_is_active(part):
+    source, target = raw_strip("Source"), raw_strip("Target")
+    target.detail_deform.transfer.source = source
+    source.location.x = 3
+    group(target, "Marker 1", [4])
+    group(target, "Marker 2", [600])
+    group(source, "Marker 1", [5])
+    update()
+    preview = part('ui.marker_preview')
+
+    def labels(ob):
+        found = preview.labels(ob, bpy.context.evaluated_depsgraph_get())
+        return {(number, rounded(place)): colour == preview._BOTH_COLOUR for number, place, colour in found}
+
+    def rounded(place):
+        return tuple(round(float(x), 4) + 0.0 for x in place)
+
+    def at(vertex, ob, shift=0):
+        return rounded(own(ob)[vertex] + (shift, 0, 0))
+
+    expected = {(1, at(4, target)): True, (2, at(600, target)): False, (1, at(5, source, 3)): True}
+    assert labels(target) == expected and labels(source) == expected
+    group(source, "Marker 2", [6])
+    assert list(labels(source).values()) == [True] * 4
+    target.detail_deform.transfer.show_markers = False
+    assert not labels(source)
+    assert not labels(make_strip())  # nobody's source
+
+
+def test_what_lies_behind_the_surface_is_hidden(part):
+    bpy.ops.mesh.primitive_uv_sphere_add(location=(2, 0, 0), scale=(1, 2, 1))
+    ball = bpy.context.active_object
+    update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    hidden = part('ui.known_markers').is_hidden
+    eye = Vector((2, -20, 0))
+    places = [ball.matrix_world @ v.co for v in ball.data.vertices]
+    front, back = min(places, key=lambda p: p.y), max(places, key=lambda p: p.y)
+    assert not hidden(front, eye, [ball], depsgraph) and hidden(back, eye, [ball], depsgraph)
+    assert not hidden(back, eye, [], depsgraph)
+    # As they are seen: it is flattened.
+    ball.data.vertices.foreach_set('co', (own(ball) * (1, 0, 1)).astype(np.float32).ravel())
+    ball.data.update()
+    update()
+    assert not hidden(Vector((2, 0, 0.5)), eye, [ball], bpy.context.evaluated_depsgraph_get())
+    assert hidden(Vector((2, 1, 0.5)), eye, [ball], bpy.context.evaluated_depsgraph_get())
+
+
+def test_a_source_knows_its_targets(part):
+    source, first, second = raw_strip("Source"), raw_strip("First"), raw_strip("Second")
+    known = part('ui.known_markers')
+    assert known.followers(source) == []
+    for target in (first, second):
+        target.detail_deform.transfer.source = source
+    assert known.followers(source) == [first, second] and known.followers(first) == []
+    activate(source)
+    bpy.ops.object.detail_deform_target_activate(target="Second")
+    assert bpy.context.active_object == second
+    second.detail_deform.transfer.source = None
+    assert known.followers(source) == [first]
+    activate(source)
+    assert "'Nobody' is not in this scene" in refusal(bpy.ops.object.detail_deform_target_activate, target="Nobody")
+
+
+def test_a_marker_is_selected_by_its_number():
+    ob = raw_strip("Strip")
+    group(ob, "Marker 3", [70])
+    empty = add_empty("Marker 4", own(ob)[9], parent=ob)
+    activate(ob)
+    update()
+    bpy.ops.object.detail_deform_marker_select(number=3)
+    assert ob.mode == 'EDIT'
+    bpy.ops.object.mode_set(mode='OBJECT')
+    assert [v.index for v in ob.data.vertices if v.select] == [70]
+    bpy.ops.object.detail_deform_marker_select(number=4)
+    assert bpy.context.active_object == empty
+    activate(ob)
+    assert "has no marker 5" in refusal(bpy.ops.object.detail_deform_marker_select, number=5)
