@@ -21,7 +21,7 @@ class _HandleOperator(MeshOperator):
     @classmethod
     def poll_object(cls, ob):
         if not ob.detail_deform.handles:
-            cls.poll_message_set("There is no handle")
+            cls.poll_message_set("There is no handle: add one first")
             return False
         return True
 
@@ -29,7 +29,7 @@ class _HandleOperator(MeshOperator):
         settings = ob.detail_deform
         index = settings.handle_index if self.index < 0 else self.index
         if index >= len(settings.handles):
-            raise mesh_data.MeshProblem(f"There is no handle {index}.")
+            raise mesh_data.MeshProblem(f"There is no handle {index} of '{ob.name}': they are counted from 0.")
         return index
 
     def handle(self, ob):
@@ -120,7 +120,7 @@ class OBJECT_OT_detail_deform_handle_reset(HandOperator, _HandleOperator, bpy.ty
     @classmethod
     def poll_object(cls, ob):
         if not any(handle_matrices.has_rest(h) for h in ob.detail_deform.handles):
-            cls.poll_message_set("No handle was bound, so none has a rest place")
+            cls.poll_message_set("No handle was bound, so none has a rest place: press Bind first")
             return False
         return True
 
@@ -140,9 +140,11 @@ class OBJECT_OT_detail_deform_handle_activate(HandOperator, _HandleOperator, bpy
     bl_description = "Select the handle's empty alone, to move it"
 
     def run(self, context, ob):
-        target = self.handle(ob).target
+        handle = self.handle(ob)
+        target = handle.target
         if target is None:
-            raise mesh_data.MeshProblem("This handle has no empty to select.")
+            raise mesh_data.MeshProblem(f"Handle '{handle.name}' has no empty to select: choose one in Empty, or "
+                                        "select that of the handle it mirrors.")
         if ob.mode != 'OBJECT':
             bpy.ops.object.mode_set(mode='OBJECT')
         activate(context, target)

@@ -26,8 +26,8 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         draw_options(column, context, settings, 'CORRESPONDENCE', TRANSFER_SETTINGS)
         here, there, both = markers.counts(ob, source)
         if settings.correspondence == 'MARKERS' or here:
-            counts = f"{here} markers here, {there} on the source, {both} with the same numbers"
-            draw_text(column, context, counts if source else f"{here} markers here", 'EMPTY_AXIS')
+            counts = f"{here:,} markers here, {there:,} on the source, {both:,} with the same numbers"
+            draw_text(column, context, counts if source else f"{here:,} markers here", 'EMPTY_AXIS')
             column.prop(settings, 'show_markers')
             column.operator('object.detail_deform_transfer_match', icon='VIEWZOOM')
         if ob.mode == 'EDIT' or settings.correspondence == 'MARKERS':
