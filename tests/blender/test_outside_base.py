@@ -138,7 +138,7 @@ def test_handles_and_region_hold_their_vertices_all_the_same():
     pose = simple_deform(base)
     update()
     bind(activate(ob))
-    assert "the base 'Base' and the handle 'right'" in ob.detail_deform.status
+    assert "Bound to the base 'Base' and 'right': " in ob.detail_deform.status
     pose(0.6)
     ob.detail_deform.handles[0].target.location.z += 0.2
     update()

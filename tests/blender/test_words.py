@@ -157,11 +157,11 @@ def test_every_stage_of_a_bind_has_its_step(part):
 
 def test_the_status_counts_in_plain_words():
     ob = bind(make_strip(n=36))
-    assert ob.detail_deform.status == "Bound to the handle 'right': 1,080 vertices follow it."
+    assert ob.detail_deform.status == "Bound to 'right': 1,080 vertices follow it."
     group(ob, 'left', range(36 * 3, 36 * 4))
     bpy.ops.object.detail_deform_handle_add(vertex_group='left')
     update()
-    assert bind(ob).detail_deform.status == "Bound to 2 handles: 1,044 vertices follow them."
+    assert bind(ob).detail_deform.status == "Bound to 2 handles: 1,044 vertices follow."
 
 
 def test_handles_and_examples_are_called_by_name(part):

@@ -69,11 +69,11 @@ def _count(number, one, many):
 
 def _summary(settings, info):
     handles = [handle.name for handle in handle_matrices.enabled_handles(settings)]
-    movers = [f"the handle '{handles[0]}'" if len(handles) == 1 else f"{len(handles):,} handles"] * bool(handles)
+    movers = [f"'{handles[0]}'" if len(handles) == 1 else f"{len(handles):,} handles"] * bool(handles)
     if settings.base == 'OBJECT' and settings.base_object:
         movers.insert(0, f"the base '{settings.base_object.name}'")
-    return (f"Bound to {' and '.join(movers)}: {_count(info.free_count, 'vertex follows', 'vertices follow')} "
-            f"{'it' if len(movers) == 1 and len(handles) < 2 else 'them'}.")
+    return (f"Bound to {' and '.join(movers)}: {_count(info.free_count, 'vertex follows', 'vertices follow')}"
+            f"{' it' if len(movers) == 1 and len(handles) < 2 else ''}.")
 
 
 def _shown_slow(ob):

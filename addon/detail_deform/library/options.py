@@ -168,7 +168,8 @@ SETTINGS = (
            needs=(_by('TRANSFER'),
                   Need('base', ('COMPUTED',), "A base object is followed as it is, so no bend of it is improved."),
                   Need('rotation_only', (True,), "Large bends are improved only with Keep Detail Size: switch it on."),
-                  Need('formulation', ('SURFACE',), "Large bends are improved only where Formulation (For Comparison) is Surface.")),
+                  Need('formulation', ('SURFACE',),
+                       "Large bends are improved only by Formulation > Surface (For Comparison).")),
            off=0),
     Option('rotation_smoothing', float, "Bend Length",
            "Length over which a bend is spread out, as a share of the size of the region (the square root of its "
@@ -186,7 +187,8 @@ SETTINGS = (
            fills=Field(UPDATE, 'rim_smoothing', float, _or_none), section='METHOD',
            needs=(_by('TRANSFER'),
                   Need('rotation_only', (True,), "Without Keep Detail Size there is no crease to smooth."),
-                  Need('formulation', ('SURFACE',), "Rims are smoothed only where Formulation (For Comparison) is Surface.")),
+                  Need('formulation', ('SURFACE',),
+                       "Rims are smoothed only by Formulation > Surface (For Comparison).")),
            off=-1),
     Option('levels', int, "Levels",
            "Surfaces between the detailed and the smooth one, each displaced from the next smoother one: shorter "
