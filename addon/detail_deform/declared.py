@@ -6,7 +6,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 from .library.options import numbers_of
 
 _MAKERS = {bool: BoolProperty, int: IntProperty, float: FloatProperty, str: StringProperty}
-COMPARED = ("", "For Comparison", "")  # a heading in a menu
+USED, COMPARED = "To Deform", "For Comparison"  # headings in a menu
 
 
 def _items(option):
@@ -16,7 +16,7 @@ def _items(option):
     numbers = numbers_of(option.kind)
     usual, compared = ([(*value, 'NONE', numbers[value[0]]) for value in option.kind
                         if (value[0] in option.compared) == wanted] for wanted in (False, True))
-    return [*usual, COMPARED, *compared]
+    return [("", USED, ""), *usual, ("", COMPARED, ""), *compared]
 
 
 def declare(cls, options, update_of=lambda option: None, flags_of=None):

@@ -286,7 +286,7 @@ class OBJECT_PT_detail_deform_advanced(ModifierPanel, bpy.types.Panel):
 
 class OBJECT_PT_detail_deform_comparison(ModifierPanel, bpy.types.Panel):
     """What the paper compares with, and nobody needs who only wants to deform: so does the heading in Method's menu."""
-    bl_label = COMPARED[1]
+    bl_label = COMPARED
     bl_parent_id = 'OBJECT_PT_detail_deform'
     bl_options = {'DEFAULT_CLOSED'}
 
