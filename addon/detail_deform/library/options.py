@@ -84,9 +84,9 @@ METRICS = (
      "Stiffness is measured on the smooth base surface, as in the paper: better under thorns that overhang, "
      "worse where the base has tiny triangles"))
 FORMULATIONS = (
-    ('SURFACE', "Surface", "One unknown a vertex: the paper's, fast, and refined"),
+    ('SURFACE', "Surface", "The paper's: fast, and its large bends can be improved"),
     ('FOURTH_POINTS', "Fourth Points",
-     "One unknown a vertex and a face, as in the original deformation transfer, weighted by volumes: to compare with"),
+     "As in the original deformation transfer, with a point beside each face, but weighted by volumes: slower"),
     ('FOURTH_POINTS_UNWEIGHTED', "Fourth Points, Unweighted",
      "The original deformation transfer as it was: small faces count as much as large ones"))
 PAIRS_OF = (
@@ -248,7 +248,7 @@ SETTINGS = (
                   Need('base', ('COMPUTED',), "The motion of a base object can't be split.")),
            off=1),
     Option('formulation', FORMULATIONS, "Formulation",
-           "Which system carries the turn of the base over to the details",
+           "How the turn of the base is carried over to the details",
            fills=Field(UPDATE, 'formulation', 'dd_formulation'), section='COMPARISON',
            needs=(_by('TRANSFER', why_not="Only Detail Transfer has a Formulation."),)),
 
@@ -283,9 +283,9 @@ TRANSFER_SETTINGS = (
     Option('anchor_group', str, "Anchor Group", "Vertex group of this mesh that stays in place", section='TRANSFER',
            search='vertex_groups', needs=(Need('anchor', ('VERTICES', 'PINNED')),)),
     Option('formulation', FORMULATIONS, "Formulation",
-           "Which system turns the deformation of faces into that of the mesh",
-           fills=Field(TRANSFER, 'formulation', 'dd_formulation'), section='TRANSFER',
-           told="Which system turns the deformation of faces into that of the mesh; as in the panel unless given"),
+           "How the deformation of the faces becomes that of the mesh",
+           fills=Field(TRANSFER, 'formulation', 'dd_formulation'), section='COMPARISON',
+           told="How the deformation of the faces becomes that of the mesh; as in the panel unless given"),
 )
 
 

@@ -11,7 +11,7 @@ from .operator_base import MeshOperator
 
 class OBJECT_OT_detail_deform_examples_from_keys(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_examples_from_keys'
-    bl_label = "Add Shape Keys"
+    bl_label = "Examples from Shape Keys"
     bl_description = "Make an example of each shape key of this mesh that is none yet. Their values should be 0"
 
     def run(self, context, ob):
@@ -22,7 +22,7 @@ class OBJECT_OT_detail_deform_examples_from_keys(MeshOperator, bpy.types.Operato
 
 class OBJECT_OT_detail_deform_examples_from_objects(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_examples_from_objects'
-    bl_label = "Add Selected Objects"
+    bl_label = "Examples from Selected Objects"
     bl_description = "Make an example of each other selected object: copies of this mesh in other poses"
 
     def run(self, context, ob):

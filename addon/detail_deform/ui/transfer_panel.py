@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..declared import COMPARED
 from ..follow import live_transfer
 from ..library.options import TRANSFER_SETTINGS
 from ..scene import correspondence
@@ -48,9 +49,18 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         button.on = not settings.live
 
 
+class OBJECT_PT_detail_deform_transfer_comparison(ModifierPanel, bpy.types.Panel):
+    bl_label = COMPARED
+    bl_parent_id = 'OBJECT_PT_detail_deform_transfer'
+    bl_options = {'DEFAULT_CLOSED'}
+
+    def draw_settings(self, context, layout, ob, settings):
+        draw_options(layout, context, settings.transfer, 'COMPARISON', TRANSFER_SETTINGS)
+
+
 def _draw_marker_entry(self, context):
     self.layout.operator('object.detail_deform_marker_add', icon='EMPTY_AXIS')
 
 
-register, unregister = registration((OBJECT_PT_detail_deform_transfer,),
+register, unregister = registration((OBJECT_PT_detail_deform_transfer, OBJECT_PT_detail_deform_transfer_comparison),
                                     (('VIEW3D_MT_edit_mesh_context_menu', _draw_marker_entry),))
