@@ -20,9 +20,9 @@ def _parts():
                            "one does not: install the system's package python3-numpy.") from error
     from . import handlers, properties
     from .operators import bake_operators, example_operators, operators, setup_operators, transfer_operators
-    from .ui import marker_preview, panels, preview, sidebar, transfer_panel
+    from .ui import marker_preview, panels, preferences, preview, sidebar, transfer_panel
     return (properties, operators, setup_operators, bake_operators, example_operators, transfer_operators, panels,
-            sidebar, transfer_panel, preview, marker_preview, handlers)
+            sidebar, transfer_panel, preferences, preview, marker_preview, handlers)
 
 
 def register():

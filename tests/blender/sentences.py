@@ -74,7 +74,7 @@ def labels(folder):
     settings = bpy.types.Object.bl_rna.properties['detail_deform'].fixed_type
     groups = [settings, *(settings.properties[name].fixed_type
                           for name in ('handles', 'examples', 'expressions', 'transfer'))]
-    operators = [getattr(bpy.ops.object, name).get_rna_type() for name in dir(bpy.ops.object)
+    operators = [getattr(kind, name).get_rna_type() for kind in (bpy.ops.object, bpy.ops.wm) for name in dir(kind)
                  if name.startswith('detail_deform')]
     found.update(operator.name for operator in operators)
     for rna in (*groups, *operators):
