@@ -23,8 +23,8 @@ BLENDERS = {
     "Shape Key", "Shape Keys", "Subdivision", "Tab", "Time Stretching", "Vertex", "Visual Geometry to Mesh", "X", "Y",
     "Z"}
 # Of data that is made, and what else has a capital.
-OTHERS = {"Detail Deform Transfer", "DOCTYPE", "I", "Marker 1", "Marker 2", "… Pose"} Pose", "… Rest", "… Mirrored", "Object Mode",
-          "Poisson", "Press", "with an Empty of Its Own"}
+OTHERS = {"Detail Deform Transfer", "DOCTYPE", "I", "Marker 1", "Marker 2", "{} Pose", "… Rest", "… Mirrored",
+          "Object Mode", "Poisson", "Press", "with an Empty of Its Own"}
 
 
 @pytest.fixture

@@ -76,8 +76,8 @@ class DetailDeformPreferences(bpy.types.AddonPreferences):
         row = self.layout.row()
         row.operator('wm.detail_deform_manual', text="Manual", icon='HELP')
         row.operator('wm.detail_deform_report', icon='URL')
-        self.layout.label(text="Settings: Properties > Modifiers > Detail Deform, and the viewport's sidebar (N) > Deform",
-                          icon='INFO')
+        self.layout.label(icon='INFO', text="Settings: Properties > Modifiers > Detail Deform, and the "
+                                                       "viewport's sidebar (N) > Deform")
 
 
 def _draw_help_entry(self, context):
