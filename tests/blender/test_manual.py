@@ -50,7 +50,7 @@ def test_the_manual_opens_whole(opened):
     page = Page(urllib.request.urlopen(opened[0]).read().decode())
     assert {link for link in page.links if link.startswith('#')} > {'#what-a-message-means'}
     assert [link for link in page.links if link.startswith('#') and link[1:] not in page.ids] == []
-    assert len(page.pictures) > 15
+    assert len(page.pictures) > 10
     for picture in page.pictures:
         assert urllib.request.urlopen(picture).read(3) in {b'\x89PN', b'\xff\xd8\xff'}, picture
     assert '**' not in page.text and '](' not in page.text and '| ' not in page.text.replace(" | Detail", "")
