@@ -163,7 +163,8 @@ def suzanne():
     picture('vertices.jpg', ('VIEW_3D',), VIEW_ONLY)
     for name, cls in (('panel', panels.OBJECT_PT_detail_deform), ('handles', panels.OBJECT_PT_detail_deform_handles),
                       ('base', panels.OBJECT_PT_detail_deform_base),
-                      ('advanced', panels.OBJECT_PT_detail_deform_advanced)):
+                      ('advanced', panels.OBJECT_PT_detail_deform_advanced),
+                      ('comparison', panels.OBJECT_PT_detail_deform_comparison)):
         show_only(cls)
         yield from settle()
         panel_picture(f'{name}.png')
