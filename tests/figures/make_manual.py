@@ -7,7 +7,6 @@
 Writes into addon/manual/. Needs a release build, xdotool, and ImageMagick's import and convert.
 """
 import os
-import subprocess
 import sys
 import traceback
 from math import radians
@@ -18,111 +17,17 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 ROOT = Path(__file__).resolve().parents[2]
-OUT = ROOT / 'addon' / 'manual'
-sys.path.insert(0, str(ROOT / 'addon'))
+sys.path[:0] = [str(ROOT / 'addon'), str(ROOT / 'tests' / 'figures')]
 import detail_deform  # noqa: E402
 from detail_deform.scene import mesh_data  # noqa: E402
 from detail_deform.setup import markers  # noqa: E402
 from detail_deform.ui import panels, transfer_panel  # noqa: E402
-
-PANEL_WIDTH = 440  # of the Properties editor, pixels
-PATH_HEIGHT = 26  # the object's name above the panels
-VIEW_ONLY = ('-shave', '0x150', '-resize', '560x', '-quality', '75')  # without its header
-
-
-def window():
-    return bpy.context.window_manager.windows[0]
-
-
-def area(kind):
-    return next(a for a in window().screen.areas if a.type == kind)
-
-
-def in_area(kind):
-    where = area(kind)
-    return bpy.context.temp_override(window=window(), area=where,
-                                     region=next(r for r in where.regions if r.type == 'WINDOW'))
-
-
-def picture(name, kinds, options):
-    """Of these areas, side by side, as far as the highest bottom; options of convert."""
-    areas = [area(kind) for kind in kinds]
-    left, bottom = min(a.x for a in areas), max(a.y for a in areas)
-    width, height = max(a.x + a.width for a in areas) - left, max(a.y + a.height for a in areas) - bottom
-    shot = subprocess.run(['import', '-window', 'root', 'png:-'], check=True, capture_output=True).stdout
-    crop = f'{width}x{height}+{left}+{window().height - bottom - height}'
-    subprocess.run(['convert', 'png:-', '-crop', crop, '+repage', *options, str(OUT / name)], check=True, input=shot)
-
-
-def panel_picture(name):
-    """The panels alone: what is left when the tabs, the search field, the path and the empty rest are cut off."""
-    region = next(r for r in area('PROPERTIES').regions if r.type == 'WINDOW')
-    top = window().height - region.y - region.height + PATH_HEIGHT
-    shot = subprocess.run(['import', '-window', 'root', 'png:-'], check=True, capture_output=True).stdout
-    crop = f'{region.width}x{region.height - PATH_HEIGHT - 20}+{region.x}+{top}'
-    trim = ('-trim', '+repage')  # twice: beside the scroll bar's edge, and below the panels
-    subprocess.run(['convert', 'png:-', '-crop', crop, '+repage', *trim, *trim, '+dither', '-colors', '128',
-                    str(OUT / name)], check=True, input=shot)
-
-
-def settle():
-    """Waits until the window shows what is so now."""
-    for _ in range(3):
-        for shown in window().screen.areas:
-            shown.tag_redraw()
-        yield 0.3
-
-
-def drag(start, end):
-    """With the mouse, from the bottom left corner of the window."""
-    for words in (('mousemove', *start), ('mousedown', 1), ('mousemove', *end), ('mouseup', 1)):
-        if words[0] == 'mousemove':
-            words = (*words[:2], window().height - words[2])
-        subprocess.run(['xdotool', *map(str, words)], check=True)
-        yield 0.3
-
-
-def arrange():
-    """A wide Properties editor under a low outliner."""
-    side = area('PROPERTIES')
-    yield from drag((side.x - 1, side.y + 100), (side.x + side.width - PANEL_WIDTH, side.y + 100))
-    side = area('PROPERTIES')
-    yield from drag((side.x + 200, side.y + side.height), (side.x + 200, window().height - 60))
-    area('PROPERTIES').spaces[0].context = 'MODIFIER'
-    view = area('VIEW_3D').spaces[0]
-    view.show_region_toolbar = view.show_region_ui = view.show_gizmo = False
-    view.overlay.show_cursor = view.overlay.show_floor = view.overlay.show_axis_y = view.overlay.show_axis_x = False
-
-
-def show_only(*classes):
-    """These of the add-on's panels, open; nothing else in the editor but the path."""
-    for cls in bpy.types.Panel.__subclasses__():
-        if cls.is_registered and getattr(cls, 'bl_context', "") in {'modifier', 'object'}:
-            bpy.utils.unregister_class(cls)
-    for cls in classes:
-        if getattr(cls, 'bl_parent_id', "") and cls.bl_parent_id not in {c.__name__ for c in classes}:
-            del cls.bl_parent_id
-        bpy.utils.register_class(cls)
-
-
-def activate(ob):
-    bpy.context.view_layer.update()
-    for other in bpy.context.view_layer.objects:
-        other.select_set(other == ob)
-    bpy.context.view_layer.objects.active = ob
-
+import manual_shapes  # noqa: E402
+import manual_start  # noqa: E402
+from manual_window import OUT, VIEW_ONLY, activate, area, arrange, look, panel_picture, picture, settle, show_only  # noqa: E402
 
 def open_scene(name):
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / name), load_ui=False)
-
-
-def look(eye, at, lens=60):
-    view = area('VIEW_3D').spaces[0]
-    region = view.region_3d
-    turn = (Vector(eye) - Vector(at)).to_track_quat('Z', 'Y')
-    region.view_perspective, view.lens = 'PERSP', lens
-    region.view_location, region.view_rotation = at, turn
-    region.view_distance = (Vector(eye) - Vector(at)).length
 
 
 def hide_cameras():
@@ -253,6 +158,9 @@ def examples_of(calf):
 
 def steps():
     """Yields the seconds to wait before going on: in between Blender draws."""
+    manual_shapes.make(ROOT, OUT)
+    yield 0.5
+    yield from manual_start.make(ROOT)
     yield from suzanne()
     yield from creatures()
 

@@ -325,6 +325,7 @@ class OBJECT_PT_detail_deform_empty(bpy.types.Panel):
 
 def _draw_pull_entry(self, context):
     self.layout.separator()
+    self.layout.operator_context = 'INVOKE_REGION_WIN'  # a right-click menu only executes
     self.layout.operator('object.detail_deform_pull', icon='MOD_MESHDEFORM')
 
 
