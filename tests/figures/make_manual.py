@@ -24,10 +24,14 @@ from detail_deform.setup import markers  # noqa: E402
 from detail_deform.ui import panels, transfer_panel  # noqa: E402
 import manual_shapes  # noqa: E402
 import manual_start  # noqa: E402
-from manual_window import OUT, VIEW_ONLY, activate, area, arrange, look, panel_picture, picture, settle, show_only  # noqa: E402
+from manual_window import OUT, VIEW_ONLY, activate, area, arrange, look, number, panel_picture, picture, settle, show_only  # noqa: E402
 
 def open_scene(name):
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / name), load_ui=False)
+
+
+# Heights in overview.png: the box, the buttons, the method, what is shown, the ends, and the panels below.
+OVERVIEW = (62, 106, 179, 271, 344, 389, 415, 441, 467, 493)
 
 
 def hide_cameras():
@@ -40,6 +44,13 @@ def turn_about_itself(empty, shift, degrees):
     place = empty.matrix_world.translation.copy()
     empty.matrix_world = (Matrix.Translation(Vector(shift) + place) @ Matrix.Rotation(radians(degrees), 4, 'Y')
                           @ Matrix.Translation(-place) @ empty.matrix_world)
+
+
+def overview():
+    """The main panel, and its own panels closed."""
+    main, *others = panels.OBJECT_PT_detail_deform, *(
+        cls for cls in panels.CLASSES if getattr(cls, 'bl_parent_id', "") == 'OBJECT_PT_detail_deform')
+    return main, *(type(f'{cls.__name__}_closed', (cls,), {'bl_options': {'DEFAULT_CLOSED'}}) for cls in others)
 
 
 def suzanne():
@@ -61,6 +72,11 @@ def suzanne():
     show_only(panels.OBJECT_PT_detail_deform, panels.OBJECT_PT_detail_deform_handles)
     yield from settle()
     picture('window.jpg', ('VIEW_3D', 'PROPERTIES'), ('-resize', '900x', '-quality', '72'))
+
+    show_only(*overview())
+    yield from settle()
+    panel_picture('overview.png')
+    number('overview.png', OVERVIEW)
 
     settings = ob.detail_deform
     settings.preview = True

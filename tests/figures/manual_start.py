@@ -38,7 +38,7 @@ def make(root):
     bpy.context.preferences.themes[0].view_3d.wire_edit = (0.32, 0.32, 0.32)  # it is dense
     for camera in [other for other in bpy.data.objects if other.type == 'CAMERA']:
         camera.hide_set(True)
-    look((-1.6, -4.0, 0.9), (-0.95, 0, 0.4), 62)
+    look((-1.4, -4.2, 0.9), (-0.75, 0, 0.35), 62)
     bpy.context.tool_settings.mesh_select_mode = (False, False, True)  # faces: no dots on them
     select(ob.data, ear)
     to_mouse(330, 700)
@@ -56,21 +56,22 @@ def make(root):
         xdotool('mousemove_relative', '--', 12, 0)
         yield 0.1
     xdotool('click', 1)
-    yield 2.0
+    for _ in range(40):  # until it is bound
+        yield 0.2
+        if bpy.context.active_object != ob:
+            break
+    yield 0.5
     yield from shoot('start-4.jpg')
-    for _ in range(10):
-        xdotool('mousemove_relative', '--', -9, -12)
+    for _ in range(8):
+        xdotool('mousemove_relative', '--', -7, -11)
         yield 0.1
     xdotool('click', 1)
     yield 1.0
     yield from shoot('start-5.jpg')
-    xdotool('key', 'r')
+    xdotool('key', 'r', '4', '5')
     yield 0.5
-    for _ in range(10):
-        xdotool('mousemove_relative', '--', 10, -10)
-        yield 0.1
     yield from shoot('start-6.jpg')
-    xdotool('click', 1)
+    xdotool('key', 'Return')
     yield 0.5
 
 

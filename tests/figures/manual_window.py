@@ -48,6 +48,17 @@ def panel_picture(name):
                     str(OUT / name)], check=True, input=shot)
 
 
+def number(name, places):
+    """Writes 1, 2, ... beside a picture, at these heights of it."""
+    path, drawn = str(OUT / name), []
+    font = subprocess.run(['fc-match', '-f', '%{file}', 'sans'], check=True, capture_output=True, text=True).stdout
+    for count, y in enumerate(places, 1):
+        drawn += ['-fill', '#4772b3', '-draw', f'circle 18,{y} 18,{y - 11}', '-fill', 'white', '-pointsize', '15',
+                  '-annotate', f'+{13 if count < 10 else 9}+{y - 8}', str(count)]
+    subprocess.run(['convert', path, '-background', '#1d1d1d', '-gravity', 'West', '-splice', '36x0', '-gravity',
+                    'NorthWest', '-font', font, *drawn, '+dither', '-colors', '128', path], check=True)
+
+
 def settle():
     """Waits until the window shows what is so now."""
     for _ in range(3):
