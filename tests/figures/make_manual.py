@@ -7,6 +7,7 @@
 Writes into addon/manual/. Needs a release build, xdotool, and ImageMagick's import and convert.
 """
 import os
+import subprocess
 import sys
 import traceback
 from math import radians
@@ -22,9 +23,9 @@ import detail_deform  # noqa: E402
 from detail_deform.scene import mesh_data  # noqa: E402
 from detail_deform.setup import markers  # noqa: E402
 from detail_deform.ui import panels, transfer_panel  # noqa: E402
-import manual_shapes  # noqa: E402
 import manual_start  # noqa: E402
-from manual_window import OUT, VIEW_ONLY, activate, area, arrange, look, number, panel_picture, picture, settle, show_only  # noqa: E402
+from manual_window import (  # noqa: E402
+    OUT, VIEW_ONLY, activate, area, arrange, look, number, panel_picture, picture, settle, show_only)
 
 def open_scene(name):
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / name), load_ui=False)
@@ -121,7 +122,8 @@ def creatures():
     giraffe.select_set(False)
     show_only(transfer_panel.OBJECT_PT_detail_deform_transfer)
     hide_cameras()
-    look((3.6, -5.0, 2.3), (0.45, 0.9, 1.45), 62)
+    giraffe.location = (2.4, 0.4, 0)  # beside the calf
+    look((3.2, -6.6, 2.6), (1.3, 0.2, 1.55), 62)
     yield from settle()
     picture('markers.jpg', ('VIEW_3D',), VIEW_ONLY)
     bpy.ops.object.detail_deform_transfer_match()
@@ -174,8 +176,8 @@ def examples_of(calf):
 
 def steps():
     """Yields the seconds to wait before going on: in between Blender draws."""
-    manual_shapes.make(ROOT, OUT)
-    yield 0.5
+    subprocess.run([bpy.app.binary_path, '--background', '--factory-startup', '--python-exit-code', '1', '--python',
+                    str(ROOT / 'tests' / 'figures' / 'manual_shapes.py')], check=True)
     yield from manual_start.make(ROOT)
     yield from suzanne()
     yield from creatures()

@@ -1,22 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The manual's pictures of shapes, rendered by Workbench: each method, the modifier order, expressions."""
+"""The manual's pictures of shapes, rendered by Workbench: each method, the modifier order, expressions.
+
+blender --background --factory-startup --python-exit-code 1 --python tests/figures/manual_shapes.py
+"""
+import sys
+from pathlib import Path
 
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-import shapes
+ROOT = Path(__file__).resolve().parents[2]
+OUT = ROOT / 'addon' / 'manual'
+sys.path[:0] = [str(ROOT / 'addon'), str(Path(__file__).parent)]
+import detail_deform  # noqa: E402
+import shapes  # noqa: E402
 
 SIZE = (400, 330)
 COLUMNS, ROWS, LENGTH = 205, 121, 1.7  # of the thorny plate
 EDGE = 41  # columns that are fixed on the left, and that the handle has on the right: one row of thorns
 
 
-def render(path):
+def render(name):
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.render.image_settings.file_format, scene.render.image_settings.quality = 'JPEG', 80
-    scene.render.filepath = str(path)
+    scene.render.filepath = str(OUT / name)
+    for stamp in (name for name in dir(scene.render) if name.startswith('use_stamp')):
+        setattr(scene.render, stamp, False)  # a picture made again is the same
     bpy.ops.render.render(write_still=True)
 
 
@@ -63,9 +74,9 @@ def rolled(positions, angle):
                      length / angle - radius * np.cos(turn) + beyond * np.sin(turn)], -1)
 
 
-def methods(root, out):
+def methods():
     """A thorny plate whose right edge is lifted, by each method; and at rest."""
-    bpy.ops.wm.open_mainfile(filepath=str(root / 'blend_fixtures' / 'bumpy_plane.blend'), load_ui=False)
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'bumpy_plane.blend'), load_ui=False)
     bpy.data.objects.remove(bpy.data.objects["Bumpy Plane"])
     positions, faces = shapes.thorns(COLUMNS, ROWS, 5, 3)
     example = add("Rolled up", rolled(positions, 1.2), faces, (1, 1, 1, 1))
@@ -78,7 +89,7 @@ def methods(root, out):
     bpy.ops.object.detail_deform_handle_add(vertex_group="right", align=False)
     look((0.7, -4.7, 1.9), (0.8, 0.5, 0.42), 84)
     update()
-    render(out / 'method-rest.jpg')
+    render('method-rest.jpg')
     example.select_set(True)
     bpy.ops.object.detail_deform_examples_from_objects()
     bpy.ops.object.detail_deform_bind(wait=True)
@@ -90,10 +101,10 @@ def methods(root, out):
         settings.method = method
         update()
         bpy.ops.object.detail_deform_update()
-        render(out / f'method-{name}.jpg')  # which waits for slow results
+        render(f'method-{name}.jpg')  # which waits for slow results
     settings.method, settings.output = 'TRANSFER', 'BASE'
     update()
-    render(out / 'method-preview.jpg')
+    render('method-preview.jpg')
 
 
 def half_a_monkey():
@@ -112,9 +123,9 @@ def half_a_monkey():
     return half
 
 
-def order(root, out):
+def order():
     """A mirrored half with Detail Deform before the Mirror modifier, and behind it."""
-    bpy.ops.wm.open_mainfile(filepath=str(root / 'blend_fixtures' / 'suzanne.blend'), load_ui=False)
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'suzanne.blend'), load_ui=False)
     for ob in [ob for ob in bpy.data.objects if ob.type != 'CAMERA']:
         bpy.data.objects.remove(ob)
     ob = half_a_monkey()
@@ -124,15 +135,15 @@ def order(root, out):
     ob.detail_deform.handles[0].target.location += Vector((-0.55, 0, 0.6))
     look((0, -7.5, 0.9), (0, 0, 0.22), 72)
     update()
-    render(out / 'order-right.jpg')
+    render('order-right.jpg')
     bpy.ops.object.modifier_move_to_index(modifier="Detail Deform", index=1)
     update()
-    render(out / 'order-wrong.jpg')
+    render('order-wrong.jpg')
 
 
-def expressions(root, out):
+def expressions():
     """Two that were saved one after the other, and both together."""
-    bpy.ops.wm.open_mainfile(filepath=str(root / 'blend_fixtures' / 'suzanne.blend'), load_ui=False)
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'suzanne.blend'), load_ui=False)
     ob = activate(bpy.data.objects["Suzanne"])
     bpy.ops.object.detail_deform_bind(wait=True)
     look((-1.2, -7.0, 1.0), (-0.2, 0, 0.2), 72)
@@ -145,17 +156,22 @@ def expressions(root, out):
         target.matrix_world = (Matrix.Translation(move) @ middle @ Matrix.Rotation(np.radians(degrees), 4, 'Y')
                                @ middle.inverted() @ place)
         update()
-        render(out / f'expression-{name.lower()}.jpg')
+        render(f'expression-{name.lower()}.jpg')
         bpy.ops.object.detail_deform_save_key(name=name)
     update()
-    render(out / 'expression-rest.jpg')
+    render('expression-rest.jpg')
     for name in moves:
         ob.data.shape_keys.key_blocks[name].value = 1
     update()
-    render(out / 'expression-both.jpg')
+    render('expression-both.jpg')
 
 
-def make(root, out):
-    methods(root, out)
-    order(root, out)
-    expressions(root, out)
+def main():
+    detail_deform.register()
+    methods()
+    order()
+    expressions()
+    detail_deform.unregister()
+
+
+main()

@@ -34,7 +34,8 @@ def picture(name, kinds, options):
     width, height = max(a.x + a.width for a in areas) - left, max(a.y + a.height for a in areas) - bottom
     shot = subprocess.run(['import', '-window', 'root', 'png:-'], check=True, capture_output=True).stdout
     crop = f'{width}x{height}+{left}+{window().height - bottom - height}'
-    subprocess.run(['convert', 'png:-', '-crop', crop, '+repage', *options, str(OUT / name)], check=True, input=shot)
+    subprocess.run(['convert', 'png:-', '-crop', crop, '+repage', *options, '-strip', str(OUT / name)], check=True,
+                   input=shot)
 
 
 def panel_picture(name):
@@ -45,7 +46,7 @@ def panel_picture(name):
     crop = f'{region.width}x{region.height - PATH_HEIGHT - 20}+{region.x}+{top}'
     trim = ('-trim', '+repage')  # twice: beside the scroll bar's edge, and below the panels
     subprocess.run(['convert', 'png:-', '-crop', crop, '+repage', *trim, *trim, '+dither', '-colors', '128',
-                    str(OUT / name)], check=True, input=shot)
+                    '-strip', str(OUT / name)], check=True, input=shot)
 
 
 def number(name, places):
@@ -56,7 +57,8 @@ def number(name, places):
         drawn += ['-fill', '#4772b3', '-draw', f'circle 18,{y} 18,{y - 11}', '-fill', 'white', '-pointsize', '15',
                   '-annotate', f'+{13 if count < 10 else 9}+{y - 8}', str(count)]
     subprocess.run(['convert', path, '-background', '#1d1d1d', '-gravity', 'West', '-splice', '36x0', '-gravity',
-                    'NorthWest', '-font', font, *drawn, '+dither', '-colors', '128', path], check=True)
+                    'NorthWest', '-font', font, *drawn, '+dither', '-colors', '128', '-strip',
+                    path], check=True)
 
 
 def settle():
@@ -88,9 +90,13 @@ def arrange():
     view.overlay.show_cursor = view.overlay.show_floor = view.overlay.show_axis_y = view.overlay.show_axis_x = False
 
 
+def _below(cls):
+    return [found for one in cls.__subclasses__() for found in (one, *_below(one))]
+
+
 def show_only(*classes):
     """These of the add-on's panels, open; nothing else in the editor but the path."""
-    for cls in bpy.types.Panel.__subclasses__():
+    for cls in _below(bpy.types.Panel):
         if cls.is_registered and getattr(cls, 'bl_context', "") in {'modifier', 'object'}:
             bpy.utils.unregister_class(cls)
     for cls in classes:
