@@ -127,9 +127,16 @@ def creatures():
     yield from settle()
     picture('markers.jpg', ('VIEW_3D',), VIEW_ONLY)
     bpy.ops.object.detail_deform_transfer_match()
+    giraffe.detail_deform.transfer.show_match, giraffe.detail_deform.transfer.show_markers = True, False
+    yield from settle()
+    picture('match.jpg', ('VIEW_3D',), VIEW_ONLY)
+    giraffe.detail_deform.transfer.show_match = False
     bpy.ops.object.detail_deform_transfer_live()
     bpy.context.scene.frame_set(17)
     yield 2.0
+    yield from settle()
+    picture('following.jpg', ('VIEW_3D',), VIEW_ONLY)
+    giraffe.detail_deform.transfer.show_markers = True
     yield from settle()
     panel_picture('transfer.png')
     bpy.ops.object.detail_deform_transfer_live(on=False)
