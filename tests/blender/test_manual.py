@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The manual comes with the add-on, opens in the browser, and none of its links or pictures leads nowhere."""
 
+import ast
+import re
+import shutil
+import subprocess
 import urllib.request
 import webbrowser
+import zipfile
 from html.parser import HTMLParser
 
 import bpy
 import pytest
 
-from conftest import bind, make_strip
+from conftest import REPOSITORY, bind, make_strip
 
 EMPTY = {'img', 'meta'}  # elements without an end
 
@@ -85,6 +90,23 @@ def test_a_report_has_what_is_needed(part, opened, monkeypatch):
     assert bpy.ops.wm.detail_deform_report() == {'FINISHED'} and not opened
     monkeypatch.setattr(preferences, 'WEBSITE', "https://example.org/deform")
     assert bpy.ops.wm.detail_deform_report() == {'FINISHED'} and opened == ["https://example.org/deform/issues"]
+
+
+@pytest.mark.skipif(not shutil.which('cmake'), reason="CMake packs the zip")
+def test_a_zip_that_is_told_of_a_website_leads_there(part, tmp_path):
+    addon = REPOSITORY / 'addon'
+    told = {'SOURCE': addon / 'detail_deform', 'LIBRARY': part('library.native').library_path(),
+            'LICENSE': REPOSITORY / 'LICENSE', 'PLATFORM': 'linux-x64', 'STAGE': tmp_path / 'stage',
+            'ZIP': tmp_path / 'made.zip', 'WEBSITE': "https://example.org/deform"}
+    subprocess.run(['cmake', *(f'-D{name}={value}' for name, value in told.items()), '-P', addon / 'make_zip.cmake'],
+                   check=True)
+    with zipfile.ZipFile(told['ZIP']) as made:
+        texts = {name: made.read(f'detail_deform/{name}').decode() for name in (
+            'blender_manifest.toml', '__init__.py', 'website.py')}
+    assert texts['blender_manifest.toml'].count('website = "https://example.org/deform"\n') == 1
+    found = ast.literal_eval(re.search(r"bl_info = (\{.*?\n\})", texts['__init__.py'], re.DOTALL)[1])
+    assert (found['doc_url'], found['tracker_url']) == (told['WEBSITE'], told['WEBSITE'] + '/issues')
+    assert 'WEBSITE = "https://example.org/deform"' in texts['website.py']
 
 
 def test_the_preferences_have_an_entry(module):
