@@ -27,8 +27,8 @@ class Matched:
 def check_source(source, target):
     """Raises MeshProblem when nothing can be transferred from this object to that."""
     if source is None or source.type != 'MESH':
-        raise MeshProblem("There is no source: choose the mesh object whose deformation should be carried over in "
-                          "Source.")
+        raise MeshProblem("There is no source: choose in Source the mesh object whose deformation should be carried "
+                          "over.")
     if source == target:
         raise MeshProblem(f"'{target.name}' is both source and target: choose another source.")
     if source.mode == 'EDIT' or target.mode == 'EDIT':

@@ -12,8 +12,8 @@ from .mesh_data import MeshProblem
 def _base_object(ob):
     base = ob.detail_deform.base_object
     if base is None:
-        raise MeshProblem("There is no base object: choose the mesh object whose deformation the details "
-                          "should follow in Base Object, or set Base to Computed.")
+        raise MeshProblem("There is no base object: choose in Base Object the mesh object whose deformation the "
+                          "details should follow, or set Base to Computed.")
     if base == ob or base.type != 'MESH':
         raise MeshProblem(f"'{base.name}' can't be the base: choose another mesh object.")
     if not base.data.polygons:
