@@ -191,6 +191,12 @@ def pattern(words):
     return '.*'.join(re.escape(part.strip()) for part in words.strip().split('…'))
 
 
+def is_of(row, text):
+    """Whether a row is about a sentence, which may be put together of two."""
+    begins = text.split('…')[0]
+    return bool(re.search(pattern(row), text)) or len(begins.split()) > 3 and re.match(pattern(text.rstrip('.')), row)
+
+
 def rows():
     """What the manual's tables of messages have in their first column, one for each sentence."""
     text = MANUAL.read_text(encoding='utf-8').split('## What a message means')[1].split('\n## ')[0]
@@ -200,15 +206,15 @@ def rows():
 
 
 def test_each_message_has_a_row_in_the_manual(folder):
-    found = [re.compile(pattern(row)) for row in rows()]
+    found = rows()
     assert len(found) > 100
-    missing = [(where, text) for where, text in refusals(folder) if not any(row.search(text) for row in found)]
+    missing = [(where, text) for where, text in refusals(folder) if not any(is_of(row, text) for row in found)]
     assert not missing, '\n'.join(map(str, missing))
 
 
 def test_each_row_of_the_manual_is_a_message(folder):
     said = [text for _, text in texts(folder)] + [*native_sentences(REPOSITORY / 'native' / 'src')]
-    stale = [row for row in rows() if not any(re.search(pattern(row), text) for text in said)]
+    stale = [row for row in rows() if not any(is_of(row, text) for text in said)]
     assert not stale, '\n'.join(stale)
 
 
