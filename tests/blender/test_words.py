@@ -17,8 +17,8 @@ BLENDERS = {
     "Add Modifier", "Add-ons", "Alembic", "Apply", "Armature", "Blender", "By Distance", "Clean Up", "Cloth", "Control",
     "Ctrl+F", "Ctrl+V", "Deform", "Degenerate Dissolve", "Detail Deform", "Edit Mode", "Edit", "EEVEE", "Enter", "Esc",
     "Euler", "F9", "Frame Range", "G", "Geometry Nodes", "Get Extensions", "Install from Disk", "Install",
-    "Levels Render", "Levels Viewport", "Live", "Make Local", "Make Single User", "MB", "Merge", "Mesh Cache", "Mesh", "Mirror",
-    "Modifiers", "Multires", "N", "New", "Object & Data", "Object Data", "Object", "Old", "Output", "PC2",
+    "Levels Render", "Levels Viewport", "Live", "Make Local", "Make Single User", "MB", "Merge", "Mesh Cache", "Mesh",
+    "Mirror", "Modifiers", "Multires", "N", "New", "Object & Data", "Object Data", "Object", "Old", "Output", "PC2",
     "Preferences", "Properties", "R", "Relations", "Relative", "S", "Select More", "Selected Objects and Data",
     "Shape Key", "Shape Keys", "Shift", "Subdivision", "Tab", "Time Stretching", "Vertex", "Visual Geometry to Mesh",
     "X", "Y", "Z"}
