@@ -20,6 +20,7 @@ elseif(APPLE)
 else()
   set(dd_platform linux-${dd_processor})
 endif()
+set(DETAIL_DEFORM_WEBSITE "" CACHE STRING "Where the project is at home; its reports of problems go to /issues there")
 set(dd_zip ${CMAKE_BINARY_DIR}/detail_deform-${PROJECT_VERSION}-${dd_platform}.zip)
 
 add_custom_target(addon_zip
@@ -29,6 +30,7 @@ add_custom_target(addon_zip
     -D LICENSE=${PROJECT_SOURCE_DIR}/LICENSE
     -D STAGE=${CMAKE_BINARY_DIR}/package
     -D PLATFORM=${dd_platform}
+    -D WEBSITE=${DETAIL_DEFORM_WEBSITE}
     -D ZIP=${dd_zip}
     -P ${PROJECT_SOURCE_DIR}/addon/make_zip.cmake
   DEPENDS detail_deform

@@ -21,9 +21,10 @@ def _parts():
     from . import handlers, properties
     from .operators import (bake_operators, drag_operators, example_operators, operators, pull_operator,
                             setup_operators, transfer_operators)
-    from .ui import handle_gizmos, marker_preview, panels, preview, sidebar, tool, transfer_panel
+    from .ui import handle_gizmos, marker_preview, panels, preferences, preview, sidebar, tool, transfer_panel
     return (properties, operators, setup_operators, pull_operator, drag_operators, bake_operators, example_operators,
-            transfer_operators, panels, sidebar, transfer_panel, tool, handle_gizmos, preview, marker_preview, handlers)
+            transfer_operators, panels, sidebar, transfer_panel, tool, handle_gizmos, preferences, preview,
+            marker_preview, handlers)
 
 
 def register():

@@ -3,7 +3,20 @@
 
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
+from .library.options import numbers_of
+
 _MAKERS = {bool: BoolProperty, int: IntProperty, float: FloatProperty, str: StringProperty}
+USED, COMPARED = "To Deform", "For Comparison"  # headings in a menu
+
+
+def _items(option):
+    """Of an enum. Numbers are those of the table, wherever a value stands in the menu."""
+    if not option.compared:
+        return option.kind
+    numbers = numbers_of(option.kind)
+    usual, compared = ([(*value, 'NONE', numbers[value[0]]) for value in option.kind
+                        if (value[0] in option.compared) == wanted] for wanted in (False, True))
+    return [("", USED, ""), *usual, ("", COMPARED, ""), *compared]
 
 
 def declare(cls, options, update_of=lambda option: None, flags_of=None):
@@ -13,7 +26,7 @@ def declare(cls, options, update_of=lambda option: None, flags_of=None):
     for option in options:
         make, more = _MAKERS.get(option.kind, EnumProperty), dict(option.limits)
         if make is EnumProperty:
-            more['items'] = option.kind
+            more['items'] = _items(option)
         if option.default is not None:
             more['default'] = option.default
         if flags_of:

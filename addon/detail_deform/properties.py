@@ -172,9 +172,9 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     base_object: PointerProperty(
         name="Base Object", type=bpy.types.Object, update=_base_object_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
-        description="Smooth copy of this mesh, or a cage or a coarser mesh near it, which is followed by nearest "
-                    "points. Its own mesh is the base at rest, what its modifiers make of it the deformed one. Where "
-                    "they make vertices, its shape at Bind is the rest")
+        description="A smooth copy of this mesh, or a cage or a coarser mesh near it whose nearest points are "
+                    "followed. Its own mesh is its rest, what its modifiers make of it the deformed base. Where they "
+                    "make vertices, its shape at Bind is the rest")
     base_rest_matrix: FloatVectorProperty(
         name="Base Rest Matrix", size=16, options={'HIDDEN'},
         description="Place of the base object relative to this one when it was bound, row by row")

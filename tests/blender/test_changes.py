@@ -316,7 +316,7 @@ def test_a_bind_in_the_background_ends_with_the_surface_bound(part):
     binding, life, cache = part('follow.binding'), part('follow.life'), part('follow.bound').cache
     ob = make_strip(37)  # of a size that no other test has bound already
     binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
-    assert cache.contents_under_way() and "Binding" in ob.detail_deform.status
+    assert cache.contents_under_way() and "Preparing (" in ob.detail_deform.status
     assert not ob.detail_deform.is_bound
     finish_in_background(life)
     assert ob.detail_deform.is_bound

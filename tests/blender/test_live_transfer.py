@@ -169,7 +169,7 @@ def test_nothing_is_factored_within_an_update(alike, part, as_in_a_window, facto
     assert live(source="Source") == {'FINISHED'}
     bend(source)
     assert factored.count == 0
-    assert re.match(r"Preparing to follow 'Source', \d+%: .+", target.detail_deform.transfer.state)
+    assert re.match(r"Preparing to follow 'Source', \d+%\.", target.detail_deform.transfer.state)
     assert np.abs(evaluated(target) - own(target)).max() == 0
     poll_until_ready(life)
     update()

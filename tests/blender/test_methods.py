@@ -131,11 +131,11 @@ def test_each_method_on_a_real_mesh_through_the_addon():
 def test_volumes_say_how_well_they_are_kept(strip):
     pose(strip)
     shown_with(strip, method='VOLUMES')
-    assert 'Shown is the result by displacement volumes. Volumes are kept within' in strip.detail_deform.status
+    assert 'The result by Displacement Volumes is shown. Volumes are kept within' in strip.detail_deform.status
     shown_with(strip, volume_iterations=1, volume_tolerance=1e-5)
-    assert 'stopped at its limit' in strip.detail_deform.status
+    assert 'stopped early' in strip.detail_deform.status
     shown_with(strip, steps=3, volume_iterations=50)
-    assert 'by displacement volumes in 3 steps' in strip.detail_deform.status
+    assert 'by Displacement Volumes in 3 steps' in strip.detail_deform.status
 
 
 def test_the_original_formulation_comes_close_to_the_surface_one(strip):

@@ -54,7 +54,10 @@ def test_properties_are_as_the_table_has_them(options):
             assert (found.name, found.description) == (option.title, option.tooltip)
             if isinstance(option.kind, tuple):
                 assert found.type == 'ENUM' and found.default == (option.default or option.kind[0][0])
-                assert [(v.identifier, v.name, v.description) for v in found.enum_items] == list(option.kind)
+                values = [(v.identifier, v.name, v.description) for v in found.enum_items]
+                assert sorted(values) == sorted(option.kind)
+                assert {v.identifier: v.value for v in found.enum_items} == options.numbers_of(option.kind)
+                assert not option.compared or [v[0] for v in values[-len(option.compared):]] == list(option.compared)
                 continue
             assert found.type == TYPES[option.kind]
             assert found.default == pytest.approx(option.kind() if option.default is None else option.default)

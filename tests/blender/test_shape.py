@@ -282,7 +282,7 @@ def drawn(ob, part, *panels):
 def test_the_panel_has_the_settings_of_the_shape_and_no_steps(bar, part):
     main, base, others = 'OBJECT_PT_detail_deform', 'OBJECT_PT_detail_deform_base', 'OBJECT_PT_detail_deform_advanced'
     assert bar.detail_deform.method == 'TRANSFER'
-    assert {"Method", "Refine", "Bend Length", "Rim Smoothing"} <= set(drawn(bar, part, main))
+    assert {"Method", "Quality of large bends", "Bend Length", "Rim Smoothing"} <= set(drawn(bar, part, main))
     assert "Deformer" in drawn(bar, part, base)
     assert "Steps" not in drawn(bar, part, main, base, others)
     assert bar.detail_deform.steps == 1

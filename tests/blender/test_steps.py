@@ -32,7 +32,7 @@ def test_steps_change_a_large_bend_and_say_so(strip):
     update()
     stepped = evaluated(strip)
     assert np.isfinite(stepped).all() and np.abs(stepped - quick).max() > 0.01
-    assert 'Shown is the result in 6 steps' in strip.detail_deform.status
+    assert 'The result in 6 steps is shown' in strip.detail_deform.status
     strip.detail_deform.steps = 1
     update()
     assert np.array_equal(evaluated(strip), quick)
@@ -112,12 +112,12 @@ def test_steps_arrive_when_the_handles_pause(strip, part, as_in_a_window):
         assert 'quick result' in strip.detail_deform.status or not slow_results._requests
     update()
     assert np.abs(evaluated(strip) - quick).max() > 0.01
-    assert 'Shown is the result in 5 steps' in strip.detail_deform.status
+    assert 'The result in 5 steps is shown' in strip.detail_deform.status
     # Cancelled, it comes back by Update.
     bend(strip, -110)
     assert bpy.ops.object.detail_deform_bind_cancel() == {'FINISHED'}
     assert slow_results.progress(token(strip.data)) is None
-    assert 'Update is pressed' in strip.detail_deform.status
+    assert 'press Update' in strip.detail_deform.status
     assert bpy.ops.object.detail_deform_update() == {'FINISHED'}
     assert slow_results.progress(token(strip.data)) == 0.0
     # A pose that is left before its steps are ready is forgotten.
@@ -220,4 +220,4 @@ def test_steps_that_fail_are_said_until_a_handle_moves(strip, part, monkeypatch)
         assert "no memory left" in strip.detail_deform.status
     monkeypatch.undo()
     bend(strip, -50)
-    assert 'Shown is the result in 3 steps' in strip.detail_deform.status
+    assert 'The result in 3 steps is shown' in strip.detail_deform.status

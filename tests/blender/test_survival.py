@@ -86,12 +86,16 @@ def test_the_modifier_muted(posed):
 
 
 def test_the_modifier_removed_by_hand(posed):
-    """Rest is shown; the panel says why, and Bind brings it back."""
+    """Rest is shown; the panel says why, and Update or Bind brings it back."""
     posed.modifiers.remove(posed.modifiers['Detail Deform'])
     handle(posed).location.z += 0.1
     update()
     assert np.abs(evaluated(posed) - own(posed)).max() < 1e-7
-    assert "modifier was removed" in posed.detail_deform.status
+    assert "modifier was removed, so nothing is shown: press Update" in posed.detail_deform.status
+    assert bpy.ops.object.detail_deform_update() == {'FINISHED'}
+    assert np.allclose(evaluated(posed)[-1] - own(posed)[-1], (0, 0, 0.5), atol=1e-5)
+    assert "removed" not in posed.detail_deform.status
+    posed.modifiers.remove(posed.modifiers['Detail Deform'])
     bind(posed, keep_rest=True)
     assert np.allclose(evaluated(posed)[-1] - own(posed)[-1], (0, 0, 0.5), atol=1e-5)
 

@@ -295,7 +295,7 @@ def test_refusals(pair, tmp_path):
     assert "There is no source" in refusal(transfer)
     assert "not of the same topology" in refusal(transfer, source="Source")
     assert "'Source' has 0 markers" in refusal(transfer, source="Source", correspondence='MARKERS')
-    assert "holds no correspondences" in refusal(transfer, source="Source", correspondence='STORED')
+    assert "has no Saved Match" in refusal(transfer, source="Source", correspondence='STORED')
     assert "has no shape keys" in refusal(transfer, source="Target", what='ALL_KEYS')
     assert "whose name fits 'x*'" in refusal(transfer, source="Source", what='ALL_KEYS', pattern="x*")
     source.active_shape_key_index = 0
@@ -344,7 +344,7 @@ def test_kept_correspondences_of_another_mesh_are_refused(pair, tmp_path):
     transfer(source="Source", correspondence='LIST', filepath=str(path))
     raw_strip("Other", 20)
     activate(target)
-    assert "were made for 'Source'" in refusal(transfer, source="Other", correspondence='STORED')
+    assert "was made for 'Source'" in refusal(transfer, source="Other", correspondence='STORED')
 
 
 def test_followers_that_swap_their_names_keep_to_their_own_sources(pair):
@@ -522,7 +522,7 @@ def test_a_start_that_is_refused_changes_nothing(pair):
     assert "not of the same topology" in refusal(bpy.ops.object.detail_deform_transfer_live, source=other.name)
     assert settings.live and settings.source == source
     # What it follows by can't be forgotten meanwhile.
-    assert "No correspondences" in refusal(bpy.ops.object.detail_deform_transfer_forget)
+    assert "no Saved Match" in refusal(bpy.ops.object.detail_deform_transfer_forget)
 
 
 def test_undo_takes_a_transfer_back(pair):

@@ -107,7 +107,7 @@ def test_a_slow_result_goes_to_the_object_that_asked(alike, part, as_in_a_window
     while slow_results._tick():
         pass
     update()
-    assert "Shown is the result in 3 steps" in first.detail_deform.status
+    assert "The result in 3 steps is shown" in first.detail_deform.status
     assert "in 3 steps" not in second.detail_deform.status
     assert lifted(second) == pytest.approx(0, abs=1e-6) and lifted(first) > 0.4
 

@@ -1,8 +1,35 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What users read: every setting and operator says what it is for."""
+"""What users read: every setting and operator says what it is for, sentences call what is on the screen by the label
+that it has there, and the manual does so too and has a row for each message."""
+
+import re
+from pathlib import Path
 
 import bpy
 import pytest
+
+from conftest import REPOSITORY, add_from, bind, group, make_strip, own, refusal, update
+from sentences import labels, native_sentences, refusals, texts
+
+MANUAL = REPOSITORY / 'addon' / 'MANUAL.md'
+# Blender's own, and other names. In the add-on's sentences every other word with a capital is a label of the add-on.
+BLENDERS = {
+    "Add Modifier", "Add-ons", "Alembic", "Apply", "Armature", "Blender", "By Distance", "Clean Up", "Cloth", "Control",
+    "Ctrl+F", "Ctrl+V", "Deform", "Degenerate Dissolve", "Detail Deform", "Edit Mode", "Edit", "EEVEE", "Enter", "Esc",
+    "Euler", "F9", "Frame Range", "G", "Geometry Nodes", "Get Extensions", "Install from Disk", "Install",
+    "Levels Render", "Levels Viewport", "Live", "Make Local", "Make Single User", "MB", "Merge", "Mesh Cache", "Mesh",
+    "Mirror", "Modifiers", "Multires", "N", "New", "Object & Data", "Object Data", "Object", "Old", "Output", "PC2",
+    "Preferences", "Properties", "R", "Relations", "Relative", "S", "Select More", "Selected Objects and Data",
+    "Shape Key", "Shape Keys", "Shift", "Subdivision", "Tab", "Time Stretching", "Vertex", "Visual Geometry to Mesh",
+    "X", "Y", "Z"}
+# Of data that is made, and what else has a capital.
+OTHERS = {"Detail Deform Transfer", "DOCTYPE", "I", "Marker 1", "Marker 2", "{} Pose", "… Rest", "… Mirrored",
+          "Object Mode", "Poisson", "Press", "with an Empty of Its Own"}
+
+
+@pytest.fixture
+def folder(module):
+    return Path(module.__file__).parent
 
 
 def described():
@@ -38,8 +65,168 @@ def test_tooltips_end_as_blenders_do():
             assert not text.endswith('.'), text
 
 
-@pytest.mark.parametrize('name', ['Detail Deform', 'Handles', 'Examples', 'Base Surface', 'Advanced',
+@pytest.mark.parametrize('name', ['Detail Deform', 'Handles', 'Examples', 'Base Surface', 'Advanced', 'For Comparison',
                                   'Detail Deform: Transfer'])
 def test_panels_are_there(name):
     assert any(getattr(getattr(bpy.types, kind), 'bl_label', "") == name for kind in dir(bpy.types)
                if kind.startswith('OBJECT_PT_detail_deform'))
+
+
+def test_labels_are_the_users_words():
+    settings = bpy.types.Object.bl_rna.properties['detail_deform'].fixed_type.properties
+    transfer = settings['transfer'].fixed_type.properties
+    for prop, name in ((settings['rotation_only'], "Keep Detail Size"), (settings['refine'], "Quality of large bends"),
+                       (settings['base_metric'], "Measure On"), (transfer['rotation_only'], "Keep Proportions")):
+        assert prop.name == name
+    assert settings['output'].enum_items['BASE'].name == "Smooth Preview"
+    assert transfer['correspondence'].enum_items['STORED'].name == "Saved Match"
+    assert bpy.ops.object.detail_deform_marker_add.get_rna_type().name == "Add Transfer Marker"
+
+
+def test_no_two_settings_have_one_label():
+    settings = bpy.types.Object.bl_rna.properties['detail_deform'].fixed_type
+    names = [prop.name for prop in visible(settings)]
+    assert sorted(set(names)) == sorted(names)
+
+
+def test_numbers_of_methods_are_those_that_files_hold():
+    """Wherever a method stands in its menu."""
+    methods = bpy.types.Object.bl_rna.properties['detail_deform'].fixed_type.properties['method'].enum_items
+    assert {item.identifier: item.value for item in methods} == {
+        'TRANSFER': 0, 'VARIATIONAL': 1, 'NORMAL': 2, 'GRADIENT': 3, 'VOLUMES': 4, 'EXAMPLES': 5}
+
+
+# Sentences
+
+def unknown(text, known):
+    """Words with a capital that are no label: neither known, nor at the beginning of a sentence."""
+    for name in sorted(known, key=len, reverse=True):
+        text = re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", '·', text)
+    text = re.sub(r"'…'|…", '·', text)
+    return re.findall(r"(?<![.?!] )(?<!^)(?<!\n)\b[A-Z][\w-]*", text)
+
+
+def test_what_a_sentence_names_has_that_label(folder):
+    known = labels(folder) | BLENDERS | OTHERS
+    wrong = [(where, text, found) for where, text in texts(folder) if (found := unknown(text, known))]
+    assert not wrong, '\n'.join(map(str, wrong))
+
+
+def test_the_check_of_names_finds_what_is_wrong(folder):
+    known = labels(folder) | BLENDERS
+    assert unknown("Nothing follows: press Around Handles.", known) == ["Around"]
+    assert unknown("Only rotations count (Rotation Only).", known) == ["Rotation", "Only"]
+    assert unknown("Press Re-bind to go on. Then move it.", known) == []
+    assert unknown("The last Bind, of 'X': choose Quality of large bends.", known) == []
+
+
+def test_what_is_pressed_is_a_label(folder):
+    for where, text in texts(folder):
+        for word in re.findall(r"\b[Pp]ress (\S+)", text):
+            assert word[0].isupper(), (where, text)
+
+
+# Status
+
+def test_progress_is_said_in_steps(part):
+    ob = make_strip(n=60)
+    assert bpy.ops.object.detail_deform_bind(wait=True) == {'FINISHED'}  # the library is loaded
+    words, bound = part('follow.words'), part('follow.bound')
+    said = [words.step(stage) for stage in words.STEP_OF_STAGE]
+    assert said[0] == "(1 of 3)" and set(said) == {"(1 of 3)", "(2 of 3)", "(3 of 3)"}
+
+    class Job:
+        cancelled = False
+
+        def progress(self):
+            return True, 0.41, "Factoring the Poisson system"
+
+    bound.cache._jobs[ob.detail_deform.signature] = Job()
+    try:
+        assert ob.detail_deform.status == "Preparing (1 of 3), 41%."
+    finally:
+        del bound.cache._jobs[ob.detail_deform.signature]
+
+
+def test_every_stage_of_a_bind_has_its_step(part):
+    sources = REPOSITORY / 'native' / 'src'
+    stages = {"Starting"}
+    for path in ('deform/deformer.cpp', 'surface/bound_surface.cpp', 'solver/sparse_cholesky.h'):
+        stages.update(re.findall(r'(?:report|stage|factored)\b[^;]*?"([A-Z][^"]*)"', (sources / path).read_text()))
+    assert stages == set(part('follow.words').STEP_OF_STAGE)
+
+
+def test_the_status_counts_in_plain_words():
+    ob = bind(make_strip(n=36))
+    assert ob.detail_deform.status == "Bound to 'right': 1,080 vertices follow it."
+    group(ob, 'left', range(36 * 3, 36 * 4))
+    bpy.ops.object.detail_deform_handle_add(vertex_group='left')
+    update()
+    assert bind(ob).detail_deform.status == "Bound to 2 handles: 1,044 vertices follow."
+
+
+def test_handles_and_examples_are_called_by_name(part):
+    """Also where the C library, which knows their numbers only, says the sentence."""
+    ob = make_strip()
+    add_from(ob, own(ob)[:, 0] < 0.3)
+    ob.detail_deform.examples.add().name = "Bent"
+    words, error = part('follow.words'), part('library.native').NativeError
+    for told, said in (("Handle 0: its motion flattens.", "Handle 'right': its motion flattens."),
+                       ("The matrix of handle 1 is not finite.", "The matrix of handle 'Handle' is not finite."),
+                       ("Example 0 has 2 vertices.", "Example 'Bent' has 2 vertices."),
+                       ("The turn of handle 7 is not finite.", "The turn of handle 7 is not finite.")):
+        assert words.said(ob, error(told)) == said
+    ob.detail_deform.steps = 3
+    bind(ob)
+    ob.detail_deform.handles[0].target.scale = (-1, 1, 1)
+    update()
+    assert ob.detail_deform.status.startswith("Handle 'right': its motion flattens or mirrors")
+    assert "'right'" in refusal(bpy.ops.object.detail_deform_update)
+
+
+# The manual
+
+def pattern(words):
+    """Of a row's words: … stands for whatever differs."""
+    return '.*'.join(re.escape(part.strip()) for part in words.strip().split('…'))
+
+
+def is_of(row, text):
+    """Whether a row is about a sentence, which may be put together of two."""
+    begins = text.split('…')[0]
+    return bool(re.search(pattern(row), text)) or len(begins.split()) > 3 and re.match(pattern(text.rstrip('.')), row)
+
+
+def rows():
+    """What the manual's tables of messages have in their first column, one for each sentence."""
+    text = MANUAL.read_text(encoding='utf-8').split('## What a message means')[1].split('\n## ')[0]
+    cells = re.findall(r'^\| (.*?) \|', text, re.MULTILINE)
+    return [alternative for cell in cells if cell not in {'it says'} and set(cell) - set('-|')
+            for alternative in cell.split(' / ')]
+
+
+def test_each_message_has_a_row_in_the_manual(folder):
+    found = rows()
+    assert len(found) > 100
+    missing = [(where, text) for where, text in refusals(folder) if not any(is_of(row, text) for row in found)]
+    assert not missing, '\n'.join(map(str, missing))
+
+
+def test_each_row_of_the_manual_is_a_message(folder):
+    said = [text for _, text in texts(folder)] + [*native_sentences(REPOSITORY / 'native' / 'src')]
+    stale = [row for row in rows() if not any(is_of(row, text) for text in said)]
+    assert not stale, '\n'.join(stale)
+
+
+def bold(text):
+    """What a text of ours has in bold."""
+    text = re.sub(r'```.*?```', '', text, flags=re.DOTALL)
+    for found in re.findall(r'\*\*(.+?)\*\*', text):
+        yield from (part.strip() for part in re.split(r' > |, ', re.sub(r'\[(.*?)\]\(.*?\)', r'\1', found)))
+
+
+@pytest.mark.parametrize('file', ['addon/MANUAL.md', 'README.md'])
+def test_what_the_manual_has_in_bold_is_a_label(folder, file):
+    known = labels(folder) | BLENDERS | {"+", "−", "▾", "⇄", "What a message means"}
+    wrong = {name for name in bold((REPOSITORY / file).read_text(encoding='utf-8')) if name not in known}
+    assert not wrong, wrong

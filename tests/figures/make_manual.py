@@ -18,111 +18,21 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 ROOT = Path(__file__).resolve().parents[2]
-OUT = ROOT / 'addon' / 'manual'
-sys.path.insert(0, str(ROOT / 'addon'))
+sys.path[:0] = [str(ROOT / 'addon'), str(ROOT / 'tests' / 'figures')]
 import detail_deform  # noqa: E402
 from detail_deform.scene import mesh_data  # noqa: E402
 from detail_deform.setup import markers  # noqa: E402
 from detail_deform.ui import panels, transfer_panel  # noqa: E402
-
-PANEL_WIDTH = 440  # of the Properties editor, pixels
-PATH_HEIGHT = 26  # the object's name above the panels
-VIEW_ONLY = ('-shave', '0x150', '-resize', '560x', '-quality', '75')  # without its header
-
-
-def window():
-    return bpy.context.window_manager.windows[0]
-
-
-def area(kind):
-    return next(a for a in window().screen.areas if a.type == kind)
-
-
-def in_area(kind):
-    where = area(kind)
-    return bpy.context.temp_override(window=window(), area=where,
-                                     region=next(r for r in where.regions if r.type == 'WINDOW'))
-
-
-def picture(name, kinds, options):
-    """Of these areas, side by side, as far as the highest bottom; options of convert."""
-    areas = [area(kind) for kind in kinds]
-    left, bottom = min(a.x for a in areas), max(a.y for a in areas)
-    width, height = max(a.x + a.width for a in areas) - left, max(a.y + a.height for a in areas) - bottom
-    shot = subprocess.run(['import', '-window', 'root', 'png:-'], check=True, capture_output=True).stdout
-    crop = f'{width}x{height}+{left}+{window().height - bottom - height}'
-    subprocess.run(['convert', 'png:-', '-crop', crop, '+repage', *options, str(OUT / name)], check=True, input=shot)
-
-
-def panel_picture(name):
-    """The panels alone: what is left when the tabs, the search field, the path and the empty rest are cut off."""
-    region = next(r for r in area('PROPERTIES').regions if r.type == 'WINDOW')
-    top = window().height - region.y - region.height + PATH_HEIGHT
-    shot = subprocess.run(['import', '-window', 'root', 'png:-'], check=True, capture_output=True).stdout
-    crop = f'{region.width}x{region.height - PATH_HEIGHT - 20}+{region.x}+{top}'
-    trim = ('-trim', '+repage')  # twice: beside the scroll bar's edge, and below the panels
-    subprocess.run(['convert', 'png:-', '-crop', crop, '+repage', *trim, *trim, '+dither', '-colors', '128',
-                    str(OUT / name)], check=True, input=shot)
-
-
-def settle():
-    """Waits until the window shows what is so now."""
-    for _ in range(3):
-        for shown in window().screen.areas:
-            shown.tag_redraw()
-        yield 0.3
-
-
-def drag(start, end):
-    """With the mouse, from the bottom left corner of the window."""
-    for words in (('mousemove', *start), ('mousedown', 1), ('mousemove', *end), ('mouseup', 1)):
-        if words[0] == 'mousemove':
-            words = (*words[:2], window().height - words[2])
-        subprocess.run(['xdotool', *map(str, words)], check=True)
-        yield 0.3
-
-
-def arrange():
-    """A wide Properties editor under a low outliner."""
-    side = area('PROPERTIES')
-    yield from drag((side.x - 1, side.y + 100), (side.x + side.width - PANEL_WIDTH, side.y + 100))
-    side = area('PROPERTIES')
-    yield from drag((side.x + 200, side.y + side.height), (side.x + 200, window().height - 60))
-    area('PROPERTIES').spaces[0].context = 'MODIFIER'
-    view = area('VIEW_3D').spaces[0]
-    view.show_region_toolbar = view.show_region_ui = view.show_gizmo = False
-    view.overlay.show_cursor = view.overlay.show_floor = view.overlay.show_axis_y = view.overlay.show_axis_x = False
-
-
-def show_only(*classes):
-    """These of the add-on's panels, open; nothing else in the editor but the path."""
-    for cls in bpy.types.Panel.__subclasses__():
-        if cls.is_registered and getattr(cls, 'bl_context', "") in {'modifier', 'object'}:
-            bpy.utils.unregister_class(cls)
-    for cls in classes:
-        if getattr(cls, 'bl_parent_id', "") and cls.bl_parent_id not in {c.__name__ for c in classes}:
-            del cls.bl_parent_id
-        bpy.utils.register_class(cls)
-
-
-def activate(ob):
-    bpy.context.view_layer.update()
-    for other in bpy.context.view_layer.objects:
-        other.select_set(other == ob)
-    bpy.context.view_layer.objects.active = ob
-
+import manual_start  # noqa: E402
+from manual_window import (  # noqa: E402
+    OUT, VIEW_ONLY, activate, area, arrange, look, number, panel_picture, picture, settle, show_only)
 
 def open_scene(name):
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / name), load_ui=False)
 
 
-def look(eye, at, lens=60):
-    view = area('VIEW_3D').spaces[0]
-    region = view.region_3d
-    turn = (Vector(eye) - Vector(at)).to_track_quat('Z', 'Y')
-    region.view_perspective, view.lens = 'PERSP', lens
-    region.view_location, region.view_rotation = at, turn
-    region.view_distance = (Vector(eye) - Vector(at)).length
+# Heights in overview.png: the box, the buttons, the method, what is shown, the ends, and the panels below.
+OVERVIEW = (62, 106, 179, 271, 344, 389, 415, 441, 467, 493)
 
 
 def hide_cameras():
@@ -135,6 +45,13 @@ def turn_about_itself(empty, shift, degrees):
     place = empty.matrix_world.translation.copy()
     empty.matrix_world = (Matrix.Translation(Vector(shift) + place) @ Matrix.Rotation(radians(degrees), 4, 'Y')
                           @ Matrix.Translation(-place) @ empty.matrix_world)
+
+
+def overview():
+    """The main panel, and its own panels closed."""
+    main, *others = panels.OBJECT_PT_detail_deform, *(
+        cls for cls in panels.CLASSES if getattr(cls, 'bl_parent_id', "") == 'OBJECT_PT_detail_deform')
+    return main, *(type(f'{cls.__name__}_closed', (cls,), {'bl_options': {'DEFAULT_CLOSED'}}) for cls in others)
 
 
 def suzanne():
@@ -157,13 +74,19 @@ def suzanne():
     yield from settle()
     picture('window.jpg', ('VIEW_3D', 'PROPERTIES'), ('-resize', '900x', '-quality', '72'))
 
+    show_only(*overview())
+    yield from settle()
+    panel_picture('overview.png')
+    number('overview.png', OVERVIEW)
+
     settings = ob.detail_deform
     settings.preview = True
     yield from settle()
     picture('vertices.jpg', ('VIEW_3D',), VIEW_ONLY)
     for name, cls in (('panel', panels.OBJECT_PT_detail_deform), ('handles', panels.OBJECT_PT_detail_deform_handles),
                       ('base', panels.OBJECT_PT_detail_deform_base),
-                      ('advanced', panels.OBJECT_PT_detail_deform_advanced)):
+                      ('advanced', panels.OBJECT_PT_detail_deform_advanced),
+                      ('comparison', panels.OBJECT_PT_detail_deform_comparison)):
         show_only(cls)
         yield from settle()
         panel_picture(f'{name}.png')
@@ -199,13 +122,21 @@ def creatures():
     giraffe.select_set(False)
     show_only(transfer_panel.OBJECT_PT_detail_deform_transfer)
     hide_cameras()
-    look((3.6, -5.0, 2.3), (0.45, 0.9, 1.45), 62)
+    giraffe.location = (2.4, 0.4, 0)  # beside the calf
+    look((3.2, -6.6, 2.6), (1.3, 0.2, 1.55), 62)
     yield from settle()
     picture('markers.jpg', ('VIEW_3D',), VIEW_ONLY)
     bpy.ops.object.detail_deform_transfer_match()
+    giraffe.detail_deform.transfer.show_match, giraffe.detail_deform.transfer.show_markers = True, False
+    yield from settle()
+    picture('match.jpg', ('VIEW_3D',), VIEW_ONLY)
+    giraffe.detail_deform.transfer.show_match = False
     bpy.ops.object.detail_deform_transfer_live()
     bpy.context.scene.frame_set(17)
     yield 2.0
+    yield from settle()
+    picture('following.jpg', ('VIEW_3D',), VIEW_ONLY)
+    giraffe.detail_deform.transfer.show_markers = True
     yield from settle()
     panel_picture('transfer.png')
     bpy.ops.object.detail_deform_transfer_live(on=False)
@@ -252,6 +183,9 @@ def examples_of(calf):
 
 def steps():
     """Yields the seconds to wait before going on: in between Blender draws."""
+    subprocess.run([bpy.app.binary_path, '--background', '--factory-startup', '--python-exit-code', '1', '--python',
+                    str(ROOT / 'tests' / 'figures' / 'manual_shapes.py')], check=True)
+    yield from manual_start.make(ROOT)
     yield from suzanne()
     yield from creatures()
 

@@ -23,8 +23,8 @@ def bind(ob, depsgraph, wait, keep_rest):
     native.library()
     settings = ob.detail_deform
     if settings.transfer.live:
-        raise MeshProblem(f"'{ob.name}' follows '{settings.transfer.source.name if settings.transfer.source else ''}' "
-                          "(Transfer): stop that before binding it to handles.")
+        raise MeshProblem(f"'{ob.name}' follows '{settings.transfer.source.name if settings.transfer.source else ''}': "
+                          "press Follow to stop that (Detail Deform: Transfer) before you bind it to handles.")
     offset_attribute.check_name(ob)
     roles = content.roles(ob)
     places = handle_matrices.local_places(ob, depsgraph)
@@ -83,6 +83,14 @@ def _has_come(settings):
     """Whether a handle was added since the last Bind."""
     return any(not (handle.mirrors or handle_matrices.has_rest(handle))
                for handle in handle_matrices.enabled_handles(settings))
+
+
+def show_again(ob):
+    """Where the modifier of a bound object was removed, it gets another one."""
+    if ob.detail_deform.signature and node_group.find_modifier(ob) is None:
+        stack.ensure_modifier(ob)
+        influence_changed(ob)
+        targets_changed(ob)
 
 
 def influence_changed(ob):
@@ -165,10 +173,10 @@ def make_base_object(ob):
     settings = ob.detail_deform
     entry = bound.cache.find(settings.signature)
     if entry is None or settings.stale or settings.base == 'OBJECT':
-        raise MeshProblem("Bind with a computed base first: that is what becomes an object.")
+        raise MeshProblem("Set Base to Computed and press Bind first: that base is what becomes an object.")
     if start.is_deformed(ob.data):
         raise MeshProblem("A handle was added to the deformed surface, and a base is made of the mesh without "
-                          "deformation: put all handles back to rest first (Handles > ▾ > All Back to Rest).")
+                          "deformation: put all handles back to rest first (All Back to Rest).")
     rest = np.repeat(np.eye(4)[None, :3], entry.made.info.handle_count, axis=0)
     offsets = entry.made.offsets(rest, output='BASE').reshape(-1, 3)
     settings.base_object = outside_base.make(ob, mesh_data.positions(ob.data) + offsets)

@@ -50,7 +50,7 @@ def check(ob):
     stale = content.difference(ob)
     if stale in {content.TOPOLOGY_CHANGED, content.VERTICES_MOVED} and node_group.find_modifier(ob) is None:
         return ("The modifier was applied by hand, or removed and the mesh edited, so the surface is no longer bound: "
-                "Bind to go on from here.")
+                "press Bind to go on from here.")
     if of.stale != stale:
         of.stale = stale
         shown.forget(ob.data)  # an edit may have reached the offsets too

@@ -5,7 +5,7 @@ from ..scene import correspondence, mesh_data, node_group, source_pose
 from ..scene.mesh_data import MeshProblem
 from . import made, prepared
 
-GONE = "The source was deleted: choose another one, or stop following."
+GONE = "The source was deleted: choose another one in Source, or press Follow to stop."
 _NOT_SHOWN = "Its modifier was removed or applied by hand: press Follow to stop, and again to go on."
 
 cache = made.Cache(spare=2)  # of prepared.Prepared
@@ -50,8 +50,8 @@ def matched(source, ob):
         return correspondence.by_topology(source, ob)
     if how != 'STORED':
         what = "markers are searched" if how == 'MARKERS' else "a list is read"
-        raise MeshProblem(f"'{ob.name}' follows by what is kept with it: {what} only when following starts. Stop "
-                          "(Follow), and press Follow again.")
+        raise MeshProblem(f"'{ob.name}' follows by its Saved Match: {what} only when following starts. Press Follow "
+                          "to stop, and again to start.")
     return correspondence.stored(source, ob)
 
 

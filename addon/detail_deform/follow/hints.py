@@ -58,7 +58,7 @@ def _cut_off(ob, region, border):
             vertex = int(np.flatnonzero(border)[moved[border].argmax()])
             name = example.object.name if example.object else example.name
             yield (f"Example '{name}' also moves what lies beside the region (such as vertex {vertex}), which stays: "
-                   "of the pose a flat stub may be left. Enlarge the region to where the example begins to move.")
+                   "of the pose a flat stub may be left. Make the region larger, to where the example begins to move.")
 
 
 def shares_empties_with(ob):

@@ -21,7 +21,7 @@ from ..library import native
 from ..scene import mesh_data, node_group, offset_attribute, reach
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
-from . import bound, drag, fed, placed, registry, shown, slow_results
+from . import bound, drag, fed, placed, registry, shown, slow_results, words
 
 KINDS = (fed, bound)
 
@@ -76,7 +76,7 @@ def refresh(ob, depsgraph, force=False):
         elif not kind.has(ob):  # it has been ended, and says why
             return
     except (MeshProblem, native.NativeError) as error:
-        problem = str(error)
+        problem = words.said(ob, error)
     if kind.settings(ob).problem != problem:
         kind.settings(ob).problem = problem
 
@@ -163,7 +163,7 @@ def finish(kind, content):
         return kind.cache.finish(content)
     except native.NativeError as error:
         for ob in _owners(kind, content):
-            kind.refuse(ob, str(error))
+            kind.refuse(ob, words.said(ob, error))
         raise
 
 

@@ -11,7 +11,7 @@ from . import binding, fed, life, registry
 def check_start(ob, source):
     """Raises MeshProblem where an object can't follow that source, whatever corresponds."""
     if ob.detail_deform.signature:
-        raise MeshProblem(f"'{ob.name}' is bound to handles, which move it already: Unbind first.")
+        raise MeshProblem(f"'{ob.name}' is bound to handles, which move it already: press Unbind first.")
     offset_attribute.check_name(ob)
     _check_circle(source, ob)
     transferred.check_not_shown(ob)
@@ -23,8 +23,8 @@ def _check_circle(source, ob):
     while follower is not None and follower.detail_deform.transfer.live:
         follower = follower.detail_deform.transfer.source
         if follower in seen:
-            raise MeshProblem(f"'{source.name}' follows '{ob.name}' already, itself or by way of others: stop that "
-                              "first.")
+            raise MeshProblem(f"'{source.name}' follows '{ob.name}' already, itself or by way of others: select "
+                              f"'{source.name}' and press Follow there to stop.")
         seen.add(follower)
 
 
@@ -73,9 +73,9 @@ def state(ob):
     settings = ob.detail_deform.transfer
     job = fed.cache.under_way(settings.prepared_for)
     if job:
-        _, fraction, stage = job.progress()
+        _, fraction, _ = job.progress()
         source = settings.source.name if settings.source else ""
-        return f"Preparing to follow '{source}', {100 * fraction:.0f}%: {stage}."
+        return f"Preparing to follow '{source}', {100 * fraction:.0f}%."
     return settings.problem or (f"Follows '{settings.source.name}'." if settings.source else fed.GONE)
 
 

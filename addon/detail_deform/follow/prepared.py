@@ -62,8 +62,8 @@ def _anchors(target, anchor, anchor_group):
     anchors = ()
     if anchor in {'VERTICES', 'PINNED'}:
         if anchor_group not in target.vertex_groups:
-            raise MeshProblem(f"'{target.name}' has no vertex group '{anchor_group}': choose the group of the "
-                              "vertices that stay in place (Anchor).")
+            raise MeshProblem(f"'{target.name}' has no vertex group '{anchor_group}': choose that of the vertices "
+                              "that stay in place in Anchor Group.")
         anchors = np.flatnonzero(mesh_data.members(target, anchor_group))
         if not len(anchors):
             raise MeshProblem(f"The group '{anchor_group}' has no vertex with a weight over "
@@ -75,12 +75,12 @@ def remarks(transfer):
     """What the user may not expect of these meshes, in sentences."""
     info = transfer.info
     if info.unmatched_component_count:
-        yield (f"{info.unmatched_component_count} loose part(s) of the target (such as that of vertex "
+        yield (f"{info.unmatched_component_count:,} loose part(s) of this mesh (such as that of vertex "
                f"{info.unmatched_component_example}) correspond to nothing and go with the rest.")
     elif info.unmatched_count:
-        yield (f"{info.unmatched_count:,} triangles of the target correspond to nothing and go with the nearest "
+        yield (f"{info.unmatched_count:,} triangles of this mesh correspond to nothing and go with the nearest "
                "that do.")
     if info.degenerate_count:
-        yield f"{info.degenerate_count:,} triangles of the target have next to no area."
+        yield f"{info.degenerate_count:,} triangles of this mesh have next to no area."
     if info.mirrored:
-        yield "The target looks like the source's mirror image, which a deformation can't be turned into."
+        yield "This mesh looks like the source's mirror image, which a deformation can't be turned into."

@@ -4,7 +4,7 @@
 from ..library import native
 from ..scene import offset_attribute
 from ..scene.window import redraw_panels
-from . import placed, registry, shown, slow_results
+from . import placed, registry, shown, slow_results, words
 
 # A drag moves the handles many times a second: work starts when that has paused for so long.
 _PAUSE_SECONDS, _DRAG_PAUSE_SECONDS = 0.3, 0.15
@@ -41,10 +41,10 @@ class SlowUpdate:
 
     def refuse(self, sentence):
         for ob in self._owners():
-            record = shown.by(ob.data)
+            record, problem = shown.by(ob.data), words.named(ob, sentence)
             if record is not None:
-                record.problem = sentence
-            ob.detail_deform.problem = sentence
+                record.problem = problem
+            ob.detail_deform.problem = problem
         redraw_panels()
 
     def run(self, wait):

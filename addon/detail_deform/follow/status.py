@@ -2,7 +2,7 @@
 """What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
 
 from ..scene import examples, handle_matrices, node_group, offset_attribute, stack
-from . import bound, hints, look, shown, slow_results
+from . import bound, hints, look, shown, slow_results, words
 
 
 def is_bound(ob):
@@ -45,15 +45,15 @@ def text(ob):
         if under_way.cancelled:
             return "Cancelling."
         _, fraction, stage = under_way.progress()
-        return f"Binding, {100 * fraction:.0f}%: {stage}."
+        return f"Preparing {words.step(stage)}, {100 * fraction:.0f}%."
     if settings.transfer.live:
         return settings.transfer.state
     if settings.stale:
-        return f"{settings.stale} Re-bind to go on."
+        return f"{settings.stale} Press Re-bind to go on."
     if settings.problem:
         return settings.problem
     if not settings.signature and not settings.handles and settings.base == 'COMPUTED':
-        also = ", and examples to mix" if settings.method == 'EXAMPLES' else ""
+        also = ", and examples to mix (Examples)" if settings.method == 'EXAMPLES' else ""
         return f"Not bound: select vertices in Edit Mode and press Pull Selected, or add a handle{also}."
     if not settings.signature:
         return "Not bound."
@@ -68,32 +68,31 @@ def _count(number, one, many):
 
 
 def _summary(settings, info):
-    movers = [_count(info.handle_count, 'handle', 'handles')] * bool(info.handle_count)
-    base = settings.base_object if settings.base == 'OBJECT' else None
-    if base:
-        movers.insert(0, f"base '{base.name}'")
-    one = len(movers) == 1 and (base or info.handle_count == 1)
-    return (f"Bound: {' and '.join(movers)} {'moves' if one else 'move'} "
-            f"{_count(info.free_count, 'free vertex', 'free vertices')}.")
+    handles = [handle.name for handle in handle_matrices.enabled_handles(settings)]
+    movers = [f"'{handles[0]}'" if len(handles) == 1 else f"{len(handles):,} handles"] * bool(handles)
+    if settings.base == 'OBJECT' and settings.base_object:
+        movers.insert(0, f"the base '{settings.base_object.name}'")
+    return (f"Bound to {' and '.join(movers)}: {_count(info.free_count, 'vertex follows', 'vertices follow')}"
+            f"{' it' if len(movers) == 1 and len(handles) < 2 else ''}.")
 
 
 def _shown_slow(ob):
     """Which of the two results is shown, and what there is to know about it."""
     settings = ob.detail_deform
-    what = "by displacement volumes" if settings.method == 'VOLUMES' else ""
+    what = "by Displacement Volumes" if settings.method == 'VOLUMES' else ""
     if look.steps(settings) > 1:
         what = f"{what} in {settings.steps} steps".strip()
     done, record = slow_results.progress(offset_attribute.token(ob.data)), shown.by(ob.data)
     if done is not None:
-        yield f"Shown is the quick result; that {what} is under way, {100 * done:.0f}%."
+        yield f"A quick result is shown; the one {what} is being computed, {100 * done:.0f}%."
     elif record is None or not record.is_final:
-        yield f"Shown is the quick result; that {what} follows when a handle is moved or Update is pressed."
+        yield f"A quick result is shown; the one {what} comes when you move a handle or press Update."
     elif record.slow_info is not None:
-        yield f"Shown is the result {what}."
+        yield f"The result {what} is shown."
         if settings.method == 'VOLUMES':
             yield f"Volumes are kept within {100 * record.slow_info.volume_error:.2g}%."
             if not record.slow_info.volumes_converged:
-                yield "The search for them stopped at its limit of iterations: raise it for a better result."
+                yield "The search for them stopped early: raise Iterations (For Comparison) for a better result."
 
 
 def _names(names):
@@ -106,9 +105,9 @@ def _remarks(ob, info):
     if node_group.find_cache(ob):
         yield "A baked cache is played in its place: press Go Live to follow the handles again."
     elif modifier is None:
-        yield "Its modifier was removed, so nothing is shown: bind again to add it."
+        yield "Its modifier was removed, so nothing is shown: press Update to add it."
     elif not modifier.show_viewport:
-        yield "Its modifier is hidden, so nothing is computed."
+        yield "Its modifier is hidden, so nothing is computed: show it in the viewport."
     place = stack.why_not_here(ob)
     if place:
         yield place
@@ -126,7 +125,7 @@ def _remarks(ob, info):
     if info.far_count:
         yield (f"{_count(info.far_count, 'vertex lies', 'vertices lie')} far from the base (such as vertex "
                f"{info.far_example}), and what they follow is a guess: move the base closer, or leave them out of the "
-               "region.")
+               "Region.")
     if info.torn_count:
         yield (f"{_count(info.torn_count, 'vertex lies', 'vertices lie')} between parts of the base (such as vertex "
                f"{info.torn_example}): neighbours follow different parts. Fit the base closer there, or pose it so "
@@ -136,12 +135,12 @@ def _remarks(ob, info):
                f"(such as triangle {info.degenerate_example}).")
     settings = ob.detail_deform
     if info.handle_count == 1 and not settings.region and settings.base == 'COMPUTED':
-        yield ("The only handle takes the whole mesh along, because nothing holds it: choose a region (By Radius), or "
+        yield ("The only handle takes the whole mesh along, because nothing holds it: make a region (By Radius), or "
                "add a handle that stays.")
     if info.idle_handle_count:
         idle = handle_matrices.enabled_handles(settings)[info.idle_handle_example].name
         yield (f"Nothing follows {_count(info.idle_handle_count, 'handle', 'handles')} (such as '{idle}'): no vertex "
-               "of the region is beside. Enlarge the region (Around Handles), or take another.")
+               "of the region is beside it. Make the region larger (By Radius), or choose another one.")
     yield from hints.of_region(ob)
     other = hints.shares_empties_with(ob)
     if other:
@@ -155,20 +154,21 @@ def _remarks(ob, info):
     if settings.method == 'NORMAL' and info.unrepresented_count:
         yield (f"{_count(info.unrepresented_count, 'vertex', 'vertices')} (such as vertex "
                f"{info.unrepresented_example}) {'overhangs' if info.unrepresented_count == 1 else 'overhang'} "
-               "the base, where normal displacements fail: use Detail Transfer, or a smaller region.")
+               "the base, where Normal Displacement fails: choose Detail Transfer, or a smaller region.")
     if settings.method == 'EXAMPLES':
         if settings.base == 'OBJECT':
-            yield "Examples go by the handles and not by a base object: choose another method to follow it."
+            yield "The method Examples goes by the handles and not by a base object: choose another one to follow it."
         elif not examples.enabled(settings):
-            yield "There are no examples, so the rest shape alone is pulled: add shape keys or posed copies (Examples)."
+            yield ("There are no examples, so the rest shape alone is pulled: press Add Shape Keys or Add Selected "
+                   "Objects (Examples).")
         keys = examples.shown_keys(ob)
         if keys:
             yield f"Shape keys that are examples are shown too, as {_names(keys[:3])}: set their values to 0."
     if settings.method == 'GRADIENT' and settings.base == 'OBJECT':
-        yield "Gradient editing goes by the handles and not by the base: choose another method to follow it."
+        yield "Gradient Editing goes by the handles and not by the base: choose another method to follow it."
     if settings.method == 'GRADIENT':
         record = shown.by(ob.data)
         moved = record.only_moved if record else ()
         if moved:
-            yield (f"Gradient editing turns nothing where a handle is only moved, as {_names(moved)} "
-                   f"{'is' if len(moved) == 1 else 'are'}: turn the empty too, or use Detail Transfer.")
+            yield (f"Gradient Editing turns nothing where a handle is only moved, as {_names(moved)} "
+                   f"{'is' if len(moved) == 1 else 'are'}: turn the empty too, or choose Detail Transfer.")

@@ -38,6 +38,7 @@ class Option:
     needs: tuple = ()
     off: Any = None  # what the library is told where a need says why not; None: nothing
     section: str = ""  # of the panels; '': no row, or one of its own
+    compared: tuple = ()  # values of an enum that its menu has under a heading of their own
     expand: bool = False  # as buttons side by side
     search: str = ""  # of the object: collection that a name is chosen from
     copied: bool = True  # by Copy Settings
@@ -57,37 +58,35 @@ class Option:
 
 METHODS = (
     ('TRANSFER', "Detail Transfer",
-     "A smooth base surface bends, and details turn with it (Botsch, Sumner, Pauly, Gross 2006). "
-     "The best choice nearly always"),
+     "A smooth base surface bends, and details turn with it. The best choice nearly always"),
     ('VARIATIONAL', "Smooth Displacement",
-     "The smoothest displacement that follows the handles: details are moved but not turned, so they shear "
-     "(variational minimization)"),
+     "The smoothest way to follow the handles: details are moved but not turned, so they shear"),
     ('NORMAL', "Normal Displacement",
      "A smooth base surface bends, and details stand on it along its normals: fails where they overhang, "
      "and self-intersects in tight bends"),
     ('GRADIENT', "Gradient Editing",
-     "The handles' rotation and scale spread over the surface; a handle that is only moved turns nothing "
-     "(differential coordinates)"),
+     "The handles' rotation and scale spread over the surface; a handle that is only moved turns nothing"),
     ('VOLUMES', "Displacement Volumes",
      "The space between the smooth base and the surface keeps its volume: bulges where it is pressed "
-     "together. Slow: while you drag, Detail Transfer is shown, and the result follows when you pause"),
+     "together. Slow: while you drag, Detail Transfer is shown, and the result comes when you pause"),
     ('EXAMPLES', "Examples",
      "Poses by example: the handles pull the mesh between shape keys or posed copies of it, and what turns "
-     "there turns along an arc (mesh-based inverse kinematics). It bends as the examples do, "
-     "not as a base surface"))
+     "there turns along an arc. It bends as the examples do, not as a base surface"))
+# Methods that are here beside Detail Transfer because the paper compares it with them.
+COMPARED_METHODS = ('VARIATIONAL', 'NORMAL', 'GRADIENT', 'VOLUMES')
 OUTPUTS = (
     ('RESULT', "Result", "The deformed surface"),
-    ('BASE', "Base", "The smooth base surface in its place, to see where it bulges"))
+    ('BASE', "Smooth Preview", "The smooth base surface in its place, to see where it bulges"))
 METRICS = (
-    ('SURFACE', "From Surface",
-     "Stiffness measured on the surface itself: exact when all handles move together, fast to bind"),
-    ('BASE', "From Base",
-     "Stiffness measured on the smooth base surface, as in the paper: "
-     "sensitive where the base has tiny triangles"))
+    ('SURFACE', "Surface",
+     "Stiffness is measured on the surface itself: exact when all handles move together, fast to bind"),
+    ('BASE', "Base Surface",
+     "Stiffness is measured on the smooth base surface, as in the paper: better under thorns that overhang, "
+     "worse where the base has tiny triangles"))
 FORMULATIONS = (
-    ('SURFACE', "Surface", "One unknown a vertex: the paper's, fast, and refined"),
+    ('SURFACE', "Surface", "The paper's: fast, and its large bends can be improved"),
     ('FOURTH_POINTS', "Fourth Points",
-     "One unknown a vertex and a face, as in the original deformation transfer, weighted by volumes: to compare with"),
+     "As in the original deformation transfer, with a point beside each face, but weighted by volumes: slower"),
     ('FOURTH_POINTS_UNWEIGHTED', "Fourth Points, Unweighted",
      "The original deformation transfer as it was: small faces count as much as large ones"))
 PAIRS_OF = (
@@ -100,10 +99,10 @@ ANCHORS = (
     ('PINNED', "Pinned Group", "Each vertex of the anchor group stays in place"))
 BASE_DEFORMERS = (
     ('AUTOMATIC', "Automatic",
-     "Linear where no handle turns by more than 135 degrees against another one or what is fixed, motions from 180 "
+     "Linear where no handle turns by more than 135 degrees against another one or what is fixed, Motions from 180 "
      "degrees on, and a mean of both in between"),
     ('LINEAR', "Linear",
-     "The smoothest displacement that the handles allow: stretches least, but gathers a twist in the middle, collapses "
+     "The smoothest way to follow the handles: stretches least, but gathers a twist in the middle, collapses "
      "towards half a turn and knows no more"),
     ('MOTIONS', "Motions",
      "The handles' rotations are blended: even twists and arcs of any number of turns, those of an empty's Euler "
@@ -127,7 +126,7 @@ _CORRESPONDENCES = (
     ('MARKERS', "Markers", "A few places are marked on both meshes, by vertex groups or empties named Marker 1, Marker "
                            "2 and so on; the rest is found by fitting the source to this mesh"),
     ('LIST', "List", "Pairs of triangles or vertices from a text file"),
-    ('STORED', "Kept", "What was found or read before and is kept with this mesh"))
+    ('STORED', "Saved Match", "What was found or read before and is saved with this mesh"))
 
 
 def numbers_of(values):
@@ -157,53 +156,55 @@ _COMPUTED = Need('base', ('COMPUTED',))
 SETTINGS = (
     Option('method', METHODS, "Method",
            "How the surface follows its handles. Switching needs no new Bind",
-           fills=Field(UPDATE, 'method', 'dd_method'), section='METHOD'),
-    Option('rotation_only', bool, "Rotation Only",
+           fills=Field(UPDATE, 'method', 'dd_method'), section='METHOD', compared=COMPARED_METHODS),
+    Option('rotation_only', bool, "Keep Detail Size",
            "Details only turn with the surface and keep their size. Off: they are stretched and sheared with it too",
            default=True, fills=Field(UPDATE, 'gradients', 'dd_gradients', _gradients), section='METHOD',
            needs=(_by('TRANSFER', 'GRADIENT'),)),
-    Option('refine', int, "Refine",
-           "Passes that take the turn of the details from the result and solve again: less stretch and shrinking in "
-           "large bends. Each costs about as much as an update without. 0: the paper's linear result",
+    Option('refine', int, "Quality of large bends",
+           "Passes that take out stretch and shrinking where the surface bends far. Each takes about as long as an "
+           "update without. 0: none, the paper's result",
            default=4, limits=dict(min=0, soft_max=16, max=1000), fills=Field(UPDATE, 'refine', int), section='METHOD',
            needs=(_by('TRANSFER'),
-                  Need('base', ('COMPUTED',), "A base object is followed as it is: refining would go away from it."),
-                  Need('rotation_only', (True,), "Only rotations are refined: switch Rotation Only on."),
-                  Need('formulation', ('SURFACE',), "Only the surface formulation (Advanced) is refined.")),
+                  Need('base', ('COMPUTED',), "A base object is followed as it is, so no bend of it is improved."),
+                  Need('rotation_only', (True,), "Large bends are improved only with Keep Detail Size: switch it on."),
+                  Need('formulation', ('SURFACE',),
+                       "Large bends are improved only by Formulation > Surface (For Comparison).")),
            off=0),
     Option('rotation_smoothing', float, "Bend Length",
-           "Length over which Refine smooths the turn of the details, as a share of the size of the region (the square "
-           "root of its area), so that the mesh's density doesn't matter. Short bends sharply, and a thick shape may "
-           "fold; long is stiff",
+           "Length over which a bend is spread out, as a share of the size of the region (the square root of its "
+           "area), so that the mesh's density doesn't matter. Short bends sharply, and a thick shape may fold; long is "
+           "stiff",
            default=0.009, limits=dict(min=0.009, soft_max=0.05, max=1.0, precision=3, step=0.1),
            fills=Field(UPDATE, 'rotation_smoothing', float), section='METHOD',
            needs=(_by('TRANSFER'), Need('base', ('COMPUTED',)), Need('rotation_only', (True,)),
                   Need('formulation', ('SURFACE',)),
-                  Need('refine', range(1, 1001), "Only Refine bends: it is 0."))),
+                  Need('refine', range(1, 1001), "It has no effect while Quality of large bends is 0."))),
     Option('rim_smoothing', float, "Rim Smoothing",
            "Width of the band around handles and fixed parts in which the surface leaves them smoothly, without a "
            "crease or spike, as a share of the size of the region (the square root of its area). 0: the paper's result",
            default=0.05, limits=dict(min=0.0, soft_max=0.2, max=1.0, precision=3, step=1),
            fills=Field(UPDATE, 'rim_smoothing', float, _or_none), section='METHOD',
            needs=(_by('TRANSFER'),
-                  Need('rotation_only', (True,), "Whole gradients leave no crease at the rims."),
-                  Need('formulation', ('SURFACE',), "Only the surface formulation (Advanced) is smooth at the rims.")),
+                  Need('rotation_only', (True,), "Without Keep Detail Size there is no crease to smooth."),
+                  Need('formulation', ('SURFACE',),
+                       "Rims are smoothed only by Formulation > Surface (For Comparison).")),
            off=-1),
     Option('levels', int, "Levels",
            "Surfaces between the detailed and the smooth one, each displaced from the next smoother one: shorter "
            "displacements, which intersect later",
-           default=1, limits=dict(min=1, max=20, soft_max=5), fills=Field(UPDATE, 'levels', int), section='METHOD',
+           default=1, limits=dict(min=1, max=20, soft_max=5), fills=Field(UPDATE, 'levels', int), section='COMPARISON',
            needs=(_by('NORMAL'),)),
     Option('volume_tolerance', float, "Tolerance",
-           "Displacement volumes are found when no vertex moves by more than this from one iteration to the next, in "
-           "mean heights of the details",
+           "The search for the volumes ends when no vertex moves by more than this from one pass to the next, as a "
+           "share of the details' mean height",
            default=0.01, limits=dict(min=1e-6, max=1.0, precision=4), fills=Field(UPDATE, 'volume_tolerance', float),
-           section='METHOD', needs=(_by('VOLUMES'),)),
+           section='COMPARISON', needs=(_by('VOLUMES'),)),
     Option('volume_iterations', int, "Iterations",
-           "Iterations after which the search for displacement volumes stops anyway",
+           "Passes after which the search for the volumes stops anyway",
            default=50, limits=dict(min=1, max=10000, soft_max=500), fills=Field(UPDATE, 'volume_iterations', int),
-           section='METHOD', needs=(_by('VOLUMES'),)),
-    Option('output', OUTPUTS, "Show", "What the modifier shows",
+           section='COMPARISON', needs=(_by('VOLUMES'),)),
+    Option('output', OUTPUTS, "Show", "What is seen of the deformation",
            fills=Field(UPDATE, 'output', 'dd_output'), section='METHOD'),
 
     Option('weights_by', _WEIGHTS_BY, "Weights by", "Where the weights of the examples come from",
@@ -223,7 +224,7 @@ SETTINGS = (
            "too and bulges most. Takes effect at the next Bind",
            default=2, limits=dict(min=1, max=3), fills=Field(BIND, 'smoothness', 'dd_smoothness'), section='BASE',
            needs=(_COMPUTED,)),
-    Option('base_metric', METRICS, "Stiffness",
+    Option('base_metric', METRICS, "Measure On",
            "Where the stiffness of the base surface is measured. Takes effect at the next Bind",
            fills=Field(BIND, 'base_metric', 'dd_base_metric'), section='BASE', needs=(_COMPUTED,)),
     Option('metric_smoothing', float, "Smoothing",
@@ -231,7 +232,7 @@ SETTINGS = (
            "where the relief is strong. Takes effect at the next Bind",
            default=0.0, limits=dict(min=0.0, soft_max=4.0, max=6.0), fills=Field(BIND, 'metric_smoothing', float),
            section='BASE',
-           needs=(_COMPUTED, Need('base_metric', ('SURFACE',), "Only stiffness from the surface is smoothed.")),
+           needs=(_COMPUTED, Need('base_metric', ('SURFACE',), "It has no effect unless Measure On is Surface.")),
            off=0.0),
     Option('base_deformer', BASE_DEFORMERS, "Deformer", "How the handles move the computed base surface",
            fills=Field(UPDATE, 'base_deformer', 'dd_base_deformer'), section='BASE',
@@ -239,17 +240,17 @@ SETTINGS = (
 
     Option('steps', int, "Steps",
            "Split a large motion of the handles into so many steps, each on the surface that the last one left, as the "
-           "paper does. Large turns need none: see Base > Deformer. While you drag, one step is shown; the result in "
-           "steps follows when you pause. Each step takes as long as a Bind",
+           "paper does. Large turns need none: see Base Surface > Deformer. While you drag, one step is shown; the "
+           "result in steps comes when you pause. Each step takes as long as a Bind",
            default=1, limits=dict(min=1, soft_max=24, max=1000), fills=Field(UPDATE, 'steps', int),
            needs=(_by('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT', 'VOLUMES',
                       why_not="Examples are not approached in steps: add examples of the larger motion."),
                   Need('base', ('COMPUTED',), "The motion of a base object can't be split.")),
            off=1),
     Option('formulation', FORMULATIONS, "Formulation",
-           "Which system carries the turn of the base over to the details",
-           fills=Field(UPDATE, 'formulation', 'dd_formulation'), section='ADVANCED',
-           needs=(_by('TRANSFER', why_not="Only Detail Transfer has formulations."),)),
+           "How the turn of the base is carried over to the details",
+           fills=Field(UPDATE, 'formulation', 'dd_formulation'), section='COMPARISON',
+           needs=(_by('TRANSFER', why_not="Only Detail Transfer has a Formulation."),)),
 
     Option('soft_border', float, "Soft Border",
            "Let the deformation fade towards the region's border, over this share of the way from there to the "
@@ -266,7 +267,7 @@ SETTINGS = (
 
 # Of Object.detail_deform.transfer, and arguments of the operator that transfers.
 TRANSFER_SETTINGS = (
-    Option('correspondence', _CORRESPONDENCES, "Correspondence",
+    Option('correspondence', _CORRESPONDENCES, "Match By",
            "How it is known which part of the source belongs to which of this mesh", section='CORRESPONDENCE',
            told="How it is known which part of the source belongs to which of this mesh; as in the panel unless given"),
     Option('filepath', str, "List",
@@ -275,7 +276,7 @@ TRANSFER_SETTINGS = (
     Option('pairs_of', PAIRS_OF, "Pairs of", "What the list's numbers count",
            fills=Field(TRANSFER, 'pairs_of', 'dd_pairs_of'), section='CORRESPONDENCE',
            needs=(Need('correspondence', ('LIST',)),)),
-    Option('rotation_only', bool, "Rotation Only",
+    Option('rotation_only', bool, "Keep Proportions",
            "This mesh only turns as the source does and keeps its proportions. Off: it is stretched with the source "
            "too",
            fills=Field(APPLY, 'gradients', 'dd_gradients', _gradients), section='TRANSFER',
@@ -286,9 +287,9 @@ TRANSFER_SETTINGS = (
     Option('anchor_group', str, "Anchor Group", "Vertex group of this mesh that stays in place", section='TRANSFER',
            search='vertex_groups', needs=(Need('anchor', ('VERTICES', 'PINNED')),)),
     Option('formulation', FORMULATIONS, "Formulation",
-           "Which system turns the deformation of faces into that of the mesh",
-           fills=Field(TRANSFER, 'formulation', 'dd_formulation'), section='TRANSFER',
-           told="Which system turns the deformation of faces into that of the mesh; as in the panel unless given"),
+           "How the deformation of the faces becomes that of the mesh",
+           fills=Field(TRANSFER, 'formulation', 'dd_formulation'), section='COMPARISON',
+           told="How the deformation of the faces becomes that of the mesh; as in the panel unless given"),
 )
 
 

@@ -35,7 +35,7 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
     cache_start: IntProperty(
         name="Cache's First Frame", options={'SKIP_SAVE'},
         description="When only a part of a cache is baked: the first frame of the whole. "
-                    "Several Blenders may write parts of one cache")
+                    "Parts of one cache may be written at the same time")
     cache_end: IntProperty(
         name="Cache's Last Frame", options={'SKIP_SAVE'},
         description="When only a part of a cache is baked: the last frame of the whole")
@@ -46,7 +46,7 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
     @classmethod
     def poll_object(cls, ob):
         if not ob.detail_deform.signature:
-            cls.poll_message_set("Bind first: there is nothing to bake")
+            cls.poll_message_set("Press Bind first: there is nothing to bake")
             return False
         return True
 

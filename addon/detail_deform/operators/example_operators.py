@@ -17,7 +17,7 @@ class OBJECT_OT_detail_deform_examples_from_keys(MeshOperator, bpy.types.Operato
     def run(self, context, ob):
         count = examples.add_keys(ob)
         life.check(ob)
-        self.report({'INFO'}, f"{count} examples added")
+        self.report({'INFO'}, f"{count:,} {'example' if count == 1 else 'examples'} added")
 
 
 class OBJECT_OT_detail_deform_examples_from_objects(MeshOperator, bpy.types.Operator):

@@ -5,6 +5,7 @@ import time
 
 import bpy
 
+from ..follow import words
 from ..library import native
 from ..scene import mesh_data
 from ..setup import handle_setup
@@ -40,7 +41,7 @@ class MeshOperator:
             mesh_data.check_editable(ob)
             result = self.run(context, ob) or {'FINISHED'}
         except (mesh_data.MeshProblem, native.NativeError) as problem:
-            self.report({'ERROR'}, str(problem))
+            self.report({'ERROR'}, words.said(ob, problem))
             return {'CANCELLED'}
         if context.active_object and context.active_object.mode == 'EDIT':
             # A step of undo in Edit Mode holds the mesh alone, unless data-blocks have come or gone: the

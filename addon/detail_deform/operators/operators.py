@@ -20,7 +20,7 @@ class OBJECT_OT_detail_deform_add(MeshOperator, bpy.types.Operator):
     @classmethod
     def poll_object(cls, ob):
         if node_group.find_modifier(ob):
-            cls.poll_message_set("The object has Detail Deform already")
+            cls.poll_message_set("The object has Detail Deform already: see Properties > Modifiers")
             return False
         return True
 
@@ -88,7 +88,7 @@ class OBJECT_OT_detail_deform_bind(HandOperator, bpy.types.Operator):
 class OBJECT_OT_detail_deform_bind_cancel(HandOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_bind_cancel'
     bl_label = "Cancel"
-    bl_description = "Stop the bind, or the slow result, that is under way"
+    bl_description = "Stop what is under way: the bind, or the slow result"
     bl_options = {'REGISTER'}
 
     def run(self, context, ob):
@@ -118,6 +118,7 @@ class OBJECT_OT_detail_deform_update(HandOperator, bpy.types.Operator):
         if not settings.signature:
             raise mesh_data.MeshProblem(f"'{ob.name}' is not bound: press Bind first.")
         life.check(ob)
+        binding.show_again(ob)
         life.refresh(ob, context.evaluated_depsgraph_get(), force=True)
         if settings.stale or settings.problem:
             raise mesh_data.MeshProblem(status.text(ob))
@@ -148,7 +149,7 @@ class OBJECT_OT_detail_deform_save_key(HandOperator, bpy.types.Operator):
     @classmethod
     def poll_object(cls, ob):
         if not ob.detail_deform.signature:
-            cls.poll_message_set("Bind first, and move a handle")
+            cls.poll_message_set("Press Bind first, and move a handle")
             return False
         return True
 
@@ -173,7 +174,7 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
     @classmethod
     def poll_object(cls, ob):
         if offset_attribute.find(ob.data) is None:
-            cls.poll_message_set("There is no deformation to apply: bind and move a handle first")
+            cls.poll_message_set("There is no deformation to apply: press Bind, and move a handle first")
             return False
         return True
 
@@ -201,7 +202,7 @@ class OBJECT_OT_detail_deform_base_make(MeshOperator, bpy.types.Operator):
     @classmethod
     def poll_object(cls, ob):
         if ob.detail_deform.base == 'OBJECT' and ob.detail_deform.base_object:
-            cls.poll_message_set("There is a base object already")
+            cls.poll_message_set("There is a base object already: set Base to Computed to make another one")
             return False
         return True
 

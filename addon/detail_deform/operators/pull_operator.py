@@ -86,7 +86,7 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
         self._tell(context, 0.0)
 
     def _tell(self, context, done):
-        text = f"Binding, {100 * done:.0f}%. Esc: cancel"
+        text = f"Preparing, {100 * done:.0f}%. Esc: cancel"
         context.window_manager.progress_update(done)
         context.workspace.status_text_set(text)
         if self._view:

@@ -21,7 +21,7 @@ class _HandleOperator(MeshOperator):
     @classmethod
     def poll_object(cls, ob):
         if not ob.detail_deform.handles:
-            cls.poll_message_set("There is no handle")
+            cls.poll_message_set("There is no handle: add one first")
             return False
         return True
 
@@ -29,7 +29,7 @@ class _HandleOperator(MeshOperator):
         settings = ob.detail_deform
         index = settings.handle_index if self.index < 0 else self.index
         if index >= len(settings.handles):
-            raise mesh_data.MeshProblem(f"There is no handle {index}.")
+            raise mesh_data.MeshProblem(f"There is no handle {index} of '{ob.name}': they are counted from 0.")
         return index
 
     def handle(self, ob):
@@ -120,7 +120,7 @@ class OBJECT_OT_detail_deform_handle_reset(HandOperator, _HandleOperator, bpy.ty
     @classmethod
     def poll_object(cls, ob):
         if not any(handle_matrices.has_rest(h) for h in ob.detail_deform.handles):
-            cls.poll_message_set("No handle was bound, so none has a rest place")
+            cls.poll_message_set("No handle was bound, so none has a rest place: press Bind first")
             return False
         return True
 

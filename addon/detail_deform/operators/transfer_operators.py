@@ -18,7 +18,7 @@ from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
 def _source_of(ob, name):
     source = bpy.data.objects.get(name) if name else ob.detail_deform.transfer.source
     if name and source is None:
-        raise mesh_data.MeshProblem(f"There is no object '{name}' to transfer from.")
+        raise mesh_data.MeshProblem(f"There is no object '{name}' to transfer from: choose another Source.")
     correspondence.check_source(source, ob)
     return source
 
@@ -128,9 +128,9 @@ declare(OBJECT_OT_detail_deform_transfer, [option.argument for option in TRANSFE
 
 class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_transfer_match'
-    bl_label = "Find Correspondences"
-    bl_description = ("Fit the source to this mesh by the markers on both and keep which faces correspond, to be used "
-                      "again. Esc cancels")
+    bl_label = "Find Match"
+    bl_description = ("Fit the source to this mesh by the markers on both, and save which faces correspond with this "
+                      "mesh, to be used again. Esc cancels")
     doing = "Looking for what corresponds"
 
     source: StringProperty(
@@ -154,26 +154,27 @@ class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
         matched = yield from matching.search(source, ob)
         correspondence.store(matched, source, ob)
         ob.detail_deform.transfer.correspondence = 'STORED'
-        self.report({'INFO'}, f"Correspondences found: {100 * matched.confidence.mean():.0f}% alike on the whole, "
-                              f"{100 * (matched.confidence < 0.5).mean():.0f}% of the faces less than half.")
+        self.report({'INFO'}, f"Match found: {100 * matched.confidence.mean():.0f}% alike on the whole, "
+                              f"{100 * (matched.confidence < 0.5).mean():.0f}% of the faces less than half. Show Match "
+                              "shows where")
 
 
 class OBJECT_OT_detail_deform_transfer_save(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_transfer_save'
-    bl_label = "Save Correspondences"
-    bl_description = ("Write the kept pairs of triangles to a text file, one pair a line, source then target, "
-                      "counted from 0")
+    bl_label = "Write Match to File"
+    bl_description = ("Write the Saved Match to a text file, one pair of triangles or vertices a line, source then "
+                      "target, counted from 0")
     bl_options = {'REGISTER'}
 
     source: StringProperty(
         name="Source", options={'SKIP_SAVE'},
-        description="Name of the mesh object they were found for; that of the panel unless given")
+        description="Name of the mesh object it was found for; that of the panel unless given")
     filepath: StringProperty(name="File", subtype='FILE_PATH', options=PATH_OPTIONS, description="Where the list goes")
 
     @classmethod
     def poll_object(cls, ob):
         if not correspondence.is_stored(ob):
-            cls.poll_message_set("No correspondences are kept with this mesh")
+            cls.poll_message_set("This mesh has no Saved Match")
             return False
         return True
 
@@ -189,14 +190,15 @@ class OBJECT_OT_detail_deform_transfer_save(MeshOperator, bpy.types.Operator):
 
 class OBJECT_OT_detail_deform_transfer_forget(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_transfer_forget'
-    bl_label = "Forget Correspondences"
-    bl_description = "Remove the correspondences that are kept with this mesh"
+    bl_label = "Forget Match"
+    bl_description = "Remove the Saved Match from this mesh"
 
     poll_object = OBJECT_OT_detail_deform_transfer_save.poll_object
 
     def run(self, context, ob):
         if ob.detail_deform.transfer.live:
-            raise mesh_data.MeshProblem(f"'{ob.name}' follows its source by them: stop that first (Follow).")
+            raise mesh_data.MeshProblem(f"'{ob.name}' follows its source by its Saved Match: press Follow to stop that "
+                                        "first.")
         correspondence.forget(ob)
         ob.detail_deform.transfer.property_unset('correspondence')
         ob.detail_deform.transfer.show_match = False
@@ -204,7 +206,7 @@ class OBJECT_OT_detail_deform_transfer_forget(MeshOperator, bpy.types.Operator):
 
 class OBJECT_OT_detail_deform_marker_add(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_marker_add'
-    bl_label = "Add Marker"
+    bl_label = "Add Transfer Marker"
     bl_description = ("Mark the selected vertex with the next number, as a vertex group. The vertex that corresponds "
                       "on the other mesh gets the same number")
 
@@ -253,7 +255,7 @@ class OBJECT_OT_detail_deform_transfer_live(LongOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_transfer_live'
     bl_label = "Follow Source"
     bl_description = ("Let this mesh follow the source's deformation from now on, or stop it. What markers or a "
-                      "list say is found first and kept with this mesh. Esc cancels")
+                      "list say is found first and saved with this mesh. Esc cancels")
     doing = "Looking for what corresponds"
 
     source: StringProperty(

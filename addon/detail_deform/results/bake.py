@@ -55,7 +55,7 @@ def to_cache(context, ob, start, end, path, whole=None):
     frames.check_range(start, end)
     point_cache.check_time(context)
     if not first <= start <= end <= last:
-        raise MeshProblem(f"Frames {start} to {end} are not within the cache's {first} to {last}.")
+        raise MeshProblem(f"Frames {start} to {end} are not within the cache's {first} to {last}: choose others.")
     modifier = modifier_of(ob)
     for other in mesh_data.unlike_levels(list(ob.modifiers)[:list(ob.modifiers).index(modifier)]):
         raise MeshProblem(f"Modifier '{other.name}' before Detail Deform makes other vertices in renders (level "
@@ -72,7 +72,8 @@ def _evaluated(context, ob, modifier, start, end):
             positions = mesh_data.positions(ob.evaluated_get(context.evaluated_depsgraph_get()).data)
             if count not in {None, len(positions)}:
                 raise MeshProblem(f"Frame {frame}: the modifiers before Detail Deform make {len(positions):,} vertices "
-                                  f"where they made {count:,}, which a cache can't hold.")
+                                  f"where they made {count:,}, which a cache can't hold: move Detail "
+                                  "Deform above them.")
             count = len(positions)
             yield positions
 
@@ -86,7 +87,7 @@ def use_cache(ob, path, start):
     modifier = modifier_of(ob)
     points, before = point_cache.point_count(path), len(ob.data.vertices)
     if points != before and list(ob.modifiers).index(modifier) == 0:
-        raise MeshProblem(f"'{path}' holds {points:,} vertices, and '{ob.name}' has {before:,}: bake it anew.")
+        raise MeshProblem(f"'{path}' holds {points:,} vertices, and '{ob.name}' has {before:,}: press Bake again.")
     cache = node_group.find_cache(ob)
     if cache is None:
         cache = ob.modifiers.new(node_group.CACHE_NAME, 'MESH_CACHE')

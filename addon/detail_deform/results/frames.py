@@ -7,7 +7,7 @@ from ..scene.mesh_data import MeshProblem
 
 def check_range(start, end):
     if end < start:
-        raise MeshProblem(f"The last frame, {end}, is before the first, {start}.")
+        raise MeshProblem(f"The last frame, {end}, is before the first, {start}: put them in order.")
 
 
 def settle(context, ob):

@@ -13,7 +13,7 @@ from ..scene.mesh_data import MeshProblem
 def absolute(path):
     """Of a path as Blender writes it. Raises MeshProblem where it is relative to a file never saved."""
     if not path:
-        raise MeshProblem("There is no file to bake to: choose one.")
+        raise MeshProblem("There is no file to bake to: choose one in File.")
     if path.startswith('//') and not bpy.data.filepath:
         raise MeshProblem("This file was never saved, so there is no folder beside it: save it, or choose a "
                           "full path for the cache.")

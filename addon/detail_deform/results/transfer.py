@@ -44,7 +44,7 @@ def begin(context, source, target, wanted):
     settings, keys = target.detail_deform.transfer, None
     if settings.live:
         raise MeshProblem(f"'{target.name}' follows '{settings.source.name if settings.source else ''}' already, "
-                          "which would be doubled: stop that first (Follow).")
+                          "which would be doubled: press Follow to stop that first.")
     if wanted.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
         keys = transferred_keys.chosen(source, wanted.what == 'ACTIVE_KEY', wanted.pattern)
     if wanted.what == 'ANIMATION':
@@ -68,7 +68,7 @@ def _all(context, source, target, keys, wanted):
     made = yield from _share(_carry(context, transfer, source, target, keys, wanted), share, 1)
     if matching.must_be_found(wanted.correspondence):
         correspondence.store(matched, source, target)
-    return [f"{made} from '{source.name}', in {time.perf_counter() - started:.1f} s", *prepared.remarks(transfer)]
+    return [f"{made} from '{source.name}' in {time.perf_counter() - started:.1f} s", *prepared.remarks(transfer)]
 
 
 def _share(work, begin, end):
@@ -106,10 +106,10 @@ def _carry_animation(context, transfer, source, target, wanted):
     if wanted.bake_as == 'SHAPE_KEYS':
         rest = mesh_data.rest(target.data)
         yield from keyed_keys.add(target, (pose - rest for pose in poses), wanted.start, wanted.end)
-        return f"{count} keyed shape keys"
+        return f"{count:,} keyed shape keys"
     yield from point_cache.write(wanted.cache_path, poses, wanted.start, wanted.end)
     transferred.use_cache(target, wanted.cache_path, wanted.start)
-    return f"{count} frames"
+    return f"{count:,} frames"
 
 
 def _poses(context, transfer, source, wanted):

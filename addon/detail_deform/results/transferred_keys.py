@@ -16,7 +16,7 @@ def chosen(source, active_only, pattern):
     """The source's shape keys beside its basis. Raises MeshProblem when there is none."""
     blocks = mesh_data.relative_keys(source)
     if not blocks:
-        raise MeshProblem(f"'{source.name}' has no shape keys to transfer.")
+        raise MeshProblem(f"'{source.name}' has no shape keys to transfer: choose Current Pose, or another source.")
     if active_only:
         if source.active_shape_key in blocks:
             return [source.active_shape_key]
@@ -24,7 +24,7 @@ def chosen(source, active_only, pattern):
     fitting = [key for key in blocks if key.name == pattern
                or fnmatch.fnmatchcase(key.name.lower(), (pattern or '*').lower())]
     if not fitting:
-        raise MeshProblem(f"'{source.name}' has no shape key whose name fits '{pattern}'.")
+        raise MeshProblem(f"'{source.name}' has no shape key whose name fits '{pattern}': choose other Keys.")
     return fitting
 
 

@@ -27,7 +27,8 @@ class Matched:
 def check_source(source, target):
     """Raises MeshProblem when nothing can be transferred from this object to that."""
     if source is None or source.type != 'MESH':
-        raise MeshProblem("There is no source: choose the mesh object whose deformation should be transferred.")
+        raise MeshProblem("There is no source: choose in Source the mesh object whose deformation should be carried "
+                          "over.")
     if source == target:
         raise MeshProblem(f"'{target.name}' is both source and target: choose another source.")
     if source.mode == 'EDIT' or target.mode == 'EDIT':
@@ -41,12 +42,11 @@ def by_topology(source, target):
     if counts[0] != counts[1]:
         raise MeshProblem(
             f"'{source.name}' has {counts[0][0]:,} vertices and {counts[0][1]:,} faces, '{target.name}' "
-            f"{counts[1][0]:,} and {counts[1][1]:,}: they are not of the same topology. Mark places that correspond "
-            "(Markers), or give a list.")
+            f"{counts[1][0]:,} and {counts[1][1]:,}: they are not of the same topology. Match them by Markers, or by a "
+            "List.")
     if mesh_data.topology_signature(source.data) != mesh_data.topology_signature(target.data):
         raise MeshProblem(f"'{source.name}' has as many vertices and faces as '{target.name}', but its faces join "
-                          "other vertices: they are not of the same topology. Mark places that correspond (Markers), "
-                          "or give a list.")
+                          "other vertices: they are not of the same topology. Match them by Markers, or by a List.")
     triangles = mesh_data.triangles(target.data)
     return Matched(triangles, triangles, None, np.ones(len(triangles), np.float32))
 
@@ -91,11 +91,11 @@ def stored(source, target):
     """The correspondence kept with the target. Raises MeshProblem where it doesn't fit these objects any more."""
     kept = _kept(target)
     if kept is None:
-        raise MeshProblem(f"'{target.name}' holds no correspondences yet: find them by markers, or read a list.")
+        raise MeshProblem(f"'{target.name}' has no Saved Match yet: set markers and press Find Match, or give a List.")
     for ob, topology in ((source, kept['source_topology']), (target, kept['target_topology'])):
         if mesh_data.topology_signature(ob.data) != topology:
-            raise MeshProblem(f"The correspondences kept with '{target.name}' were made for '{kept['source']}', and "
-                              f"the vertices or faces of '{ob.name}' are others: find them anew.")
+            raise MeshProblem(f"The Saved Match of '{target.name}' was made for '{kept['source']}', and the vertices "
+                              f"or faces of '{ob.name}' are others: press Find Match to make it anew.")
     matched = Matched(*(np.array(kept[name], np.int32).reshape(-1, columns) for name, columns in (
         ('source_triangles', 3), ('target_triangles', 3), ('pairs', 2))), np.array(kept['confidence'], np.float32))
     matched.pairs_of = kept['pairs_of']

@@ -11,6 +11,10 @@ def enabled(settings):
     return [example for example in settings.examples if example.enabled]
 
 
+def title(example):
+    return example.object.name if example.object else example.name
+
+
 def positions(ob):
     """(count, n, 3) float32 of the enabled examples, or None where there are none. Raises MeshProblem."""
     chosen = enabled(ob.detail_deform)
@@ -21,13 +25,13 @@ def _positions_of(ob, example):
     if example.object is not None:
         return _positions_of_object(ob, example.object)
     if example.is_object:
-        raise MeshProblem(f"The object of example '{example.name}' was deleted: choose another one, or remove it from "
-                          "the examples.")
+        raise MeshProblem(f"The object of example '{example.name}' was deleted: choose another one in Object, or "
+                          "take it off the list (Examples).")
     keys = ob.data.shape_keys
     key = keys and keys.key_blocks.get(example.name)
     if not key:
-        raise MeshProblem(f"Example '{example.name}': '{ob.name}' has no shape key of that name. Choose another one, "
-                          "or remove it from the examples.")
+        raise MeshProblem(f"Example '{example.name}': '{ob.name}' has no shape key of that name. Choose another one "
+                          "in Shape Key, or take the example off the list (Examples).")
     return mesh_data.key_shape(ob.data, key)
 
 
@@ -51,8 +55,8 @@ def add_keys(ob):
     """Adds the mesh's shape keys that are no examples yet; the number of them. Raises MeshProblem."""
     keys = mesh_data.relative_keys(ob)
     if not keys:
-        raise MeshProblem(f"'{ob.name}' has no shape keys: make one for each example pose, or add posed copies of the "
-                          "object.")
+        raise MeshProblem(f"'{ob.name}' has no shape keys: make one for each example pose, or select posed copies "
+                          "of the object and press Add Selected Objects.")
     examples = ob.detail_deform.examples
     present = {example.name for example in examples if example.object is None}
     new = [key.name for key in keys if key.name not in present]
@@ -65,7 +69,8 @@ def add_objects(ob, others):
     """Adds posed copies of the object. Raises MeshProblem; nothing is added then."""
     others = [other for other in others if other != ob and other.type == 'MESH']
     if not others:
-        raise MeshProblem(f"Select posed copies of '{ob.name}' beside it: those become examples.")
+        raise MeshProblem(f"Select posed copies of '{ob.name}' first, and '{ob.name}' last: the copies become "
+                          "examples.")
     rest = mesh_data.rest(ob.data)
     for other in others:
         if np.abs(_positions_of_object(ob, other) - rest).max() == 0:

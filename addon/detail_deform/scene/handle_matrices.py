@@ -55,7 +55,7 @@ def local_places(ob, depsgraph):
             continue
         if handle.target is None:
             raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
-                              "an empty to move it with.")
+                              "one in Empty (Handles).")
         places[number] = _local_place(ob, handle, to_local, depsgraph)
     return places
 
@@ -79,7 +79,7 @@ def mirrored(handles):
         source = next((k for k, h in enumerate(handles) if h.name == handle.mirrors and not h.mirrors), None)
         if source is None:
             raise MeshProblem(f"Handle '{handle.name}' mirrors '{handle.mirrors}', which is not there, is not "
-                              "enabled or mirrors another one: choose one with an empty.")
+                              "enabled or mirrors another one: choose one with an empty in Mirrors (Handles).")
         yield number, source
 
 
@@ -98,7 +98,7 @@ def motions(settings, places):
     result = np.empty((len(places), 3, 4))
     for number, (handle, place) in enumerate(zip(enabled_handles(settings), _with_mirrored(settings, places))):
         inverse = inverse_or_refuse(rest(handle), f"Handle '{handle.name}': its empty had a scale of zero when it was "
-                                 "bound. Give it a size and bind again.")
+                                 "bound. Give it a size, then press Unbind and Bind.")
         result[number] = (place @ inverse)[:3]
     return result
 

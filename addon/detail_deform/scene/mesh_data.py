@@ -169,7 +169,7 @@ def check_groups(ob, region, handles):
     for what, group in [("The region", region)] * bool(region) + [
             (f"Handle '{name}'", group) for name, group in handles]:
         if not group:
-            raise MeshProblem(f"{what} has no vertex group: choose the group of the vertices it moves.")
+            raise MeshProblem(f"{what} has no vertex group: choose that of its vertices in Vertices (Handles).")
         if group not in ob.vertex_groups:
             raise MeshProblem(f"{what} refers to the vertex group '{group}', which '{ob.name}' does "
                               "not have: choose another group.")
@@ -193,7 +193,7 @@ def roles(ob, region, handles, need_handles=True):
         result[~inside] = native.ROLE_FIXED
     if not handles:
         if need_handles:
-            raise MeshProblem("There is no handle: add one for the vertices to pull.")
+            raise MeshProblem("There is no handle: add one for the vertices to pull (Handles).")
         return result
     of_handles = weights[:len(handles)]
     winner = handle_of_vertices(of_handles)
@@ -201,13 +201,13 @@ def roles(ob, region, handles, need_handles=True):
     for number, (name, group) in enumerate(handles):
         if not (of_handles[number] > MEMBER_WEIGHT).any():
             raise MeshProblem(f"Handle '{name}': its group '{group}' has no vertex with a weight over "
-                              f"{MEMBER_WEIGHT}.")
+                              f"{MEMBER_WEIGHT}: select vertices in Edit Mode and press Assign Selected.")
         if not (result == number).any():
             raise MeshProblem(f"Handle '{name}': every vertex of its group '{group}' has a larger "
-                              "weight in another handle.")
+                              "weight in another handle: take some of them out of the other group.")
     if not (result == native.ROLE_FREE).any():
         raise MeshProblem("No vertex is free to follow: every vertex of the region is in a handle. "
-                          "Enlarge the region or shrink the handles.")
+                          "Make the region larger (By Radius), or give the handles fewer vertices.")
     return result
 
 

@@ -12,8 +12,8 @@ from .mesh_data import MeshProblem
 def _base_object(ob):
     base = ob.detail_deform.base_object
     if base is None:
-        raise MeshProblem("There is no base object: choose the mesh object whose deformation the details "
-                          "should follow, or let the base be computed.")
+        raise MeshProblem("There is no base object: choose in Base Object the mesh object whose deformation the "
+                          "details should follow, or set Base to Computed.")
     if base == ob or base.type != 'MESH':
         raise MeshProblem(f"'{base.name}' can't be the base: choose another mesh object.")
     if not base.data.polygons:
@@ -53,10 +53,10 @@ def deformed_positions(ob, depsgraph):
     count = len((kept or base.data).vertices)
     if len(mesh.vertices) != count:
         if base.mode == 'EDIT' and not len(mesh.vertices):
-            raise MeshProblem(f"The base object '{base.name}' is in Edit Mode: leave it to go on.")
+            raise MeshProblem(f"The base object '{base.name}' is in Edit Mode: leave it (Tab) to go on.")
         raise MeshProblem(
             f"The modifiers of the base object '{base.name}' make {len(mesh.vertices):,} vertices, but {count:,} were "
-            "there when it was bound: Re-bind, or use only modifiers that make the same vertices in each frame.")
+            "there when it was bound: press Re-bind, or use only modifiers that make the same vertices in each frame.")
     return _moved(mesh_data.positions(mesh), _place(ob, base, depsgraph))
 
 

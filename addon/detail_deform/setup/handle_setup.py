@@ -41,13 +41,14 @@ def empty_of(ob, index):
     if index >= len(handles):
         raise MeshProblem(f"There is no handle {index}.")
     if handles[index].target is None:
-        raise MeshProblem("This handle has no empty to select.")
+        raise MeshProblem(f"Handle '{handles[index].name}' has no empty to select: choose one in Empty, or select that "
+                          "of the handle it mirrors.")
     return handles[index].target
 
 
 def _chosen_group(ob, name):
     if name and name not in ob.vertex_groups:
-        raise MeshProblem(f"'{ob.name}' has no vertex group '{name}'.")
+        raise MeshProblem(f"'{ob.name}' has no vertex group '{name}': choose another one.")
     if not name and not ob.vertex_groups.active:
         raise MeshProblem(f"'{ob.name}' has no vertex group: select vertices in Edit Mode, or make a group.")
     return name or ob.vertex_groups.active.name
@@ -227,7 +228,7 @@ def assign(ob, handle):
 
 def select(ob, handle, extend):
     if handle.vertex_group not in ob.vertex_groups:
-        raise MeshProblem(f"Handle '{handle.name}' has no vertex group: choose the group of the vertices it moves.")
+        raise MeshProblem(f"Handle '{handle.name}' has no vertex group: choose that of its vertices in Vertices.")
     if ob.mode == 'EDIT':
         ob.update_from_editmode()
     selection.select(ob, mesh_data.members(ob, handle.vertex_group), extend)

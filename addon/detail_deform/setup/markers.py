@@ -51,7 +51,7 @@ def _by_empties(ob):
 def of(ob):
     """{number: vertex} of a mesh object. Raises MeshProblem."""
     if not ob.data.vertices:
-        raise MeshProblem(f"'{ob.name}' has no vertices.")
+        raise MeshProblem(f"'{ob.name}' has no vertices to mark: choose another mesh.")
     groups, empties = _by_groups(ob), _by_empties(ob)
     twice = groups.keys() & empties.keys()
     if twice:
@@ -78,7 +78,7 @@ def pairs(source, target):
     if len(both) < _FEWEST:
         raise MeshProblem(f"'{source.name}' has {len(of_source)} markers and '{target.name}' {len(of_target)}, "
                           f"{len(both)} with the same numbers: mark at least {_FEWEST} places on both, "
-                          "better ten (Add Marker, in Edit Mode).")
+                          "better ten (Add Transfer Marker, in Edit Mode).")
     return np.array([[of_source[number], of_target[number]] for number in both], np.int32)
 
 

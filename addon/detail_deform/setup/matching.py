@@ -14,6 +14,8 @@ _POLL_SECONDS = 0.02
 
 _last = ((), None)  # what was found last, and of what: a transfer may be repeated with other settings
 
+_WHERE_THEY_ARE_RIGHT = "If they are right, press Find Match, which takes them as they are."
+
 
 def _searched_for(source, target):
     return (*(mesh_data.signature(mesh_data.rest(ob.data)) + mesh_data.topology_signature(ob.data)
@@ -55,8 +57,7 @@ def find(how, source, target, path, pairs_of):
     if how == 'MARKERS':
         doubts = yield from marker_check.search(source, target)
         if doubts:
-            raise MeshProblem(f"{marker_check.sentence(doubts, source, target)} If they are right, press Find "
-                              "Correspondences, which takes them as they are.")
+            raise MeshProblem(marker_check.sentence(doubts, source, target) + " " + _WHERE_THEY_ARE_RIGHT)
         return (yield from search(source, target))
     if how == 'LIST':
         return pair_lists.by_list(source, target, bpy.path.abspath(path), pairs_of)

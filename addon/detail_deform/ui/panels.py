@@ -5,15 +5,17 @@ import textwrap
 
 import bpy
 
+from ..declared import COMPARED
 from ..follow import bound, hints, look, shown, slow_results
 from ..library import options
-from ..scene import node_group, offset_attribute, stack
+from ..scene import examples, node_group, offset_attribute, stack
 from ..setup import handle_setup
 from .registration import registration
 
 
 # Modes that change the mesh's own vertices, which are elsewhere than those that are seen.
-_WORKS_AT_REST = {'EDIT': "You edit", 'SCULPT': "Brushes work on"}
+_WORKS_AT_REST = {'EDIT': "You edit the mesh without its deformation.",
+                  'SCULPT': "Brushes work on the mesh without its deformation."}
 
 
 class _Switched:
@@ -95,7 +97,7 @@ def draw_state(layout, context, ob):
         layout.operator('object.detail_deform_own_empties', icon='DUPLICATE')
     if ob.mode in _WORKS_AT_REST and shown.is_deformed(ob.data):
         column = layout.column(align=True)
-        draw_text(column, context, f"{_WORKS_AT_REST[ob.mode]} the mesh without its deformation.", 'INFO')
+        draw_text(column, context, _WORKS_AT_REST[ob.mode], 'INFO')
         column.operator('object.detail_deform_apply', text="Apply First", icon='CHECKMARK').mode = 'MESH'
     row = layout.row(align=True)
     row.use_property_split = False
@@ -197,8 +199,8 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
             handle = settings.handles[settings.handle_index]
             if ob.mode == 'EDIT':
                 row = layout.row(align=True)
-                row.operator('object.detail_deform_handle_assign', text="Assign")
-                row.operator('object.detail_deform_handle_select', text="Select")
+                row.operator('object.detail_deform_handle_assign')
+                row.operator('object.detail_deform_handle_select')
             column = layout.column()
             column.prop_search(handle, 'vertex_group', ob, 'vertex_groups')
             target = column.column()
@@ -216,8 +218,7 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
 class OBJECT_UL_detail_deform_examples(_Switched, bpy.types.UIList):
     @staticmethod
     def draw_content(row, settings, example):
-        row.label(text=example.object.name if example.object else example.name,
-                  icon='OBJECT_DATA' if example.object else 'SHAPEKEY_DATA')
+        row.label(text=examples.title(example), icon='OBJECT_DATA' if example.object else 'SHAPEKEY_DATA')
         row.prop(example, 'weight' if settings.weights_by == 'SLIDERS' else 'found_weight', text="", emboss=False)
 
 
@@ -291,11 +292,20 @@ class OBJECT_PT_detail_deform_advanced(ModifierPanel, bpy.types.Panel):
     bl_options = {'DEFAULT_CLOSED'}
 
     def draw_settings(self, context, layout, ob, settings):
-        draw_options(layout, context, settings, 'ADVANCED')
         layout.prop(settings, 'auto_bind')
         layout.operator('object.detail_deform_copy_settings', icon='COPYDOWN')
         if settings.is_bound:
-            draw_text(layout, context, f"Bind {settings.bind_ms:.0f} ms, update {settings.update_ms:.1f} ms", 'TIME')
+            draw_text(layout, context, f"Bind {settings.bind_ms:,.0f} ms, update {settings.update_ms:,.1f} ms", 'TIME')
+
+
+class OBJECT_PT_detail_deform_comparison(ModifierPanel, bpy.types.Panel):
+    """What the paper compares with, and nobody needs who only wants to deform: so does the heading in Method's menu."""
+    bl_label = COMPARED
+    bl_parent_id = 'OBJECT_PT_detail_deform'
+    bl_options = {'DEFAULT_CLOSED'}
+
+    def draw_settings(self, context, layout, ob, settings):
+        draw_options(layout, context, settings, 'COMPARISON')
 
 
 class OBJECT_PT_detail_deform_empty(bpy.types.Panel):
@@ -329,6 +339,7 @@ class OBJECT_PT_detail_deform_empty(bpy.types.Panel):
 
 def _draw_pull_entry(self, context):
     self.layout.separator()
+    self.layout.operator_context = 'INVOKE_REGION_WIN'  # a right-click menu only executes
     self.layout.operator('object.detail_deform_pull', icon='MOD_MESHDEFORM')
 
 
@@ -339,7 +350,7 @@ def _draw_add_entry(self, context):
 CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_UL_detail_deform_examples, OBJECT_MT_detail_deform_mirror,
            OBJECT_MT_detail_deform_handles, OBJECT_PT_detail_deform, OBJECT_PT_detail_deform_examples,
            OBJECT_PT_detail_deform_handles, OBJECT_PT_detail_deform_expressions, OBJECT_PT_detail_deform_base,
-           OBJECT_PT_detail_deform_advanced, OBJECT_PT_detail_deform_empty)
+           OBJECT_PT_detail_deform_advanced, OBJECT_PT_detail_deform_comparison, OBJECT_PT_detail_deform_empty)
 
 
 register, unregister = registration(CLASSES, (

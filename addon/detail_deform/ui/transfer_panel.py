@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..declared import COMPARED
 from ..follow import live_transfer
 from ..library.options import TRANSFER_SETTINGS
 from ..scene import correspondence
@@ -27,8 +28,8 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         draw_options(column, context, settings, 'CORRESPONDENCE', TRANSFER_SETTINGS)
         here, there, both = markers.counts(ob, source)
         if settings.correspondence == 'MARKERS' or here:
-            counts = f"{here} markers here, {there} on the source, {both} with the same numbers"
-            draw_text(column, context, counts if source else f"{here} markers here", 'EMPTY_AXIS')
+            counts = f"{here:,} markers here, {there:,} on the source, {both:,} with the same numbers"
+            draw_text(column, context, counts if source else f"{here:,} markers here", 'EMPTY_AXIS')
             if not settings.live:
                 _draw_markers(column, ob, _draw_doubts(column, context, source, ob) if source else ())
             column.prop(settings, 'show_markers')
@@ -97,9 +98,19 @@ class OBJECT_PT_detail_deform_source(ModifierPanel, bpy.types.Panel):
         return _draw_doubts(layout, context, ob, target)
 
 
+class OBJECT_PT_detail_deform_transfer_comparison(ModifierPanel, bpy.types.Panel):
+    bl_label = COMPARED
+    bl_parent_id = 'OBJECT_PT_detail_deform_transfer'
+    bl_options = {'DEFAULT_CLOSED'}
+
+    def draw_settings(self, context, layout, ob, settings):
+        draw_options(layout, context, settings.transfer, 'COMPARISON', TRANSFER_SETTINGS)
+
+
 def _draw_marker_entry(self, context):
     self.layout.operator('object.detail_deform_marker_add', icon='EMPTY_AXIS')
 
 
-register, unregister = registration((OBJECT_PT_detail_deform_transfer, OBJECT_PT_detail_deform_source),
+register, unregister = registration((OBJECT_PT_detail_deform_transfer, OBJECT_PT_detail_deform_transfer_comparison,
+                                      OBJECT_PT_detail_deform_source),
                                     (('VIEW3D_MT_edit_mesh_context_menu', _draw_marker_entry),))

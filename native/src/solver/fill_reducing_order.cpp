@@ -17,8 +17,8 @@ constexpr int kSmallest = 8;         // parts that are not cut further
 constexpr int kMostBins = 256;       // places of a cut along one direction
 constexpr double kLeastShare = 0.3;  // of a part, on each side of a cut
 constexpr double kNarrow = 0.2;      // of the largest spread
-// Times the root of a part's size; on a square grid it is 1. Others are looked for unless a separator
-// is as short, along the other long directions and then along all.
+// Times the root of a part's size; on a square grid it is 1. Unless a separator is as short, others
+// are looked for: along the other long directions, and then along all.
 constexpr double kShortSeparator = 0.9, kGoodSeparator = 1.5;
 constexpr double kParallel = 0.99;  // cosine: directions that are the same
 

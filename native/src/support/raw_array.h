@@ -6,9 +6,9 @@
 
 namespace dd {
 
-/// Memory aligned to cache lines, so that no vector of a stream straddles two; where it is large, of
-/// huge pages if the system has them for those who ask: fetching a large factor page by page takes a
-/// tenth of making it. To be freed with free_memory(). Throws std::bad_alloc.
+/// Memory aligned to cache lines, so that no vector of a stream straddles two; a large one of huge
+/// pages, if the system has them for those who ask: to fetch a large factor page by page takes some
+/// percent of the time to make it. To be freed with free_memory(). Throws std::bad_alloc.
 void* get_memory(std::size_t bytes);
 void free_memory(void* memory, std::size_t bytes);
 

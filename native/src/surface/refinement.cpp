@@ -80,7 +80,7 @@ class RefinementOf : public Refinement {
   void add(int section, double* rows) const;
   /// The same of all sections.
   Rows turned() const;
-  /// What rest's rotations, which rounding leaves a little beside none, make with so much smoothing.
+  /// What the rotations at rest make, which rounding leaves beside none, with so much smoothing.
   const Rows& at_rest(double smoothing);
 
   FactoredSurface& surface_;

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The add-on's entry in the Preferences: its manual, which comes with it, and what a report of a problem needs."""
+
+import platform
+import webbrowser
+from pathlib import Path
+
+import bpy
+
+from ..follow import status
+from ..library import native
+from ..website import WEBSITE
+from .manual_page import page
+from .registration import registration
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def manual():
+    """The file: in the add-on's folder, or beside it where it was not packed."""
+    paths = (folder / "MANUAL.md" for folder in (_PACKAGE, _PACKAGE.parent))
+    return next((path for path in paths if path.exists()), None)
+
+
+def report(ob):
+    """What whoever mends something wants to know."""
+    try:
+        library = f"library {native.version()} ({native.instruction_set()})"
+    except native.NativeError as error:
+        library = str(error)
+    lines = [f"Detail Deform: {library}", f"Blender {bpy.app.version_string}, {platform.platform()}"]
+    if ob and ob.type == 'MESH':
+        modifiers = ", ".join(modifier.type for modifier in ob.modifiers) or "none"
+        lines += [f"Mesh: {len(ob.data.vertices):,} vertices, {len(ob.data.polygons):,} faces; modifiers: {modifiers}",
+                  f"Method: {ob.detail_deform.method}, {len(ob.detail_deform.handles)} handles",
+                  f"It says: {status.text(ob)}"]
+    return '\n'.join([*lines, "", "What I did, what happened, and what I expected:", ""])
+
+
+class WM_OT_detail_deform_manual(bpy.types.Operator):
+    bl_idname = 'wm.detail_deform_manual'
+    bl_label = "Detail Deform Manual"
+    bl_description = "Read the manual that came with the add-on, in the web browser"
+
+    def execute(self, context):
+        path = manual()
+        if path is None:
+            self.report({'ERROR'}, "The manual is missing: install the add-on's zip again")
+            return {'CANCELLED'}
+        made = Path(bpy.app.tempdir) / "detail_deform_manual.html"
+        made.write_text(page(path.read_text(encoding='utf-8'), path.parent), encoding='utf-8')
+        webbrowser.open(made.as_uri())
+        return {'FINISHED'}
+
+
+class WM_OT_detail_deform_report(bpy.types.Operator):
+    bl_idname = 'wm.detail_deform_report'
+    bl_label = "Report a Problem"
+    bl_description = ("Copy what a report needs, versions and what the panel of the active mesh says, to paste it"
+                      + (", and open the page for reports" if WEBSITE else ""))
+
+    def execute(self, context):
+        context.window_manager.clipboard = report(context.active_object)
+        if WEBSITE:
+            webbrowser.open(f"{WEBSITE}/issues")
+            self.report({'INFO'}, "Copied: paste it into the report (Ctrl+V)")
+        else:
+            self.report({'INFO'}, "Copied: paste it (Ctrl+V) into a message to whom you have the add-on from")
+        return {'FINISHED'}
+
+
+class DetailDeformPreferences(bpy.types.AddonPreferences):
+    bl_idname = __package__.rpartition('.')[0]
+
+    def draw(self, context):
+        row = self.layout.row()
+        row.operator('wm.detail_deform_manual', text="Manual", icon='HELP')
+        row.operator('wm.detail_deform_report', icon='URL')
+        self.layout.label(icon='INFO', text="Settings: Properties > Modifiers > Detail Deform, and the "
+                                                       "viewport's sidebar (N) > Deform")
+
+
+def _draw_help_entry(self, context):
+    self.layout.operator('wm.detail_deform_manual', icon='HELP')
+
+
+register, unregister = registration(
+    (WM_OT_detail_deform_manual, WM_OT_detail_deform_report, DetailDeformPreferences),
+    (('TOPBAR_MT_help', _draw_help_entry),))
