@@ -18,7 +18,6 @@ namespace dd {
 namespace {
 
 constexpr double kThinnest = 1e-3;  // height over longest edge
-constexpr double kAlmost = 0.99;    // what rounding may make of a sum
 constexpr double kShortest = std::numeric_limits<double>::min() * 1e20;
 
 /// A triangle laid out in the plane: the longest edge from (0, 0) to (base, 0), the third corner
