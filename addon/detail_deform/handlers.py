@@ -33,6 +33,14 @@ def _frame_changed(scene, depsgraph):
 
 
 @persistent
+def _before_saving(*_):
+    """A file holds the whole result, also where it is saved right after a drag."""
+    drag.ended()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    life.refresh_all(registry.of_scene(depsgraph), depsgraph)
+
+
+@persistent
 def _data_is_replaced(*_):
     """Before undo, redo and loading: no object outlives them."""
     registry.forget()
@@ -47,6 +55,7 @@ def _data_replaced(*_):
 
 
 _HANDLERS = (('depsgraph_update_post', _depsgraph_updated), ('frame_change_post', _frame_changed),
+             ('save_pre', _before_saving),
              ('undo_pre', _data_is_replaced), ('redo_pre', _data_is_replaced), ('load_pre', _data_is_replaced),
              ('undo_post', _data_replaced), ('redo_post', _data_replaced), ('load_post', _data_replaced))
 

@@ -124,6 +124,20 @@ def test_a_frame_shows_the_whole_result_also_where_nothing_has_moved_since(part,
     assert np.abs(shown - whole(part, heavy)).max() < 1e-6
 
 
+def test_so_does_a_file(part, heavy, drag, tmp_path):
+    quick = drag(heavy, -1.2)
+    path = str(tmp_path / 'dragged.blend')
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    offsets = part('scene.offset_attribute')
+    with bpy.data.libraries.load(path) as (_, found):
+        found.meshes = [heavy.data.name]
+    saved = offsets.read(found.meshes[0])
+    shown = evaluated(heavy)
+    assert np.abs(shown - quick).max() > 1e-3
+    assert np.abs(shown - whole(part, heavy)).max() < 1e-6
+    assert np.abs(saved - offsets.read(heavy.data)).max() < 1e-6
+
+
 def test_so_does_a_render(part, heavy, drag, monkeypatch):
     quick = drag(heavy, -1.2)
     life = part('follow.life')
