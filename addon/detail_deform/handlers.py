@@ -27,17 +27,20 @@ def _depsgraph_updated(scene, depsgraph):
 
 @persistent
 def _frame_changed(scene, depsgraph):
-    drag.ended()
     known_markers.forget_shapes()
-    life.refresh_all(registry.of_scene(depsgraph), depsgraph)
+    _show_whole(depsgraph)
 
 
 @persistent
 def _before_saving(*_):
     """A file holds the whole result, also where it is saved right after a drag."""
-    drag.ended()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    life.refresh_all(registry.of_scene(depsgraph), depsgraph)
+    _show_whole(bpy.context.evaluated_depsgraph_get())
+
+
+def _show_whole(depsgraph):
+    members = registry.of_scene(depsgraph)
+    life.end_drag(members)
+    life.refresh_all(members, depsgraph)
 
 
 @persistent

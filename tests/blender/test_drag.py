@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import bind, evaluated, make_strip, update
+from conftest import activate, bind, evaluated, make_strip, update
 
 
 @pytest.fixture
@@ -43,6 +43,7 @@ def drag(part):
 def whole(part, ob):
     """What the settings ask for."""
     part('follow.life').refresh(ob, bpy.context.evaluated_depsgraph_get(), force=True)
+    part('follow.bound').cache.find(ob.detail_deform.signature).full_ms = 1000.0
     update()
     return evaluated(ob)
 
@@ -136,6 +137,46 @@ def test_so_does_a_file(part, heavy, drag, tmp_path):
     assert np.abs(shown - quick).max() > 1e-3
     assert np.abs(shown - whole(part, heavy)).max() < 1e-6
     assert np.abs(saved - offsets.read(heavy.data)).max() < 1e-6
+
+
+def test_another_update_leaves_the_whole_result_under_way(part, heavy, drag):
+    quick = drag(heavy, -1.2)
+    part('follow.drag').ended()
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Other", None))
+    update()
+    assert slow_results_under_way(part, heavy)
+    assert np.abs(evaluated(heavy) - quick).max() < 1e-6
+
+
+def test_a_change_that_asks_for_bind_leaves_the_whole_result(part, heavy, drag):
+    quick = drag(heavy, -1.2)
+    expected = whole(part, heavy)
+    drag(heavy, -1.0)
+    drag(heavy, -1.2)
+    assert np.abs(evaluated(heavy) - quick).max() < 1e-6
+    heavy.detail_deform.smoothness = 3
+    part('follow.life').check(heavy)
+    update()
+    assert heavy.detail_deform.stale
+    assert np.abs(evaluated(heavy) - expected).max() < 1e-5
+
+
+def test_a_pull_right_after_it_starts_from_the_whole_result(part, heavy, drag):
+    quick = drag(heavy, -1.2)
+    expected = whole(part, heavy)
+    drag(heavy, -1.0)
+    drag(heavy, -1.2)
+    activate(heavy)
+    bpy.ops.object.mode_set(mode='EDIT')
+    part('follow.slow_results')._tick()
+    bpy.ops.mesh.select_all(action='DESELECT')
+    bpy.ops.object.mode_set(mode='OBJECT')
+    heavy.data.vertices[len(heavy.data.vertices) // 2].select = True
+    bpy.ops.object.mode_set(mode='EDIT')
+    bpy.ops.object.detail_deform_pull()
+    update()
+    assert np.abs(expected - quick).max() > 1e-3
+    assert np.abs(evaluated(heavy) - expected).max() < 1e-4
 
 
 def test_so_does_a_render(part, heavy, drag, monkeypatch):

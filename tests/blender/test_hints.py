@@ -163,6 +163,45 @@ def test_empties_without_a_parent_are_copied_to_where_the_copy_is(pulled):
     assert np.allclose(evaluated(copy), shape, atol=1e-5)
 
 
+def test_what_an_empty_hangs_on_is_the_copys_too(pulled):
+    """Another handle's empty, an action, a constraint, a driver."""
+    first = pulled.detail_deform.handles[0].target
+    group(pulled, 'middle', [70, 71])
+    second = add_handle(pulled, 'middle', add_empty("Second", own(pulled)[70])).target
+    update()
+    second.parent, second.matrix_parent_inverse = first, first.matrix_world.inverted()
+    constraint = first.constraints.new('LIMIT_DISTANCE')
+    constraint.target, constraint.distance = pulled, 100
+    variable = second.driver_add('location', 2).driver.variables.new()
+    variable.type, variable.targets[0].id = 'TRANSFORMS', first
+    first.keyframe_insert('location', frame=1)
+    update()
+    copy = duplicated(pulled)
+    activate(copy)
+    bpy.ops.object.detail_deform_own_empties()
+    mine = [handle.target for handle in copy.detail_deform.handles]
+    assert not {*mine} & {first, second}
+    assert mine[1].parent == mine[0] and mine[0].constraints[0].target == copy
+    assert mine[1].animation_data.drivers[0].driver.variables[0].targets[0].id == mine[0]
+    assert mine[0].animation_data.action != first.animation_data.action
+    mine[0].location.z += 1
+    mine[0].keyframe_insert('location', frame=1)
+    place = first.location.copy()
+    for frame in (2, 1):
+        bpy.context.scene.frame_set(frame)
+    assert first.location == place and abs(mine[0].location.z - place.z - 1) < 1e-5
+
+
+def test_two_handles_with_one_empty_have_one_on_the_copy(pulled):
+    group(pulled, 'middle', [70, 71])
+    add_handle(pulled, 'middle', pulled.detail_deform.handles[0].target)
+    copy = duplicated(pulled)
+    activate(copy)
+    bpy.ops.object.detail_deform_own_empties()
+    mine = [handle.target for handle in copy.detail_deform.handles]
+    assert mine[0] == mine[1] != pulled.detail_deform.handles[0].target
+
+
 # Modes that work on the rest shape
 
 @pytest.mark.parametrize('mode', ['EDIT', 'SCULPT'])

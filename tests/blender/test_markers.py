@@ -213,6 +213,27 @@ def test_a_source_knows_its_targets(part):
     assert "'Nobody' is not in this scene" in refusal(bpy.ops.object.detail_deform_target_activate, target="Nobody")
 
 
+def test_a_marker_empty_that_is_moved_is_another(part):
+    ob = raw_strip("Strip")
+    empty = add_empty("Marker 4", own(ob)[9], parent=ob)
+    update()
+    known = part('ui.known_markers')
+    assert known.of(ob) == {4: 9}
+    empty.location = own(ob)[70]
+    update()
+    assert known.of(ob) == {4: 70}
+
+
+def test_a_source_that_is_no_mesh_any_more_has_no_markers(part):
+    curve = bpy.data.objects.new("Curve", bpy.data.curves.new("Curve", 'CURVE'))
+    bpy.context.scene.collection.objects.link(curve)
+    assert part('ui.known_markers').of(curve) == {}
+
+
+def test_markers_in_one_place_are_in_no_doubt(part):
+    assert part('setup.marker_check').doubtful(np.zeros((8, 8)), np.zeros((8, 8))) == ()
+
+
 def test_a_marker_is_selected_by_its_number():
     ob = raw_strip("Strip")
     group(ob, "Marker 3", [70])
@@ -223,7 +244,10 @@ def test_a_marker_is_selected_by_its_number():
     assert ob.mode == 'EDIT'
     bpy.ops.object.mode_set(mode='OBJECT')
     assert [v.index for v in ob.data.vertices if v.select] == [70]
-    bpy.ops.object.detail_deform_marker_select(number=4)
-    assert bpy.context.active_object == empty
+    for mode in ('OBJECT', 'EDIT'):
+        activate(ob)
+        bpy.ops.object.mode_set(mode=mode)
+        bpy.ops.object.detail_deform_marker_select(number=4)
+        assert bpy.context.active_object == empty and ob.mode == 'OBJECT'
     activate(ob)
     assert "has no marker 5" in refusal(bpy.ops.object.detail_deform_marker_select, number=5)

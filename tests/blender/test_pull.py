@@ -221,6 +221,7 @@ def test_it_can_be_cancelled_after_each_stage(part):
         stages.close()
         assert ob.mode == 'EDIT' and data_blocks() == before and len(ob.vertex_groups) == groups
         assert len(ob.detail_deform.handles) == 1 and ob.detail_deform.signature
+        assert ob.detail_deform.handle_index == 0
         bpy.ops.object.mode_set(mode='OBJECT')
         update()
         assert ob.detail_deform.is_bound, ob.detail_deform.status

@@ -64,9 +64,11 @@ def _find_start(ob, places, keep_rest):
         start.forget(ob.data)
     if settings.base == 'COMPUTED':
         start.take_keys(ob)
-        if keep_rest and _has_come(settings) and start.take_deformation(ob):
-            handle_matrices.start_here(settings, places)
-            return
+        if keep_rest and _has_come(settings):
+            life.settle(ob)
+            if start.take_deformation(ob):
+                handle_matrices.start_here(settings, places)
+                return
     handle_matrices.store_rest(settings, places, only_new=keep_rest)
 
 

@@ -52,9 +52,21 @@ def check(ob):
         return ("The modifier was applied by hand, or removed and the mesh edited, so the surface is no longer bound: "
                 "press Bind to go on from here.")
     if of.stale != stale:
+        if stale not in {content.TOPOLOGY_CHANGED, content.VERTICES_MOVED}:
+            _show_whole(ob)
         of.stale = stale
         shown.forget(ob.data)  # an edit may have reached the offsets too
     return ""
+
+
+def _show_whole(ob):
+    """What a drag has put off, as nothing asks for it any more."""
+    record = shown.by(ob.data)
+    if record is not None and record.is_hurried:
+        try:
+            slow_results.finish(offset_attribute.token(ob.data))
+        except native.NativeError:
+            pass  # the quick result stays
 
 
 def note_handles(of):

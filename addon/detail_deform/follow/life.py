@@ -86,7 +86,8 @@ def _show(kind, ob, entry, depsgraph, force, wait):
     start = time.perf_counter()
     frame = kind.Frame(ob, entry.made, depsgraph)
     record, share = shown.by(ob.data), 1.0 if force or wait else drag.share(entry.full_ms)
-    if not force and record is not None and record.of == frame.of and record.will_do(wait, share):
+    if not force and record is not None and record.of == frame.of and (
+            record.will_do(wait, share) or not wait and _is_to_follow(ob, record)):
         return record.problem
     record = shown.show(ob.data, frame.offsets(share), frame.of)
     entry.update_ms = 1e3 * (time.perf_counter() - start)
@@ -96,6 +97,20 @@ def _show(kind, ob, entry, depsgraph, force, wait):
         entry.full_ms = entry.update_ms
     frame.written(record, wait)
     return record.problem
+
+
+def _is_to_follow(ob, record):
+    """Whether the whole result is under way where a drag has shown the quick one."""
+    return record.is_hurried and slow_results.progress(offset_attribute.token(ob.data)) is not None
+
+
+def end_drag(members):
+    """From the next refresh on they show the whole result: a frame has come, or a file is written."""
+    drag.ended()
+    for ob in members:
+        record = shown.by(ob.data)
+        if record is not None and record.is_hurried:
+            slow_results.cancel(offset_attribute.token(ob.data))
 
 
 def wait(ob, depsgraph):

@@ -37,8 +37,8 @@ _ending = []  # cancelled jobs, until they have ended: closing one waits for tha
 
 def request(token, work):
     """work.start(wait) gives the native.Update of work.deformer, work.deliver(offsets, info) takes its result,
-    work.refuse(sentence) its error; work.tell() is called while it is under way, and it ends when work.is_wanted() is
-    not true any more. It starts when handles have paused for work.pause seconds."""
+    work.refuse(sentence) its error; work.tell() is called while it is under way. It waits for work.can_be_shown(), and
+    ends when work.is_wanted() is not true any more. It starts when handles have paused for work.pause seconds."""
     cancel(token)
     _requests[token] = _Request(work)
     if not bpy.app.timers.is_registered(_tick):
@@ -83,7 +83,7 @@ def _go_on(token, pending):
             pending.job = pending.work.start(wait=False)
     elif pending.job.progress()[0]:
         pending.work.tell()
-    else:
+    elif pending.work.can_be_shown():
         del _requests[token]
         pending.work.deliver(*pending.job.finish())
 

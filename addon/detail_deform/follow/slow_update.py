@@ -23,9 +23,13 @@ class SlowUpdate:
     def is_wanted(self):
         return bool(self._owners())
 
+    def can_be_shown(self):
+        """Not while all are edited."""
+        return any(ob.mode != 'EDIT' for ob in self._owners())
+
     def _owners(self):
         return [ob for ob in registry.members()
-                if ob.mode != 'EDIT' and ob.detail_deform.signature and offset_attribute.token(ob.data) == self.token]
+                if ob.detail_deform.signature and offset_attribute.token(ob.data) == self.token]
 
     def start(self, wait):
         """The native.Update. wait: for another one that has the deformer in use. Raises native.NativeError."""
@@ -33,7 +37,7 @@ class SlowUpdate:
 
     def deliver(self, offsets, info):
         # Two meshes hold the same where one is a copy of the other.
-        quick = [(ob, shown.by(ob.data)) for ob in self._owners()]
+        quick = [(ob, shown.by(ob.data)) for ob in self._owners() if ob.mode != 'EDIT']
         for ob, record in quick:
             if record is not None:
                 shown.show_slow(ob.data, placed.offsets(ob, offsets), record, info)

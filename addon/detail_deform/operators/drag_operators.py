@@ -29,7 +29,7 @@ class OBJECT_OT_detail_deform_pull_begin(MeshOperator, bpy.types.Operator):
         return cls.in_edit_mode(ob)
 
     def invoke(self, context, event):
-        if selection.selected(context.active_object).any():
+        if context.active_object.type != 'MESH' or selection.selected(context.active_object).any():
             return self.execute(context)
         bpy.ops.view3d.select_box('INVOKE_DEFAULT', wait_for_input=False)
         return {'CANCELLED'}

@@ -12,6 +12,7 @@ from .operator_base import MeshOperator
 from .reach_choice import ReachChoice, View
 
 _TICK_SECONDS = 0.05
+_under_way = []  # the one that goes on in the window, to be ended when the add-on is switched off
 # What moves the view goes on while a reach is chosen and while it is bound.
 _NAVIGATION = ('MIDDLEMOUSE', 'TRACKPAD', 'MOUSEROTATE', 'MOUSESMARTZOOM', 'NDOF')
 
@@ -29,7 +30,7 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
 
     radius: FloatProperty(**RADIUS, options={'SKIP_SAVE'})
 
-    _choice = _pull = _stages = _timer = _view = None
+    _ob = _choice = _pull = _stages = _timer = _view = None
 
     @classmethod
     def poll(cls, context):
@@ -63,7 +64,8 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
     def invoke(self, context, event):
         if bpy.app.background or context.window is None:
             return self.execute(context)
-        ob, self._view = context.active_object, _view(context)
+        ob = self._ob = context.active_object
+        self._view = _view(context)
         try:
             mesh_data.check_editable(ob)
             _check_mode(ob)
@@ -75,6 +77,7 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
             self.report({'ERROR'}, str(problem))
             return {'CANCELLED'}
         context.window_manager.modal_handler_add(self)
+        _under_way.append(self)
         return {'RUNNING_MODAL'}
 
     def _begin(self, context, ob):
@@ -93,6 +96,8 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
             self._view.area.header_text_set(text)
 
     def modal(self, context, event):
+        if self not in _under_way:  # the add-on was switched off meanwhile
+            return {'CANCELLED'}
         if event.type.startswith(_NAVIGATION):
             return {'PASS_THROUGH'}
         try:
@@ -111,7 +116,7 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
         if answer == 'CONFIRM':
             self.radius = self._choice.radius
             self._choice.close(context)
-            self._begin(context, context.active_object)
+            self._begin(context, self._ob)
         return {'RUNNING_MODAL'}
 
     def _work(self, context, event):
@@ -128,9 +133,9 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
 
     def _hand_over(self, context):
         """The empty goes with the mouse at once."""
-        pull, view = self._pull, self._view
+        ob, pull, view = self._ob, self._pull, self._view
         self._end(context, None)
-        self._finished(context, context.active_object, pull, "Move the empty, and click")
+        self._finished(context, ob, pull, "Move the empty, and click")
         if view:
             with context.temp_override(area=view.area, region=view.region):
                 bpy.ops.transform.translate('INVOKE_DEFAULT')
@@ -141,17 +146,20 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
         self._end(context, None)
 
     def _end(self, context, result):
-        if self._choice:
-            self._choice.close(context)
-        if self._stages:
-            self._stages.close()
-        if self._timer:
-            context.window_manager.event_timer_remove(self._timer)
-            context.window_manager.progress_end()
-        if self._view:
-            self._view.area.header_text_set(None)
-        context.workspace.status_text_set(None)
-        self._choice = self._pull = self._stages = self._timer = self._view = None
+        _under_way.clear()
+        try:
+            if self._choice:
+                self._choice.close(context)
+            if self._stages:
+                self._stages.close()
+        finally:
+            if self._timer:
+                context.window_manager.event_timer_remove(self._timer)
+                context.window_manager.progress_end()
+            if self._view:
+                self._view.area.header_text_set(None)
+            context.workspace.status_text_set(None)
+            self._ob = self._choice = self._pull = self._stages = self._timer = self._view = None
         return result
 
 
@@ -172,4 +180,10 @@ def _view(context):
 
 
 CLASSES = (OBJECT_OT_detail_deform_pull,)
-register, unregister = bpy.utils.register_classes_factory(CLASSES)
+register, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
+
+
+def unregister():
+    for pull in list(_under_way):
+        pull.cancel(bpy.context)
+    _unregister_classes()

@@ -104,12 +104,15 @@ class ReachChoice:
 
     def _typed_length(self):
         """0 where nothing that makes sense was typed."""
+        units = self._units
         try:
-            value = (float(self._typed or 0) if self._units.system == 'NONE' else
-                     bpy.utils.units.to_value(self._units.system, 'LENGTH', self._typed or '0'))
+            if units.system == 'NONE':
+                return float(self._typed or 0)
+            unit = None if units.length_unit == 'ADAPTIVE' else units.length_unit.lower()
+            return bpy.utils.units.to_value(units.system, 'LENGTH', self._typed or '0',
+                                            str_ref_unit=unit) / units.scale_length
         except ValueError:
             return 0.0
-        return value / self._units.scale_length
 
     def _show(self, context):
         length = (f"{self.radius:.4g}" if self._units.system == 'NONE' else bpy.utils.units.to_string(

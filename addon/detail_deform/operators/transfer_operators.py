@@ -232,6 +232,10 @@ class OBJECT_OT_detail_deform_marker_select(MeshOperator, bpy.types.Operator):
     def run(self, context, ob):
         empty = markers.select(ob, self.number)
         if empty:
+            if empty.name not in context.view_layer.objects:
+                raise mesh_data.MeshProblem(f"'{empty.name}' is not in this scene, or is in an excluded collection.")
+            if ob.mode != 'OBJECT':
+                bpy.ops.object.mode_set(mode='OBJECT')
             activate(context, empty)
 
 

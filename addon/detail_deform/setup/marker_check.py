@@ -28,6 +28,8 @@ def doubtful(source, target):
     count = len(source)
     if count < _FEWEST:
         return ()
+    if min(np.median(source), np.median(target)) <= 0:  # most are in one place
+        return ()
     caution = max(1.0, _SURE_FROM / count)
     there, here = _logarithm(source), _logarithm(target)
     factors = here - there

@@ -37,7 +37,8 @@ class Pull:
         self.radius, self.remarks = radius, []
         self._context, self._ob, self._around = context, ob, around
         self._had_modifier = node_group.find_modifier(ob) is not None
-        self._count = len(ob.detail_deform.handles)
+        self._count, self._index = len(ob.detail_deform.handles), ob.detail_deform.handle_index
+        self._edited = list(context.objects_in_mode)
 
     def stages(self, wait, watch=False):
         """A generator that yields the fraction done. wait: for the binding, standing still; watch: for that under way.
@@ -110,6 +111,12 @@ class Pull:
 
     def _take_back(self, region, earlier):
         """region, earlier: what there was; None where it is still there."""
+        try:
+            self._restore(region, earlier)
+        except ReferenceError:
+            pass  # the object was deleted meanwhile
+
+    def _restore(self, region, earlier):
         ob, settings = self._ob, self._ob.detail_deform
         if earlier:
             if settings.signature not in earlier.state:  # this Pull has begun to bind
@@ -121,6 +128,13 @@ class Pull:
             region_setup.restore(ob, region)
         if not self._had_modifier:
             node_group.remove_modifier(ob)
+        settings.handle_index = self._index
         if earlier:
             binding.restore(ob, earlier)
+        self._context.view_layer.objects.active = ob
+        unselected = [other for other in self._edited if not other.select_get()]
+        for other in unselected:
+            other.select_set(True)  # or it would not be edited again
         bpy.ops.object.mode_set(mode='EDIT')
+        for other in unselected:
+            other.select_set(False)

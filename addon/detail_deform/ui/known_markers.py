@@ -53,7 +53,10 @@ def clear():
 def of(ob):
     """As markers.of(), looked for only when groups or empties are others; none while something is wrong with them,
     which the search says."""
-    made_of = (*ob.vertex_groups.keys(), *(child.name for child in ob.children), len(ob.data.vertices), ob.mode)
+    if ob.type != 'MESH':  # it has been converted
+        return {}
+    made_of = (*ob.vertex_groups.keys(), len(ob.data.vertices), ob.mode,
+               *((child.name, *child.matrix_local.translation) for child in ob.children if child.type == 'EMPTY'))
     known = _found.get(ob.name)
     if known is None or known[0] != made_of:
         try:
