@@ -69,8 +69,10 @@ def source_changed(ob):
 
 
 def state(ob):
-    """How a follower fares, in a sentence."""
+    """How a follower fares, in a sentence; of what follows nobody, what is wrong, if anything is."""
     settings = ob.detail_deform.transfer
+    if not settings.live:
+        return settings.problem
     job = fed.cache.under_way(settings.prepared_for)
     if job:
         _, fraction, _ = job.progress()

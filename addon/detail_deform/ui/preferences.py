@@ -50,6 +50,7 @@ class WM_OT_detail_deform_manual(bpy.types.Operator):
         made = Path(bpy.app.tempdir) / "detail_deform_manual.html"
         made.write_text(page(path.read_text(encoding='utf-8'), path.parent), encoding='utf-8')
         webbrowser.open(made.as_uri())
+        self.report({'INFO'}, f"Opened in the web browser: {made}")
         return {'FINISHED'}
 
 

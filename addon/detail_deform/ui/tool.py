@@ -29,7 +29,7 @@ class DetailDeformPull(bpy.types.WorkSpaceTool):
 
 
 def register():
-    bpy.utils.register_tool(DetailDeformPull, after={'builtin.smooth'}, separator=True)
+    bpy.utils.register_tool(DetailDeformPull, separator=True)
 
 
 def unregister():

@@ -27,20 +27,24 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         column.enabled = not settings.live
         draw_options(column, context, settings, 'CORRESPONDENCE', TRANSFER_SETTINGS)
         here, there, both = markers.counts(ob, source)
-        if settings.correspondence == 'MARKERS' or here:
-            counts = f"{here:,} markers here, {there:,} on the source, {both:,} with the same numbers"
-            draw_text(column, context, counts if source else f"{here:,} markers here", 'EMPTY_AXIS')
-            if not settings.live:
-                _draw_markers(column, ob, _draw_doubts(column, context, source, ob) if source else ())
+        has_markers = settings.correspondence == 'MARKERS' or here
+        if has_markers:
+            counts = f"{_markers(here)} here, {there:,} on the source, {both:,} with the same numbers"
+            draw_text(column, context, counts if source else f"{_markers(here)} here", 'EMPTY_AXIS')
             column.prop(settings, 'show_markers')
             column.operator('object.detail_deform_transfer_match', icon='VIEWZOOM')
         if ob.mode == 'EDIT' or settings.correspondence == 'MARKERS':
             column.operator('object.detail_deform_marker_add', icon='ADD')
         if correspondence.is_stored(ob):
-            row = column.row(align=True)
+            row = layout.row(align=True)
             row.prop(settings, 'show_match', toggle=True)
+            row = row.row(align=True)
+            row.enabled = not settings.live
             row.operator('object.detail_deform_transfer_save', text="", icon='EXPORT')
             row.operator('object.detail_deform_transfer_forget', text="", icon='TRASH')
+        if has_markers and not settings.live:  # below the buttons, which each new one would move away
+            column = layout.column()
+            _draw_markers(column, ob, _draw_doubts(column, context, source, ob) if source else ())
         draw_options(layout.column(), context, settings, 'TRANSFER', TRANSFER_SETTINGS)
         layout.separator()
         row = layout.row(align=True)
@@ -50,6 +54,10 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         button = row.operator('object.detail_deform_transfer_live', text=follow, depress=settings.live,
                               icon='PAUSE' if settings.live else 'PLAY')
         button.on = not settings.live
+
+
+def _markers(count):
+    return f"{count:,} marker{'s' * (count != 1)}"
 
 
 def _draw_doubts(layout, context, source, target):
@@ -81,7 +89,7 @@ class OBJECT_PT_detail_deform_source(ModifierPanel, bpy.types.Panel):
         doubts = set()
         for target in known_markers.followers(ob):
             doubts |= set(self._draw_target(context, layout.box().column(), ob, target))
-        draw_text(layout, context, f"{len(known_markers.of(ob))} markers here", 'EMPTY_AXIS')
+        draw_text(layout, context, f"{_markers(len(known_markers.of(ob)))} here", 'EMPTY_AXIS')
         _draw_markers(layout, ob, doubts)
         layout.operator('object.detail_deform_marker_add', icon='ADD')
 
@@ -94,7 +102,7 @@ class OBJECT_PT_detail_deform_source(ModifierPanel, bpy.types.Panel):
         row.operator('object.detail_deform_target_activate', text="", icon='RESTRICT_SELECT_OFF').target = target.name
         draw_text(layout, context, settings.state if settings.live else "Does not follow.", 'BLANK1')
         _, there, both = markers.counts(ob, target)
-        draw_text(layout, context, f"{there} markers there, {both} with the same numbers", 'EMPTY_AXIS')
+        draw_text(layout, context, f"{_markers(there)} there, {both:,} with the same numbers", 'EMPTY_AXIS')
         return _draw_doubts(layout, context, ob, target)
 
 
