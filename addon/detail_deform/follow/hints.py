@@ -56,9 +56,9 @@ def _cut_off(ob, region, border):
         moved = np.linalg.norm(pose - rest, axis=1)
         if moved[border].max() > _BESIDE * moved[region].max():
             vertex = int(np.flatnonzero(border)[moved[border].argmax()])
-            name = example.object.name if example.object else example.name
-            yield (f"Example '{name}' also moves what lies beside the region (such as vertex {vertex}), which stays: "
-                   "of the pose a flat stub may be left. Make the region larger, to where the example begins to move.")
+            yield (f"Example '{examples.title(example)}' also moves what lies beside the region (such as vertex "
+                   f"{vertex}), which stays: of the pose a flat stub may be left. Make the region larger, to where the "
+                   "example begins to move.")
 
 
 def shares_empties_with(ob):

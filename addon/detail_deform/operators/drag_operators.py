@@ -7,26 +7,17 @@ from bpy.props import FloatProperty, IntProperty
 
 from ..scene import selection
 from ..setup import handle_setup
-from .operator_base import HandOperator, MeshOperator
-from .pull_operator import RADIUS
+from .operator_base import HandOperator
+from .pull_operator import RADIUS, PullOperator
 
 
-class OBJECT_OT_detail_deform_pull_begin(MeshOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_pull_begin(PullOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_pull_begin'
     bl_label = "Pull Selected"
     bl_description = "Pull the selected vertices with Detail Deform; where none is selected, box select"
     bl_options = {'REGISTER', 'UNDO', 'INTERNAL'}
 
     radius: FloatProperty(**RADIUS)
-
-    @classmethod
-    def poll(cls, context):
-        # It leaves with the empty active, and can still be adjusted there, which takes it back first.
-        return handle_setup.owner(context.active_object)[0] is not None or super().poll(context)
-
-    @classmethod
-    def poll_object(cls, ob):
-        return cls.in_edit_mode(ob)
 
     def invoke(self, context, event):
         if context.active_object.type != 'MESH' or selection.selected(context.active_object).any():

@@ -22,7 +22,20 @@ RADIUS = {
                    "the selection"}
 
 
-class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
+class PullOperator(MeshOperator):
+    """Where there is something to pull. It leaves with the empty active: there its slider is still to be had, which
+    takes it back first."""
+
+    @classmethod
+    def poll(cls, context):
+        return handle_setup.owner(context.active_object)[0] is not None or super().poll(context)
+
+    @classmethod
+    def poll_object(cls, ob):
+        return cls.in_edit_mode(ob)
+
+
+class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_pull'
     bl_label = "Pull with Detail Deform"
     bl_description = ("All in one: a handle for the selected vertices, a region around it, and Bind. Choose how far it "
@@ -31,17 +44,6 @@ class OBJECT_OT_detail_deform_pull(MeshOperator, bpy.types.Operator):
     radius: FloatProperty(**RADIUS, options={'SKIP_SAVE'})
 
     _ob = _choice = _pull = _stages = _timer = _view = None
-
-    @classmethod
-    def poll(cls, context):
-        # It leaves with the empty active: there its slider is still to be had, which takes it back first.
-        if handle_setup.owner(context.active_object)[0]:
-            return True
-        return super().poll(context)
-
-    @classmethod
-    def poll_object(cls, ob):
-        return cls.in_edit_mode(ob)
 
     def run(self, context, ob):
         _check_mode(ob)

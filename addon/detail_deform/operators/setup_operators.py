@@ -6,7 +6,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 
 from ..follow import hints, life
 from ..scene import handle_matrices, mesh_data
-from ..scene.selection import activate
+from ..scene.selection import activate, go_to
 from ..setup import handle_setup, own_empties, region_setup
 from .operator_base import HandOperator, MeshOperator
 from ..properties import AXES
@@ -140,10 +140,7 @@ class OBJECT_OT_detail_deform_handle_activate(HandOperator, _HandleOperator, bpy
     bl_description = "Select the handle's empty alone, to move it"
 
     def run(self, context, ob):
-        target = handle_setup.empty_of(ob, self.number(ob))
-        if ob.mode != 'OBJECT':
-            bpy.ops.object.mode_set(mode='OBJECT')
-        activate(context, target)
+        go_to(context, ob, handle_setup.empty_of(ob, self.number(ob)))
 
 
 class OBJECT_OT_detail_deform_own_empties(MeshOperator, bpy.types.Operator):

@@ -10,7 +10,7 @@ from ..follow import live_transfer
 from ..library.options import TRANSFER_SETTINGS
 from ..results import transfer
 from ..scene import correspondence, mesh_data
-from ..scene.selection import activate
+from ..scene.selection import go_to
 from ..setup import marker_check, markers, matching, pair_lists
 from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
 
@@ -232,11 +232,7 @@ class OBJECT_OT_detail_deform_marker_select(MeshOperator, bpy.types.Operator):
     def run(self, context, ob):
         empty = markers.select(ob, self.number)
         if empty:
-            if empty.name not in context.view_layer.objects:
-                raise mesh_data.MeshProblem(f"'{empty.name}' is not in this scene, or is in an excluded collection.")
-            if ob.mode != 'OBJECT':
-                bpy.ops.object.mode_set(mode='OBJECT')
-            activate(context, empty)
+            go_to(context, ob, empty)
 
 
 class OBJECT_OT_detail_deform_target_activate(MeshOperator, bpy.types.Operator):
@@ -247,12 +243,10 @@ class OBJECT_OT_detail_deform_target_activate(MeshOperator, bpy.types.Operator):
     target: StringProperty(name="Target", options={'SKIP_SAVE'}, description="Name of the mesh object")
 
     def run(self, context, ob):
-        target = context.view_layer.objects.get(self.target)
+        target = bpy.data.objects.get(self.target)
         if target is None:
             raise mesh_data.MeshProblem(f"'{self.target}' is not in this scene, or is in an excluded collection.")
-        if ob.mode != 'OBJECT':
-            bpy.ops.object.mode_set(mode='OBJECT')
-        activate(context, target)
+        go_to(context, ob, target)
 
 
 class OBJECT_OT_detail_deform_transfer_live(LongOperator, bpy.types.Operator):

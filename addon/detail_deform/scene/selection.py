@@ -5,6 +5,8 @@ import bmesh
 import bpy
 import numpy as np
 
+from .mesh_data import MeshProblem
+
 
 def activate(context, ob):
     """Selects this object alone."""
@@ -12,6 +14,15 @@ def activate(context, ob):
         other.select_set(False)
     ob.select_set(True)
     context.view_layer.objects.active = ob
+
+
+def go_to(context, ob, other):
+    """Leaves whatever mode the one is in and selects the other alone. Raises MeshProblem."""
+    if other.name not in context.view_layer.objects:
+        raise MeshProblem(f"'{other.name}' is not in this scene, or is in an excluded collection.")
+    if ob.mode != 'OBJECT':
+        bpy.ops.object.mode_set(mode='OBJECT')
+    activate(context, other)
 
 
 def selected(ob):
