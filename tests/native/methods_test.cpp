@@ -198,7 +198,7 @@ TEST_CASE("what fails on another geometry than the mesh's is not blamed on the m
   const auto blame = [&](const BindOptions& options) {
     return test::refusal([&] { Deformer(plane.mesh, plane.roles, 1, options); }, Status::numeric);
   };
-  CHECK_THAT(blame({BaseMetric::surface, 1e9}), contains("lower the smoothing"));
+  CHECK_THAT(blame({BaseMetric::surface, 1e9}), contains("lower Smoothing"));
 }
 
 TEST_CASE("NORMAL reconstructs S at rest at every level count, and follows rigid motions") {

@@ -118,7 +118,7 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
   if (options.base_metric == BaseMetric::surface && options.metric_smoothing > 0) {
     blaming("The surface smoothed by " + edge_lengths(options.metric_smoothing) +
                 " edge lengths can't be solved for",
-            "lower the smoothing.", [&] {
+            "lower Smoothing.", [&] {
               const SurfaceOperators faired =
                   surface_operators(faired_surface(mesh, operators, options.metric_smoothing),
                                     mesh.triangles, options.triangulation);
@@ -129,7 +129,7 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
   }
   if (options.base_metric == BaseMetric::base) {
     blaming("The base surface collapses",
-            "its stiffness can't be measured there. Measure it on the surface (SURFACE), or hold "
+            "its stiffness can't be measured there. Set Measure On to Surface, or hold "
             "that part by one more handle.",
             [&] {
               // The mesh's own triangles: where the base is crumpled, intrinsic ones gather it

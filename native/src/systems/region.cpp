@@ -27,9 +27,10 @@ void check_coverage(const std::vector<int>& roles, int handle_count, MovedBy mov
                   "Handle " + std::to_string(h) + " has no vertices: give it at least one.");
   }
   if (std::find(roles.begin(), roles.end(), kFree) == roles.end())
-    throw Error(Status::region,
-                "No vertex is free to follow: every vertex is fixed or in a handle. Enlarge the "
-                "region or shrink the handles.");
+    throw Error(
+        Status::region,
+        "No vertex is free to follow: every vertex is fixed or in a handle. Make the region "
+        "larger, or give the handles fewer vertices.");
 }
 
 /// Handles without a free vertex beside them.
