@@ -132,8 +132,8 @@ class Kept(NamedTuple):
 def kept(ob):
     """What restore() brings back."""
     settings = ob.detail_deform
-    return Kept([getattr(settings, name) for name in _STATE], [[tuple(getattr(handle, name)) for name in _OF_HANDLES]
-                                     for handle in settings.handles],
+    return Kept([getattr(settings, name) for name in _STATE],
+                [[tuple(getattr(handle, name)) for name in _OF_HANDLES] for handle in settings.handles],
                 [offset_attribute.read(ob.data, name) if offset_attribute.find(ob.data, name) else None
                  for name in _OF_MESHES])
 

@@ -70,12 +70,33 @@ class HandOperator(MeshOperator):
         return handle_setup.owner(context.active_object)[0] or context.active_object
 
 
+class Progress:
+    """What the window shows while an operator works: the cursor and the status bar, and the timer that wakes it."""
+
+    def __init__(self, context):
+        self._timer = context.window_manager.event_timer_add(_TICK_SECONDS, window=context.window)
+        context.window_manager.progress_begin(0, 1)
+
+    @staticmethod
+    def tell(context, doing, done):
+        """Returns the text."""
+        text = f"{doing}, {100 * done:.0f}%. Esc: cancel"
+        context.window_manager.progress_update(done)
+        context.workspace.status_text_set(text)
+        return text
+
+    def end(self, context):
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        context.workspace.status_text_set(None)
+
+
 class LongOperator(MeshOperator):
     """Work that goes on for a while, as a generator that yields the fraction done: from the window (interactive)
     with progress and Esc, from scripts at once."""
     doing = ""  # as the status bar says it
     interactive = False
-    _work = _timer = None
+    _work = _progress = None
 
     def frame_range(self, context):
         """First and last frame, of those that work on frames: the scene's unless given."""
@@ -89,10 +110,8 @@ class LongOperator(MeshOperator):
             for _ in work:
                 pass
             return None
-        manager = context.window_manager
-        self._timer = manager.event_timer_add(_TICK_SECONDS, window=context.window)
-        manager.progress_begin(0, 1)
-        manager.modal_handler_add(self)
+        self._progress = Progress(context)
+        context.window_manager.modal_handler_add(self)
         return {'RUNNING_MODAL'}
 
     def modal(self, context, event):
@@ -104,8 +123,7 @@ class LongOperator(MeshOperator):
         try:
             while time.monotonic() < until:
                 done = next(self._work)
-            context.window_manager.progress_update(done)
-            context.workspace.status_text_set(f"{self.doing}, {100 * done:.0f}%. Esc: cancel")
+            self._progress.tell(context, self.doing, done)
         except StopIteration:
             return self._end(context, {'FINISHED'})
         except (mesh_data.MeshProblem, native.NativeError) as problem:
@@ -122,10 +140,10 @@ class LongOperator(MeshOperator):
             self._end(context, None)
 
     def _end(self, context, result):
-        self._work.close()
-        context.window_manager.event_timer_remove(self._timer)
-        context.window_manager.progress_end()
-        context.workspace.status_text_set(None)
-        self._work = self._timer = None
+        try:
+            self._work.close()
+        finally:
+            self._progress.end(context)
+            self._work = self._progress = None
         self.interactive = False  # it may be repeated without a dialog
         return result

@@ -8,10 +8,9 @@ from ..library import native
 from ..scene import mesh_data, stack
 from ..scene.selection import activate
 from ..setup import handle_setup, pulling
-from .operator_base import MeshOperator
+from .operator_base import MeshOperator, Progress
 from .reach_choice import ReachChoice, View
 
-_TICK_SECONDS = 0.05
 _under_way = []  # the one that goes on in the window, to be ended when the add-on is switched off
 # What moves the view goes on while a reach is chosen and while it is bound.
 _NAVIGATION = ('MIDDLEMOUSE', 'TRACKPAD', 'MOUSEROTATE', 'MOUSESMARTZOOM', 'NDOF')
@@ -43,7 +42,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
 
     radius: FloatProperty(**RADIUS, options={'SKIP_SAVE'})
 
-    _ob = _choice = _pull = _stages = _timer = _view = None
+    _ob = _choice = _pull = _stages = _progress = _view = None
 
     def run(self, context, ob):
         _check_mode(ob)
@@ -86,14 +85,11 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         around = self._choice.around if self._choice else None
         self._pull = pulling.Pull(context, ob, self.radius, around)
         self._stages = self._pull.stages(wait=False, watch=True)
-        self._timer = context.window_manager.event_timer_add(_TICK_SECONDS, window=context.window)
-        context.window_manager.progress_begin(0, 1)
+        self._progress = Progress(context)
         self._tell(context, 0.0)
 
     def _tell(self, context, done):
-        text = f"Preparing, {100 * done:.0f}%. Esc: cancel"
-        context.window_manager.progress_update(done)
-        context.workspace.status_text_set(text)
+        text = self._progress.tell(context, "Preparing", done)
         if self._view:
             self._view.area.header_text_set(text)
 
@@ -155,13 +151,11 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
             if self._stages:
                 self._stages.close()
         finally:
-            if self._timer:
-                context.window_manager.event_timer_remove(self._timer)
-                context.window_manager.progress_end()
+            if self._progress:
+                self._progress.end(context)
             if self._view:
                 self._view.area.header_text_set(None)
-            context.workspace.status_text_set(None)
-            self._ob = self._choice = self._pull = self._stages = self._timer = self._view = None
+            self._ob = self._choice = self._pull = self._stages = self._progress = self._view = None
         return result
 
 

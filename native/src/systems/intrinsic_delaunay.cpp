@@ -15,8 +15,9 @@ namespace {
 
 constexpr double kFlattest = 1e-9;  // height over longest edge
 constexpr double kSame = 1e-12;
-constexpr double kSound = 1e-6, kSurely = 0.9;
-constexpr int kMostFlips = 20;  // a triangle, in the mean
+constexpr double kSound = 1e-6;  // 16 areas² over (sum of edges²)²: rounding has no say
+constexpr double kSurely = 0.9;  // of what is obtuse: beyond doubt by a fast cotangent
+constexpr int kMostFlips = 20;   // a triangle, in the mean
 
 /// Sides of triangles, 3 × triangle + k from corner k to the next, and what they are glued to.
 class Gluing {
