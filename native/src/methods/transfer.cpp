@@ -4,14 +4,16 @@
 namespace dd {
 
 Transfer::Transfer(BoundSurface& bound)
-    : gradients_(make_base_gradients(bound)), reconstruction_(bound) {}
+    : gradients_(make_base_gradients(bound, bound.base)), reconstruction_(bound, &bound.base) {}
 
 void Transfer::update(const Frame& frame, const MethodOptions& options) {
-  gradients_->take(frame.base, frame.linear, options.rotation_only);
-  if (options.rotation_only && options.formulation == Formulation::surface)
-    reconstruction_.solve(*gradients_, options.refined, frame.turning, frame.offsets);
-  else
-    reconstruction_.solve(*gradients_, options.formulation, frame.offsets);
+  const BasePose pose{frame.base, frame.linear};
+  if (options.rotation_only && options.formulation == Formulation::surface) {
+    reconstruction_.solve(*gradients_, options.refined, pose, frame.turning, frame.offsets);
+    return;
+  }
+  gradients_->take(pose, options.rotation_only);
+  reconstruction_.solve(*gradients_, options.formulation, frame.offsets);
 }
 
 MethodFindings Transfer::findings() const {

@@ -61,41 +61,6 @@ RowMatrix harmonic_weights(const BoundSurface& bound) {
   return weights;
 }
 
-TurnedFlux::TurnedFlux(const BoundSurface& bound, const Positions& of, const Rows& rotations)
-    : bound_(bound),
-      rotations_(rotations),
-      layout_(bound.poisson->active()),
-      blocks_(turn_blocks<double>(bound, layout_, of,
-                                  [&](int v) { return bound.order().row_of_vertex[v]; })) {
-  Rows still = Rows::Zero(bound.order().count(), 4);
-  still.col(3).setOnes();
-  at_rest_ = Rows::Zero(bound.poisson->right_hand_side_rows(), 4);
-  for (int section = 0; section < layout_.sections(); ++section)
-    add(section, still, at_rest_.data());
-}
-
-void TurnedFlux::add(int section, const Rows& rotations, double* rows) const {
-  const int begin = layout_.begin[section];
-  kernels().full.turn_pass(layout_.begin[section + 1] - begin, blocks_.data() + begin,
-                           rotations.data(), rows);
-}
-
-void TurnedFlux::add(int section, double* rows) const { add(section, rotations_, rows); }
-
-Eigen::Matrix3d TurnedFlux::at(int triangle) const {
-  Eigen::Vector4d sum = Eigen::Vector4d::Zero();
-  for (int k = 0; k < 3; ++k) {
-    const int row = bound_.order().row_of_vertex[bound_.mesh.triangles(triangle, k)];
-    sum += rotations_.row(row).transpose();
-  }
-  return Eigen::Quaterniond(sum).normalized().toRotationMatrix();
-}
-
-double TurnedFlux::bytes() const {
-  return static_cast<double>(blocks_.size() * sizeof(TurnBlock<double>)) +
-         static_cast<double>(at_rest_.size() * Index(sizeof(double)));
-}
-
 MotionBlend::MotionBlend(const BoundSurface& bound)
     : bound_(bound),
       terms_(RowMatrix::Zero(bound.region.handle_count, kTerms)),
@@ -256,6 +221,7 @@ Turning MotionBlend::turning(BaseDeformer deformer) {
     if (!of_surface_)
       of_surface_ = std::make_unique<TurnedFlux>(bound_, bound_.mesh.positions, rotations_);
     result.known = of_surface_.get();
+    result.known_rotations = &rotations_;
   }
   const auto falls = [&](double begin, double end) {
     return std::clamp((end - farthest_) / (end - begin), 0.0, 1.0);

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "surface/bound_surface.h"
-#include "surface/gradients.h"
-#include "surface/refinement.h"
+#include "surface/turned_flux.h"
+#include "surface/turning.h"
 
 namespace dd {
 
@@ -21,26 +21,6 @@ enum class BaseDeformer {
 /// Harmonic weights of the handles, F×h, rows in the surface's order: 1 at the vertices of a
 /// handle, 0 at all other constrained ones.
 RowMatrix harmonic_weights(const BoundSurface& bound);
-
-/// What a field of rotations adds to (14), for the surface or for its base at rest.
-class TurnedFlux : public GradientSource {
- public:
-  /// of: n×3. rotations: quaternions in the surface's order, which may change between two solves.
-  TurnedFlux(const BoundSurface& bound, const Positions& of, const Rows& rotations);
-  void add(int section, double* rows) const override;
-  const Rows& at_rest() const override { return at_rest_; }
-  Eigen::Matrix3d at(int triangle) const override;
-  double bytes() const;
-
- private:
-  void add(int section, const Rows& rotations, double* rows) const;
-
-  const BoundSurface& bound_;
-  const Rows& rotations_;
-  ActiveBlocks layout_;
-  std::vector<TurnBlock<double>> blocks_;
-  Rows at_rest_;
-};
 
 /// Beyond the paper: a linear base blends displacements, collapses where handles turn by half a
 /// turn and can't go beyond. Here their rotations are blended, R = R_0 exp(Σ a_h t_h) exp(Σ a_h

@@ -2,15 +2,14 @@
 #include "surface/reconstruction.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace dd {
 
 void Reconstruction::solve(const GradientSource& gradients, Formulation formulation,
                            Rows& offsets) {
   if (formulation == Formulation::surface) {
-    surface_.poisson->solve(
-        gradients.at_rest(), [&](int section, double* rows) { gradients.add(section, rows); },
-        offsets);
+    solve_by(gradients, nullptr, 0, offsets);
     return;
   }
   const FourthPointWeights weights = formulation == Formulation::fourth_points
@@ -23,37 +22,69 @@ void Reconstruction::solve(const GradientSource& gradients, Formulation formulat
   fourth_points_->solve(gradients, surface_.order(), offsets);
 }
 
-void Reconstruction::solve_unrefined(const GradientSource& rotations, ClampedPoisson* clamps,
-                                     double held, Rows& offsets) {
-  const auto add = [&](int section, double* rows) { rotations.add(section, rows); };
+void Reconstruction::solve_by(const FluxSource& source, ClampedPoisson* clamps, double held,
+                              Rows& offsets) {
+  const auto add = [&](int section, double* rows) { source.add(section, rows); };
   if (clamps && held == 1) {
-    clamps->solve(rotations.at_rest(), add, offsets);
+    clamps->solve(source.at_rest(), add, offsets);
     return;
   }
-  solve(rotations, Formulation::surface, offsets);
+  surface_.poisson->solve(source.at_rest(), add, offsets);
   if (!clamps || held == 0) return;
   const Rows creased = offsets;
-  clamps->step(rotations.at_rest(), add, offsets);
+  clamps->step(source.at_rest(), add, offsets);
   offsets = creased + held * (offsets - creased);
 }
 
-void Reconstruction::solve(const GradientSource& rotations, const Refined& refined,
+void Reconstruction::solve_unrefined(BaseGradients& gradients, const BasePose& pose,
+                                     const Turning& turning, ClampedPoisson* clamps, double held,
+                                     Rows& offsets) {
+  if (turning.known_share < 1) {
+    gradients.take(pose, true);
+    solve_by(gradients, clamps, held, offsets);
+  }
+  if (turning.known_share == 0) return;
+  const Rows by_base = offsets;
+  solve_by(*turning.known, clamps, held, offsets);
+  offsets = by_base + turning.known_share * (offsets - by_base);
+}
+
+void Reconstruction::prepare_refinement(double length) {
+  if (refined_length_ == length) return;
+  std::unique_ptr<CoarseRefinement> coarse = CoarseRefinement::make(surface_, *base_, length);
+  std::unique_ptr<Refinement> whole = coarse ? nullptr : make_refinement(surface_, length);
+  coarse_refinement_ = std::move(coarse);
+  refinement_ = std::move(whole);
+  refined_length_ = length;
+}
+
+void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, const BasePose& pose,
                            const Turning& turning, Rows& offsets) {
   ClampedPoisson* const clamps = clamped(refined.rim_smoothing);
   // The last iteration holds the slope at rims; so does what that leaves of the unrefined result.
   const double held =
       refined.iterations == 0 ? 1 : std::min({1.0, 5 * turning.share, 5 * (1 - turning.share)});
-  if (turning.known_share < 1) solve_unrefined(rotations, clamps, held, offsets);
-  if (turning.known_share > 0) {
-    const Rows by_base = offsets;
-    solve_unrefined(*turning.known, clamps, held, offsets);
-    offsets = by_base + turning.known_share * (offsets - by_base);
+  if (refined.iterations == 0 || turning.share == 0) {
+    solve_unrefined(gradients, pose, turning, clamps, held, offsets);
+    return;
   }
-  if (refined.iterations == 0 || turning.share == 0) return;
-  const double length = refined.rotation_smoothing * surface_.active_size;
-  if (!refinement_ || refinement_->length() != length)
-    refinement_ = make_refinement(surface_, length);
-  refinement_->run(refined.iterations, clamps, turning, offsets);
+  prepare_refinement(refined.rotation_smoothing * surface_.active_size);
+  const bool mixed = turning.share < 1;
+  if (mixed || refinement_) solve_unrefined(gradients, pose, turning, clamps, held, offsets);
+  Rows unrefined;
+  if (mixed) unrefined = offsets;
+  if (coarse_refinement_) {
+    coarse_refinement_->find(refined.iterations, pose, turning, offsets);
+    solve_by(*coarse_refinement_, clamps, 1, offsets);
+  } else {
+    refinement_->find(refined.iterations, turning, offsets);
+    const auto add = [&](int section, double* rows) { refinement_->add(section, rows); };
+    if (clamps)
+      clamps->step(refinement_->at_rest(), add, offsets);
+    else
+      surface_.poisson->solve(refinement_->at_rest(), add, offsets, turning.share);
+  }
+  if (mixed) offsets = unrefined + turning.share * (offsets - unrefined);
 }
 
 ClampedPoisson* Reconstruction::clamped(double rim_smoothing) {
@@ -67,7 +98,8 @@ ClampedPoisson* Reconstruction::clamped(double rim_smoothing) {
 
 double Reconstruction::bytes() const {
   return (fourth_points_ ? fourth_points_->bytes() : 0) + (clamped_ ? clamped_->bytes() : 0) +
-         (refinement_ ? refinement_->bytes() : 0);
+         (refinement_ ? refinement_->bytes() : 0) +
+         (coarse_refinement_ ? coarse_refinement_->bytes() : 0);
 }
 
 }  // namespace dd

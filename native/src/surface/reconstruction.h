@@ -3,10 +3,11 @@
 
 #include <memory>
 
-#include "surface/factored_surface.h"
+#include "surface/base_gradients.h"
+#include "surface/coarse_refinement.h"
 #include "surface/fourth_points.h"
-#include "surface/gradient_source.h"
 #include "surface/refinement.h"
+#include "systems/clamped_poisson.h"
 
 namespace dd {
 
@@ -29,29 +30,37 @@ struct Refined {
 /// asked. What a formulation needs beside the factor is made when it is first asked for.
 class Reconstruction {
  public:
-  /// surface must outlive it.
-  explicit Reconstruction(FactoredSurface& surface) : surface_(surface) {}
+  /// surface must outlive it. base: B at rest, n×3, which must, too; null: nothing is refined.
+  explicit Reconstruction(FactoredSurface& surface, const Positions* base = nullptr)
+      : surface_(surface), base_(base) {}
 
   /// offsets: the displacement of all rows, in: those of handles, out: those of the free vertices.
   /// Components that nothing holds come out with one vertex at rest.
   void solve(const GradientSource& gradients, Formulation formulation, Rows& offsets);
 
-  /// By (14), and the result improved by rotations alone.
-  void solve(const GradientSource& rotations, const Refined& refined, const Turning& turning,
-             Rows& offsets);
+  /// By (14) of rotations, and the result improved by rotations alone. gradients: of that base, to
+  /// take the pose if it is needed.
+  void solve(BaseGradients& gradients, const Refined& refined, const BasePose& pose,
+             const Turning& turning, Rows& offsets);
 
   double bytes() const;
 
  private:
   ClampedPoisson* clamped(double rim_smoothing);
+  /// Makes the one that serves for such a length.
+  void prepare_refinement(double length);
   /// held: how much of the slope at rims is.
-  void solve_unrefined(const GradientSource& rotations, ClampedPoisson* clamps, double held,
-                       Rows& offsets);
+  void solve_unrefined(BaseGradients& gradients, const BasePose& pose, const Turning& turning,
+                       ClampedPoisson* clamps, double held, Rows& offsets);
+  void solve_by(const FluxSource& source, ClampedPoisson* clamps, double held, Rows& offsets);
 
   FactoredSurface& surface_;
+  const Positions* base_;
   std::unique_ptr<FourthPoints> fourth_points_;
   std::unique_ptr<ClampedPoisson> clamped_;
+  double refined_length_ = 0;  // of one of these:
   std::unique_ptr<Refinement> refinement_;
+  std::unique_ptr<CoarseRefinement> coarse_refinement_;
 };
 
 }  // namespace dd

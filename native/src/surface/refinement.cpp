@@ -2,13 +2,14 @@
 #include "surface/refinement.h"
 
 #include <algorithm>
-#include <array>
 #include <utility>
 #include <vector>
 
 #include "mesh/topology.h"
 #include "mesh/unit_box.h"
 #include "surface/gradients.h"
+#include "surface/rotation_means.h"
+#include "surface/turn_pass.h"
 
 namespace dd {
 
@@ -35,39 +36,23 @@ Pass pass(int iteration, int iterations) {
   return {iteration == 0 ? 4.0 : beyond ? 2.0 : 1.0, left == 0 ? 0.5 : left == 1 ? 0.8 : 1};
 }
 
-/// As the kernels take them.
-template <class Value>
-const Value (*rows_of(const std::vector<std::array<Value, kLanes>>& blocks))[kLanes] {
-  return reinterpret_cast<const Value(*)[kLanes]>(blocks.data());
-}
-
 template <class Real>
 class RefinementOf : public Refinement {
  public:
   RefinementOf(FactoredSurface& surface, double length);
   double length() const override { return smoothing_.length(); }
-  void run(int iterations, ClampedPoisson* clamped, const Turning& turning, Rows& offsets) override;
+  void find(int iterations, const Turning& turning, Rows& offsets) override;
+  Rows rotations() const override;
+  void add(int section, double* rows) const override {
+    pass_.add(vertex_rotations_.data(), section, rows);
+  }
+  const Rows& at_rest() const override { return *at_rest_; }
   double bytes() const override;
 
  private:
-  /// For each vertex the rows whose rotations it averages, kLanes vertices a block: what one of
-  /// them has less than the others has no weight.
-  struct Averages {
-    std::vector<int> starts{0};
-    std::vector<std::array<int32_t, kLanes>> index;
-    std::vector<std::array<Real, kLanes>> weights;
-    int count() const { return static_cast<int>(starts.size()) - 1; }
-    double bytes() const {
-      return static_cast<double>(starts.size() * sizeof(int) +
-                                 index.size() * kLanes * (sizeof(int32_t) + sizeof(Real)));
-    }
-  };
-  /// The terms of kLanes averages that are being collected.
-  using Terms = std::array<std::vector<std::pair<int, double>>, kLanes>;
   using Quaternions = std::vector<Real>;  // rows of 4
 
   void make_averages(const std::vector<int>& local_triangle, int first_held);
-  static void append(Averages& averages, Terms& terms);
   /// The row of a vertex's rotation: free ones in order, then rims.
   int rotation_row(int vertex) const;
   /// Of the triangles without a free corner, which only the handles move.
@@ -76,31 +61,29 @@ class RefinementOf : public Refinement {
   void find_means(const Rows* gauge);
   /// A gauge of the means: a walk over the surface, from vertex to neighbour.
   void follow_means();
-  /// As PoissonSystem::solve() takes it.
-  void add(int section, double* rows) const;
-  /// The same of all sections.
-  Rows turned() const;
   /// What the rotations at rest make, which rounding leaves beside none, with so much smoothing.
-  const Rows& at_rest(double smoothing);
+  const Rows& at_rest_with(double smoothing);
 
   FactoredSurface& surface_;
   RotationSmoothing smoothing_;
   // Triangles are numbered anew: those with a free corner, padded to whole blocks, then those
   // without that share a vertex with them.
   std::vector<RotationBlock<Real>> moving_, held_;
-  ActiveBlocks layout_;
-  std::vector<TurnBlock<Real>> turns_;
-  Averages averages_;
+  TurnPass<Real> pass_;
+  RotationMeans<Real> averages_;  // of each active vertex
   Quaternions triangle_rotations_, vertex_rotations_;
-  Rows positions_, start_;
+  Rows positions_;
   Rows rest_given_, rest_smoothed_, rest_between_;
+  const Rows* at_rest_ = nullptr;           // one of them
   std::vector<std::pair<int, int>> steps_;  // of the walk: from a row of rotations to another
   Rows followed_;
 };
 
 template <class Real>
 RefinementOf<Real>::RefinementOf(FactoredSurface& surface, double length)
-    : surface_(surface), smoothing_(surface, length), layout_(surface.poisson->active()) {
+    : surface_(surface),
+      smoothing_(surface, length),
+      pass_(surface, surface.mesh.positions, [&](int v) { return rotation_row(v); }) {
   const Triangles& t = surface.operators.triangles;
   const RowOrder& order = surface.order();
   const std::vector<int>& active = surface.poisson->active().triangles;
@@ -127,17 +110,15 @@ RefinementOf<Real>::RefinementOf(FactoredSurface& surface, double length)
     held_ = rotation_blocks<Real>(surface.mesh.positions, t, held, standing, order);
 
   make_averages(local_triangle, first_held);
-  turns_ = turn_blocks<Real>(surface, layout_, surface.mesh.positions,
-                             [&](int v) { return rotation_row(v); });
   triangle_rotations_.assign(4 * (static_cast<size_t>(first_held) + kLanes * held_.size()), 0);
-  vertex_rotations_.assign(4 * static_cast<size_t>(kLanes * averages_.count()), 0);
+  vertex_rotations_.assign(4 * averages_.size(), 0);
 
   positions_ = surface.rest;
   find_held_rotations();
   find_means(nullptr);
-  rest_given_ = turned();
+  rest_given_ = pass_.all(vertex_rotations_.data());
   smoothing_.run(vertex_rotations_.data());
-  rest_smoothed_ = turned();
+  rest_smoothed_ = pass_.all(vertex_rotations_.data());
 }
 
 template <class Real>
@@ -149,49 +130,21 @@ template <class Real>
 void RefinementOf<Real>::make_averages(const std::vector<int>& local_triangle, int first_held) {
   const Fans fans(surface_.operators.triangles, surface_.mesh.vertex_count());
   const PoissonSystem& poisson = *surface_.poisson;
-  std::vector<int> vertices;
-  vertices.reserve(static_cast<size_t>(poisson.active_vertex_count()));
-  for (int i = 0; i < poisson.active_vertex_count(); ++i)
-    vertices.push_back(poisson.order().vertex_of_row[poisson.active_row(i)]);
-
-  const size_t blocks = (vertices.size() + kLanes - 1) / kLanes;
-  Terms terms;
-  for (size_t b = 0; b < blocks; ++b) {
-    for (size_t lane = 0; lane < kLanes; ++lane) {
-      terms[lane].clear();
-      const size_t i = b * kLanes + lane;
-      if (i >= vertices.size()) continue;
-      const Fans::Range fan = fans.of(vertices[i]);
-      const auto is_held = [&](int j) { return local_triangle[j] >= first_held; };
-      const bool only_held = std::any_of(fan.begin(), fan.end(), is_held);
-      double sum = 0;
-      for (int j : fan)
-        if (is_held(j) == only_held) sum += surface_.operators.metric.areas[j];
-      for (int j : fan)
-        if (is_held(j) == only_held)
-          terms[lane].emplace_back(local_triangle[j], surface_.operators.metric.areas[j] / sum);
-    }
-    append(averages_, terms);
+  typename RotationMeans<Real>::Terms terms;
+  for (int i = 0; i < poisson.active_vertex_count(); ++i) {
+    const Fans::Range fan = fans.of(poisson.order().vertex_of_row[poisson.active_row(i)]);
+    const auto is_held = [&](int j) { return local_triangle[j] >= first_held; };
+    const bool only_held = std::any_of(fan.begin(), fan.end(), is_held);
+    double sum = 0;
+    for (int j : fan)
+      if (is_held(j) == only_held) sum += surface_.operators.metric.areas[j];
+    terms.clear();
+    for (int j : fan)
+      if (is_held(j) == only_held)
+        terms.emplace_back(local_triangle[j], surface_.operators.metric.areas[j] / sum);
+    averages_.append(terms);
   }
-}
-
-template <class Real>
-void RefinementOf<Real>::append(Averages& averages, Terms& terms) {
-  size_t longest = 1;
-  for (auto& list : terms) {
-    if (list.empty()) list.emplace_back(0, 1.0);  // a lane that nobody reads
-    longest = std::max(longest, list.size());
-  }
-  for (size_t k = 0; k < longest; ++k) {
-    averages.index.emplace_back();
-    averages.weights.emplace_back();
-    for (size_t lane = 0; lane < kLanes; ++lane) {
-      const auto& list = terms[lane];
-      averages.index.back()[lane] = list[std::min(k, list.size() - 1)].first;
-      averages.weights.back()[lane] = k < list.size() ? static_cast<Real>(list[k].second) : Real(0);
-    }
-  }
-  averages.starts.push_back(static_cast<int>(averages.index.size()));
+  averages_.close();
 }
 
 template <class Real>
@@ -210,11 +163,7 @@ void RefinementOf<Real>::find_means(const Rows* gauge) {
         pass.rotation_pass(static_cast<int>(end - begin), moving_.data() + begin, positions_.data(),
                            triangle_rotations_.data() + 4 * kLanes * begin);
       });
-  pool.parallel_for(averages_.count(), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
-    pass.mean_rotations(static_cast<int>(begin), static_cast<int>(end), averages_.starts.data(),
-                        rows_of(averages_.index), rows_of(averages_.weights),
-                        triangle_rotations_.data(), vertex_rotations_.data());
-  });
+  averages_.run(triangle_rotations_, vertex_rotations_, pool);
   // A rotation is two quaternions; the smoothing must not meet one of each side by side.
   const PoissonSystem& poisson = *surface_.poisson;
   pool.parallel_for(poisson.active_vertex_count(), kLeastRange, [&](int64_t begin, int64_t end) {
@@ -263,21 +212,7 @@ void RefinementOf<Real>::follow_means() {
 }
 
 template <class Real>
-void RefinementOf<Real>::add(int section, double* rows) const {
-  const int begin = layout_.begin[section];
-  kernels().of<Real>().turn_pass(layout_.begin[section + 1] - begin, turns_.data() + begin,
-                                 vertex_rotations_.data(), rows);
-}
-
-template <class Real>
-Rows RefinementOf<Real>::turned() const {
-  Rows rows = Rows::Zero(surface_.poisson->right_hand_side_rows(), 4);
-  for (int section = 0; section < layout_.sections(); ++section) add(section, rows.data());
-  return rows;
-}
-
-template <class Real>
-const Rows& RefinementOf<Real>::at_rest(double smoothing) {
+const Rows& RefinementOf<Real>::at_rest_with(double smoothing) {
   if (smoothing == 0) return rest_given_;
   if (smoothing == 1) return rest_smoothed_;
   rest_between_ = (1 - smoothing) * rest_given_ + smoothing * rest_smoothed_;
@@ -285,12 +220,9 @@ const Rows& RefinementOf<Real>::at_rest(double smoothing) {
 }
 
 template <class Real>
-void RefinementOf<Real>::run(int iterations, ClampedPoisson* clamped, const Turning& turning,
-                             Rows& offsets) {
+void RefinementOf<Real>::find(int iterations, const Turning& turning, Rows& offsets) {
   const RowOrder& order = surface_.order();
   PoissonSystem& poisson = *surface_.poisson;
-  if (turning.share < 1) start_ = offsets;
-  const auto add_turned = [&](int section, double* rows) { add(section, rows); };
   for (int iteration = 0; iteration < iterations; ++iteration) {
     const int moved = iteration == 0 ? order.fixed_begin : order.free_count;
     poisson.pool().parallel_for(moved, kLeastRange, [&](int64_t begin, int64_t end) {
@@ -303,12 +235,19 @@ void RefinementOf<Real>::run(int iterations, ClampedPoisson* clamped, const Turn
     if (turning.unknown && iteration == 0) follow_means();
     const Pass how = pass(iteration, iterations);
     if (how.smoothing > 0) smoothing_.run(vertex_rotations_.data(), how.smoothing);
-    if (clamped && iteration == iterations - 1)
-      clamped->step(at_rest(how.smoothing), add_turned, offsets);
-    else
-      poisson.solve(at_rest(how.smoothing), add_turned, offsets, turning.share * how.relaxation);
+    at_rest_ = &at_rest_with(how.smoothing);
+    if (iteration < iterations - 1)
+      poisson.solve(
+          *at_rest_, [&](int section, double* rows) { add(section, rows); }, offsets,
+          turning.share * how.relaxation);
   }
-  if (turning.share < 1) offsets = start_ + turning.share * (offsets - start_);
+}
+
+template <class Real>
+Rows RefinementOf<Real>::rotations() const {
+  return Eigen::Map<const Eigen::Matrix<Real, Eigen::Dynamic, 4, Eigen::RowMajor>>(
+             vertex_rotations_.data(), surface_.poisson->active_vertex_count(), 4)
+      .template cast<double>();
 }
 
 template <class Real>
@@ -316,11 +255,10 @@ double RefinementOf<Real>::bytes() const {
   const auto numbers = triangle_rotations_.size() + vertex_rotations_.size();
   return smoothing_.bytes() +
          static_cast<double>((moving_.size() + held_.size()) * sizeof(RotationBlock<Real>) +
-                             turns_.size() * sizeof(TurnBlock<Real>) + numbers * sizeof(Real) +
-                             steps_.size() * sizeof(steps_[0])) +
-         averages_.bytes() +
-         static_cast<double>((positions_.size() + start_.size() + rest_given_.size() +
-                              rest_smoothed_.size() + rest_between_.size() + followed_.size()) *
+                             numbers * sizeof(Real) + steps_.size() * sizeof(steps_[0])) +
+         averages_.bytes() + pass_.bytes() +
+         static_cast<double>((positions_.size() + rest_given_.size() + rest_smoothed_.size() +
+                              rest_between_.size() + followed_.size()) *
                              Index(sizeof(double)));
 }
 

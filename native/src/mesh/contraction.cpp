@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "mesh/contraction.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <numeric>
+#include <tuple>
+#include <utility>
+
+#include "mesh/topology.h"
+
+namespace dd {
+
+namespace {
+
+constexpr int kRounds = 8;  // each mends what the last one's mending spoilt
+
+class Contracting {
+ public:
+  Contracting(const Mesh& mesh, const std::vector<double>& radii)
+      : mesh_(mesh),
+        radii_(radii),
+        fans_(mesh.triangles, mesh.vertex_count()),
+        label_(radii.size(), -1),
+        distance_(radii.size(), std::numeric_limits<double>::infinity()) {}
+
+  Contraction run() {
+    gather();
+    const std::vector<char> borders = find_borders();
+    for (int round = 0; round < kRounds; ++round) {
+      const std::vector<int> bad = find_bad(borders);
+      if (bad.empty()) return result();
+      release(bad);
+    }
+    std::iota(label_.begin(), label_.end(), 0);
+    return result();
+  }
+
+ private:
+  /// Gives each vertex to the nearest of centers that are chosen on the way.
+  void gather() {
+    const Positions& p = mesh_.positions;
+    std::vector<int> order;
+    for (int v = 0; v < mesh_.vertex_count(); ++v)
+      if (fans_.of(v).begin() != fans_.of(v).end()) order.push_back(v);
+    std::sort(order.begin(), order.end(), [&](int a, int b) {
+      return std::make_tuple(p(a, 0), p(a, 1), p(a, 2), a) <
+             std::make_tuple(p(b, 0), p(b, 1), p(b, 2), b);
+    });
+    using Entry = std::pair<double, int>;
+    std::vector<Entry> heap;
+    const auto later = [](const Entry& a, const Entry& b) { return a > b; };
+    for (int center : order) {
+      if (label_[center] >= 0) continue;
+      label_[center] = center;
+      distance_[center] = 0;
+      if (radii_[center] == 0) continue;
+      heap.assign(1, {0.0, center});
+      while (!heap.empty()) {
+        std::pop_heap(heap.begin(), heap.end(), later);
+        const auto [d, v] = heap.back();
+        heap.pop_back();
+        if (d > distance_[v]) continue;
+        for (int j : fans_.of(v))
+          for (int k = 0; k < 3; ++k) {
+            const int w = mesh_.triangles(j, k);
+            if (w == v || radii_[w] == 0) continue;
+            const double reached = d + (p.row(w) - p.row(v)).norm();
+            if (reached > radii_[center] || reached >= distance_[w]) continue;
+            distance_[w] = reached;
+            label_[w] = center;
+            heap.emplace_back(reached, w);
+            std::push_heap(heap.begin(), heap.end(), later);
+          }
+      }
+    }
+  }
+
+  /// Vertices whose triangles don't close a ring. What looks closed and isn't makes no fan later.
+  std::vector<char> find_borders() const {
+    // In a ring every neighbour is once the next corner and once the one before.
+    std::vector<uint64_t> balance(label_.size(), 0);
+    const auto value = [](int v) { return (static_cast<uint64_t>(v) + 1) * 0x9E3779B97F4A7C15u; };
+    for (int j = 0; j < mesh_.triangle_count(); ++j)
+      for (int k = 0; k < 3; ++k) {
+        const uint64_t next = value(mesh_.triangles(j, (k + 1) % 3)),
+                       before = value(mesh_.triangles(j, (k + 2) % 3));
+        balance[mesh_.triangles(j, k)] += next * (next >> 32) - before * (before >> 32);
+      }
+    std::vector<char> open(label_.size());
+    std::transform(balance.begin(), balance.end(), open.begin(),
+                   [](uint64_t sum) { return sum != 0; });
+    return open;
+  }
+
+  bool alone(int center) const { return size_[center] == 1; }
+
+  /// Centers around which the triangles that are left aren't a fan, though they or neighbours stand
+  /// for others.
+  std::vector<int> find_bad(const std::vector<char>& borders) {
+    const int n = mesh_.vertex_count();
+    size_.assign(static_cast<size_t>(n), 0);
+    std::vector<char> at_border(static_cast<size_t>(n), 0), beside(static_cast<size_t>(n), 0);
+    for (int v = 0; v < n; ++v)
+      if (label_[v] >= 0) {
+        ++size_[label_[v]];
+        at_border[label_[v]] |= borders[v];
+      }
+    std::vector<int> left;
+    for (int j = 0; j < mesh_.triangle_count(); ++j) {
+      const int a = label_[mesh_.triangles(j, 0)], b = label_[mesh_.triangles(j, 1)],
+                c = label_[mesh_.triangles(j, 2)];
+      if (a != b && b != c && c != a) left.push_back(j);
+      if (alone(a) && alone(b) && alone(c)) continue;
+      for (int center : {a, b, c}) beside[center] = 1;
+    }
+    Triangles triangles(static_cast<Index>(left.size()), 3);
+    for (size_t i = 0; i < left.size(); ++i)
+      for (int k = 0; k < 3; ++k)
+        triangles(static_cast<Index>(i), k) = label_[mesh_.triangles(left[i], k)];
+    const Fans fans(triangles, n);
+    std::vector<int> bad;
+    std::vector<std::pair<int, int>> links;
+    for (int v = 0; v < n; ++v) {
+      if (!beside[v] || radii_[v] == 0) continue;
+      links.clear();
+      for (int j : fans.of(v))
+        for (int k = 0; k < 3; ++k)
+          if (triangles(j, k) == v)
+            links.emplace_back(triangles(j, (k + 1) % 3), triangles(j, (k + 2) % 3));
+      if (!is_fan(links, at_border[v])) bad.push_back(v);
+    }
+    return bad;
+  }
+
+  static bool is_fan(std::vector<std::pair<int, int>>& links, bool open) {
+    if (links.empty()) return false;
+    std::sort(links.begin(), links.end());
+    const auto from = [&](int vertex) {
+      return std::lower_bound(links.begin(), links.end(), std::make_pair(vertex, -1));
+    };
+    std::vector<int> ends;
+    for (size_t i = 0; i < links.size(); ++i) {
+      if (i > 0 && links[i].first == links[i - 1].first) return false;
+      ends.push_back(links[i].second);
+    }
+    std::sort(ends.begin(), ends.end());
+    if (std::adjacent_find(ends.begin(), ends.end()) != ends.end()) return false;
+    int start = links.front().first, starts = 0;
+    for (const auto& [first, second] : links)
+      if (!std::binary_search(ends.begin(), ends.end(), first)) {
+        start = first;
+        ++starts;
+      }
+    if (starts != (open ? 1 : 0)) return false;
+    size_t steps = 0;
+    for (int at = start;;) {
+      const auto link = from(at);
+      if (link == links.end() || link->first != at) break;
+      ++steps;
+      at = link->second;
+      if (at == start) break;
+    }
+    return steps == links.size();
+  }
+
+  /// Lets all go that went to these centers or to ones beside them.
+  void release(const std::vector<int>& centers) {
+    std::vector<char> bad(label_.size(), 0), released(label_.size(), 0);
+    for (int center : centers) bad[center] = 1;
+    for (int j = 0; j < mesh_.triangle_count(); ++j) {
+      const auto corners = mesh_.triangles.row(j);
+      if (!bad[label_[corners[0]]] && !bad[label_[corners[1]]] && !bad[label_[corners[2]]])
+        continue;
+      for (int v : corners) released[label_[v]] = 1;
+    }
+    for (int v = 0; v < mesh_.vertex_count(); ++v)
+      if (label_[v] >= 0 && released[label_[v]]) label_[v] = v;
+  }
+
+  Contraction result() const {
+    Contraction made;
+    const int n = mesh_.vertex_count();
+    std::vector<int> number(static_cast<size_t>(n), -1);
+    for (int v = 0; v < n; ++v)
+      if (label_[v] == v && fans_.of(v).begin() != fans_.of(v).end()) {
+        number[v] = static_cast<int>(made.vertices.size());
+        made.vertices.push_back(v);
+      }
+    for (int v = 0; v < n; ++v) made.of_vertex.push_back(label_[v] < 0 ? -1 : number[label_[v]]);
+    std::vector<int> left;
+    const auto at = [&](int j, int k) { return made.of_vertex[mesh_.triangles(j, k)]; };
+    for (int j = 0; j < mesh_.triangle_count(); ++j)
+      if (at(j, 0) != at(j, 1) && at(j, 1) != at(j, 2) && at(j, 2) != at(j, 0)) left.push_back(j);
+    made.triangles.resize(static_cast<Index>(left.size()), 3);
+    for (size_t i = 0; i < left.size(); ++i)
+      for (int k = 0; k < 3; ++k) made.triangles(static_cast<Index>(i), k) = at(left[i], k);
+    return made;
+  }
+
+  const Mesh& mesh_;
+  const std::vector<double>& radii_;
+  Fans fans_;
+  std::vector<int> label_, size_;  // center of each vertex; how many went to each
+  std::vector<double> distance_;
+};
+
+}  // namespace
+
+Contraction contract(const Mesh& mesh, const std::vector<double>& radii) {
+  return Contracting(mesh, radii).run();
+}
+
+}  // namespace dd
