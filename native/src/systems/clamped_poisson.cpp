@@ -109,9 +109,12 @@ ClampedPoisson::ClampedPoisson(const Mesh& mesh, const Region& region,
     weights_[i] = weights[order.vertex_of_row[poisson.active_row(i)]];
   laplacian_ = active_laplacian(operators, poisson);
   near_rims_.assign(static_cast<size_t>(free_count), 0);
+  at_rims_ = near_rims_;
   for (int r = 0; r < free_count; ++r)
-    for (decltype(laplacian_)::InnerIterator it(laplacian_, r); it; ++it)
+    for (decltype(laplacian_)::InnerIterator it(laplacian_, r); it; ++it) {
       near_rims_[r] |= weights[order.vertex_of_row[it.col()]] != 0;
+      at_rims_[r] |= it.col() >= free_count;
+    }
 
   residual_ = Rows::Zero(active_rows, 4);
   scaled_ = Rows::Zero(order.count(), 4);
@@ -148,15 +151,16 @@ double ClampedPoisson::solving_error(const SparseMatrix& block, const Rows& smoo
   return std::isfinite(error) ? error : 1;
 }
 
-void ClampedPoisson::correct(const Rows& divergence, Rows& offsets) {
+void ClampedPoisson::correct(const Rows& divergence, Rows& offsets, From from) {
   const int free_count = poisson_.order().free_count;
   ThreadPool& pool = poisson_.pool();
   pool.parallel_for(residual_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (int64_t i = begin; i < end; ++i) {
       const bool free = i < free_count;
       Eigen::RowVector4d row = divergence.row(free ? i : poisson_.rim_begin() + (i - free_count));
-      for (decltype(laplacian_)::InnerIterator it(laplacian_, i); it; ++it)
-        row -= it.value() * offsets.row(it.col());
+      if (from == From::anywhere || !free || at_rims_[i])
+        for (decltype(laplacian_)::InnerIterator it(laplacian_, i); it; ++it)
+          row -= it.value() * offsets.row(it.col());
       residual_.row(i) = row;
       if (weights_[i] != 0)
         scaled_.row(poisson_.active_row(static_cast<int>(i))) = weights_[i] * row;
@@ -183,7 +187,7 @@ void ClampedPoisson::correct(const Rows& divergence, Rows& offsets) {
 }
 
 double ClampedPoisson::bytes() const {
-  return factor_->bytes() + static_cast<double>(near_rims_.size()) +
+  return factor_->bytes() + static_cast<double>(near_rims_.size() + at_rims_.size()) +
          static_cast<double>(laplacian_.nonZeros()) * (sizeof(double) + sizeof(int)) +
          static_cast<double>((residual_.size() + scaled_.size() + right_.size() + weights_.size()) *
                              Index(sizeof(double))) +

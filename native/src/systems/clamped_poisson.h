@@ -33,19 +33,22 @@ class ClampedPoisson {
   void solve(const Rows& at_rest, const Add& add, Rows& offsets) {
     const Rows& divergence = poisson_.divergence(at_rest, add);
     offsets.topRows(poisson_.order().free_count).setZero();
-    for (int round = 0; round <= corrections_; ++round) correct(divergence, offsets);
+    correct(divergence, offsets, From::rest);
+    for (int round = 0; round < corrections_; ++round) correct(divergence, offsets, From::anywhere);
   }
 
   /// The same from the present offsets.
   template <class Add>
   void step(const Rows& at_rest, const Add& add, Rows& offsets) {
-    correct(poisson_.divergence(at_rest, add), offsets);
+    correct(poisson_.divergence(at_rest, add), offsets, From::anywhere);
   }
 
   double bytes() const;
 
  private:
-  void correct(const Rows& divergence, Rows& offsets);
+  /// Where free vertices are: at rest only those beside a constrained one have an L p' to look at.
+  enum class From { rest, anywhere };
+  void correct(const Rows& divergence, Rows& offsets, From from);
   double solving_error(const SparseMatrix& block, const Rows& smooth);
 
   PoissonSystem& poisson_;
@@ -57,6 +60,7 @@ class ClampedPoisson {
   Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian_;
   Eigen::VectorXd weights_;      // of the same: the diagonal of W
   std::vector<char> near_rims_;  // of free rows: whether W reaches them or a neighbour
+  std::vector<char> at_rims_;    // the same: whether a neighbour is constrained
   Rows residual_, scaled_;
   Rows right_;  // in the factor's order
   SparseCholesky::Space space_;
