@@ -46,7 +46,8 @@ struct Posed {
     const auto gradients = make_base_gradients(bound, bound.base);
     gradients->take({base, linear}, true);
     Rows moved = solved(*gradients, offsets);
-    const auto refinement = make_refinement(bound, kLength * bound.active_size);
+    const auto refinement =
+        make_refinement(bound, kLength * bound.active_size, bound.operators.masses);
     refinement->find(iterations, {}, moved);
     return solved(*refinement, moved);
   }

@@ -18,6 +18,7 @@ class CoarseSurface {
   static std::unique_ptr<CoarseSurface> make(const FactoredSurface& fine, double spacing);
 
   FactoredSurface& surface() { return *surface_; }
+  const FactoredSurface& surface() const { return *surface_; }
   /// The fine surface's vertices that its own are.
   const std::vector<int>& vertices() const { return vertex_; }
 

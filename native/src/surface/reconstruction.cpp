@@ -52,7 +52,8 @@ void Reconstruction::solve_unrefined(BaseGradients& gradients, const BasePose& p
 void Reconstruction::prepare_refinement(double length) {
   if (refined_length_ == length) return;
   std::unique_ptr<CoarseRefinement> coarse = CoarseRefinement::make(surface_, *base_, length);
-  std::unique_ptr<Refinement> whole = coarse ? nullptr : make_refinement(surface_, length);
+  std::unique_ptr<Refinement> whole =
+      coarse ? nullptr : make_refinement(surface_, length, surface_.operators.masses);
   coarse_refinement_ = std::move(coarse);
   refinement_ = std::move(whole);
   refined_length_ = length;

@@ -39,7 +39,7 @@ Pass pass(int iteration, int iterations) {
 template <class Real>
 class RefinementOf : public Refinement {
  public:
-  RefinementOf(FactoredSurface& surface, double length);
+  RefinementOf(FactoredSurface& surface, double length, const Eigen::VectorXd& masses);
   double length() const override { return smoothing_.length(); }
   void find(int iterations, const Turning& turning, Rows& offsets) override;
   Rows rotations() const override;
@@ -80,9 +80,10 @@ class RefinementOf : public Refinement {
 };
 
 template <class Real>
-RefinementOf<Real>::RefinementOf(FactoredSurface& surface, double length)
+RefinementOf<Real>::RefinementOf(FactoredSurface& surface, double length,
+                                 const Eigen::VectorXd& masses)
     : surface_(surface),
-      smoothing_(surface, length),
+      smoothing_(surface, length, masses),
       pass_(surface, surface.mesh.positions, [&](int v) { return rotation_row(v); }) {
   const Triangles& t = surface.operators.triangles;
   const RowOrder& order = surface.order();
@@ -264,10 +265,11 @@ double RefinementOf<Real>::bytes() const {
 
 }  // namespace
 
-std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, double length) {
+std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, double length,
+                                            const Eigen::VectorXd& masses) {
   if (surface.poisson->precision() == Precision::single)
-    return std::make_unique<RefinementOf<float>>(surface, length);
-  return std::make_unique<RefinementOf<double>>(surface, length);
+    return std::make_unique<RefinementOf<float>>(surface, length, masses);
+  return std::make_unique<RefinementOf<double>>(surface, length, masses);
 }
 
 }  // namespace dd

@@ -33,8 +33,9 @@ class Refinement : public FluxSource {
   virtual double bytes() const = 0;
 };
 
-/// In the precision of the Poisson system. surface must outlive it. length: of the smoothing, in
-/// the mesh's units.
-std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, double length);
+/// In the precision of the Poisson system. surface must outlive it. length, masses: see
+/// RotationSmoothing.
+std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, double length,
+                                            const Eigen::VectorXd& masses);
 
 }  // namespace dd

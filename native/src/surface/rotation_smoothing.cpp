@@ -11,15 +11,15 @@ constexpr int kLeastRange = 512;
 
 }  // namespace
 
-RotationSmoothing::RotationSmoothing(const FactoredSurface& surface, double length)
+RotationSmoothing::RotationSmoothing(const FactoredSurface& surface, double length,
+                                     const Eigen::VectorXd& masses)
     : poisson_(*surface.poisson), length_(length) {
   const RowOrder& order = poisson_.order();
   const Region& region = surface.region;
   const double weight = length * length;
   SparseMatrix block = free_block(surface.operators.laplacian, region);
   block *= weight;
-  for (int r = 0; r < region.free_count(); ++r)
-    block.coeffRef(r, r) += surface.operators.masses[region.free[r]];
+  for (int r = 0; r < region.free_count(); ++r) block.coeffRef(r, r) += masses[region.free[r]];
   BlockOptions options;
   options.symbolic = poisson_.symbolic();
   options.pool = &poisson_.pool();
@@ -27,8 +27,7 @@ RotationSmoothing::RotationSmoothing(const FactoredSurface& surface, double leng
   factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
 
   masses_.resize(order.free_count);
-  for (int r = 0; r < order.free_count; ++r)
-    masses_[r] = surface.operators.masses[order.vertex_of_row[r]];
+  for (int r = 0; r < order.free_count; ++r) masses_[r] = masses[order.vertex_of_row[r]];
   const std::vector<int>& rims = poisson_.rims();
   for (size_t i = 0; i < rims.size(); ++i) {
     const int v = order.vertex_of_row[rims[i]];

@@ -14,8 +14,10 @@ namespace dd {
 /// of itself.
 class RotationSmoothing {
  public:
-  /// length: in the mesh's units. surface must outlive it. Throws UnsolvableSurface.
-  RotationSmoothing(const FactoredSurface& surface, double length);
+  /// length: in the mesh's units. masses: M, by vertex; where it isn't the surface's own mass the
+  /// length is less by the root of what it is more. surface must outlive it. Throws
+  /// UnsolvableSurface.
+  RotationSmoothing(const FactoredSurface& surface, double length, const Eigen::VectorXd& masses);
 
   double length() const { return length_; }
 
