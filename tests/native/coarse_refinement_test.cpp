@@ -75,9 +75,9 @@ double farthest(const Rows& a, const Rows& b) {
 }  // namespace
 
 TEST_CASE("coarse: the result is that of the whole iteration to 0.2% of the box") {
-  for (test::Case one : {test::lifted_plane(201), test::subdivided(test::bent_cylinder()),
-                         test::subdivided(test::subdivided(test::twisted_bar())),
-                         test::subdivided(test::bent_cactus())}) {
+  for (const test::Case& one : {test::lifted_plane(201), test::subdivided(test::bent_cylinder()),
+                                test::subdivided(test::subdivided(test::twisted_bar())),
+                                test::subdivided(test::bent_cactus())}) {
     Posed posed(one);
     const Eigen::RowVector3d size = posed.bound.mesh.positions.colwise().maxCoeff() -
                                     posed.bound.mesh.positions.colwise().minCoeff();

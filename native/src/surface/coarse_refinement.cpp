@@ -2,6 +2,7 @@
 #include "surface/coarse_refinement.h"
 
 #include <algorithm>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -60,15 +61,16 @@ class CoarseRefinementOf : public CoarseRefinement {
 
   void find(int iterations, const BasePose& pose, const Turning& turning,
             const Rows& offsets) override {
-    if (rest_iterations_ != iterations) {
+    const double smoothing = last_smoothing(iterations);
+    if (rests_.count(smoothing) == 0) {
       // What rounding leaves beside none.
       const std::vector<Eigen::Matrix3d> still(pose.linear.size(), Eigen::Matrix3d::Identity());
       const Rows rest = in_order(base_, surface_->surface().order());
       offsets_ = Rows::Zero(rest.rows(), 4);
       find_from(iterations, {rest, still}, {});
-      at_rest_ = pass_.all(rotations_.data());
-      rest_iterations_ = iterations;
+      rests_.emplace(smoothing, pass_.all(rotations_.data()));
     }
+    at_rest_ = &rests_.at(smoothing);
     surface_->restrict(pose.base, posed_);
     surface_->restrict(offsets, offsets_);
     Turning here = turning;
@@ -89,11 +91,12 @@ class CoarseRefinementOf : public CoarseRefinement {
   void add(int section, double* rows) const override {
     pass_.add(rotations_.data(), section, rows);
   }
-  const Rows& at_rest() const override { return at_rest_; }
+  const Rows& at_rest() const override { return *at_rest_; }
 
   double bytes() const override {
     const auto doubles = base_.size() + posed_.size() + offsets_.size() + other_.size() +
-                         gauge_.size() + known_rotations_.size() + at_rest_.size();
+                         gauge_.size() + known_rotations_.size() +
+                         Index(rests_.size()) * 4 * fine_.poisson->right_hand_side_rows();
     return surface_->bytes() + gradients_->bytes() + refinement_->bytes() + pass_.bytes() +
            spread_.bytes() + (known_ ? known_->bytes() : 0) +
            static_cast<double>((given_.size() + rotations_.size()) * sizeof(Real)) +
@@ -129,8 +132,8 @@ class CoarseRefinementOf : public CoarseRefinement {
   TurnPass<Real> pass_;         // of the fine one
   RotationMeans<Real> spread_;  // of its active vertices, from those of the coarse one
   std::vector<Real> given_, rotations_;
-  int rest_iterations_ = 0;
-  Rows at_rest_;
+  std::map<double, Rows> rests_;   // by the last iteration's smoothing
+  const Rows* at_rest_ = nullptr;  // one of them
   // Of the present pose, rows in the coarse surface's order.
   Rows posed_, offsets_, other_, gauge_, known_rotations_;
   std::unique_ptr<TurnedFlux> known_;

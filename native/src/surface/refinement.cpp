@@ -265,6 +265,8 @@ double RefinementOf<Real>::bytes() const {
 
 }  // namespace
 
+double last_smoothing(int iterations) { return pass(iterations - 1, iterations).smoothing; }
+
 std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, double length,
                                             const Eigen::VectorXd& masses) {
   if (surface.poisson->precision() == Precision::single)

@@ -33,6 +33,10 @@ class Refinement : public FluxSource {
   virtual double bytes() const = 0;
 };
 
+/// How much of the smoothing the last of so many iterations has. What is found at rest depends on
+/// nothing else of their number.
+double last_smoothing(int iterations);
+
 /// In the precision of the Poisson system. surface must outlive it. length, masses: see
 /// RotationSmoothing.
 std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, double length,
