@@ -22,8 +22,8 @@ constexpr double kWidest = 0.01;
 
 /// What lies between the vertices of the coarse surface smooths, too, by a length whose square is a
 /// fifth of the area a vertex has. That much less is to be smoothed where vertices have more area
-/// than on the fine surface. Measured: so the survey's deformations are the nearest to those without
-/// a coarse surface, within 0.2% of the box.
+/// than on the fine surface. Measured: so the survey's deformations are the nearest to those
+/// without a coarse surface, within 0.2% of the box.
 Eigen::VectorXd masses_on(const CoarseSurface& coarse, const FactoredSurface& fine, double length) {
   const double square = length * length;
   Eigen::VectorXd masses = coarse.surface().operators.masses;

@@ -14,8 +14,8 @@ namespace dd {
 /// rotations. Its result is that of Refinement to 0.2% of the box.
 class CoarseRefinement : public FluxSource {
  public:
-  /// Null where it would gain little, or where that takes no time anyway. base: B at rest, n×3. Both must outlive it. length: of the
-  /// smoothing, in the mesh's units.
+  /// Null where it would gain little, or where a whole refinement takes no time either. base: B at
+  /// rest, n×3. Both must outlive it. length: of the smoothing, in the mesh's units.
   static std::unique_ptr<CoarseRefinement> make(FactoredSurface& surface, const Positions& base,
                                                 double length);
 
