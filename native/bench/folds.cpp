@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Intersections that weren't there at rest, without refinement and with four, on meshes as they
+// come:
+//
+//     folds FILE...
+//
+// FILE: .off or .obj. Of each, the last 15% along every axis, both ways, are pulled out by 12% of
+// the box and turned by 40°; the next 30% are free.
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "cases.h"
+#include "deform/deformer.h"
+#include "mesh/geodesic_distances.h"
+#include "mesh/intersections.h"
+#include "mesh/measures.h"
+
+namespace {
+
+using dd::Index;
+using dd::Mesh;
+using dd::Positions;
+
+Mesh mesh_of(const std::vector<double>& places, const std::vector<int>& corners) {
+  Mesh mesh;
+  mesh.positions = Eigen::Map<const Positions>(places.data(), Index(places.size()) / 3, 3);
+  mesh.triangles = Eigen::Map<const dd::Triangles>(corners.data(), Index(corners.size()) / 3, 3);
+  dd::validate(mesh);
+  return mesh;
+}
+
+void add_fan(const std::vector<int>& corners, std::vector<int>& triangles) {
+  for (size_t k = 2; k < corners.size(); ++k)
+    triangles.insert(triangles.end(), {corners[0], corners[k - 1], corners[k]});
+}
+
+Mesh read_off(std::istream& file) {
+  std::string word;
+  int n = 0, m = 0, edges = 0;
+  file >> word >> n >> m >> edges;
+  std::vector<double> places(static_cast<size_t>(3 * n));
+  for (double& place : places) file >> place;
+  std::vector<int> triangles, corners;
+  for (int j = 0, count = 0; j < m && file >> count; ++j) {
+    corners.resize(static_cast<size_t>(count));
+    for (int& corner : corners) file >> corner;
+    add_fan(corners, triangles);
+    std::getline(file, word);  // colours
+  }
+  return mesh_of(places, triangles);
+}
+
+Mesh read_obj(std::istream& file) {
+  std::vector<double> places;
+  std::vector<int> triangles, corners;
+  for (std::string line, word; std::getline(file, line);) {
+    std::istringstream words(line);
+    words >> word;
+    if (word == "v") {
+      for (int c = 0; c < 3; ++c) words >> places.emplace_back();
+    } else if (word == "f") {
+      corners.clear();
+      while (words >> word) corners.push_back(std::stoi(word) - 1);
+      add_fan(corners, triangles);
+    }
+  }
+  return mesh_of(places, triangles);
+}
+
+Mesh read(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) throw std::runtime_error("Can't be read: " + path);
+  return path.size() > 4 && path.substr(path.size() - 4) == ".obj" ? read_obj(file)
+                                                                   : read_off(file);
+}
+
+/// Where pairs are that are not there at rest.
+struct Folds {
+  int at_rims = 0, inside = 0, between_parts = 0;
+  int count() const { return at_rims + inside + between_parts; }
+};
+
+class Limb {
+ public:
+  Limb(const Mesh& mesh, int axis, bool last) : mesh_(mesh) {
+    const Eigen::RowVector3d low = mesh.positions.colwise().minCoeff(),
+                             size = mesh.positions.colwise().maxCoeff() - low;
+    Eigen::RowVector3d centre(0, 0, 0);
+    int held = 0;
+    for (Index v = 0; v < mesh.positions.rows(); ++v) {
+      const double along = (mesh.positions(v, axis) - low[axis]) / size[axis];
+      const double way = last ? along : 1 - along;
+      roles_.push_back(way > 0.85 ? 0 : way < 0.55 ? dd::kFixed : dd::kFree);
+      if (roles_.back() != 0) continue;
+      centre += mesh.positions.row(v);
+      ++held;
+    }
+    Eigen::Vector3d out = Eigen::Vector3d::Zero(), about = out;
+    out[axis] = (last ? 0.12 : -0.12) * size.norm();
+    about[(axis + 1) % 3] = 1;
+    motion_ = dd::test::rotation_about(dd::test::radians(40), about, centre / held, out);
+    const auto of_rest = dd::intersecting_pairs(mesh);
+    at_rest_.insert(of_rest.begin(), of_rest.end());
+    find_rims();
+  }
+
+  /// By as many iterations each, in one bind.
+  std::vector<Folds> folds(const std::vector<int>& iterations) const {
+    dd::Deformer deformer(mesh_, roles_, 1, {});
+    std::vector<Folds> found;
+    for (int count : iterations) {
+      dd::UpdateOptions how;
+      how.of_method.refined = {count, 0.009, 0.05};
+      found.push_back(
+          sorted({mesh_.positions + deformer.update(motion_.data(), how), mesh_.triangles}));
+    }
+    return found;
+  }
+
+ private:
+  bool is_free(int triangle) const {
+    const auto t = mesh_.triangles.row(triangle);
+    return std::any_of(t.begin(), t.end(), [&](int v) { return roles_[v] == dd::kFree; });
+  }
+
+  void find_rims() {
+    std::vector<char> rims(roles_.size(), 0);
+    double area = 0;
+    for (int j = 0; j < mesh_.triangle_count(); ++j) {
+      if (!is_free(j)) continue;
+      const auto t = mesh_.triangles.row(j);
+      for (int v : t) rims[v] |= roles_[v] != dd::kFree;
+      const Eigen::RowVector3d a = mesh_.positions.row(t[0]);
+      area += 0.5 * (mesh_.positions.row(t[1]) - a).cross(mesh_.positions.row(t[2]) - a).norm();
+    }
+    size_ = std::sqrt(area);
+    from_rims_ = dd::geodesic_distances(mesh_, rims);
+  }
+
+  Folds sorted(const Mesh& deformed) const {
+    Folds folds;
+    for (const auto& pair : dd::intersecting_pairs(deformed)) {
+      if (at_rest_.count(pair) > 0 || !(is_free(pair.first) || is_free(pair.second))) continue;
+      const int a = mesh_.triangles(pair.first, 0), b = mesh_.triangles(pair.second, 0);
+      std::vector<char> source(roles_.size(), 0);
+      source[a] = 1;
+      if (dd::geodesic_distances(mesh_, source)[b] > 0.3 * size_)
+        ++folds.between_parts;
+      else
+        ++(std::min(from_rims_[a], from_rims_[b]) < 0.06 * size_ ? folds.at_rims : folds.inside);
+    }
+    return folds;
+  }
+
+  const Mesh& mesh_;
+  std::vector<int> roles_;
+  dd::test::Affine motion_;
+  std::set<std::pair<int, int>> at_rest_;
+  std::vector<double> from_rims_;
+  double size_ = 0;  // √ of the area that is deformed
+};
+
+}  // namespace
+
+int main(int count, char** arguments) {
+  int poses = 0, worse = 0, better = 0, linear = 0, refined = 0;
+  const auto take = [&](const std::string& name, const Mesh& mesh) {
+    std::printf("%s: %d vertices\n", name.c_str(), mesh.vertex_count());
+    for (int axis = 0; axis < 3; ++axis)
+      for (const bool last : {false, true}) {
+        const std::vector<Folds> found = Limb(mesh, axis, last).folds({0, 4});
+        const int before = found[0].count(), now = found[1].count();
+        ++poses;
+        worse += now > before;
+        better += now < before;
+        linear += before;
+        refined += now;
+        if (before + now == 0) continue;
+        std::printf("  %c%c: %4d new pairs, refined %4d: %d at rims, %d between parts, %d else%s\n",
+                    last ? '+' : '-', "xyz"[axis], before, now, found[1].at_rims,
+                    found[1].between_parts, found[1].inside, now > before ? "  *" : "");
+        std::fflush(stdout);
+      }
+  };
+  try {
+    for (int i = 1; i < count; ++i) take(arguments[i], read(arguments[i]));
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 1;
+  }
+  std::printf("%d poses, %d new pairs, refined %d: %d with more, %d with fewer\n", poses, linear,
+              refined, worse, better);
+  return 0;
+}
