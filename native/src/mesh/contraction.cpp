@@ -77,6 +77,18 @@ class Contracting {
     }
   }
 
+  /// The triangles whose corners have three numbers, as these.
+  Triangles left(const std::vector<int>& numbers) const {
+    Triangles numbered(mesh_.triangles.rows(), 3);
+    Index count = 0;
+    for (int j = 0; j < mesh_.triangle_count(); ++j) {
+      const int a = numbers[mesh_.triangles(j, 0)], b = numbers[mesh_.triangles(j, 1)],
+                c = numbers[mesh_.triangles(j, 2)];
+      if (a != b && b != c && c != a) numbered.row(count++) << a, b, c;
+    }
+    return numbered.topRows(count);
+  }
+
   /// Vertices whose triangles don't close a ring. What looks closed and isn't makes no fan later.
   std::vector<char> find_borders() const {
     // In a ring every neighbour is once the next corner and once the one before.
@@ -107,18 +119,13 @@ class Contracting {
         ++size_[label_[v]];
         at_border[label_[v]] |= borders[v];
       }
-    std::vector<int> left;
     for (int j = 0; j < mesh_.triangle_count(); ++j) {
-      const int a = label_[mesh_.triangles(j, 0)], b = label_[mesh_.triangles(j, 1)],
-                c = label_[mesh_.triangles(j, 2)];
-      if (a != b && b != c && c != a) left.push_back(j);
-      if (alone(a) && alone(b) && alone(c)) continue;
-      for (int center : {a, b, c}) beside[center] = 1;
+      const auto corners = mesh_.triangles.row(j);
+      if (std::all_of(corners.begin(), corners.end(), [&](int v) { return alone(label_[v]); }))
+        continue;
+      for (int v : corners) beside[label_[v]] = 1;
     }
-    Triangles triangles(static_cast<Index>(left.size()), 3);
-    for (size_t i = 0; i < left.size(); ++i)
-      for (int k = 0; k < 3; ++k)
-        triangles(static_cast<Index>(i), k) = label_[mesh_.triangles(left[i], k)];
+    const Triangles triangles = left(label_);
     const Fans fans(triangles, n);
     std::vector<int> bad;
     std::vector<std::pair<int, int>> links;
@@ -189,13 +196,7 @@ class Contracting {
         made.vertices.push_back(v);
       }
     for (int v = 0; v < n; ++v) made.of_vertex.push_back(label_[v] < 0 ? -1 : number[label_[v]]);
-    std::vector<int> left;
-    const auto at = [&](int j, int k) { return made.of_vertex[mesh_.triangles(j, k)]; };
-    for (int j = 0; j < mesh_.triangle_count(); ++j)
-      if (at(j, 0) != at(j, 1) && at(j, 1) != at(j, 2) && at(j, 2) != at(j, 0)) left.push_back(j);
-    made.triangles.resize(static_cast<Index>(left.size()), 3);
-    for (size_t i = 0; i < left.size(); ++i)
-      for (int k = 0; k < 3; ++k) made.triangles(static_cast<Index>(i), k) = at(left[i], k);
+    made.triangles = left(made.of_vertex);
     return made;
   }
 

@@ -137,21 +137,32 @@ std::vector<CoarseSurface::Share> CoarseSurface::shares(const FactoredSurface& f
         row < surface_->order().free_count || std::binary_search(rims.begin(), rims.end(), row);
     return active ? surface_->poisson->active_place(row) : -1;
   };
+  // Of a vertex without a place, one that has: the nearest by edges.
+  const auto near_with_place = [&](int vertex) {
+    std::vector<int> front{vertex};
+    std::vector<char> reached(static_cast<size_t>(surface_->mesh.vertex_count()), 0);
+    for (size_t i = 0; i < front.size(); ++i) {
+      if (place(front[i]) >= 0) return front[i];
+      for (int j : fans.of(front[i]))
+        for (int k = 0; k < 3; ++k)
+          if (!std::exchange(reached[t(j, k)], 1)) front.push_back(t(j, k));
+    }
+    return vertex;
+  };
   std::vector<Share> shares;
   for (int i = 0; i < fine.poisson->active_vertex_count(); ++i) {
     const int v = fine.order().vertex_of_row[fine.poisson->active_row(i)];
     const int near = of_vertex_[v];
     Eigen::Vector3i corners(near, near, near);
     Eigen::Vector3d weights(1, 0, 0);
-    if (vertex_[near] != v || place(near) < 0)
+    if (vertex_[near] != v)
       find_triangle(p, t, fans, fine.mesh.positions.row(v), near, corners, weights);
     Share share;
     for (int k = 0; k < 3; ++k) {
       share.place[k] = place(corners[k]);
-      if (share.place[k] < 0) weights[k] = share.place[k] = 0;
+      if (share.place[k] < 0) share.place[k] = std::max(0, place(near_with_place(corners[k])));
+      share.weight[k] = weights[k] / weights.sum();
     }
-    const double sum = weights.sum();
-    for (int k = 0; k < 3; ++k) share.weight[k] = sum > 0 ? weights[k] / sum : 1.0 / 3;
     shares.push_back(share);
   }
   return shares;
