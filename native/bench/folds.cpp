@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Intersections that weren't there at rest, without refinement and with four, on meshes as they
-// come:
+// Intersections that weren't there at rest, without refinement, with four and by Smooth ARAP, on
+// meshes as they come:
 //
 //     folds FILE...
 //
@@ -20,7 +20,7 @@
 #include "deform/deformer.h"
 #include "mesh/geodesic_distances.h"
 #include "mesh/intersections.h"
-#include "mesh/measures.h"
+#include "smooth_arap_peer.h"
 
 namespace {
 
@@ -124,6 +124,12 @@ class Limb {
     return found;
   }
 
+  int by_smooth_arap() const {
+    return sorted({dd::bench::deform_with_smooth_arap(mesh_, roles_, motion_).deformed,
+                   mesh_.triangles})
+        .count();
+  }
+
  private:
   bool is_free(int triangle) const {
     const auto t = mesh_.triangles.row(triangle);
@@ -170,22 +176,27 @@ class Limb {
 }  // namespace
 
 int main(int count, char** arguments) {
-  int poses = 0, worse = 0, better = 0, linear = 0, refined = 0;
+  int poses = 0, worse = 0, better = 0, linear = 0, refined = 0, peer = 0, peer_worse = 0;
   const auto take = [&](const std::string& name, const Mesh& mesh) {
     std::printf("%s: %d vertices\n", name.c_str(), mesh.vertex_count());
     for (int axis = 0; axis < 3; ++axis)
       for (const bool last : {false, true}) {
-        const std::vector<Folds> found = Limb(mesh, axis, last).folds({0, 4});
-        const int before = found[0].count(), now = found[1].count();
+        const Limb limb(mesh, axis, last);
+        const std::vector<Folds> found = limb.folds({0, 4});
+        const int before = found[0].count(), now = found[1].count(), smooth = limb.by_smooth_arap();
         ++poses;
         worse += now > before;
         better += now < before;
         linear += before;
         refined += now;
-        if (before + now == 0) continue;
-        std::printf("  %c%c: %4d new pairs, refined %4d: %d at rims, %d between parts, %d else%s\n",
-                    last ? '+' : '-', "xyz"[axis], before, now, found[1].at_rims,
-                    found[1].between_parts, found[1].inside, now > before ? "  *" : "");
+        peer += smooth;
+        peer_worse += smooth > before;
+        if (before + now + smooth == 0) continue;
+        std::printf(
+            "  %c%c: %4d new pairs, Smooth ARAP %4d, refined %4d: %d at rims, %d between parts, %d "
+            "else%s\n",
+            last ? '+' : '-', "xyz"[axis], before, smooth, now, found[1].at_rims,
+            found[1].between_parts, found[1].inside, now > before ? "  *" : "");
         std::fflush(stdout);
       }
   };
@@ -197,5 +208,6 @@ int main(int count, char** arguments) {
   }
   std::printf("%d poses, %d new pairs, refined %d: %d with more, %d with fewer\n", poses, linear,
               refined, worse, better);
+  std::printf("Smooth ARAP %d: %d with more\n", peer, peer_worse);
   return 0;
 }
