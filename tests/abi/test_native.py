@@ -460,6 +460,26 @@ def test_a_handle_that_only_places_takes_its_turn_from_the_surface(native, strip
             deformer.offsets(lift, **change)
 
 
+def test_a_dense_surface_is_refined_on_a_coarse_one(native):
+    n = 170
+    i, j = np.divmod(np.arange(n * n), n)
+    positions = np.stack([i / n, j / n, 0.02 * np.sin(0.2 * i)], axis=1).astype(np.float32)
+    a = (n * np.arange(n - 1)[:, None] + np.arange(n - 1)).ravel()
+    triangles = np.concatenate([np.stack([a, a + n, a + n + 1], axis=1), np.stack([a, a + n + 1, a + 1], axis=1)])
+    roles = np.where(i < 5, native.ROLE_FIXED, np.where(i >= n - 5, 0, native.ROLE_FREE)).astype(np.int32)
+    motion = rotation(0.9, (1, 0.5, 0))
+    found = []
+    for threads in (1, 2):
+        deformer = native.Bind(positions, triangles.astype(np.int32), roles, 1, threads=threads).finish()
+        deformer.offsets(motion, refine=0)
+        assert deformer.info.coarse_vertex_count == 0
+        found.append(deformer.offsets(motion))
+        assert 1000 < deformer.info.coarse_vertex_count < 0.6 * deformer.info.free_count
+        still = deformer.offsets(np.eye(4)[None, :3])
+        assert np.abs(still).max() < 1e-7
+    assert (found[0] == found[1]).all()
+
+
 def test_a_base_of_its_own_topology_carries_the_details(native, strip):
     corners = np.array([(-1, -1, 0), (25, -1, 0), (25, 9, 0), (-1, 9, 0)], np.float32)
     roles = np.full(len(strip.positions), native.ROLE_FREE, np.int32)

@@ -102,6 +102,18 @@ def test_a_light_mesh_is_shown_whole(part, heavy, drag):
     assert np.abs(moved - whole(part, heavy)).max() < 1e-6
 
 
+def test_a_dense_mesh_is_shown_whole_because_its_passes_cost_nothing(part, drag, as_in_a_window):
+    as_in_a_window('follow.drag', 'follow.life')
+    ob = bind(make_strip(180))
+    entry = part('follow.bound').cache.find(ob.detail_deform.signature)
+    assert 1000 < entry.made.info.coarse_vertex_count < 0.6 * entry.made.info.free_count
+    entry.full_ms = 1000.0
+    moved = drag(ob, -1.2)
+    assert not slow_results_under_way(part, ob)
+    assert np.abs(moved - whole(part, ob)).max() < 1e-6
+    part('follow.life').clear()
+
+
 def test_a_drag_ends_when_nothing_has_moved_for_a_while(part, heavy):
     module = part('follow.drag')
     module.updated()

@@ -156,7 +156,7 @@ Info = _sized(
      'resting_example', 'loose_count', 'loose_example', 'degenerate_count', 'degenerate_example',
      'idle_handle_count', 'idle_handle_example', 'stand_in_count', 'unrepresented_count', 'unrepresented_example'),
     (_DOUBLE, 'bind_seconds', 'bytes'), (_INT, 'far_count', 'far_example', 'torn_count', 'torn_example',
-                                          'proxy_vertex_count'))
+                                          'proxy_vertex_count', 'coarse_vertex_count'))
 TransferOptions = _sized(
     'dd_transfer_options', "What a transfer depends on beside meshes and pairs",
     'pairs_of', 'formulation', 'anchor', (Array(np.int32), 'anchors'), (_SIZE, 'anchor_count'),

@@ -160,7 +160,9 @@ int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info
     facts.idle_handle_example = region.idle_handles.empty() ? -1 : region.idle_handles.front();
     facts.degenerate_count = static_cast<int32_t>(degenerate.size());
     facts.degenerate_example = degenerate.empty() ? -1 : degenerate.front();
-    facts.stand_in_count = bound.findings(dd::MethodKind::transfer).stand_in_count;
+    const dd::MethodFindings transfer = bound.findings(dd::MethodKind::transfer);
+    facts.stand_in_count = transfer.stand_in_count;
+    facts.coarse_vertex_count = transfer.coarse_vertex_count;
     const dd::MethodFindings normal = bound.findings(dd::MethodKind::normal);
     facts.unrepresented_count = normal.unrepresented_count;
     facts.unrepresented_example = normal.unrepresented_example;

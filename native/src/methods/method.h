@@ -48,7 +48,8 @@ struct Frame {
 
 /// What a method found out about the surface or about its last update.
 struct MethodFindings {
-  int stand_in_count = 0;  ///< triangles whose base has no area: others stand in for them
+  int stand_in_count = 0;       ///< triangles whose base has no area: others stand in for them
+  int coarse_vertex_count = 0;  ///< of the surface on which rotations are refined; 0: of S itself
   /// Vertices at which S is no height field over the next smoother surface, summed over the levels
   /// of normal displacements, and one of them.
   int unrepresented_count = 0, unrepresented_example = -1;

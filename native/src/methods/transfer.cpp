@@ -19,6 +19,7 @@ void Transfer::update(const Frame& frame, const MethodOptions& options) {
 MethodFindings Transfer::findings() const {
   MethodFindings findings;
   findings.stand_in_count = gradients_->stand_in_count();
+  findings.coarse_vertex_count = reconstruction_.coarse_vertex_count();
   return findings;
 }
 

@@ -94,6 +94,7 @@ class CoarseRefinementOf : public CoarseRefinement {
   }
   const Rows& at_rest() const override { return *at_rest_; }
 
+  int vertex_count() const override { return surface_->surface().mesh.vertex_count(); }
   double bytes() const override {
     const auto doubles = base_.size() + posed_.size() + offsets_.size() + other_.size() +
                          gauge_.size() + known_rotations_.size() +

@@ -22,6 +22,7 @@ class CoarseRefinement : public FluxSource {
   /// As Refinement::find(), but offsets are those of handles alone.
   virtual void find(int iterations, const BasePose& pose, const Turning& turning,
                     const Rows& offsets) = 0;
+  virtual int vertex_count() const = 0;
   virtual double bytes() const = 0;
 };
 

@@ -43,6 +43,10 @@ class Reconstruction {
   void solve(BaseGradients& gradients, const Refined& refined, const BasePose& pose,
              const Turning& turning, Rows& offsets);
 
+  /// Of the surface on which the last refinement found its rotations; 0: of this one.
+  int coarse_vertex_count() const {
+    return coarse_refinement_ ? coarse_refinement_->vertex_count() : 0;
+  }
   double bytes() const;
 
  private:
