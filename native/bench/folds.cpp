@@ -9,10 +9,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <exception>
-#include <fstream>
 #include <set>
-#include <sstream>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -20,66 +17,13 @@
 #include "deform/deformer.h"
 #include "mesh/geodesic_distances.h"
 #include "mesh/intersections.h"
+#include "mesh_files.h"
 #include "smooth_arap_peer.h"
 
 namespace {
 
 using dd::Index;
 using dd::Mesh;
-using dd::Positions;
-
-Mesh mesh_of(const std::vector<double>& places, const std::vector<int>& corners) {
-  Mesh mesh;
-  mesh.positions = Eigen::Map<const Positions>(places.data(), Index(places.size()) / 3, 3);
-  mesh.triangles = Eigen::Map<const dd::Triangles>(corners.data(), Index(corners.size()) / 3, 3);
-  dd::validate(mesh);
-  return mesh;
-}
-
-void add_fan(const std::vector<int>& corners, std::vector<int>& triangles) {
-  for (size_t k = 2; k < corners.size(); ++k)
-    triangles.insert(triangles.end(), {corners[0], corners[k - 1], corners[k]});
-}
-
-Mesh read_off(std::istream& file) {
-  std::string word;
-  int n = 0, m = 0, edges = 0;
-  file >> word >> n >> m >> edges;
-  std::vector<double> places(static_cast<size_t>(3 * n));
-  for (double& place : places) file >> place;
-  std::vector<int> triangles, corners;
-  for (int j = 0, count = 0; j < m && file >> count; ++j) {
-    corners.resize(static_cast<size_t>(count));
-    for (int& corner : corners) file >> corner;
-    add_fan(corners, triangles);
-    std::getline(file, word);  // colours
-  }
-  return mesh_of(places, triangles);
-}
-
-Mesh read_obj(std::istream& file) {
-  std::vector<double> places;
-  std::vector<int> triangles, corners;
-  for (std::string line, word; std::getline(file, line);) {
-    std::istringstream words(line);
-    words >> word;
-    if (word == "v") {
-      for (int c = 0; c < 3; ++c) words >> places.emplace_back();
-    } else if (word == "f") {
-      corners.clear();
-      while (words >> word) corners.push_back(std::stoi(word) - 1);
-      add_fan(corners, triangles);
-    }
-  }
-  return mesh_of(places, triangles);
-}
-
-Mesh read(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw std::runtime_error("Can't be read: " + path);
-  return path.size() > 4 && path.substr(path.size() - 4) == ".obj" ? read_obj(file)
-                                                                   : read_off(file);
-}
 
 /// Where pairs are that are not there at rest.
 struct Folds {
@@ -201,7 +145,7 @@ int main(int count, char** arguments) {
       }
   };
   try {
-    for (int i = 1; i < count; ++i) take(arguments[i], read(arguments[i]));
+    for (int i = 1; i < count; ++i) take(arguments[i], dd::bench::mesh_from_file(arguments[i]));
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 1;

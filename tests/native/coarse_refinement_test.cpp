@@ -157,20 +157,8 @@ TEST_CASE("coarse: the pose alone decides, and a drag in small moves has no jump
   const test::Case bar = test::subdivided(test::subdivided(test::bent_cylinder()));
   Deformer deformer(bar.mesh, bar.roles, 1, {});
   // Through 135°, from where on the unrefined result has a share.
-  const int moves = 40;
-  Positions last;
-  double longest = 0, shortest = 1e9;
-  for (int k = 0; k <= moves; ++k) {
-    const auto motion = test::bent_cylinder(125.0 + 20.0 * k / moves).motion;
-    const Positions now = surface(deformer, {motion}, test::usual());
-    if (k > 0) {
-      const double step = (now - last).rowwise().norm().maxCoeff();
-      longest = std::max(longest, step);
-      shortest = std::min(shortest, step);
-    }
-    last = now;
-  }
-  CHECK(longest < 2 * shortest);
+  const auto motion = [](double way) { return test::bent_cylinder(125 + 20 * way).motion; };
+  const Positions last = test::dragged(deformer, 40, motion, test::usual());
   Deformer fresh(bar.mesh, bar.roles, 1, {});
   CHECK(surface(fresh, {test::bent_cylinder(145).motion}, test::usual()) == last);
 }

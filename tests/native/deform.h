@@ -2,6 +2,7 @@
 // A deformer's update in terms of the tests' own types.
 #pragma once
 
+#include <algorithm>
 #include <functional>
 
 #include "catch.h"
@@ -52,6 +53,23 @@ inline Positions surface(Deformer& deformer, const std::vector<Affine>& handles,
 inline Positions surface(Deformer& deformer, const std::vector<Affine>& handles,
                          bool rotation_only = true) {
   return surface(deformer, handles, by(MethodKind::transfer, rotation_only));
+}
+
+/// The surface at the end of a drag of one handle through the motions from 0 to 1, which has no
+/// jumps: the handle's own vertices move by nearly the same in each move.
+inline Positions dragged(Deformer& deformer, int moves, const std::function<Affine(double)>& motion,
+                         const UpdateOptions& options) {
+  Positions last = surface(deformer, {motion(0)}, options);
+  double longest = 0, shortest = 1e9;
+  for (int k = 1; k <= moves; ++k) {
+    const Positions now = surface(deformer, {motion(double(k) / moves)}, options);
+    const double step = (now - last).rowwise().norm().maxCoeff();
+    longest = std::max(longest, step);
+    shortest = std::min(shortest, step);
+    last = now;
+  }
+  CHECK(longest < 2 * shortest);
+  return last;
 }
 
 /// The sentence with which body is refused.

@@ -150,19 +150,8 @@ TEST_CASE("refined: rest, rigid motion, scale and renumbering are kept") {
 TEST_CASE("refined: the pose alone decides, and a drag in small moves has no jumps") {
   auto cylinder = test::bent_cylinder();
   Deformer deformer(cylinder.mesh, cylinder.roles, 1, {});
-  const int moves = 100;
-  Positions last = cylinder.mesh.positions, before_last = last;
-  double longest_step = 0, shortest_step = 1e9;
-  for (int k = 1; k <= moves; ++k) {
-    const auto motion = test::bent_cylinder(120.0 * k / moves).motion;
-    const Positions now = surface(deformer, {motion}, refined(4));
-    const double step = (now - last).rowwise().norm().maxCoeff();
-    longest_step = std::max(longest_step, step);
-    shortest_step = std::min(shortest_step, step);
-    last = now;
-  }
-  // The handle's own vertices move by nearly the same in each.
-  CHECK(longest_step < 2 * shortest_step);
+  const Positions last = test::dragged(
+      deformer, 100, [](double way) { return test::bent_cylinder(120 * way).motion; }, refined(4));
   Deformer fresh(cylinder.mesh, cylinder.roles, 1, {});
   CHECK(test::largest_difference(surface(fresh, {cylinder.motion}, refined(4)), last) == 0);
 }

@@ -2,7 +2,6 @@
 #include "mesh/contraction.h"
 
 #include <algorithm>
-#include <cstdint>
 #include <limits>
 #include <numeric>
 #include <tuple>
@@ -27,9 +26,9 @@ class Contracting {
 
   Contraction run() {
     gather();
-    const std::vector<char> borders = find_borders();
+    const Borders borders(mesh_.triangles, mesh_.vertex_count());
     for (int round = 0; round < kRounds; ++round) {
-      const std::vector<int> bad = find_bad(borders);
+      const std::vector<int> bad = find_bad(borders.vertices);
       if (bad.empty()) return result();
       release(bad);
     }
@@ -87,23 +86,6 @@ class Contracting {
       if (a != b && b != c && c != a) numbered.row(count++) << a, b, c;
     }
     return numbered.topRows(count);
-  }
-
-  /// Vertices whose triangles don't close a ring. What looks closed and isn't makes no fan later.
-  std::vector<char> find_borders() const {
-    // In a ring every neighbour is once the next corner and once the one before.
-    std::vector<uint64_t> balance(label_.size(), 0);
-    const auto value = [](int v) { return (static_cast<uint64_t>(v) + 1) * 0x9E3779B97F4A7C15u; };
-    for (int j = 0; j < mesh_.triangle_count(); ++j)
-      for (int k = 0; k < 3; ++k) {
-        const uint64_t next = value(mesh_.triangles(j, (k + 1) % 3)),
-                       before = value(mesh_.triangles(j, (k + 2) % 3));
-        balance[mesh_.triangles(j, k)] += next * (next >> 32) - before * (before >> 32);
-      }
-    std::vector<char> open(label_.size());
-    std::transform(balance.begin(), balance.end(), open.begin(),
-                   [](uint64_t sum) { return sum != 0; });
-    return open;
   }
 
   bool alone(int center) const { return size_[center] == 1; }

@@ -96,8 +96,8 @@ class CoarseRefinementOf : public CoarseRefinement {
 
   int vertex_count() const override { return surface_->surface().mesh.vertex_count(); }
   double bytes() const override {
-    const auto doubles = base_.size() + posed_.size() + offsets_.size() + other_.size() +
-                         gauge_.size() + known_rotations_.size() +
+    const auto doubles = base_.size() + posed_.size() + offsets_.size() + gauge_.size() +
+                         known_rotations_.size() +
                          Index(rests_.size()) * 4 * fine_.poisson->right_hand_side_rows();
     return surface_->bytes() + gradients_->bytes() + refinement_->bytes() + pass_.bytes() +
            spread_.bytes() + (known_ ? known_->bytes() : 0) +
@@ -108,13 +108,12 @@ class CoarseRefinementOf : public CoarseRefinement {
  private:
   /// rotations_ of a pose of the coarse surface, whose offsets_ have its handles.
   void find_from(int iterations, const BasePose& pose, const Turning& turning) {
-    gradients_->take(pose, true);
-    start(*gradients_);
-    if (turning.known_share > 0) {
-      other_ = offsets_;
-      start(*turning.known);
-      offsets_ = other_ + turning.known_share * (offsets_ - other_);
-    }
+    const auto by_base = [&] {
+      gradients_->take(pose, true);
+      start(*gradients_);
+    };
+    turning.solve(
+        by_base, [&](const FluxSource& source) { start(source); }, offsets_);
     refinement_->find(iterations, turning, offsets_);
     const Rows found = refinement_->rotations();
     given_.assign(found.data(), found.data() + found.size());
@@ -137,7 +136,7 @@ class CoarseRefinementOf : public CoarseRefinement {
   std::map<double, Rows> rests_;   // by the last iteration's smoothing
   const Rows* at_rest_ = nullptr;  // one of them
   // Of the present pose, rows in the coarse surface's order.
-  Rows posed_, offsets_, other_, gauge_, known_rotations_;
+  Rows posed_, offsets_, gauge_, known_rotations_;
   std::unique_ptr<TurnedFlux> known_;
 };
 

@@ -20,7 +20,7 @@ constexpr double kGrowth = 0.5;    // of radii with the distance from what is co
 Mesh active_part(const FactoredSurface& fine) {
   std::vector<char> active(static_cast<size_t>(fine.mesh.vertex_count()), 0);
   for (int i = 0; i < fine.poisson->active_vertex_count(); ++i)
-    active[fine.order().vertex_of_row[fine.poisson->active_row(i)]] = 1;
+    active[fine.poisson->active_vertex(i)] = 1;
   std::vector<int> faces;
   for (int j = 0; j < fine.mesh.triangle_count(); ++j)
     for (int k = 0; k < 3; ++k)
@@ -151,7 +151,7 @@ std::vector<CoarseSurface::Share> CoarseSurface::shares(const FactoredSurface& f
   };
   std::vector<Share> shares;
   for (int i = 0; i < fine.poisson->active_vertex_count(); ++i) {
-    const int v = fine.order().vertex_of_row[fine.poisson->active_row(i)];
+    const int v = fine.poisson->active_vertex(i);
     const int near = of_vertex_[v];
     Eigen::Vector3i corners(near, near, near);
     Eigen::Vector3d weights(1, 0, 0);

@@ -39,14 +39,12 @@ void Reconstruction::solve_by(const FluxSource& source, ClampedPoisson* clamps, 
 void Reconstruction::solve_unrefined(BaseGradients& gradients, const BasePose& pose,
                                      const Turning& turning, ClampedPoisson* clamps, double held,
                                      Rows& offsets) {
-  if (turning.known_share < 1) {
+  const auto solve = [&](const FluxSource& source) { solve_by(source, clamps, held, offsets); };
+  const auto by_base = [&] {
     gradients.take(pose, true);
-    solve_by(gradients, clamps, held, offsets);
-  }
-  if (turning.known_share == 0) return;
-  const Rows by_base = offsets;
-  solve_by(*turning.known, clamps, held, offsets);
-  offsets = by_base + turning.known_share * (offsets - by_base);
+    solve(gradients);
+  };
+  turning.solve(by_base, solve, offsets);
 }
 
 void Reconstruction::prepare_refinement(double length) {

@@ -40,7 +40,6 @@ template <class Real>
 class RefinementOf : public Refinement {
  public:
   RefinementOf(FactoredSurface& surface, double length, const Eigen::VectorXd& masses);
-  double length() const override { return smoothing_.length(); }
   void find(int iterations, const Turning& turning, Rows& offsets) override;
   Rows rotations() const override;
   void add(int section, double* rows) const override {
@@ -133,7 +132,7 @@ void RefinementOf<Real>::make_averages(const std::vector<int>& local_triangle, i
   const PoissonSystem& poisson = *surface_.poisson;
   typename RotationMeans<Real>::Terms terms;
   for (int i = 0; i < poisson.active_vertex_count(); ++i) {
-    const Fans::Range fan = fans.of(poisson.order().vertex_of_row[poisson.active_row(i)]);
+    const Fans::Range fan = fans.of(poisson.active_vertex(i));
     const auto is_held = [&](int j) { return local_triangle[j] >= first_held; };
     const bool only_held = std::any_of(fan.begin(), fan.end(), is_held);
     double sum = 0;

@@ -29,7 +29,6 @@ class Refinement : public FluxSource {
   /// Of the active vertices, in their order: unit quaternions, but shorter where smoothing left
   /// them so.
   virtual Rows rotations() const = 0;
-  virtual double length() const = 0;
   virtual double bytes() const = 0;
 };
 

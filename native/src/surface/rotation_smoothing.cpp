@@ -13,7 +13,7 @@ constexpr int kLeastRange = 512;
 
 RotationSmoothing::RotationSmoothing(const FactoredSurface& surface, double length,
                                      const Eigen::VectorXd& masses)
-    : poisson_(*surface.poisson), length_(length) {
+    : poisson_(*surface.poisson) {
   const RowOrder& order = poisson_.order();
   const Region& region = surface.region;
   const double weight = length * length;

@@ -19,8 +19,6 @@ class RotationSmoothing {
   /// UnsolvableSurface.
   RotationSmoothing(const FactoredSurface& surface, double length, const Eigen::VectorXd& masses);
 
-  double length() const { return length_; }
-
   /// quaternions: rows of 4, free vertices in the surface's order, then the Poisson system's rims.
   /// Signs are such that neighbours agree. Free rows come out smoothed and shorter than 1 where
   /// they differ from those around. share: of the way from given to smoothed.
@@ -36,7 +34,6 @@ class RotationSmoothing {
   };
 
   const PoissonSystem& poisson_;
-  double length_;
   std::unique_ptr<SparseCholesky> factor_;
   Eigen::VectorXd masses_;   // of free rows
   std::vector<Pull> pulls_;  // −tL between free rows and rims

@@ -22,6 +22,17 @@ struct Turning {
   const GradientSource* known = nullptr;
   const Rows* known_rotations = nullptr;  ///< the same as quaternions, rows in the surface's order
   double known_share = 0;
+
+  /// What is refined, into offsets: by_base() and solve_by(*known), which write there, as they
+  /// count.
+  template <class ByBase, class SolveBy>
+  void solve(const ByBase& by_base, const SolveBy& solve_by, Rows& offsets) const {
+    if (known_share < 1) by_base();
+    if (known_share == 0) return;
+    const Rows without = offsets;
+    solve_by(*known);
+    offsets = without + known_share * (offsets - without);
+  }
 };
 
 }  // namespace dd

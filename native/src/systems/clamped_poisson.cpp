@@ -105,8 +105,7 @@ ClampedPoisson::ClampedPoisson(const Mesh& mesh, const Region& region,
 
   for (int r : factor_->order()) row_of_place_.push_back(order.row_of_vertex[region.free[r]]);
   weights_.resize(active_rows);
-  for (int i = 0; i < active_rows; ++i)
-    weights_[i] = weights[order.vertex_of_row[poisson.active_row(i)]];
+  for (int i = 0; i < active_rows; ++i) weights_[i] = weights[poisson.active_vertex(i)];
   laplacian_ = active_laplacian(operators, poisson);
   near_rims_.assign(static_cast<size_t>(free_count), 0);
   at_rims_ = near_rims_;

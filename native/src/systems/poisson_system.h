@@ -83,6 +83,7 @@ class PoissonSystem {
   int active_place(int row) const {
     return row < order_.free_count ? row : order_.free_count + rim_of(row);
   }
+  int active_vertex(int place) const { return order_.vertex_of_row[active_row(place)]; }
 
   /// Where a section adds what one of its active triangles gives to a vertex: a row of the
   /// right-hand side. Those of rims are read by divergence() alone.
