@@ -42,3 +42,5 @@ def unregister():
     atexit.unregister(unregister)
     for part in reversed(_parts()):
         part.unregister()
+    from .library import native
+    native.unload()

@@ -5,8 +5,8 @@ import threading
 
 import numpy as np
 
-from .jobs import Job
-from .loading import Owned, call, call_when_free, count
+from .jobs import Job, Made
+from .loading import call, call_when_free, count
 from .structs import COUNTS, ROLES, BindOptions, Info, Mesh, UpdateInfo, UpdateOptions, numbers
 
 ROLE_FREE, ROLE_FIXED = ROLES['FREE'], ROLES['FIXED']
@@ -31,23 +31,23 @@ class Bind(Job):
         self._example_count = count(options.get('examples'))
 
     def finish(self):
-        return Deformer(self._take('dd_job_take_deformer'), self._example_count)
+        return Deformer(self, self._example_count)
 
 
-class Deformer(Owned):
+class Deformer(Made):
     """A bound surface. One update at a time: renders come from another thread than the window."""
 
-    free = 'dd_deformer_free'
+    take, free = 'dd_job_take_deformer', 'dd_deformer_free'
 
-    def __init__(self, handle, example_count=0):
-        self._handle = handle
+    def __init__(self, job, example_count=0):
+        super().__init__(job)
         self._example_count = example_count
         self._lock = threading.Lock()
         self.info = self._read_info()
 
     def _read_info(self):
         info = Info()
-        call_when_free('dd_deformer_get_info', self._handle, info)
+        call_when_free('dd_deformer_get_info', self, info)
         return info
 
     def offsets(self, matrices, base=None, example_weights=None, **options):
@@ -60,7 +60,7 @@ class Deformer(Owned):
         how = update_options(base=base, example_weights=example_weights, **options)
         found = np.empty(3 * self.info.vertex_count, np.float32)
         with self._lock:
-            call_when_free('dd_deformer_update', self._handle, matrices, len(matrices), how, found,
+            call_when_free('dd_deformer_update', self, matrices, len(matrices), how, found,
                            self.info.vertex_count)
             self.info = self._read_info()
         return found
@@ -69,7 +69,7 @@ class Deformer(Owned):
         """(count,) float64: of the last update by method EXAMPLES."""
         weights = np.zeros(self._example_count)
         with self._lock:
-            call_when_free('dd_deformer_get_example_weights', self._handle, weights, len(weights))
+            call_when_free('dd_deformer_get_example_weights', self, weights, len(weights))
         return weights
 
     def close(self):
@@ -85,15 +85,15 @@ class Update(Job):
         that is in use, where NativeError says so otherwise."""
         matrices = numbers('matrices', matrices, np.float64, 3, 4)
         self._vertex_count = deformer.info.vertex_count
-        super().__init__('dd_update_start', deformer._handle, matrices, len(matrices), update_options(**options),
+        super().__init__('dd_update_start', deformer, matrices, len(matrices), update_options(**options),
                          call=call_when_free if wait else call)
 
     def finish(self):
         """Waits; (3 n,) float32 offsets and UpdateInfo, or NativeError. The work is over either way."""
         offsets, info = np.empty(3 * self._vertex_count, np.float32), UpdateInfo()
         try:
-            call('dd_job_get_update', self._handle, offsets, self._vertex_count)
-            call('dd_job_get_update_info', self._handle, info)
+            call('dd_job_get_update', self, offsets, self._vertex_count)
+            call('dd_job_get_update_info', self, info)
         finally:
             self.close()
         return offsets, info

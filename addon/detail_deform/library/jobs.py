@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Work under way in a thread of the library."""
 
-import ctypes
-
 from .loading import Owned, call
 from .structs import JOB_STATES, Progress
 
@@ -15,26 +13,28 @@ class Job(Owned):
     def __init__(self, start, *arguments, call=call):
         """start: the function that starts it."""
         self.cancelled = False
-        handle = ctypes.c_void_p()
-        call(start, *arguments, handle)
-        self._handle = handle
+        self._make(start, *arguments, call=call)
 
     def progress(self):
         """(running, fraction, stage)"""
         progress = Progress()
-        call('dd_job_poll', self._handle, progress)
+        call('dd_job_poll', self, progress)
         return progress.state == JOB_STATES['RUNNING'], progress.fraction, progress.stage.decode()
 
     def cancel(self):
         """Takes effect soon, but not at once."""
         self.cancelled = True
-        call('dd_job_cancel', self._handle)
+        call('dd_job_cancel', self)
 
-    def _take(self, function):
-        """What the work made, by one of the functions that take it."""
-        made = ctypes.c_void_p()
+
+class Made(Owned):
+    """What a job made."""
+
+    take = None  # the function that takes it
+
+    def __init__(self, job):
+        """Waits; the job is over, or raises NativeError."""
         try:
-            call(function, self._handle, made)
+            self._make(self.take, job)
         finally:
-            self.close()
-        return made
+            job.close()

