@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Detail Deform: pull a bumpy surface by a few empties; its bumps turn with it and keep their shape."""
 
+import sys
+
 bl_info = {
     'name': "Detail Deform",
     'author': "The Detail Deform developers",
@@ -10,6 +12,11 @@ bl_info = {
     'description': "Deform surfaces by empties; bumps, scales and thorns turn with them instead of shearing",
     'category': "Mesh",
 }
+
+# Up to 4.1, Blender loads only this file again where another version of the add-on took its place.
+for _name in [name for name in sys.modules if name.startswith(f'{__name__}.')]:
+    del sys.modules[_name]
+    globals().pop(_name[len(__name__) + 1:], None)
 
 
 def _parts():

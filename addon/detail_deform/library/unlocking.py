@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Windows locks the file of a loaded library, so that its folder can't be removed, as an update does. But the file may be
+"""Windows locks the file of a loaded library, so that its folder can't be removed, as by an update. But the file may be
 renamed: the loaded one goes to the folder for temporary files, and a copy takes its place. What earlier runs left there
 is removed."""
 
