@@ -23,16 +23,14 @@ endif()
 set(DETAIL_DEFORM_WEBSITE "" CACHE STRING "Where the project is at home; its reports of problems go to /issues there")
 set(dd_zip ${CMAKE_BINARY_DIR}/detail_deform-${PROJECT_VERSION}-${dd_platform}.zip)
 
+find_package(Python3 COMPONENTS Interpreter)
+if(NOT Python3_FOUND)
+  message(STATUS "No Python: the add-on can't be packed here")
+  return()
+endif()
 add_custom_target(addon_zip
-  COMMAND ${CMAKE_COMMAND}
-    -D SOURCE=${PROJECT_SOURCE_DIR}/addon/detail_deform
-    -D LIBRARY=$<TARGET_FILE:detail_deform>
-    -D LICENSE=${PROJECT_SOURCE_DIR}/LICENSE
-    -D STAGE=${CMAKE_BINARY_DIR}/package
-    -D PLATFORM=${dd_platform}
-    -D WEBSITE=${DETAIL_DEFORM_WEBSITE}
-    -D ZIP=${dd_zip}
-    -P ${PROJECT_SOURCE_DIR}/addon/make_zip.cmake
+  COMMAND ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/addon/make_zip.py
+    $<TARGET_FILE:detail_deform> ${dd_platform} ${dd_zip} ${DETAIL_DEFORM_WEBSITE}
   DEPENDS detail_deform
   COMMENT "Packing ${dd_zip}"
   VERBATIM)

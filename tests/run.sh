@@ -14,6 +14,8 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
 source tests/prepare.sh
 # shellcheck source=tests/lint.sh
 source tests/lint.sh
+# shellcheck source=tests/windows.sh
+source tests/windows.sh
 
 quick=false
 [ "${1:-}" = --quick ] && quick=true
@@ -129,6 +131,21 @@ else
     step "threads of the core under their sanitizer" build/tsan/tests/native/core_tests "[threads]"
     step "threads of the C ABI under their sanitizer" sanitized_abi_tests tsan libtsan.so \
         -k "(thread or once) and not refusals and not cancelled"
+fi
+
+if $quick; then
+    skip "Windows (--quick)"
+elif prepare_windows; then
+    step "build (windows)" build_preset windows
+    step "core and library under Wine (ctest)" windows_core_tests
+    step "zip (windows)" cmake --build --preset windows --target addon_zip
+    if prepare_windows_python; then
+        step "C ABI under Wine (ctypes)" windows_abi_tests
+    else
+        skip "C ABI under Wine: a Python for Windows could not be had"
+    fi
+else
+    skip "Windows: mingw-w64 or Wine could not be had"
 fi
 
 # Debian's Blender runs the system's Python and finds its pytest.

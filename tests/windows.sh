@@ -52,6 +52,10 @@ in_windows() {
     return "${PIPESTATUS[0]}"
 }
 
+windows_core_tests() {
+    DISPLAY='' ctest --preset windows --output-on-failure </dev/null
+}
+
 windows_abi_tests() {
     DETAIL_DEFORM_LIBRARY="Z:${PWD//\//\\}\\build\\windows\\native\\detail_deform.dll" \
         in_windows -m pytest -q -p no:cacheprovider tests/abi

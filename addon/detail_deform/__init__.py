@@ -6,7 +6,7 @@ import sys
 bl_info = {
     'name': "Detail Deform",
     'author': "The Detail Deform developers",
-    'version': (0, 1, 0),
+    'version': (1, 0, 0),
     'blender': (3, 4, 0),
     'location': "Properties > Modifiers > Detail Deform",
     'description': "Deform surfaces by empties; bumps, scales and thorns turn with them instead of shearing",

@@ -45,23 +45,29 @@ def library():
 def unload():
     """Frees what is left of the library's objects and lets go of its file, so that another version can take its place;
     the next call loads it again. False where a call of another thread doesn't end: then it stays."""
-    global _library, _leaving
+    global _leaving
     _leaving = True
     try:
         until = time.monotonic() + _LEAVE_SECONDS
-        while _users and time.monotonic() < until:
-            time.sleep(_WAIT_SECONDS)
-        with _guard:
-            if _users:
+        while True:
+            with _guard:
+                if not _users:
+                    _let_go()
+                    return True
+            if time.monotonic() > until:
                 return False
-            for owned in list(_owned):
-                Owned.close(owned)  # a thread that has the object's own lock waits for ours
-            left, _library = _library, None
-            if left:
-                (_ctypes.FreeLibrary if sys.platform == 'win32' else _ctypes.dlclose)(left._handle)
-        return True
+            time.sleep(_WAIT_SECONDS)
     finally:
         _leaving = False
+
+
+def _let_go():
+    global _library
+    for owned in list(_owned):
+        Owned.close(owned)  # a thread that has the object's own lock waits for ours
+    left, _library = _library, None
+    if left:
+        (_ctypes.FreeLibrary if sys.platform == 'win32' else _ctypes.dlclose)(left._handle)
 
 
 @contextlib.contextmanager
