@@ -5,6 +5,10 @@ file(COPY ${SOURCE}/ DESTINATION ${target} FILES_MATCHING PATTERN "*.py"
   PATTERN __pycache__ EXCLUDE PATTERN lib EXCLUDE)
 file(COPY ${LICENSE} ${SOURCE}/../MANUAL.md ${SOURCE}/../manual DESTINATION ${target})
 file(COPY ${LIBRARY} DESTINATION ${target}/lib)
+# What the add-on knows the whole library by: a part of one ends Blender where it is loaded.
+cmake_path(GET LIBRARY FILENAME library)
+file(SHA256 ${LIBRARY} digest)
+file(WRITE ${target}/lib/${library}.sha256 "${digest}\n")
 
 # A zip holds the library of one platform and must not offer itself to others.
 file(READ ${SOURCE}/blender_manifest.toml manifest)

@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 
-from . import structs
+from . import packed, structs
 from .structs import NativeError
 
 _WAIT_SECONDS = 0.001
@@ -39,6 +39,7 @@ def _load(path):
         raise NativeError(f"The Detail Deform library is missing: there is no file {path}. "
                           "Install the add-on's zip for this operating system, or build the project.")
     try:
+        packed.check(path)
         lib = ctypes.CDLL(path)
         lib.dd_abi_version.restype = ctypes.c_int32
         version = lib.dd_abi_version()
