@@ -146,6 +146,82 @@ def test_a_library_that_cannot_be_loaded_costs_a_sentence_and_nothing_else(in_ch
     in_child(check_libraries_that_cannot_be_loaded, save_posed(tmp_path))
 
 
+# Memory and threads
+
+def limit_memory(to):
+    """To so many bytes more than are there."""
+    import resource
+    with open('/proc/self/statm') as file:
+        present = int(file.read().split()[0]) * os.sysconf('SC_PAGE_SIZE')
+    resource.setrlimit(resource.RLIMIT_AS, (present + to if to else resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+
+
+def check_memory_that_runs_out():
+    """In a child."""
+    # First numpy: its OpenBLAS ends the process where it can't get its own memory, which it keeps.
+    small, ob = bind(make_strip(9, "Small")), make_strip(120)
+    limit_memory(15_000_000)
+    assert "not enough memory" in refusal(bpy.ops.object.detail_deform_bind, wait=True)
+    for empty in (small.detail_deform.handles[0].target, ob.detail_deform.handles[0].target):
+        empty.location.z += 0.4
+    update()
+    limit_memory(0)
+    assert not ob.detail_deform.is_bound and moved(ob) == 0
+    assert small.detail_deform.is_bound and abs(moved(small) - 0.4) < 1e-4
+    bind(ob)
+    ob.detail_deform.handles[0].target.location.z += 0.4
+    update()
+    assert abs(moved(ob) - 0.4) < 1e-4
+
+
+def check_threads_that_cannot_be_started():
+    """In a child."""
+    import resource
+    ob = bind(make_strip())
+    other = make_strip(40, "Other")
+    if os.geteuid() == 0:  # to whom no limit applies
+        os.setgid(65534)
+        os.setuid(65534)
+    resource.setrlimit(resource.RLIMIT_NPROC, (1, 1))
+    assert "no thread to spare" in refusal(bpy.ops.object.detail_deform_bind, wait=True)
+    assert not other.detail_deform.is_bound and moved(other) == 0
+    ob.detail_deform.handles[0].target.location.z += 0.4
+    update()
+    assert abs(moved(ob) - 0.4) < 1e-4 and ob.detail_deform.is_bound  # an update needs none
+    ob.detail_deform.steps = 2
+    ob.detail_deform.handles[0].target.location.z += 0.1
+    update()
+    assert "no thread to spare" in ob.detail_deform.status and abs(moved(ob) - 0.5) < 1e-4
+
+
+linux_only = pytest.mark.skipif(sys.platform != 'linux', reason="limits are Linux's")
+
+
+@linux_only
+@pytest.mark.parametrize('check', [check_memory_that_runs_out, check_threads_that_cannot_be_started])
+def test_memory_and_threads_that_run_out(in_child, check):
+    in_child(check)
+
+
+@pytest.mark.parametrize('place', ['scene.mesh_data.group_weights', 'scene.handle_matrices.local_places',
+                                   'scene.mesh_data.topology_signature'])
+def test_memory_that_python_does_not_get(strip, part, monkeypatch, place):
+    module, name = place.rsplit('.', 1)
+
+    def fails(*_):
+        raise MemoryError("Unable to allocate 923. KiB for an array")
+    shown = evaluated(strip)
+    monkeypatch.setattr(part(module), name, fails)
+    strip.detail_deform.refine = 3
+    strip.data.update_tag()
+    bpy.context.scene.frame_set(5)
+    assert "not enough memory" in refusal(bpy.ops.object.detail_deform_bind, wait=True)
+    monkeypatch.undo()
+    bpy.context.scene.frame_set(9)
+    bind(strip)
+    assert evaluated(strip).shape == shown.shape
+
+
 # The disk
 
 @pytest.fixture
