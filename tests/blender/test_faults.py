@@ -159,8 +159,8 @@ def limit_memory(to):
 def check_memory_that_runs_out():
     """In a child."""
     # First numpy: its OpenBLAS ends the process where it can't get its own memory, which it keeps.
-    small, ob = bind(make_strip(9, "Small")), make_strip(120)
-    limit_memory(15_000_000)
+    small, ob = bind(make_strip(9, "Small")), make_strip(200)
+    limit_memory(20_000_000)
     assert "not enough memory" in refusal(bpy.ops.object.detail_deform_bind, wait=True)
     for empty in (small.detail_deform.handles[0].target, ob.detail_deform.handles[0].target):
         empty.location.z += 0.4
