@@ -7,6 +7,7 @@ whenever and wherever that is.
 One zip serves Blender 3.4 (legacy, by bl_info) and 4.2 on (extension, by the manifest). WEBSITE: where Blender's own
 buttons and the add-on's lead, if there is a place."""
 
+import hashlib
 import os
 import re
 import shutil
@@ -28,6 +29,9 @@ def contents(library, platform, website):
         files[Path(name)] = (ADDON / name).read_bytes()
     files.update({path.relative_to(ADDON): path.read_bytes() for path in (ADDON / 'manual').iterdir()})
     files[Path('lib', library.name)] = library.read_bytes()
+    # What the add-on knows the whole library by: a part of one ends Blender where it is loaded.
+    digest = hashlib.sha256(library.read_bytes()).hexdigest()
+    files[Path('lib', f'{library.name}.sha256')] = f'{digest}\n'.encode()
     manifest = (SOURCE / 'blender_manifest.toml').read_text(encoding='utf-8')
     # A zip holds the library of one platform and must not offer itself to others.
     manifest = replaced(r'\nplatforms = .*', f'\nplatforms = ["{platform}"]', manifest)

@@ -34,9 +34,14 @@ def _parts():
             marker_preview, handlers)
 
 
+_is_registered = False
+
+
 def register():
+    global _is_registered
     for part in _parts():
         part.register()
+    _is_registered = True
     import bpy
     if getattr(bpy.app, 'module', False):
         # As a Python module, Blender 4.2 crashes and 4.5 hangs at exit unless all is taken back.
@@ -45,6 +50,11 @@ def register():
 
 
 def unregister():
+    """Once: at exit, Blender as a Python module disables what it has enabled after we have taken all back."""
+    global _is_registered
+    if not _is_registered:
+        return
+    _is_registered = False
     import atexit
     atexit.unregister(unregister)
     for part in reversed(_parts()):

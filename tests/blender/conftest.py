@@ -42,9 +42,13 @@ def as_in_a_window(part, monkeypatch):
     return lambda *names: [monkeypatch.setattr(part(name), 'bpy', Bpy()) for name in names]
 
 
+def new_scene():
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+
+
 @pytest.fixture(autouse=True)
 def empty_scene():
-    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    new_scene()
 
 
 @pytest.fixture(autouse=True)
@@ -72,6 +76,11 @@ def own(ob):
     values = np.empty(3 * len(ob.data.vertices), np.float32)
     ob.data.vertices.foreach_get('co', values)
     return values.reshape(-1, 3).astype(float)
+
+
+def moved(ob):
+    """How far the vertex that moved most is shown from where it is stored."""
+    return np.abs(evaluated(ob) - own(ob)).max()
 
 
 def activate(ob):

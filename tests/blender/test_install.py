@@ -85,6 +85,15 @@ def test_blenders_own_validator_accepts_the_zip():
 
 
 @pytest.mark.skipif(not getattr(bpy.app, 'module', False), reason="Blender as a Python module only")
+def test_a_script_that_enables_it_ends_without_a_word(module):
+    script = "import sys, addon_utils; assert addon_utils.enable(sys.argv[1]); print('enabled')"
+    ended = subprocess.run([sys.executable, '-c', f'import bpy; {script}', module.__name__], capture_output=True,
+                           text=True, timeout=60)
+    assert ended.returncode == 0 and 'enabled' in ended.stdout, ended.stdout + ended.stderr
+    assert 'Traceback' not in ended.stdout + ended.stderr, ended.stderr
+
+
+@pytest.mark.skipif(not getattr(bpy.app, 'module', False), reason="Blender as a Python module only")
 def test_a_script_that_only_registers_ends(module):
     script = ("import sys; sys.path.insert(0, sys.argv[1])\n"
               "import bpy, detail_deform\n"

@@ -202,3 +202,20 @@ def test_editing_many_unbound_meshes_is_no_work_of_ours(strip, module):
     few = steps_of_an_update(module, mover)
     fill_scene(2000)
     assert steps_of_an_update(module, mover) <= few + 100
+
+
+def test_what_a_deleted_copy_showed_is_forgotten(part):
+    """It may be as large as the mesh, where a base object or a source is followed."""
+    ob = bind(make_strip())
+    shown = part('follow.shown')
+    known = len(shown._shown)
+    for number in range(5):
+        copy = ob.copy()
+        copy.data = ob.data.copy()
+        bpy.context.scene.collection.objects.link(copy)
+        ob.detail_deform.handles[0].target.location.z = 0.1 * (1 + number)
+        update()
+        assert len(shown._shown) == known + 1
+        bpy.data.objects.remove(copy)
+        update()
+    assert len(shown._shown) == known

@@ -4,10 +4,8 @@ window only: scripts say when."""
 
 import bpy
 
-from ..library import native
-from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
-from . import binding, bound, registry
+from . import binding, bound, registry, words
 
 _LIMIT_SECONDS = 0.5
 _SECONDS_A_VERTEX = 1e-5  # for what Python reads of a mesh
@@ -48,6 +46,6 @@ def _bind_again():
     for ob in filter(_is_wanted, registry.of_scene(bpy.context.evaluated_depsgraph_get())):
         try:
             binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=True)
-        except (MeshProblem, native.NativeError) as problem:  # the user is in the midst of it
-            ob.detail_deform.problem = str(problem)
+        except words.TOLD as problem:  # the user is in the midst of it
+            ob.detail_deform.problem = words.sentence(problem)
     redraw_panels()

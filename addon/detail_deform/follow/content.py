@@ -77,7 +77,10 @@ def is_of_base(ob):
 def difference(ob):
     """How the object differs from what its binding is made for: a sentence, or ''."""
     settings = ob.detail_deform
-    positions, topology, bound_roles, *bound_options = settings.signature.split('.', 3)
+    parts = settings.signature.split('.', 3)
+    if len(parts) != 4:  # no signature that was made here
+        return TOPOLOGY_CHANGED
+    positions, topology, bound_roles, bound_options = parts
     shape = shape_signature(ob)
     if shape[1] != topology:
         return TOPOLOGY_CHANGED
@@ -89,9 +92,9 @@ def difference(ob):
         return str(problem)
     if current[2] != bound_roles:
         return "The region, the handles or their vertex groups were changed since Bind."
-    if current[3:] == bound_options:
+    if current[3] == bound_options:
         return ""
-    if settings.method != 'EXAMPLES' and _without_examples(current[3]) == _without_examples(bound_options[0]):
+    if settings.method != 'EXAMPLES' and _without_examples(current[3]) == _without_examples(bound_options):
         return ""
     if settings.base == 'OBJECT':
         return BASE_CHANGED

@@ -6,6 +6,7 @@ from ..scene.mesh_data import MeshProblem
 from . import made, prepared
 
 GONE = "The source was deleted: choose another one in Source, or press Follow to stop."
+_NO_MESH = "The source is no mesh: choose another one in Source, or press Follow to stop."
 _NOT_SHOWN = "Its modifier was removed or applied by hand: press Follow to stop, and again to go on."
 
 cache = made.Cache(spare=2)  # of prepared.Prepared
@@ -80,7 +81,7 @@ def _owner(ob):
 def check(ob):
     """Compares the meshes with what was prepared, and notes what is needed now."""
     of = ob.detail_deform.transfer
-    if of.source is not None:
+    if of.source is not None and of.source.type == 'MESH':
         needed = content(of.source, ob)
         if of.prepared_for != needed:
             of.prepared_for = needed
@@ -99,9 +100,11 @@ def is_fit(ob, depsgraph):
     of, problem = ob.detail_deform.transfer, ""
     if of.source is None or not _is_in_a_scene(of.source, depsgraph):
         problem = GONE
+    elif of.source.type != 'MESH':  # Blender asks nobody when a script chooses
+        problem = _NO_MESH
     elif node_group.find_modifier(ob) is None:
         problem = _NOT_SHOWN
-    if of.problem != problem and (problem or of.problem in {GONE, _NOT_SHOWN}):
+    if of.problem != problem and (problem or of.problem in {GONE, _NO_MESH, _NOT_SHOWN}):
         of.problem = problem
     return not problem and of.source.mode != 'EDIT'
 

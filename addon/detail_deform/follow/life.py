@@ -19,7 +19,6 @@ import bpy
 
 from ..library import native
 from ..scene import mesh_data, node_group, offset_attribute, reach
-from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
 from . import bound, drag, fed, placed, registry, shown, slow_results, words
 
@@ -75,7 +74,7 @@ def refresh(ob, depsgraph, force=False):
             problem = _show(kind, ob, entry, depsgraph, force, wait) or reach.why_not(ob, depsgraph)
         elif not kind.has(ob):  # it has been ended, and says why
             return
-    except (MeshProblem, native.NativeError) as error:
+    except words.TOLD as error:
         problem = words.said(ob, error)
     if kind.settings(ob).problem != problem:
         kind.settings(ob).problem = problem
@@ -132,7 +131,10 @@ def settle(ob):
 def check(ob):
     """Compares the object with the content that it was made for, and notes what differs."""
     kind = kind_of(ob)
-    lost = kind and kind.check(ob)
+    try:
+        lost = kind and kind.check(ob)
+    except MemoryError:
+        return  # the next update says it
     if lost:
         end(kind, ob)
         kind.settings(ob).problem = lost

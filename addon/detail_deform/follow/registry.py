@@ -9,6 +9,7 @@ are looked at once. Objects are let go of before undo and loading, which replace
 import bpy
 
 from ..scene import handle_matrices, node_group
+from . import shown
 
 _members = None  # None: to be looked for
 _uses = 0  # of the node group, when they were
@@ -32,6 +33,7 @@ def members():
     if known is None or uses != _uses or not all(map(_is_there, known)):
         known = [ob for ob in bpy.data.objects if _is_member(ob)]
         _members, _uses = known, uses
+        shown.keep(ob.data for ob in known)  # one that was deleted may have left megabytes
     return [ob for ob in known if _is_member(ob)]
 
 

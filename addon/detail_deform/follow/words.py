@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the C library says, in the words of those who use it: the stages of a bind as steps, and handles and examples,
-which it knows by their numbers, by their names."""
+"""What goes wrong, as it is told; what the C library says, in the words of those who use it: the stages of a bind as
+steps, and handles and examples, which it knows by their numbers, by their names."""
 
 import re
 
 from ..library.native import NativeError
 from ..scene import examples, handle_matrices
+from ..scene.mesh_data import MeshProblem
 
+TOLD = (MeshProblem, NativeError, MemoryError)  # to the user, as a sentence
+_NO_MEMORY = "There is not enough memory for a mesh of this size."  # as the C library says it
 STEPS = 3
 # The step that a stage belongs to: the mesh's equations, the base surface, the handles.
 STEP_OF_STAGE = {
@@ -20,8 +23,13 @@ def step(stage):
 
 
 def said(ob, error):
-    """The sentence of a MeshProblem or NativeError about an object."""
-    return named(ob, str(error)) if isinstance(error, NativeError) else str(error)
+    """The sentence of one of TOLD about an object."""
+    return named(ob, str(error)) if isinstance(error, NativeError) else sentence(error)
+
+
+def sentence(error):
+    """The same without the names of handles and examples."""
+    return _NO_MEMORY if isinstance(error, MemoryError) else str(error)
 
 
 def named(ob, sentence):

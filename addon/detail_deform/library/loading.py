@@ -10,7 +10,7 @@ import threading
 import time
 import weakref
 
-from . import structs, unlocking
+from . import packed, structs, unlocking
 from .structs import NativeError
 
 OVERRIDE = 'DETAIL_DEFORM_LIBRARY'
@@ -90,6 +90,7 @@ def _load(path):
         raise NativeError(f"The Detail Deform library is missing: there is no file {path}. "
                           "Install the add-on's zip for this operating system, or build the project.")
     try:
+        packed.check(path)
         lib = ctypes.CDLL(path)
         lib.dd_abi_version.restype = ctypes.c_int32
         version = lib.dd_abi_version()

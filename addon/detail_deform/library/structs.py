@@ -90,6 +90,9 @@ class Struct(ctypes.Structure):
         if isinstance(kind, Array):
             self._point_to(name, value)
         elif kind in ENUMS and isinstance(value, str):
+            if value not in ENUMS[kind][1]:  # Blender gives '' for a number that it doesn't know
+                raise NativeError(f"The file has a value of '{name.replace('_', ' ')}' that is not known here: choose "
+                                  "another one.")
             setattr(self, name, ENUMS[kind][1][value])
         else:
             setattr(self, name, value)

@@ -6,7 +6,6 @@ import time
 import bpy
 
 from ..follow import words
-from ..library import native
 from ..scene import mesh_data
 from ..setup import handle_setup
 
@@ -40,7 +39,7 @@ class MeshOperator:
         try:
             mesh_data.check_editable(ob)
             result = self.run(context, ob) or {'FINISHED'}
-        except (mesh_data.MeshProblem, native.NativeError) as problem:
+        except words.TOLD as problem:
             self.report({'ERROR'}, words.said(ob, problem))
             return {'CANCELLED'}
         if context.active_object and context.active_object.mode == 'EDIT':
@@ -126,8 +125,8 @@ class LongOperator(MeshOperator):
             self._progress.tell(context, self.doing, done)
         except StopIteration:
             return self._end(context, {'FINISHED'})
-        except (mesh_data.MeshProblem, native.NativeError) as problem:
-            self.report({'ERROR'}, str(problem))
+        except words.TOLD as problem:
+            self.report({'ERROR'}, words.sentence(problem))
             return self._end(context, {'CANCELLED'})
         except Exception:
             self._end(context, None)

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import FloatProperty
 
-from ..library import native
+from ..follow import words
 from ..scene import mesh_data, stack
 from ..scene.selection import activate
 from ..setup import handle_setup, pulling
@@ -74,8 +74,8 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
                 self._choice = ReachChoice(context, self._view, pulling.selected_surroundings(ob), event)
             else:
                 self._begin(context, ob)
-        except (mesh_data.MeshProblem, native.NativeError) as problem:
-            self.report({'ERROR'}, str(problem))
+        except words.TOLD as problem:
+            self.report({'ERROR'}, words.sentence(problem))
             return {'CANCELLED'}
         context.window_manager.modal_handler_add(self)
         _under_way.append(self)
@@ -100,8 +100,8 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
             return {'PASS_THROUGH'}
         try:
             return self._work(context, event) if self._stages else self._choose(context, event)
-        except (mesh_data.MeshProblem, native.NativeError) as problem:
-            self.report({'ERROR'}, str(problem))
+        except words.TOLD as problem:
+            self.report({'ERROR'}, words.sentence(problem))
             return self._end(context, {'CANCELLED'})
         except Exception:
             self._end(context, None)

@@ -28,7 +28,7 @@ class _HandleOperator(MeshOperator):
     def number(self, ob):
         settings = ob.detail_deform
         index = settings.handle_index if self.index < 0 else self.index
-        if index >= len(settings.handles):
+        if not 0 <= index < len(settings.handles):
             raise mesh_data.MeshProblem(f"There is no handle {index} of '{ob.name}': they are counted from 0.")
         return index
 

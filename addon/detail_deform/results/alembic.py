@@ -5,9 +5,11 @@ import os
 
 import bpy
 
-from ..scene import node_group
+from ..scene import node_group, pc2
 from ..scene.mesh_data import MeshProblem
 from . import bake, frames, point_cache
+
+_COMPLETE = b'Ogawa\xff'  # its sixth byte is written last
 
 
 def write(context, ob, start, end, path):
@@ -19,17 +21,32 @@ def write(context, ob, start, end, path):
     frames.check_range(start, end)
     for _ in bake.over_frames(context, ob, start, start):
         pass  # what is wrong is said before the export begins
+    with point_cache.disk(path, "written"):  # when a disk becomes full during an export, Blender itself ends
+        pc2.check_room(path, (end + 1 - start) * _bytes_a_frame(ob, context))
     unfinished = f"{os.path.splitext(path)[0]}.unfinished.abc"
     try:
         with _Exported(context, ob), point_cache.disk(path, "written"):
             bpy.ops.wm.alembic_export(filepath=unfinished, start=start, end=end, selected=True,
                                       as_background_job=False)
+            _check_complete(unfinished)
             os.replace(unfinished, path)
     except RuntimeError as error:
         raise MeshProblem(f"'{path}' can't be written: {str(error).strip()}") from error
     finally:
-        if os.path.exists(unfinished):
-            os.remove(unfinished)
+        pc2.take_away(unfinished)
+
+
+def _bytes_a_frame(ob, context):
+    """Places of the vertices and normals of the faces' corners."""
+    mesh = ob.evaluated_get(context.evaluated_depsgraph_get()).data
+    return 12 * (len(mesh.vertices) + len(mesh.loops))
+
+
+def _check_complete(path):
+    """Raises OSError where the exporter got stuck, as on a full disk, of which it says nothing."""
+    with open(path, 'rb') as file:
+        if file.read(len(_COMPLETE)) != _COMPLETE:
+            raise OSError(0, "the export has stopped before its end, as it does when the disk is full")
 
 
 class _Exported:

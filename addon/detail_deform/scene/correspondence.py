@@ -69,8 +69,19 @@ def _as_list(values):
     return array.array(kind, np.ascontiguousarray(values, np.float64 if kind == 'd' else np.int32).tobytes())
 
 
+_TEXTS = ('source', 'pairs_of', 'digest', 'source_topology', 'target_topology')
+_LISTS = {'source_triangles': 3, 'target_triangles': 3, 'pairs': 2, 'confidence': 1}  # so many numbers to each
+
+
 def _kept(target):
-    return target.data.get(_PROPERTY)
+    """None where there is nothing, or something that no search has left."""
+    kept = target.data.get(_PROPERTY)
+    if not (hasattr(kept, 'keys') and all(isinstance(kept.get(name), str) for name in _TEXTS) and
+            all(hasattr(kept.get(name), 'typecode') and len(kept[name]) % each == 0 for name, each in _LISTS.items())):
+        return None
+    is_whole = kept['pairs_of'] in {'TRIANGLES', 'VERTICES'} and (
+        3 * len(kept['confidence']) == len(kept['target_triangles']))
+    return kept if is_whole else None
 
 
 def digest_of(matched):
@@ -96,8 +107,8 @@ def stored(source, target):
         if mesh_data.topology_signature(ob.data) != topology:
             raise MeshProblem(f"The Saved Match of '{target.name}' was made for '{kept['source']}', and the vertices "
                               f"or faces of '{ob.name}' are others: press Find Match to make it anew.")
-    matched = Matched(*(np.array(kept[name], np.int32).reshape(-1, columns) for name, columns in (
-        ('source_triangles', 3), ('target_triangles', 3), ('pairs', 2))), np.array(kept['confidence'], np.float32))
+    matched = Matched(*(np.array(kept[name], np.int32).reshape(-1, _LISTS[name]) for name in (
+        'source_triangles', 'target_triangles', 'pairs')), np.array(kept['confidence'], np.float32))
     matched.pairs_of = kept['pairs_of']
     return matched
 
@@ -116,5 +127,7 @@ def vertex_confidence(target):
     triangles = np.array(kept['target_triangles'], np.int32)
     weights = np.repeat(np.array(kept['confidence'], np.float32), 3)
     count = len(target.data.vertices)
+    if not 0 <= triangles.min(initial=0) <= triangles.max(initial=0) < count:
+        return None
     sums, counts = np.bincount(triangles, weights, count), np.bincount(triangles, minlength=count)
     return (sums / np.maximum(counts, 1)).astype(np.float32)

@@ -12,17 +12,19 @@ _MARK = 'detail_deform_nodes'
 _VERSION = 2  # of the nodes: 2 brought Influence
 
 
+_INPUTS = {'Geometry': 'NodeSocketGeometry', 'Factor': 'NodeSocketFloat', 'Influence': 'NodeSocketString',
+           'Invert': 'NodeSocketBool', 'Base': 'NodeSocketObject'}
+
+
 def _new_interface(group):
     """Sockets of the group; returns that of Factor. Nothing uses Base: a modifier that has an object
     there needs that object's geometry, so Blender evaluates it even where it is hidden."""
-    inputs = (('Geometry', 'NodeSocketGeometry'), ('Factor', 'NodeSocketFloat'),
-              ('Influence', 'NodeSocketString'), ('Invert', 'NodeSocketBool'), ('Base', 'NodeSocketObject'))
     if hasattr(group, 'interface'):  # 4.0 on
         made = {name: group.interface.new_socket(name, in_out='INPUT', socket_type=kind)
-                for name, kind in inputs}
+                for name, kind in _INPUTS.items()}
         group.interface.new_socket('Geometry', in_out='OUTPUT', socket_type='NodeSocketGeometry')
     else:
-        made = {name: group.inputs.new(kind, name) for name, kind in inputs}
+        made = {name: group.inputs.new(kind, name) for name, kind in _INPUTS.items()}
         group.outputs.new('NodeSocketGeometry', 'Geometry')
     made['Influence'].description = "Vertex group by whose weights the deformation is shown; all of it when empty"
     made['Invert'].description = "Show the deformation where the group's weights are low"
@@ -149,8 +151,10 @@ def set_up_cache(cache, path, start):
 
 
 def _socket(group, name):
+    """None where the nodes have none of that name and kind."""
     sockets = (group.interface.items_tree if hasattr(group, 'interface') else group.inputs)
-    return next((s for s in sockets if s.name == name and getattr(s, 'in_out', 'INPUT') == 'INPUT'), None)
+    return next((s for s in sockets if s.name == name and getattr(s, 'in_out', 'INPUT') == 'INPUT'
+                 and getattr(s, 'bl_socket_idname', "").startswith(_INPUTS[name])), None)
 
 
 def _inputs(modifier):
@@ -159,13 +163,12 @@ def _inputs(modifier):
 
 
 def _get(modifier, name):
-    socket = _socket(modifier.node_group, name)
-    if socket is None:  # of an older version, or edited
-        return {'Factor': 1.0, 'Influence': "", 'Invert': False}[name]
-    inputs = _inputs(modifier)
-    if inputs is not None:
-        return getattr(inputs, socket.identifier).value
-    return modifier.get(socket.identifier, socket.default_value)
+    usual, found = {'Factor': 1.0, 'Influence': "", 'Invert': False}[name], None
+    socket, inputs = _socket(modifier.node_group, name), _inputs(modifier)
+    if socket is not None:  # it is of an older version, or edited
+        found = (getattr(inputs, socket.identifier).value if inputs is not None else
+                 modifier.get(socket.identifier, socket.default_value))
+    return found if isinstance(found, str if name == 'Influence' else (bool, int, float)) else usual
 
 
 def _set(modifier, name, value):

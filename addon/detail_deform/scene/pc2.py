@@ -4,6 +4,7 @@
 Nothing here knows Blender. Whatever the disk refuses comes as OSError.
 """
 
+import contextlib
 import os
 import shutil
 import struct
@@ -35,6 +36,13 @@ def read_header(path):
     return points, frames
 
 
+def check_room(path, needed):
+    """Raises OSError where the disk has no room for so many bytes."""
+    free = shutil.disk_usage(os.path.dirname(path) or '.').free
+    if free < needed:
+        raise OSError(0, f"the file takes {needed / 1e6:,.0f} MB and there are {free / 1e6:,.0f} MB left")
+
+
 class Writer:
     """Writes frames first to last - 1 of a cache of frame_count, all of them or a part.
 
@@ -48,9 +56,7 @@ class Writer:
         self._part = last is not None and (first, last) != (0, frame_count)
         needed = size(point_count, frame_count)
         if not (self._part and os.path.exists(path)):
-            free = shutil.disk_usage(os.path.dirname(path) or '.').free
-            if free < needed:
-                raise OSError(0, f"the cache takes {needed / 1e6:,.0f} MB and there are {free / 1e6:,.0f} MB left")
+            check_room(path, needed)
         self._target = path if self._part else f"{path}.unfinished"
         self._file = self._open_part() if self._part else open(self._target, 'wb')
         if not self._part:
@@ -83,9 +89,13 @@ class Writer:
             os.replace(self._target, self._path)
 
     def give_up(self):
-        try:
+        with contextlib.suppress(OSError):  # what could not be written still can't
             self._file.close()
-        except OSError:
-            pass  # what could not be written still can't
-        if not self._part and os.path.exists(self._target):
-            os.remove(self._target)
+        if not self._part:
+            take_away(self._target)
+
+
+def take_away(path):
+    """An unfinished file, as far as the disk lets: what went wrong before is what is said."""
+    with contextlib.suppress(OSError):
+        os.remove(path)

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the add-on's sources can't do, as SECURITY.md promises: nothing but the library is loaded, no text becomes code,
+no other program is started, nothing is sent."""
+
+import ast
+
+import pytest
+from conftest import ADDON
+
+# All that the add-on imports beside its own modules. Another one is weighed here first: nothing that talks to the
+# network, starts programs, or makes objects or code of files.
+IMPORTS = {'array', 'atexit', 'blf', 'bmesh', 'bpy', 'bpy_extras', 'collections', 'colorsys', 'contextlib', 'copy',
+           'ctypes', 'dataclasses', 'fnmatch', 'gpu', 'gpu_extras', 'hashlib', 'html', 'itertools', 'math', 'mathutils',
+           'numpy', 'os', 'pathlib', 'platform', 're', 'shutil', 'struct', 'sys', 'textwrap', 'threading', 'time',
+           'typing', 'uuid', 'webbrowser'}
+OF_OS = {'O_BINARY', 'O_CREAT', 'O_RDWR', 'environ', 'fdopen', 'fstat', 'open', 'path', 'remove', 'replace'}
+# Names and attributes, whoever they belong to.
+NEVER = {'__import__', 'allow_pickle', 'breakpoint', 'driver_namespace', 'eval', 'exec', 'execfile', 'exec_module',
+         'fromstring', 'import_module', 'loads', 'memmap', 'use_scripts_auto_execute', 'urlopen'}
+# Where what could do harm is done, and nowhere else.
+ONLY_IN = {'CDLL': {'library/loading.py'}, 'webbrowser': {'ui/preferences.py'}, 'environ': {'library/loading.py'},
+           'open': {'library/packed.py', 'results/alembic.py', 'scene/pc2.py', 'setup/pair_lists.py',
+                    'ui/preferences.py'},
+           'write_text': {'ui/preferences.py'}, 'savetxt': {'setup/pair_lists.py'}}
+SOURCES = sorted(ADDON.rglob('*.py'))
+
+
+def names(tree):
+    """(name, line) of all that is called by name or looked up as an attribute."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name):
+            yield node.id, node.lineno
+        elif isinstance(node, ast.Attribute):
+            yield node.attr, node.lineno
+        elif isinstance(node, ast.keyword) and node.arg:
+            yield node.arg, node.value.lineno
+
+
+def imports(tree):
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.split('.')[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            yield node.module.split('.')[0]
+
+
+@pytest.mark.parametrize('path', SOURCES, ids=lambda path: path.relative_to(ADDON).as_posix())
+def test_a_source_does_nothing_that_it_must_not(path):
+    tree, where = ast.parse(path.read_text(encoding='utf-8')), path.relative_to(ADDON).as_posix()
+    assert set(imports(tree)) <= IMPORTS
+    for name, line in names(tree):
+        assert name not in NEVER, f"{where}:{line}: {name}"
+        allowed = ONLY_IN.get(name)
+        assert allowed is None or where in allowed, f"{where}:{line}: {name}"
+    for call in ast.walk(tree):
+        if isinstance(call, ast.Call) and getattr(call.func, 'id', getattr(call.func, 'attr', "")) == 'compile':
+            assert isinstance(call.func, ast.Attribute) and call.func.value.id == 're', f"{where}:{call.lineno}"
+        if isinstance(call, ast.Attribute) and getattr(call.value, 'id', "") == 'os':
+            assert call.attr in OF_OS, f"{where}:{call.lineno}: os.{call.attr}"
+
+
+def test_no_driver_runs_a_text():
+    """A driver of type SCRIPTED would run its expression."""
+    text = (ADDON / 'scene' / 'dependency.py').read_text(encoding='utf-8')
+    assert "driver.type = 'SUM'" in text
+    assert not [path for path in SOURCES if 'SCRIPTED' in path.read_text(encoding='utf-8')
+                or '.expression =' in path.read_text(encoding='utf-8')]
