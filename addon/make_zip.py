@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Zips the add-on as users install it, for one platform, with its library: the same bytes from the same sources,
+"""Zips the add-on as users install it, with a library: the same bytes from the same sources,
 whenever and wherever that is.
 
-    python3 addon/make_zip.py LIBRARY PLATFORM ZIP [WEBSITE]
+    python3 addon/make_zip.py LIBRARY PLATFORMS ZIP [WEBSITE]
 
-One zip serves Blender 3.4 (legacy, by bl_info) and 4.2 on (extension, by the manifest). WEBSITE: where Blender's own
+PLATFORMS: Blender's names, with commas between: the library may be of several. One zip serves Blender 3.4 (legacy, by bl_info) and 4.2 on (extension, by the manifest). WEBSITE: where Blender's own
 buttons and the add-on's lead, if there is a place."""
 
 import hashlib
@@ -21,7 +21,7 @@ ADDON = Path(__file__).resolve().parent
 SOURCE = ADDON / 'detail_deform'
 
 
-def contents(library, platform, website):
+def contents(library, platforms, website):
     """(name in the zip, bytes) of each file."""
     files = {path.relative_to(SOURCE): path.read_bytes() for path in SOURCE.rglob('*.py')}
     files[Path('LICENSE')] = (ADDON.parent / 'LICENSE').read_bytes()
@@ -33,8 +33,9 @@ def contents(library, platform, website):
     digest = hashlib.sha256(library.read_bytes()).hexdigest()
     files[Path('lib', f'{library.name}.sha256')] = f'{digest}\n'.encode()
     manifest = (SOURCE / 'blender_manifest.toml').read_text(encoding='utf-8')
-    # A zip holds the library of one platform and must not offer itself to others.
-    manifest = replaced(r'\nplatforms = .*', f'\nplatforms = ["{platform}"]', manifest)
+    # A zip must not offer itself to those that its library is not for.
+    listed = ', '.join(f'"{platform}"' for platform in platforms)
+    manifest = replaced(r'\nplatforms = .*', f'\nplatforms = [{listed}]', manifest)
     if website:
         manifest = replaced('\nmaintainer = ', f'\nwebsite = "{website}"\nmaintainer = ', manifest)
         init = files[Path('__init__.py')].decode()
@@ -62,10 +63,10 @@ def moment():
     return time.gmtime(int(seconds) if seconds else time.time())[:6]
 
 
-def main(library, platform, path, website=''):
+def main(library, platforms, path, website=''):
     date = moment()
     with zipfile.ZipFile(path, 'w') as target:
-        for name, content in contents(Path(library), platform, website):
+        for name, content in contents(Path(library), platforms.split(','), website):
             entry = zipfile.ZipInfo(name, date)
             entry.create_system = 3  # Unix, wherever it is made
             entry.external_attr = 0o100644 << 16

@@ -7,7 +7,7 @@ if(NOT CMAKE_MATCH_1 STREQUAL PROJECT_VERSION)
 endif()
 
 # Blender's names of platforms.
-string(TOLOWER "${CMAKE_SYSTEM_PROCESSOR}" dd_processor)
+set(dd_processor ${DD_PROCESSOR})
 if(dd_processor MATCHES "^(aarch64|arm64)$")
   set(dd_processor arm64)
 else()

@@ -9,16 +9,18 @@ from conftest import ADDON
 
 # All that the add-on imports beside its own modules. Another one is weighed here first: nothing that talks to the
 # network, starts programs, or makes objects or code of files.
-IMPORTS = {'array', 'atexit', 'blf', 'bmesh', 'bpy', 'bpy_extras', 'collections', 'colorsys', 'contextlib', 'copy',
-           'ctypes', 'dataclasses', 'fnmatch', 'gpu', 'gpu_extras', 'hashlib', 'html', 'itertools', 'math', 'mathutils',
-           'numpy', 'os', 'pathlib', 'platform', 're', 'shutil', 'struct', 'sys', 'textwrap', 'threading', 'time',
-           'typing', 'uuid', 'webbrowser'}
-OF_OS = {'O_BINARY', 'O_CREAT', 'O_RDWR', 'environ', 'fdopen', 'fstat', 'open', 'path', 'remove', 'replace'}
+IMPORTS = {'_ctypes', 'array', 'atexit', 'blf', 'bmesh', 'bpy', 'bpy_extras', 'collections', 'colorsys', 'contextlib',
+           'copy', 'ctypes', 'dataclasses', 'fnmatch', 'glob', 'gpu', 'gpu_extras', 'hashlib', 'html', 'itertools',
+           'math', 'mathutils', 'numpy', 'os', 'pathlib', 'platform', 're', 'shlex', 'shutil', 'struct', 'sys',
+           'tempfile', 'textwrap', 'threading', 'time', 'typing', 'uuid', 'weakref', 'webbrowser'}
+OF_OS = {'O_BINARY', 'O_CREAT', 'O_RDWR', 'environ', 'fdopen', 'fstat', 'getpid', 'open', 'path', 'remove', 'rename',
+         'replace', 'urandom'}
 # Names and attributes, whoever they belong to.
 NEVER = {'__import__', 'allow_pickle', 'breakpoint', 'driver_namespace', 'eval', 'exec', 'execfile', 'exec_module',
          'fromstring', 'import_module', 'loads', 'memmap', 'use_scripts_auto_execute', 'urlopen'}
 # Where what could do harm is done, and nowhere else.
-ONLY_IN = {'CDLL': {'library/loading.py'}, 'webbrowser': {'ui/preferences.py'}, 'environ': {'library/loading.py'},
+ONLY_IN = {'CDLL': {'library/loading.py'}, '_ctypes': {'library/loading.py'}, 'rename': {'library/unlocking.py'},
+           'tempfile': {'library/unlocking.py'}, 'webbrowser': {'ui/preferences.py'}, 'environ': {'library/loading.py'},
            'open': {'library/packed.py', 'results/alembic.py', 'scene/pc2.py', 'setup/pair_lists.py',
                     'ui/preferences.py'},
            'write_text': {'ui/preferences.py'}, 'savetxt': {'setup/pair_lists.py'}}
