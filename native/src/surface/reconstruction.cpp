@@ -39,10 +39,12 @@ void Reconstruction::solve_by(const FluxSource& source, ClampedPoisson* clamps, 
 void Reconstruction::solve_unrefined(BaseGradients& gradients, const BasePose& pose,
                                      const Turning& turning, ClampedPoisson* clamps, double held,
                                      Rows& offsets) {
-  if (turning.known_share < 1) {
-    gradients.take(pose, true);
-    solve_by(gradients, clamps, held, offsets);
+  if (turning.known_share == 1) {
+    solve_by(*turning.known, clamps, held, offsets);
+    return;  // offsets held what an earlier pose left there, which may be no numbers
   }
+  gradients.take(pose, true);
+  solve_by(gradients, clamps, held, offsets);
   if (turning.known_share == 0) return;
   const Rows by_base = offsets;
   solve_by(*turning.known, clamps, held, offsets);
