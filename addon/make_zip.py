@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Zips the add-on as users install it, with a library: the same bytes from the same sources,
-whenever and wherever that is.
+"""Zips the add-on as users install it, with a library: the same bytes from the same sources, whenever and wherever that
+is.
 
     python3 addon/make_zip.py LIBRARY PLATFORMS ZIP [WEBSITE]
 
-PLATFORMS: Blender's names, with commas between: the library may be of several. One zip serves Blender 3.4 (legacy, by bl_info) and 4.2 on (extension, by the manifest). WEBSITE: where Blender's own
-buttons and the add-on's lead, if there is a place."""
+PLATFORMS: Blender's names, with commas between; the library may be for several. WEBSITE: where Blender's own buttons
+and the add-on's lead, if there is a place. One zip serves Blender 3.4 (legacy, by bl_info) and 4.2 on (extension, by the
+manifest)."""
 
 import hashlib
 import os

@@ -107,6 +107,57 @@ def test_an_update_in_steps_is_the_same_as_a_job_and_as_a_frame(native):
     assert native.Update(used, MOTION).finish()[1].volume_error == 0
 
 
+def test_all_kinds_of_work_at_once_give_what_each_gives_alone(native):
+    meshes = [Strip(n) for n in (24, 30)]
+    (source, from_roles), (target, _) = [((m.positions, m.triangles), m.roles) for m in meshes]
+    sources = from_roles == -2
+    markers = [[0, 0], [7, 7], [8 * 23, 8 * 29], [8 * 24 - 1, 8 * 30 - 1]]
+
+    def poses():
+        deformer = bound(native, meshes[0], threads=2, examples=[source[0] * np.float32(1.2)])
+        return [deformer.offsets(MOTION, method=method).copy()
+                for method in ('TRANSFER', 'NORMAL', 'GRADIENT', 'EXAMPLES', 'TRANSFER')]
+
+    def steps():
+        deformer = bound(native, meshes[1])
+        job = native.Update(deformer, MOTION, method='VOLUMES', steps=2)
+        deformer.close()  # the job has its own hold on it
+        return [job.finish()[0]]
+
+    def dropped():
+        deformer = bound(native, meshes[1], threads=2)
+        native.Update(deformer, MOTION, **ENDLESS).close()
+        native.Bind(*target, meshes[1].roles, 1).close()
+        return [deformer.offsets(MOTION)]
+
+    def transferred():
+        pairs, confidence, fitted = native.Match(source, target, markers, stages=2, rounds=1).finish()
+        transfer = native.Transfer(source, target, pairs)
+        return [confidence, fitted, transfer.apply(source[0] * np.float32(1.5))]
+
+    def looked_at():
+        measures = native.measure(source[0], source[0] * np.float32(2), source[1], from_roles)
+        return [np.array([measures.stretch])] + [native.distances(*source, sources) for _ in range(50)]
+
+    works = [poses, steps, dropped, transferred, looked_at]
+    alone, together = [work() for work in works], [[] for _ in works]
+
+    def run(k):
+        for _ in range(2):
+            together[k].append(works[k]())
+
+    # Each kind beside itself, too.
+    threads = [threading.Thread(target=run, args=(k % len(works),)) for k in range(2 * len(works))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for one, rounds in zip(alone, together):
+        assert len(rounds) == 4
+        for found in rounds:
+            assert all((a == b).all() for a, b in zip(one, found, strict=True))
+
+
 def test_a_job_of_another_kind_has_no_update(native, structs):
     mesh = Strip(60)
     deformer, out = bound(native, mesh), np.zeros((480, 3), np.float32)

@@ -8,30 +8,27 @@
 #include <vector>
 
 #include "catch.h"
-#include "detail_deform/detail_deform.h"
 #include "failing.h"
+#include "flat_mesh.h"
 #include "meshes.h"
 
 using namespace dd;
+using test::defaults;
 using test::Failing;
 
 namespace {
 
 using Floats = std::vector<float>;
 
-/// A mesh as the ABI takes it.
-struct Surface {
-  Floats positions;
-  std::vector<int32_t> triangles, roles;
-  explicit Surface(const Mesh& mesh)
-      : triangles(mesh.triangles.data(), mesh.triangles.data() + mesh.triangles.size()) {
-    for (Index k = 0; k < mesh.positions.size(); ++k)
-      positions.push_back(static_cast<float>(mesh.positions.data()[k]));
-    for (int role : test::roles_by_height(mesh, -0.5, 0.7)) roles.push_back(role);
-  }
-  size_t vertex_count() const { return positions.size() / 3; }
-  dd_mesh mesh() const {
-    return {positions.data(), vertex_count(), triangles.data(), triangles.size() / 3};
+/// A mesh as the ABI takes it, with roles.
+struct Surface : test::FlatMesh {
+  std::vector<int32_t> roles;
+  explicit Surface(const Mesh& mesh) : FlatMesh(mesh), roles(roles_of(mesh)) {}
+
+ private:
+  static std::vector<int32_t> roles_of(const Mesh& mesh) {
+    const std::vector<int> found = test::roles_by_height(mesh, -0.5, 0.7);
+    return {found.begin(), found.end()};
   }
 };
 
@@ -61,14 +58,6 @@ Floats turned(const Floats& positions) {
 
 constexpr double kLift[12] = {0.9, 0.1, 0, 0, -0.1, 0.9, 0, 0, 0, 0, 1, 0.3};
 constexpr float kUntouched = -77;
-
-/// Options that say how large they are, and all else by default.
-template <class Options>
-Options defaults() {
-  Options options{};
-  options.struct_size = sizeof options;
-  return options;
-}
 
 dd_bind_options bind_options(int threads) {
   auto options = defaults<dd_bind_options>();

@@ -148,6 +148,20 @@ TEST_CASE("blended motions: handles have their places whatever their matrices ar
             .find("handle 1") != std::string::npos);
 }
 
+TEST_CASE("blended motions: an arc is the same after any pose, and after one that was refused") {
+  const test::Case tube = test::bent_cylinder();
+  const UpdateOptions options = blended({}, 0);
+  Deformer fresh(tube.mesh, tube.roles, 1, {});
+  const Positions expected = surface(fresh, {tube.motion}, options);
+  Deformer used(tube.mesh, tube.roles, 1, {});
+  surface(used, {twist(2)}, options);
+  CHECK(test::largest_difference(surface(used, {tube.motion}, options), expected) == 0);
+  Affine far = test::identity();
+  far(0, 3) = 1e308;
+  CHECK_THROWS_AS(surface(used, {far}, options), Error);
+  CHECK(test::largest_difference(surface(used, {tube.motion}, options), expected) == 0);
+}
+
 TEST_CASE("a bar twisted by one turn and by two, in one step: even, and without a fold") {
   const test::Case bar = test::twisted_bar();
   Deformer deformer(bar.mesh, bar.roles, 1, {});

@@ -27,7 +27,8 @@ struct Turning {
   /// count.
   template <class ByBase, class SolveBy>
   void solve(const ByBase& by_base, const SolveBy& solve_by, Rows& offsets) const {
-    if (known_share < 1) by_base();
+    if (known_share == 1) return solve_by(*known);  // offsets may be no numbers, of an earlier pose
+    by_base();
     if (known_share == 0) return;
     const Rows without = offsets;
     solve_by(*known);

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What the fuzzer's bytes say: a tame input has nothing in it that a caller shouldn't give, in a
+// wild one any choice and any number may be another than it should.
+#pragma once
+
+#include <fuzzer/FuzzedDataProvider.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+namespace dd::fuzz {
+
+class Bytes {
+ public:
+  Bytes(const uint8_t* data, size_t size) : data_(data, size), tame_(flag()) {}
+
+  bool tame() const { return tame_; }
+  bool flag() { return data_.ConsumeIntegral<uint8_t>() & 1; }
+  /// 0 to count - 1; the first where the bytes have come to an end.
+  int below(int count) {
+    return count <= 256 ? data_.ConsumeIntegral<uint8_t>() % count
+                        : data_.ConsumeIntegral<uint16_t>() % count;
+  }
+  bool one_in(int count) { return below(count) == count - 1; }
+  /// Something out of the way, in a wild input now and then.
+  bool odd(int one_in = 24) { return !tame_ && this->one_in(one_in); }
+  unsigned seed() { return data_.ConsumeIntegral<uint16_t>(); }
+  double between(double low, double high) {
+    return low + (high - low) * data_.ConsumeIntegral<uint16_t>() / 65535.0;
+  }
+
+  /// A value of an enum, 0 to last.
+  int32_t choice(int last) {
+    const int32_t given = below(last + 1);
+    if (!odd()) return given;
+    switch (below(4)) {
+      case 0:
+        return -1;
+      case 1:
+        return last + 1;
+      case 2:
+        return std::numeric_limits<int32_t>::min();
+      default:
+        return data_.ConsumeIntegral<int32_t>();
+    }
+  }
+
+  /// A number of a range, or any there is.
+  double number(double low, double high) { return odd() ? any() : between(low, high); }
+
+  /// Numbers that arithmetic breaks on, or any bits.
+  double any() {
+    using limits = std::numeric_limits<double>;
+    static const double kKnown[] = {0.0,
+                                    -0.0,
+                                    -1,
+                                    1e-9,
+                                    1e9,
+                                    1e19,
+                                    1e-30,
+                                    1e30,
+                                    -1e38,
+                                    1e150,
+                                    limits::infinity(),
+                                    -limits::infinity(),
+                                    limits::quiet_NaN(),
+                                    limits::denorm_min(),
+                                    limits::min(),
+                                    limits::max(),
+                                    limits::lowest()};
+    constexpr int kCount = sizeof kKnown / sizeof *kKnown;
+    const int which = below(kCount + 3);
+    if (which < kCount) return kKnown[which];
+    const auto bits = data_.ConsumeIntegral<uint64_t>();
+    double value;
+    std::memcpy(&value, &bits, sizeof value);
+    return value;
+  }
+
+  /// The count of an array, or one that it hasn't.
+  size_t count(size_t given) {
+    if (!odd(64)) return given;
+    switch (below(4)) {
+      case 0:
+        return 0;
+      case 1:
+        return given - (given > 0);
+      // One more than there are is read beyond the end by who doesn't check it.
+      case 2:
+        return given + 1;
+      default:
+        return std::numeric_limits<size_t>::max() >> below(40);
+    }
+  }
+
+  /// A pointer, or null.
+  template <class Value>
+  Value* pointer(Value* given) {
+    return odd(96) ? nullptr : given;
+  }
+
+ private:
+  FuzzedDataProvider data_;
+  bool tame_;
+};
+
+}  // namespace dd::fuzz

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "checks.h"
+
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+
+namespace dd::fuzz {
+
+void broken(const char* promise) {
+  std::fprintf(stderr, "BROKEN PROMISE: %s\nlast message: %s\n", promise, dd_last_message());
+  std::abort();
+}
+
+namespace {
+
+bool is_utf8(const char* text) {
+  const auto* at = reinterpret_cast<const unsigned char*>(text);
+  while (*at) {
+    const int more = *at < 0x80 ? 0 : *at >= 0xc2 && *at < 0xe0 ? 1 : *at < 0xf0 ? 2 : 3;
+    if (*at >= 0xf5 || (*at >= 0x80 && *at < 0xc2)) return false;
+    ++at;
+    for (int k = 0; k < more; ++k, ++at)
+      if ((*at & 0xc0) != 0x80) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+bool well(int32_t status) {
+  if (status == DD_OK) return true;
+  promise(status > DD_OK && status < DD_ERROR_INTERNAL, "a status is one of dd_status");
+  promise(status != DD_ERROR_MEMORY, "small inputs take little memory");
+  const char* sentence = dd_last_message();
+  const size_t length = std::strlen(sentence);
+  promise(length >= 12 && sentence[length - 1] == '.', "an error has a sentence");
+  promise(is_utf8(sentence), "a sentence is UTF-8");
+  return false;
+}
+
+void must(int32_t status, const char* what) {
+  if (!well(status)) broken(what);
+}
+
+void refused(int32_t status, const char* what) {
+  if (well(status)) broken(what);
+}
+
+int32_t watched(dd_job* job, Bytes& bytes, bool endless) {
+  // Polls until then, or never; what is endless only ends so.
+  const bool cancels = endless || bytes.one_in(8);
+  const int polls = cancels ? bytes.below(64) : 0;
+  double before = 0;
+  for (int k = 0; k < polls; ++k) {
+    dd_progress progress{};
+    progress.struct_size = sizeof progress;
+    must(dd_job_poll(job, &progress), "a job can be polled");
+    promise(progress.fraction >= before && progress.fraction <= 1, "progress rises from 0 to 1");
+    promise(progress.stage && *progress.stage, "a stage has a name");
+    promise(progress.state >= DD_JOB_RUNNING && progress.state <= DD_JOB_FAILED,
+            "a state is known");
+    before = progress.fraction;
+  }
+  if (cancels) must(dd_job_cancel(job), "a job can be cancelled");
+  const int32_t status = dd_job_finish(job);
+  well(status);
+  promise(status != DD_ERROR_CANCELLED || cancels, "only what is cancelled ends so");
+  const std::string sentence = status == DD_OK ? "" : dd_last_message();
+  promise(dd_job_finish(job) == status, "a job can be finished twice");
+  promise(status == DD_OK || sentence == dd_last_message(), "a job keeps its sentence");
+  dd_progress progress{};
+  progress.struct_size = sizeof progress;
+  must(dd_job_poll(job, &progress), "a job that has ended can be polled");
+  promise(progress.state == (status == DD_OK ? DD_JOB_DONE : DD_JOB_FAILED),
+          "a job's state is its end");
+  promise(status != DD_OK || progress.fraction == 1, "a job that is done is done to the end");
+  return status;
+}
+
+}  // namespace dd::fuzz

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What the public header promises of every call, and who breaks it.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include "bytes.h"
+#include "detail_deform/detail_deform.h"
+
+namespace dd::fuzz {
+
+/// Says what was promised, and aborts.
+[[noreturn]] void broken(const char* promise);
+
+inline void promise(bool kept, const char* sentence) {
+  if (!kept) broken(sentence);
+}
+
+/// A status that there is, with a sentence where it is an error; memory doesn't run out here and
+/// internal errors are ours. Returns whether all is well.
+bool well(int32_t status);
+
+/// The same of a call that has nothing to refuse.
+void must(int32_t status, const char* what);
+
+/// The same of one that has to be refused.
+void refused(int32_t status, const char* what);
+
+/// A struct with as much room as a caller says it has, so that what is read or written beyond is
+/// seen: by older and newer callers too where the input is wild.
+template <class Struct>
+class Sized {
+ public:
+  Sized(const Struct& values, Bytes& bytes) {
+    size_t size = sizeof(Struct);
+    // Older headers ended where a field did: none in the middle of a pointer.
+    if (bytes.odd(16)) size = 8 * static_cast<size_t>(bytes.below(int(size / 8) + 3));
+    size = std::max(size, sizeof(uint32_t));
+    auto said = static_cast<uint32_t>(size);
+    if (bytes.odd(64)) said = bytes.flag() ? bytes.below(4) : 4097 + bytes.seed();
+    struct_.reset(static_cast<unsigned char*>(std::calloc(1, size)), std::free);
+    std::memcpy(struct_.get(), &values, std::min(size, sizeof(Struct)));
+    std::memcpy(struct_.get(), &said, sizeof said);
+    before_.assign(struct_.get(), struct_.get() + size);
+  }
+
+  Struct* get() const { return reinterpret_cast<Struct*>(struct_.get()); }
+  /// What the library knows of it.
+  Struct known() const {
+    Struct values{};
+    std::memcpy(&values, before_.data(), std::min(before_.size(), sizeof(Struct)));
+    return values;
+  }
+  /// As many bytes as it has, of a call that gave this status.
+  bool after(int32_t status) const {
+    if (well(status)) return true;
+    promise(std::equal(before_.begin(), before_.end(), struct_.get()),
+            "outputs are written only on DD_OK: a struct was");
+    return false;
+  }
+
+ private:
+  std::shared_ptr<unsigned char> struct_;
+  std::vector<unsigned char> before_;
+};
+
+/// An output array of just the size it has.
+template <class Value>
+class Output {
+ public:
+  explicit Output(size_t vertices) : values_(3 * vertices, kUntouched) {}
+
+  Value* data() { return values_.data(); }
+  const std::vector<Value>& values() const { return values_; }
+  const Value* at(size_t row) const { return values_.data() + 3 * row; }
+
+  void untouched() const {
+    promise(std::all_of(values_.begin(), values_.end(), [](Value v) { return v == kUntouched; }),
+            "outputs are written only on DD_OK: an array was");
+  }
+  void finite() const {
+    promise(std::all_of(values_.begin(), values_.end(), [](Value v) { return std::isfinite(v); }),
+            "a result is finite");
+  }
+  /// Of a call that gave this status: untouched or finite. Returns whether it is there.
+  bool after(int32_t status) const {
+    const bool there = well(status);
+    there ? finite() : untouched();
+    return there;
+  }
+
+ private:
+  static constexpr Value kUntouched = static_cast<Value>(-77.25);
+  std::vector<Value> values_;
+};
+
+/// Watches a job, and cancels it where the bytes say so or where it takes too long. Returns what
+/// dd_job_finish() does.
+int32_t watched(dd_job* job, Bytes& bytes, bool endless = false);
+
+struct Freed {
+  void operator()(dd_job* job) const { dd_job_free(job); }
+  void operator()(dd_deformer* deformer) const { dd_deformer_free(deformer); }
+  void operator()(dd_transfer* transfer) const { dd_transfer_free(transfer); }
+  void operator()(dd_match* match) const { dd_match_free(match); }
+  void operator()(dd_tets* tets) const { dd_tets_free(tets); }
+};
+template <class Object>
+using Owned = std::unique_ptr<Object, Freed>;
+
+/// The result of a job that was started with this status, and watched; none where it was refused,
+/// cancelled or failed. tame: then only the cancelled ones may fail.
+template <class Object>
+Owned<Object> taken(int32_t started, Owned<dd_job> job, Bytes& bytes, bool tame,
+                    int32_t (*take)(dd_job*, Object**), bool endless = false) {
+  if (!well(started)) {
+    promise(!tame, "what is nothing out of the way is not refused");
+    promise(!job, "outputs are written only on DD_OK: a job was");
+    return {};
+  }
+  promise(job != nullptr, "a job is given on DD_OK");
+  Object* object = nullptr;
+  const int32_t ended = watched(job.get(), bytes, endless);
+  const int32_t status = take(job.get(), &object);
+  promise(status == ended, "taking returns the status of the job");
+  if (!well(status)) {
+    promise(!tame || status == DD_ERROR_CANCELLED, "what is nothing out of the way doesn't fail");
+    promise(!object, "outputs are written only on DD_OK: an object was");
+    return {};
+  }
+  Owned<Object> made(object);
+  promise(made != nullptr, "an object is given on DD_OK");
+  object = nullptr;
+  promise(take(job.get(), &object) == DD_ERROR_ARGUMENT && !object, "an object is taken once");
+  return made;
+}
+
+}  // namespace dd::fuzz

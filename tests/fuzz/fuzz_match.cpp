@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Searches for what corresponds, between any two meshes with any markers.
+#include "checks.h"
+#include "meshes.h"
+
+using namespace dd::fuzz;
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  Bytes bytes(data, size);
+  const Surface source = any_surface(bytes);
+  Surface target = source;
+  const bool same = bytes.flag();
+  if (same)
+    target.positions = posed(source.positions, bytes);
+  else
+    target = any_surface(bytes);
+  const auto sources = static_cast<unsigned>(std::max<size_t>(1, source.vertex_count()));
+  const auto targets = static_cast<unsigned>(std::max<size_t>(1, target.vertex_count()));
+  std::vector<int32_t> markers;
+  for (int more = bytes.one_in(16) ? bytes.below(3) : 3 + bytes.below(6); more > 0; --more) {
+    const unsigned one = bytes.seed() % sources;
+    markers.push_back(bytes.odd() ? bytes.choice(int32_t(sources)) : int32_t(one));
+    markers.push_back(bytes.odd() ? bytes.choice(int32_t(targets))
+                                  : int32_t(same ? one : bytes.seed() % targets));
+  }
+  markers = std::vector<int32_t>(markers);
+  dd_match_options options{};
+  options.struct_size = sizeof options;
+  const bool endless = bytes.odd(64);
+  options.stages = endless ? 1000 : std::min(3, 1 + bytes.choice(2));
+  options.rounds = endless ? 1000 : std::min(2, 1 + bytes.choice(1));
+  options.threads = bytes.one_in(4) ? bytes.choice(3) : 1;
+  options.smoothness = bytes.one_in(3) ? bytes.number(0, 4) : 0;
+  options.identity = bytes.one_in(3) ? bytes.number(0, 1) : 0;
+  options.reach = bytes.one_in(3) ? bytes.number(0, 2) : 0;
+
+  const dd_mesh from = source.mesh(), to = target.mesh();
+  const Sized<dd_match_options> how(options, bytes);
+  dd_job* job = nullptr;
+  const int32_t status = dd_match_start(bytes.pointer(&from), bytes.pointer(&to),
+                                        bytes.pointer(markers.data()), markers.size() / 2,
+                                        // Usual ones take long.
+                                        how.get(), bytes.pointer(&job));
+  if (how.known().rounds == 0) {
+    dd_job_free(job);
+    return 0;
+  }
+  const auto match =
+      taken<dd_match>(status, Owned<dd_job>(job), bytes, false, dd_job_take_match, endless);
+  if (!match) return 0;
+
+  Output<float> registered(source.vertex_count());
+  registered.after(dd_match_get_positions(match.get(), registered.data(), source.vertex_count()));
+  size_t count = 0;
+  must(dd_match_get_pairs(match.get(), nullptr, 0, &count), "pairs can be counted");
+  std::vector<int32_t> pairs(2 * count, -7);
+  if (count > 0) {
+    size_t kept = 77;
+    if (count > 1)
+      refused(dd_match_get_pairs(match.get(), pairs.data(), count - 1, &kept), "there is no room");
+    promise(kept == 77 && pairs.front() == -7, "outputs are written only on DD_OK: pairs were");
+    must(dd_match_get_pairs(match.get(), pairs.data(), count, &count), "pairs can be asked for");
+  }
+  promise(2 * count == pairs.size(), "there are as many pairs as were counted");
+  for (size_t k = 0; k < pairs.size(); k += 2)
+    promise(pairs[k] >= 0 && size_t(pairs[k]) < source.triangle_count() && pairs[k + 1] >= 0 &&
+                size_t(pairs[k + 1]) < target.triangle_count(),
+            "pairs are of triangles that there are");
+  std::vector<float> confidence(target.triangle_count(), -7);
+  must(dd_match_get_confidence(match.get(), confidence.data(), confidence.size()),
+       "confidence can be asked for");
+  for (float share : confidence) promise(share >= 0 && share <= 1, "confidence is from 0 to 1");
+  refused(dd_match_get_confidence(match.get(), confidence.data(), confidence.size() + 1),
+          "a count is checked");
+  return 0;
+}

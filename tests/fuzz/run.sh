@@ -1,0 +1,128 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: GPL-3.0-or-later
+#
+# Builds and runs the fuzz targets.
+#
+# tests/fuzz/run.sh                            short: each target's corpus, and a few inputs made of it
+# tests/fuzz/run.sh long SECONDS [TARGET...]   as long for each target; what is new is kept in
+#                                              build/fuzz/corpus, what fails in build/fuzz/found
+# tests/fuzz/run.sh keep [TARGET...]           takes what is new into the corpus, as far as it
+#                                              reaches what nothing smaller does
+# tests/fuzz/run.sh planted [TARGET...]        whether each finds the defect of planted/TARGET.patch
+#                                              within a minute
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+# shellcheck source=tests/prepare.sh
+source tests/prepare.sh
+
+here=tests/fuzz
+found=build/fuzz/found
+declare -A inputs=([bind]=700 [update]=300 [transfer]=500 [match]=700 [tools]=900)
+
+# Inputs longer than this are read to no end; a call of seconds or a gigabyte is a defect.
+limits=(-max_len=400 -len_control=0 -timeout=30 -rss_limit_mb=1024 -malloc_limit_mb=256)
+
+# fuzz TARGET OPTION...: with its artifacts in $found.
+fuzz() {
+    local target=$1
+    shift
+    mkdir -p "$found"
+    "${binaries:-build/fuzz}/tests/fuzz/fuzz_$target" "${limits[@]}" \
+        -artifact_prefix="$found/$target-" "$@"
+}
+
+short() {
+    local target new log status=0
+    new=$(mktemp -d) log=$(mktemp)
+    for target in "$@"; do
+        # What is new goes to the first folder, the corpus stays as it is.
+        if fuzz "$target" -seed=1 -runs="${inputs[$target]}" "$new" "$here/corpus/$target" \
+            >"$log" 2>&1; then
+            echo "$target: $(grep -a DONE "$log")"
+        else
+            tail -n 60 "$log"
+            status=1
+        fi
+        rm -f "${new:?}"/*
+    done
+    rm -rf "$new" "$log"
+    return "$status"
+}
+
+long() {
+    local seconds=$1 target status=0
+    shift
+    for target in "$@"; do
+        mkdir -p "build/fuzz/corpus/$target"
+        fuzz "$target" -max_total_time="$seconds" -print_final_stats=1 "build/fuzz/corpus/$target" \
+            "$here/corpus/$target" || status=1
+    done
+    return "$status"
+}
+
+keep() {
+    local target new
+    for target in "$@"; do
+        new=$(mktemp -d)
+        fuzz "$target" -merge=1 -set_cover_merge=1 "$new" "$here/corpus/$target" \
+            "build/fuzz/corpus/$target"
+        # Inputs with a name are there for a reason of their own.
+        find "$here/corpus/$target" -type f -regex '.*/[0-9a-f]*' -delete
+        # The smallest ones: what is left to the larger is found again from these.
+        find "$new" -type f -printf '%s %p\n' | sort -n | head -n 55 | cut -d ' ' -f 2- |
+            xargs cp -t "$here/corpus/$target"
+        rm -rf "$new"
+    done
+}
+
+# A copy of the library with the defect in it, built beside the sound one.
+planted() {
+    local target started status=0 copy=$PWD/build/planted new
+    dd_need patch patch
+    rm -rf "$copy/source"
+    mkdir -p "$copy/source"
+    cp -r CMakeLists.txt CMakePresets.json LICENSE addon native tests "$copy/source"
+    for target in "$@"; do
+        patch --quiet --no-backup-if-mismatch -p1 -d "$copy/source" <"$here/planted/$target.patch"
+        (cd "$copy/source" && cmake --preset fuzz -B "$copy/build" &&
+            cmake --build "$copy/build" --target "fuzz_$target") >"$copy/build.log" || {
+            cat "$copy/build.log"
+            return 1
+        }
+        new=$(mktemp -d) started=$(date +%s)
+        if binaries=$copy/build found=$copy/found fuzz "$target" -max_total_time=60 "$new" \
+            "$here/corpus/$target" >"$copy/$target.log" 2>&1; then
+            echo "$target: MISSED the planted defect"
+            status=1
+        else
+            echo "$target: found the planted defect after $(($(date +%s) - started)) s," \
+                "input $(grep -aoE '^#[0-9]+' "$copy/$target.log" | tail -n 1)"
+            grep -aE 'BROKEN|SUMMARY' "$copy/$target.log" | head -n 1
+        fi
+        rm -rf "$new"
+        patch --quiet --no-backup-if-mismatch -R -p1 -d "$copy/source" <"$here/planted/$target.patch"
+    done
+    return "$status"
+}
+
+what=${1:-short}
+[ $# = 0 ] || shift
+seconds=
+if [ "$what" = long ]; then
+    seconds=${1:?long SECONDS [TARGET...]}
+    shift
+fi
+targets=("$@")
+[ $# != 0 ] || targets=(bind update transfer match tools)
+
+dd_need clang++ clang
+dd_need_packages libclang-rt-14-dev || true
+prepare_build
+build_preset fuzz
+case $what in
+    short) short "${targets[@]}" ;;
+    long) long "$seconds" "${targets[@]}" ;;
+    keep) keep "${targets[@]}" ;;
+    planted) planted "${targets[@]}" ;;
+    *) dd_complain "tests/fuzz/run.sh [long SECONDS | keep | planted] [TARGET...]"; exit 2 ;;
+esac

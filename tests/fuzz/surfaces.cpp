@@ -1,0 +1,276 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "surfaces.h"
+
+#include <Eigen/Geometry>
+
+namespace dd::fuzz {
+
+namespace {
+
+using Matrix = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
+
+Eigen::Vector3d point(const std::vector<float>& positions, size_t v) {
+  return {positions[3 * v], positions[3 * v + 1], positions[3 * v + 2]};
+}
+
+Eigen::Vector3d any_direction(Bytes& bytes) {
+  return Eigen::Vector3d(bytes.between(-1, 1), bytes.between(-1, 1), bytes.between(0.1, 1))
+      .normalized();
+}
+
+/// size: of the mesh, centre: what a handle turns about.
+Matrix any_matrix(Bytes& bytes, double size, const Eigen::Vector3d& centre) {
+  Eigen::Matrix3d linear = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d shift = Eigen::Vector3d::Zero();
+  const int kind = bytes.below(10);
+  if (kind >= 1) shift = size * bytes.between(0, 1) * any_direction(bytes);
+  if (kind >= 2) linear = Eigen::AngleAxisd(bytes.between(-3.2, 3.2), any_direction(bytes));
+  if (kind == 6) linear *= bytes.between(0.2, 3);
+  if (kind == 7)
+    for (int k = 0; k < 9; ++k) linear(k / 3, k % 3) += bytes.between(-0.5, 0.5);
+  if (kind == 8) linear.col(bytes.below(3)) *= -1;          // mirrored
+  if (kind == 9) linear.leftCols(1 + bytes.below(3)) *= 0;  // of rank 2, 1 or 0
+  Matrix matrix;
+  matrix << linear, centre - linear * centre + shift;
+  if (bytes.odd()) matrix *= std::pow(10, bytes.below(40));
+  if (bytes.odd()) matrix(bytes.below(3), bytes.below(4)) = bytes.any();
+  return matrix;
+}
+
+/// Of the vertices with that role; of all where there are none.
+Eigen::Vector3d centre_of(const Surface& surface, int32_t role) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  size_t count = 0;
+  for (size_t v = 0; v < surface.vertex_count(); ++v)
+    if (surface.roles[v] == role) {
+      sum += point(surface.positions, v);
+      ++count;
+    }
+  return count ? Eigen::Vector3d(sum / double(count)) : sum;
+}
+
+bool invertible(const Matrix& matrix) {
+  const Eigen::Matrix3d linear = matrix.leftCols<3>();
+  return linear.determinant() > 1e-6 * std::pow(linear.norm(), 3);
+}
+
+}  // namespace
+
+Bind any_bind(Bytes& bytes) {
+  Bind bind;
+  bind.surface = any_surface(bytes);
+  const Surface& surface = bind.surface;
+  bind.tame = bytes.tame() && surface.sound;
+  dd_bind_options& options = bind.options;
+  options.struct_size = sizeof options;
+  options.base_metric = bytes.choice(DD_METRIC_BASE);
+  options.metric_smoothing = bytes.one_in(3) ? bytes.number(0, 4) : 0;
+  options.smoothness = bytes.choice(DD_SMOOTHNESS_CURVATURE_VARIATION);
+  options.precision = bytes.choice(DD_PRECISION_DOUBLE);
+  options.threads = bytes.one_in(4) ? bytes.choice(3) : 1;
+  options.triangulation = bytes.choice(DD_TRIANGULATION_GIVEN);
+  switch (bytes.below(6)) {
+    case 4:
+      bind.base = posed(surface.positions, bytes);
+      break;
+    case 5: {
+      Surface cage = any_surface(bytes);
+      bind.tame = bind.tame && cage.sound;
+      bind.base = std::move(cage.positions);
+      bind.base_triangles = std::move(cage.triangles);
+      break;
+    }
+    default:
+      break;
+  }
+  options.base = bytes.pointer(bind.base.empty() ? nullptr : bind.base.data());
+  options.base_count = bind.base.size() / 3;
+  options.base_triangles =
+      bytes.pointer(bind.base_triangles.empty() ? nullptr : bind.base_triangles.data());
+  options.base_triangle_count = bind.base_triangles.size() / 3;
+  if (!bind.base.empty() && bytes.odd()) bind.surface.handle_count = 0;
+  if (bytes.one_in(3)) {
+    const int count = 1 + bytes.below(3);
+    for (int k = 0; k < count; ++k) {
+      const std::vector<float> pose = posed(surface.positions, bytes);
+      bind.examples.insert(bind.examples.end(), pose.begin(), pose.end());
+    }
+    bind.examples = std::vector<float>(bind.examples);  // no room to spare
+    options.examples = bytes.pointer(bind.examples.data());
+    options.example_count = static_cast<size_t>(count);
+    options.example_vertex_count = bytes.count(surface.vertex_count());
+  }
+  if (!bytes.odd(32)) bind.given = std::make_shared<Sized<dd_bind_options>>(options, bytes);
+  options = bind.given ? bind.given->known() : dd_bind_options{};
+  return bind;
+}
+
+int32_t Bind::start(dd_job** job, Bytes& bytes) const {
+  const dd_mesh mesh = surface.mesh();
+  return dd_bind_start(bytes.pointer(&mesh), bytes.pointer(surface.roles.data()),
+                       bytes.count(surface.roles.size()), surface.handle_count,
+                       given ? given->get() : nullptr, bytes.pointer(job));
+}
+
+Owned<dd_deformer> Bind::made(int32_t threads) const {
+  const dd_mesh mesh = surface.mesh();
+  dd_bind_options how = options;
+  how.struct_size = sizeof how;
+  how.threads = threads;
+  dd_job* job = nullptr;
+  dd_deformer* deformer = nullptr;
+  if (well(dd_bind_start(&mesh, surface.roles.data(), surface.roles.size(), surface.handle_count,
+                         &how, &job)))
+    well(dd_job_take_deformer(job, &deformer));
+  dd_job_free(job);
+  return Owned<dd_deformer>(deformer);
+}
+
+Motion any_motion(const Bind& bind, Bytes& bytes) {
+  Motion motion;
+  const Surface& surface = bind.surface;
+  const auto handles = static_cast<size_t>(std::max(0, surface.handle_count));
+  const double size = std::min(1e30, extent(surface.positions));
+  dd_update_options& options = motion.options;
+  options.struct_size = sizeof options;
+  options.method = bytes.choice(DD_METHOD_EXAMPLES);
+  options.gradients = bytes.choice(DD_GRADIENTS_WHOLE);
+  options.refine = bytes.one_in(2) ? bytes.choice(5) : DD_NONE;
+  if (options.refine > 10) options.refine = 20000;  // more than there may be, and not for long
+  options.output = bytes.one_in(6) ? bytes.choice(DD_OUTPUT_BASE) : DD_OUTPUT_RESULT;
+  options.values = bytes.choice(DD_VALUES_OFFSETS);
+  options.levels = bytes.choice(4);
+  options.formulation = bytes.one_in(4) ? bytes.choice(DD_FORMULATION_FOURTH_POINTS_UNWEIGHTED) : 0;
+  options.volume_tolerance = bytes.one_in(4) ? bytes.number(0, 1) : 0;
+  options.volume_iterations = std::min(4, 1 + bytes.choice(3));
+  options.steps = bytes.one_in(6) ? bytes.choice(3) : 1;
+  if (options.steps > 3) options.steps = 1001;
+  options.rim_smoothing = bytes.one_in(3) ? bytes.number(0, 1) : bytes.flag() ? 0 : DD_NONE;
+  options.rotation_smoothing = bytes.one_in(3) ? bytes.number(0, 1) : 0;
+  options.base_deformer = bytes.choice(DD_BASE_DEFORMER_MOTIONS);
+  options.example_stiffness = bytes.one_in(4) ? bytes.number(0, 4) : 0;
+  const bool known = surface.vertex_count() > 0 && std::isfinite(size);
+  bool whole = true;
+  for (size_t h = 0; h < handles; ++h) {
+    Matrix matrix;
+    const Eigen::Vector3d centre = known ? centre_of(surface, int32_t(h)) : Eigen::Vector3d::Zero();
+    // Moved as the one before, now and then.
+    if (h > 0 && bytes.one_in(8))
+      std::copy_n(motion.matrices.end() - 12, 12, matrix.data());
+    else
+      matrix = any_matrix(bytes, size, centre);
+    whole = whole && invertible(matrix);
+    motion.matrices.insert(motion.matrices.end(), matrix.data(), matrix.data() + 12);
+    if (h == 0 ? bytes.one_in(5) : !motion.turns.empty())
+      for (int c = 0; c < 3; ++c) motion.turns.push_back(bytes.number(-15, 15));
+    if (h == 0 ? bytes.one_in(3) : !motion.handle_turns.empty())
+      motion.handle_turns.push_back(bytes.choice(DD_HANDLE_TURNS_FREE));
+    if (h == 0 ? bytes.one_in(5) : !motion.pivots.empty())
+      for (int c = 0; c < 3; ++c) motion.pivots.push_back(centre[c] + size * bytes.number(-1, 1));
+  }
+  motion.matrices = std::vector<double>(motion.matrices);
+  if (bind.options.base) {
+    motion.base = posed(bind.base, bytes);
+    options.base = bytes.pointer(motion.base.data());
+    options.base_count = bytes.count(motion.base.size() / 3);
+  }
+  if (bind.options.example_count > 0 && bytes.one_in(3)) {
+    for (size_t k = 0; k < bind.options.example_count; ++k)
+      motion.weights.push_back(bytes.number(-0.5, 1.5));
+    options.example_weights = bytes.pointer(motion.weights.data());
+    options.example_weight_count = motion.weights.size();
+  }
+  const auto give = [&](const auto& values, auto*& array, size_t& count) {
+    if (values.empty()) return;
+    array = bytes.pointer(values.data());
+    count = bytes.count(handles);
+  };
+  give(motion.turns, options.turns, options.turn_count);
+  give(motion.handle_turns, options.handle_turns, options.handle_turn_count);
+  give(motion.pivots, options.pivots, options.pivot_count);
+  motion.endless = bytes.odd(64);
+  if (motion.endless) {
+    options.volume_iterations = std::numeric_limits<int32_t>::max();
+    options.volume_tolerance = 1e-300;
+    options.steps = 1000;
+  }
+  if (!bytes.odd(32)) motion.given = std::make_shared<Sized<dd_update_options>>(options, bytes);
+  options = motion.given ? motion.given->known() : dd_update_options{};
+  const bool by_examples = options.method == DD_METHOD_EXAMPLES;
+  motion.tame = bind.tame && (options.steps <= 1 || (whole && !bind.options.base && !by_examples));
+  return motion;
+}
+
+void constraints_met(const Bind& bind, const Motion& motion, const Output<float>& out) {
+  const dd_update_options& options = motion.options;
+  const Surface& surface = bind.surface;
+  const bool by_examples = options.method == DD_METHOD_EXAMPLES;
+  // What the base does is its own business, and posed by weights the handles are let go.
+  if (options.output == DD_OUTPUT_BASE || (by_examples && options.example_weights)) return;
+  std::vector<char> used(surface.vertex_count(), 0);
+  for (int32_t v : surface.triangles) used[size_t(v)] = 1;
+  for (size_t v = 0; v < surface.vertex_count(); ++v) {
+    const Eigen::Vector3d rest = point(surface.positions, v);
+    Eigen::Vector3d found = Eigen::Map<const Eigen::Vector3f>(out.at(v)).cast<double>();
+    if (options.values == DD_VALUES_OFFSETS) found += rest;
+    const int32_t role = surface.roles[v];
+    if (role == DD_ROLE_FIXED || (role == DD_ROLE_FREE && !used[v])) {
+      promise(found == rest, "fixed and loose vertices stay at rest");
+    } else if (role >= 0) {
+      const Eigen::Map<const Matrix> matrix(motion.matrices.data() + 12 * size_t(role));
+      const auto placed = [&](const Eigen::Vector3d& at) -> Eigen::Vector3d {
+        return matrix.leftCols<3>() * at + matrix.col(3);
+      };
+      // Of the numbers that the place is a sum of; steps are taken one after the other.
+      const double rounding = (options.steps > 1 ? 1e-4 : 1e-6) *
+                              (matrix.cwiseAbs().leftCols<3>().sum() * rest.cwiseAbs().maxCoeff() +
+                               matrix.col(3).cwiseAbs().maxCoeff() + rest.cwiseAbs().maxCoeff() +
+                               extent(surface.positions));
+      if (!options.handle_turns || options.handle_turns[role] == DD_HANDLE_TURNS_TARGET) {
+        promise((found - placed(rest)).cwiseAbs().maxCoeff() <= rounding,
+                "a handle's vertices go where its matrix takes them");
+      } else if (!by_examples && options.steps <= 1) {
+        const Eigen::Vector3d pivot =
+            options.pivots
+                ? Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(options.pivots + 3 * role))
+                : centre_of(surface, role);
+        promise(std::abs((found - placed(pivot)).norm() - (rest - pivot).norm()) <=
+                    10 * (rounding + 1e-6 * pivot.cwiseAbs().maxCoeff() *
+                                         (1 + matrix.cwiseAbs().leftCols<3>().sum())),
+                "a free handle keeps its shape, and its matrix places its pivot");
+      }
+    }
+  }
+}
+
+void facts_agree(const Bind& bind, const dd_deformer* deformer, Bytes& bytes) {
+  dd_deformer_info facts{};
+  facts.struct_size = sizeof facts;
+  must(dd_deformer_get_info(deformer, &facts), "facts can be asked for");
+  const auto n = static_cast<int32_t>(bind.surface.vertex_count());
+  const auto m = static_cast<int32_t>(bind.surface.triangle_count());
+  promise(facts.vertex_count == n && facts.triangle_count == m &&
+              facts.handle_count == bind.surface.handle_count,
+          "facts are of this mesh");
+  const auto counted = [](int32_t count, int32_t example, int32_t of) {
+    promise(count >= 0 && count <= of, "a count is one of things that there are");
+    promise(count > 0 ? example >= 0 && example < of : example == -1,
+            "an example is one of what was counted, or -1");
+  };
+  promise(facts.free_count > 0 && facts.free_count <= n, "something is free");
+  counted(facts.resting_count, facts.resting_example, n);
+  counted(facts.loose_count, facts.loose_example, n);
+  counted(facts.degenerate_count, facts.degenerate_example, m);
+  counted(facts.idle_handle_count, facts.idle_handle_example, facts.handle_count);
+  counted(facts.far_count, facts.far_example, n);
+  counted(facts.torn_count, facts.torn_example, n);
+  promise(facts.unrepresented_count >= 0 && facts.stand_in_count >= 0, "counts are not negative");
+  promise(facts.bytes > 0 && facts.bytes < 1e9, "memory goes with the mesh");
+  std::vector<double> weights(bind.options.example_count);
+  must(dd_deformer_get_example_weights(deformer, weights.data(), weights.size()),
+       "weights can be asked for");
+  Sized<dd_deformer_info> sized(dd_deformer_info{}, bytes);
+  sized.after(dd_deformer_get_info(deformer, sized.get()));
+}
+
+}  // namespace dd::fuzz

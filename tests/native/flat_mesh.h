@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What callers of the C ABI hold in their hands.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "detail_deform/detail_deform.h"
+#include "mesh/mesh.h"
+
+namespace dd::test {
+
+/// A mesh as the ABI takes it.
+struct FlatMesh {
+  std::vector<float> positions;
+  std::vector<int32_t> triangles;
+
+  FlatMesh() = default;
+  explicit FlatMesh(const Mesh& mesh)
+      : triangles(mesh.triangles.data(), mesh.triangles.data() + mesh.triangles.size()) {
+    positions.reserve(static_cast<size_t>(mesh.positions.size()));
+    for (Index k = 0; k < mesh.positions.size(); ++k)
+      positions.push_back(static_cast<float>(mesh.positions.data()[k]));
+  }
+  size_t vertex_count() const { return positions.size() / 3; }
+  size_t triangle_count() const { return triangles.size() / 3; }
+  dd_mesh mesh() const {
+    return {positions.data(), vertex_count(), triangles.data(), triangle_count()};
+  }
+};
+
+/// Options that say how large they are, and all else by default.
+template <class Options>
+Options defaults() {
+  Options options{};
+  options.struct_size = sizeof options;
+  return options;
+}
+
+}  // namespace dd::test
