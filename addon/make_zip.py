@@ -5,8 +5,8 @@ is.
     python3 addon/make_zip.py LIBRARY PLATFORMS ZIP [WEBSITE]
 
 PLATFORMS: Blender's names, with commas between; the library may be for several. WEBSITE: where Blender's own buttons
-and the add-on's lead, if there is a place. One zip serves Blender 3.4 (legacy, by bl_info) and 4.2 on (extension, by the
-manifest)."""
+and the add-on's lead, if there is a place. One zip serves Blender 3.4 (legacy, by bl_info) and 4.2 on (extension, by
+the manifest)."""
 
 import hashlib
 import os

@@ -12,13 +12,19 @@
 
 extern "C" {
 
-#define DD_FIRST_VERSION(name) __asm__(".symver first_" #name "," #name "@GLIBC_2.2.5")
+#if defined(__aarch64__)
+#define DD_FIRST_GLIBC "@GLIBC_2.17"
+#else
+#define DD_FIRST_GLIBC "@GLIBC_2.2.5"
+#endif
+#define DD_FIRST_VERSION(name) __asm__(".symver first_" #name "," #name DD_FIRST_GLIBC)
 DD_FIRST_VERSION(pthread_create);
 DD_FIRST_VERSION(pthread_join);
 DD_FIRST_VERSION(pthread_once);
 DD_FIRST_VERSION(__pthread_key_create);
 DD_FIRST_VERSION(pow);
 #undef DD_FIRST_VERSION
+#undef DD_FIRST_GLIBC
 
 int first_pthread_create(pthread_t*, const pthread_attr_t*, void* (*)(void*), void*);
 int first_pthread_join(pthread_t, void**);
@@ -47,7 +53,7 @@ char __libc_single_threaded = 0;
 
 namespace {
 
-/// The layout of glibc's struct dl_find_object (2.35) on x86-64.
+/// The layout of glibc's struct dl_find_object (2.35) on both processors.
 struct FoundObject {
   unsigned long long flags;
   void* map_start;
