@@ -127,7 +127,7 @@ def scene_file(folder, name, make):
     bpy.ops.wm.open_mainfile(filepath=path, load_ui=False)
 
 
-@loop(100_000, 3_000)
+@loop(100_000, 2_000)
 def updates(folder):
     """By all methods, in steps, with free turns."""
     ob = c.make_strip(21)
@@ -235,7 +235,7 @@ def files(folder):
     return step
 
 
-@loop(10_000, 600, blenders_own=True)
+@loop(10_000, 300, blenders_own=True)
 def playback(folder):
     scene_file(folder, 'two', _two_strips)
 

@@ -2,10 +2,13 @@
 """Files whose content nobody has made with the add-on, by mistake or on purpose: a sentence or nothing, never an
 exception, an endless update or a crash; and what the add-on's sources can't do."""
 
+import os
+import struct
+
 import bpy
 import pytest
 
-from conftest import activate, bind, make_strip, new_scene, own, update
+from conftest import activate, bind, make_strip, new_scene, own, refusal, update
 from test_transfer import add_key, bent, raw_strip
 
 NAN = float('nan')
@@ -284,3 +287,70 @@ def values_of_other_kinds(ob):
     pytest.param(values_of_other_kinds, marks=pytest.mark.skipif(bpy.app.version >= (5, 2), reason="they have kinds"))])
 def test_nodes_that_are_not_ours(opened, change):
     use(opened(change))
+
+
+# Files that are read, and paths
+
+HEADER = struct.Struct('<12siiffi')
+
+
+def cache_of(points=121, frames=3, mark=b'POINTCACHE2\0'):
+    return HEADER.pack(mark, 1, points, 1.0, 1.0, frames) + bytes(12 * 121 * 3)
+
+
+@pytest.mark.parametrize('content', [
+    *(cache_of()[:length] for length in (0, 1, 11, 12, 31, 32, 33, 4387)), cache_of() + b'\0',
+    cache_of(mark=b'POINTCACHE3\0'), cache_of(-121, -3), cache_of(-121, 3), cache_of(2**31 - 1, 2**31 - 1),
+    cache_of(0, 2**31 - 1), cache_of(121, -2**31)],
+    ids=lambda content: f'{len(content)}-{content[12:32].hex()[:40]}')
+def test_caches_that_are_none(tmp_path, content):
+    ob = bind(make_strip(11))
+    path = tmp_path / 'cache.pc2'
+    path.write_bytes(content)
+    assert "is not" in refusal(bpy.ops.object.detail_deform_bake_use, filepath=str(path))
+    assert [m.type for m in ob.modifiers] == ['NODES']
+
+
+@pytest.mark.parametrize('content', [
+    b'', b'\0' * 5000, b'\xff\xfe1 2', b'1', b'1 2 3\nx', b'9' * 10000 + b' 1', b'-1 0', b'0 -5', b'1e5 2', b'0 99999',
+    b'4294967296 0', b'{0} {1}', b'%s %d', '１ ２'.encode() + b' \n' * 3 + b'99999 0'],
+    ids=lambda content: repr(content[:12]))
+def test_lists_that_are_none(tmp_path, content):
+    ob = _matched(tmp_path)
+    bpy.ops.object.detail_deform_transfer_live(on=False)
+    path = tmp_path / 'list.txt'
+    path.write_bytes(content)
+    ob.detail_deform.transfer.correspondence, ob.detail_deform.transfer.filepath = 'LIST', str(path)
+    assert str(path) in refusal(bpy.ops.object.detail_deform_transfer_live)
+
+
+@pytest.mark.skipif(not hasattr(os, 'mkfifo'), reason="no such files on this system")
+def test_what_has_no_end_is_not_read(tmp_path):
+    bind(make_strip(11))
+    os.mkfifo(tmp_path / 'pipe')
+    for path in ('/dev/zero', str(tmp_path / 'pipe'), str(tmp_path)):
+        assert "it is no file" in refusal(bpy.ops.object.detail_deform_bake_use, filepath=path)
+    ob = _matched(tmp_path)
+    bpy.ops.object.detail_deform_transfer_live(on=False)
+    for path in ('/dev/zero', str(tmp_path / 'pipe'), str(tmp_path)):
+        ob.detail_deform.transfer.correspondence, ob.detail_deform.transfer.filepath = 'LIST', path
+        assert "it is no file" in refusal(bpy.ops.object.detail_deform_transfer_live)
+
+
+def test_no_path_of_a_file_is_written_to(tmp_path):
+    """A bake goes beside the file, whatever names and paths that file holds."""
+    inside, victims = tmp_path / 'inside', [tmp_path / 'victim.pc2', tmp_path / 'list.txt']
+    inside.mkdir()
+    for victim in victims:
+        victim.write_bytes(b'precious')
+    ob = bind(make_strip(11, "../victim"))
+    cache = ob.modifiers.new("Detail Deform Cache", 'MESH_CACHE')
+    ob.detail_deform.cache_modifier, cache.filepath = cache.name, str(victims[0])
+    ob.detail_deform.transfer.filepath = str(victims[1])
+    bpy.context.scene.frame_end = 2
+    bpy.ops.wm.save_as_mainfile(filepath=str(inside / 'file.blend'))
+    bpy.ops.wm.open_mainfile(filepath=str(inside / 'file.blend'), load_ui=False)
+    activate(bpy.data.objects["../victim"])
+    assert bpy.ops.object.detail_deform_bake() == {'FINISHED'}
+    assert sorted(os.listdir(inside)) == ['file.blend', 'file_.._victim.pc2']
+    assert [victim.read_bytes() for victim in victims] == [b'precious'] * 2

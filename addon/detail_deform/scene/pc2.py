@@ -11,6 +11,8 @@ import struct
 
 import numpy as np
 
+from . import files
+
 _HEADER = struct.Struct('<12siiffi')
 _MARK = b'POINTCACHE2\0'
 
@@ -25,11 +27,14 @@ def size(point_count, frame_count):
 
 def read_header(path):
     """(points, frames) of a cache. Raises NotACache."""
+    files.check(path)
     with open(path, 'rb') as file:
         head = file.read(_HEADER.size)
     if len(head) < _HEADER.size or not head.startswith(_MARK):
         raise NotACache(f"'{path}' is not a point cache (PC2).")
     _, _, points, _, _, frames = _HEADER.unpack(head)
+    if min(points, frames) < 0:  # of which the size may fit
+        raise NotACache(f"'{path}' is not a point cache (PC2).")
     if os.path.getsize(path) != size(points, frames):
         raise NotACache(f"'{path}' is not complete: it should have {size(points, frames):,} bytes and has "
                         f"{os.path.getsize(path):,}.")

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from ..scene import correspondence, mesh_data
+from ..scene import correspondence, files, mesh_data
 from ..scene.mesh_data import MeshProblem
 
 _SAYS = {'TRIANGLES': "pairs of triangles", 'VERTICES': "pairs of vertices"}  # files that were written here
@@ -16,6 +16,7 @@ def read_pairs(path, pairs_of):
     first line with nothing but a count are passed over."""
     pairs = []
     try:
+        files.check(path)
         with open(path, encoding='utf-8-sig') as file:
             for number, line in enumerate(file, 1):
                 said = next((kind for kind in _SAYS if _SAYS[kind] in line), pairs_of)
