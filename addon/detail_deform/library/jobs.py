@@ -3,8 +3,8 @@
 
 import ctypes
 
-from .loading import Owned, call
-from .structs import JOB_STATES, Progress
+from .loading import Owned, call, vertices
+from .structs import JOB_STATES, NativeError, Progress
 
 
 class Job(Owned):
@@ -35,6 +35,9 @@ class Job(Owned):
         made = ctypes.c_void_p()
         try:
             call(function, self._handle, made)
+        except NativeError as error:
+            error.vertices = vertices('dd_job_get_vertices', self._handle)
+            raise
         finally:
             self.close()
         return made

@@ -7,6 +7,8 @@ import sys
 import threading
 import time
 
+import numpy as np
+
 from . import structs
 from .structs import NativeError
 
@@ -82,6 +84,16 @@ def call_when_free(function, *arguments):
         if status != structs.STATUS['ERROR_BUSY']:
             return check(status)
         time.sleep(_WAIT_SECONDS)
+
+
+def vertices(function, *arguments, call=call):
+    """(k,) int32: what a function gives that tells a count where there is no room."""
+    room = ctypes.c_size_t()
+    call(function, *arguments, None, 0, room)
+    found = np.empty(room.value, np.int32)
+    if len(found):
+        call(function, *arguments, found, len(found), room)
+    return found
 
 
 def count(array):
