@@ -84,13 +84,17 @@ def thrown(offsets, rest):
     offsets[60] = 30
 
 
+def torn(offsets, rest):
+    offsets[60:99, 2] += 0.5
+
+
 def fixed_moves(offsets, rest):
     offsets[0] = 1e-3
 
 
 @pytest.mark.parametrize('change, said', [
     (nan, "not finite"), (at_rest, "a constraint is not kept"), (free_at_rest, "stays at rest beside handle"),
-    (thrown, "is thrown"), (fixed_moves, "what is fixed moved")])
+    (thrown, "is thrown"), (torn, "of the motion"), (fixed_moves, "what is fixed moved")])
 def test_a_spoiled_result_is_a_failure(rows, change, said):
     outcome = drive(Case((spoiled(change),), ('TRANSFER',)), rows)
     assert outcome.kind == 'failure' and said in outcome.text

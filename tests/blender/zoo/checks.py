@@ -175,6 +175,22 @@ def _follows(of, roles, wanted, rest, found, amplitude, tolerance, status):
         free = beside[roles[beside] == -1]
         if len(free) and moved[free].max() < 1e-3 * amplitude:
             raise Failure(f"it stays at rest beside handle {k} and says nothing")
+    if of.ob.detail_deform.method == 'TRANSFER':  # others are known to tear what stands off the base
+        _is_whole(of.ob.data, roles, rest, found, amplitude)
+
+
+def _is_whole(mesh, roles, rest, found, amplitude):
+    """No edge of a face takes all of the motion."""
+    mesh.calc_loop_triangles()
+    corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get('vertices', corners)
+    corners = corners.reshape(-1, 3)
+    ends = np.concatenate([corners[:, [k, (k + 1) % 3]] for k in range(3)])
+    ends = ends[(roles[ends] == -1).any(1)]
+    before, now = (np.linalg.norm(shape[ends[:, 0]] - shape[ends[:, 1]], axis=1) for shape in (rest, rest + found))
+    if (now - before).max(initial=0) > 0.9 * amplitude:
+        torn = ends[(now - before).argmax()].tolist()
+        raise Failure(f"the edge between vertices {torn} takes {(now - before).max() / amplitude:.3g} of the motion")
 
 
 def was_applied(of, expected):

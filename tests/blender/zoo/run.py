@@ -21,7 +21,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parents[2]
 MANUAL = REPOSITORY / 'addon' / 'MANUAL.md'
-_SECONDS = 120  # for one case
+_SECONDS, _SECONDS_OF_FILE = 120, 900  # for one case, at most
 
 
 def cases(arguments):
@@ -84,7 +84,8 @@ def drive_all(arguments):
         if not is_python(arguments.blender):
             own = ['--background', '--factory-startup', '--python', *own, '--']
         while not (lines := read(log)) or lines[-1].get('kind') != 'end':
-            run_child([arguments.blender, *own, '--log', str(log), *sys.argv[1:]], log)
+            run_child([arguments.blender, *own, '--log', str(log), *sys.argv[1:]], log,
+                      _SECONDS_OF_FILE if arguments.files else _SECONDS)
             found = read(log)
             if len(found) == len(lines):
                 sys.exit(f"The zoo did not start:\n{Path(folder, 'console').read_text(errors='replace')[-2000:]}")
@@ -94,12 +95,12 @@ def drive_all(arguments):
         return [line for line in lines if line.get('kind') not in {None, 'none', 'end'}]
 
 
-def run_child(command, log):
+def run_child(command, log, seconds):
     """Until it ends, or is silent for too long."""
     with open(log.with_name('console'), 'w') as console, \
             subprocess.Popen(command, stdout=console, stderr=subprocess.STDOUT) as process:
         while process.poll() is None:
-            if time.time() - log.stat().st_mtime > _SECONDS:
+            if time.time() - log.stat().st_mtime > seconds:
                 process.kill()
             time.sleep(0.2)
 
