@@ -100,6 +100,7 @@ def _cycle(of):
     of.empty.parent = of.ob
     of.empty.parent_type = 'VERTEX'
     of.empty.parent_vertices[0] = 0
+    of.is_carried = True  # by what it moves itself, which the status says
 
 
 @kind("empty by a driver that fails", about='empty')
