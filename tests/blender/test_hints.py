@@ -64,6 +64,19 @@ def to_the_bend(ob):
     update()
 
 
+
+def test_an_empty_on_vertices_that_it_moves_runs_after_itself():
+    ob = bind(make_strip())
+    target = ob.detail_deform.handles[0].target
+    target.parent = ob
+    update()
+    assert "runs after itself" not in ob.detail_deform.status
+    target.parent_type = 'VERTEX'
+    target.parent_vertices[0] = 624
+    update()
+    assert "The empty of handle 'right' is parented to vertices of this mesh" in ob.detail_deform.status
+
+
 def test_a_region_that_is_only_a_tip_leaves_a_stub_of_an_example_and_says_so():
     whole = make_limb(first=5)
     to_the_bend(whole)

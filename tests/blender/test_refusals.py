@@ -122,6 +122,24 @@ def test_empty_with_zero_scale():
     assert_refused(ob, "Handle 'right': its empty had a scale of zero")
 
 
+def test_places_that_are_no_numbers_are_named_for_whose_they_are():
+    ob = bind(make_strip())
+    target, shown = ob.detail_deform.handles[0].target, evaluated(ob)
+    for owner, sentence in ((ob, "Object 'Strip' has a location"),
+                            (target, "Handle 'right': empty 'Right' has a location")):
+        owner.location.x = float('nan')
+        update()
+        assert sentence in ob.detail_deform.status
+        owner.location.x = 1
+        update()
+        assert ob.detail_deform.is_bound and sentence not in ob.detail_deform.status
+    target.location.x = float('nan')
+    update()
+    bpy.ops.object.detail_deform_unbind()
+    assert_refused(ob, "Handle 'right': empty 'Right' has a location")
+    assert np.isfinite(shown).all() and np.isfinite(evaluated(ob)).all()
+
+
 def test_object_with_zero_scale():
     ob = make_strip()
     ob.scale = (1, 0, 1)

@@ -49,6 +49,19 @@ def test_a_handle_from_a_selection(plane):
     assert data_blocks() == before and not plane.vertex_groups
 
 
+@pytest.mark.parametrize('unit', [1e-22, 1e22])
+def test_a_handle_in_an_odd_unit_stands_aligned_and_binds(plane, unit):
+    """Areas are the unit's square, which single precision can't hold."""
+    plane.data.transform(Matrix.Rotation(np.pi / 2, 4, 'X'))
+    chosen = own(plane)[:, 0] > 0.75
+    plane.data.vertices.foreach_set('co', (unit * own(plane)).astype(np.float32).ravel())
+    update()
+    empty = add_from(plane, chosen).target
+    update()
+    assert (empty.matrix_world.to_3x3().col[2] - Vector((0, -1, 0))).length < 1e-5
+    bind(plane)
+
+
 def test_a_handle_that_is_no_child_and_not_aligned(plane):
     plane.rotation_euler.x = 1
     update()

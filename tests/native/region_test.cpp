@@ -27,7 +27,7 @@ TEST_CASE("free vertices are the rows, handle vertices are listed") {
   const Region region = split_region(mesh, roles, 1);
   CHECK(region.free_count() == 3 * 6);
   CHECK(region.handle_vertices.size() == 6);
-  CHECK(region.resting_count + region.loose_count == 0);
+  CHECK(region.resting.size() + region.loose.size() == 0);
   for (int r = 0; r < region.free_count(); ++r) {
     CHECK(roles[region.free[r]] == kFree);
     CHECK(region.row[region.free[r]] == r);
@@ -45,11 +45,10 @@ TEST_CASE("parts that no handle reaches rest, and are counted") {
   roles[n + 3] = kFixed;                               // part 1: held, but no handle
   const Region region = split_region(mesh, roles, 1);  // part 2: neither
   CHECK(region.free_count() == n - 1);
-  CHECK(region.resting_count == 2 * n - 1);
+  CHECK(region.resting.size() == size_t(2 * n - 1));
   CHECK(region.resting_component_count == 2);
-  CHECK(region.resting_example == n);
-  CHECK(region.loose_count == 2);
-  CHECK(region.loose_example == 3 * n);
+  CHECK(region.resting.front() == n);
+  CHECK(region.loose == std::vector<int>{3 * n, 3 * n + 1});
   for (int v = n; v < mesh.vertex_count(); ++v) CHECK(region.role[v] == kFixed);
 }
 

@@ -11,6 +11,7 @@ from . import content, registry
 # Of how far an example moves the region: as far may it move what lies beside.
 _BESIDE = 0.2
 _MOST = 8
+_VERTEX_PARENTS = {'VERTEX', 'VERTEX_3'}
 _of_regions = {}  # by signature: the sentences, as reading groups takes a while
 
 
@@ -59,6 +60,12 @@ def _cut_off(ob, region, border):
             yield (f"Example '{examples.title(example)}' also moves what lies beside the region (such as vertex "
                    f"{vertex}), which stays: of the pose a flat stub may be left. Make the region larger, to where the "
                    "example begins to move.")
+
+
+def hangs_on_its_mesh(ob):
+    """The name of a handle whose empty goes with vertices of the mesh that it moves; or ''."""
+    return next((handle.name for handle in handle_matrices.enabled_handles(ob.detail_deform)
+                 if handle.target and handle.target.parent == ob and handle.target.parent_type in _VERTEX_PARENTS), "")
 
 
 def shares_empties_with(ob):

@@ -20,7 +20,7 @@ import bpy
 from ..library import native
 from ..scene import mesh_data, node_group, offset_attribute, reach
 from ..scene.window import redraw_panels
-from . import bound, drag, fed, placed, registry, shown, slow_results, words
+from . import bound, drag, fed, placed, problem_vertices, registry, shown, slow_results, words
 
 KINDS = (fed, bound)
 
@@ -181,6 +181,7 @@ def finish(kind, content):
     except native.NativeError as error:
         for ob in _owners(kind, content):
             kind.refuse(ob, words.said(ob, error))
+            problem_vertices.note(ob, error)
         raise
 
 

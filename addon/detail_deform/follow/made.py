@@ -69,14 +69,15 @@ class Cache:
             try:
                 entry = self._entries[content] = Entry(job.finish())
             except native.NativeError as error:
-                self._failed[content] = str(error)
+                self._failed[content] = error
                 raise
             return entry
 
     def check(self, content):
         """Raises native.NativeError where it could not be made before."""
         if content in self._failed:
-            raise native.NativeError(self._failed[content])
+            failed = self._failed[content]
+            raise native.NativeError(str(failed), failed.status, failed.vertices)
 
     def forget_failure(self, content):
         """It is tried again."""

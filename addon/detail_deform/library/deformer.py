@@ -6,8 +6,8 @@ import threading
 import numpy as np
 
 from .jobs import Job, Made
-from .loading import call, call_when_free, count
-from .structs import COUNTS, ROLES, BindOptions, Info, Mesh, UpdateInfo, UpdateOptions, numbers
+from .loading import call, call_when_free, count, vertices
+from .structs import COUNTS, FINDINGS, ROLES, BindOptions, Info, Mesh, UpdateInfo, UpdateOptions, numbers
 
 ROLE_FREE, ROLE_FIXED = ROLES['FREE'], ROLES['FIXED']
 
@@ -71,6 +71,11 @@ class Deformer(Made):
         with self._lock:
             call_when_free('dd_deformer_get_example_weights', self, weights, len(weights))
         return weights
+
+    def vertices(self, finding):
+        """(k,) int32: all of which info counts so many and names one. finding: a value of dd_finding."""
+        with self._lock:
+            return vertices('dd_deformer_get_vertices', self, FINDINGS[finding], call=call_when_free)
 
     def close(self):
         with getattr(self, '_lock', None) or threading.Lock():

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Work under way in a thread of the library."""
 
-from .loading import Owned, call
-from .structs import JOB_STATES, Progress
+from .loading import Owned, call, vertices
+from .structs import JOB_STATES, NativeError, Progress
 
 
 class Job(Owned):
@@ -36,5 +36,8 @@ class Made(Owned):
         """Waits; the job is over, or raises NativeError."""
         try:
             self._make(self.take, job)
+        except NativeError as error:
+            error.vertices = vertices('dd_job_get_vertices', job)
+            raise
         finally:
             job.close()

@@ -11,6 +11,8 @@ import threading
 import time
 import weakref
 
+import numpy as np
+
 from . import packed, structs, unlocking
 from .structs import NativeError
 
@@ -141,6 +143,16 @@ def call_when_free(function, *arguments):
             if error.status != structs.STATUS['ERROR_BUSY']:
                 raise
         time.sleep(_WAIT_SECONDS)
+
+
+def vertices(function, *arguments, call=call):
+    """(k,) int32: what a function gives that tells a count where there is no room."""
+    room = ctypes.c_size_t()
+    call(function, *arguments, None, 0, room)
+    found = np.empty(room.value, np.int32)
+    if len(found):
+        call(function, *arguments, found, len(found), room)
+    return found
 
 
 def count(array):

@@ -29,6 +29,7 @@ BASE_DEFORMERS = options.numbers_of(options.BASE_DEFORMERS)
 OUTPUTS = options.numbers_of(options.OUTPUTS)
 PAIRS_OF = options.numbers_of(options.PAIRS_OF)
 ANCHORS = options.numbers_of(options.ANCHORS)
+FINDINGS = {'RESTING': 0, 'LOOSE': 1, 'DEGENERATE': 2, 'UNREPRESENTED': 3, 'FAR': 4, 'TORN': 5}
 TET_OPERATORS = {'GRADIENT': 0, 'DEFORMATION_GRADIENT': 1, 'LAPLACIAN': 2}
 ENUMS = {
     'dd_status': ('DD_', STATUS), 'dd_count': ('DD_', COUNTS), 'dd_role': ('DD_ROLE_', ROLES),
@@ -38,16 +39,19 @@ ENUMS = {
     'dd_smoothness': ('DD_SMOOTHNESS_', SMOOTHNESSES), 'dd_triangulation': ('DD_TRIANGULATION_', TRIANGULATIONS),
     'dd_method': ('DD_METHOD_', METHODS),
     'dd_output': ('DD_OUTPUT_', OUTPUTS), 'dd_base_deformer': ('DD_BASE_DEFORMER_', BASE_DEFORMERS),
-    'dd_handle_turns': ('DD_HANDLE_TURNS_', HANDLE_TURNS), 'dd_pairs_of': ('DD_PAIRS_OF_', PAIRS_OF),
+    'dd_handle_turns': ('DD_HANDLE_TURNS_', HANDLE_TURNS), 'dd_finding': ('DD_FINDING_', FINDINGS),
+    'dd_pairs_of': ('DD_PAIRS_OF_', PAIRS_OF),
     'dd_anchor': ('DD_ANCHOR_', ANCHORS), 'dd_tet_operator': ('DD_TETS_', TET_OPERATORS)}
 
 
 class NativeError(Exception):
-    """A sentence for the user. cancelled: the user asked for it. busy: it may be tried again later."""
+    """A sentence for the user. cancelled: the user asked for it. busy: it may be tried again later. vertices: all that
+    the sentence is about, where it names one of them."""
 
-    def __init__(self, sentence, status=None):
+    def __init__(self, sentence, status=None, vertices=()):
         super().__init__(sentence)
         self.status = status
+        self.vertices = vertices
         self.cancelled = status == STATUS['ERROR_CANCELLED']
         self.busy = status == STATUS['ERROR_BUSY']
 
@@ -213,6 +217,7 @@ SIGNATURES = {
     'dd_job_take_deformer': [OBJECT, _TO(OBJECT)],
     'dd_job_take_transfer': [OBJECT, _TO(OBJECT)],
     'dd_job_take_match': [OBJECT, _TO(OBJECT)],
+    'dd_job_get_vertices': [OBJECT, INTS, _SIZE, _TO(_SIZE)],
     'dd_job_free': [OBJECT],
     'dd_bind_start': [_TO(Mesh), INTS, _SIZE, _INT, _TO(BindOptions), _TO(OBJECT)],
     'dd_deformer_update': [OBJECT, DOUBLES, _SIZE, _TO(UpdateOptions), FLOATS, _SIZE],
@@ -220,6 +225,7 @@ SIGNATURES = {
     'dd_job_get_update': [OBJECT, FLOATS, _SIZE],
     'dd_job_get_update_info': [OBJECT, _TO(UpdateInfo)],
     'dd_deformer_get_info': [OBJECT, _TO(Info)],
+    'dd_deformer_get_vertices': [OBJECT, _INT, INTS, _SIZE, _TO(_SIZE)],
     'dd_deformer_get_example_weights': [OBJECT, DOUBLES, _SIZE],
     'dd_deformer_free': [OBJECT],
     'dd_transfer_start': [_TO(Mesh), _TO(Mesh), INTS, _SIZE, _TO(TransferOptions), _TO(OBJECT)],

@@ -27,7 +27,11 @@ def evaluated_world(ob, depsgraph, what):
     if not in_scene(ob, depsgraph):
         raise MeshProblem(f"{what} '{ob.name}' is not in this scene, or is disabled or excluded so that "
                           "its place is not known: bring it back, or choose another one.")
-    return np.array(evaluated.matrix_world, np.float64)
+    world = np.array(evaluated.matrix_world, np.float64)
+    if not np.isfinite(world).all():
+        raise MeshProblem(f"{what} '{ob.name}' has a location, rotation or scale that is not a finite number: set it "
+                          "anew, or look at what moves it.")
+    return world
 
 
 def inverse_or_refuse(matrix, sentence):

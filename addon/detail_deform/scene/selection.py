@@ -33,8 +33,9 @@ def selected(ob):
     return chosen
 
 
-def select(ob, members, extend):
-    """Selects these vertices in Edit Mode, which is entered if need be. members: (n,) bool."""
+def select(ob, members, extend, hidden=False):
+    """Selects these vertices in Edit Mode, which is entered if need be. members: (n,) bool. hidden: those that are
+    hidden too, which are shown then."""
     if ob.mode != 'EDIT':
         bpy.ops.object.mode_set(mode='EDIT')
     mesh = bmesh.from_edit_mesh(ob.data)
@@ -43,6 +44,8 @@ def select(ob, members, extend):
             element.select = False
     mesh.verts.ensure_lookup_table()
     for vertex in np.flatnonzero(members).tolist():
+        if hidden:
+            mesh.verts[vertex].hide_set(False)
         if not mesh.verts[vertex].hide:
             mesh.verts[vertex].select = True
     mesh.select_mode |= {'VERT'}

@@ -55,16 +55,17 @@ def _chosen_group(ob, name):
 
 
 def _normal(ob, points, chosen):
-    """The area-weighted normal of the faces around these vertices, or zero."""
+    """The area-weighted normal of the faces around these vertices, of length 1, or zero."""
     triangles = mesh_data.triangles(ob.data)
     near = triangles[chosen[triangles].any(axis=1)]
     a, b, c = np.moveaxis(points.astype(float)[near], 1, 0)
     crosses = np.cross(b - a, c - a)
     total = crosses.sum(0)
-    # A ring around a limb points nowhere.
-    if np.linalg.norm(total) <= 0.2 * np.linalg.norm(crosses, axis=1).sum():
+    # A ring around a limb points nowhere, and neither does what is not finite.
+    length = np.linalg.norm(total)
+    if not length > 0.2 * np.linalg.norm(crosses, axis=1).sum():
         return np.zeros(3)
-    return total
+    return total / length  # squares of lengths leave the range of single precision early
 
 
 def _place(ob, chosen, align):

@@ -6,7 +6,7 @@ import textwrap
 import bpy
 
 from ..declared import COMPARED
-from ..follow import bound, hints, look, shown, slow_results
+from ..follow import bound, hints, look, problem_vertices, shown, slow_results
 from ..library import options
 from ..scene import examples, node_group, offset_attribute, stack
 from ..setup import handle_setup
@@ -90,6 +90,8 @@ def draw_state(layout, context, ob):
     icon = ('ERROR' if wrong else 'SORTTIME' if under_way else
             'LINKED' if settings.is_bound else 'UNLINKED')
     draw_text(box, context, settings.status, icon)
+    if problem_vertices.are_known(ob):
+        box.operator('object.detail_deform_select_problem', icon='RESTRICT_SELECT_OFF')
 
     if stack.before(ob):
         layout.operator('object.detail_deform_place', icon='SORT_DESC')

@@ -189,6 +189,13 @@ DD_API int32_t dd_job_take_deformer(dd_job* job, dd_deformer** deformer);
 DD_API int32_t dd_job_take_transfer(dd_job* job, dd_transfer** transfer);
 DD_API int32_t dd_job_take_match(dd_job* job, dd_match** match);
 
+/* The vertices that the sentence of a failed job is about, all of them where it names one; none
+ * where the job did not fail, or the sentence is about something else. Waits as dd_job_finish does.
+ *   out            room for capacity vertices; null with a capacity of 0
+ *   vertex_count   how many there are */
+DD_API int32_t dd_job_get_vertices(dd_job* job, int32_t* out, size_t capacity,
+                                   size_t* vertex_count);
+
 /* Releases a job; one that still runs is cancelled and waited for. */
 DD_API void dd_job_free(dd_job* job);
 
@@ -429,6 +436,23 @@ typedef struct dd_deformer_info {
 } dd_deformer_info;
 
 DD_API int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info);
+
+/* What dd_deformer_info counts, and names one of. */
+enum dd_finding {
+  DD_FINDING_RESTING = 0,
+  DD_FINDING_LOOSE = 1,
+  DD_FINDING_DEGENERATE = 2, /* the corners of these triangles */
+  DD_FINDING_UNREPRESENTED = 3,
+  DD_FINDING_FAR = 4,
+  DD_FINDING_TORN = 5
+};
+
+/* All vertices of a finding, each once.
+ *   finding        dd_finding
+ *   out            room for capacity vertices; null with a capacity of 0
+ *   vertex_count   how many there are */
+DD_API int32_t dd_deformer_get_vertices(const dd_deformer* deformer, int32_t finding, int32_t* out,
+                                        size_t capacity, size_t* vertex_count);
 
 /* The weights of the last update by DD_METHOD_EXAMPLES, found or given; zeros before it.
  *   out   a number for each of out_count examples */

@@ -126,6 +126,20 @@ inline Pairs read_pairs(const char* name, const int32_t* values, size_t count) {
   return pairs;
 }
 
+/// Numbers of vertices, as many as there are; where capacity is 0 their count alone.
+inline void write_vertices(const std::vector<int>& vertices, int32_t* out, size_t capacity,
+                           size_t* vertex_count) {
+  require(vertex_count, "vertex_count is null.");
+  if (capacity > 0) {
+    require(out, "out is null.");
+    require(capacity >= vertices.size(), "capacity is " + std::to_string(capacity) +
+                                             ", but there are " + std::to_string(vertices.size()) +
+                                             " vertices.");
+    std::copy(vertices.begin(), vertices.end(), out);
+  }
+  *vertex_count = vertices.size();
+}
+
 /// n×3 as floats; refuses what leaves their range.
 inline void write_floats(const Positions& values, float* out) {
   // A sum finds what is not a number, which no comparison does.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The C ABI: binds, deformers and their updates.
+#include <algorithm>
 #include <chrono>
 #include <memory>
 
@@ -42,6 +43,46 @@ InUse use(Bound& bound) { return InUse(bound.busy, "deformer"); }
 
 void require_matrices(const dd::Deformer& deformer, const double* matrices, size_t count) {
   require_count("matrices", matrices, count, count_of(deformer.region().handle_count), "handles");
+}
+
+/// How many there are, and one of them.
+void note(const std::vector<int>& found, int32_t& count, int32_t& example) {
+  count = static_cast<int32_t>(found.size());
+  example = found.empty() ? -1 : found.front();
+}
+
+std::vector<int> each_once(std::vector<int> numbers) {
+  std::sort(numbers.begin(), numbers.end());
+  numbers.erase(std::unique(numbers.begin(), numbers.end()), numbers.end());
+  return numbers;
+}
+
+/// Each corner of these triangles once.
+std::vector<int> corners(const dd::Mesh& mesh, const std::vector<int>& triangles) {
+  std::vector<int> found;
+  found.reserve(3 * triangles.size());
+  for (const int t : triangles)
+    for (int k = 0; k < 3; ++k) found.push_back(mesh.triangles(t, k));
+  return each_once(std::move(found));
+}
+
+std::vector<int> vertices_of(const dd::Deformer& deformer, dd_finding finding) {
+  const dd::BaseProxy* proxy = deformer.proxy();
+  switch (finding) {
+    case DD_FINDING_RESTING:
+      return deformer.region().resting;
+    case DD_FINDING_LOOSE:
+      return deformer.region().loose;
+    case DD_FINDING_DEGENERATE:
+      return corners(deformer.mesh(), deformer.degenerate_triangles());
+    case DD_FINDING_UNREPRESENTED:
+      return each_once(deformer.findings(dd::MethodKind::normal).unrepresented);
+    case DD_FINDING_FAR:
+      return proxy ? proxy->far : std::vector<int>{};
+    case DD_FINDING_TORN:
+      return proxy ? proxy->torn : std::vector<int>{};
+  }
+  return {};
 }
 
 /// The update, as steps where there are any; let_go: see split_update().
@@ -145,38 +186,40 @@ int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info
     const InUse in_use = use(of);
     const dd::Deformer& bound = of.deformer;
     const dd::Region& region = bound.region();
-    const auto& degenerate = bound.degenerate_triangles();
     dd_deformer_info facts{};
     facts.vertex_count = bound.mesh().vertex_count();
     facts.triangle_count = bound.mesh().triangle_count();
     facts.handle_count = region.handle_count;
     facts.free_count = region.free_count();
-    facts.resting_count = region.resting_count;
+    note(region.resting, facts.resting_count, facts.resting_example);
     facts.resting_component_count = region.resting_component_count;
-    facts.resting_example = region.resting_example;
-    facts.loose_count = region.loose_count;
-    facts.loose_example = region.loose_example;
-    facts.idle_handle_count = static_cast<int32_t>(region.idle_handles.size());
-    facts.idle_handle_example = region.idle_handles.empty() ? -1 : region.idle_handles.front();
-    facts.degenerate_count = static_cast<int32_t>(degenerate.size());
-    facts.degenerate_example = degenerate.empty() ? -1 : degenerate.front();
+    note(region.loose, facts.loose_count, facts.loose_example);
+    note(region.idle_handles, facts.idle_handle_count, facts.idle_handle_example);
+    note(bound.degenerate_triangles(), facts.degenerate_count, facts.degenerate_example);
     const dd::MethodFindings transfer = bound.findings(dd::MethodKind::transfer);
     facts.stand_in_count = transfer.stand_in_count;
     facts.coarse_vertex_count = transfer.coarse_vertex_count;
     const dd::MethodFindings normal = bound.findings(dd::MethodKind::normal);
-    facts.unrepresented_count = normal.unrepresented_count;
-    facts.unrepresented_example = normal.unrepresented_example;
+    note(normal.unrepresented, facts.unrepresented_count, facts.unrepresented_example);
     facts.far_example = facts.torn_example = -1;
     if (const dd::BaseProxy* proxy = bound.proxy()) {
       facts.proxy_vertex_count = proxy->vertex_count();
-      facts.far_count = proxy->far_count;
-      facts.far_example = proxy->far_example;
-      facts.torn_count = proxy->torn_count;
-      facts.torn_example = proxy->torn_example;
+      note(proxy->far, facts.far_count, facts.far_example);
+      note(proxy->torn, facts.torn_count, facts.torn_example);
     }
     facts.bind_seconds = of.bind_seconds;
     facts.bytes = bound.bytes();
     write_struct("info", info, facts);
+  });
+}
+
+int32_t dd_deformer_get_vertices(const dd_deformer* deformer, int32_t finding, int32_t* out,
+                                 size_t capacity, size_t* vertex_count) {
+  return guarded([&] {
+    Bound& bound = bound_of(deformer);
+    const InUse in_use = use(bound);
+    write_vertices(vertices_of(bound.deformer, choice("finding", finding, DD_FINDING_TORN)), out,
+                   capacity, vertex_count);
   });
 }
 

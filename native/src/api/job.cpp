@@ -17,12 +17,21 @@ dd_progress dd_job::progress() const {
 }
 
 void dd_job::finish() {
-  if (worker_.joinable()) worker_.join();
+  wait();
   if (status_ != DD_OK) throw dd::Error(static_cast<dd::Status>(status_), message_);
+}
+
+const std::vector<int>& dd_job::vertices() {
+  wait();
+  return vertices_;
 }
 
 void dd_job::stop() {
   cancel();
+  wait();
+}
+
+void dd_job::wait() {
   if (worker_.joinable()) worker_.join();
 }
 
@@ -58,6 +67,13 @@ int32_t dd_job_finish(dd_job* job) {
   return guarded([&] {
     require(job, "job is null.");
     job->finish();
+  });
+}
+
+int32_t dd_job_get_vertices(dd_job* job, int32_t* out, size_t capacity, size_t* vertex_count) {
+  return guarded([&] {
+    require(job, "job is null.");
+    write_vertices(job->vertices(), out, capacity, vertex_count);
   });
 }
 

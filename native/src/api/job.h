@@ -8,6 +8,7 @@
 #include <system_error>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "api/call.h"
 #include "support/progress.h"
@@ -26,6 +27,8 @@ struct dd_job {
   void cancel() { cancelled_ = true; }
   /// Waits; throws what the work threw.
   void finish();
+  /// Waits; all vertices that the sentence of its failure is about.
+  const std::vector<int>& vertices();
 
  protected:
   /// Cancels and waits.
@@ -38,7 +41,12 @@ struct dd_job {
       worker_ = std::thread([this, work = std::move(work)]() mutable {
         end(dd::api::guarded([&] {
           Work mine = std::move(work);  // what it holds is let go of before the job is seen to end
-          mine([this](double fraction, const char* stage) { return go_on(fraction, stage); });
+          try {
+            mine([this](double fraction, const char* stage) { return go_on(fraction, stage); });
+          } catch (const dd::Error& error) {
+            vertices_ = error.vertices();
+            throw;
+          }
         }));
       });
     } catch (const std::system_error&) {
@@ -49,6 +57,7 @@ struct dd_job {
   }
 
  private:
+  void wait();
   bool go_on(double fraction, const char* stage);
   void end(int32_t status);
 
@@ -61,6 +70,7 @@ struct dd_job {
   // Written by the worker before state_ leaves DD_JOB_RUNNING, read after.
   int32_t status_ = DD_OK;
   char message_[sizeof dd::api::last_message] = "";
+  std::vector<int> vertices_;
 };
 
 namespace dd::api {

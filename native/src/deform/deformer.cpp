@@ -22,11 +22,14 @@ void validate_example(const Positions& example, int number, const Mesh& mesh) {
     throw Error(Status::argument, name + " has " + std::to_string(example.rows()) +
                                       " vertices, the mesh " + std::to_string(mesh.vertex_count()) +
                                       ": examples are poses of the same vertices.");
-  for (Index v = 0; v < example.rows(); ++v)
-    if (!(example.row(v).cwiseAbs().maxCoeff() <= kFarthest) || !example.row(v).allFinite())
-      throw Error(Status::argument, name + ": vertex " + std::to_string(v) +
-                                        " has a coordinate that is not finite or too far away to "
-                                        "compute with. Move that vertex.");
+  if (std::vector<int> lost = unusable_places(example); !lost.empty()) {
+    const std::string first = std::to_string(lost.front());
+    throw Error(Status::argument,
+                name + ": vertex " + first +
+                    " has a coordinate that is not finite or too far away to compute with. Move "
+                    "that vertex.",
+                std::move(lost));
+  }
 }
 
 Mesh validated(Mesh mesh) {

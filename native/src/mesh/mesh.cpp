@@ -1,33 +1,42 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mesh/mesh.h"
 
-#include <cmath>
 #include <sstream>
 #include <string>
+#include <utility>
 
 #include "mesh/unit_box.h"
 #include "support/error.h"
 
 namespace dd {
 
+std::vector<int> unusable_places(const Positions& positions) {
+  std::vector<int> found;
+  for (Index v = 0; v < positions.rows(); ++v)
+    // Written so that what is not a number is found, too.
+    if (!(positions.row(v).cwiseAbs().maxCoeff() <= kFarthest) || !positions.row(v).allFinite())
+      found.push_back(static_cast<int>(v));
+  return found;
+}
+
 void validate(const Mesh& mesh) {
   const int n = mesh.vertex_count();
   if (n == 0) throw Error(Status::mesh, "The mesh has no vertices: there is nothing to deform.");
   if (mesh.triangle_count() == 0)
     throw Error(Status::mesh, "The mesh has no faces: the method works on surfaces, add faces.");
-  for (int v = 0; v < n; ++v) {
-    if (!mesh.positions.row(v).allFinite())
-      throw Error(Status::mesh, "Vertex " + std::to_string(v) +
-                                    " has a coordinate that is not a finite number: delete or move "
-                                    "that vertex.");
-    const double largest = mesh.positions.row(v).cwiseAbs().maxCoeff();
-    if (largest > kFarthest) {
-      std::ostringstream sentence;
-      sentence << "Vertex " << v << " has a coordinate of " << largest
+  if (std::vector<int> lost = unusable_places(mesh.positions); !lost.empty()) {
+    const int v = lost.front();
+    std::ostringstream sentence;
+    sentence << "Vertex " << v;
+    if (mesh.positions.row(v).allFinite())
+      sentence << " has a coordinate of " << mesh.positions.row(v).cwiseAbs().maxCoeff()
                << ", which is too far away to compute with: delete or move that vertex.";
-      throw Error(Status::mesh, sentence.str());
-    }
+    else
+      sentence << " has a coordinate that is not a finite number: delete or move that vertex.";
+    throw Error(Status::mesh, sentence.str(), std::move(lost));
   }
+  std::vector<int> of_folded;
+  int folded = -1;
   for (int t = 0; t < mesh.triangle_count(); ++t) {
     const auto corners = mesh.triangles.row(t);
     for (int k = 0; k < 3; ++k) {
@@ -36,10 +45,15 @@ void validate(const Mesh& mesh) {
                                       std::to_string(corners[k]) + ", but there are only " +
                                       std::to_string(n) + ": validate the mesh.");
     }
-    if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0])
-      throw Error(Status::mesh,
-                  "Triangle " + std::to_string(t) + " uses one vertex twice: validate the mesh.");
+    if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0]) {
+      if (folded < 0) folded = t;
+      of_folded.insert(of_folded.end(), corners.begin(), corners.end());
+    }
   }
+  if (folded >= 0)
+    throw Error(Status::mesh,
+                "Triangle " + std::to_string(folded) + " uses one vertex twice: validate the mesh.",
+                std::move(of_folded));
   if (!(bounding_box_diagonal(mesh.positions) > 0))
     throw Error(Status::mesh, "All vertices are at one point: the mesh has no surface to deform.");
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <vector>
+
 #include "support/types.h"
 
 namespace dd {
@@ -17,9 +19,12 @@ struct Mesh {
 /// Coordinates beyond are refused: single precision ends at 3.4e38, with squares far before.
 constexpr double kFarthest = 1e30;
 
-/// Throws Error(mesh) naming the first vertex or triangle that makes the mesh unusable: nothing in
-/// it, coordinates that are not finite or beyond kFarthest, vertex numbers out of range or twice in
-/// a triangle, no extent.
+/// The vertices with a coordinate that is not finite or beyond it.
+std::vector<int> unusable_places(const Positions& positions);
+
+/// Throws Error(mesh) naming the first vertex or triangle that makes the mesh unusable, with the
+/// vertices of all: nothing in it, coordinates that are not finite or beyond kFarthest, vertex
+/// numbers out of range or twice in a triangle, no extent.
 void validate(const Mesh& mesh);
 
 /// The same of one of several meshes, which the sentence then begins with: "The source: ...".

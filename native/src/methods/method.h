@@ -50,9 +50,9 @@ struct Frame {
 struct MethodFindings {
   int stand_in_count = 0;       ///< triangles whose base has no area: others stand in for them
   int coarse_vertex_count = 0;  ///< of the surface on which rotations are refined; 0: of S itself
-  /// Vertices at which S is no height field over the next smoother surface, summed over the levels
-  /// of normal displacements, and one of them.
-  int unrepresented_count = 0, unrepresented_example = -1;
+  /// Vertices at which S is no height field over the next smoother surface, of one level of normal
+  /// displacements after the other.
+  std::vector<int> unrepresented = {};
   double volume_error = 0;  ///< of displacement volumes: Σ |W_i' − W_i| / Σ |W_i|
   bool converged = true;    ///< whether these converged within their iterations
   std::vector<double> example_weights = {};  ///< one for each example

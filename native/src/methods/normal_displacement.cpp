@@ -106,8 +106,7 @@ NormalDisplacement::NormalDisplacement(const BoundSurface& bound)
 
 void NormalDisplacement::make_levels(int count) {
   levels_.clear();
-  unrepresented_count_ = 0;
-  unrepresented_example_ = -1;
+  unrepresented_.clear();
   Rows fine = bound_.rest;
   for (int level = 1; level <= count; ++level) {
     const Rows coarse =
@@ -305,8 +304,7 @@ void NormalDisplacement::decompose(const Rows& fine, const Rows& coarse) {
       if (triangles_(j, k) < free_count) failed[triangles_(j, k)] = 1;
   }
   for (int r = 0; r < free_count; ++r)
-    if (failed[r] && unrepresented_count_++ == 0)
-      unrepresented_example_ = bound_.order().vertex_of_row[r];
+    if (failed[r]) unrepresented_.push_back(bound_.order().vertex_of_row[r]);
   levels_.push_back(std::move(level));
 }
 
@@ -332,8 +330,7 @@ void NormalDisplacement::update(const Frame& frame, const MethodOptions& options
 
 MethodFindings NormalDisplacement::findings() const {
   MethodFindings findings;
-  findings.unrepresented_count = unrepresented_count_;
-  findings.unrepresented_example = unrepresented_example_;
+  findings.unrepresented = unrepresented_;
   return findings;
 }
 

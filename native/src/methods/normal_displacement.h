@@ -66,7 +66,7 @@ class NormalDisplacement : public Method {
   std::vector<Edge> tangent_;    // of each row: along the border, or to a neighbour
   std::vector<Level> levels_;    // from S₀ over S₁ to S_(k−1) over B
   std::vector<int> seen_for_;    // of each triangle: the row whose projection looked at it last
-  int unrepresented_count_ = 0, unrepresented_example_ = -1;
+  std::vector<int> unrepresented_;
   Rows crosses_, normals_;  // of triangles and rows
   Rows surface_, coarse_;   // on the way from B' to S'
 };

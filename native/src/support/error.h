@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <memory>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace dd {
 
@@ -12,12 +15,17 @@ enum class Status { ok = 0, argument, mesh, region, numeric, memory, cancelled, 
 /// Everything the core refuses: a kind for programs and a sentence for people.
 class Error : public std::runtime_error {
  public:
-  Error(Status status, const std::string& sentence)
-      : std::runtime_error(sentence), status_(status) {}
+  /// vertices: all that the sentence is about, where it names one of them.
+  Error(Status status, const std::string& sentence, std::vector<int> vertices = {})
+      : std::runtime_error(sentence),
+        status_(status),
+        vertices_(std::make_shared<const std::vector<int>>(std::move(vertices))) {}
   Status status() const { return status_; }
+  const std::vector<int>& vertices() const { return *vertices_; }
 
  private:
   Status status_;
+  std::shared_ptr<const std::vector<int>> vertices_;  // shared: copying an exception must not fail
 };
 
 /// The refusal of a result that floats can't hold.

@@ -33,14 +33,14 @@ BaseProxy::BaseProxy(const Mesh& surface, Mesh proxy)
                                                               : Eigen::Matrix3d::Identity());
   }
   const AabbTree tree(rest_);
-  const double far = kFar * size;
+  const double apart = kFar * size;
   bindings_.reserve(size_t(surface.vertex_count()));
   for (int v = 0; v < surface.vertex_count(); ++v) {
     const Eigen::Vector3d x = surface.positions.row(v);
     const PointOnTriangle y =
         tree.nearest(x, std::numeric_limits<double>::infinity(), [](int) { return true; });
     bindings_.push_back({y.triangle, y.weights, y.place, x - y.place});
-    if (bindings_.back().arm.norm() > far && far_count++ == 0) far_example = v;
+    if (bindings_.back().arm.norm() > apart) far.push_back(v);
   }
   find_torn(surface);
   find_borders();
@@ -68,16 +68,16 @@ void BaseProxy::find_borders() {
 }
 
 void BaseProxy::find_torn(const Mesh& surface) {
-  std::vector<char> torn(bindings_.size(), 0);
+  std::vector<char> is_torn(bindings_.size(), 0);
   for (Index j = 0; j < surface.triangles.rows(); ++j)
     for (int k = 0; k < 3; ++k) {
       const int a = surface.triangles(j, k), b = surface.triangles(j, (k + 1) % 3);
       const double edge = (surface.positions.row(a) - surface.positions.row(b)).norm();
       const double apart = (bindings_[a].place - bindings_[b].place).norm();
-      if (apart > kTorn * edge) torn[a] = torn[b] = 1;
+      if (apart > kTorn * edge) is_torn[a] = is_torn[b] = 1;
     }
-  for (size_t v = 0; v < torn.size(); ++v)
-    if (torn[v] && torn_count++ == 0) torn_example = static_cast<int>(v);
+  for (size_t v = 0; v < is_torn.size(); ++v)
+    if (is_torn[v]) torn.push_back(static_cast<int>(v));
 }
 
 std::vector<Eigen::Matrix3d> BaseProxy::corner_gradients(const Positions& deformed) const {

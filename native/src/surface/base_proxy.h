@@ -29,10 +29,10 @@ class BaseProxy {
   /// deformed: as many vertices as the proxy's. Returns x', n×3.
   Positions carry(const Positions& deformed, ThreadPool& pool) const;
 
-  /// Vertices that are farther from the proxy than a tenth of its box, and one of them.
-  int far_count = 0, far_example = -1;
+  /// Vertices that are farther from the proxy than a tenth of its box.
+  std::vector<int> far;
   /// Vertices between parts of it: their nearest point and a neighbour's lie far apart.
-  int torn_count = 0, torn_example = -1;
+  std::vector<int> torn;
 
   double bytes() const;
 

@@ -21,7 +21,8 @@ auto blaming(const std::string& what, const std::string& remedy, const Stage& st
     return stage();
   } catch (const UnsolvableSurface& error) {
     throw Error(Status::numeric,
-                what + " near vertex " + std::to_string(error.vertex()) + ": " + remedy);
+                what + " near vertex " + std::to_string(error.vertex()) + ": " + remedy,
+                {error.vertex()});
   }
 }
 

@@ -49,7 +49,8 @@ UnsolvableSurface::UnsolvableSurface(int vertex)
           "The surface can't be solved for near vertex " + std::to_string(vertex) +
               ": its triangles are degenerate, or too far from what holds them. Merge doubled "
               "vertices and dissolve degenerate faces there, add a handle, or leave that part out "
-              "of the region."),
+              "of the region.",
+          {vertex}),
       vertex_(vertex) {}
 
 Dissection free_dissection(const SparseMatrix& block, const Region& region,

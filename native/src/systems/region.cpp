@@ -90,34 +90,35 @@ Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_
   }
 
   std::vector<int> kept = roles;
-  int resting_count = 0, resting_component_count = 0, resting_example = -1;
-  int loose_count = 0, loose_example = -1;
+  std::vector<int> resting, loose;
+  int resting_component_count = 0;
   std::vector<char> part_rests(static_cast<size_t>(parts.count), 0);
   for (int v = 0; v < n; ++v) {
     if (kept[v] != kFree || (has_triangle[v] && part_moves[parts.of_vertex[v]])) continue;
     kept[v] = kFixed;
     if (!has_triangle[v]) {
-      if (loose_count++ == 0) loose_example = v;
+      loose.push_back(v);
       continue;
     }
-    if (resting_count++ == 0) resting_example = v;
+    resting.push_back(v);
     char& rests = part_rests[parts.of_vertex[v]];
     resting_component_count += !rests;
     rests = 1;
   }
 
   Region region = region_of(std::move(kept), handle_count);
-  region.resting_count = resting_count;
-  region.resting_component_count = resting_component_count;
-  region.resting_example = resting_example;
-  region.loose_count = loose_count;
-  region.loose_example = loose_example;
-  if (region.free.empty())
+  if (region.free.empty()) {
+    std::vector<int>& unreached = resting.empty() ? loose : resting;
+    const std::string first = std::to_string(unreached.front());
     throw Error(Status::region,
                 "No handle can move any vertex of the region: the handles are on other loose parts "
                 "of the mesh than the region (vertex " +
-                    std::to_string(resting_count ? resting_example : loose_example) +
-                    ", for one). Put a handle on the part that should deform.");
+                    first + ", for one). Put a handle on the part that should deform.",
+                std::move(unreached));
+  }
+  region.resting = std::move(resting);
+  region.resting_component_count = resting_component_count;
+  region.loose = std::move(loose);
   for (int v : region.free) {
     char& held = part_is_held[parts.of_vertex[v]];
     if (!held) region.grounds.push_back(v);

@@ -22,8 +22,9 @@ struct Region {
   int handle_count = 0;
 
   /// Vertices that were asked to be free but are held, because no handle can move them.
-  int resting_count = 0, resting_component_count = 0, resting_example = -1;
-  int loose_count = 0, loose_example = -1;
+  std::vector<int> resting;  ///< of parts without a handle
+  int resting_component_count = 0;
+  std::vector<int> loose;         ///< without a triangle
   std::vector<int> idle_handles;  ///< those that have no free vertex for a neighbour
 
   int free_count() const { return static_cast<int>(free.size()); }

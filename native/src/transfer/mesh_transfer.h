@@ -72,7 +72,7 @@ class MeshTransfer {
   int unmatched_component_count() const { return unmatched_component_count_; }
   int unmatched_component_example() const { return unmatched_component_example_; }
   /// Target vertices without a triangle, which stay at rest.
-  int loose_count() const { return region_.loose_count; }
+  int loose_count() const { return static_cast<int>(region_.loose.size()); }
   const std::vector<int>& degenerate_triangles() const { return degenerate_; }
   /// Unknowns, and non-zeros of the system: of the surface's (14) or of the fourth points' (10).
   int unknowns() const { return unknowns_; }

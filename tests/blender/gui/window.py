@@ -18,6 +18,7 @@ from pathlib import Path
 import bmesh
 import bpy
 import numpy as np
+from mathutils import Vector
 
 ROOT = Path(__file__).resolve().parents[3]
 OUT = Path(sys.argv[sys.argv.index('--') + 1]).resolve()
@@ -114,6 +115,8 @@ def wait_until(condition, seconds=30):
 def checks():
     """Yields the seconds to wait before going on: in between Blender handles its events."""
     yield from opening()
+    yield from selecting_problems()
+    yield from binding()
     yield from dragging()
     yield from undoing()
     yield from reopening()
@@ -139,6 +142,64 @@ def opening():
             'click', 1)
     yield 0.5
     screenshot('unbound')
+
+
+def selecting_problems():
+    """From a sentence to the vertices that it is about, in view; and undo."""
+    ob, _ = surface()
+    for vertex in (7, 9):
+        ob.data.vertices[vertex].co.z = float('nan')
+    ob.data.update()
+    with in_view():
+        bpy.ops.object.detail_deform_bind()
+    yield from wait_until(lambda: ob.detail_deform.problem)
+    check("a refusal from the background is in the panel", "Vertex 7 " in ob.detail_deform.status)
+    yield 0.5
+    screenshot('refused')
+    yield from select_problems()
+    check("all that it is about is selected", selected() == [7, 9])
+    xdotool('key', 'ctrl+z')
+    yield 0.5
+    check("undo leaves Edit Mode again", surface()[0].mode == 'OBJECT')
+    ob, _ = surface()
+    for vertex in (7, 9):
+        ob.data.vertices[vertex].co.z = 0
+    ob.data.vertices.add(2)
+    count = len(ob.data.vertices)
+    for vertex in (count - 2, count - 1):
+        ob.data.vertices[vertex].co = (5, 5, 5)
+    ob.data.update()
+    ob.vertex_groups[ob.detail_deform.region].add([count - 2, count - 1], 1, 'REPLACE')
+    with in_view():
+        bpy.ops.object.detail_deform_bind(wait=True)
+    yield from select_problems()
+    check("so is what the status warns of", selected() == [count - 2, count - 1])
+    place = area('VIEW_3D').spaces.active.region_3d.view_location
+    check("and in the middle of the view", (place - surface()[0].matrix_world @ Vector((5, 5, 5))).length < 1e-3)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    yield 0.3
+    screenshot('warned')
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'bumpy_plane.blend'), load_ui=False)
+    yield 1.0
+    activate(surface()[0])
+    with in_view():
+        bpy.ops.view3d.view_all()
+
+
+def select_problems():
+    point_at('VIEW_3D')
+    with in_view():
+        bpy.ops.ed.undo_push(message="Before")
+        bpy.ops.object.detail_deform_select_problem('INVOKE_DEFAULT', True)
+    yield 0.5
+
+
+def selected():
+    found = bmesh.from_edit_mesh(surface()[0].data)
+    return [vertex.index for vertex in found.verts if vertex.select]
+
+
+def binding():
     with in_view():
         bpy.ops.object.detail_deform_bind()
     yield from wait_until(lambda: surface()[0].detail_deform.is_bound)
