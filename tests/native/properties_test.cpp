@@ -80,7 +80,7 @@ struct Scene {
     UpdateOptions heights = by(MethodKind::normal);
     heights.of_method.levels = options.of_method.levels;
     test::surface(*deformer, motions, heights);
-    return deformer->findings(MethodKind::normal).unrepresented_count == 0;
+    return deformer->findings(MethodKind::normal).unrepresented.empty();
   }
 
  private:
