@@ -394,9 +394,11 @@ def test_a_list_that_cannot_be_written(strip, disk, how):
     numbers.write_text('\n'.join(f'{k} {k}' for k in range(1152)), encoding='ascii')
     settings.correspondence, settings.filepath, settings.pairs_of = 'LIST', str(numbers), 'TRIANGLES'
     bpy.ops.object.detail_deform_transfer_live()
+    path = disk.folder / 'list.txt'
+    path.write_text("precious", encoding='ascii')
     getattr(disk, how)()
-    path = str(disk.folder / 'list.txt')
-    assert "can't be written" in refusal(bpy.ops.object.detail_deform_transfer_save, filepath=path)
+    assert "can't be written" in refusal(bpy.ops.object.detail_deform_transfer_save, filepath=str(path))
+    assert path.read_text(encoding='ascii') == "precious" and disk.files() == ['list.txt']
 
 
 def test_a_file_that_cannot_be_saved_is_still_open_and_can_be_saved_elsewhere(strip, disk, tmp_path):

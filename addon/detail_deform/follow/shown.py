@@ -65,8 +65,9 @@ def _write(mesh, offsets, shown):
 def keep(meshes):
     """Forgets what was written to any others."""
     tokens = {offset_attribute.token(mesh) for mesh in meshes}
-    for token in [token for token in _shown if token not in tokens]:
-        _shown.pop(token, None)
+    for token in list(_shown):  # a render may write meanwhile
+        if token not in tokens:
+            _shown.pop(token, None)
 
 
 def forget(mesh):

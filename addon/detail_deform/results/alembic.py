@@ -5,7 +5,7 @@ import os
 
 import bpy
 
-from ..scene import node_group, pc2
+from ..scene import files, node_group, pc2
 from ..scene.mesh_data import MeshProblem
 from . import bake, frames, point_cache
 
@@ -33,7 +33,7 @@ def write(context, ob, start, end, path):
     except RuntimeError as error:
         raise MeshProblem(f"'{path}' can't be written: {str(error).strip()}") from error
     finally:
-        pc2.take_away(unfinished)
+        files.take_away(unfinished)
 
 
 def _bytes_a_frame(ob, context):

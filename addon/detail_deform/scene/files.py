@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that are read. Nothing here knows Blender."""
+"""Files that are read, and those that are not finished. Nothing here knows Blender."""
 
+import contextlib
 import os
 
 
@@ -8,3 +9,9 @@ def check(path):
     """Raises OSError where a path, which another's file may hold, leads to what has no end or waits for a writer."""
     if os.path.exists(path) and not os.path.isfile(path):
         raise OSError(0, "it is no file")
+
+
+def take_away(path):
+    """An unfinished file, as far as the disk lets: what went wrong before is what is said."""
+    with contextlib.suppress(OSError):
+        os.remove(path)

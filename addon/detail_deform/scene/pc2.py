@@ -97,10 +97,4 @@ class Writer:
         with contextlib.suppress(OSError):  # what could not be written still can't
             self._file.close()
         if not self._part:
-            take_away(self._target)
-
-
-def take_away(path):
-    """An unfinished file, as far as the disk lets: what went wrong before is what is said."""
-    with contextlib.suppress(OSError):
-        os.remove(path)
+            files.take_away(self._target)

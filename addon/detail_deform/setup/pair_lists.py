@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Text files of pairs of triangles or vertices that correspond."""
 
+import os
+
 import numpy as np
 
 from ..scene import correspondence, files, mesh_data
@@ -42,10 +44,13 @@ def read_pairs(path, pairs_of):
 
 
 def write_pairs(path, matched):
-    """As read_pairs() reads them."""
+    """As read_pairs() reads them. What was there stays until they are complete."""
+    unfinished = f"{path}.unfinished"
     try:
-        np.savetxt(path, matched.pairs, fmt='%d', header=f"{_SAYS[matched.pairs_of]}, source and target, from 0")
+        np.savetxt(unfinished, matched.pairs, fmt='%d', header=f"{_SAYS[matched.pairs_of]}, source and target, from 0")
+        os.replace(unfinished, path)
     except OSError as error:
+        files.take_away(unfinished)
         raise MeshProblem(f"'{path}' can't be written: {error.strerror}.") from error
 
 
