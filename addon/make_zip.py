@@ -67,6 +67,12 @@ def moment():
 def main(library, platforms, path, website=''):
     date = moment()
     with zipfile.ZipFile(path, 'w') as target:
+        # Blender 3.4 to 4.1 removes what is there before it unpacks, by the folder's own entry: or it would write into
+        # a library that is loaded.
+        folder = zipfile.ZipInfo('detail_deform/', date)
+        folder.create_system = 3
+        folder.external_attr = 0o40755 << 16 | 0x10
+        target.writestr(folder, b'')
         for name, content in contents(Path(library), platforms.split(','), website):
             entry = zipfile.ZipInfo(name, date)
             entry.create_system = 3  # Unix, wherever it is made

@@ -36,7 +36,8 @@ def test_what_is_in_it(native, tmp_path):
         manifest = made.read('detail_deform/blender_manifest.toml').decode()
         assert made.testzip() is None
         assert made.read('detail_deform/lib/' + os.path.basename(native.library_path()))
-        assert {entry.external_attr >> 16 for entry in made.infolist()} == {0o100644}
+        assert {entry.external_attr >> 16 for entry in made.infolist()} == {0o40755, 0o100644}
+        assert names[0] == 'detail_deform/' and made.infolist()[0].is_dir()
     assert 'platforms = ["linux-x64"]\n' in manifest and 'website' not in manifest
     assert {name.split('/')[0] for name in names} == {'detail_deform'}
     for name in ('__init__.py', 'LICENSE', 'LICENSES.md', 'MANUAL.md', 'manual/overview.png', 'library/loading.py'):

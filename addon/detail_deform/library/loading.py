@@ -98,11 +98,11 @@ def _load(path):
         lib.dd_abi_version.restype = ctypes.c_int32
         version = lib.dd_abi_version()
     except (OSError, AttributeError) as error:
-        cure = "Install the add-on's zip for this operating system."
+        cure = "Install the add-on's zip for this operating system"
         if sys.platform == 'darwin':
-            cure += (" If macOS keeps it in quarantine, type in Terminal: xattr -dr com.apple.quarantine "
-                     f"{shlex.quote(os.path.dirname(path))}")
-        raise NativeError(f"The Detail Deform library can't be loaded: {error}. {cure}") from error
+            cure += ("; where macOS keeps it in quarantine, this line in a terminal lets it go: "
+                     f"xattr -dr com.apple.quarantine {shlex.quote(os.path.dirname(path))}")
+        raise NativeError(f"The Detail Deform library can't be loaded: {error}. {cure}.") from error
     if version != structs.ABI_VERSION:
         raise NativeError(f"The Detail Deform library {path} is of another version (interface "
                           f"{version}, the add-on needs {structs.ABI_VERSION}). Install the add-on's zip "
