@@ -95,8 +95,10 @@ planted() {
             fuzz "$target" -seed=1 "$new" "$here/corpus/$target"
         ) >"$log" 2>&1 || true
         if grep -q 'Test unit written' "$log"; then
-            echo "$target: found the planted defect after $(grep -aoE '^#[0-9]+' "$log" |
-                tail -n 1) inputs, $(grep -aE 'BROKEN|SUMMARY' "$log" | head -n 1)"
+            # None where one of the corpus was enough.
+            echo "$target: found the planted defect," \
+                "$(grep -aoE '^#[0-9]+' "$log" | tail -n 1 || true) inputs:" \
+                "$(grep -aE 'BROKEN|SUMMARY' "$log" | head -n 1)"
         else
             echo "$target: MISSED the planted defect"
             status=1

@@ -64,6 +64,8 @@ Bind any_bind(Bytes& bytes) {
   dd_bind_options& options = bind.options;
   options.struct_size = sizeof options;
   options.base_metric = bytes.choice(DD_METRIC_BASE);
+  // A base may collapse where nothing is wrong with the surface, and can't be measured on then.
+  bind.tame = bind.tame && options.base_metric == DD_METRIC_SURFACE;
   options.metric_smoothing = bytes.one_in(3) ? bytes.number(0, 4) : 0;
   options.smoothness = bytes.choice(DD_SMOOTHNESS_CURVATURE_VARIATION);
   options.precision = bytes.choice(DD_PRECISION_DOUBLE);
