@@ -99,6 +99,23 @@ def test_the_seam_of_a_mirror_stays_closed(across, refine):
     assert len(seen) == 2 * len(p) - seam.sum()  # all of the seam was merged
 
 
+def test_the_seam_stays_closed_in_an_odd_unit():
+    """Squares of lengths leave the range of single precision."""
+    ob = half()
+    seam, unit = on_seam(ob), 1e20
+    places = unit * own(ob)
+    places[seam, 0] = 0
+    ob.data.vertices.foreach_set('co', places.astype(np.float32).ravel())
+    update()
+    chosen = np.linalg.norm(own(ob) / unit - (0.3, -0.95, 0), axis=1) < 0.15
+    empty = pull(ob, chosen, radius=1.2 * unit)
+    empty.location += unit * Vector((0.2, -0.5, 0.1))
+    update()
+    moved = shown_offsets(ob) / unit
+    assert np.isfinite(moved).all() and np.abs(moved[seam, 0]).max() < 1e-6
+    assert np.abs(moved[seam]).max() > 0.05
+
+
 def test_without_a_mirror_nothing_is_taken_back():
     ob = half()
     ob.modifiers.clear()

@@ -74,6 +74,8 @@ class Seam:
         self._sources, self._weights = self._nearest(shape)
 
     def _nearest(self, shape):
+        # In a box of unit size: the tree takes squares in single precision, which 1e20 leaves.
+        shape = (shape - shape.min(axis=0)) / np.ptp(shape, axis=0).max()
         tree = kdtree.KDTree(len(self._on_plane))
         for number, vertex in enumerate(self._on_plane.tolist()):
             tree.insert(shape[vertex], number)

@@ -148,7 +148,8 @@ def is_result(of, status, moved):
         is_still = not moved and not of.shows_base and wanted and amplitude < tolerance
         if is_still and np.abs(found).max(initial=0) > 2 * tolerance:
             raise Failure(f"at rest something moves by {np.abs(found).max():.3g} of {size:.3g}")
-        if wanted and (moved or not of.shows_base):
+        is_mirrored = any(handle.mirrors for handle in ob.detail_deform.handles)  # a plane far away throws it far
+        if wanted and not is_mirrored and (moved or not of.shows_base):
             _follows(of, roles, wanted, rest, found, amplitude, tolerance, status)
 
 
@@ -160,6 +161,8 @@ def _follows(of, roles, wanted, rest, found, amplitude, tolerance, status):
     turned = max(np.abs(motion[:3, :3] - np.eye(3)).max() for motion in wanted.values())
     reach = amplitude + turned * np.median(away) + tolerance
     allowed = 4 * np.sqrt(3) * reach * (1 + away / max(np.median(away), 1e-300))
+    if "next to no area" in status:  # beside such triangles little is known of what is smooth
+        allowed *= 10
     if (moved > allowed).any():
         worst = np.argmax(moved / allowed)
         raise Failure(f"vertex {worst} is thrown {moved[worst] / max(reach, 1e-300):.3g} times as far as its handle")

@@ -295,6 +295,8 @@ def _sculpt_mode(of):
     bpy.context.view_layer.objects.active = of.ob
     if not len(of.ob.data.vertices):
         raise DoesNotCombine
+    if of.ob.data.library:
+        raise DoesNotCombine
     bpy.ops.object.mode_set(mode='SCULPT')
 
 

@@ -126,7 +126,7 @@ def _edited(of):
         raise DoesNotCombine
     bpy.ops.object.mode_set(mode='EDIT')
     bpy.ops.mesh.select_all(action='SELECT')
-    bpy.ops.mesh.subdivide()
+    bpy.ops.mesh.duplicate()  # Subdivide would crash Blender 5.2 where faces are there twice
     bpy.ops.object.mode_set(mode='OBJECT')
 
 
