@@ -168,9 +168,19 @@ def test_bad_matrices(native, strip):
     with pytest.raises(native.NativeError, match='handle 0 is not finite'):
         deformer.offsets(bad)
     bad[0, 1, 1] = 1e39
-    with pytest.raises(native.NativeError, match='too large'):
+    with pytest.raises(native.NativeError, match='handle 0 is too large'):
         deformer.offsets(bad)
     assert np.isfinite(deformer.offsets(IDENTITY)).all()
+
+
+def test_of_two_handles_the_one_that_is_too_far_is_named(native, strip):
+    strip.roles[:4] = 1
+    deformer = native.Bind(strip.positions, strip.triangles, strip.roles, 2).finish()
+    for far in (0, 1):
+        matrices = np.concatenate([IDENTITY, IDENTITY])
+        matrices[far, 0, 3] = 1e39
+        with pytest.raises(native.NativeError, match=f'handle {far} is too large'):
+            deformer.offsets(matrices)
 
 
 def test_null_pointers_and_unset_sizes_are_refused(native, structs, strip):

@@ -124,7 +124,22 @@ void Deformer::require_floats() {
     if (box_.scale * rows.cwiseAbs().sum() < kLargest) return;
     if (!(box_.scale * rows.leftCols<3>().array().abs() < kLargest).all()) fits = false;
   });
-  if (!fits) throw leaves_single_precision();
+  if (fits) return;
+  if (outside_base() || region_.handle_count == 0) throw leaves_single_precision();
+  // The one that moves most is to blame.
+  int farthest = 0;
+  double most = -1;
+  for (int h = 0; h < region_.handle_count; ++h) {
+    const double moves = coefficients_.middleRows(4 * h, 4).cwiseAbs().maxCoeff();
+    if (moves > most) {
+      most = moves;
+      farthest = h;
+    }
+  }
+  throw Error(Status::numeric,
+              "The matrix of handle " + std::to_string(farthest) +
+                  " is too large: the deformed surface leaves the range of single precision. Put "
+                  "that handle back.");
 }
 
 void Deformer::move(const double* matrices, const UpdateOptions& options,

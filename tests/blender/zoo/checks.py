@@ -178,7 +178,7 @@ def _follows(of, roles, wanted, rest, found, amplitude, tolerance, status):
         free = beside[roles[beside] == -1]
         if len(free) and moved[free].max() < 1e-3 * amplitude:
             raise Failure(f"it stays at rest beside handle {k} and says nothing")
-    if of.ob.detail_deform.method == 'TRANSFER':  # others are known to tear what stands off the base
+    if of.ob.detail_deform.method == 'TRANSFER' and not of.shows_base:  # others may tear what stands off the base
         _is_whole(of.ob.data, roles, rest, found, amplitude)
 
 

@@ -177,13 +177,13 @@ def _handle_off(of):
 @kind("two handles of one group")
 def _same_group(of):
     of.add_handle("Other", [])
-    of.ob.detail_deform.handles[1].vertex_group = of.handle.vertex_group
+    of.ob.detail_deform.handles[-1].vertex_group = of.handle.vertex_group
 
 
 @kind("two handles of one name")
 def _same_name(of):
     of.add_handle("Other", _free(of)[:2])
-    of.ob.detail_deform.handles[1].name = of.handle.name
+    of.ob.detail_deform.handles[-1].name = of.handle.name
 
 
 @kind("two handles that overlap")

@@ -48,7 +48,7 @@ def _mirrors(of):
     if not len(ob.data.vertices):
         raise DoesNotCombine
     of.add_handle("Mirrored", [0])
-    ob.detail_deform.handles[1].mirrors = of.handle.name
+    ob.detail_deform.handles[-1].mirrors = of.handle.name
 
 
 @kind("a handle that mirrors itself", about='handles')
