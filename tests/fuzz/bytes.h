@@ -5,6 +5,7 @@
 
 #include <fuzzer/FuzzedDataProvider.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -31,20 +32,31 @@ class Bytes {
     return low + (high - low) * data_.ConsumeIntegral<uint16_t>() / 65535.0;
   }
 
+  /// A number that is none of 0 to count - 1.
+  int32_t beyond(size_t count) {
+    switch (below(5)) {
+      case 0:
+      case 1:
+        return static_cast<int32_t>(count);
+      case 2:
+        return -1;
+      case 3:
+        return std::numeric_limits<int32_t>::min();
+      default:
+        return std::max(static_cast<int32_t>(count), data_.ConsumeIntegral<int32_t>());
+    }
+  }
+
   /// A value of an enum, 0 to last.
   int32_t choice(int last) {
     const int32_t given = below(last + 1);
-    if (!odd()) return given;
-    switch (below(4)) {
-      case 0:
-        return -1;
-      case 1:
-        return last + 1;
-      case 2:
-        return std::numeric_limits<int32_t>::min();
-      default:
-        return data_.ConsumeIntegral<int32_t>();
-    }
+    return odd() ? beyond(static_cast<size_t>(last) + 1) : given;
+  }
+
+  /// A role, of a handle that there may not be.
+  int32_t role() {
+    const int32_t one = one_in(2) ? beyond(3) : below(5);
+    return one < 0 ? one - 2 * (one == -1) : one - 2;
   }
 
   /// A number of a range, or any there is.

@@ -19,9 +19,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   std::vector<int32_t> markers;
   for (int more = bytes.one_in(16) ? bytes.below(3) : 3 + bytes.below(6); more > 0; --more) {
     const unsigned one = bytes.seed() % sources;
-    markers.push_back(bytes.odd() ? bytes.choice(int32_t(sources)) : int32_t(one));
-    markers.push_back(bytes.odd() ? bytes.choice(int32_t(targets))
-                                  : int32_t(same ? one : bytes.seed() % targets));
+    markers.push_back(bytes.odd(32) ? bytes.beyond(sources) : int32_t(one));
+    markers.push_back(bytes.odd(32) ? bytes.beyond(targets)
+                                    : int32_t(same ? one : bytes.seed() % targets));
   }
   markers = std::vector<int32_t>(markers);
   dd_match_options options{};

@@ -98,7 +98,7 @@ void solids(Bytes& bytes) {
     if (bytes.one_in(5)) roles[v] = z > x ? DD_ROLE_FIXED : bytes.below(handles);
   }
   if (n > 0) roles[0] = 0;
-  if (bytes.odd() && n > 0) roles[bytes.seed() % n] = bytes.choice(4) - 2;
+  if (bytes.odd() && n > 0) roles[bytes.seed() % n] = bytes.role();
   if (bytes.odd()) handles = bytes.choice(3);
   const dd_tet_mesh mesh = {solid.positions.data(), n, solid.tets.data(), m};
   dd_tets* created = nullptr;

@@ -18,7 +18,7 @@ std::vector<int32_t> any_pairs(int32_t sources, int32_t targets, Bytes& bytes) {
     pairs.push_back(int32_t((3 * seed + unsigned(k)) % unsigned(std::max(1, targets))));
   }
   if (bytes.odd(8) && !pairs.empty())
-    pairs[size_t(bytes.below(static_cast<int>(pairs.size())))] = bytes.choice(sources);
+    pairs[size_t(bytes.below(static_cast<int>(pairs.size())))] = bytes.beyond(size_t(sources));
   return pairs;
 }
 
@@ -69,7 +69,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       const int32_t one = int32_t(bytes.seed() % std::max<size_t>(1, target.vertex_count()));
       // Named twice it is refused.
       if (std::find(anchors.begin(), anchors.end(), one) == anchors.end() || bytes.odd())
-        anchors.push_back(bytes.odd() ? bytes.choice(int32_t(target.vertex_count())) : one);
+        anchors.push_back(bytes.odd(8) ? bytes.beyond(target.vertex_count()) : one);
     }
   options.anchors = anchors.empty() ? nullptr : anchors.data();
   options.anchor_count = anchors.size();

@@ -76,7 +76,7 @@ void break_mesh(test::FlatMesh& mesh, Bytes& bytes) {
     case 1:
       if (!mesh.triangles.empty())
         mesh.triangles[bytes.below(static_cast<int>(mesh.triangles.size()))] =
-            bytes.choice(static_cast<int>(mesh.vertex_count()));
+            bytes.beyond(mesh.vertex_count());
       break;
     case 2:
       mesh.triangles.clear();
@@ -106,10 +106,10 @@ Surface any_surface(Bytes& bytes) {
   surface.sound = faults == 0;
   surface.roles.assign(roles.begin(), roles.end());
   surface.handle_count = std::max(0, *std::max_element(roles.begin(), roles.end()) + 1);
-  if (bytes.odd()) break_mesh(surface, bytes);
+  if (bytes.odd(12)) break_mesh(surface, bytes);
   surface.roles.resize(surface.vertex_count(), DD_ROLE_FREE);
   if (bytes.odd() && !surface.roles.empty())
-    surface.roles[bytes.below(static_cast<int>(surface.roles.size()))] = bytes.choice(3) - 2;
+    surface.roles[bytes.below(static_cast<int>(surface.roles.size()))] = bytes.role();
   if (bytes.odd(48)) surface.roles.assign(surface.roles.size(), bytes.below(4) - 2);
   if (bytes.odd(48)) surface.handle_count = bytes.choice(3);
   return surface;
@@ -144,7 +144,7 @@ std::vector<float> posed(const std::vector<float>& positions, Bytes& bytes) {
   p.col(2) += (wave * (length * p.col(0)).array().sin()).matrix();
   const double largest = 0.9 * double(std::numeric_limits<float>::max());
   rows = p.cwiseMax(-largest).cwiseMin(largest).cast<float>();
-  if (bytes.odd()) disturb(result, bytes);
+  if (bytes.odd(8)) disturb(result, bytes);
   return result;
 }
 
@@ -180,7 +180,7 @@ Solid any_solid(Bytes& bytes) {
     solid.positions[bytes.below(static_cast<int>(solid.positions.size()))] = bytes.any();
   if (bytes.odd(16) && !solid.tets.empty())
     solid.tets[bytes.below(static_cast<int>(solid.tets.size()))] =
-        bytes.choice(static_cast<int>(solid.vertex_count()));
+        bytes.beyond(solid.vertex_count());
   if (bytes.odd(64)) solid.tets.clear();
   if (bytes.odd(64)) solid.positions.clear();
   return solid;

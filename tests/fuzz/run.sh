@@ -6,10 +6,9 @@
 # tests/fuzz/run.sh                            short: each target's corpus, and a few inputs made of it
 # tests/fuzz/run.sh long SECONDS [TARGET...]   as long for each target; what is new is kept in
 #                                              build/fuzz/corpus, what fails in build/fuzz/found
-# tests/fuzz/run.sh keep [TARGET...]           takes what is new into the corpus, as far as it
-#                                              reaches what nothing smaller does
+# tests/fuzz/run.sh keep [TARGET...]           takes from it what reaches most into the corpus
 # tests/fuzz/run.sh planted [TARGET...]        whether each finds the defect of planted/TARGET.patch
-#                                              within a minute
+#                                              within a minute of the processor's time
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 # shellcheck source=tests/prepare.sh
@@ -17,7 +16,7 @@ source tests/prepare.sh
 
 here=tests/fuzz
 found=build/fuzz/found
-declare -A inputs=([bind]=700 [update]=300 [transfer]=500 [match]=700 [tools]=900)
+declare -A inputs=([bind]=250 [update]=150 [transfer]=250 [match]=400 [tools]=600)
 
 # Inputs longer than this are read to no end; a call of seconds or a gigabyte is a defect.
 limits=(-max_len=400 -len_control=0 -timeout=30 -rss_limit_mb=1024 -malloc_limit_mb=256)
@@ -64,43 +63,48 @@ keep() {
     local target new
     for target in "$@"; do
         new=$(mktemp -d)
-        fuzz "$target" -merge=1 -set_cover_merge=1 "$new" "$here/corpus/$target" \
-            "build/fuzz/corpus/$target"
+        fuzz "$target" -merge=1 -set_cover_merge=1 -use_counters=0 "$new" "$here/corpus/$target" \
+            "build/fuzz/corpus/$target" || return
         # Inputs with a name are there for a reason of their own.
         find "$here/corpus/$target" -type f -regex '.*/[0-9a-f]*' -delete
-        # The smallest ones: what is left to the larger is found again from these.
-        find "$new" -type f -printf '%s %p\n' | sort -n | head -n 55 | cut -d ' ' -f 2- |
+        # What reaches most comes first.
+        find "$new" -type f -printf '%T@ %p\n' | sort -n | head -n 55 | cut -d ' ' -f 2- |
             xargs cp -t "$here/corpus/$target"
         rm -rf "$new"
     done
 }
 
-# A copy of the library with the defect in it, built beside the sound one.
+# A copy of the tree with the defect in it, built as this one is: the compiler's cache has the rest.
 planted() {
-    local target started status=0 copy=$PWD/build/planted new
-    dd_need patch patch
-    rm -rf "$copy/source"
-    mkdir -p "$copy/source"
-    cp -r CMakeLists.txt CMakePresets.json LICENSE addon native tests "$copy/source"
+    local target new log status=0 copy=$PWD/build/planted
+    dd_need patch patch || return
+    rm -rf "$copy"
+    mkdir -p "$copy/build"
+    cp -r CMakeLists.txt CMakePresets.json LICENSE addon native tests "$copy" || return
     for target in "$@"; do
-        patch --quiet --no-backup-if-mismatch -p1 -d "$copy/source" <"$here/planted/$target.patch"
-        (cd "$copy/source" && cmake --preset fuzz -B "$copy/build" &&
-            cmake --build "$copy/build" --target "fuzz_$target") >"$copy/build.log" || {
-            cat "$copy/build.log"
-            return 1
-        }
-        new=$(mktemp -d) started=$(date +%s)
-        if binaries=$copy/build found=$copy/found fuzz "$target" -max_total_time=60 "$new" \
-            "$here/corpus/$target" >"$copy/$target.log" 2>&1; then
+        patch --quiet -p1 -d "$copy" <"$here/planted/$target.patch" || return
+        (
+            cd "$copy"
+            export CCACHE_BASEDIR=$copy CCACHE_NOHASHDIR=1
+            cmake --preset fuzz && cmake --build --preset fuzz --target "fuzz_$target"
+        ) >"$copy/build/$target.log" 2>&1 || { cat "$copy/build/$target.log"; return 1; }
+        new=$(mktemp -d) log=$copy/build/$target.log
+        (
+            ulimit -t 60
+            binaries=$copy/build/fuzz found=$copy/build/found
+            fuzz "$target" -seed=1 "$new" "$here/corpus/$target"
+        ) >"$log" 2>&1 || true
+        if grep -q 'Test unit written' "$log"; then
+            # None where one of the corpus was enough.
+            echo "$target: found the planted defect," \
+                "$(grep -aoE '^#[0-9]+' "$log" | tail -n 1 || true) inputs:" \
+                "$(grep -aE 'BROKEN|SUMMARY' "$log" | head -n 1)"
+        else
             echo "$target: MISSED the planted defect"
             status=1
-        else
-            echo "$target: found the planted defect after $(($(date +%s) - started)) s," \
-                "input $(grep -aoE '^#[0-9]+' "$copy/$target.log" | tail -n 1)"
-            grep -aE 'BROKEN|SUMMARY' "$copy/$target.log" | head -n 1
         fi
         rm -rf "$new"
-        patch --quiet --no-backup-if-mismatch -R -p1 -d "$copy/source" <"$here/planted/$target.patch"
+        patch --quiet -R -p1 -d "$copy" <"$here/planted/$target.patch" || return
     done
     return "$status"
 }

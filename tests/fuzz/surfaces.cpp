@@ -64,6 +64,8 @@ Bind any_bind(Bytes& bytes) {
   dd_bind_options& options = bind.options;
   options.struct_size = sizeof options;
   options.base_metric = bytes.choice(DD_METRIC_BASE);
+  // A base may collapse where nothing is wrong with the surface, and can't be measured on then.
+  bind.tame = bind.tame && options.base_metric == DD_METRIC_SURFACE;
   options.metric_smoothing = bytes.one_in(3) ? bytes.number(0, 4) : 0;
   options.smoothness = bytes.choice(DD_SMOOTHNESS_CURVATURE_VARIATION);
   options.precision = bytes.choice(DD_PRECISION_DOUBLE);
@@ -163,7 +165,7 @@ Motion any_motion(const Bind& bind, Bytes& bytes) {
     motion.matrices.insert(motion.matrices.end(), matrix.data(), matrix.data() + 12);
     if (h == 0 ? bytes.one_in(5) : !motion.turns.empty())
       for (int c = 0; c < 3; ++c) motion.turns.push_back(bytes.number(-15, 15));
-    if (h == 0 ? bytes.one_in(3) : !motion.handle_turns.empty())
+    if (h == 0 ? bytes.flag() : !motion.handle_turns.empty())
       motion.handle_turns.push_back(bytes.choice(DD_HANDLE_TURNS_FREE));
     if (h == 0 ? bytes.one_in(5) : !motion.pivots.empty())
       for (int c = 0; c < 3; ++c) motion.pivots.push_back(centre[c] + size * bytes.number(-1, 1));
