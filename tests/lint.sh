@@ -5,7 +5,7 @@
 # what it finds and returns non-zero where it found something.
 
 dd_lint_sources() {
-    find native tests/native -name '*.c' -o -name '*.cpp' -o -name '*.h'
+    find native tests/native tests/fuzz -name '*.c' -o -name '*.cpp' -o -name '*.h'
 }
 
 lint_format() {
@@ -29,5 +29,5 @@ lint_python() {
 }
 
 lint_shell() {
-    shellcheck -x .ci/run addon/demo.sh tests/*.sh tests/native/*.sh
+    shellcheck -x .ci/run addon/demo.sh tests/*.sh tests/native/*.sh tests/fuzz/*.sh
 }

@@ -118,10 +118,11 @@ step "zip" cmake --build --preset release --target addon_zip
 zip=$(ls build/release/detail_deform-*.zip)
 
 if $quick; then
-    skip "clang-tidy, clang and sanitizers (--quick)"
+    skip "clang-tidy, fuzzing and sanitizers (--quick)"
 else
     step_with clang-tidy clang-tidy "C++ (clang-tidy)" lint_tidy
-    step_with clang++ clang "build (clang)" build_preset clang
+    # Which also tells whether clang takes the library.
+    step_with clang++ clang "build and fuzz (clang and its sanitizers)" tests/fuzz/run.sh
     step "build (sanitize)" build_preset sanitize
     step "core under sanitizers (ctest)" ctest --preset sanitize -j 2 --output-on-failure
     step "C ABI under sanitizers (ctypes)" sanitized_abi_tests sanitize "libasan.so libubsan.so"
