@@ -92,7 +92,13 @@ class Updates {
     constraints_met(bind_, motion, out);
     Output<float> at_once(count_);
     must(update(deformer, motion, at_once.data()), "what a job does can be done at once");
-    promise(at_once.values() == out.values(), "a job gives what is given at once");
+    // Steps add up to positions, from which offsets are taken: not to the last digit.
+    const double size = extent(bind_.surface.positions);
+    for (size_t k = 0; k < out.values().size(); ++k) {
+      const double one = out.values()[k], other = at_once.values()[k];
+      promise(std::abs(one - other) <= 1e-6 * (size + std::abs(one)),
+              "a job gives what is given at once");
+    }
   }
 
   const Bind& bind_;
@@ -118,7 +124,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   }
   if (calls.empty()) return 0;
   updates.repeat(deformer.get(), calls.front());
-  if (!bytes.one_in(3)) return 0;
+  if (bytes.flag()) return 0;
   deformer = bind.made(bind.options.threads == 1 ? 3 : 1);
   promise(deformer != nullptr, "what was bound can be bound again");
   updates.repeat(deformer.get(), calls.back());

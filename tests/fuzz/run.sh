@@ -16,7 +16,7 @@ source tests/prepare.sh
 
 here=tests/fuzz
 found=build/fuzz/found
-declare -A inputs=([bind]=700 [update]=300 [transfer]=500 [match]=700 [tools]=900)
+declare -A inputs=([bind]=250 [update]=150 [transfer]=250 [match]=400 [tools]=600)
 
 # Inputs longer than this are read to no end; a call of seconds or a gigabyte is a defect.
 limits=(-max_len=400 -len_control=0 -timeout=30 -rss_limit_mb=1024 -malloc_limit_mb=256)

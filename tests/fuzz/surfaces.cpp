@@ -165,7 +165,7 @@ Motion any_motion(const Bind& bind, Bytes& bytes) {
     motion.matrices.insert(motion.matrices.end(), matrix.data(), matrix.data() + 12);
     if (h == 0 ? bytes.one_in(5) : !motion.turns.empty())
       for (int c = 0; c < 3; ++c) motion.turns.push_back(bytes.number(-15, 15));
-    if (h == 0 ? bytes.one_in(3) : !motion.handle_turns.empty())
+    if (h == 0 ? bytes.flag() : !motion.handle_turns.empty())
       motion.handle_turns.push_back(bytes.choice(DD_HANDLE_TURNS_FREE));
     if (h == 0 ? bytes.one_in(5) : !motion.pivots.empty())
       for (int c = 0; c < 3; ++c) motion.pivots.push_back(centre[c] + size * bytes.number(-1, 1));
