@@ -119,7 +119,21 @@ def test_empty_with_zero_scale():
     ob = make_strip()
     ob.detail_deform.handles[0].target.scale = (0, 0, 0)
     update()
-    assert_refused(ob, "Handle 'right': its empty had a scale of zero")
+    assert_refused(ob, "Handle 'right': its empty has a scale of zero")
+
+
+def test_an_empty_with_zero_scale_leaves_the_binding():
+    """Bound anew in such a pose it would have no rest."""
+    ob = bind(make_strip())
+    empty = ob.detail_deform.handles[0].target
+    empty.scale = (0, 0, 0)
+    update()
+    shown = evaluated(ob)
+    assert "Handle 'right': its empty has a scale of zero" in refusal(BIND, wait=True)
+    assert ob.detail_deform.is_bound and np.abs(evaluated(ob) - shown).max() == 0
+    empty.scale = (1, 1, 1)
+    update()
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
 
 
 def test_places_that_are_no_numbers_are_named_for_whose_they_are():

@@ -28,8 +28,11 @@ def bind(ob, depsgraph, wait, keep_rest):
     offset_attribute.check_name(ob)
     roles = content.roles(ob)
     places = handle_matrices.local_places(ob, depsgraph)
+    # What these refuse leaves the present binding.
+    if not keep_rest or _has_come(settings):
+        handle_matrices.check_rest(settings, places)
     if settings.base == 'COMPUTED':
-        content.options(ob)  # what it refuses leaves the present binding
+        content.options(ob)
     bound.refuse(ob, "")  # from here on there is none, until it is complete
     if settings.base == 'OBJECT':
         # What is hidden is evaluated where it is needed only, and so its modifiers are looked at.

@@ -184,6 +184,14 @@ def set_home(handle, matrix):
         handle.home_euler = handle.target.rotation_euler
 
 
+def check_rest(settings, places):
+    """Raises MeshProblem where the present places can't be rest."""
+    for handle, place in zip(enabled_handles(settings), places.astype(np.float64)):
+        if not handle.mirrors:
+            inverse_or_refuse(place, f"Handle '{handle.name}': its empty has a scale of zero. Give it a size, then "
+                                     "press Bind.")
+
+
 def store_rest(settings, places, only_new):
     """Takes the present places as rest, and as home; only_new: as rest for handles that have none yet."""
     for handle, place in zip(enabled_handles(settings), places):
