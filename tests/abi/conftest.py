@@ -25,6 +25,14 @@ def part(name):
     return importlib.import_module(f'detail_deform_parts.{name}')
 
 
+def is_sanitized():
+    """Whether this process runs what is built with a sanitizer."""
+    if not sys.platform.startswith('linux'):
+        return False
+    with open('/proc/self/maps', encoding='utf-8') as maps:
+        return any(name in line for line in maps for name in ('libasan', 'libtsan'))
+
+
 @pytest.fixture(scope='session')
 def native():
     return part('library.native')

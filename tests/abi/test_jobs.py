@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from conftest import ADDON, IDENTITY, Strip, rotation
+from conftest import ADDON, IDENTITY, Strip, is_sanitized, rotation
 
 MOTION = rotation(0.8, (0.5, 0, 3))
 ENDLESS = {'method': 'VOLUMES', 'volume_tolerance': 1e-300, 'volume_iterations': 10**9}
@@ -197,9 +197,7 @@ print('after', bind().finish().info.free_count)
 
 
 def test_a_thread_that_cannot_start_is_a_status_with_a_sentence(native):
-    linux = sys.platform.startswith('linux')
-    maps = open('/proc/self/maps').read() if linux else ""
-    if not linux or 'asan' in maps or 'tsan' in maps:
+    if not sys.platform.startswith('linux') or is_sanitized():
         pytest.skip("address space can't be limited here")
     here = str(ADDON.parents[1] / 'tests' / 'abi')
     # Stacks so large aren't kept for the next thread.
