@@ -73,7 +73,7 @@ sanitized_abi_tests() {
     shift 2
     # Python itself is not built for the sanitizers: they come in ahead of it, and its own leaks
     # at exit are not ours. What they say about a race is not to be captured with its test.
-    LD_PRELOAD=$preload ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS=halt_on_error=1 \
+    LD_PRELOAD=$preload ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS="halt_on_error=1 suppressions=tests/tsan.supp" \
         DETAIL_DEFORM_LIBRARY=$PWD/build/$preset/native/libdetail_deform.so \
         "$python" -m pytest -q -p no:cacheprovider --capture=sys tests/abi "$@"
 }
