@@ -279,6 +279,7 @@ def no_nodes(ob):
 def values_of_other_kinds(ob):
     modifier = ob.modifiers['Detail Deform']
     for key in list(modifier.keys()):
+        del modifier[key]  # or it keeps its kind
         modifier[key] = [1, 2]
 
 
