@@ -215,7 +215,7 @@ def test_apply_takes_the_whole_result(part, heavy, drag):
 
 def test_the_first_update_is_prepared_with_the_binding(part, as_in_a_window):
     as_in_a_window('follow.life')
-    ob = make_strip()
+    ob = make_strip(120)  # so large that no stage is over between two looks
     part('follow.binding').bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
     cache, stages = part('follow.bound').cache, set()
     while cache.is_running(ob.detail_deform.signature):
@@ -224,7 +224,7 @@ def test_the_first_update_is_prepared_with_the_binding(part, as_in_a_window):
     part('follow.life')._poll()
     assert ob.detail_deform.is_bound, ob.detail_deform.status
     moved = bend(ob, -1.2)
-    assert np.abs(moved - bend(bind(make_strip()), -1.2)).max() < 1e-6
+    assert np.abs(moved - bend(bind(make_strip(120)), -1.2)).max() < 1e-6
     part('follow.life').clear()
 
 
