@@ -29,5 +29,5 @@ lint_python() {
 }
 
 lint_shell() {
-    shellcheck -x .ci/run addon/demo.sh tests/*.sh tests/native/*.sh tests/fuzz/*.sh
+    shellcheck -x .ci/run .github/*.sh addon/*.sh tests/*.sh tests/native/*.sh tests/fuzz/*.sh
 }

@@ -9,7 +9,7 @@ import threading
 
 import numpy as np
 import pytest
-from conftest import ADDON, IDENTITY, Strip, is_sanitized
+from conftest import ADDON, IDENTITY, Strip, is_sanitized, part
 
 # With the C++ library shared, symbols that all libraries share keep each of them in memory.
 leaves_memory = pytest.mark.skipif(is_sanitized(), reason="what is built for a sanitizer stays loaded")
@@ -114,7 +114,7 @@ print(abs(deformer.offsets(IDENTITY + .1)).max() > .05)
 
 def test_a_call_under_way_is_waited_for(native):
     """The library goes between two calls of another thread, never in one."""
-    loading = sys.modules[native.NativeError.__module__.replace('structs', 'loading')]
+    loading = part('library.loading')
     mesh, said, stop = Strip(60), [], threading.Event()
 
     def work():
@@ -139,7 +139,7 @@ def test_a_call_under_way_is_waited_for(native):
 
 
 def test_a_library_in_use_stays(native, monkeypatch):
-    loading = sys.modules[native.NativeError.__module__.replace('structs', 'loading')]
+    loading = part('library.loading')
     monkeypatch.setattr(loading, '_LEAVE_SECONDS', 0.05)
     before = native.library()
     with loading.staying():

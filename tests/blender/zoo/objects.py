@@ -59,12 +59,12 @@ def _empty_sheared(of):
 
 
 @kind("empty deleted", about='empty')
-def _deleted(of):
+def delete_empty(of):
     bpy.data.objects.remove(of.empty)
 
 
 @kind("empty not in the scene", about='empty')
-def _unlinked(of):
+def unlink_empty(of):
     for collection in of.empty.users_collection:
         collection.objects.unlink(of.empty)
 
@@ -73,8 +73,7 @@ def _unlinked(of):
 def _excluded(of):
     made = bpy.data.collections.new("Excluded")
     bpy.context.scene.collection.children.link(made)
-    for collection in of.empty.users_collection:
-        collection.objects.unlink(of.empty)
+    unlink_empty(of)
     made.objects.link(of.empty)
     bpy.context.view_layer.layer_collection.children["Excluded"].exclude = True
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import bpy
 
+from . import objects
 from .kind import Kinds
 from .specimen import RIGHT, DoesNotCombine, update
 
@@ -27,15 +28,8 @@ KINDS.each('pose', {f"then empty {name} {value}": _placed(name, value) for name,
     ('rotation_euler', (float('nan'), 0, 0)))})
 
 
-@kind("then the empty is deleted", about='pose')
-def _deleted(of):
-    bpy.data.objects.remove(of.empty)
-
-
-@kind("then the empty leaves the scene", about='pose')
-def _unlinked(of):
-    for collection in of.empty.users_collection:
-        collection.objects.unlink(of.empty)
+KINDS.each('pose', {"then the empty is deleted": objects.delete_empty,
+                    "then the empty leaves the scene": objects.unlink_empty})
 
 
 @kind("then object's scale is 0", about='pose')
@@ -119,12 +113,16 @@ def _subdivided(of):
     of.ob.modifiers.new("Subdivision", 'SUBSURF')
 
 
-@kind("then it is edited", about='edit')
-def _edited(of):
+def _enter_edit_mode(of):
     bpy.context.view_layer.objects.active = of.ob
     if of.ob.hide_get() or of.ob.hide_viewport:
         raise DoesNotCombine
     bpy.ops.object.mode_set(mode='EDIT')
+
+
+@kind("then it is edited", about='edit')
+def _edited(of):
+    _enter_edit_mode(of)
     bpy.ops.mesh.select_all(action='SELECT')
     bpy.ops.mesh.duplicate()  # Subdivide would crash Blender 5.2 where faces are there twice
     bpy.ops.object.mode_set(mode='OBJECT')
@@ -132,10 +130,7 @@ def _edited(of):
 
 @kind("then it is looked at in Edit Mode", about='edit')
 def _looked_at(of):
-    bpy.context.view_layer.objects.active = of.ob
-    if of.ob.hide_get() or of.ob.hide_viewport:
-        raise DoesNotCombine
-    bpy.ops.object.mode_set(mode='EDIT')
+    _enter_edit_mode(of)
     of.empty.location.x += 0.01 * of.size
     update()
     bpy.ops.object.mode_set(mode='OBJECT')
