@@ -57,10 +57,17 @@ def _data_replaced(*_):
     known_markers.clear()
 
 
+@persistent
+def _file_loaded(*_):
+    """No undo leads back: the memory of what was bound in the last file is given back."""
+    _data_replaced()
+    life.drop_unused(spares=False)
+
+
 _HANDLERS = (('depsgraph_update_post', _depsgraph_updated), ('frame_change_post', _frame_changed),
              ('save_pre', _before_saving),
              ('undo_pre', _data_is_replaced), ('redo_pre', _data_is_replaced), ('load_pre', _data_is_replaced),
-             ('undo_post', _data_replaced), ('redo_post', _data_replaced), ('load_post', _data_replaced))
+             ('undo_post', _data_replaced), ('redo_post', _data_replaced), ('load_post', _file_loaded))
 
 
 def register():

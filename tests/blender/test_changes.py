@@ -231,6 +231,18 @@ def test_save_and_reopen_keeps_pose_and_binding(tmp_path):
     assert np.allclose(moved[members(ob, 'right')], (0, 0, 0.1), atol=1e-5)
 
 
+def test_another_file_gives_back_the_memory_of_what_was_bound(module, tmp_path):
+    bound = module.follow.bound
+    ob = posed()
+    path, content = str(tmp_path / 'posed.blend'), bound.content_of(ob)
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    made = bound.cache.find(content).made
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert bound.cache.find(content).made is made  # the same file asks for the same
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    assert bound.cache.find(content) is None
+
+
 def test_a_file_opened_without_the_addon_shows_the_result(module, tmp_path):
     ob = posed()
     shown, path = evaluated(ob), str(tmp_path / 'posed.blend')

@@ -189,11 +189,11 @@ def _owners(kind, content):
     return [ob for ob in registry.members() if kind.has(ob) and kind.content_of(ob) == content]
 
 
-def drop_unused():
-    """Forgets what nobody asks for any more."""
+def drop_unused(spares=True):
+    """Forgets what nobody asks for any more; spares: but what undo may ask for."""
     members = registry.members()
     for kind in KINDS:
-        kind.cache.keep({kind.content_of(ob) for ob in members})
+        kind.cache.keep({kind.content_of(ob) for ob in members}, spares)
     shown.keep(ob.data for ob in members)
 
 

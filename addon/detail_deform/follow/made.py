@@ -100,13 +100,14 @@ class Cache:
     def _forget_ended(self):
         self._ending[:] = [job for job in self._ending if job.progress()[0]]
 
-    def keep(self, contents):
-        """Forgets the oldest that none of these contents needs, and cancels what is being made for none of them."""
+    def keep(self, contents, spares=True):
+        """Forgets what none of these contents needs, but the newest as spares, and cancels what is being made for
+        none of them."""
         for content in [content for content in self._jobs if content not in contents]:
             self.let_go(content)
         self._forget_ended()
         unused = [content for content in self._entries if content not in contents]
-        for content in unused[:max(0, len(unused) - self._spare)]:
+        for content in unused[:max(0, len(unused) - (self._spare if spares else 0))]:
             del self._entries[content]
         for content in [content for content in self._failed if content not in contents]:
             del self._failed[content]
