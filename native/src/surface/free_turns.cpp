@@ -24,8 +24,26 @@ constexpr double kBeyond = 1.5, kSettled = 1e-5;
 constexpr double kStiffness = 1e-9;
 constexpr double kFoundUntil = 0.75 * kPi;  // from there to half a turn the spread takes over
 
+/// The one that is nearest to the middle of all; -1 of none.
+int most_central(const Positions& positions, const std::vector<char>& taken) {
+  Eigen::RowVector3d middle = Eigen::RowVector3d::Zero();
+  for (size_t v = 0; v < taken.size(); ++v)
+    if (taken[v]) middle += positions.row(Index(v));
+  middle /= static_cast<double>(std::max<Index>(1, std::count(taken.begin(), taken.end(), 1)));
+  int found = -1;
+  double nearest = std::numeric_limits<double>::infinity();
+  for (size_t v = 0; v < taken.size(); ++v) {
+    const double distance = (positions.row(Index(v)) - middle).squaredNorm();
+    if (!taken[v] || !(distance < nearest)) continue;
+    nearest = distance;
+    found = static_cast<int>(v);
+  }
+  return found;
+}
+
 /// Parts of the surface around centres as far from each other as they can be, by lengths along
-/// edges: the number of its part for each vertex, -1 where no edge leads.
+/// edges, the first amid all, so that numbering has no say: the number of its part for each vertex,
+/// -1 where no edge leads.
 std::vector<int> parts_of(const SparseMatrix& laplacian, const Positions& positions,
                           const std::vector<char>& taken, int wanted) {
   const size_t n = taken.size();
@@ -34,8 +52,8 @@ std::vector<int> parts_of(const SparseMatrix& laplacian, const Positions& positi
   using Front = std::pair<double, int>;
   std::priority_queue<Front, std::vector<Front>, std::greater<Front>> front;
   for (int number = 0; number < wanted; ++number) {
-    int centre = -1;
-    for (size_t v = 0; v < n; ++v)
+    int centre = number == 0 ? most_central(positions, taken) : -1;
+    for (size_t v = 0; v < n && number > 0; ++v)
       if (taken[v] && (centre < 0 || distance[v] > distance[centre])) centre = static_cast<int>(v);
     if (centre < 0 || distance[centre] == 0) break;
     front.emplace(0, centre);
