@@ -230,6 +230,23 @@ def test_apply_first_in_the_mode_that_works_on_the_rest_shape(pulled, part, mode
     assert np.allclose(own(pulled), deformed, atol=1e-6) and not pulled.detail_deform.signature
 
 
+def test_a_mode_that_blender_does_not_change_is_said(pulled):
+    """It doesn't for what is disabled in viewports, but to leave Edit Mode."""
+    activate(pulled)
+    rest = own(pulled)
+    bpy.ops.object.mode_set(mode='SCULPT')
+    pulled.hide_viewport = True
+    with pytest.raises(RuntimeError, match="'Strip' is disabled in viewports"):
+        bpy.ops.object.detail_deform_apply(mode='MESH')
+    assert pulled.mode == 'SCULPT' and np.array_equal(own(pulled), rest)
+    pulled.hide_viewport = False
+    bpy.ops.object.mode_set(mode='OBJECT')
+    pulled.hide_viewport = True
+    with pytest.raises(RuntimeError, match="'Strip' is disabled in viewports"):
+        bpy.ops.object.detail_deform_handle_select()
+    assert pulled.mode == 'OBJECT'
+
+
 def test_at_rest_there_is_nothing_to_apply_first(part):
     ob = bind(make_strip())
     assert not part('follow.shown').is_deformed(ob.data)

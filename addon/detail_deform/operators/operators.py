@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ..follow import binding, life, live_transfer, slow_results, status
 from ..library.options import SETTINGS
 from ..results import bake
-from ..scene import apply_result, correspondence, mesh_data, node_group, offset_attribute, stack
+from ..scene import apply_result, correspondence, mesh_data, node_group, offset_attribute, selection, stack
 from ..setup import handle_setup, region_setup
 from .operator_base import HandOperator, MeshOperator
 
@@ -181,7 +181,7 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
     def run(self, context, ob):
         mode = ob.mode
         if mode != 'OBJECT':  # the mode's own copy of the mesh would not know of it
-            bpy.ops.object.mode_set(mode='OBJECT')
+            selection.change_mode(ob, 'OBJECT')
         try:
             _settle_what_is_seen(ob)
             apply_result.apply(ob, self.mode)
@@ -190,7 +190,7 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
             node_group.remove_modifier(ob)
         finally:
             if mode != 'OBJECT':
-                bpy.ops.object.mode_set(mode=mode)
+                selection.change_mode(ob, mode)
 
 
 class OBJECT_OT_detail_deform_base_make(MeshOperator, bpy.types.Operator):

@@ -16,12 +16,20 @@ def activate(context, ob):
     context.view_layer.objects.active = ob
 
 
+def change_mode(ob, mode):
+    """Of the active object. Raises MeshProblem where Blender doesn't."""
+    if ob.hide_viewport and ob.mode != 'EDIT':
+        raise MeshProblem(f"'{ob.name}' is disabled in viewports, where Blender changes no mode: enable it first, by "
+                          "its monitor icon.")
+    bpy.ops.object.mode_set(mode=mode)
+
+
 def go_to(context, ob, other):
     """Leaves whatever mode the one is in and selects the other alone. Raises MeshProblem."""
     if other.name not in context.view_layer.objects:
         raise MeshProblem(f"'{other.name}' is not in this scene, or is in an excluded collection.")
     if ob.mode != 'OBJECT':
-        bpy.ops.object.mode_set(mode='OBJECT')
+        change_mode(ob, 'OBJECT')
     activate(context, other)
 
 
@@ -35,9 +43,9 @@ def selected(ob):
 
 def select(ob, members, extend, hidden=False):
     """Selects these vertices in Edit Mode, which is entered if need be. members: (n,) bool. hidden: those that are
-    hidden too, which are shown then."""
+    hidden too, which are shown then. Raises MeshProblem."""
     if ob.mode != 'EDIT':
-        bpy.ops.object.mode_set(mode='EDIT')
+        change_mode(ob, 'EDIT')
     mesh = bmesh.from_edit_mesh(ob.data)
     if not extend:
         for element in (*mesh.faces, *mesh.edges, *mesh.verts):

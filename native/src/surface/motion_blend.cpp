@@ -28,7 +28,8 @@ double share_about_centre(const Eigen::Vector3d& turn, const Eigen::Vector3d& sh
   const double angle = turn.norm();
   if (angle == 0) return 1;
   const double sideways = (shift - turn * (turn.dot(shift) / (angle * angle))).norm();
-  const double veto = std::clamp(0.5 * sideways / radius - 1, 0.0, 1.0);
+  // Beyond the largest number it is none.
+  const double veto = sideways < 4 * radius ? std::max(0.5 * sideways / radius - 1, 0.0) : 1;
   return 1 - veto * std::min(1.0, 4 * angle / kPi);
 }
 
