@@ -361,7 +361,8 @@ typedef struct dd_update_options {
                                   and their mean is placed */
   size_t handle_turn_count;    /* handles */
   const double* pivots;        /* of free handles: three numbers for each handle, the point at rest
-                                  that its matrix places; null: the mean of its vertices */
+                                  that its matrix places, not beyond 1e9 of the mesh's size; null:
+                                  the mean of its vertices */
   size_t pivot_count;          /* handles */
 } dd_update_options;
 

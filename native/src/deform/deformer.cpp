@@ -15,6 +15,7 @@ namespace dd {
 namespace {
 
 constexpr int kLeastRange = 1024;  // rows that are worth a task
+constexpr double kFarthestPivot = 1e9;  // of the box: a turn about it keeps six digits there
 
 void validate_example(const Positions& example, int number, const Mesh& mesh) {
   const std::string name = "Example " + std::to_string(number);
@@ -190,6 +191,11 @@ void Deformer::turn_free(const UpdateOptions& options, std::vector<double>& turn
   if (std::find(free.begin(), free.end(), 1) == free.end()) return;
   const Positions pivots =
       options.pivots.size() ? box_.into(options.pivots) : bound_->basis.centres;
+  for (int h = 0; h < region_.handle_count; ++h)
+    if (free[h] && !((pivots.row(h) - bound_->basis.centres.row(h)).norm() < kFarthestPivot))
+      throw Error(Status::argument, "The pivot of handle " + std::to_string(h) +
+                                        " is too far from its vertices to turn about. Put it "
+                                        "among them.");
   std::vector<MotionBlend::Affine> motions = this->motions();
   if (options.method == MethodKind::examples) {
     // Which says itself how they turn.

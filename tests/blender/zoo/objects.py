@@ -60,6 +60,8 @@ def _empty_sheared(of):
 
 @kind("empty deleted", about='empty')
 def delete_empty(of):
+    if of.empty == of.ob:
+        raise DoesNotCombine
     bpy.data.objects.remove(of.empty)
 
 
@@ -284,6 +286,8 @@ def _linked(of):
 @kind("in Edit Mode", about='mode')
 def _edit_mode(of):
     update()
+    if of.ob.data.library:
+        raise DoesNotCombine
     bpy.context.view_layer.objects.active = of.ob
     bpy.ops.object.mode_set(mode='EDIT')
 

@@ -45,7 +45,7 @@ def _free(of):
 @kind("a handle that mirrors the other", about='handles')
 def _mirrors(of):
     ob = of.ob
-    if not len(ob.data.vertices):
+    if not len(ob.data.vertices) or ob.mode == 'EDIT':  # where groups can't be written to
         raise DoesNotCombine
     of.add_handle("Mirrored", [0])
     ob.detail_deform.handles[-1].mirrors = of.handle.name
