@@ -14,7 +14,7 @@ namespace dd {
 
 namespace {
 
-constexpr int kLeastRange = 1024;  // rows that are worth a task
+constexpr int kLeastRange = 1024;       // rows that are worth a task
 constexpr double kFarthestPivot = 1e9;  // of the box: a turn about it keeps six digits there
 
 void validate_example(const Positions& example, int number, const Mesh& mesh) {
