@@ -77,11 +77,11 @@ prepare_build() {
     dd_need_packages libeigen3-dev catch2
 }
 
-# build_preset NAME: release also stages the library into addon/detail_deform/lib/.
+# build_preset NAME [TARGET]: release also stages the library into addon/detail_deform/lib/.
 build_preset() {
     dd_say "Building preset $1"
     cmake --preset "$1" >/dev/null || return
-    cmake --build --preset "$1"
+    cmake --build --preset "$1" ${2:+--target "$2"}
 }
 
 dd_blender_has_numpy() {
