@@ -46,7 +46,7 @@ std::vector<Way> ways() {
   all.back().options.base_deformer = BaseDeformer::motions;
   all.push_back({"TRANSFER, handles that only place", test::usual()});
   all.back().options.free = {0, 1};
-  all.back().same = 1e-4;
+  all.back().same = 1e-3;
   return all;
 }
 

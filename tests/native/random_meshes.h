@@ -128,8 +128,9 @@ inline Mesh random_mesh(Shape shape, unsigned seed, int detail) {
 inline std::vector<int> random_roles(const Mesh& mesh, unsigned seed, int handle_count) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> any(-1, 1);
-  const Eigen::Vector3d along =
-      Eigen::Vector3d(any(random), 0.3 * any(random), any(random)) + Eigen::Vector3d(0.05, 0, 0);
+  // One after the other: compilers differ in which argument comes first.
+  const double x = any(random), y = any(random), z = any(random);
+  const Eigen::Vector3d along(x + 0.05, 0.3 * y, z);
   const Eigen::VectorXd height = mesh.positions * along;
   const Components parts(mesh.triangles, mesh.vertex_count());
   const double infinity = std::numeric_limits<double>::infinity();

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <string>
 
+#include "mesh/triangles.h"
 #include "support/rotations.h"
 
 namespace dd {
@@ -13,7 +14,8 @@ namespace {
 
 constexpr int kLeastRange = 512;
 constexpr int kTerms = 3 + 3 + 12 + 12 + 3 + 1;
-constexpr double kLeastRadius = 0.01;  // of the box
+// Of the root of the area, which is the same however the mesh is turned; a box's diagonal isn't.
+constexpr double kLeastRadius = 0.015;
 constexpr double kQuarterTurn = kPi / 2, kLinearUntil = 0.75 * kPi;
 constexpr double kUnrefined = 3.5 * kPi;  // from this turn on
 constexpr double kRefinedAtHalfTurn = 0.7;
@@ -74,8 +76,10 @@ MotionBlend::MotionBlend(const BoundSurface& bound)
     squares[h] += (bound.mesh.positions.row(v) - bound.basis.centres.row(h)).squaredNorm();
     ++counts[h];
   }
+  const double least =
+      kLeastRadius * std::sqrt(triangle_areas(bound.mesh.positions, bound.mesh.triangles).sum());
   for (size_t h = 0; h < squares.size(); ++h)
-    radii_.push_back(std::max(kLeastRadius, std::sqrt(squares[h] / counts[h])));
+    radii_.push_back(std::max(least, std::sqrt(squares[h] / counts[h])));
 }
 
 const RowMatrix& MotionBlend::weights() {
