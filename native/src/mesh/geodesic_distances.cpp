@@ -67,8 +67,11 @@ std::vector<double> geodesic_distances(const Mesh& mesh, const std::vector<char>
     for (int j : fans.of(a)) {
       for (int k = 0; k < 3; ++k) {
         const int c = t(j, k);
-        if (passed[c]) continue;
-        reach(c, distance[a] + (place(c) - place(a)).norm(), source_of[a]);
+        const double along = distance[a] + (place(c) - place(a)).norm();
+        if (passed[c] && !(along < distance[c])) continue;
+        // An obtuse triangle may have let a front through to a after it was at c.
+        passed[c] = 0;
+        reach(c, along, source_of[a]);
         const int b = t(j, 0) + t(j, 1) + t(j, 2) - a - c;
         if (!passed[b]) continue;
         const int source = nearer(source_of[a], source_of[b], c);
