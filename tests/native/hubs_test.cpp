@@ -3,6 +3,7 @@
 #include "deform.h"
 #include "dense_reference.h"
 #include "surface/base_surface.h"
+#include "systems/handle_solve.h"
 #include "systems/polyharmonic_system.h"
 
 using namespace dd;
@@ -106,6 +107,21 @@ TEST_CASE("a surface with hubs is solved for as by a dense matrix") {
       const Positions q = base_surface(bending, region, one.mesh.positions);
       const Positions expected = test::dense_solve(energy, one.mesh.positions, one.roles, none);
       CHECK(test::largest_difference(q, expected) < 1e-9);
+      // Of values at the handle alone, by what frames solve with.
+      ThreadPool pool(1);
+      Positions at_handle = Positions::Zero(one.mesh.vertex_count(), 3);
+      for (int v : region.handle_vertices) at_handle.row(v) = one.mesh.positions.row(v);
+      Rows values = Rows::Zero(Index(region.handle_vertices.size()), 4);
+      for (Index i = 0; i < values.rows(); ++i)
+        values.row(i).head<3>() = at_handle.row(region.handle_vertices[size_t(i)]);
+      std::vector<int> rows(size_t(region.free_count()));
+      std::iota(rows.begin(), rows.end(), 0);
+      const Rows resting = Rows::Zero(region.free_count(), 4);
+      Rows extended = resting;
+      HandleSolve(bending, region, &pool).add_extended(values, rows, resting, extended);
+      const Positions alone = test::dense_solve(energy, at_handle, one.roles, none);
+      for (int r = 0; r < region.free_count(); ++r)
+        CHECK((extended.row(r).head<3>() - alone.row(region.free[r])).norm() < 1e-9);
       energy = energy * step;
     }
   }

@@ -86,12 +86,20 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
     CHECK(close(c, d));
   }
   SECTION("blend") {
-    const auto weights = numbers(7 * 8, double()), coefficients = numbers(4 * 8, double()),
-               rest = numbers(4 * 7, double());
-    std::vector<double> a(4 * 7), b(4 * 7);
-    kBaselineKernels.blend(7, 8, weights.data(), coefficients.data(), rest.data(), a.data());
-    kAvx2Kernels.blend(7, 8, weights.data(), coefficients.data(), rest.data(), b.data());
-    CHECK(close(a, b));
+    // Some of its rows go together, what is left one by one.
+    for (int count : {7, 19}) {
+      const auto weights = numbers(count * 8, double()), coefficients = numbers(4 * 8, double()),
+                 rest = numbers(4 * count, double());
+      std::vector<double> a(4 * size_t(count)), b(a), c(a);
+      kBaselineKernels.blend(count, 8, weights.data(), coefficients.data(), rest.data(), a.data());
+      kAvx2Kernels.blend(count, 8, weights.data(), coefficients.data(), rest.data(), b.data());
+      CHECK(close(a, b));
+      // Where a range of rows begins has no say in their bits.
+      for (int r = 0; r < count; ++r)
+        kAvx2Kernels.blend(1, 8, weights.data() + 8 * r, coefficients.data(), rest.data() + 4 * r,
+                           c.data() + 4 * r);
+      CHECK(b == c);
+    }
   }
   SECTION("gradient pass") {
     std::vector<TriangleBlock<Real>> blocks(3);

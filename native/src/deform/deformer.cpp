@@ -152,7 +152,7 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
   const RowOrder& order = bound_->order();
   for (int r = order.free_count; r < order.fixed_begin; ++r) {
     const int h = region_.role[order.vertex_of_row[r]];
-    const Eigen::RowVector3d arm = bound_->rest.row(r).head<3>() - bound_->basis.centres.row(h);
+    const Eigen::RowVector3d arm = bound_->rest.row(r).head<3>() - bound_->coordinates.centres().row(h);
     moved_.row(r) = arm * coefficients_.middleRows<3>(4 * h) + coefficients_.row(4 * h + 3);
   }
   moved_.bottomRows(order.count() - order.fixed_begin).setZero();
@@ -177,7 +177,7 @@ std::vector<MotionBlend::Affine> Deformer::motions() const {
   std::vector<MotionBlend::Affine> motions;
   for (int h = 0; h < region_.handle_count; ++h) {
     // About the handle's centre in the unit box: x ↦ o + A (x − o) + what moves o.
-    const Eigen::Vector3d own = bound_->basis.centres.row(h);
+    const Eigen::Vector3d own = bound_->coordinates.centres().row(h);
     MotionBlend::Affine motion;
     motion << linear_[h],
         own - linear_[h] * own + coefficients_.row(4 * h + 3).head<3>().transpose();
@@ -190,9 +190,9 @@ void Deformer::turn_free(const UpdateOptions& options, std::vector<double>& turn
   const std::vector<char>& free = options.free;
   if (std::find(free.begin(), free.end(), 1) == free.end()) return;
   const Positions pivots =
-      options.pivots.size() ? box_.into(options.pivots) : bound_->basis.centres;
+      options.pivots.size() ? box_.into(options.pivots) : bound_->coordinates.centres();
   for (int h = 0; h < region_.handle_count; ++h)
-    if (free[h] && !((pivots.row(h) - bound_->basis.centres.row(h)).norm() < kFarthestPivot))
+    if (free[h] && !((pivots.row(h) - bound_->coordinates.centres().row(h)).norm() < kFarthestPivot))
       throw Error(Status::argument, "The pivot of handle " + std::to_string(h) +
                                         " is too far from its vertices to turn about. Put it "
                                         "among them.");
@@ -212,7 +212,7 @@ void Deformer::turn_free(const UpdateOptions& options, std::vector<double>& turn
     if (!free[h]) continue;
     linear_[h] = motions[h].leftCols<3>();
     const Eigen::Matrix3d change = linear_[h] - Eigen::Matrix3d::Identity();
-    const Eigen::Vector3d centre = bound_->basis.centres.row(h);
+    const Eigen::Vector3d centre = bound_->coordinates.centres().row(h);
     coefficients_.block<3, 3>(4 * h, 0) = change.transpose();
     coefficients_.block<1, 3>(4 * h + 3, 0) = (change * centre + motions[h].col(3)).transpose();
   }
@@ -265,12 +265,7 @@ void Deformer::take_base(const Positions* deformed) {
 
 void Deformer::move_base(MotionBlend& motions, BaseDeformer deformer) {
   const RowOrder& order = bound_->order();
-  const RowMatrix& weights = bound_->basis.weights;
-  pool_.parallel_for(order.free_count, kLeastRange, [&](int64_t begin, int64_t end) {
-    kernels().blend(static_cast<int>(end - begin), static_cast<int>(weights.cols()),
-                    weights.row(begin).data(), coefficients_.data(),
-                    bound_->rest_base.row(begin).data(), base_.row(begin).data());
-  });
+  bound_->extension.displace(coefficients_, bound_->rest_base, base_);
   const double share = motions.share(deformer);
   if (share > 0) motions.move(moved_, share, base_);
   const int held = order.fixed_begin - order.free_count;
@@ -287,7 +282,7 @@ void Deformer::take_matrices(const double* matrices) {
                   "The matrix of handle " + std::to_string(h) + " is not finite.");
     linear_[h] = matrix.leftCols<3>();
     const Eigen::Matrix3d change = linear_[h] - Eigen::Matrix3d::Identity();
-    const Eigen::RowVector3d centre = box_.scale * bound_->basis.centres.row(h) + box_.centre;
+    const Eigen::RowVector3d centre = box_.scale * bound_->coordinates.centres().row(h) + box_.centre;
     const Eigen::Vector3d shift = change * centre.transpose() + matrix.col(3);
     coefficients_.block<3, 3>(4 * h, 0) = change.transpose();
     coefficients_.block<1, 3>(4 * h + 3, 0) = shift.transpose() / box_.scale;

@@ -9,14 +9,41 @@ namespace dd {
 
 namespace {
 
-void blend(int row_count, int term_count, const double* weights, const double* coefficients,
-           const double* rest, double* out) {
-  for (int64_t r = 0; r < row_count; ++r) {
+/// So many rows at once: each sum waits for its last product, but not for the others.
+template <int Together>
+inline void blend_rows(int term_count, const double* weights, const double* coefficients,
+                       const double* rest, double* out) {
+#ifdef __AVX2__
+  // Compilers keep an array of rows in memory.
+  __m256d sums[Together];
+  for (int r = 0; r < Together; ++r) sums[r] = _mm256_loadu_pd(rest + 4 * r);
+  for (int k = 0; k < term_count; ++k) {
+    const __m256d c = _mm256_loadu_pd(coefficients + 4 * k);
+    for (int r = 0; r < Together; ++r) {
+      const double* weight = weights + static_cast<int64_t>(r) * term_count + k;
+      sums[r] = _mm256_fmadd_pd(_mm256_broadcast_sd(weight), c, sums[r]);
+    }
+  }
+  for (int r = 0; r < Together; ++r) _mm256_storeu_pd(out + 4 * r, sums[r]);
+#else
+  for (int r = 0; r < Together; ++r) {
     Row sum = load(rest + 4 * r);
-    const double* w = weights + r * term_count;
+    const double* w = weights + static_cast<int64_t>(r) * term_count;
     for (int k = 0; k < term_count; ++k) add_scaled(sum, w[k], load(coefficients + 4 * k));
     store(out + 4 * r, sum);
   }
+#endif
+}
+
+void blend(int row_count, int term_count, const double* weights, const double* coefficients,
+           const double* rest, double* out) {
+  constexpr int kTogether = 8;
+  int64_t r = 0;
+  for (; r + kTogether <= row_count; r += kTogether)
+    blend_rows<kTogether>(term_count, weights + r * term_count, coefficients, rest + 4 * r,
+                          out + 4 * r);
+  for (; r < row_count; ++r)
+    blend_rows<1>(term_count, weights + r * term_count, coefficients, rest + 4 * r, out + 4 * r);
 }
 
 /// Below this a squared length counts as zero: its direction then becomes the zero vector, and

@@ -2,7 +2,7 @@
 #include "methods/gradient_editing.h"
 
 #include "support/handle_blend.h"
-#include "surface/motion_blend.h"
+#include "surface/harmonic_blend.h"
 
 namespace dd {
 

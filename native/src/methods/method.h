@@ -37,7 +37,7 @@ struct MethodOptions {
 
 /// One update on its way through a method.
 struct Frame {
-  /// For each handle the 4×3 block of HandleBasis (last column 0), and its linear part A.
+  /// For each handle the 4×3 block C of HandleCoordinates (last column 0), and its linear part A.
   const RowMatrix& coefficients;
   const std::vector<Eigen::Matrix3d>& linear;
   const Rows& base;  ///< B', all rows in BoundSurface::order()

@@ -10,9 +10,9 @@ void Variational::update(const Frame& frame, const MethodOptions&) {
         frame.base.topRows(free_count) - bound_.rest_base.topRows(free_count);
     return;
   }
-  const RowMatrix& weights =
-      bound_.surface_basis.weights.size() ? bound_.surface_basis.weights : bound_.basis.weights;
-  frame.offsets.topRows(free_count).noalias() = weights * frame.coefficients;
+  const HandleExtension& own = bound_.surface_extension;
+  frame.offsets.topRows(free_count).setZero();
+  (own.empty() ? bound_.extension : own).displace(frame.coefficients, frame.offsets, frame.offsets);
 }
 
 }  // namespace dd

@@ -6,7 +6,7 @@
 namespace dd {
 
 /// VarMin without multiresolution (§1, Fig. 1b): p' = p + δ, δ the smoothest displacement that the
-/// handles allow, L M⁻¹ L δ = 0 on S itself, from its basis functions. Details shear: it moves
+/// handles allow, L M⁻¹ L δ = 0 on S itself, from the handles' extension. Details shear: it moves
 /// them without turning them. With the base's metric on S, δ is the displacement of the base, as it
 /// is for a base from outside.
 class Variational : public Method {

@@ -34,4 +34,10 @@ RowMatrix UpdatedCholesky::solve(const RowMatrix& right, ThreadPool* pool) const
   return solution;
 }
 
+double UpdatedCholesky::bytes() const {
+  return factor_.bytes() +
+         static_cast<double>(vectors_.nonZeros()) * (sizeof(double) + sizeof(int)) +
+         static_cast<double>(2 * core_.size()) * sizeof(double);
+}
+
 }  // namespace dd

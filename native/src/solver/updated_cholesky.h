@@ -26,6 +26,10 @@ class UpdatedCholesky {
   std::shared_ptr<const SymbolicCholesky> shared_symbolic() const {
     return factor_.shared_symbolic();
   }
+  const SparseCholesky& factor() const { return factor_; }  ///< A's
+  /// Whether A is all there is.
+  bool plain() const { return vectors_.cols() == 0; }
+  double bytes() const;
 
  private:
   SparseCholesky factor_;

@@ -56,6 +56,7 @@ struct BoundSurface::Energy {
 BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOptions& options,
                            ThreadPool& pool, const Progress& progress)
     : FactoredSurface(std::move(surface), its_region, options.triangulation),
+      coordinates(region, mesh.positions),
       examples(options.examples) {
   report(progress, 0.05, "Factoring the Poisson system");
   SparseMatrix block = free_block(operators.laplacian, region);
@@ -82,7 +83,6 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
     compute_base(options, block_options, on_surface ? energy.get() : Energy{}, progress);
   } else {
     base = options.base;
-    basis.centres = handle_centres(region, mesh.positions);
   }
   rest_base = in_order(base, order());
 }
@@ -103,16 +103,18 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
     return bending;
   };
   const auto extend_handles = [&](const PolyharmonicSystem& bending, double begin, double end) {
-    return handle_basis(bending, region, mesh.positions, order(), [&](double done) {
-      report(progress, begin + done * (end - begin), "Computing the handles' basis functions");
-    });
+    return HandleExtension(bending, coordinates, region, mesh.positions, order(), *how.pool,
+                           KeptOfEnergy::cheaper, [&](double done) {
+                             report(progress, begin + done * (end - begin),
+                                    "Computing the handles' basis functions");
+                           });
   };
   const auto solve_on = [&](const SurfaceOperators& metric, double begin) {
     const PolyharmonicSystem bending =
         factored(metric, begin, begin + 0.2, "Factoring the base surface's energy");
     report(progress, begin + 0.2, "Computing the base surface");
     base = base_surface(bending, region, mesh.positions);
-    (options.base_metric == BaseMetric::base ? surface_basis : basis) =
+    (options.base_metric == BaseMetric::base ? surface_extension : extension) =
         extend_handles(bending, begin + 0.25, begin + 0.4);
   };
 
@@ -139,15 +141,16 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
               if (operators.flipped) how.symbolic = nullptr;
               const PolyharmonicSystem bending =
                   factored(on_base, 0.6, 0.8, "Factoring the energy on the base");
-              basis = extend_handles(bending, 0.8, 1);
+              extension = extend_handles(bending, 0.8, 1);
             });
   }
 }
 
 double BoundSurface::bytes() const {
-  const auto doubles = mesh.positions.size() * Index(examples.size()) + base.size() +
-                       basis.weights.size() + surface_basis.weights.size() + rest_base.size();
-  return FactoredSurface::bytes() + static_cast<double>(doubles) * sizeof(double);
+  const auto doubles =
+      mesh.positions.size() * Index(examples.size()) + base.size() + rest_base.size();
+  return FactoredSurface::bytes() + extension.bytes() + surface_extension.bytes() +
+         static_cast<double>(doubles) * sizeof(double);
 }
 
 }  // namespace dd

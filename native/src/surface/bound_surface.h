@@ -2,8 +2,8 @@
 #pragma once
 
 #include "support/progress.h"
-#include "surface/basis.h"
 #include "surface/factored_surface.h"
+#include "surface/handle_extension.h"
 
 namespace dd {
 
@@ -34,16 +34,17 @@ struct BoundSurface : FactoredSurface {
   BoundSurface(Mesh mesh, const Region& region, const BindOptions& options, ThreadPool& pool,
                const Progress& progress);
 
-  Positions base;     ///< B at rest, n×3
-  HandleBasis basis;  ///< of B, rows in Poisson order
-  /// Of S itself where that differs from B's: with BaseMetric::base. Same centres as basis.
-  HandleBasis surface_basis;
+  Positions base;  ///< B at rest, n×3
+  HandleCoordinates coordinates;
+  HandleExtension extension;  ///< of B
+  /// Of S itself where that differs from B's: with BaseMetric::base.
+  HandleExtension surface_extension;
 
   Rows rest_base;                   ///< B as rows in order()
   std::vector<Positions> examples;  ///< where S is, n×3
 
   /// Whether B comes from outside: then its motion does too, and there are no weights.
-  bool outside_base() const { return basis.weights.size() == 0; }
+  bool outside_base() const { return extension.empty(); }
   double bytes() const;
 
  private:

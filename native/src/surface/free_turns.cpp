@@ -108,18 +108,25 @@ FreeTurns::FreeTurns(const BoundSurface& bound, std::vector<char> free)
 
   // With all handles held, D = the energy of the harmonic weights; a free one let go takes what
   // leaves its row without force.
-  const RowMatrix harmonic = harmonic_weights(bound);
   const RowOrder& order = bound.order();
   const int all = bound.region.handle_count, own = static_cast<int>(handles_.size());
   RowMatrix forces = RowMatrix::Zero(all, all);
-  for (int v : bound.region.handle_vertices)
-    for (SparseMatrix::InnerIterator it(bound.operators.laplacian, v); it; ++it) {
-      const int row = order.row_of_vertex[it.row()], role = bound.region.role[it.row()];
+  const auto each_neighbour = [&](const auto& use) {
+    for (int v : bound.region.handle_vertices)
+      for (SparseMatrix::InnerIterator it(bound.operators.laplacian, v); it; ++it)
+        use(bound.region.role[v], static_cast<int>(it.row()), it.value());
+  };
+  each_neighbour([&](int handle, int neighbour, double value) {
+    const int role = bound.region.role[neighbour];
+    if (role >= 0) forces(handle, role) += value;
+  });
+  each_harmonic_weights(bound, [&](int first, int some, const Rows& values) {
+    each_neighbour([&](int handle, int neighbour, double value) {
+      const int row = order.row_of_vertex[neighbour];
       if (row < order.free_count)
-        forces.row(bound.region.role[v]) += it.value() * harmonic.row(row);
-      else if (role >= 0)
-        forces(bound.region.role[v], role) += it.value();
-    }
+        forces.row(handle).segment(first, some) += value * values.row(row).head(some);
+    });
+  });
   RowMatrix among(own, own), others(own, all);
   for (int i = 0; i < own; ++i) {
     others.row(i) = forces.row(handles_[i]);
@@ -207,7 +214,10 @@ void FreeTurns::gather(const std::vector<int>& cluster, int count) {
   for (size_t j = 0; j < cluster.size(); ++j)
     if (cluster[j] >= 0) triangles[cluster[j]].push_back(static_cast<int>(j));
 
-  const int columns = 4 * region.handle_count;
+  const HandleCoordinates& coordinates = bound_.coordinates;
+  const Index columns = coordinates.count();
+  RowMatrix space;
+  const RowMatrix& functions = bound_.extension.functions(space);
   at_rest_ = RowMatrix::Zero(3 * Index(count), 3);
   if (!bound_.outside_base()) pull_ = RowMatrix::Zero(3 * Index(count), columns);
   Positions sums = Positions::Zero(mesh.vertex_count(), 3);
@@ -229,10 +239,10 @@ void FreeTurns::gather(const std::vector<int>& cluster, int count) {
       sums.row(v).setZero();
       if (bound_.outside_base()) continue;
       if (row < order.free_count)
-        pull_.middleRows<3>(3 * Index(k)) += along * bound_.basis.weights.row(row);
+        pull_.middleRows<3>(3 * Index(k)) += along * functions.row(row);
       else if (role >= 0)
-        pull_.block<3, 4>(3 * Index(k), 4 * Index(role)) +=
-            along * handle_coordinates(mesh.positions, v, bound_.basis.centres, role);
+        pull_.block(3 * Index(k), coordinates.begin(role), 3, coordinates.count(role)) +=
+            along * coordinates.at(mesh.positions.row(v), role);
     }
     if (k < static_cast<int>(handles_.size())) around_.push_back(std::move(corners));
   }
@@ -240,18 +250,15 @@ void FreeTurns::gather(const std::vector<int>& cluster, int count) {
 
   // Wᵀ L W, its rows of free handles, a block of vertices at a time.
   constexpr int kBlock = 64;
-  energy_ = RowMatrix::Zero(4 * Index(handles_.size()), columns);
-  const auto own_columns = [&](int v, double factor, auto&& out) {
-    const int row = order.row_of_vertex[v], role = region.role[v];
-    for (size_t i = 0; i < handles_.size(); ++i) {
-      if (row < order.free_count)
-        out.template segment<4>(4 * Index(i)) +=
-            factor * bound_.basis.weights.template block<1, 4>(row, 4 * Index(handles_[i]));
-      else if (role == handles_[i])
-        out.template segment<4>(4 * Index(i)) +=
-            factor * handle_coordinates(mesh.positions, v, bound_.basis.centres, role);
-    }
-  };
+  std::vector<Index> own, own_begin(free_.size(), -1);
+  for (int h : handles_) {
+    own_begin[size_t(h)] = Index(own.size());
+    for (int k = 0; k < coordinates.count(h); ++k) own.push_back(coordinates.begin(h) + k);
+  }
+  RowMatrix own_space;
+  if (Index(own.size()) < columns) own_space = functions(Eigen::all, own);
+  const RowMatrix& own_functions = own_space.size() ? own_space : functions;
+  energy_ = RowMatrix::Zero(Index(own.size()), columns);
   RowMatrix left(kBlock, energy_.rows()), right(kBlock, columns);
   int filled = 0;
   const auto flush = [&] {
@@ -259,17 +266,23 @@ void FreeTurns::gather(const std::vector<int>& cluster, int count) {
     filled = 0;
   };
   for (int v = 0; v < mesh.vertex_count(); ++v) {
-    const int row = order.row_of_vertex[v], role = region.role[v];
-    if (role == kFixed) continue;
+    const int own_row = order.row_of_vertex[v], own_role = region.role[v];
+    if (own_role == kFixed) continue;
     left.row(filled).setZero();
-    for (SparseMatrix::InnerIterator it(bound_.operators.laplacian, v); it; ++it)
-      own_columns(static_cast<int>(it.row()), it.value(), left.row(filled));
-    if (row < order.free_count) {
-      right.row(filled) = bound_.basis.weights.row(row);
+    for (SparseMatrix::InnerIterator it(bound_.operators.laplacian, v); it; ++it) {
+      const int row = order.row_of_vertex[it.row()], role = region.role[it.row()];
+      if (row < order.free_count)
+        left.row(filled) += it.value() * own_functions.row(row);
+      else if (role >= 0 && own_begin[size_t(role)] >= 0)
+        left.row(filled).segment(own_begin[size_t(role)], coordinates.count(role)) +=
+            it.value() * coordinates.at(mesh.positions.row(it.row()), role);
+    }
+    if (own_row < order.free_count) {
+      right.row(filled) = functions.row(own_row);
     } else {
       right.row(filled).setZero();
-      right.block<1, 4>(filled, 4 * Index(role)) =
-          handle_coordinates(mesh.positions, v, bound_.basis.centres, role);
+      right.row(filled).segment(coordinates.begin(own_role), coordinates.count(own_role)) =
+          coordinates.at(mesh.positions.row(v), own_role);
     }
     if (++filled == kBlock) flush();
   }
@@ -338,55 +351,72 @@ void FreeTurns::find(std::vector<Affine>& motions, const Positions& pivots,
                      std::vector<double>& turns) const {
   const Index own = Index(handles_.size()), all = Index(free_.size());
   const Index clusters = at_rest_.rows() / 3;
-  const Positions& centres = bound_.basis.centres;
+  const HandleCoordinates& coordinates = bound_.coordinates;
   const Spread start = spread(motions, pivots, turns);
 
   // C = [(A − I)ᵀ; A o − o]: of a free handle Tᵀ X and where its pivot goes, X = (A − I)ᵀ and
-  // T = [I, o − pivot].
-  RowMatrix given = RowMatrix::Zero(4 * all, 3), X(3 * own, 3), pulled(3 * clusters, 3 * own);
-  RowMatrix stiffness(3 * own, 3 * own);
+  // T = [I, o − pivot]. A handle of one point that is its pivot has no X that moves anything.
+  struct Unknown {
+    Index begin;  // of its rows in energy_
+    int handle;
+    Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, 4> T;  // reduced
+  };
+  std::vector<Unknown> unknowns;
+  RowMatrix given = RowMatrix::Zero(4 * all, 3);
   std::vector<Eigen::Vector3d> placed;
-  std::vector<Eigen::Matrix<double, 3, 4>> T;
+  Index energy_row = 0;
   for (Index h = 0; h < all; ++h) {
-    const Eigen::Vector3d o = centres.row(h), pivot = pivots.row(h);
+    const Eigen::Vector3d o = coordinates.centres().row(h), pivot = pivots.row(h);
     const auto A = motions[size_t(h)].leftCols<3>();
     auto block = given.middleRows<4>(4 * h);
-    if (free_[size_t(h)]) {
-      placed.push_back(A * pivot + motions[size_t(h)].col(3));
-      T.emplace_back();
-      T.back() << Eigen::Matrix3d::Identity(), o - pivot;
-      block.row(3) = (placed.back() - pivot).transpose();
-    } else {
+    if (!free_[size_t(h)]) {
       block.topRows<3>() = A.transpose() - Eigen::Matrix3d::Identity();
       block.row(3) = (A * o + motions[size_t(h)].col(3) - o).transpose();
+      continue;
     }
+    placed.push_back(A * pivot + motions[size_t(h)].col(3));
+    block.row(3) = (placed.back() - pivot).transpose();
+    Eigen::Matrix<double, 3, 4> T;
+    T << Eigen::Matrix3d::Identity(), o - pivot;
+    const int handle = static_cast<int>(h);
+    Unknown unknown{energy_row, handle, T * coordinates.reduction(handle).transpose()};
+    if (!unknown.T.isZero()) unknowns.push_back(std::move(unknown));
+    energy_row += coordinates.count(handle);
   }
-  for (Index i = 0; i < own; ++i) {
-    pulled.middleCols<3>(3 * i) =
-        pull_.middleCols<4>(4 * Index(handles_[size_t(i)])) * T[size_t(i)].transpose();
-    for (Index k = 0; k < own; ++k)
+  const RowMatrix told = coordinates.reduced(given);
+  const RowMatrix from_given = energy_ * told;
+
+  const Index count = Index(unknowns.size());
+  RowMatrix X(3 * count, 3), pulled(3 * clusters, 3 * count), stiffness(3 * count, 3 * count);
+  RowMatrix forces(3 * count, 3);
+  for (Index i = 0; i < count; ++i) {
+    const auto& [begin, h, T] = unknowns[size_t(i)];
+    const Index width = T.cols();
+    pulled.middleCols<3>(3 * i) = pull_.middleCols(coordinates.begin(h), width) * T.transpose();
+    for (Index k = 0; k < count; ++k) {
+      const Unknown& other = unknowns[size_t(k)];
       stiffness.block<3, 3>(3 * i, 3 * k) =
-          T[size_t(i)] * energy_.block<4, 4>(4 * i, 4 * Index(handles_[size_t(k)])) *
-          T[size_t(k)].transpose();
-    X.middleRows<3>(3 * i) = start.rotations[size_t(i)].transpose() - Eigen::Matrix3d::Identity();
+          T * energy_.block(begin, coordinates.begin(other.handle), width, other.T.cols()) *
+          other.T.transpose();
+    }
+    forces.middleRows<3>(3 * i) = T * from_given.middleRows(begin, width);
+    const size_t place =
+        size_t(std::lower_bound(handles_.begin(), handles_.end(), h) - handles_.begin());
+    X.middleRows<3>(3 * i) = start.rotations[place].transpose() - Eigen::Matrix3d::Identity();
   }
-  stiffness.diagonal().array() += kStiffness * stiffness.diagonal().maxCoeff();
+  if (count > 0) stiffness.diagonal().array() += kStiffness * stiffness.diagonal().maxCoeff();
   const Eigen::LDLT<Eigen::MatrixXd> factor{Eigen::MatrixXd(stiffness)};
-  const RowMatrix covariances = at_rest_ + pull_ * given;
-  RowMatrix forces(3 * own, 3);
-  const RowMatrix from_given = energy_ * given;
-  for (Index i = 0; i < own; ++i)
-    forces.middleRows<3>(3 * i) = T[size_t(i)] * from_given.middleRows<4>(4 * i);
+  const RowMatrix covariances = at_rest_ + pull_ * told;
 
   RowMatrix rotations(3 * clusters, 3);  // R_kᵀ − I
-  const auto turn_clusters = [&](Index count) {
-    const RowMatrix now = covariances.topRows(3 * count) + pulled.topRows(3 * count) * X;
-    for (Index k = 0; k < count; ++k)
+  const auto turn_clusters = [&](Index wanted) {
+    const RowMatrix now = covariances.topRows(3 * wanted) + pulled.topRows(3 * wanted) * X;
+    for (Index k = 0; k < wanted; ++k)
       rotations.middleRows<3>(3 * k) =
           polar_rotation(now.middleRows<3>(3 * k).transpose()).transpose() -
           Eigen::Matrix3d::Identity();
   };
-  for (int step = 0; step < kMostSteps; ++step) {
+  for (int step = 0; step < kMostSteps && count > 0; ++step) {
     turn_clusters(clusters);
     const RowMatrix better = factor.solve(pulled.transpose() * rotations - forces);
     const RowMatrix change = better - X;

@@ -62,8 +62,8 @@ class FreeTurns {
   };
   std::vector<Part> parts_;
   RowMatrix weights_;  // f×h: harmonic, of the others at a free handle let go
-  RowMatrix energy_;   // 4f×4h, Wᵀ L W
-  RowMatrix pull_;     // 3k×4h, of each cluster Σ div(G_j) Wᵀ
+  RowMatrix energy_;   // Wᵀ L W, its rows of free handles
+  RowMatrix pull_;     // of each cluster Σ div(G_j) W, three rows
   RowMatrix at_rest_;  // 3k×3, the same with q for W
   struct Corner {
     int row;  // in order()

@@ -46,24 +46,6 @@ Eigen::Quaterniond quaternion_by(const Eigen::Vector3d& turn) {
 
 }  // namespace
 
-RowMatrix harmonic_weights(const BoundSurface& bound) {
-  const RowOrder& order = bound.order();
-  const int handles = bound.region.handle_count;
-  RowMatrix weights(order.free_count, handles);
-  // Three handles a solve: a right-hand side of the Poisson system has three columns.
-  for (int first = 0; first < handles; first += 3) {
-    Rows values = Rows::Zero(order.count(), 4);
-    for (int r = order.free_count; r < order.fixed_begin; ++r) {
-      const int column = bound.region.role[order.vertex_of_row[r]] - first;
-      if (column >= 0 && column < 3) values(r, column) = 1;
-    }
-    bound.poisson->extend(values);
-    const int count = std::min(3, handles - first);
-    weights.middleCols(first, count) = values.topLeftCorner(order.free_count, count);
-  }
-  return weights;
-}
-
 MotionBlend::MotionBlend(const BoundSurface& bound)
     : bound_(bound),
       terms_(RowMatrix::Zero(bound.region.handle_count, kTerms)),
@@ -73,7 +55,7 @@ MotionBlend::MotionBlend(const BoundSurface& bound)
   std::vector<int> counts(squares.size(), 0);
   for (int v : region.handle_vertices) {
     const int h = region.role[v];
-    squares[h] += (bound.mesh.positions.row(v) - bound.basis.centres.row(h)).squaredNorm();
+    squares[h] += (bound.mesh.positions.row(v) - bound.coordinates.centres().row(h)).squaredNorm();
     ++counts[h];
   }
   const double least =
@@ -82,9 +64,9 @@ MotionBlend::MotionBlend(const BoundSurface& bound)
     radii_.push_back(std::max(least, std::sqrt(squares[h] / counts[h])));
 }
 
-const RowMatrix& MotionBlend::weights() {
-  if (weights_.size() == 0) weights_ = harmonic_weights(bound_);
-  return weights_;
+HarmonicBlend& MotionBlend::harmonic() {
+  if (!harmonic_) harmonic_ = std::make_unique<HarmonicBlend>(bound_);
+  return *harmonic_;
 }
 
 void MotionBlend::take(const std::vector<Affine>& motions, const std::vector<double>& turns) {
@@ -98,7 +80,7 @@ void MotionBlend::take(const std::vector<Affine>& motions, const std::vector<dou
       throw Error(Status::argument, "The turn of handle " + std::to_string(h) + " is not finite.");
 
   const auto centre = [&](size_t h) -> Eigen::Vector3d {
-    return bound_.basis.centres.row(Index(h)).transpose();
+    return bound_.coordinates.centres().row(Index(h)).transpose();
   };
   Eigen::Vector3d reference_turn = Eigen::Vector3d::Zero();
   reference_shift_.setZero();
@@ -152,7 +134,8 @@ double MotionBlend::share(BaseDeformer deformer) const {
 void MotionBlend::find_rotations() {
   if (rotations_found_) return;
   const RowOrder& order = bound_.order();
-  const RowMatrix& harmonic = weights();
+  HarmonicBlend& harmonic = this->harmonic();
+  harmonic.take(terms_.leftCols<6>());
   const Eigen::Quaterniond first(reference_);
   if (rotations_.rows() == 0) {
     rotations_ = Rows::Zero(order.count(), 4);
@@ -163,11 +146,12 @@ void MotionBlend::find_rotations() {
                                  quaternion_by(Eigen::Map<const Eigen::Vector3d>(term + 3));
     rotations_.row(row) = q.coeffs().transpose();
   };
-  bound_.poisson->pool().parallel_for(
-      order.free_count, kLeastRange, [&](int64_t begin, int64_t end) {
-        const RowMatrix blended = harmonic.middleRows(begin, end - begin) * terms_.leftCols<6>();
-        for (int64_t r = begin; r < end; ++r) put(r, blended.row(r - begin).data());
-      });
+  bound_.poisson->pool().parallel_for(order.free_count, kLeastRange,
+                                      [&](int64_t begin, int64_t end) {
+                                        const RowMatrix blended = harmonic.rows(begin, end);
+                                        for (int64_t r = begin; r < end; ++r)
+                                          put(r, blended.row(r - begin).data());
+                                      });
   for (int r = order.free_count; r < order.fixed_begin; ++r)
     put(r, terms_.row(bound_.region.role[order.vertex_of_row[r]]).data());
   rotations_found_ = true;
@@ -180,40 +164,37 @@ void MotionBlend::move(const Rows& displacement, double share, Rows& base) {
   bound_.poisson->solve(
       of_base_->at_rest(), [&](int section, double* rows) { of_base_->add(section, rows); },
       solved_);
-  const RowMatrix& harmonic = weights();
-  const RowMatrix& linear = bound_.basis.weights;
+  HarmonicBlend& harmonic = this->harmonic();
+  harmonic.take(terms_.rightCols<28>());
+  kept_.setZero(bound_.order().free_count, 4);
+  bound_.extension.displace(coefficients_, kept_, kept_);  // Σ s W C
   const Eigen::Quaterniond first(reference_);
-  bound_.poisson->pool().parallel_for(
-      harmonic.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
-        const int64_t count = end - begin;
-        const Rows none = Rows::Zero(count, 4);
-        Rows kept(count, 4);  // Σ s W C, then less Σ s a (M q − q)
-        kernels().blend(static_cast<int>(count), static_cast<int>(linear.cols()),
-                        linear.row(begin).data(), coefficients_.data(), none.data(), kept.data());
-        const RowMatrix terms = harmonic.middleRows(begin, count) * terms_.rightCols<28>();
-        for (int64_t i = 0; i < count; ++i) {
-          const double* term = terms.row(i).data();
-          const auto changed = [&](int k, const Eigen::Vector3d& x) -> Eigen::Vector3d {
-            const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> change(term + k);
-            return change.leftCols<3>() * x + change.col(3);
-          };
-          const Eigen::Vector3d rest = bound_.rest_base.row(begin + i).head<3>();
-          const Eigen::Vector3d left = Eigen::Vector3d(kept.row(i).head<3>()) - changed(0, rest);
-          Eigen::Vector3d turned = rest + Eigen::Vector3d(solved_.row(begin + i).head<3>());
-          if (about_centres_ > 0) {
-            Eigen::Vector3d about = rest;  // far from all handles
-            if (term[27] > 1e-12) {
-              const Eigen::Vector3d centre =
-                  Eigen::Map<const Eigen::Vector3d>(term + 24) / term[27];
-              about = centre + changed(12, centre) +
-                      first.conjugate() * (quaternion(rotations_, begin + i) * (rest - centre));
-            }
-            turned += about_centres_ * (reference_ * about + reference_shift_ - turned);
-          }
-          auto row = base.row(begin + i).head<3>();
-          row += share * ((turned + reference_ * left).transpose() - row);
+  bound_.poisson->pool().parallel_for(kept_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    const RowMatrix terms = harmonic.rows(begin, end);
+    for (int64_t i = 0; i < end - begin; ++i) {
+      const double* term = terms.row(i).data();
+      const auto changed = [&](int k, const Eigen::Vector3d& x) -> Eigen::Vector3d {
+        const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> change(term + k);
+        return change.leftCols<3>() * x + change.col(3);
+      };
+      const Eigen::Vector3d rest = bound_.rest_base.row(begin + i).head<3>();
+      // Less Σ s a (M q − q).
+      const Eigen::Vector3d left =
+          Eigen::Vector3d(kept_.row(begin + i).head<3>()) - changed(0, rest);
+      Eigen::Vector3d turned = rest + Eigen::Vector3d(solved_.row(begin + i).head<3>());
+      if (about_centres_ > 0) {
+        Eigen::Vector3d about = rest;  // far from all handles
+        if (term[27] > 1e-12) {
+          const Eigen::Vector3d centre = Eigen::Map<const Eigen::Vector3d>(term + 24) / term[27];
+          about = centre + changed(12, centre) +
+                  first.conjugate() * (quaternion(rotations_, begin + i) * (rest - centre));
         }
-      });
+        turned += about_centres_ * (reference_ * about + reference_shift_ - turned);
+      }
+      auto row = base.row(begin + i).head<3>();
+      row += share * ((turned + reference_ * left).transpose() - row);
+    }
+  });
 }
 
 Turning MotionBlend::turning(BaseDeformer deformer) {
@@ -238,9 +219,9 @@ Turning MotionBlend::turning(BaseDeformer deformer) {
 
 double MotionBlend::bytes() const {
   const auto doubles =
-      weights_.size() + terms_.size() + coefficients_.size() + solved_.size() + rotations_.size();
-  return static_cast<double>(doubles) * sizeof(double) + (of_base_ ? of_base_->bytes() : 0) +
-         (of_surface_ ? of_surface_->bytes() : 0);
+      kept_.size() + terms_.size() + coefficients_.size() + solved_.size() + rotations_.size();
+  return static_cast<double>(doubles) * sizeof(double) + (harmonic_ ? harmonic_->bytes() : 0) +
+         (of_base_ ? of_base_->bytes() : 0) + (of_surface_ ? of_surface_->bytes() : 0);
 }
 
 }  // namespace dd

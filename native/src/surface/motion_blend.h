@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "surface/bound_surface.h"
+#include "surface/harmonic_blend.h"
 #include "surface/turned_flux.h"
 #include "surface/turning.h"
 
@@ -17,10 +17,6 @@ enum class BaseDeformer {
   linear = 1,     ///< the paper's: the smoothest displacement
   motions = 2     ///< see MotionBlend
 };
-
-/// Harmonic weights of the handles, F×h, rows in the surface's order: 1 at the vertices of a
-/// handle, 0 at all other constrained ones.
-RowMatrix harmonic_weights(const BoundSurface& bound);
 
 /// Beyond the paper: a linear base blends displacements, collapses where handles turn by half a
 /// turn and can't go beyond. Here their rotations are blended, R = R_0 exp(Σ a_h t_h) exp(Σ a_h
@@ -65,15 +61,15 @@ class MotionBlend {
   double bytes() const;
 
  private:
-  /// Made when they are first needed: most poses need none of it.
-  const RowMatrix& weights();
+  /// Made when it is first needed: most poses need none of it.
+  HarmonicBlend& harmonic();
   void find_rotations();
 
   const BoundSurface& bound_;
   std::vector<double> radii_;  // of handles, about their centres
-  RowMatrix weights_;          // a, F×h
+  std::unique_ptr<HarmonicBlend> harmonic_;
   std::unique_ptr<TurnedFlux> of_base_, of_surface_;
-  Rows solved_;
+  Rows solved_, kept_;
   // Of the present pose.
   Eigen::Matrix3d reference_ = Eigen::Matrix3d::Identity();  // R_0, and with it:
   Eigen::Vector3d reference_shift_ = Eigen::Vector3d::Zero();
@@ -81,7 +77,7 @@ class MotionBlend {
   /// and M − 1, its centre and 1.
   RowMatrix terms_;
   double about_centres_ = 1;  // λ
-  RowMatrix coefficients_;    // s C, as for HandleBasis
+  RowMatrix coefficients_;    // s C, as for HandleExtension
   double farthest_ = 0;       // the largest turn between handles, and fixed parts
   double largest_ = 0;        // the largest turn
   Rows rotations_;            // quaternions, in all rows

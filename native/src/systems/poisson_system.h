@@ -135,6 +135,8 @@ class PoissonSystem {
   /// with zero on the fixed ones.
   void extend(Rows& values);
 
+  /// Entries of the factor.
+  int64_t entries() const { return factor_->entries(); }
   /// Of L, and of every matrix of its pattern.
   std::shared_ptr<const SymbolicCholesky> symbolic() const { return factor_->shared_symbolic(); }
 

@@ -31,8 +31,9 @@ PolyharmonicSystem::PolyharmonicSystem(const SurfaceOperators& operators, const 
     : operators_(operators),
       region_(region),
       smoothness_(smoothness),
-      factor_(factor_free_block(block.sparse, region, tolerant(options)), block.vectors, block.core,
-              options.pool),
+      factor_(std::make_shared<UpdatedCholesky>(
+          factor_free_block(block.sparse, region, tolerant(options)), block.vectors, block.core,
+          options.pool)),
       pool_(options.pool) {}
 
 RowMatrix PolyharmonicSystem::extend(const RowMatrix& values) const {
@@ -44,7 +45,7 @@ RowMatrix PolyharmonicSystem::extend(const RowMatrix& values) const {
   double last = 1;
   for (int round = 0;; ++round) {
     const RowMatrix correction =
-        factor_.solve(free_rows(-apply_energy(operators_, x, smoothness_), region_), pool_);
+        factor_->solve(free_rows(-apply_energy(operators_, x, smoothness_), region_), pool_);
     for (int r = 0; r < region_.free_count(); ++r) x.row(region_.free[r]) += correction.row(r);
     const double change = correction.cwiseAbs().maxCoeff(), size = x.cwiseAbs().maxCoeff();
     // The next would change about as much less than this one as this one less than the last.

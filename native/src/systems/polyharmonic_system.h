@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <memory>
+
 #include "solver/updated_cholesky.h"
 #include "systems/energy_block.h"
 #include "systems/free_block.h"
@@ -21,18 +23,23 @@ class PolyharmonicSystem {
                      const EnergyBlock& block, const BlockOptions& options);
 
   /// For a system of the same region and smoothness.
-  std::shared_ptr<const SymbolicCholesky> symbolic() const { return factor_.shared_symbolic(); }
+  std::shared_ptr<const SymbolicCholesky> symbolic() const { return factor_->shared_symbolic(); }
 
   /// K_FF x_F = −K_FC x_C. values: n×k; only the rows of constrained vertices are read.
   /// Returns F×k, rows as in Region::free.
   /// Throws UnsolvableSurface where the solution can't be had to six digits.
   RowMatrix extend(const RowMatrix& values) const;
 
+  const SurfaceOperators& operators() const { return operators_; }
+  Smoothness smoothness() const { return smoothness_; }
+  /// K's own, which may outlive the system.
+  std::shared_ptr<const UpdatedCholesky> factor() const { return factor_; }
+
  private:
   const SurfaceOperators& operators_;
   const Region& region_;
   Smoothness smoothness_;
-  UpdatedCholesky factor_;
+  std::shared_ptr<const UpdatedCholesky> factor_;
   ThreadPool* pool_;
 };
 

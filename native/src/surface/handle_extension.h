@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "surface/handle_coordinates.h"
+#include "systems/handle_solve.h"
+#include "systems/poisson_system.h"
+
+namespace dd {
+
+/// What a bind keeps of K for its frames.
+enum class KeptOfEnergy {
+  cheaper,    ///< the factor beyond some number of functions, where one solve is exact enough
+  functions,  ///< W
+  factor
+};
+
+/// Affine motions of the handles displace the base by a field that is linear in their matrices (§6,
+/// after Botsch and Kobbelt 2004):
+///
+///   δq = W C,   C of HandleCoordinates.
+///
+/// The columns of W are a function for each coordinate: its extension by K, zero at all other
+/// constrained vertices. With few handles W is kept, and a frame needs no solve for its base. With
+/// many, where W would be more than half as large as K's factor, that is kept: a frame solves
+/// K δq = 0 with what C gives the handles' vertices, and a bind makes no functions at all.
+class HandleExtension {
+ public:
+  HandleExtension() = default;  ///< of nothing
+  /// positions: of S. order: of the free vertices. pool must outlive it. progress is told how far
+  /// it is, from 0 to 1. Throws UnsolvableSurface.
+  HandleExtension(const PolyharmonicSystem& bending, const HandleCoordinates& coordinates,
+                  const Region& region, const Positions& positions, const RowOrder& order,
+                  ThreadPool& pool, KeptOfEnergy kept = KeptOfEnergy::cheaper,
+                  const std::function<void(double)>& progress = {});
+
+  bool empty() const { return coordinates_.count() == 0; }
+  bool factor_kept() const { return solve_ != nullptr; }
+
+  /// The free rows of out become those of rest + δq, rows in order. coefficients: C of all handles,
+  /// 4h×4, the last column 0. out may be rest.
+  void displace(const RowMatrix& coefficients, const Rows& rest, Rows& out) const;
+
+  /// W, F×coordinates, rows in order; where it is not kept, made anew in space.
+  const RowMatrix& functions(RowMatrix& space) const;
+
+  double bytes() const;
+
+ private:
+  template <class Extend>
+  RowMatrix extended(const Extend& extend, const std::function<void(double)>& progress) const;
+
+  HandleCoordinates coordinates_;
+  SparseMatrix values_;           // of the coordinates at the handles' vertices
+  std::vector<int> row_of_free_;  // in order, of each free vertex as Region has them
+  ThreadPool* pool_ = nullptr;
+  RowMatrix functions_;                 // W
+  std::unique_ptr<HandleSolve> solve_;  // or this
+};
+
+}  // namespace dd

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "systems/handle_solve.h"
+
+#include <utility>
+
+namespace dd {
+
+namespace {
+
+/// For each vertex whether it is in the given set or has a neighbour there.
+std::vector<char> grown(const std::vector<char>& set, const SparseMatrix& laplacian) {
+  std::vector<char> result(set.size(), 0);
+  for (Index v = 0; v < laplacian.cols(); ++v) {
+    if (!set[v]) continue;
+    result[v] = 1;
+    for (SparseMatrix::InnerIterator it(laplacian, v); it; ++it) result[it.row()] = 1;
+  }
+  return result;
+}
+
+/// −K_FC for C the handles' vertices, in factors, the one that is applied first in front.
+std::vector<SparseMatrix> coupling(const SurfaceOperators& operators, const Region& region,
+                                   Smoothness smoothness) {
+  const int order = static_cast<int>(smoothness);
+  const size_t n = region.role.size();
+  std::vector<char> free(n, 0);
+  for (int v : region.free) free[v] = 1;
+  std::vector<std::vector<char>> felt{free};  // what reaches free vertices in so many steps
+  for (int k = 1; k < order; ++k) felt.push_back(grown(felt.back(), operators.laplacian));
+
+  // Places of the vertices that a step begins at.
+  std::vector<int> from(n, -1);
+  Index columns = 0;
+  for (int v : region.handle_vertices) from[v] = static_cast<int>(columns++);
+  std::vector<SparseMatrix> steps;
+  for (int k = 1; k <= order; ++k) {
+    std::vector<char> begin(n, 0);
+    for (size_t v = 0; v < n; ++v) begin[v] = from[v] >= 0;
+    const std::vector<char> reached = grown(begin, operators.laplacian);
+    std::vector<int> to(n, -1);
+    Index rows = 0;
+    if (k == order) {
+      to = region.row;
+      rows = region.free_count();
+    } else {
+      for (size_t v = 0; v < n; ++v)
+        if (reached[v] && felt[size_t(order - k)][v]) to[v] = static_cast<int>(rows++);
+    }
+    std::vector<Eigen::Triplet<double>> entries;
+    for (size_t v = 0; v < n; ++v) {
+      if (from[v] < 0) continue;
+      for (SparseMatrix::InnerIterator it(operators.laplacian, Index(v)); it; ++it)
+        if (to[it.row()] >= 0)
+          entries.emplace_back(to[it.row()], from[v],
+                               k == order ? -it.value() : it.value() / operators.masses[it.row()]);
+    }
+    steps.emplace_back(rows, columns);
+    steps.back().setFromTriplets(entries.begin(), entries.end());
+    from = std::move(to);
+    columns = rows;
+  }
+  return steps;
+}
+
+}  // namespace
+
+HandleSolve::HandleSolve(const PolyharmonicSystem& bending, const Region& region, ThreadPool* pool)
+    : factor_(bending.factor()),
+      steps_(coupling(bending.operators(), region, bending.smoothness())),
+      pool_(pool) {}
+
+RowMatrix HandleSolve::extend(const RowMatrix& values) const {
+  RowMatrix force = steps_.front() * values;
+  for (size_t k = 1; k < steps_.size(); ++k) force = RowMatrix(steps_[k] * force);
+  return factor_->solve(force, pool_);
+}
+
+void HandleSolve::add_extended(const Rows& values, const std::vector<int>& row_of_free,
+                               const Rows& rest, Rows& out) {
+  Rows force = values;
+  for (const SparseMatrix& step : steps_) force = Rows(step * force);
+  const auto add = [&](int free, const double* x) {
+    const Index row = row_of_free[size_t(free)];
+    for (int c = 0; c < 3; ++c) out(row, c) = rest(row, c) + x[c];
+  };
+  if (!factor_->plain()) {
+    const RowMatrix moved = factor_->solve(force, pool_);
+    for (Index r = 0; r < moved.rows(); ++r) add(static_cast<int>(r), moved.row(r).data());
+    return;
+  }
+  const SparseCholesky& factor = factor_->factor();
+  const std::vector<int>& order = factor.order();
+  if (panel_.rows() == 0) panel_ = Rows::Zero(factor.symbolic().slotted_size(), 4);
+  for (size_t k = 0; k < order.size(); ++k) panel_.row(Index(k)) = force.row(order[k]);
+  factor.solve_in_order(
+      panel_.data(), space_, pool_, [](int) {},
+      [&](int begin, int end, const auto* x) {
+        for (int k = begin; k < end; ++k, x += 4) {
+          const double moved[3] = {double(x[0]), double(x[1]), double(x[2])};
+          add(order[size_t(k)], moved);
+        }
+      });
+}
+
+double HandleSolve::bytes() const {
+  double sum = factor_->bytes() + static_cast<double>(panel_.size()) * sizeof(double) +
+               static_cast<double>(space_.full.size()) * sizeof(double);
+  for (const SparseMatrix& step : steps_)
+    sum += static_cast<double>(step.nonZeros()) * (sizeof(double) + sizeof(int));
+  return sum;
+}
+
+}  // namespace dd

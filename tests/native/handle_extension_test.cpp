@@ -1,0 +1,294 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "surface/handle_extension.h"
+
+#include <Eigen/Dense>
+
+#include "catch.h"
+#include "deform.h"
+#include "dense_reference.h"
+#include "meshes.h"
+#include "surface/base_surface.h"
+#include "surface/harmonic_blend.h"
+#include "systems/free_block.h"
+
+using namespace dd;
+
+namespace {
+
+struct Bound {
+  Mesh mesh = test::rough_sphere(3, 0.1);
+  std::vector<int> roles;
+  SurfaceOperators operators;
+  Region region;
+  Bound() {
+    roles = test::roles_by_height(mesh, -0.6, 0.75);
+    for (Index v = 0; v < mesh.positions.rows(); ++v)
+      if (mesh.positions(v, 0) > 0.9) roles[v] = 1;
+    operators = surface_operators(mesh.positions, mesh.triangles);
+    region = split_region(mesh, roles, 2);
+  }
+};
+
+/// Rows as in Region::free.
+RowOrder plain_order(const Region& region) {
+  RowOrder order;
+  order.vertex_of_row = region.free;
+  order.row_of_vertex = region.row;
+  order.free_count = region.free_count();
+  return order;
+}
+
+}  // namespace
+
+TEST_CASE("the base solves L M⁻¹ L q = 0 and keeps constrained vertices") {
+  const Bound b;
+  const int n = b.mesh.vertex_count();
+  const PolyharmonicSystem bending(b.operators, b.region);
+  const Positions q = base_surface(bending, b.region, b.mesh.positions);
+  const SparseMatrix& L = b.operators.laplacian;
+  const Eigen::VectorXd inverse_masses = b.operators.masses.cwiseInverse();
+  const RowMatrix residual = L * RowMatrix(inverse_masses.asDiagonal() * RowMatrix(L * q));
+  const RowMatrix size =
+      L * RowMatrix(inverse_masses.asDiagonal() * RowMatrix(L * b.mesh.positions));
+  for (int v = 0; v < n; ++v) {
+    if (b.region.row[v] >= 0)
+      CHECK(residual.row(v).norm() < 1e-9 * size.norm());
+    else
+      CHECK(q.row(v) == b.mesh.positions.row(v));
+  }
+
+  const auto dense = test::dense_operators(b.mesh.positions, b.mesh.triangles);
+  const Positions expected =
+      test::dense_solve(dense.L * dense.M.inverse() * dense.L, b.mesh.positions, b.roles,
+                        Eigen::MatrixXd::Zero(n, 3));
+  CHECK(test::largest_difference(q, expected) < 1e-9);
+}
+
+TEST_CASE("the handles' extension is K's own solution, by functions and by a solve") {
+  const Bound b;
+  ThreadPool pool(2);
+  const HandleCoordinates coordinates(b.region, b.mesh.positions);
+  REQUIRE(coordinates.count() == 8);
+  std::srand(9);
+  const test::Affine handles[2] = {test::Affine::Random(), test::Affine::Random()};
+  RowMatrix delta = RowMatrix::Zero(b.mesh.vertex_count(), 3);
+  RowMatrix coefficients = RowMatrix::Zero(8, 4);
+  for (int h = 0; h < 2; ++h) {
+    const Eigen::Matrix3d change = handles[h].leftCols<3>() - Eigen::Matrix3d::Identity();
+    const Eigen::Vector3d centre = coordinates.centres().row(h);
+    coefficients.block<3, 3>(4 * h, 0) = change.transpose();
+    coefficients.block<1, 3>(4 * h + 3, 0) = (change * centre + handles[h].col(3)).transpose();
+  }
+  for (int v : b.region.handle_vertices)
+    delta.row(v) = test::transformed(handles[b.region.role[v]], b.mesh.positions.row(v)) -
+                   b.mesh.positions.row(v);
+  const RowOrder order = plain_order(b.region);
+  for (Smoothness smoothness :
+       {Smoothness::membrane, Smoothness::thin_plate, Smoothness::curvature_variation}) {
+    const PolyharmonicSystem bending(b.operators, b.region, smoothness);
+    const RowMatrix direct = bending.extend(delta);
+    for (KeptOfEnergy kept : {KeptOfEnergy::functions, KeptOfEnergy::factor}) {
+      INFO("order " << static_cast<int>(smoothness) << ", kept " << static_cast<int>(kept));
+      const HandleExtension extension(bending, coordinates, b.region, b.mesh.positions, order, pool,
+                                      kept);
+      REQUIRE(extension.factor_kept() == (kept == KeptOfEnergy::factor));
+      Rows moved = Rows::Constant(b.region.free_count(), 4, 0.5);
+      for (int k = 0; k < 2; ++k) extension.displace(coefficients, moved, moved);
+      CHECK((moved.leftCols<3>() - 2 * direct).cwiseAbs().maxCoeff() == Approx(0.5).margin(1e-8));
+      CHECK((moved.leftCols<3>() - 2 * direct).cwiseAbs().minCoeff() == Approx(0.5).margin(1e-8));
+      RowMatrix space;
+      CHECK(
+          (extension.functions(space) * coefficients.leftCols<3>() - direct).cwiseAbs().maxCoeff() <
+          1e-8);
+    }
+  }
+}
+
+TEST_CASE("a flat handle, one in a line and one of one point take fewer functions") {
+  const Mesh plane = test::grid(13, 13, [](double x, double y) { return 0.1 * x * y; });
+  // A bent patch, three vertices, two and one.
+  std::vector<int> roles(169, kFree);
+  for (int v : {0, 1, 2, 13, 14, 15}) roles[v] = 0;
+  for (int v : {10, 12, 25}) roles[v] = 1;
+  for (int v : {90, 92}) roles[v] = 2;
+  roles[160] = 3;
+  const Region region = split_region(plane, roles, 4);
+  const HandleCoordinates coordinates(region, plane.positions);
+  const int expected[4] = {4, 3, 2, 1};
+  for (int h = 0; h < 4; ++h) CHECK(coordinates.count(h) == expected[h]);
+
+  std::srand(3);
+  const RowMatrix C = RowMatrix::Random(16, 4);
+  const RowMatrix reduced = coordinates.reduced(C);
+  for (int v : region.handle_vertices) {
+    const int h = roles[size_t(v)];
+    Eigen::RowVector4d all;
+    all << plane.positions.row(v) - coordinates.centres().row(h), 1;
+    const auto own = coordinates.at(plane.positions.row(v), h);
+    CHECK((own * coordinates.reduction(h) - all).norm() < 1e-15);
+    CHECK((own * reduced.middleRows(coordinates.begin(h), coordinates.count(h)) -
+           all * C.middleRows<4>(4 * h))
+              .norm() < 1e-14);
+  }
+}
+
+TEST_CASE("a handle's functions are 1 and its coordinates when everything constrained is in it") {
+  Bound b;
+  for (int& role : b.roles) role = role == kFree ? kFree : 0;
+  b.region = split_region(b.mesh, b.roles, 1);
+  ThreadPool pool(1);
+  const PolyharmonicSystem bending(b.operators, b.region);
+  const HandleCoordinates coordinates(b.region, b.mesh.positions);
+  const Positions q = base_surface(bending, b.region, b.mesh.positions);
+  for (KeptOfEnergy kept : {KeptOfEnergy::functions, KeptOfEnergy::factor}) {
+    const HandleExtension extension(bending, coordinates, b.region, b.mesh.positions,
+                                    plain_order(b.region), pool, kept);
+    RowMatrix space;
+    const RowMatrix& functions = extension.functions(space);
+    for (int r = 0; r < b.region.free_count(); ++r) {
+      CHECK(functions(r, 3) == Approx(1).epsilon(1e-9));
+      const Eigen::RowVector3d arm = q.row(b.region.free[r]) - coordinates.centres().row(0);
+      CHECK((functions.row(r).head<3>() - arm).norm() < 1e-9);
+    }
+  }
+}
+
+namespace {
+
+/// A handle of its own for every fifth vertex.
+struct ManyHandles {
+  explicit ManyHandles(int levels) : mesh(test::rough_sphere(levels, 0.15)) {
+    roles.assign(size_t(mesh.vertex_count()), kFree);
+    std::srand(4);
+    for (int v = 0; v < mesh.vertex_count(); v += 5) {
+      if (mesh.positions(v, 2) < -0.6) {
+        roles[size_t(v)] = kFixed;
+        continue;
+      }
+      roles[size_t(v)] = count();
+      motions.push_back(test::identity() + 0.2 * test::Affine::Random());
+    }
+  }
+  int count() const { return static_cast<int>(motions.size()); }
+
+  Mesh mesh;
+  std::vector<int> roles;
+  std::vector<test::Affine> motions;
+};
+
+}  // namespace
+
+TEST_CASE("with a handle for every fifth vertex a frame solves for its base") {
+  const ManyHandles many(3);
+  const int count = many.count();
+  const Region region = split_region(many.mesh, many.roles, count);
+  ThreadPool pool(2);
+  // K on S itself moves the surface where nothing but displacements is blended.
+  const Positions displaced =
+      test::dense_transfer(many.mesh, many.roles, many.motions, false, true).variational;
+  for (BaseMetric metric : {BaseMetric::surface, BaseMetric::base}) {
+    const BoundSurface bound(many.mesh, region, test::as_given(metric), pool, {});
+    REQUIRE(bound.extension.factor_kept());
+    Deformer deformer(many.mesh, many.roles, count, test::as_given(metric));
+    for (bool rotation_only : {true, false}) {
+      const auto dense = test::dense_transfer(many.mesh, many.roles, many.motions,
+                                              metric == BaseMetric::base, rotation_only);
+      const Positions result = test::surface(deformer, many.motions, rotation_only);
+      CHECK(test::largest_difference(result, dense.surface) < 1e-8);
+      CHECK(test::largest_difference(deformer.deformed_base(), dense.base_deformed) < 1e-8);
+    }
+    const UpdateOptions variational = test::by(MethodKind::variational);
+    CHECK(test::largest_difference(test::surface(deformer, many.motions, variational), displaced) <
+          1e-8);
+  }
+}
+
+TEST_CASE("many handles: the number of threads changes nothing", "[threads]") {
+  const ManyHandles many(5);
+  BindOptions bind;
+  bind.precision = Precision::single;
+  bind.threads = 1;
+  Deformer alone(many.mesh, many.roles, many.count(), bind);
+  bind.threads = 4;
+  Deformer shared(many.mesh, many.roles, many.count(), bind);
+  UpdateOptions options = test::usual();
+  for (BaseDeformer base : {BaseDeformer::linear, BaseDeformer::motions}) {
+    options.base_deformer = base;
+    CHECK(test::surface(alone, many.motions, options) ==
+          test::surface(shared, many.motions, options));
+  }
+  options.free.assign(size_t(many.count()), 1);
+  CHECK(test::surface(alone, many.motions, options) ==
+        test::surface(shared, many.motions, options));
+}
+
+TEST_CASE("values of many handles spread harmonically as by their weights") {
+  Mesh mesh = test::rough_sphere(3, 0.15);
+  std::vector<int> roles(size_t(mesh.vertex_count()), kFree);
+  int count = 0;
+  for (int v = 0; v < mesh.vertex_count(); v += 4)
+    roles[size_t(v)] = mesh.positions(v, 2) < -0.6 ? kFixed : count++;
+  const Region region = split_region(mesh, roles, count);
+  ThreadPool pool(1);
+  const BoundSurface bound(mesh, region, {}, pool, {});
+  const int free_count = bound.order().free_count;
+  REQUIRE(Index(count) * free_count > bound.poisson->entries());
+  HarmonicBlend blend(bound);
+  std::srand(5);
+  const RowMatrix values = RowMatrix::Random(count, 7);
+  blend.take(values);
+  const RowMatrix expected = harmonic_weights(bound) * values;
+  CHECK((blend.rows(0, free_count) - expected).cwiseAbs().maxCoeff() < 1e-12);
+  CHECK((blend.rows(10, 20) - expected.middleRows(10, 10)).cwiseAbs().maxCoeff() < 1e-12);
+}
+
+TEST_CASE("each order of smoothness solves its own energy") {
+  const Bound b;
+  const auto dense = test::dense_operators(b.mesh.positions, b.mesh.triangles);
+  const Eigen::MatrixXd step = dense.M.inverse() * dense.L;
+  const Eigen::MatrixXd none = Eigen::MatrixXd::Zero(b.mesh.vertex_count(), 3);
+  Eigen::MatrixXd energy = dense.L;
+  for (Smoothness smoothness :
+       {Smoothness::membrane, Smoothness::thin_plate, Smoothness::curvature_variation}) {
+    const PolyharmonicSystem bending(b.operators, b.region, smoothness);
+    const Positions q = base_surface(bending, b.region, b.mesh.positions);
+    const Positions expected = test::dense_solve(energy, b.mesh.positions, b.roles, none);
+    CHECK(test::largest_difference(q, expected) < 1e-8);
+    energy = energy * step;
+  }
+}
+
+TEST_CASE("a border's slope and curvature are continued as far as the order says") {
+  // Over a flat grid, values of a polynomial in x outside the region: the solution between is the
+  // spline of the order, exact for polynomials below twice the order.
+  const int side = 41;
+  const Mesh flat = test::grid(side, side, [](double, double) { return 0.0; });
+  // Free between two strips; at the upper and lower border the natural conditions rule.
+  const Region region = split_region(flat, test::strip_roles(side, side, 12, side - 12), 1);
+  const auto operators = surface_operators(flat.positions, flat.triangles);
+  double last = 1;
+  for (Smoothness smoothness :
+       {Smoothness::membrane, Smoothness::thin_plate, Smoothness::curvature_variation}) {
+    RowMatrix values = flat.positions.col(0).array().pow(4).matrix();
+    const RowMatrix free = PolyharmonicSystem(operators, region, smoothness).extend(values);
+    double worst = 0;
+    for (int r = 0; r < region.free_count(); ++r)
+      worst = std::max(worst, std::abs(free(r, 0) - values(region.free[r], 0)));
+    CHECK(worst < 0.5 * last);
+    last = worst;
+  }
+}
+
+TEST_CASE("a long strip that is held at one end keeps its digits, or is refused beyond them") {
+  const auto extended = [](int length) {
+    Mesh ribbon = test::grid(length, 2, [](double, double) { return 0.0; });
+    ribbon.positions.col(0) *= length - 1;
+    const Region region = split_region(ribbon, test::strip_roles(length, 2, 0, length - 3), 1);
+    const auto operators = surface_operators(ribbon.positions, ribbon.triangles);
+    return PolyharmonicSystem(operators, region).extend(RowMatrix::Ones(ribbon.vertex_count(), 1));
+  };
+  // A constant is its own extension.
+  CHECK((extended(5000).array() - 1).abs().maxCoeff() < 1e-9);
+  // The pivots of its energy fall with the cube of the length, below the rounding of double.
+  CHECK_THROWS_AS(extended(40000), UnsolvableSurface);
+}
