@@ -57,6 +57,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     if wait or bound.cache.find(signature):
         life.finish(bound, signature)
         life.refresh(ob, depsgraph, force=True)
+        life.take_in(ob, depsgraph.view_layer)
     life.drop_unused()
 
 

@@ -191,10 +191,9 @@ class Frame:
     def written(self, record, wait):
         """Notes the facts of what is shown now, and sees to the slow result. wait: for it, and without a window."""
         of = self._ob.detail_deform
-        record.only_moved = [
-            handle.name
-            for handle, motion, free in zip(handle_matrices.enabled_handles(of), self._motions, self._free)
-            if not free and handle_matrices.only_moves(motion)]
+        handles = handle_matrices.enabled_handles(of)
+        record.only_moved = [handles[number].name for number in
+                             np.flatnonzero(handle_matrices.only_move(self._motions) & ~self._free)]
         if of.method == 'EXAMPLES':
             record.example_weights = self._deformer.example_weights().tolist()
             if not wait:

@@ -17,7 +17,7 @@ def note(members, edited):
     """edited: data-blocks whose geometry was changed."""
     for ob in members:
         others = life.kind_of(ob).others(ob)
-        if ob.data in edited or any(other.data in edited for other in others):
+        if not life.is_known(ob) and (ob.data in edited or any(other.data in edited for other in others)):
             _edited(ob)  # the object alone is tagged by whatever its modifiers depend on
         base = ob.detail_deform.base_object
         if base and base.data in edited:

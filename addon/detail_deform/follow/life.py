@@ -25,6 +25,7 @@ from . import bound, drag, fed, placed, problem_vertices, registry, shown, slow_
 KINDS = (fed, bound)
 
 _POLL_SECONDS = 0.1
+_known = None  # the object whose content nobody needs to compare: see take_in()
 
 when_stale = []  # called where an object is found to differ from what was bound
 
@@ -119,6 +120,21 @@ def wait(ob, depsgraph):
     if kind and kind.cache.under_way(kind.content_of(ob)):
         finish(kind, kind.content_of(ob))
         refresh(ob, depsgraph)
+
+
+def take_in(ob, view_layer):
+    """Has Blender take in at once what was written to an object whose content is known to be what it was made for:
+    of its own update it would look like an edit, and all would be compared again."""
+    global _known
+    _known = ob
+    try:
+        view_layer.update()
+    finally:
+        _known = None
+
+
+def is_known(ob):
+    return ob == _known
 
 
 def settle(ob):

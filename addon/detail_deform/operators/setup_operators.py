@@ -42,9 +42,19 @@ class OBJECT_OT_detail_deform_handle_add(MeshOperator, bpy.types.Operator):
     bl_description = ("Add a handle with a new empty at the middle of its vertices. In Edit Mode it takes "
                       "the selected vertices, else those of the given vertex group")
 
+    @classmethod
+    def description(cls, context, properties):
+        return {'ISLAND': "Add a handle for each part of the selection that edges hold together",
+                'VERTEX': "Add a handle for each selected vertex"}.get(properties.each, cls.bl_description)
+
     vertex_group: StringProperty(
         name="Vertex Group", options={'SKIP_SAVE'},
         description="Group of the handle's vertices, outside Edit Mode; the active group when empty")
+    each: EnumProperty(
+        name="Handles", options={'SKIP_SAVE'}, description="How many handles the selected vertices become",
+        items=[('SELECTION', "One", "One handle of all selected vertices"),
+               ('ISLAND', "For Each Island", "A handle for each part of the selection that edges hold together"),
+               ('VERTEX', "For Each Vertex", "A handle for each selected vertex")])
     align: BoolProperty(
         name="Align to Normal", default=True,
         description="Let the empty's Z axis point away from the surface; off: along the world's")
@@ -53,7 +63,7 @@ class OBJECT_OT_detail_deform_handle_add(MeshOperator, bpy.types.Operator):
         description="Make the empty a child of the object, so that moving the object takes it along")
 
     def run(self, context, ob):
-        handle_setup.add_handle(context, ob, self.vertex_group, self.parented, self.align)
+        handle_setup.add_handles(context, ob, self.vertex_group, self.each, self.parented, self.align)
 
 
 class OBJECT_OT_detail_deform_handle_remove(_HandleOperator, bpy.types.Operator):

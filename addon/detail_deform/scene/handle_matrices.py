@@ -23,56 +23,74 @@ def in_scene(ob, depsgraph):
 
 
 def evaluated_world(ob, depsgraph, what):
-    evaluated = ob.evaluated_get(depsgraph)
-    if not in_scene(ob, depsgraph):
-        raise MeshProblem(f"{what} '{ob.name}' is not in this scene, or is disabled or excluded so that "
-                          "its place is not known: bring it back, or choose another one.")
-    world = np.array(evaluated.matrix_world, np.float64)
-    if not np.isfinite(world).all():
+    return _evaluated_worlds([(ob, what)], depsgraph)[0]
+
+
+def _evaluated_worlds(named, depsgraph):
+    """(k, 4, 4) float64 of [(object, what it is)]. Raises MeshProblem."""
+    worlds = np.empty((len(named), 4, 4))
+    for number, (ob, what) in enumerate(named):
+        if not in_scene(ob, depsgraph):
+            raise MeshProblem(f"{what} '{ob.name}' is not in this scene, or is disabled or excluded so that "
+                              "its place is not known: bring it back, or choose another one.")
+        worlds[number] = ob.evaluated_get(depsgraph).matrix_world
+    for number in np.flatnonzero(~np.isfinite(worlds).all(axis=(1, 2))):
+        ob, what = named[number]
         raise MeshProblem(f"{what} '{ob.name}' has a location, rotation or scale that is not a finite number: set it "
                           "anew, or look at what moves it.")
-    return world
+    return worlds
 
 
-def inverse_or_refuse(matrix, sentence):
-    # A scale of 1e-6 is a legal, if odd, unit; one of zero leaves nothing to divide by.
-    if abs(np.linalg.det(matrix[:3, :3])) < 1e-30:
+def _flat(matrices):
+    """(...) bool: which of these have no inverse. A scale of 1e-6 is a legal, if odd, unit; one of zero leaves nothing to
+    divide by."""
+    with np.errstate(invalid='ignore'):  # what is not a number shows in what is made of it
+        return np.abs(np.linalg.det(matrices[..., :3, :3])) < 1e-30
+
+
+def _inverse_or_refuse(matrix, sentence):
+    if _flat(matrix):
         raise MeshProblem(sentence)
     return np.linalg.inv(matrix)
 
 
 def world_to_local(ob, depsgraph):
     """(4, 4): the inverse of the object's evaluated world matrix."""
-    return inverse_or_refuse(evaluated_world(ob, depsgraph, "Object"),
+    return _inverse_or_refuse(evaluated_world(ob, depsgraph, "Object"),
                              f"'{ob.name}' has a scale of zero: give it a size.")
 
 
 def local_places(ob, depsgraph):
     """(h, 4, 4) float32: the place of each enabled handle's empty in the object's own space,
     evaluated; of a bone's, before the bone's pose. Raises MeshProblem naming the handle."""
-    to_local = world_to_local(ob, depsgraph)
     handles = enabled_handles(ob.detail_deform)
+    own = [number for number, handle in enumerate(handles) if not handle.mirrors]
     places = np.empty((len(handles), 4, 4), np.float32)
-    for number, handle in enumerate(handles):
-        if handle.mirrors:
-            places[number] = np.eye(4)  # it has no place of its own
-            continue
-        if handle.target is None:
-            raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
-                              "one in Empty (Handles).")
-        places[number] = _local_place(ob, handle, to_local, depsgraph)
+    places[:] = np.eye(4)  # of one that mirrors another: it has no place of its own
+    places[own] = places_of(ob, [handles[number] for number in own], depsgraph)
     return places
 
 
 def local_place(ob, handle, depsgraph):
     """(4, 4) float64: of one."""
-    return _local_place(ob, handle, world_to_local(ob, depsgraph), depsgraph)
+    return places_of(ob, [handle], depsgraph)[0]
 
 
-def _local_place(ob, handle, to_local, depsgraph):
-    place = to_local @ evaluated_world(handle.target, depsgraph, f"Handle '{handle.name}': empty")
-    pose = skin.pose_of(ob, handle.target, depsgraph)
-    return inverse_or_refuse(pose, f"Handle '{handle.name}': the bone of its empty has a scale of zero.") @ place
+def places_of(ob, handles, depsgraph):
+    """(k, 4, 4) float64: of some that have empties."""
+    to_local = world_to_local(ob, depsgraph)
+    for handle in handles:
+        if handle.target is None:
+            raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
+                              "one in Empty (Handles).")
+    places = to_local @ _evaluated_worlds([(handle.target, f"Handle '{handle.name}': empty") for handle in handles],
+                                          depsgraph)
+    for number, handle in enumerate(handles):
+        if handle.target.parent_type == 'BONE':
+            pose = skin.pose_of(ob, handle.target, depsgraph)
+            places[number] = _inverse_or_refuse(
+                pose, f"Handle '{handle.name}': the bone of its empty has a scale of zero.") @ places[number]
+    return places
 
 
 def mirrored(handles):
@@ -99,12 +117,26 @@ def motions(settings, places):
     together with its empties moves no vertex. They are single precision on both sides, so that an
     empty that did not move gives the identity to the last digit.
     """
-    result = np.empty((len(places), 3, 4))
-    for number, (handle, place) in enumerate(zip(enabled_handles(settings), _with_mirrored(settings, places))):
-        inverse = inverse_or_refuse(rest(handle), f"Handle '{handle.name}': its empty had a scale of zero when it was "
-                                 "bound. Give it a size, then press Unbind and Bind.")
-        result[number] = (place @ inverse)[:3]
-    return result
+    rests = _rests(settings)
+    for number in np.flatnonzero(_flat(rests)):
+        raise MeshProblem(f"Handle '{enabled_handles(settings)[number].name}': its empty had a scale of zero when it was "
+                          "bound. Give it a size, then press Unbind and Bind.")
+    return (_with_mirrored(settings, places) @ np.linalg.inv(rests))[:, :3]
+
+
+def _of_enabled(settings, name, size):
+    """(h, size) float64: an array that each enabled handle has under this name."""
+    values = np.empty(size * len(settings.handles), np.float32)
+    settings.handles.foreach_get(name, values)
+    enabled = [number for number, handle in enumerate(settings.handles) if handle.enabled]
+    return values.reshape(-1, size)[enabled].astype(np.float64)
+
+
+def _rests(settings):
+    """(h, 4, 4) float64: rest() of each enabled handle."""
+    rests = _of_enabled(settings, 'rest_matrix', 16)
+    rests[~rests.any(axis=1)] = np.eye(4).ravel()
+    return rests.reshape(-1, 4, 4)
 
 
 def _with_mirrored(settings, places):
@@ -123,9 +155,10 @@ def _mirrored_place(handle, source, place):
     return flip @ place @ np.linalg.inv(home(source)) @ flip
 
 
-def only_moves(motion):
-    """Whether a (3, 4) motion is a translation, to what single precision leaves of one."""
-    return bool(np.abs(motion[:, :3] - np.eye(3)).max() < 1e-5 and np.abs(motion[:, 3]).max() > 0)
+def only_move(motions):
+    """(h,) bool: which of these (h, 3, 4) motions are translations, to what single precision leaves of one."""
+    turned = np.abs(motions[:, :, :3] - np.eye(3)).max(axis=(1, 2), initial=0)
+    return (turned < 1e-5) & motions[:, :, 3].any(axis=1)
 
 
 def free(settings):
@@ -140,7 +173,7 @@ def free(settings):
 def pivots(settings):
     """(h, 3) float64: where each handle's empty was bound, in the object's own space."""
     handles = enabled_handles(settings)
-    result = np.array([rest(handle)[:3, 3] for handle in handles], np.float64).reshape(-1, 3)
+    result = _rests(settings)[:, :3, 3].copy()
     for number, source in mirrored(handles):
         mirror = rest(handles[number]) @ reflection(handles[number].mirror_axis)
         result[number] = (mirror @ home(handles[source])[:, 3])[:3]
@@ -186,10 +219,11 @@ def set_home(handle, matrix):
 
 def check_rest(settings, places):
     """Raises MeshProblem where the present places can't be rest."""
-    for handle, place in zip(enabled_handles(settings), places.astype(np.float64)):
-        if not handle.mirrors:
-            inverse_or_refuse(place, f"Handle '{handle.name}': its empty has a scale of zero. Give it a size, then "
-                                     "press Bind.")
+    handles = enabled_handles(settings)
+    for number in np.flatnonzero(_flat(places.astype(np.float64))):
+        if not handles[number].mirrors:
+            raise MeshProblem(f"Handle '{handles[number].name}': its empty has a scale of zero. Give it a size, then "
+                              "press Bind.")
 
 
 def store_rest(settings, places, only_new):
@@ -240,25 +274,40 @@ def turns(settings, places, depsgraph):
     where the rotation is told in another way: a matrix alone can't tell whole turns apart."""
     result = np.zeros((len(places), 3))
     handles = enabled_handles(settings)
+    rests = _of_enabled(settings, 'rest_euler', 3)
     for number, handle in enumerate(handles):
         if handle.mirrors:
             continue
         target = handle.target.evaluated_get(depsgraph)
         if target.rotation_mode in {'QUATERNION', 'AXIS_ANGLE'}:
             continue
+        euler = np.array(target.rotation_euler)
+        change = euler - rests[number]
+        if not change.any():
+            continue
         basis = np.array(target.matrix_basis)[:3, :3]
-        if abs(np.linalg.det(basis)) < 1e-30:
+        if _flat(basis):
             continue  # without size there is nothing to turn
         # From the empty's parent space to the object's. Of axes of rotation, which a mirror turns round.
         space = places[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis)
-        side = np.sign(np.linalg.det(space))
-        euler = target.rotation_euler
-        now = euler.to_matrix()
-        for channel, change in enumerate(np.array(euler) - np.array(handle.rest_euler)):
-            more = euler.copy()
-            more[channel] += 1e-3
-            axis = side * space @ np.array((more.to_matrix() @ now.inverted()).to_quaternion().axis)
-            result[number] += change * axis / np.linalg.norm(axis)
+        axes = np.sign(np.linalg.det(space)) * space @ _channel_axes(euler, target.rotation_mode)
+        result[number] = (change * axes / np.linalg.norm(axes, axis=0)).sum(axis=1)
     for number, source in mirrored(handles):
         result[number] = -reflection(handles[number].mirror_axis)[:3, :3] @ result[source]  # as axes of rotation do
     return result
+
+
+def _channel_axes(euler, order):
+    """(3, 3): in the columns the axes about which the channels X, Y and Z of such a rotation turn, as the later ones have
+    turned them."""
+    axes, later = np.empty((3, 3)), np.eye(3)
+    for letter in reversed(order):
+        channel = 'XYZ'.index(letter)
+        axes[:, channel] = later[:, channel]
+        turn = np.eye(3)
+        one, other = (channel + 1) % 3, (channel + 2) % 3
+        cosine, sine = np.cos(euler[channel]), np.sin(euler[channel])
+        turn[one, one] = turn[other, other] = cosine
+        turn[other, one], turn[one, other] = sine, -sine
+        later = later @ turn
+    return axes

@@ -122,37 +122,61 @@ def _faces(mesh):
     return corners, starts
 
 
-def group_weights(ob, names):
-    """(groups, n) float32: the weight of every vertex in the named groups, 0 outside."""
-    mesh = ob.data
-    weights = np.zeros((len(names), len(mesh.vertices)), np.float32)
-    rows = {}
-    for row, name in enumerate(names):
-        rows.setdefault(ob.vertex_groups[name].index, []).append(row)
+def group_entries(ob, names):
+    """What the named groups hold: vertices, for each the place of its group among the names, and the weight. A group that
+    is named twice counts for each."""
+    places = {}
+    for place, name in enumerate(names):
+        places.setdefault(ob.vertex_groups[name].index, []).append(place)
     # There is no foreach_get for vertex groups in any version, so this is the slow way; it runs
     # when something is bound or edited, never in a frame.
     entries = [(index, element.group, element.weight)
-               for index, vertex in enumerate(mesh.vertices) for element in vertex.groups
-               if element.group in rows]
+               for index, vertex in enumerate(ob.data.vertices) for element in vertex.groups
+               if element.group in places]
     numbers = np.fromiter(itertools.chain.from_iterable(entries), np.float64, 3 * len(entries)).reshape(-1, 3)
-    for group, group_rows in rows.items():
-        chosen = numbers[numbers[:, 1] == group]
-        for row in group_rows:
-            weights[row, chosen[:, 0].astype(np.intp)] = chosen[:, 2]
-    return weights
+    vertices, groups = numbers[:, :2].astype(np.intp).T
+    times = max(map(len, places.values()), default=1)
+    place_of = np.full((max(places, default=0) + 1, times), -1)
+    for group, of_group in places.items():
+        place_of[group, :len(of_group)] = of_group
+    found = place_of[groups]
+    entry, time = np.nonzero(found >= 0)
+    return vertices[entry], found[entry, time], numbers[entry, 2].astype(np.float32)
 
 
-def members(ob, name):
-    """(n,) bool: the vertices of a group."""
-    return group_weights(ob, [name])[0] > MEMBER_WEIGHT
+def group_weights(ob, names):
+    """(groups, n) float32: the weight of every vertex in the named groups, 0 outside."""
+    vertices, places, weights = group_entries(ob, names)
+    result = np.zeros((len(names), len(ob.data.vertices)), np.float32)
+    result[places, vertices] = weights
+    return result
 
 
-def handle_of_vertices(weights):
-    """(n,) int: of the groups whose (h, n) weights these are, the one that a vertex belongs to; -1: none."""
-    inside = weights > MEMBER_WEIGHT
-    if not len(weights):
-        return np.full(weights.shape[1], -1)
-    return np.where(inside.any(axis=0), np.where(inside, weights, 0).argmax(axis=0), -1)
+def members(ob, *names):
+    """(n,) bool: the vertices of a group, or of any of several."""
+    vertices, _, weights = group_entries(ob, names)
+    result = np.zeros(len(ob.data.vertices), bool)
+    result[vertices[weights > MEMBER_WEIGHT]] = True
+    return result
+
+
+def handles_of_vertices(ob, region, groups):
+    """Of each vertex the number of the group, among these, that it belongs to, the one with the largest weight; -1: none.
+    And (n,) bool, whether it is in the region, which may be '': then all are; and of each group, whether it has any
+    vertex at all."""
+    vertices, places, weights = group_entries(ob, [*groups, *[region] * bool(region)])
+    is_member = weights > MEMBER_WEIGHT
+    vertices, places, weights = vertices[is_member], places[is_member], weights[is_member]
+    in_handle = places < len(groups)
+    inside = np.full(len(ob.data.vertices), not region)
+    inside[vertices[~in_handle]] = True
+    has_any = np.zeros(len(groups), bool)
+    has_any[places[in_handle]] = True
+    # The largest weight last, of equal ones the first group.
+    order = np.lexsort((-places[in_handle], weights[in_handle]))
+    winner = np.full(len(ob.data.vertices), -1)
+    winner[vertices[in_handle][order]] = places[in_handle][order]
+    return winner, inside, has_any
 
 
 def edges(mesh):
@@ -166,11 +190,12 @@ def check_groups(ob, region, handles):
     """Raises MeshProblem when the region or a handle refers to no group of the object.
 
     region: group name, '' for the whole mesh. handles: [(handle name, group name)]."""
+    there = set(ob.vertex_groups.keys())  # asked one by one, each would go through all names
     for what, group in [("The region", region)] * bool(region) + [
             (f"Handle '{name}'", group) for name, group in handles]:
         if not group:
             raise MeshProblem(f"{what} has no vertex group: choose that of its vertices in Vertices (Handles).")
-        if group not in ob.vertex_groups:
+        if group not in there:
             raise MeshProblem(f"{what} refers to the vertex group '{group}', which '{ob.name}' does "
                               "not have: choose another group.")
 
@@ -183,28 +208,25 @@ def roles(ob, region, handles, need_handles=True):
     Raises MeshProblem naming the group or handle.
     """
     check_groups(ob, region, handles)
-    weights = group_weights(ob, [group for _, group in handles] + [region] * bool(region))
+    winner, inside, has_any = handles_of_vertices(ob, region, [group for _, group in handles])
     result = np.full(len(ob.data.vertices), native.ROLE_FREE, np.int32)
-    if region:
-        inside = weights[-1] > MEMBER_WEIGHT
-        if not inside.any():
-            raise MeshProblem(f"The region group '{region}' has no vertex with a weight over "
-                              f"{MEMBER_WEIGHT}: assign the vertices that may deform.")
-        result[~inside] = native.ROLE_FIXED
+    if region and not inside.any():
+        raise MeshProblem(f"The region group '{region}' has no vertex with a weight over "
+                          f"{MEMBER_WEIGHT}: assign the vertices that may deform.")
+    result[~inside] = native.ROLE_FIXED
     if not handles:
         if need_handles:
             raise MeshProblem("There is no handle: add one for the vertices to pull (Handles).")
         return result
-    of_handles = weights[:len(handles)]
-    winner = handle_of_vertices(of_handles)
     result[winner >= 0] = winner[winner >= 0]
-    for number, (name, group) in enumerate(handles):
-        if not (of_handles[number] > MEMBER_WEIGHT).any():
+    wins = np.bincount(winner[winner >= 0], minlength=len(handles)) > 0
+    for number in np.flatnonzero(~wins):
+        name, group = handles[number]
+        if not has_any[number]:
             raise MeshProblem(f"Handle '{name}': its group '{group}' has no vertex with a weight over "
                               f"{MEMBER_WEIGHT}: select vertices in Edit Mode and press Assign Selected.")
-        if not (result == number).any():
-            raise MeshProblem(f"Handle '{name}': every vertex of its group '{group}' has a larger "
-                              "weight in another handle: take some of them out of the other group.")
+        raise MeshProblem(f"Handle '{name}': every vertex of its group '{group}' has a larger "
+                          "weight in another handle: take some of them out of the other group.")
     if not (result == native.ROLE_FREE).any():
         raise MeshProblem("No vertex is free to follow: every vertex of the region is in a handle. "
                           "Make the region larger (By Radius), or give the handles fewer vertices.")

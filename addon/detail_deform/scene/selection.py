@@ -89,6 +89,35 @@ def new_group(ob, name, members):
     return group
 
 
+def new_groups(ob, name, parts):
+    """A new group for each of some arrays of vertices, in Edit Mode; Blender numbers their names. Returns these."""
+    groups = [ob.vertex_groups.new(name=name) for _ in parts]
+    mesh = bmesh.from_edit_mesh(ob.data)
+    weights = mesh.verts.layers.deform.verify()
+    mesh.verts.ensure_lookup_table()
+    for group, part in zip(groups, parts):
+        for vertex in part.tolist():
+            mesh.verts[vertex][weights][group.index] = 1.0
+    bmesh.update_edit_mesh(ob.data, loop_triangles=False, destructive=False)
+    ob.update_from_editmode()
+    return [group.name for group in groups]
+
+
+def islands(chosen, edges):
+    """[vertices] of the parts that edges among the chosen vertices hold together, by their first vertices. chosen: (n,)
+    bool."""
+    ends = edges[chosen[edges].all(axis=1)]
+    least = np.arange(len(chosen))  # of a part the least vertex that is known to be in it
+    while (least[ends[:, 0]] != least[ends[:, 1]]).any():
+        sides = least[ends]
+        np.minimum.at(least, sides.max(axis=1), sides.min(axis=1))
+        while (least != least[least]).any():
+            least = least[least]
+    vertices = np.flatnonzero(chosen)
+    order = np.argsort(least[vertices], kind='stable')
+    return np.split(vertices[order], np.flatnonzero(np.diff(least[vertices][order])) + 1)
+
+
 def fill_own_group(ob, own, may_change, name, members):
     """Fills the group called own, if there is one that may be changed, or else a new one. Returns its name."""
     group = ob.vertex_groups.get(own)

@@ -13,22 +13,29 @@ def _armatures(ob):
     return [m for m in node_group.behind(ob) if m.type == 'ARMATURE' and m.object and m.use_vertex_groups]
 
 
-def rig_of(ob, chosen):
-    """(armature object, weights()) of the first that is seen to pose the chosen vertices; None and nothing."""
-    for modifier in _armatures(ob):
-        means = weights(ob, modifier.object, chosen) if modifier.show_viewport else {}
-        if means:
-            return modifier.object, means
-    return None, {}
+class Rigs:
+    """Whose bones pose which vertices of an object: its groups are read once, when they are first asked for."""
 
+    def __init__(self, ob):
+        self._ob, self._weights = ob, {}  # by armature object: names of bones, and their weights
 
-def weights(ob, rig, chosen):
-    """{bone name: mean weight of the chosen vertices} of those bones that pose them. chosen: (n,) bool."""
-    names = [bone.name for bone in rig.data.bones if bone.use_deform and bone.name in ob.vertex_groups]
-    if not names:
-        return {}
-    means = mesh_data.group_weights(ob, names)[:, chosen].mean(axis=1)
-    return {name: float(mean) for name, mean in zip(names, means) if mean > 0}
+    def of(self, chosen):
+        """(armature object, {bone name: mean weight}) of the first that is seen to pose the chosen vertices, of the bones
+        that do; None and nothing. chosen: (n,) bool or the vertices."""
+        for modifier in _armatures(self._ob):
+            means = self._means(modifier.object, chosen) if modifier.show_viewport else {}
+            if means:
+                return modifier.object, means
+        return None, {}
+
+    def _means(self, rig, chosen):
+        if rig not in self._weights:
+            names = [bone.name for bone in rig.data.bones if bone.use_deform and bone.name in self._ob.vertex_groups]
+            self._weights[rig] = names, mesh_data.group_weights(self._ob, names) if names else None
+        names, weights = self._weights[rig]
+        if not names:
+            return {}
+        return {name: float(mean) for name, mean in zip(names, weights[:, chosen].mean(axis=1)) if mean > 0}
 
 
 def motion(ob, rig, bone, depsgraph):

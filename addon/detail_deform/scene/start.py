@@ -52,15 +52,25 @@ def _seen(ob):
 def motion(ob, chosen, by=offset_attribute.NAME):
     """(4, 4): the rigid motion by which offsets, as far as they are seen or those that are kept, take the chosen
     vertices, and their neighbours where they are few. chosen: (n,) bool."""
+    return next(motions(ob, [np.flatnonzero(chosen)], by))
+
+
+def motions(ob, parts, by=offset_attribute.NAME):
+    """The same for each of some arrays of vertices."""
     moved = offset_attribute.read(ob.data, by) if by == KEPT else _seen(ob)
     if not moved.any():
-        return np.eye(4)
-    if chosen.sum() < 3:
-        edges = mesh_data.edges(ob.data)
-        chosen = chosen.copy()
-        chosen[edges[chosen[edges].any(axis=1)]] = True
-    before = shape_at_rest(ob)
-    return _rigid(before[chosen].astype(np.float64), (before + moved)[chosen].astype(np.float64))
+        yield from (np.eye(4) for _ in parts)
+        return
+    before = shape_at_rest(ob).astype(np.float64)
+    after = before + moved
+    both_ways = mesh_data.edges(ob.data)
+    both_ways = np.concatenate([both_ways, both_ways[:, ::-1]])
+    both_ways = both_ways[np.argsort(both_ways[:, 0])]
+    for part in parts:
+        if len(part) < 3:
+            low, high = (np.searchsorted(both_ways[:, 0], part, side) for side in ('left', 'right'))
+            part = np.unique(np.concatenate([part, *(both_ways[b:e, 1] for b, e in zip(low, high))]))
+        yield _rigid(before[part], after[part])
 
 
 def _rigid(before, after):

@@ -12,6 +12,7 @@ from ..scene import handle_matrices, mesh_data, selection, skin, start
 from ..scene.mesh_data import MeshProblem
 
 _GROUP_NAME = "Handle"
+_MOST_AT_ONCE = 1000
 _COLLECTION_NAME = "{} Handles"
 # Of the mean edge length: as far may a vertex be from the mirror image of another.
 _MIRROR_TOLERANCE = 0.25
@@ -54,32 +55,41 @@ def _chosen_group(ob, name):
     return name or ob.vertex_groups.active.name
 
 
-def _normal(ob, points, chosen):
-    """The area-weighted normal of the faces around these vertices, of length 1, or zero."""
-    triangles = mesh_data.triangles(ob.data)
-    near = triangles[chosen[triangles].any(axis=1)]
+def _normals(triangles, points, parts):
+    """(parts, 3): the area-weighted normals of the faces around each of some arrays of vertices, of length 1, or zero."""
+    part_of = np.full(len(points), -1)
+    for number, part in enumerate(parts):
+        part_of[part] = number
+    near = triangles[(part_of[triangles] >= 0).any(axis=1)]
     a, b, c = np.moveaxis(points.astype(float)[near], 1, 0)
     crosses = np.cross(b - a, c - a)
-    total = crosses.sum(0)
+    sums, areas = np.zeros((len(parts), 3)), np.zeros(len(parts))
+    corners = part_of[near]
+    for k in range(3):
+        # A face counts once for a part, also with several corners in it.
+        first = (corners[:, k] >= 0) & (corners[:, :k] != corners[:, k:k + 1]).all(axis=1)
+        np.add.at(sums, corners[first, k], crosses[first])
+        np.add.at(areas, corners[first, k], np.linalg.norm(crosses[first], axis=1))
     # A ring around a limb points nowhere, and neither does what is not finite.
-    length = np.linalg.norm(total)
-    if not length > 0.2 * np.linalg.norm(crosses, axis=1).sum():
-        return np.zeros(3)
-    return total / length  # squares of lengths leave the range of single precision early
+    lengths = np.linalg.norm(sums, axis=1)  # squares of lengths leave the range of single precision early
+    points_somewhere = lengths > 0.2 * areas
+    sums[~points_somewhere] = 0
+    return sums / np.where(points_somewhere, lengths, 1)[:, None]
 
 
-def _place(ob, chosen, align):
-    """World matrix at the middle of these vertices as they are seen, with its Z axis along their normal if asked,
-    and half the extent of their box."""
+def _places(ob, parts, align):
+    """For each of some arrays of vertices the world matrix at their middle as they are seen, with its Z axis along their
+    normal if asked, and half the extent of their box."""
     visible = start.visible(ob)
-    points = visible[chosen]
-    low, high, middle = (ob.matrix_world @ Vector(p) for p in (points.min(0), points.max(0), points.mean(0)))
-    normal = Vector(_normal(ob, visible, chosen)) if align else Vector()
-    place = Matrix.Translation(middle)
-    if normal.length > 0:
-        normal = ob.matrix_world.to_3x3().inverted_safe().transposed() @ normal
-        place = place @ normal.to_track_quat('Z', 'Y').to_matrix().to_4x4()
-    return place, 0.5 * (high - low).length
+    normals = _normals(mesh_data.triangles(ob.data), visible, parts) if align else np.zeros((len(parts), 3))
+    turned = ob.matrix_world.to_3x3().inverted_safe().transposed()
+    for part, normal in zip(parts, normals):
+        points = visible[part]
+        low, high, middle = (ob.matrix_world @ Vector(p) for p in (points.min(0), points.max(0), points.mean(0)))
+        place = Matrix.Translation(middle)
+        if normal.any():
+            place = place @ (turned @ Vector(normal)).to_track_quat('Z', 'Y').to_matrix().to_4x4()
+        yield place, 0.5 * (high - low).length
 
 
 def collection_of(context, ob):
@@ -106,7 +116,7 @@ def _shown_collections(layer):
 
 
 def _make_empty(context, ob, name, place, size, parent, bone=""):
-    """bone: of the parent, an armature."""
+    """The empty, and where it is still to be put, or None: see _stand(). bone: of the parent, an armature."""
     empty = bpy.data.objects.new(f"{ob.name} {name}", None)
     empty.empty_display_type = 'ARROWS'
     empty.empty_display_size = size
@@ -116,43 +126,69 @@ def _make_empty(context, ob, name, place, size, parent, bone=""):
         empty.parent = parent
         if bone:
             empty.parent_type, empty.parent_bone = 'BONE', bone
-            context.view_layer.update()  # the bone's place
-            empty.matrix_world = place
-            return empty
+            return empty, place
         empty.matrix_parent_inverse = parent.matrix_world.inverted_safe()
     empty.matrix_basis = place
-    return empty
+    return empty, None
 
 
-def add_handle(context, ob, group_name, parented=True, align=True):
-    """Adds a handle of the object's settings; see the operator."""
+def _stand(context, made):
+    """Puts the empties that go with bones to their places, which are known now."""
+    waiting = [(empty, place) for empty, place in made if place is not None]
+    if waiting:
+        context.view_layer.update()
+    for empty, place in waiting:
+        empty.matrix_world = place
+
+
+def add_handles(context, ob, group_name="", each='SELECTION', parented=True, align=True):
+    """Adds handles to the object's settings, one or more; see the operator. Returns the first."""
     if ob.library or ob.data.library:
         mesh_data.check_object(ob)
     from_selection = ob.mode == 'EDIT'
     if from_selection:
-        chosen = selection.selected(ob)
-        if not chosen.any():
-            raise MeshProblem(f"No vertex is selected: {SELECT_FOR_HANDLE}.")
-        group_name = selection.new_group(ob, _GROUP_NAME, chosen).name
+        parts = _selected_parts(ob, each)
+        names = selection.new_groups(ob, _GROUP_NAME, parts)
+    elif each != 'SELECTION':
+        raise MeshProblem(f"'{ob.name}' is not in Edit Mode: select there the vertices that get a handle each.")
     else:
-        group_name = _chosen_group(ob, group_name)
-        chosen = mesh_data.members(ob, group_name)
+        names = [_chosen_group(ob, group_name)]
+        parts = [np.flatnonzero(mesh_data.members(ob, names[0]))]
+        if not len(parts[0]):
+            raise MeshProblem(f"The group '{names[0]}' has no vertex with a weight over "
+                              f"{mesh_data.MEMBER_WEIGHT}: assign the vertices that the handle should move.")
+    # Many of them stand close to each other.
+    least = max(0.05 * max(ob.dimensions) / max(1.0, len(parts) ** 0.5 / 3), 1e-3)
+    rigs, made = skin.Rigs(ob), []
+    for name, part, (place, extent) in zip(names, parts, _places(ob, parts, align)):
+        made.append(_make_on_skin(context, ob, name, place, max(extent, least), rigs.of(part), parented))
+    _stand(context, made)
+    first = len(ob.detail_deform.handles)
+    for name, (empty, _) in zip(names, made):
+        handle = _append(ob, name, empty)
+        handle.own_group = name if from_selection else ""
+    _note_homes(context, ob, ob.detail_deform.handles[first:], parts)
+    return ob.detail_deform.handles[first]
+
+
+def _selected_parts(ob, each):
+    chosen = selection.selected(ob)
     if not chosen.any():
-        raise MeshProblem(f"The group '{group_name}' has no vertex with a weight over "
-                          f"{mesh_data.MEMBER_WEIGHT}: assign the vertices that the handle should move.")
-    place, extent = _place(ob, chosen, align)
-    size = max(extent, 0.05 * max(ob.dimensions), 1e-3)
-    empty = _make_on_skin(context, ob, group_name, place, size, chosen, parented)
-    handle = _append(ob, group_name, empty)
-    handle.own_group = group_name if from_selection else ""
-    _note_home(context, ob, handle, chosen)
-    return handle
+        raise MeshProblem(f"No vertex is selected: {SELECT_FOR_HANDLE}.")
+    if each == 'SELECTION':
+        return [np.flatnonzero(chosen)]
+    parts = selection.islands(chosen, mesh_data.edges(ob.data) if each == 'ISLAND' else np.empty((0, 2), int))
+    if len(parts) > _MOST_AT_ONCE:
+        raise MeshProblem(f"{len(parts):,} handles at once, each with an empty of its own, are too many to work with: "
+                          f"select fewer, {_MOST_AT_ONCE:,} at most.")
+    return parts
 
 
-def _make_on_skin(context, ob, name, place, size, chosen, parented=True):
-    """An empty, on the posed skin where bones move the chosen vertices. place: among these, in the world, where no bone
-    does. parented: it goes with the object, or with the bone that poses most of them."""
-    rig, means = skin.rig_of(ob, chosen)
+def _make_on_skin(context, ob, name, place, size, posed_by, parented=True):
+    """(empty, place) as of _make_empty, on the posed skin where bones move its vertices. place: among these, in the world,
+    where no bone does. posed_by: of skin.Rigs. parented: it goes with the object, or with the bone that poses most of
+    them."""
+    rig, means = posed_by
     if not means:
         return _make_empty(context, ob, name, place, size, ob if parented else None)
     pose = Matrix(skin.mean_motion(ob, rig, means, context.evaluated_depsgraph_get()).tolist())
@@ -167,14 +203,15 @@ def _without_shear(place, scale=None):
     return Matrix.LocRotScale(where, turn, scale or size)
 
 
-def _note_home(context, ob, handle, chosen):
-    """Of a handle whose empty was put on the surface as it is seen."""
-    if ob.detail_deform.signature:
-        context.view_layer.update()  # the empty's place
-        place = handle_matrices.local_place(ob, handle, context.evaluated_depsgraph_get())
-        home = Matrix((np.linalg.inv(start.motion(ob, chosen)) @ place).tolist())
-        if not handle.mirrors:
-            home = ob.matrix_world.inverted_safe() @ _without_shear(ob.matrix_world @ home)
+def _note_homes(context, ob, handles, parts):
+    """Of handles whose empties, if they have any, were put on the surface as it is seen. parts: the vertices of each."""
+    if not ob.detail_deform.signature:
+        return
+    context.view_layer.update()  # the empties' places
+    places = handle_matrices.places_of(ob, handles, context.evaluated_depsgraph_get())
+    for handle, place, motion in zip(handles, places, start.motions(ob, parts)):
+        home = Matrix((np.linalg.inv(motion) @ place).tolist())
+        home = ob.matrix_world.inverted_safe() @ _without_shear(ob.matrix_world @ home)
         handle_matrices.set_home(handle, np.array(home))
 
 
@@ -273,9 +310,11 @@ def _mirrored_empty(context, ob, handle, axis, name, image):
     place = ob.matrix_world @ Matrix((start.motion(ob, image) @ flip @ local @ flip).tolist())
     size = source.empty_display_size
     if source.parent_type == 'BONE' or source.parent == ob:
-        empty = _make_on_skin(context, ob, name, _without_shear(place), size, image)
+        made = _make_on_skin(context, ob, name, _without_shear(place), size, skin.Rigs(ob).of(image))
     else:
-        empty = _make_empty(context, ob, name, place, size, source.parent if source.parent_type == 'OBJECT' else None)
+        made = _make_empty(context, ob, name, place, size, source.parent if source.parent_type == 'OBJECT' else None)
+    _stand(context, [made])
+    empty = made[0]
     empty.empty_display_type = source.empty_display_type
     return empty
 
@@ -322,7 +361,7 @@ def mirror(context, ob, handle, axis, symmetric):
         if start.is_deformed(ob.data):  # where its vertices start, so that it takes the mirrored pose from there
             made.rest_matrix = start.motion(ob, image, start.KEPT).ravel().tolist()
     else:
-        _note_home(context, ob, made, image)
+        _note_homes(context, ob, [made], [np.flatnonzero(image)])
     if not missing:
         return ""
     return (f"{len(missing):,} of {chosen.sum():,} vertices of '{name}' (such as vertex {missing[0]}) have no "

@@ -78,7 +78,7 @@ def sources(ob):
             return chosen
     groups = [h.vertex_group for h in handle_matrices.enabled_handles(ob.detail_deform)
               if h.vertex_group in ob.vertex_groups]
-    chosen = (mesh_data.group_weights(ob, groups) > mesh_data.MEMBER_WEIGHT).any(axis=0)
+    chosen = mesh_data.members(ob, *groups)
     if not chosen.any():
         raise MeshProblem("There is nothing to start from: add a handle, or select vertices in Edit Mode.")
     return chosen

@@ -167,6 +167,10 @@ class OBJECT_MT_detail_deform_handles(bpy.types.Menu):
 
     def draw(self, context):
         layout = self.layout
+        if context.object.mode == 'EDIT':
+            layout.operator('object.detail_deform_handle_add', text="Add for Each Vertex", icon='ADD').each = 'VERTEX'
+            layout.operator('object.detail_deform_handle_add', text="Add for Each Island", icon='ADD').each = 'ISLAND'
+            layout.separator()
         layout.operator('object.detail_deform_handle_activate', icon='EMPTY_AXIS')
         layout.operator('object.detail_deform_handle_select', icon='RESTRICT_SELECT_OFF')
         layout.operator('object.detail_deform_handle_assign', icon='GROUP_VERTEX')

@@ -49,14 +49,14 @@ def vertex_colours(ob):
         return bad + match[:, None] * (good - bad)
     handles = [h for h in handle_matrices.enabled_handles(settings) if h.vertex_group in ob.vertex_groups]
     region = settings.region if settings.region in ob.vertex_groups else ""
-    weights = mesh_data.group_weights(ob, [h.vertex_group for h in handles] + [region] * bool(region))
+    winner, inside, _ = mesh_data.handles_of_vertices(ob, region, [h.vertex_group for h in handles])
     colours = np.empty((len(ob.data.vertices), 4), np.float32)
     colours[:] = _REGION_COLOUR
-    if region:
-        colours[weights[-1] <= mesh_data.MEMBER_WEIGHT] = _OTHER_COLOUR
-    winner = mesh_data.handle_of_vertices(weights[:len(handles)])
-    for number in range(len(handles)):
-        colours[winner == number] = handle_colour(number)
+    colours[~inside] = _OTHER_COLOUR
+    in_handle = winner >= 0
+    if in_handle.any():
+        of_handles = np.float32([handle_colour(number) for number in range(len(handles))])
+        colours[in_handle] = of_handles[winner[in_handle]]
     return colours
 
 
