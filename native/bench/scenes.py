@@ -65,14 +65,13 @@ def idle(addon, rounds=15):
         return milliseconds(lambda: bpy.context.scene.frame_set(bpy.context.scene.frame_current % 99 + 1))
 
     times = {(what, on): [] for what in ("update", "frame") for on in (False, True)}
-    for turn in range(2 * rounds + 2):  # in turn, so that a change of the machine's speed falls on both
+    for turn in range(2 * rounds + 2):  # in turn, so that a change of the machine's speed falls on both; at last on
         on = bool(turn % 2)
         (addon.register if on else addon.unregister)()
         update(), frame()
         for what, body in (("update", update), ("frame", frame)):
             if turn > 1:
                 times[what, on] += [body() for _ in range(3)]
-    addon.register()
     for what in ("update", "frame"):
         without, enabled = (statistics.median(times[what, on]) for on in (False, True))
         print(f"{OBJECTS:,} objects, nothing bound, a {what}: without the add-on {without:.2f}, with it {enabled:.2f}, "
@@ -133,19 +132,24 @@ def handles(rounds=15):
         empty_scene()
         ob = bumpy_plane(SIDE)
         empties = add_handles(ob, spread(SIDE, count))
-        binds, moves = [], []
+        binds, moves, of_all = [], [], []
         for number in range(3):
             ob.data.vertices[0].co.z += 1e-4  # another content
             binds.append(bind(ob))
         for number in range(rounds):
+            empties[0].location.z = 0.01 * number
+            moves.append(milliseconds(bpy.context.view_layer.update))
+        for number in range(rounds):
             for k, empty in enumerate(empties):
                 empty.location.z = 0.03 * np.sin(k + 0.1 * number)
-            moves.append(milliseconds(bpy.context.view_layer.update))
-        found[count] = statistics.median(binds), statistics.median(moves[2:]), ob.detail_deform.bind_ms
+            of_all.append(milliseconds(bpy.context.view_layer.update))
+        found[count] = [statistics.median(times) for times in (binds, moves[2:], of_all[2:])]
         print(f"{len(ob.data.polygons):,} triangles, {count} handles: Bind {found[count][0]:.0f} (the library "
-              f"{found[count][2]:.0f}), a move of all {found[count][1]:.1f}", flush=True)
-    print(f"{MANY} handles against {FEW}: Bind {found[MANY][0] / found[FEW][0]:.2f} x, a move "
-          f"{found[MANY][1] / found[FEW][1]:.2f} x", flush=True)
+              f"{ob.detail_deform.bind_ms:.0f}), a move of one {found[count][1]:.1f}, of all {found[count][2]:.1f}",
+              flush=True)
+    print(f"{MANY} handles against {FEW}: " + ", ".join(
+        f"{what} {many / few:.2f} x" for what, few, many in zip(("Bind", "a move of one", "of all"), *found.values())),
+        flush=True)
 
 
 def binds():

@@ -147,11 +147,15 @@ TEST_CASE("unusable solids are refused with the vertex or tetrahedron") {
   mesh.tets(7, 2) = 99;
   CHECK_THAT(refused(), contains("Tetrahedron 7 refers to vertex 99"));
   mesh = shaken_block(3, 0, 1);
-  CHECK_THAT(
-      test::refusal(
-          [&] { TetPoisson(mesh, std::vector<int>(27, kFree), 1, gradient(mesh), volumes(mesh)); },
-          Status::region),
-      contains("Nothing holds"));
+  const auto refused_roles = [&](const std::vector<int>& given, int handle_count) {
+    return test::refusal(
+        [&] { TetPoisson(mesh, given, handle_count, gradient(mesh), volumes(mesh)); },
+        Status::region);
+  };
+  CHECK_THAT(refused_roles(std::vector<int>(27, kFree), 0), contains("Nothing holds"));
+  // Each handle would take memory, whether it has a vertex or not.
+  CHECK_THAT(refused_roles(roles, 2), contains("Handle 1 has no vertices"));
+  CHECK_THAT(refused_roles(roles, 2000000000), contains("more handles than vertices"));
 }
 
 TEST_CASE("after fourth points that can't be solved for, the ones before still can") {

@@ -28,12 +28,14 @@ def evaluated_world(ob, depsgraph, what):
 
 def _evaluated_worlds(named, depsgraph):
     """(k, 4, 4) float64 of [(object, what it is)]. Raises MeshProblem."""
-    worlds = np.empty((len(named), 4, 4))
-    for number, (ob, what) in enumerate(named):
+    rows = []
+    for ob, what in named:
         if not in_scene(ob, depsgraph):
             raise MeshProblem(f"{what} '{ob.name}' is not in this scene, or is disabled or excluded so that "
                               "its place is not known: bring it back, or choose another one.")
-        worlds[number] = ob.evaluated_get(depsgraph).matrix_world
+        world = ob.evaluated_get(depsgraph).matrix_world
+        rows += (*world[0], *world[1], *world[2], *world[3])  # numpy takes far longer over one
+    worlds = np.array(rows, np.float64).reshape(-1, 4, 4)
     for number in np.flatnonzero(~np.isfinite(worlds).all(axis=(1, 2))):
         ob, what = named[number]
         raise MeshProblem(f"{what} '{ob.name}' has a location, rotation or scale that is not a finite number: set it "
@@ -274,17 +276,17 @@ def turns(settings, places, depsgraph):
     where the rotation is told in another way: a matrix alone can't tell whole turns apart."""
     result = np.zeros((len(places), 3))
     handles = enabled_handles(settings)
-    rests = _of_enabled(settings, 'rest_euler', 3)
+    rests = [tuple(rest) for rest in _of_enabled(settings, 'rest_euler', 3).tolist()]
     for number, handle in enumerate(handles):
         if handle.mirrors:
             continue
         target = handle.target.evaluated_get(depsgraph)
         if target.rotation_mode in {'QUATERNION', 'AXIS_ANGLE'}:
             continue
-        euler = np.array(target.rotation_euler)
-        change = euler - rests[number]
-        if not change.any():
+        euler = target.rotation_euler[:]
+        if euler == rests[number]:
             continue
+        change = np.subtract(euler, rests[number])
         basis = np.array(target.matrix_basis)[:3, :3]
         if _flat(basis):
             continue  # without size there is nothing to turn

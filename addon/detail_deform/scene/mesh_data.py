@@ -130,9 +130,9 @@ def group_entries(ob, names):
         places.setdefault(ob.vertex_groups[name].index, []).append(place)
     # There is no foreach_get for vertex groups in any version, so this is the slow way; it runs
     # when something is bound or edited, never in a frame.
-    entries = [(index, element.group, element.weight)
+    entries = [(index, group, element.weight)
                for index, vertex in enumerate(ob.data.vertices) for element in vertex.groups
-               if element.group in places]
+               if (group := element.group) in places]
     numbers = np.fromiter(itertools.chain.from_iterable(entries), np.float64, 3 * len(entries)).reshape(-1, 3)
     vertices, groups = numbers[:, :2].astype(np.intp).T
     times = max(map(len, places.values()), default=1)

@@ -640,7 +640,8 @@ enum dd_tet_operator {
 };
 
 /* Makes the operators and factors the Poisson system.
- *   roles   as for dd_bind_start; every connected part has a vertex that is not free */
+ *   roles          as for dd_bind_start; every connected part has a vertex that is not free
+ *   handle_count   may be 0; each handle has at least one vertex */
 DD_API int32_t dd_tets_create(const dd_tet_mesh* mesh, const int32_t* roles, size_t role_count,
                               int32_t handle_count, dd_tets** tets);
 

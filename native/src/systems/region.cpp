@@ -15,17 +15,7 @@ namespace {
 void check_coverage(const std::vector<int>& roles, int handle_count, MovedBy moved_by) {
   if (handle_count < (moved_by == MovedBy::base ? 0 : 1))
     throw Error(Status::region, "There is no handle: add at least one that moves some vertices.");
-  if (handle_count > static_cast<int>(roles.size()))
-    throw Error(Status::region, "There are more handles than vertices.");
   check_roles(roles, handle_count);
-  std::vector<char> used(static_cast<size_t>(handle_count), 0);
-  for (int role : roles)
-    if (role >= 0) used[role] = 1;
-  for (int h = 0; h < handle_count; ++h) {
-    if (!used[h])
-      throw Error(Status::region,
-                  "Handle " + std::to_string(h) + " has no vertices: give it at least one.");
-  }
   if (std::find(roles.begin(), roles.end(), kFree) == roles.end())
     throw Error(
         Status::region,
@@ -52,10 +42,19 @@ std::vector<int> idle_handles(const Mesh& mesh, const Region& region) {
 }  // namespace
 
 void check_roles(const std::vector<int>& roles, int handle_count) {
-  for (size_t v = 0; v < roles.size(); ++v)
+  if (handle_count > static_cast<int>(roles.size()))
+    throw Error(Status::region, "There are more handles than vertices.");
+  std::vector<char> used(static_cast<size_t>(handle_count), 0);
+  for (size_t v = 0; v < roles.size(); ++v) {
     if (roles[v] < kFixed || roles[v] >= handle_count)
       throw Error(Status::region, "Vertex " + std::to_string(v) + " has the role " +
                                       std::to_string(roles[v]) + ", which is no handle.");
+    if (roles[v] >= 0) used[roles[v]] = 1;
+  }
+  const auto unused = std::find(used.begin(), used.end(), 0);
+  if (unused != used.end())
+    throw Error(Status::region, "Handle " + std::to_string(unused - used.begin()) +
+                                    " has no vertices: give it at least one.");
 }
 
 Region region_of(std::vector<int> roles, int handle_count) {
