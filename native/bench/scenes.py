@@ -133,7 +133,7 @@ def handles(rounds=15):
         ob = bumpy_plane(SIDE)
         empties = add_handles(ob, spread(SIDE, count))
         binds, moves, of_all = [], [], []
-        for number in range(3):
+        for _ in range(3):
             ob.data.vertices[0].co.z += 1e-4  # another content
             binds.append(bind(ob))
         for number in range(rounds):
@@ -164,8 +164,8 @@ def binds():
             library.append(ob.detail_deform.bind_ms)
             again.append(milliseconds(lambda: bpy.ops.object.detail_deform_bind(wait=True, keep_rest=True)))
         whole, library, again = (statistics.median(times) for times in (whole, library, again))
-        print(f"{len(ob.data.vertices):,} vertices: Bind {whole:.0f}, the library {library:.0f}, {whole / library:.2f} x; "
-              f"bound again unchanged {again:.0f}, {again / whole:.2f} x", flush=True)
+        print(f"{len(ob.data.vertices):,} vertices: Bind {whole:.0f}, the library {library:.0f}, "
+              f"{whole / library:.2f} x; bound again unchanged {again:.0f}, {again / whole:.2f} x", flush=True)
 
 
 def main():

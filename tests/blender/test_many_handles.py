@@ -90,7 +90,8 @@ def test_islands_as_they_are_found_one_by_one(part):
                 island_of[vertex] = first
                 ends = edges[(edges == vertex).any(axis=1)].ravel()
                 todo += [v for v in ends.tolist() if chosen[v]]
-        expected = [[v for v in sorted(island_of) if island_of[v] == first] for first in sorted(set(island_of.values()))]
+        expected = [[v for v in sorted(island_of) if island_of[v] == first]
+                    for first in sorted(set(island_of.values()))]
         assert [island.tolist() for island in found] == expected
 
 

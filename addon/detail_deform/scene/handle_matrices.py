@@ -44,8 +44,8 @@ def _evaluated_worlds(named, depsgraph):
 
 
 def _flat(matrices):
-    """(...) bool: which of these have no inverse. A scale of 1e-6 is a legal, if odd, unit; one of zero leaves nothing to
-    divide by."""
+    """(...) bool: which of these have no inverse. A scale of 1e-6 is a legal, if odd, unit; one of zero leaves
+    nothing to divide by."""
     with np.errstate(invalid='ignore'):  # what is not a number shows in what is made of it
         return np.abs(np.linalg.det(matrices[..., :3, :3])) < 1e-30
 
@@ -121,8 +121,8 @@ def motions(settings, places):
     """
     rests = _rests(settings)
     for number in np.flatnonzero(_flat(rests)):
-        raise MeshProblem(f"Handle '{enabled_handles(settings)[number].name}': its empty had a scale of zero when it was "
-                          "bound. Give it a size, then press Unbind and Bind.")
+        raise MeshProblem(f"Handle '{enabled_handles(settings)[number].name}': its empty had a scale of zero when it "
+                          "was bound. Give it a size, then press Unbind and Bind.")
     return (_with_mirrored(settings, places) @ np.linalg.inv(rests))[:, :3]
 
 
@@ -300,8 +300,8 @@ def turns(settings, places, depsgraph):
 
 
 def _channel_axes(euler, order):
-    """(3, 3): in the columns the axes about which the channels X, Y and Z of such a rotation turn, as the later ones have
-    turned them."""
+    """(3, 3): in the columns the axes about which the channels X, Y and Z of such a rotation turn, as the later ones
+    have turned them."""
     axes, later = np.empty((3, 3)), np.eye(3)
     for letter in reversed(order):
         channel = 'XYZ'.index(letter)

@@ -123,8 +123,8 @@ def _faces(mesh):
 
 
 def group_entries(ob, names):
-    """What the named groups hold: vertices, for each the place of its group among the names, and the weight. A group that
-    is named twice counts for each."""
+    """What the named groups hold: vertices, for each the place of its group among the names, and the weight. A group
+    that is named twice counts for each."""
     places = {}
     for place, name in enumerate(names):
         places.setdefault(ob.vertex_groups[name].index, []).append(place)
@@ -161,9 +161,9 @@ def members(ob, *names):
 
 
 def handles_of_vertices(ob, region, groups):
-    """Of each vertex the number of the group, among these, that it belongs to, the one with the largest weight; -1: none.
-    And (n,) bool, whether it is in the region, which may be '': then all are; and of each group, whether it has any
-    vertex at all."""
+    """Of each vertex the number of the group, among these, that it belongs to, the one with the largest weight; -1:
+    none. And (n,) bool, whether it is in the region, which may be '': then all are; and of each group, whether it has
+    any vertex at all."""
     vertices, places, weights = group_entries(ob, [*groups, *[region] * bool(region)])
     is_member = weights > MEMBER_WEIGHT
     vertices, places, weights = vertices[is_member], places[is_member], weights[is_member]

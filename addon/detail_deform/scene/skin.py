@@ -20,8 +20,8 @@ class Rigs:
         self._ob, self._weights = ob, {}  # by armature object: names of bones, and their weights
 
     def of(self, chosen):
-        """(armature object, {bone name: mean weight}) of the first that is seen to pose the chosen vertices, of the bones
-        that do; None and nothing. chosen: (n,) bool or the vertices."""
+        """(armature object, {bone name: mean weight}) of the first that is seen to pose the chosen vertices, of the
+        bones that do; None and nothing. chosen: (n,) bool or the vertices."""
         for modifier in _armatures(self._ob):
             means = self._means(modifier.object, chosen) if modifier.show_viewport else {}
             if means:

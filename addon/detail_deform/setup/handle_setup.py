@@ -56,7 +56,7 @@ def _chosen_group(ob, name):
 
 
 def _normals(triangles, points, parts):
-    """(parts, 3): the area-weighted normals of the faces around each of some arrays of vertices, of length 1, or zero."""
+    """(parts, 3): area-weighted normals of the faces around each of some arrays of vertices, of length 1, or zero."""
     part_of = np.full(len(points), -1)
     for number, part in enumerate(parts):
         part_of[part] = number
@@ -78,8 +78,8 @@ def _normals(triangles, points, parts):
 
 
 def _places(ob, parts, align):
-    """For each of some arrays of vertices the world matrix at their middle as they are seen, with its Z axis along their
-    normal if asked, and half the extent of their box."""
+    """For each of some arrays of vertices the world matrix at their middle as they are seen, with its Z axis along
+    their normal if asked, and half the extent of their box."""
     visible = start.visible(ob)
     normals = _normals(mesh_data.triangles(ob.data), visible, parts) if align else np.zeros((len(parts), 3))
     turned = ob.matrix_world.to_3x3().inverted_safe().transposed()
@@ -185,9 +185,9 @@ def _selected_parts(ob, each):
 
 
 def _make_on_skin(context, ob, name, place, size, posed_by, parented=True):
-    """(empty, place) as of _make_empty, on the posed skin where bones move its vertices. place: among these, in the world,
-    where no bone does. posed_by: of skin.Rigs. parented: it goes with the object, or with the bone that poses most of
-    them."""
+    """(empty, place) as of _make_empty, on the posed skin where bones move its vertices. place: among these, in the
+    world, where no bone does. posed_by: of skin.Rigs. parented: it goes with the object, or with the bone that poses
+    most of them."""
     rig, means = posed_by
     if not means:
         return _make_empty(context, ob, name, place, size, ob if parented else None)
@@ -204,7 +204,7 @@ def _without_shear(place, scale=None):
 
 
 def _note_homes(context, ob, handles, parts):
-    """Of handles whose empties, if they have any, were put on the surface as it is seen. parts: the vertices of each."""
+    """Of handles whose empties were put on the surface as it is seen. parts: the vertices of each."""
     if not ob.detail_deform.signature:
         return
     context.view_layer.update()  # the empties' places

@@ -152,7 +152,8 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
   const RowOrder& order = bound_->order();
   for (int r = order.free_count; r < order.fixed_begin; ++r) {
     const int h = region_.role[order.vertex_of_row[r]];
-    const Eigen::RowVector3d arm = bound_->rest.row(r).head<3>() - bound_->coordinates.centres().row(h);
+    const Eigen::RowVector3d arm =
+        bound_->rest.row(r).head<3>() - bound_->coordinates.centres().row(h);
     moved_.row(r) = arm * coefficients_.middleRows<3>(4 * h) + coefficients_.row(4 * h + 3);
   }
   moved_.bottomRows(order.count() - order.fixed_begin).setZero();
@@ -192,7 +193,8 @@ void Deformer::turn_free(const UpdateOptions& options, std::vector<double>& turn
   const Positions pivots =
       options.pivots.size() ? box_.into(options.pivots) : bound_->coordinates.centres();
   for (int h = 0; h < region_.handle_count; ++h)
-    if (free[h] && !((pivots.row(h) - bound_->coordinates.centres().row(h)).norm() < kFarthestPivot))
+    if (free[h] &&
+        !((pivots.row(h) - bound_->coordinates.centres().row(h)).norm() < kFarthestPivot))
       throw Error(Status::argument, "The pivot of handle " + std::to_string(h) +
                                         " is too far from its vertices to turn about. Put it "
                                         "among them.");
@@ -282,7 +284,8 @@ void Deformer::take_matrices(const double* matrices) {
                   "The matrix of handle " + std::to_string(h) + " is not finite.");
     linear_[h] = matrix.leftCols<3>();
     const Eigen::Matrix3d change = linear_[h] - Eigen::Matrix3d::Identity();
-    const Eigen::RowVector3d centre = box_.scale * bound_->coordinates.centres().row(h) + box_.centre;
+    const Eigen::RowVector3d centre =
+        box_.scale * bound_->coordinates.centres().row(h) + box_.centre;
     const Eigen::Vector3d shift = change * centre.transpose() + matrix.col(3);
     coefficients_.block<3, 3>(4 * h, 0) = change.transpose();
     coefficients_.block<1, 3>(4 * h + 3, 0) = shift.transpose() / box_.scale;

@@ -31,6 +31,7 @@ HandleCoordinates::HandleCoordinates(const Region& region, const Positions& posi
   };
   for (int v : region.handle_vertices) scatter[region.role[v]] += arm(v).transpose() * arm(v);
   std::vector<Eigen::Matrix3d> principal;
+  principal.reserve(scatter.size());
   for (const Eigen::Matrix3d& of_one : scatter)
     principal.push_back(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(of_one).eigenvectors());
   // Eigenvalues have half the digits of what they are squares of.

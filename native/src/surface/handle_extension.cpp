@@ -60,7 +60,8 @@ HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
       pool_(&pool) {
   for (int v : region.free) row_of_free_.push_back(order.row_of_vertex[v]);
   const int64_t entries = int64_t{coordinates.count()} * region.free_count();
-  // A frame reads W once and the factor twice, but a bind solves several times for each column of W.
+  // A frame reads W once and the factor twice, but a bind solves several times for each column of
+  // W.
   if (kept == KeptOfEnergy::factor ||
       (kept == KeptOfEnergy::cheaper && 2 * entries > bending.factor()->factor().entries())) {
     solve_ = std::make_unique<HandleSolve>(bending, region, &pool);

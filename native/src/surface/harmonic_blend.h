@@ -22,8 +22,8 @@ void each_harmonic_weights(const BoundSurface& bound, const Use& use) {
   }
 }
 
-/// Of each handle the harmonic function that is 1 at its vertices and 0 at all others that are held:
-/// free rows × handles.
+/// Of each handle the harmonic function that is 1 at its vertices and 0 at all others that are
+/// held: free rows × handles.
 RowMatrix harmonic_weights(const BoundSurface& bound);
 
 /// Values of the handles, spread harmonically over the surface: Σ_h a_h x_h with the harmonic

@@ -33,8 +33,8 @@ struct Region {
 /// The rows of vertices with these roles, which are taken as they are: any mesh's, any element's.
 Region region_of(std::vector<int> roles, int handle_count);
 
-/// Throws Error(region) naming the vertex whose role is none of kFree, kFixed and the handles, or the
-/// handle that has no vertex.
+/// Throws Error(region) naming the vertex whose role is none of kFree, kFixed and the handles, or
+/// the handle that has no vertex.
 void check_roles(const std::vector<int>& roles, int handle_count);
 
 /// What moves free vertices.
