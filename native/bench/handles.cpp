@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "deform/deformer.h"
-#include "kernels/kernels.h"
+#include "machine.h"
 #include "meshes.h"
 #include "support/rotations.h"
 #include "timing.h"
@@ -82,12 +82,6 @@ struct Case {
   std::vector<float> out;
 };
 
-struct Look {
-  const char* name;
-  dd::UpdateOptions options;
-  double degrees;
-};
-
 dd::UpdateOptions refined(int iterations, bool free, int count) {
   dd::UpdateOptions options;
   options.of_method.refined.iterations = iterations;
@@ -110,8 +104,8 @@ int main(int argc, char** argv) {
     return std::fprintf(stderr, "handles [--side N, 20 at least] [--few N] [--many N]\n"), 2;
   const dd::Mesh mesh = dd::test::bumpy_plane(side);
   Case cases[] = {{mesh, side, few}, {mesh, side, many}};
-  std::printf("%d triangles, one thread, kernels %s\n%-44s %9d %9d handles\n",
-              mesh.triangle_count(), dd::kernels().name, "", few, many);
+  std::printf("%s\n%d triangles, one thread\n%-44s %9d %9d handles\n", dd::bench::machine().c_str(),
+              mesh.triangle_count(), "", few, many);
   const auto print = [&](const char* name, const std::vector<double>(&times)[2]) {
     std::printf("  %-42s %9.2f %9.2f ms %8.2f x\n", name, median(times[0]), median(times[1]),
                 median(times[1]) / median(times[0]));

@@ -23,6 +23,7 @@
 
 #include "deform/deformer.h"
 #include "kernels/kernels.h"
+#include "machine.h"
 #include "meshes.h"
 #include "systems/free_block.h"
 #include "systems/polyharmonic_system.h"
@@ -384,6 +385,7 @@ int main(int argc, char** argv) {
 #endif
   Report report;
   const Bandwidth bandwidth = measure_bandwidth();
+  std::printf("%s\n", dd::bench::machine().c_str());
   std::printf("Memory, one thread: %.1f GB/s read, %.1f GB/s triad\n\n", bandwidth.read,
               bandwidth.triad);
   report.add("bandwidth_read_gb_s", bandwidth.read);
