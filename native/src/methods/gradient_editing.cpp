@@ -1,42 +1,52 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "methods/gradient_editing.h"
 
+#include <utility>
+
 #include "support/handle_blend.h"
-#include "surface/harmonic_blend.h"
 
 namespace dd {
 
-GradientEditing::GradientEditing(BoundSurface& bound) : bound_(bound), flux_(bound) {
-  const Triangles& t = bound.operators.triangles;
-  const RowOrder& order = bound.order();
-  const std::vector<int>& active = bound.poisson->active().triangles;
+namespace {
 
-  // A triangle's weight is the mean of its corners'; those of a handle have 1 of their own.
-  const RowMatrix of_vertices = harmonic_weights(bound);
-  weights_ = RowMatrix::Zero(static_cast<Index>(active.size()), bound.region.handle_count);
-  for (size_t i = 0; i < active.size(); ++i)
-    for (int k = 0; k < 3; ++k) {
-      const int v = t(active[i], k), row = order.row_of_vertex[v];
-      if (row < order.free_count)
-        weights_.row(Index(i)) += of_vertices.row(row) / 3;
-      else if (bound.region.role[v] >= 0)
-        weights_(Index(i), bound.region.role[v]) += 1.0 / 3;
-    }
-}
+constexpr int kLeastRange = 512;  // rows that are worth a task
+
+}  // namespace
+
+GradientEditing::GradientEditing(BoundSurface& bound)
+    : bound_(bound), flux_(bound), harmonic_(bound) {}
 
 void GradientEditing::update(const Frame& frame, const MethodOptions& options) {
-  const HandleBlend blend(frame.linear, weights_, options.rotation_only);
+  const RowOrder& order = bound_.order();
+  RowMatrix terms = blend_terms(frame.linear, options.rotation_only);
+  sums_.setZero(order.count(), terms.cols());
+  for (int r = order.free_count; r < order.fixed_begin; ++r)
+    sums_.row(r) = terms.row(bound_.region.role[order.vertex_of_row[r]]);
+  harmonic_.take(std::move(terms));
+  bound_.poisson->pool().parallel_for(
+      order.free_count, kLeastRange, [&](int64_t begin, int64_t end) {
+        sums_.middleRows(begin, end - begin) = harmonic_.rows(begin, end);
+      });
+  const Triangles& t = bound_.operators.triangles;
   bound_.poisson->solve(
       bound_.poisson->rest_divergence(),
       [&](int section, double* rows) {
         flux_.add(
-            section, [&](int i, int) { return blend.at(i); }, rows);
+            section,
+            [&](int, int triangle) {
+              Eigen::Matrix<double, 1, Eigen::Dynamic, Eigen::RowMajor, 1, 12> mean =
+                  sums_.row(order.row_of_vertex[t(triangle, 0)]) / 3;
+              for (int k = 1; k < 3; ++k)
+                mean += sums_.row(order.row_of_vertex[t(triangle, k)]) / 3;
+              return blended(mean);
+            },
+            rows);
       },
       frame.offsets);
 }
 
 double GradientEditing::bytes() const {
-  return flux_.bytes() + static_cast<double>(weights_.size() * Index(sizeof(double)));
+  return flux_.bytes() + harmonic_.bytes() + static_cast<double>(sums_.size()) * sizeof(double);
 }
 
 }  // namespace dd

@@ -3,12 +3,13 @@
 
 #include "methods/method.h"
 #include "surface/corner_flux.h"
+#include "surface/harmonic_blend.h"
 
 namespace dd {
 
 /// DiffCoord (§2, Fig. 1d, 5): gradient-based editing. Rotation and stretch of the handles are
 /// propagated over S by harmonic weights, G'_j = G_j S_jᵀ, and the surface follows from (4). S_j is
-/// the HandleBlend of the triangle with L w_h = 0, w_h = 1 on handle h and 0 on all other
+/// blended() of the triangle with L w_h = 0, w_h = 1 on handle h and 0 on all other
 /// constrained vertices, w_hj its mean over the triangle. A handle that is only translated turns
 /// nothing: the flaw that the paper explains.
 class GradientEditing : public Method {
@@ -20,7 +21,8 @@ class GradientEditing : public Method {
  private:
   BoundSurface& bound_;
   CornerFlux flux_;
-  RowMatrix weights_;  // active triangles × handles
+  HarmonicBlend harmonic_;
+  RowMatrix sums_;  // of the blend's terms, at all vertices in order
 };
 
 }  // namespace dd

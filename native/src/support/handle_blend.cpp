@@ -5,25 +5,23 @@
 
 namespace dd {
 
-HandleBlend::HandleBlend(const std::vector<Eigen::Matrix3d>& linear, const RowMatrix& weights,
-                         bool rotation_only) {
-  const Index count = static_cast<Index>(linear.size());
-  RowMatrix turns(count, 3), stretches(count, 9);
-  for (Index h = 0; h < count; ++h) {
+RowMatrix blend_terms(const std::vector<Eigen::Matrix3d>& linear, bool rotation_only) {
+  RowMatrix terms(static_cast<Index>(linear.size()), rotation_only ? 3 : 12);
+  for (Index h = 0; h < terms.rows(); ++h) {
     const Eigen::Matrix3d& A = linear[static_cast<size_t>(h)];
     const Eigen::Matrix3d R = polar_rotation(A);
-    turns.row(h) = rotation_vector(R).transpose();
+    terms.row(h).head<3>() = rotation_vector(R).transpose();
+    if (rotation_only) continue;
     const Eigen::Matrix3d change = R.transpose() * A - Eigen::Matrix3d::Identity();
-    stretches.row(h) = change.reshaped().transpose();
+    terms.row(h).tail<9>() = change.reshaped().transpose();
   }
-  turns_ = weights * turns;
-  if (!rotation_only) stretches_ = weights * stretches;
+  return terms;
 }
 
-Eigen::Matrix3d HandleBlend::at(Index j) const {
-  const Eigen::Matrix3d R = rotation_by(turns_.row(j).transpose());
-  if (stretches_.size() == 0) return R;
-  return R + R * Eigen::Map<const Eigen::Matrix3d>(stretches_.row(j).data());
+Eigen::Matrix3d blended(const Eigen::Ref<const Eigen::RowVectorXd>& sums) {
+  const Eigen::Matrix3d R = rotation_by(sums.head<3>().transpose());
+  if (sums.size() == 3) return R;
+  return R + R * Eigen::Map<const Eigen::Matrix3d>(sums.data() + 3);
 }
 
 }  // namespace dd

@@ -13,16 +13,12 @@ namespace dd {
 ///   S_j = exp(Σ_h w_hj log R_h) · (I + Σ_h w_hj (U_h − I))
 ///
 /// What the weights lack to 1 counts for the identity: that of fixed vertices.
-class HandleBlend {
- public:
-  /// weights: elements × handles. rotation_only leaves the stretches out.
-  HandleBlend(const std::vector<Eigen::Matrix3d>& linear, const RowMatrix& weights,
-              bool rotation_only);
-  /// S_j of element j.
-  Eigen::Matrix3d at(Index j) const;
+///
+/// Of each handle log R_h, and U_h − I unless only rotations are wanted: the terms that the weights
+/// sum up, h×3 or h×12.
+RowMatrix blend_terms(const std::vector<Eigen::Matrix3d>& linear, bool rotation_only);
 
- private:
-  RowMatrix turns_, stretches_;  // a row an element
-};
+/// S_j from the 3 or 12 sums of these terms.
+Eigen::Matrix3d blended(const Eigen::Ref<const Eigen::RowVectorXd>& sums);
 
 }  // namespace dd

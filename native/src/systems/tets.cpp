@@ -181,10 +181,10 @@ Positions edit_by_gradients(const TetPoisson& poisson, const TetMesh& mesh,
     weights.row(j) = (of_vertices.row(mesh.tets(j, 0)) + of_vertices.row(mesh.tets(j, 1)) +
                       of_vertices.row(mesh.tets(j, 2)) + of_vertices.row(mesh.tets(j, 3))) /
                      4;
-  const HandleBlend blend(linear, weights, false);
+  const RowMatrix sums = weights * blend_terms(linear, false);
   RowMatrix gradients(3 * mesh.tet_count(), 3);
   for (Index j = 0; j < mesh.tet_count(); ++j)
-    gradients.middleRows<3>(3 * j) = blend.at(j).transpose();
+    gradients.middleRows<3>(3 * j) = blended(sums.row(j)).transpose();
   const Positions result = poisson.solve(constrained, gradients);
   if (!result.allFinite())
     throw Error(Status::numeric,
