@@ -88,6 +88,22 @@ TEST_CASE("a rigid motion stretches nothing, a scaling by s stretches by √2 |s
   CHECK(scaled.volume_ratio == Approx(3.375));
 }
 
+TEST_CASE("a needle at rest is not stretched, however thin, and scaled as any triangle is") {
+  for (double height : {1e-6, 1e-9, 1e-12}) {
+    INFO("height " << height);
+    const Eigen::RowVector3d along(1.1, 0.7, 0.3), across(0.3, -0.6, 0.3);
+    Mesh needle;
+    needle.positions.resize(3, 3);
+    needle.positions << 0, 0, 0, along, 0.61 * along + height * across;
+    needle.triangles.resize(1, 3);
+    needle.triangles << 0, 1, 2;
+    const auto free = all_free(needle);
+    CHECK(measure(needle, needle.positions, free, {}, {}).stretch == 0);
+    CHECK(measure(needle, 2 * needle.positions, free, {}, {}).stretch ==
+          Approx(std::sqrt(2.0)).epsilon(1e-14 / height));
+  }
+}
+
 TEST_CASE("stretch is ‖S − R‖ of (15) and its polar rotation, normal error an angle to them") {
   const Mesh mesh = test::rough_sphere(2, 0.2);
   Positions deformed = mesh.positions, base = mesh.positions.rowwise().normalized();
