@@ -25,7 +25,8 @@ Eigen::Vector2d stretches(const Eigen::Matrix3d& rest, const Eigen::Matrix3d& no
     edges << length, f.col(0).dot(f.col(1)) / length, 0, f.col(0).cross(f.col(1)).norm() / length;
     return edges;
   };
-  // By how it differs from rest: of a needle the inverse is so large that 1 would drown in rounding.
+  // By how it differs from rest: the inverse of a needle's is so large that 1 would drown in
+  // rounding.
   const Eigen::Matrix2d from = in_plane(rest);
   const Eigen::Matrix2d S = Eigen::Matrix2d::Identity() + (in_plane(now) - from) * from.inverse();
   const double sum = Eigen::Vector2d(S(0, 0) + S(1, 1), S(1, 0) - S(0, 1)).norm();
