@@ -466,6 +466,7 @@ def test_a_handle_that_only_places_takes_its_turn_from_the_surface(native, strip
                              (dict(handle_turns=[1, 0]), 'for 2 handles'),
                              (dict(handle_turns=[1], pivots=[(0, np.nan, 0)]), 'pivot of handle 0'),
                              (dict(handle_turns=[1], pivots=[(0, 1e30, 0)]), 'too far from its vertices'),
+                             (dict(handle_turns=[1], pivots=[(0, 1e7, 0)]), 'too far from its vertices'),
                              (dict(handle_turns=[1], pivots=np.zeros((2, 3))), 'for 2 handles')):
         with pytest.raises(native.NativeError, match=sentence):
             deformer.offsets(lift, **change)

@@ -14,8 +14,10 @@ namespace dd {
 
 namespace {
 
-constexpr int kLeastRange = 1024;       // rows that are worth a task
-constexpr double kFarthestPivot = 1e9;  // of the box: a turn about it keeps six digits there
+constexpr int kLeastRange = 1024;  // rows that are worth a task
+// Of the box: about a point beyond it the least turn that the surface asks for swings a handle
+// away.
+constexpr double kFarthestPivot = 1e4;
 
 void validate_example(const Positions& example, int number, const Mesh& mesh) {
   const std::string name = "Example " + std::to_string(number);
