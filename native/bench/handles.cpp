@@ -20,13 +20,8 @@
 
 namespace {
 
+using dd::bench::median;
 using dd::bench::milliseconds;
-
-double median(std::vector<double> times) {
-  std::nth_element(times.begin(), times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2),
-                   times.end());
-  return times[times.size() / 2];
-}
 
 /// Single vertices, spread evenly over the plane but for what is fixed.
 struct Case {
@@ -101,7 +96,9 @@ int main(int argc, char** argv) {
     if (!std::strcmp(argv[i], "--rounds")) rounds = std::atoi(argv[i + 1]);
   }
   if (side < 20 || few < 1 || many < 1 || rounds < 1)
-    return std::fprintf(stderr, "handles [--side N, 20 at least] [--few N] [--many N]\n"), 2;
+    return std::fprintf(stderr,
+                        "handles [--side N, 20 at least] [--few N] [--many N] [--rounds N]\n"),
+           2;
   const dd::Mesh mesh = dd::test::bumpy_plane(side);
   Case cases[] = {{mesh, side, few}, {mesh, side, many}};
   std::printf("%s\n%d triangles, one thread\n%-44s %9d %9d handles\n", dd::bench::machine().c_str(),

@@ -45,13 +45,8 @@
 
 namespace {
 
+using dd::bench::median;
 using dd::bench::milliseconds;
-
-double median(std::vector<double> times) {
-  std::nth_element(times.begin(), times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2),
-                   times.end());
-  return times[times.size() / 2];
-}
 
 /// Everything that is measured, by name, for the table and the file.
 class Report {

@@ -28,8 +28,7 @@ using dd::bench::milliseconds;
 double median(const std::function<void()>& body) {
   std::vector<double> times;
   for (int run = 0; run < 5; ++run) times.push_back(milliseconds(body));
-  std::sort(times.begin(), times.end());
-  return times[times.size() / 2];
+  return dd::bench::median(times);
 }
 
 struct Times {

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <algorithm>
 #include <chrono>
+#include <cstddef>
+#include <vector>
 
 namespace dd::bench {
 
@@ -16,6 +19,12 @@ double milliseconds(const Body& body) {
   const auto start = Clock::now();
   body();
   return milliseconds_since(start);
+}
+
+inline double median(std::vector<double> times) {
+  std::nth_element(times.begin(), times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2),
+                   times.end());
+  return times[times.size() / 2];
 }
 
 }  // namespace dd::bench

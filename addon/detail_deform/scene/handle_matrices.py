@@ -59,7 +59,7 @@ def _inverse_or_refuse(matrix, sentence):
 def world_to_local(ob, depsgraph):
     """(4, 4): the inverse of the object's evaluated world matrix."""
     return _inverse_or_refuse(evaluated_world(ob, depsgraph, "Object"),
-                             f"'{ob.name}' has a scale of zero: give it a size.")
+                              f"'{ob.name}' has a scale of zero: give it a size.")
 
 
 def local_places(ob, depsgraph):

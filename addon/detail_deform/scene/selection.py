@@ -62,36 +62,26 @@ def select(ob, members, extend, hidden=False):
     bmesh.update_edit_mesh(ob.data, loop_triangles=False, destructive=False)
 
 
-def fill_group(ob, group, members, is_new=False):
+def fill_group(ob, group, members):
     """Makes these vertices, with weight 1, all that the group has. members: (n,) bool."""
-    chosen = np.flatnonzero(members).tolist()
     if ob.mode != 'EDIT':
-        if not is_new:
-            group.remove(range(len(members)))
-        group.add(chosen, 1.0, 'REPLACE')
+        group.remove(range(len(members)))
+    else:
+        mesh = bmesh.from_edit_mesh(ob.data)
+        weights, index = mesh.verts.layers.deform.verify(), group.index
+        for vertex in mesh.verts:
+            if index in vertex[weights]:
+                del vertex[weights][index]
+    _add(ob, [group], [np.flatnonzero(members)])
+
+
+def _add(ob, groups, parts):
+    """Gives each group, with weight 1, an array of vertices."""
+    if ob.mode != 'EDIT':
+        for group, part in zip(groups, parts):
+            group.add(part.tolist(), 1.0, 'REPLACE')
         return
     # Without leaving Edit Mode, where other objects may be too.
-    mesh = bmesh.from_edit_mesh(ob.data)
-    weights, index = mesh.verts.layers.deform.verify(), group.index
-    mesh.verts.ensure_lookup_table()
-    for vertex in () if is_new else mesh.verts:
-        if index in vertex[weights]:
-            del vertex[weights][index]
-    for vertex in chosen:
-        mesh.verts[vertex][weights][index] = 1.0
-    bmesh.update_edit_mesh(ob.data, loop_triangles=False, destructive=False)
-    ob.update_from_editmode()
-
-
-def new_group(ob, name, members):
-    group = ob.vertex_groups.new(name=name)
-    fill_group(ob, group, members, is_new=True)
-    return group
-
-
-def new_groups(ob, name, parts):
-    """A new group for each of some arrays of vertices, in Edit Mode; Blender numbers their names. Returns these."""
-    groups = [ob.vertex_groups.new(name=name) for _ in parts]
     mesh = bmesh.from_edit_mesh(ob.data)
     weights = mesh.verts.layers.deform.verify()
     mesh.verts.ensure_lookup_table()
@@ -100,7 +90,18 @@ def new_groups(ob, name, parts):
             mesh.verts[vertex][weights][group.index] = 1.0
     bmesh.update_edit_mesh(ob.data, loop_triangles=False, destructive=False)
     ob.update_from_editmode()
-    return [group.name for group in groups]
+
+
+def new_groups(ob, name, parts):
+    """A new group for each of some arrays of vertices; Blender numbers their names."""
+    groups = [ob.vertex_groups.new(name=name) for _ in parts]
+    _add(ob, groups, parts)
+    return groups
+
+
+def new_group(ob, name, members):
+    """The same of (n,) bool."""
+    return new_groups(ob, name, [np.flatnonzero(members)])[0]
 
 
 def islands(chosen, edges):

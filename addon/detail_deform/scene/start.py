@@ -63,11 +63,13 @@ def motions(ob, parts, by=offset_attribute.NAME):
         return
     before = shape_at_rest(ob).astype(np.float64)
     after = before + moved
-    both_ways = mesh_data.edges(ob.data)
-    both_ways = np.concatenate([both_ways, both_ways[:, ::-1]])
-    both_ways = both_ways[np.argsort(both_ways[:, 0])]
+    both_ways = None  # made for the first part that needs it
     for part in parts:
         if len(part) < 3:
+            if both_ways is None:
+                edges = mesh_data.edges(ob.data)
+                both_ways = np.concatenate([edges, edges[:, ::-1]])
+                both_ways = both_ways[np.argsort(both_ways[:, 0])]
             low, high = (np.searchsorted(both_ways[:, 0], part, side) for side in ('left', 'right'))
             part = np.unique(np.concatenate([part, *(both_ways[b:e, 1] for b, e in zip(low, high))]))
         yield _rigid(before[part], after[part])

@@ -148,7 +148,7 @@ def add_handles(context, ob, group_name="", each='SELECTION', parented=True, ali
     from_selection = ob.mode == 'EDIT'
     if from_selection:
         parts = _selected_parts(ob, each)
-        names = selection.new_groups(ob, _GROUP_NAME, parts)
+        names = [group.name for group in selection.new_groups(ob, _GROUP_NAME, parts)]
     elif each != 'SELECTION':
         raise MeshProblem(f"'{ob.name}' is not in Edit Mode: select there the vertices that get a handle each.")
     else:

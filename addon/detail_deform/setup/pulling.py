@@ -91,11 +91,11 @@ class Pull:
         ob, settings = self._ob, self._ob.detail_deform
         of_others = present.members if settings.pulled_region and self._count else None
         names = [handle.vertex_group for handle in settings.handles][self._count:]
-        start = (mesh_data.members(ob, *names) if of_others is not None or not self._count else
-                 region_setup.sources(ob))
+        new = mesh_data.group_weights(ob, names) > mesh_data.MEMBER_WEIGHT
+        start = new.any(axis=0) if of_others is not None or not self._count else region_setup.sources(ob)
         around = self._around
         if around is None or not np.array_equal(around.start, start):
-            around = region_setup.Around(ob, start, chosen=mesh_data.members(ob, names[0]))
+            around = region_setup.Around(ob, start, chosen=new[0])
         self.radius = self.radius or around.first_guess()
         members = around.within(self.radius)
         region_setup.set_region(ob, members if of_others is None else members | of_others)

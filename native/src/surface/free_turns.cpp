@@ -357,8 +357,8 @@ void FreeTurns::find(std::vector<Affine>& motions, const Positions& pivots,
   // C = [(A − I)ᵀ; A o − o]: of a free handle Tᵀ X and where its pivot goes, X = (A − I)ᵀ and
   // T = [I, o − pivot]. A handle of one point that is its pivot has no X that moves anything.
   struct Unknown {
-    Index begin;  // of its rows in energy_
-    int handle;
+    size_t place;                                                       // in handles_
+    Index begin;                                                        // of its rows in energy_
     Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, 4> T;  // reduced
   };
   std::vector<Unknown> unknowns;
@@ -379,7 +379,7 @@ void FreeTurns::find(std::vector<Affine>& motions, const Positions& pivots,
     Eigen::Matrix<double, 3, 4> T;
     T << Eigen::Matrix3d::Identity(), o - pivot;
     const int handle = static_cast<int>(h);
-    Unknown unknown{energy_row, handle, T * coordinates.reduction(handle).transpose()};
+    Unknown unknown{placed.size() - 1, energy_row, T * coordinates.reduction(handle).transpose()};
     if (!unknown.T.isZero()) unknowns.push_back(std::move(unknown));
     energy_row += coordinates.count(handle);
   }
@@ -390,18 +390,18 @@ void FreeTurns::find(std::vector<Affine>& motions, const Positions& pivots,
   RowMatrix X(3 * count, 3), pulled(3 * clusters, 3 * count), stiffness(3 * count, 3 * count);
   RowMatrix forces(3 * count, 3);
   for (Index i = 0; i < count; ++i) {
-    const auto& [begin, h, T] = unknowns[size_t(i)];
+    const auto& [place, begin, T] = unknowns[size_t(i)];
     const Index width = T.cols();
-    pulled.middleCols<3>(3 * i) = pull_.middleCols(coordinates.begin(h), width) * T.transpose();
+    pulled.middleCols<3>(3 * i) =
+        pull_.middleCols(coordinates.begin(handles_[place]), width) * T.transpose();
     for (Index k = 0; k < count; ++k) {
       const Unknown& other = unknowns[size_t(k)];
       stiffness.block<3, 3>(3 * i, 3 * k) =
-          T * energy_.block(begin, coordinates.begin(other.handle), width, other.T.cols()) *
+          T *
+          energy_.block(begin, coordinates.begin(handles_[other.place]), width, other.T.cols()) *
           other.T.transpose();
     }
     forces.middleRows<3>(3 * i) = T * from_given.middleRows(begin, width);
-    const size_t place =
-        size_t(std::lower_bound(handles_.begin(), handles_.end(), h) - handles_.begin());
     X.middleRows<3>(3 * i) = start.rotations[place].transpose() - Eigen::Matrix3d::Identity();
   }
   if (count > 0) stiffness.diagonal().array() += kStiffness * stiffness.diagonal().maxCoeff();

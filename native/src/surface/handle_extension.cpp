@@ -8,10 +8,10 @@ namespace dd {
 
 namespace {
 
-constexpr int kLeastRange = 1024;  // rows that are worth a task
-constexpr Index kColumnsAtOnce =
-    16;  // of W: what all need at once would take several times its memory
+constexpr int kLeastRange = 1024;      // rows that are worth a task
 constexpr double kExactEnough = 1e-8;  // of the largest value
+// Of W: what all need at once would take several times its memory.
+constexpr Index kColumnsAtOnce = 16;
 
 /// m×coordinates, rows as Region::handle_vertices.
 SparseMatrix values_at_handles(const HandleCoordinates& coordinates, const Region& region,

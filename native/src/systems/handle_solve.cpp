@@ -69,16 +69,19 @@ HandleSolve::HandleSolve(const PolyharmonicSystem& bending, const Region& region
       steps_(coupling(bending.operators(), region, bending.smoothness())),
       pool_(pool) {}
 
+template <class Values>
+Values HandleSolve::force(Values values) const {
+  for (const SparseMatrix& step : steps_) values = Values(step * values);
+  return values;
+}
+
 RowMatrix HandleSolve::extend(const RowMatrix& values) const {
-  RowMatrix force = steps_.front() * values;
-  for (size_t k = 1; k < steps_.size(); ++k) force = RowMatrix(steps_[k] * force);
-  return factor_->solve(force, pool_);
+  return factor_->solve(force(values), pool_);
 }
 
 void HandleSolve::add_extended(const Rows& values, const std::vector<int>& row_of_free,
                                const Rows& rest, Rows& out) {
-  Rows force = values;
-  for (const SparseMatrix& step : steps_) force = Rows(step * force);
+  const Rows force = this->force(values);
   const auto add = [&](int free, const double* x) {
     const Index row = row_of_free[size_t(free)];
     for (int c = 0; c < 3; ++c) out(row, c) = rest(row, c) + x[c];

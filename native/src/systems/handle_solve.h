@@ -27,6 +27,10 @@ class HandleSolve {
   double bytes() const;
 
  private:
+  /// −K_FC times values.
+  template <class Values>
+  Values force(Values values) const;
+
   std::shared_ptr<const UpdatedCholesky> factor_;
   // −K_FC = −L_FT M⁻¹ L_TC and the like: from the handles' vertices outwards, an L at a time, where
   // free vertices can feel it. One matrix of them all would be full around a hub.
