@@ -58,6 +58,15 @@ class Strip:
         self.roles[i.ravel() >= n - 2] = 0
 
 
+def sheet(n):
+    """A wavy sheet of n × n vertices, fixed on the left, handle 0 on the right: positions, triangles, roles."""
+    i, j = np.divmod(np.arange(n * n), n)
+    positions = np.stack([i / n, j / n, 0.02 * np.sin(34 * i / n)], axis=1).astype(np.float32)
+    a = (n * np.arange(n - 1)[:, None] + np.arange(n - 1)).ravel()
+    triangles = np.concatenate([np.stack([a, a + n, a + n + 1], axis=1), np.stack([a, a + n + 1, a + 1], axis=1)])
+    return positions, triangles.astype(np.int32), np.where(i < 5, -2, np.where(i >= n - 5, 0, -1)).astype(np.int32)
+
+
 @pytest.fixture
 def strip():
     return Strip()

@@ -9,7 +9,7 @@ import threading
 import numpy as np
 import pytest
 
-from conftest import ADDON, IDENTITY, Strip, rotation
+from conftest import ADDON, IDENTITY, Strip, rotation, sheet
 
 
 def bound(native, mesh, handles=1, **options):
@@ -196,6 +196,8 @@ def test_null_pointers_and_unset_sizes_are_refused(native, structs, strip):
         lib.dd_job_cancel(None),
         lib.dd_job_finish(None),
         lib.dd_job_take_deformer(None, handle),
+        lib.dd_job_take_draft(None, handle),
+        lib.dd_draft_update(None, motion, 1, None, out, count),
         lib.dd_bind_start(None, strip.roles, count, 1, None, handle),
         lib.dd_bind_start(structs.Mesh(), None, count, 1, None, handle),
         lib.dd_bind_start(surface, None, count, 1, None, handle),
@@ -218,6 +220,7 @@ def test_null_pointers_and_unset_sizes_are_refused(native, structs, strip):
     assert (out == 0).all() and not handle
     lib.dd_job_free(None)
     lib.dd_deformer_free(None)
+    lib.dd_draft_free(None)
 
 
 def test_a_deformer_is_taken_once_and_a_job_finished_any_number_of_times(native, strip):
@@ -473,16 +476,10 @@ def test_a_handle_that_only_places_takes_its_turn_from_the_surface(native, strip
 
 
 def test_a_dense_surface_is_refined_on_a_coarse_one(native):
-    n = 170
-    i, j = np.divmod(np.arange(n * n), n)
-    positions = np.stack([i / n, j / n, 0.02 * np.sin(0.2 * i)], axis=1).astype(np.float32)
-    a = (n * np.arange(n - 1)[:, None] + np.arange(n - 1)).ravel()
-    triangles = np.concatenate([np.stack([a, a + n, a + n + 1], axis=1), np.stack([a, a + n + 1, a + 1], axis=1)])
-    roles = np.where(i < 5, native.ROLE_FIXED, np.where(i >= n - 5, 0, native.ROLE_FREE)).astype(np.int32)
     motion = rotation(0.9, (1, 0.5, 0))
     found = []
     for threads in (1, 2):
-        deformer = native.Bind(positions, triangles.astype(np.int32), roles, 1, threads=threads).finish()
+        deformer = native.Bind(*sheet(170), 1, threads=threads).finish()
         deformer.offsets(motion, refine=0)
         assert deformer.info.coarse_vertex_count == 0
         found.append(deformer.offsets(motion))

@@ -70,7 +70,7 @@ def test_the_least_value_is_not_taken_for_the_default(option, structs):
 
 def test_every_number_and_choice_of_bind_and_update_has_its_row(structs):
     filled = {(option.struct, option.fills.name) for option in FILLING}
-    told_otherwise = {'precision', 'threads', 'triangulation', 'values'}
+    told_otherwise = {'precision', 'draft', 'threads', 'triangulation', 'values'}
     for struct in (OPTIONS.BIND, OPTIONS.UPDATE):
         for field, kind in structs.STRUCTS[struct].kinds.items():
             if isinstance(kind, str) or kind in (ctypes.c_int32, ctypes.c_double):

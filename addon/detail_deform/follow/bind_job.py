@@ -49,6 +49,11 @@ class BindJob:
             return False
         return True
 
+    def draft(self):
+        """As of native.Bind."""
+        with self._lock:
+            return self._bind.draft() if self._bind else None
+
     def cancel(self):
         with self._lock:
             self.cancelled = True

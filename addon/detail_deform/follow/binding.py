@@ -33,6 +33,8 @@ def bind(ob, depsgraph, wait, keep_rest):
         handle_matrices.check_rest(settings, places)
     if settings.base == 'COMPUTED':
         content.options(ob)
+    if settings.base == 'COMPUTED' and keep_rest and _has_come(settings):
+        life.settle(ob)  # what is shown now is what the surface starts from
     bound.refuse(ob, "")  # from here on there is none, until it is complete
     if settings.base == 'OBJECT':
         # What is hidden is evaluated where it is needed only, and so its modifiers are looked at.
@@ -68,11 +70,9 @@ def _find_start(ob, places, keep_rest):
         start.forget(ob.data)
     if settings.base == 'COMPUTED':
         start.take_keys(ob)
-        if keep_rest and _has_come(settings):
-            life.settle(ob)
-            if start.take_deformation(ob):
-                handle_matrices.start_here(settings, places)
-                return
+        if keep_rest and _has_come(settings) and start.take_deformation(ob):
+            handle_matrices.start_here(settings, places)
+            return
     handle_matrices.store_rest(settings, places, only_new=keep_rest)
 
 

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A kind of life, what is bound to handles: where its content is another one, it is stale until it is bound again."""
 
+import copy
+
+import bpy
 import numpy as np
 
 from ..library import native
@@ -12,7 +15,9 @@ from . import content, look, made, placed, shown, slow_results
 from .bind_job import BindJob
 from .slow_update import SlowUpdate
 
-cache = made.Cache(spare=3)  # of native.Deformer
+cache = made.Cache(spare=3)  # of native.Deformer, and while that is made of native.Draft
+
+_DRAFT_FROM = 100_000  # vertices: with fewer a bind ends before one is missed
 
 
 def has(ob):
@@ -55,7 +60,9 @@ def check(ob):
         if stale not in {content.TOPOLOGY_CHANGED, content.VERTICES_MOVED}:
             _show_whole(ob)
         of.stale = stale
-        shown.forget(ob.data)  # an edit may have reached the offsets too
+        record = shown.by(ob.data)
+        if record is None or not record.is_draft:  # whose whole result is still to come
+            shown.forget(ob.data)  # an edit may have reached the offsets too
     return ""
 
 
@@ -99,7 +106,7 @@ def is_fit(ob, depsgraph):
 
 def is_for(ob, entry):
     """Whether a deformer that was found is for this object without any doubt."""
-    return entry.made.info.vertex_count == len(ob.data.vertices)
+    return entry.made.vertex_count == len(ob.data.vertices)
 
 
 # Made and lost
@@ -107,10 +114,15 @@ def is_for(ob, entry):
 def begin(ob, roles):
     """The job."""
     arguments, options = content.bind_arguments(ob, roles)
-    bind, of = native.Bind(*arguments, **options), ob.detail_deform
+    bind, of = native.Bind(*arguments, draft=_has_draft(len(roles)), **options), ob.detail_deform
     if of.base == 'OBJECT':  # whose pose is another one by then
         return bind
     return BindJob(bind, arguments[-1], look.quick(_with_free(look.asked(of), of)))
+
+
+def _has_draft(vertex_count):
+    """Without a window nobody sees one."""
+    return vertex_count >= _DRAFT_FROM and not bpy.app.background
 
 
 def _with_free(asked, of):
@@ -160,7 +172,7 @@ class Frame:
 
     def __init__(self, ob, deformer, depsgraph):
         of = ob.detail_deform
-        self._ob, self._deformer = ob, deformer
+        self._ob, self._deformer, self.is_draft = ob, deformer, isinstance(deformer, native.Draft)
         places = handle_matrices.local_places(ob, depsgraph)
         self._motions, self._base = handle_matrices.motions(of, places), None
         self._asked = look.asked(of)
@@ -176,12 +188,18 @@ class Frame:
             self._turns = handle_matrices.turns(of, places, depsgraph)
             self.of += (self._turns.tobytes(),)
 
+    def by(self, deformer):
+        """The same asked of another one."""
+        frame = copy.copy(self)
+        frame._deformer, frame.is_draft = deformer, False
+        return frame
+
     def offsets(self, share):
         """The quick ones, where there are slow ones or there is only a share of the time."""
         slow_results.cancel(offset_attribute.token(self._ob.data))
         slow_results.make_way(self._deformer)
         told = {**self._asked, 'turns': self._turns}
-        if self._deformer.info.coarse_vertex_count:  # there passes cost next to nothing
+        if self.is_draft or self._deformer.info.coarse_vertex_count:  # there passes cost next to nothing
             share = 1.0
         asked = look.quick(told, share)
         self.is_hurried = asked.get('refine') != look.quick(told).get('refine')
@@ -194,6 +212,9 @@ class Frame:
         handles = handle_matrices.enabled_handles(of)
         record.only_moved = [handles[number].name for number in
                              np.flatnonzero(handle_matrices.only_move(self._motions) & ~self._free)]
+        if self.is_draft:
+            record.draft, record.is_final = self, False
+            return
         if of.method == 'EXAMPLES':
             record.example_weights = self._deformer.example_weights().tolist()
             if not wait:

@@ -160,7 +160,7 @@ class Frame:
         self._pose = source_pose.evaluated_pose(of.source, depsgraph)
         self.of = (of.prepared_for, self._pose.tobytes(), of.rotation_only)
 
-    is_hurried = False
+    is_hurried = is_draft = False
 
     def offsets(self, share):
         moved = self._transfer.apply(self._pose, self._rotation_only)

@@ -10,7 +10,8 @@ What follows is of one of two kinds, the modules bound and fed. They say what di
     job(ob): that makes a deformer or a transfer      refuse(ob, sentence): why it could not be made
     check_frame(ob): raises what it can't follow by   forget(ob): what belongs to this kind
     Frame(ob, made, depsgraph): what is asked for: of tells it from all others, offsets(share) computes it, or in a
-        drag what takes that share of the time, which is_hurried tells; written(record, wait) is told that it is shown
+        drag what takes that share of the time, which is_hurried tells, and is_draft that made is but a draft;
+        written(record, wait) is told that it is shown
 """
 
 import time
@@ -86,7 +87,7 @@ def _show(kind, ob, entry, depsgraph, force, wait):
     start = time.perf_counter()
     frame = kind.Frame(ob, entry.made, depsgraph)
     record, share = shown.by(ob.data), 1.0 if force or wait else drag.share(entry.full_ms)
-    if not force and record is not None and record.of == frame.of and (
+    if not force and record is not None and (record.of, record.is_draft) == (frame.of, frame.is_draft) and (
             record.will_do(wait, share) or not wait and _is_to_follow(ob, record)):
         return record.problem
     record = shown.show(ob.data, frame.offsets(share), frame.of)
@@ -102,6 +103,24 @@ def _show(kind, ob, entry, depsgraph, force, wait):
 def _is_to_follow(ob, record):
     """Whether the whole result is under way where a drag has shown the quick one."""
     return record.is_hurried and slow_results.progress(offset_attribute.token(ob.data)) is not None
+
+
+def _shows_draft(ob):
+    record = shown.by(ob.data)
+    return record is not None and record.is_draft
+
+
+def _replace_draft(ob):
+    """By the whole result of the same pose, where the object doesn't follow any more: a handle has come meanwhile."""
+    kind = kind_of(ob)
+    entry = kind and kind.cache.find(kind.content_of(ob))
+    if not (entry and _shows_draft(ob) and kind.is_for(ob, entry)):
+        return
+    frame = shown.by(ob.data).draft.by(entry.made)
+    try:
+        frame.written(shown.show(ob.data, frame.offsets(1.0), frame.of), wait=False)
+    except words.TOLD as error:
+        kind.settings(ob).problem = words.said(ob, error)
 
 
 def end_drag(members):
@@ -138,7 +157,10 @@ def is_known(ob):
 
 
 def settle(ob):
-    """Waits for a slow result that is under way."""
+    """Waits for what is to take the place of what is shown: a slow result, or that of a bind that is under way."""
+    if _shows_draft(ob):
+        wait(ob, bpy.context.evaluated_depsgraph_get())
+        _replace_draft(ob)
     slow_results.finish(offset_attribute.token(ob.data))
 
 
@@ -162,8 +184,8 @@ def check(ob):
 # Made
 
 def _made(kind, ob, depsgraph, wait):
-    """The entry of the object as it is; None while that is under way, and where it is stale. Raises MeshProblem or
-    native.NativeError."""
+    """The entry of the object as it is, or while that is under way of its draft, where there is one; None where it is
+    stale. Raises MeshProblem or native.NativeError."""
     cache = kind.cache
     entry = cache.find(kind.content_of(ob))
     if entry and kind.is_for(ob, entry):
@@ -180,7 +202,8 @@ def _made(kind, ob, depsgraph, wait):
         if wait:  # in a render another thread, which must not set up timers
             return finish(kind, content)
         _poll_soon()
-    return cache.find(content)
+    draft = cache.draft(content)
+    return draft if draft and kind.is_for(ob, draft) else cache.find(content)
 
 
 def start(kind, content, begin):
@@ -198,6 +221,8 @@ def finish(kind, content):
         for ob in _owners(kind, content):
             kind.refuse(ob, words.said(ob, error))
             problem_vertices.note(ob, error)
+            if _shows_draft(ob):
+                _show_rest(ob)
         raise
 
 
@@ -225,6 +250,8 @@ def _poll():
         for content in kind.cache.contents_under_way():
             if not kind.cache.is_running(content):
                 _arrive(kind, content)
+            elif kind.cache.draft(content):
+                _show_to_owners(kind, content)
     redraw_panels()
     return _POLL_SECONDS if any(kind.cache.contents_under_way() for kind in KINDS) else None
 
@@ -235,9 +262,15 @@ def _arrive(kind, content):
     except native.NativeError:
         pass  # its owners have it
     else:
+        _show_to_owners(kind, content, force=True)
         for ob in _owners(kind, content):
-            refresh(ob, bpy.context.evaluated_depsgraph_get(), force=True)
+            _replace_draft(ob)
     drop_unused()
+
+
+def _show_to_owners(kind, content, force=False):
+    for ob in _owners(kind, content):
+        refresh(ob, bpy.context.evaluated_depsgraph_get(), force)
 
 
 # Ended
@@ -252,6 +285,10 @@ def end(kind, ob):
     modifier = node_group.find_modifier(ob)
     if modifier:
         node_group.set_base(modifier, None)
+    _show_rest(ob)
+
+
+def _show_rest(ob):
     shown.forget(ob.data)
     offset_attribute.remove(ob.data)
 

@@ -21,14 +21,15 @@ class Entry:
 
 
 class Cache:
-    """Of one kind. It is made by jobs like those of native: with progress(), cancel(), cancelled,
-    finish() and close()."""
+    """Of one kind. It is made by jobs like those of native: with progress(), cancel(), cancelled, finish(), close(),
+    and draft(), which gives what can stand in for it meanwhile, once, or None."""
 
     def __init__(self, spare):
         """spare: as many that no object asks for any more are kept for undo."""
         self._spare = spare
         self._entries = {}  # by content, as are the others
         self._jobs = {}
+        self._drafts = {}  # of jobs, as entries
         self._failed = {}  # why it can't be made
         self._ending = []  # jobs that nobody asks for: closing one waits until it has ended
         self._finishing = threading.Lock()  # a render may wait for the same job as the window
@@ -48,6 +49,16 @@ class Cache:
         job = self._jobs.get(content)
         return job is not None and job.progress()[0]
 
+    def draft(self, content):
+        """The entry of what stands in for what is being made; None where there is nothing."""
+        job = self._jobs.get(content)
+        if job is None or job.cancelled:
+            return None
+        made = job.draft()
+        if made is not None:
+            self._drafts[content] = Entry(made)
+        return self._drafts.get(content)
+
     def start(self, content, begin):
         """begin() gives the job, unless what it makes is there or on its way. Raises native.NativeError."""
         present = self._jobs.get(content)
@@ -63,7 +74,7 @@ class Cache:
             if content in self._entries:
                 self.let_go(content)
                 return self._entries[content]
-            job = self._jobs.pop(content, None)
+            job = self._pop(content)
             if job is None:  # let go of while this waited for another thread
                 raise native.NativeError("It was cancelled.")
             try:
@@ -92,10 +103,15 @@ class Cache:
     def let_go(self, content):
         """Cancels what nobody asks for any more."""
         self._forget_ended()
-        job = self._jobs.pop(content, None)
+        job = self._pop(content)
         if job:
             job.cancel()
             self._ending.append(job)
+
+    def _pop(self, content):
+        """The job, which is under way no more."""
+        self._drafts.pop(content, None)
+        return self._jobs.pop(content, None)
 
     def _forget_ended(self):
         self._ending[:] = [job for job in self._ending if job.progress()[0]]
@@ -120,5 +136,5 @@ class Cache:
     def clear(self):
         for job in [*self._jobs.values(), *self._ending]:
             job.close()
-        for kept in (self._jobs, self._ending, self._entries, self._failed):
+        for kept in (self._jobs, self._drafts, self._ending, self._entries, self._failed):
             kept.clear()

@@ -48,6 +48,9 @@ class Preparation:
     def cancelled(self):
         return self._job.cancelled
 
+    def draft(self):
+        """None, always."""
+
     def finish(self):
         """The Prepared, or native.NativeError."""
         return Prepared(self._job.finish(), *self._sides)

@@ -21,8 +21,13 @@ class Shown:
         self.example_weights = ()  # how much of each example the pose has
         self.is_final = True  # no slow result is to take its place
         self.is_hurried = False  # but one that only a drag has put off
+        self.draft = None  # the Frame, where this is the draft of a bind that is under way
         self.slow_info = None  # facts of the slow result that this is
         self.problem = ""  # why the slow result did not come
+
+    @property
+    def is_draft(self):
+        return self.draft is not None
 
     def will_do(self, wait, share):
         """Whether what is shown may stay. wait: only what is final; share: of the time, what a drag leaves now."""

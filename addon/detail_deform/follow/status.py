@@ -45,7 +45,9 @@ def text(ob):
         if under_way.cancelled:
             return "Cancelling."
         _, fraction, stage = under_way.progress()
-        return f"Preparing {words.step(stage)}, {100 * fraction:.0f}%."
+        record = shown.by(ob.data)
+        meanwhile = " A draft follows the handles meanwhile." if record is not None and record.is_draft else ""
+        return f"Preparing {words.step(stage)}, {100 * fraction:.0f}%.{meanwhile}"
     if settings.transfer.live:
         return settings.transfer.state
     if settings.stale:

@@ -6,7 +6,7 @@ import threading
 import numpy as np
 
 from .jobs import Job, Made
-from .loading import call, call_when_free, count, vertices
+from .loading import Owned, call, call_when_free, count, vertices
 from .structs import COUNTS, FINDINGS, ROLES, BindOptions, Info, Mesh, UpdateInfo, UpdateOptions, numbers
 
 ROLE_FREE, ROLE_FIXED = ROLES['FREE'], ROLES['FIXED']
@@ -28,10 +28,36 @@ class Bind(Job):
         roles = numbers('roles', roles, np.int32)
         super().__init__('dd_bind_start', Mesh(positions=positions, triangles=triangles), roles, len(roles),
                          handle_count, BindOptions(**options))
-        self._example_count = count(options.get('examples'))
+        self._vertex_count, self._example_count = len(roles), count(options.get('examples'))
+
+    def draft(self):
+        """The Draft, once it is there and was not asked for before; else None."""
+        draft = Draft(self, self._vertex_count)
+        return draft if draft.is_there else None
 
     def finish(self):
         return Deformer(self, self._example_count)
+
+
+class Draft(Owned):
+    """What a bind shows before it is done, where it was told so by its option draft."""
+
+    free = 'dd_draft_free'
+
+    def __init__(self, bind, vertex_count):
+        self.vertex_count = vertex_count
+        self._lock = threading.Lock()
+        self._make('dd_job_take_draft', bind)
+        self.is_there = bool(self._handle)
+
+    def offsets(self, matrices, base=None, **options):
+        """As of Deformer."""
+        matrices = numbers('matrices', matrices, np.float64, 3, 4)
+        found = np.empty(3 * self.vertex_count, np.float32)
+        with self._lock:
+            call('dd_draft_update', self, matrices, len(matrices), update_options(base=base, **options),
+                 found, self.vertex_count)
+        return found
 
 
 class Deformer(Made):
@@ -44,6 +70,10 @@ class Deformer(Made):
         self._example_count = example_count
         self._lock = threading.Lock()
         self.info = self._read_info()
+
+    @property
+    def vertex_count(self):
+        return self.info.vertex_count
 
     def _read_info(self):
         info = Info()

@@ -146,7 +146,7 @@ BindOptions = _sized(
     'base_metric', 'metric_smoothing', 'smoothness', ('dd_precision', 'precision'), (_INT, 'threads'),
     (_POSITIONS, 'base'), (_SIZE, 'base_count'), (_POSITIONS, 'examples'),
     (_SIZE, 'example_count', 'example_vertex_count'), (Array(np.int32, 3), 'base_triangles'),
-    (_SIZE, 'base_triangle_count'), ('dd_triangulation', 'triangulation'))
+    (_SIZE, 'base_triangle_count'), ('dd_triangulation', 'triangulation'), (_INT, 'draft'))
 UpdateOptions = _sized(
     'dd_update_options', "What an update depends on beside the handles",
     'method', 'gradients', 'refine', 'output', ('dd_values', 'values'), 'levels', 'formulation',
@@ -220,6 +220,9 @@ SIGNATURES = {
     'dd_job_get_vertices': [OBJECT, INTS, _SIZE, _TO(_SIZE)],
     'dd_job_free': [OBJECT],
     'dd_bind_start': [_TO(Mesh), INTS, _SIZE, _INT, _TO(BindOptions), _TO(OBJECT)],
+    'dd_job_take_draft': [OBJECT, _TO(OBJECT)],
+    'dd_draft_update': [OBJECT, DOUBLES, _SIZE, _TO(UpdateOptions), FLOATS, _SIZE],
+    'dd_draft_free': [OBJECT],
     'dd_deformer_update': [OBJECT, DOUBLES, _SIZE, _TO(UpdateOptions), FLOATS, _SIZE],
     'dd_update_start': [OBJECT, DOUBLES, _SIZE, _TO(UpdateOptions), _TO(OBJECT)],
     'dd_job_get_update': [OBJECT, FLOATS, _SIZE],

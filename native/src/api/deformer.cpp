@@ -2,10 +2,14 @@
 // The C ABI: binds, deformers and their updates.
 #include <algorithm>
 #include <chrono>
+#include <future>
 #include <memory>
+#include <mutex>
 
 #include "api/job.h"
 #include "api/options.h"
+#include "deform/draft.h"
+#include "support/beside.h"
 
 using namespace dd::api;
 
@@ -30,6 +34,11 @@ struct Updated {
 
 struct dd_deformer {
   std::shared_ptr<Bound> bound;
+};
+
+struct dd_draft {
+  std::unique_ptr<dd::Draft> draft;
+  std::atomic<bool> busy{false};
 };
 
 namespace {
@@ -85,6 +94,55 @@ std::vector<int> vertices_of(const dd::Deformer& deformer, dd_finding finding) {
   return {};
 }
 
+/// A bind, which may have a draft while it lasts.
+class BindJob final : public JobFor<dd_deformer> {
+ public:
+  BindJob() : JobFor("a bind") {}
+  ~BindJob() override { stop(); }
+
+  void run(dd::Mesh mesh, std::vector<int> roles, int handle_count, dd::BindOptions how,
+           bool with_draft) {
+    JobFor::run([this, mesh = std::move(mesh), roles = std::move(roles), handle_count,
+                 how = std::move(how), with_draft](const dd::Progress& progress) {
+      const auto start = std::chrono::steady_clock::now();
+      // Beside it: much of a bind has use for one thread alone.
+      std::future<void> draft;
+      if (with_draft) {
+        draft = dd::beside(how.threads, [&] { make_draft(mesh, roles, handle_count, how); });
+        if (draft.wait_for(std::chrono::seconds(0)) == std::future_status::deferred) draft.get();
+      }
+      auto bound = std::make_shared<Bound>(mesh, roles, handle_count, how, progress);
+      bound->bind_seconds =
+          std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      return std::make_unique<dd_deformer>(dd_deformer{std::move(bound)});
+    });
+  }
+
+  std::unique_ptr<dd_draft> take_draft() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return std::move(draft_);
+  }
+
+ private:
+  void make_draft(const dd::Mesh& mesh, const std::vector<int>& roles, int handle_count,
+                  const dd::BindOptions& how) {
+    std::unique_ptr<dd::Draft> made;
+    try {
+      made = dd::Draft::make(mesh, roles, handle_count, how);
+    } catch (const std::exception&) {
+      // What is wrong with the mesh the bind itself says.
+    }
+    if (!made) return;
+    auto draft = std::make_unique<dd_draft>();
+    draft->draft = std::move(made);
+    const std::lock_guard<std::mutex> lock(mutex_);
+    draft_ = std::move(draft);
+  }
+
+  std::mutex mutex_;
+  std::unique_ptr<dd_draft> draft_;
+};
+
 /// The update, as steps where there are any; let_go: see split_update().
 dd::SplitResult update_in_steps(dd::Deformer& deformer, const Update& update, float* out,
                                 const dd::Progress& progress = {},
@@ -107,18 +165,42 @@ int32_t dd_bind_start(const dd_mesh* mesh, const int32_t* roles, size_t role_cou
     dd::Mesh surface = read_mesh("mesh", mesh);
     std::vector<int> of_vertices = read_roles(roles, role_count, mesh->vertex_count);
     dd::BindOptions how = read_bind_options(options, mesh->vertex_count);
-    start_job<dd_deformer>(
-        "a bind", job,
-        [surface = std::move(surface), of_vertices = std::move(of_vertices), handle_count,
-         how = std::move(how)](const dd::Progress& progress) {
-          const auto start = std::chrono::steady_clock::now();
-          auto bound = std::make_shared<Bound>(surface, of_vertices, handle_count, how, progress);
-          bound->bind_seconds =
-              std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-          return std::make_unique<dd_deformer>(dd_deformer{std::move(bound)});
-        });
+    auto started = std::make_unique<BindJob>();
+    started->run(std::move(surface), std::move(of_vertices), handle_count, std::move(how),
+                 wants_draft(options));
+    *job = started.release();
   });
 }
+
+int32_t dd_job_take_draft(dd_job* job, dd_draft** draft) {
+  return guarded([&] {
+    require(job, "job is null.");
+    require(draft, "draft is null.");
+    auto* bind = dynamic_cast<BindJob*>(job);
+    require(bind, std::string("This job is ") + job->name() + ", which has no draft.");
+    *draft = bind->take_draft().release();
+  });
+}
+
+int32_t dd_draft_update(dd_draft* draft, const double* matrices, size_t matrix_count,
+                        const dd_update_options* options, float* out, size_t out_count) {
+  return guarded([&] {
+    require(draft, "draft is null.");
+    const InUse in_use(draft->busy, "draft");
+    dd::Draft& surface = *draft->draft;
+    require_matrices(surface.coarse(), matrices, matrix_count);
+    require_count("out", out, out_count, count_of(static_cast<int>(surface.rest().rows())),
+                  "vertices");
+    const Update update = read_update_options(options, surface.coarse());
+    const dd::Positions& offsets = surface.update(matrices, update.options);
+    if (update.values == Values::positions)
+      write_floats(surface.rest() + offsets, out);
+    else
+      write_floats(offsets, out);
+  });
+}
+
+void dd_draft_free(dd_draft* draft) { delete draft; }
 
 int32_t dd_job_take_deformer(dd_job* job, dd_deformer** deformer) {
   return guarded([&] { take(job, "deformer", deformer); });

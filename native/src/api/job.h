@@ -77,7 +77,7 @@ namespace dd::api {
 
 /// A job that makes an Object.
 template <class Object>
-class JobFor final : public dd_job {
+class JobFor : public dd_job {
  public:
   using dd_job::dd_job;
   ~JobFor() override { stop(); }  // before what the work writes to is gone

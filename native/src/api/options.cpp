@@ -26,6 +26,7 @@ std::vector<Positions> read_examples(const dd_bind_options& options, size_t vert
 }
 
 enum class HandleTurns { target = 0, free = 1 };
+enum class WithDraft { no = 0, yes = 1 };
 
 Positions read_pivots(const dd_update_options& options, size_t handles) {
   if (!is_given("options.pivots", options.pivots, options.pivot_count, handles, "handles"))
@@ -67,6 +68,10 @@ BindOptions read_bind_options(const dd_bind_options* given, size_t vertex_count)
   result.threads = threads(options.threads);
   result.examples = read_examples(options, vertex_count);
   return result;
+}
+
+bool wants_draft(const dd_bind_options* given) {
+  return choice("options.draft", read_struct(given).draft, WithDraft::yes) == WithDraft::yes;
 }
 
 Update read_update_options(const dd_update_options* given, const Deformer& deformer) {

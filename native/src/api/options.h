@@ -8,6 +8,7 @@
 namespace dd::api {
 
 BindOptions read_bind_options(const dd_bind_options* given, size_t vertex_count);
+bool wants_draft(const dd_bind_options* given);
 
 enum class Values { positions = 0, offsets = 1 };
 

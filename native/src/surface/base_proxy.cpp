@@ -6,7 +6,6 @@
 #include <limits>
 #include <utility>
 
-#include "mesh/aabb_tree.h"
 #include "mesh/topology.h"
 #include "mesh/triangles.h"
 #include "mesh/unit_box.h"
@@ -23,27 +22,40 @@ constexpr double kTorn = 6;
 
 }  // namespace
 
-BaseProxy::BaseProxy(const Mesh& surface, Mesh proxy)
-    : rest_(std::move(proxy)), areas_(triangle_areas(rest_.positions, rest_.triangles)) {
-  const double size = bounding_box_diagonal(rest_.positions);
-  stand_ins_ = stand_ins(rest_.positions, rest_.triangles, size);
+BaseProxy::BaseProxy(Mesh proxy)
+    : rest_(std::move(proxy)),
+      areas_(triangle_areas(rest_.positions, rest_.triangles)),
+      stand_ins_(
+          stand_ins(rest_.positions, rest_.triangles, bounding_box_diagonal(rest_.positions))) {
   for (Index j = 0; j < rest_.triangles.rows(); ++j) {
     const Eigen::Matrix3d at_rest = edges_and_normal(rest_.positions, rest_.triangles, j);
     inverse_.push_back(stand_ins_.of_triangle[size_t(j)] == j ? Eigen::Matrix3d(at_rest.inverse())
                                                               : Eigen::Matrix3d::Identity());
   }
+  find_borders();
+}
+
+BaseProxy::BaseProxy(const Positions& points, const std::vector<PointOnTriangle>& nearest,
+                     Mesh proxy)
+    : BaseProxy(std::move(proxy)) {
+  bindings_.reserve(nearest.size());
+  for (size_t i = 0; i < nearest.size(); ++i) bind(points.row(Index(i)), nearest[i]);
+}
+
+void BaseProxy::bind(const Eigen::Vector3d& x, const PointOnTriangle& y) {
+  bindings_.push_back({y.triangle, y.weights, y.place, x - y.place});
+}
+
+BaseProxy::BaseProxy(const Mesh& surface, Mesh proxy) : BaseProxy(std::move(proxy)) {
   const AabbTree tree(rest_);
-  const double apart = kFar * size;
+  const double apart = kFar * bounding_box_diagonal(rest_.positions);
   bindings_.reserve(size_t(surface.vertex_count()));
   for (int v = 0; v < surface.vertex_count(); ++v) {
     const Eigen::Vector3d x = surface.positions.row(v);
-    const PointOnTriangle y =
-        tree.nearest(x, std::numeric_limits<double>::infinity(), [](int) { return true; });
-    bindings_.push_back({y.triangle, y.weights, y.place, x - y.place});
+    bind(x, tree.nearest(x, std::numeric_limits<double>::infinity(), [](int) { return true; }));
     if (bindings_.back().arm.norm() > apart) far.push_back(v);
   }
   find_torn(surface);
-  find_borders();
 }
 
 void BaseProxy::find_borders() {

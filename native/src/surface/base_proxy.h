@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "mesh/aabb_tree.h"
 #include "mesh/mesh.h"
 #include "support/thread_pool.h"
 #include "surface/gradients.h"
@@ -24,6 +25,8 @@ class BaseProxy {
  public:
   /// surface: S, n×3. proxy: at rest, validated. In a box of about unit size.
   BaseProxy(const Mesh& surface, Mesh proxy);
+  /// Of points, n×3, whose nearest ones are known.
+  BaseProxy(const Positions& points, const std::vector<PointOnTriangle>& nearest, Mesh proxy);
 
   int vertex_count() const { return rest_.vertex_count(); }
   /// deformed: as many vertices as the proxy's. Returns x', n×3.
@@ -37,6 +40,8 @@ class BaseProxy {
   double bytes() const;
 
  private:
+  explicit BaseProxy(Mesh proxy);
+  void bind(const Eigen::Vector3d& x, const PointOnTriangle& y);
   void find_torn(const Mesh& surface);
   void find_borders();
   std::vector<Eigen::Matrix3d> corner_gradients(const Positions& deformed) const;

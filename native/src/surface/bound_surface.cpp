@@ -4,9 +4,9 @@
 #include <cstdio>
 #include <future>
 #include <string>
-#include <system_error>
 #include <utility>
 
+#include "support/beside.h"
 #include "surface/base_surface.h"
 #include "systems/free_block.h"
 
@@ -24,19 +24,6 @@ auto blaming(const std::string& what, const std::string& remedy, const Stage& st
                 what + " near vertex " + std::to_string(error.vertex()) + ": " + remedy,
                 {error.vertex()});
   }
-}
-
-/// Starts a stage in a thread of its own; where there is none to be had, the stage runs when its
-/// result is asked for.
-template <class Stage>
-auto beside(const ThreadPool& pool, const Stage& stage) {
-  if (pool.count() > 1) {
-    try {
-      return std::async(std::launch::async, stage);
-    } catch (const std::system_error&) {
-    }
-  }
-  return std::async(std::launch::deferred, stage);
 }
 
 std::string edge_lengths(double value) {
@@ -65,7 +52,7 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
   const bool on_surface = computed && options.metric_smoothing == 0;
   std::future<Energy> energy;
   if (on_surface)
-    energy = beside(pool, [&]() -> Energy {
+    energy = beside(pool.count(), [&]() -> Energy {
       EnergyBlock bending = energy_block(operators, region, options.smoothness);
       auto symbolic =
           std::make_shared<SymbolicCholesky>(bending.sparse, dissection->order(bending.sparse));

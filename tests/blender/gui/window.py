@@ -126,6 +126,7 @@ def checks():
     yield from expressing()
     yield from rendering()
     yield from baking()
+    yield from drafting()
 
 
 def opening():
@@ -669,6 +670,76 @@ def baking():
             check("Esc leaves nothing behind", not path.exists() and not Path(f'{path}.unfinished').exists())
     yield 0.5
     screenshot('baked')
+
+
+def heavy_plane(side=330):
+    """A bumpy plane that is dense enough for a draft: its left edge is fixed, the right one has a handle."""
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'bumpy_plane.blend'), load_ui=False)
+    for ob in list(bpy.data.objects):
+        bpy.data.objects.remove(ob)
+    with in_view():
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=side - 1, y_subdivisions=side - 1, size=2)
+    ob = bpy.context.view_layer.objects.active
+    places = coordinates(ob.data)
+    places[:, 2] = 0.03 * np.sin(40 * places[:, 0]) * np.cos(31 * places[:, 1])
+    ob.data.vertices.foreach_set('co', places.astype(np.float32).ravel())
+    for name, chosen in (('region', places[:, 0] > -0.9), ('right', places[:, 0] > 0.9)):
+        ob.vertex_groups.new(name=name).add(np.flatnonzero(chosen).tolist(), 1.0, 'REPLACE')
+    empty = bpy.data.objects.new("Right", None)
+    bpy.context.scene.collection.objects.link(empty)
+    empty.location.x = 1
+    ob.detail_deform.region = 'region'
+    handle = ob.detail_deform.handles.add()
+    handle.name = handle.vertex_group = 'right'
+    handle.target = empty
+    activate(ob)
+    return ob, empty
+
+
+def drafting():
+    """A drag while a heavy mesh is being bound, which isn't seen to end before that."""
+    from detail_deform.follow import shown
+    from detail_deform.library import native
+    ob, empty = heavy_plane()
+    progress = native.Bind.progress
+    native.Bind.progress = lambda bind: (True, *progress(bind)[1:])
+    yield 1.0
+    with in_view():
+        bpy.ops.view3d.view_selected()
+        bpy.ops.object.detail_deform_bind()
+
+    def shows_draft():
+        record = shown.by(ob.data)
+        return record is not None and record.is_draft
+
+    yield from wait_until(shows_draft)
+    check("a draft is there before a heavy mesh is bound", shows_draft() and not ob.detail_deform.is_bound)
+    activate(empty)
+    point_at('VIEW_3D')
+    xdotool('key', 'g')
+    yield 0.1
+    xdotool('key', 'z')
+    followed = []
+    for _ in range(8):
+        xdotool('mousemove_relative', '--', 0, -12)
+        yield 0.02
+        followed.append((empty.location.z, evaluated(ob)[-1, 2] - coordinates(ob.data)[-1, 2], shows_draft()))
+    xdotool('key', 'Return')
+    yield 0.3
+    moved, seen, drafts = np.array(followed).T
+    check("a drag is followed by the draft", drafts.all() and moved[-1] > 0.05 and np.abs(moved - seen).max() < 1e-5)
+    draft = evaluated(ob)
+    check("which is shown as one", "A draft follows" in ob.detail_deform.status)
+    activate(ob)
+    yield 0.5
+    screenshot('draft')
+    native.Bind.progress = progress
+    yield from wait_until(lambda: ob.detail_deform.is_bound, 120)
+    yield 0.5
+    check("until the result takes its place", ob.detail_deform.is_bound and shown.by(ob.data).is_final)
+    difference = np.abs(evaluated(ob) - draft).max()
+    check(f"which is near ({difference:.5f})", 0 < difference < 0.02)
+    screenshot('after_draft')
 
 
 def main():

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "deform/draft.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "mesh/topology.h"
+#include "mesh/triangles.h"
+#include "surface/coarse_mesh.h"
+
+namespace dd {
+
+namespace {
+
+constexpr double kSpacing = 0.01;   // of the root of the deforming area
+constexpr double kMostLeft = 0.25;  // of the free vertices
+constexpr int kLeastRange = 1024;
+
+/// The faces that matter to K of an order: as many rings of constrained vertices as it reads.
+std::vector<int> faces_around(const Mesh& mesh, const Region& region, int order) {
+  std::vector<char> near(region.role.size(), 0);
+  for (int v : region.free) near[v] = 1;
+  std::vector<int> faces;
+  for (int ring = 0; ring < order; ++ring) {
+    faces.clear();
+    for (int j = 0; j < mesh.triangle_count(); ++j) {
+      const auto corners = mesh.triangles.row(j);
+      if (std::any_of(corners.begin(), corners.end(), [&](int v) { return near[v] != 0; }))
+        faces.push_back(j);
+    }
+    for (int j : faces)
+      for (int v : mesh.triangles.row(j)) near[v] = 1;
+  }
+  return faces;
+}
+
+/// The vertices of a coarse surface: its mesh's, then one of each handle that has none there.
+std::vector<int> with_all_handles(const CoarseMesh& coarse, const Region& region) {
+  std::vector<int> vertices = coarse.vertices;
+  std::vector<char> there(static_cast<size_t>(region.handle_count), 0);
+  for (int role : coarse.roles)
+    if (role >= 0) there[role] = 1;
+  for (int v : region.handle_vertices)
+    if (!std::exchange(there[region.role[v]], 1)) vertices.push_back(v);
+  return vertices;
+}
+
+}  // namespace
+
+Draft::Draft(const Mesh& mesh, Region region, int threads)
+    : pool_(threads),
+      rest_(mesh.positions),
+      region_(std::move(region)),
+      box_(mesh.positions),
+      offsets_(Positions::Zero(mesh.vertex_count(), 3)) {}
+
+std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& roles,
+                                   int handle_count, const BindOptions& options) {
+  if (options.base.size() > 0) return nullptr;
+  validate(mesh);
+  std::unique_ptr<Draft> draft(
+      new Draft(mesh, split_region(mesh, roles, handle_count), options.threads));
+  const Region& region = draft->region_;
+  const std::vector<int> faces = faces_around(mesh, region, static_cast<int>(options.smoothness));
+  const Mesh part{draft->box_.into(mesh.positions), mesh.triangles(faces, Eigen::all)};
+  const double size = std::sqrt(triangle_areas(part.positions, part.triangles).sum());
+  CoarseMesh coarse(part, region, kSpacing * size);
+  if (coarse.free_count > kMostLeft * region.free_count()) return nullptr;
+
+  const Fans fans(coarse.mesh.triangles, coarse.mesh.vertex_count());
+  std::vector<PointOnTriangle> nearest;
+  nearest.reserve(region.free.size());
+  for (int v : region.free) {
+    nearest.push_back(point_near(coarse.mesh, fans, part.positions.row(v), coarse.of_vertex[v]));
+    if (nearest.back().triangle < 0) return nullptr;
+  }
+
+  const std::vector<int> vertices = with_all_handles(coarse, region);
+  const auto of_coarse = [&](const Positions& all) { return Positions(all(vertices, Eigen::all)); };
+  std::vector<int> coarse_roles;
+  for (int v : vertices) coarse_roles.push_back(region.role[v]);
+  BindOptions how = options;
+  how.threads = 1;  // beside the bind, which has the others
+  for (Positions& example : how.examples) example = of_coarse(example);
+  how.metric_smoothing *= mean_edge_length(part.positions, part.triangles) /
+                          mean_edge_length(coarse.mesh.positions, coarse.mesh.triangles);
+  draft->coarse_rest_ = of_coarse(part.positions);
+  draft->coarse_ = std::make_unique<Deformer>(
+      Mesh{of_coarse(mesh.positions), coarse.mesh.triangles}, coarse_roles, handle_count, how);
+  draft->carrier_ =
+      std::make_unique<BaseProxy>(Positions(part.positions(region.free, Eigen::all)), nearest,
+                                  Mesh{draft->coarse_rest_, std::move(coarse.mesh.triangles)});
+  return draft;
+}
+
+const Positions& Draft::update(const double* matrices, const UpdateOptions& options) {
+  const Positions deformed = coarse_rest_ + coarse_->update(matrices, options) / box_.scale;
+  const Positions carried = carrier_->carry(deformed, pool_);
+  pool_.parallel_for(carried.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int64_t r = begin; r < end; ++r) {
+      const int v = region_.free[size_t(r)];
+      offsets_.row(v) = box_.scale * carried.row(r) + box_.centre - rest_.row(v);
+    }
+  });
+  // Handles that only place have turned with the coarse surface.
+  std::vector<double> turns;
+  const std::vector<double> moved = coarse_->turned(matrices, options, turns);
+  for (int v : region_.handle_vertices) {
+    const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> matrix(
+        moved.data() + 12 * size_t(region_.role[v]));
+    const Eigen::Vector3d x = rest_.row(v);
+    offsets_.row(v) = (matrix.leftCols<3>() * x + matrix.col(3) - x).transpose();
+  }
+  return offsets_;
+}
+
+}  // namespace dd

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "deform/deformer.h"
+
+namespace dd {
+
+/// What a bind that takes long shows before it is done: some ten thousand of the surface's
+/// vertices, bound by themselves, carry the others as a base of another topology does (see
+/// BaseProxy). It is made in a tenth of the time, and takes the same poses by the same options.
+/// Handles are met exactly, rest is rest; between them it differs from the surface's own result by
+/// about what another density of its mesh would change.
+class Draft {
+ public:
+  /// mesh, roles and options: as the Deformer's. Null where there would be little less to do, and
+  /// with a base from outside. Throws Error.
+  static std::unique_ptr<Draft> make(const Mesh& mesh, const std::vector<int>& roles,
+                                     int handle_count, const BindOptions& options);
+
+  /// The displacement of every vertex, n×3, in the mesh's units; valid until the next call.
+  const Positions& update(const double* matrices, const UpdateOptions& options);
+
+  const Positions& rest() const { return rest_; }
+  /// What its options are read for.
+  const Deformer& coarse() const { return *coarse_; }
+
+ private:
+  Draft(const Mesh& mesh, Region region, int threads);
+
+  ThreadPool pool_;
+  Positions rest_;
+  Region region_;
+  UnitBox box_;
+  Positions coarse_rest_;  // in the box
+  std::unique_ptr<Deformer> coarse_;
+  std::unique_ptr<BaseProxy> carrier_;  // of the free vertices
+  Positions offsets_;
+};
+
+}  // namespace dd
