@@ -11,7 +11,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source tests/prepare.sh
 
 prepare_build
-build_preset release detail_deform # not the tests, which take longer
+build_preset library detail_deform
 
 if prepare_blender; then
     blender --background --factory-startup --python-exit-code 1 --python addon/demo.py -- "$@"

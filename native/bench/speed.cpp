@@ -21,7 +21,7 @@
 #include <thread>
 #include <vector>
 
-#include "deform/deformer.h"
+#include "deform/draft.h"
 #include "kernels/kernels.h"
 #include "machine.h"
 #include "meshes.h"
@@ -144,11 +144,17 @@ struct Scene {
   std::vector<int> roles;
   dd::test::Affine lift = dd::test::identity();
 
-  std::unique_ptr<dd::Deformer> bound(int threads) const {
+  static dd::BindOptions options(int threads) {
     dd::BindOptions options;
     options.precision = dd::Precision::single;
     options.threads = threads;
-    return std::make_unique<dd::Deformer>(mesh, roles, 1, options);
+    return options;
+  }
+  std::unique_ptr<dd::Deformer> bound(int threads) const {
+    return std::make_unique<dd::Deformer>(mesh, roles, 1, options(threads));
+  }
+  std::unique_ptr<dd::Draft> draft(int threads) const {
+    return dd::Draft::make(mesh, roles, 1, options(threads));
   }
 };
 
@@ -314,16 +320,18 @@ double peak_megabytes() {
 }
 
 void scale(const std::vector<int>& sides, Report& report) {
-  std::printf("\n%10s %10s %10s %10s %10s %10s\n", "vertices", "bind ms", "update ms", "4 refined",
-              "held MB", "peak MB");
+  std::printf("\n%10s %10s %10s %10s %10s %10s %10s %10s\n", "vertices", "bind ms", "update ms",
+              "4 refined", "draft ms", "update ms", "held MB", "peak MB");
   std::vector<double> n, binds, updates;
   for (int side : sides) {
     const Scene scene(side);
     std::unique_ptr<dd::Deformer> bound;
-    std::vector<double> times[3];
+    std::unique_ptr<dd::Draft> draft;
+    std::vector<double> times[5];
     for (int round = 0; round < 3; ++round) {
       bound.reset();
       times[0].push_back(milliseconds([&] { bound = scene.bound(1); }));
+      times[3].push_back(milliseconds([&] { draft = scene.draft(1); }));
     }
     std::vector<float> out(3 * static_cast<size_t>(scene.mesh.vertex_count()));
     for (int round = -1; round < 9; ++round)
@@ -332,13 +340,18 @@ void scale(const std::vector<int>& sides, Report& report) {
             [&] { bound->update_to(out.data(), false, scene.lift.data(), refined(4 * k)); });
         if (round >= 0) times[1 + k].push_back(ms);
       }
-    std::printf("%10d %10.1f %10.2f %10.2f %10.1f %10.0f\n", scene.mesh.vertex_count(),
-                median(times[0]), median(times[1]), median(times[2]), bound->bytes() / 1e6,
+    for (int round = 0; round < 9; ++round)
+      times[4].push_back(draft ? milliseconds([&] { draft->update(scene.lift.data(), refined(4)); })
+                               : std::nan(""));
+    std::printf("%10d %10.1f %10.2f %10.2f %10.1f %10.2f %10.1f %10.0f\n",
+                scene.mesh.vertex_count(), median(times[0]), median(times[1]), median(times[2]),
+                draft ? median(times[3]) : std::nan(""), median(times[4]), bound->bytes() / 1e6,
                 peak_megabytes());
     const std::string key = std::to_string(scene.mesh.vertex_count());
     report.add("scale_" + key + "_bind_ms", median(times[0]));
     report.add("scale_" + key + "_update_ms", median(times[1]));
     report.add("scale_" + key + "_update_4_ms", median(times[2]));
+    if (draft) report.add("scale_" + key + "_draft_ms", median(times[3]));
     report.add("scale_" + key + "_held_mb", bound->bytes() / 1e6);
     report.add("scale_" + key + "_peak_mb", peak_megabytes());
     n.push_back(scene.mesh.vertex_count());

@@ -22,14 +22,13 @@ const auto kKinds = {MethodKind::transfer, MethodKind::variational, MethodKind::
 
 Affine turn(double angle) { return test::rotation_about(angle, {0, 1, 0}, {0, 0, 0}, {0, 0, 0.2}); }
 
-std::unique_ptr<Deformer> bound(int bumps, int threads) {
-  const Mesh mesh = test::bumpy_plane(kSide, bumps);
+std::unique_ptr<Deformer> bound(int bumps, int threads, int side = kSide) {
+  const Mesh mesh = test::bumpy_plane(side, bumps);
   BindOptions options;
   options.precision = Precision::single;
   options.threads = threads;
   options.examples = {test::transformed(turn(0.3), mesh.positions)};
-  return std::make_unique<Deformer>(mesh, test::strip_roles(kSide, kSide, 4, kSide - 4), 1,
-                                    options);
+  return std::make_unique<Deformer>(mesh, test::strip_roles(side, side, 4, side - 4), 1, options);
 }
 
 std::vector<Positions> by_all_methods(Deformer& deformer) {
@@ -45,6 +44,16 @@ std::vector<Positions> by_all_methods(Deformer& deformer) {
 TEST_CASE("the number of threads changes no method", "[threads]") {
   const auto alone = by_all_methods(*bound(6, 1)), shared = by_all_methods(*bound(6, 3));
   CHECK(alone == shared);
+}
+
+TEST_CASE("the number of threads changes no refinement, whose parts are made at once",
+          "[threads]") {
+  for (const int side : {kSide, 121}) {  // beyond 10,000 free vertices on a coarse surface
+    const auto refined = [&](int threads) {
+      return test::surface(*bound(6, threads, side), {turn(0.4)}, test::usual());
+    };
+    CHECK(refined(1) == refined(3));
+  }
 }
 
 TEST_CASE("deformers that bind and update at once give what each gives alone", "[threads]") {
@@ -88,4 +97,28 @@ TEST_CASE("each task is called once, whether helpers wait awake, sleep or one th
                                  }),
                         std::runtime_error);
   }
+}
+
+TEST_CASE("several callers of one pool, and tasks that call it, get all of their tasks done",
+          "[threads]") {
+  ThreadPool pool(3);
+  constexpr int kCallers = 4, kRounds = 50, kTasks = 16;
+  std::vector<std::vector<int>> counts(kCallers, std::vector<int>(kTasks * kTasks, 0));
+  std::vector<std::thread> callers;
+  for (std::vector<int>& own : counts)
+    callers.emplace_back([&] {
+      for (int round = 0; round < kRounds; ++round)
+        pool.run(kTasks,
+                 [&](int i) { pool.run(kTasks, [&](int k) { ++own[size_t(kTasks * i + k)]; }); });
+    });
+  for (std::thread& caller : callers) caller.join();
+  for (const std::vector<int>& own : counts)
+    CHECK(own == std::vector<int>(kTasks * kTasks, kRounds));
+  CHECK_THROWS_AS(
+      pool.run(kTasks, [&](int) { pool.run(kTasks, [](int) { throw std::runtime_error("!"); }); }),
+      std::runtime_error);
+  int sum = 0;
+  pool.run(1, [&](int) { ++sum; });
+  pool.run(kTasks, [](int) {});
+  CHECK(sum == 1);
 }

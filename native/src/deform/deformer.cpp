@@ -14,7 +14,6 @@ namespace dd {
 
 namespace {
 
-constexpr int kLeastRange = 1024;  // rows that are worth a task
 // Of the box: about a point beyond it the least turn that the surface asks for swings a handle
 // away.
 constexpr double kFarthestPivot = 1e4;

@@ -15,7 +15,6 @@ namespace {
 
 constexpr double kSpacing = 0.01;   // of the root of the deforming area
 constexpr double kMostLeft = 0.25;  // of the free vertices
-constexpr int kLeastRange = 1024;
 
 /// The faces that matter to K of an order: as many rings of constrained vertices as it reads.
 std::vector<int> faces_around(const Mesh& mesh, const Region& region, int order) {

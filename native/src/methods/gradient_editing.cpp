@@ -7,12 +7,6 @@
 
 namespace dd {
 
-namespace {
-
-constexpr int kLeastRange = 512;  // rows that are worth a task
-
-}  // namespace
-
 GradientEditing::GradientEditing(BoundSurface& bound)
     : bound_(bound), flux_(bound), harmonic_(bound) {}
 

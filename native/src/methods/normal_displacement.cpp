@@ -17,8 +17,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kLeastRange = 512;  // items that are worth a task
-
 Vector3d vector(const Rows& rows, int row) { return rows.row(row).head<3>(); }
 
 /// The rows of the vertices that a method may read: those of triangles with a free corner, and the

@@ -65,7 +65,9 @@ void ThreadPool::share(Call call, const void* task, int task_count) {
   // A helper that comes late finds the round closed: nobody waits for one to wake up.
   open_ = false;
   while (inside_ > 0) pause();
-  if (failure_) std::rethrow_exception(std::exchange(failure_, nullptr));
+  const std::exception_ptr failure = std::exchange(failure_, nullptr);
+  taken_ = false;
+  if (failure) std::rethrow_exception(failure);
 }
 
 void ThreadPool::work() {

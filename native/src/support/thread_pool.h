@@ -12,7 +12,10 @@
 
 namespace dd {
 
-/// A few threads that share out the tasks of one caller at a time. Between the parts of a frame,
+constexpr int kLeastRange = 512;  ///< rows, triangles and the like that are worth a task
+
+/// A few threads that share out the tasks of one caller at a time; what others bring meanwhile, from
+/// other threads or from within a task, they do themselves. Between the parts of a frame,
 /// which are some tens of microseconds apart, they wait awake; else they sleep.
 class ThreadPool {
  public:
@@ -26,10 +29,10 @@ class ThreadPool {
   int count() const { return static_cast<int>(helpers_.size()) + 1; }
 
   /// Calls task(0) to task(task_count − 1), each once, in any order and from any of the threads;
-  /// returns when all are done. Rethrows the first exception. Not to be called from within a task.
+  /// returns when all are done. Rethrows the first exception.
   template <class Task>
   void run(int task_count, const Task& task) {
-    if (task_count <= 1 || helpers_.empty()) {
+    if (task_count <= 1 || helpers_.empty() || taken_.exchange(true)) {
       for (int i = 0; i < task_count; ++i) task(i);
       return;
     }
@@ -47,6 +50,7 @@ class ThreadPool {
 
  private:
   using Call = void (*)(const void* task, int index);
+  /// By who has taken the helpers, whom it lets go.
   void share(Call call, const void* task, int task_count);
   void help();
   void work();
@@ -56,6 +60,7 @@ class ThreadPool {
   std::condition_variable wake_;
   std::atomic<unsigned> round_{0};  ///< grows with each share()
   std::atomic<bool> leave_{false};
+  std::atomic<bool> taken_{false};  ///< by a caller
   std::atomic<int> next_{0};
   // A helper announces itself in inside_ before it looks whether the round is open, the caller
   // closes it before it looks who is inside.

@@ -14,7 +14,6 @@ namespace dd {
 
 namespace {
 
-constexpr int kLeastRange = 1024;
 constexpr double kFar = 0.1;  // of the proxy's box
 // Nearest points may lie apart by so many times an edge of S: they do over the outside of a bend
 // in a proxy, where they cover more of it.

@@ -8,7 +8,6 @@ namespace dd {
 
 namespace {
 
-constexpr int kLeastRange = 1024;      // rows that are worth a task
 constexpr double kExactEnough = 1e-8;  // of the largest value
 // Of W: what all need at once would take several times its memory.
 constexpr Index kColumnsAtOnce = 16;

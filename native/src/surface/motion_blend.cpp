@@ -12,7 +12,6 @@ namespace dd {
 
 namespace {
 
-constexpr int kLeastRange = 512;
 constexpr int kTerms = 3 + 3 + 12 + 12 + 3 + 1;
 // Of the root of the area, which is the same however the mesh is turned; a box's diagonal isn't.
 constexpr double kLeastRadius = 0.015;

@@ -2,7 +2,10 @@
 #include "surface/reconstruction.h"
 
 #include <algorithm>
+#include <future>
 #include <utility>
+
+#include "support/beside.h"
 
 namespace dd {
 
@@ -47,8 +50,18 @@ void Reconstruction::solve_unrefined(BaseGradients& gradients, const BasePose& p
   turning.solve(by_base, solve, offsets);
 }
 
+ClampedPoisson* Reconstruction::prepare(const Refined& refined, bool is_refined) {
+  const double length = refined.rotation_smoothing * surface_.active_size;
+  std::future<void> refinement;
+  if (is_refined && refined_length_ != length)
+    refinement =
+        beside(surface_.poisson->pool().count(), [this, length] { prepare_refinement(length); });
+  ClampedPoisson* const clamps = clamped(refined.rim_smoothing);
+  if (refinement.valid()) refinement.get();
+  return clamps;
+}
+
 void Reconstruction::prepare_refinement(double length) {
-  if (refined_length_ == length) return;
   std::unique_ptr<CoarseRefinement> coarse = CoarseRefinement::make(surface_, *base_, length);
   std::unique_ptr<Refinement> whole =
       coarse ? nullptr : make_refinement(surface_, length, surface_.operators.masses);
@@ -59,15 +72,15 @@ void Reconstruction::prepare_refinement(double length) {
 
 void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, const BasePose& pose,
                            const Turning& turning, Rows& offsets) {
-  ClampedPoisson* const clamps = clamped(refined.rim_smoothing);
+  const bool is_refined = refined.iterations > 0 && turning.share > 0;
+  ClampedPoisson* const clamps = prepare(refined, is_refined);
   // The last iteration holds the slope at rims; so does what that leaves of the unrefined result.
   const double held =
       refined.iterations == 0 ? 1 : std::min({1.0, 5 * turning.share, 5 * (1 - turning.share)});
-  if (refined.iterations == 0 || turning.share == 0) {
+  if (!is_refined) {
     solve_unrefined(gradients, pose, turning, clamps, held, offsets);
     return;
   }
-  prepare_refinement(refined.rotation_smoothing * surface_.active_size);
   const bool mixed = turning.share < 1;
   if (mixed || refinement_) solve_unrefined(gradients, pose, turning, clamps, held, offsets);
   Rows unrefined;

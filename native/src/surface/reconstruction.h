@@ -50,6 +50,8 @@ class Reconstruction {
   double bytes() const;
 
  private:
+  /// What such an update needs, both halves beside each other. Returns clamped().
+  ClampedPoisson* prepare(const Refined& refined, bool is_refined);
   ClampedPoisson* clamped(double rim_smoothing);
   /// Makes the one that serves for such a length.
   void prepare_refinement(double length);

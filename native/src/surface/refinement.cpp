@@ -15,8 +15,6 @@ namespace dd {
 
 namespace {
 
-constexpr int kLeastRange = 512;  // items that are worth a task
-
 struct Pass {
   double relaxation;  // how many times the way to the next solution it goes
   double smoothing;   // how much of the smoothing it has

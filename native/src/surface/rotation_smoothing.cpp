@@ -5,12 +5,6 @@
 
 namespace dd {
 
-namespace {
-
-constexpr int kLeastRange = 512;
-
-}  // namespace
-
 RotationSmoothing::RotationSmoothing(const FactoredSurface& surface, double length,
                                      const Eigen::VectorXd& masses)
     : poisson_(*surface.poisson) {

@@ -14,9 +14,6 @@ namespace dd {
 
 namespace {
 
-constexpr int kLeastRange = 512;
-// As PolyharmonicSystem: K has tiny pivots where a surface is sound.
-constexpr double kSmallestPivot = 1e-17;
 constexpr double kAtRims = 1.5, kReach = 2.5;  // lengths
 // What a solve may leave of a solution, and what it may leave before it is corrected.
 constexpr double kEnough = 3e-6, kWorthCorrecting = 0.02;
@@ -98,7 +95,7 @@ ClampedPoisson::ClampedPoisson(const Mesh& mesh, const Region& region,
   BlockOptions options;
   options.precision = poisson.precision();
   options.pool = &poisson.pool();
-  options.smallest_pivot = kSmallestPivot;
+  options.smallest_pivot = kSmallestOfK;
   options.dissection = &dissection;
   factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region, options));
   options.symbolic = factor_->shared_symbolic();

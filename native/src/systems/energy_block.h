@@ -16,6 +16,10 @@ enum class Smoothness {
   curvature_variation = 3  ///< least variation of curvature: curvature continuous
 };
 
+/// For FactorOptions::smallest_pivot: K of a long strip that is held at one end has tiny pivots and
+/// may be sound.
+constexpr double kSmallestOfK = 1e-17;
+
 /// Beyond it a vertex is a hub, whose curvature would couple each of its neighbours with all others
 /// in K: a full matrix of that size.
 constexpr int kMostNeighbours = 1000;

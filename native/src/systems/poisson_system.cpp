@@ -177,7 +177,7 @@ void PoissonSystem::refine(Rows& offsets) {
   rows_.fold(right_);
   residual_.resize(right_.rows(), 4);
   residual_.bottomRows(right_.rows() - order_.free_count).setZero();
-  pool_.parallel_for(order_.free_count, 1000, [&](int64_t begin, int64_t end) {
+  pool_.parallel_for(order_.free_count, kLeastRange, [&](int64_t begin, int64_t end) {
     for (int64_t r = begin; r < end; ++r) {
       Eigen::RowVector4d row = right_.row(r);
       for (decltype(laplacian_)::InnerIterator it(laplacian_, r); it; ++it)

@@ -8,13 +8,10 @@ namespace dd {
 namespace {
 
 constexpr int kLeastRounds = 2, kMostRounds = 12;
-// A long strip that is held at one end has tiny pivots and may be sound: whether a solution is good
-// shows in extend().
-constexpr double kSmallestPivot = 1e-17;
 constexpr double kSettled = 1e-11, kUseless = 1e-6;  // of the largest value
 
 BlockOptions tolerant(BlockOptions options) {
-  options.smallest_pivot = kSmallestPivot;
+  options.smallest_pivot = kSmallestOfK;  // whether a solution is good shows in extend()
   return options;
 }
 

@@ -23,7 +23,6 @@ namespace dd {
 
 namespace {
 
-constexpr int kLeastRange = 256;
 constexpr double kAnchoring = 1e-9;  // keeps what nothing holds in its place
 constexpr double kLongestWave = 1;   // of the box
 constexpr double kShortestWave = 4;  // edges

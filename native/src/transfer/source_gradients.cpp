@@ -16,7 +16,6 @@ namespace dd {
 
 namespace {
 
-constexpr int kLeastRange = 512;  // triangles that are worth a task
 // Area over squared edge of a posed triangle that has no rotation.
 constexpr double kCollapsed = 1e-5;
 
