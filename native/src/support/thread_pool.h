@@ -14,9 +14,9 @@ namespace dd {
 
 constexpr int kLeastRange = 512;  ///< rows, triangles and the like that are worth a task
 
-/// A few threads that share out the tasks of one caller at a time; what others bring meanwhile, from
-/// other threads or from within a task, they do themselves. Between the parts of a frame,
-/// which are some tens of microseconds apart, they wait awake; else they sleep.
+/// A few threads that share out the tasks of one caller at a time; who comes meanwhile, from
+/// another thread or from within a task, works alone. Between the parts of a frame, which are some
+/// tens of microseconds apart, they wait awake; else they sleep.
 class ThreadPool {
  public:
   /// count: threads at work, the caller among them; 0: as many as the machine has, at most 8. Where
