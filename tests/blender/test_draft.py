@@ -80,7 +80,7 @@ def test_a_draft_follows_until_the_result_takes_its_place(binding):
     ob = binding.ob
     assert moved(ob) < 1e-6 and not ob.detail_deform.is_bound
     draft = binding.bend()
-    assert ob.detail_deform.status.endswith(" 28%. A draft follows the handles meanwhile.")
+    assert ob.detail_deform.status.endswith(" 28%. Meanwhile a draft follows the handles.")
     held = right(ob)
     target = ob.detail_deform.handles[0].target
     rest = np.array((1, 0.5, 0))

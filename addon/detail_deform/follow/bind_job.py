@@ -65,7 +65,7 @@ class BindJob:
         with self._lock:
             if self._bind:
                 bind, self._bind = self._bind, None
-                return bind.finish()
+                self._deformer = bind.finish()
             if self._error:
                 raise self._error
             if self._update:

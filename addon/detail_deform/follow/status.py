@@ -46,8 +46,8 @@ def text(ob):
             return "Cancelling."
         _, fraction, stage = under_way.progress()
         record = shown.by(ob.data)
-        meanwhile = " A draft follows the handles meanwhile." if record is not None and record.is_draft else ""
-        return f"Preparing {words.step(stage)}, {100 * fraction:.0f}%.{meanwhile}"
+        meanwhile = ["Meanwhile a draft follows the handles."] if record is not None and record.is_draft else []
+        return ' '.join([f"Preparing {words.step(stage)}, {100 * fraction:.0f}%.", *meanwhile])
     if settings.transfer.live:
         return settings.transfer.state
     if settings.stale:

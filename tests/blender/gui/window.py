@@ -729,7 +729,7 @@ def drafting():
     moved, seen, drafts = np.array(followed).T
     check("a drag is followed by the draft", drafts.all() and moved[-1] > 0.05 and np.abs(moved - seen).max() < 1e-5)
     draft = evaluated(ob)
-    check("which is shown as one", "A draft follows" in ob.detail_deform.status)
+    check("which is shown as one", "a draft follows" in ob.detail_deform.status)
     activate(ob)
     yield 0.5
     screenshot('draft')
