@@ -33,7 +33,8 @@ def _frame_changed(scene, depsgraph):
 
 @persistent
 def _before_saving(*_):
-    """A file holds the whole result, also where it is saved right after a drag."""
+    """A file holds the whole result, also where it is saved right after a drag; of a heavy mesh that is still being
+    bound its draft."""
     _show_whole(bpy.context.evaluated_depsgraph_get())
 
 

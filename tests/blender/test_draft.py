@@ -25,11 +25,12 @@ class Binding:
         self.life, self.shown = part('follow.life'), part('follow.shown')
         self.begin()
 
-    def begin(self, keep_rest=False):
+    def begin(self, keep_rest=False, tries=3000):
         self._held = True
         self._part('follow.binding').bind(self.ob, bpy.context.evaluated_depsgraph_get(), wait=False,
                                           keep_rest=keep_rest)
-        for _ in range(3000):
+        self.shown.forget(self.ob.data)  # the draft of the binding before
+        for _ in range(tries):
             self.life._poll()
             if self.shows_draft():
                 return
@@ -158,6 +159,93 @@ def test_a_handle_that_comes_meanwhile_starts_from_the_whole_result(binding, end
     update()
     assert 1e-5 < np.abs(evaluated(ob) - draft).max() < 0.02
     assert ob.detail_deform.is_bound
+
+
+def test_a_handle_that_comes_meanwhile_waits_for_the_result(binding):
+    ob = binding.ob
+    binding.bend()
+    group(ob, 'middle', np.flatnonzero(np.abs(own(ob)[:, 0] - 0.5) < 0.02))
+    add_handle(ob, 'middle', add_empty("Middle", (0.5, 0.5, 0.1)))
+    update()
+    bind = binding._part('follow.binding').bind
+    with pytest.raises(binding._part('scene.mesh_data').MeshProblem, match="is still being bound"):
+        bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=True)
+    assert binding.shows_draft() and ob.detail_deform.signature
+    binding.end()
+    bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=True)
+    binding.end()
+    assert ob.detail_deform.is_bound
+
+
+def test_a_handle_that_goes_meanwhile_leaves_the_whole_result(binding):
+    ob = binding.ob
+    group(ob, 'middle', np.flatnonzero(np.abs(own(ob)[:, 0] - 0.5) < 0.02))
+    add_handle(ob, 'middle', add_empty("Middle", (0.5, 0.5, 0.1)))
+    binding.begin()
+    ob.detail_deform.handles[1].target.location.z += 0.1
+    draft = binding.bend()
+    activate(ob)
+    ob.detail_deform.handle_index = 1
+    ob.detail_deform.handles.remove(1)
+    update()
+    binding.end()
+    assert not binding.shows_draft()
+    assert 1e-5 < np.abs(evaluated(ob) - draft).max() < 0.02
+    assert "handles" in ob.detail_deform.status
+
+
+def test_the_result_waits_for_the_end_of_edit_mode(binding):
+    ob = binding.ob
+    draft = binding.bend()
+    activate(ob)
+    bpy.ops.object.mode_set(mode='EDIT')
+    binding.end()
+    bpy.ops.object.mode_set(mode='OBJECT')
+    update()
+    assert not binding.shows_draft()
+    assert 1e-5 < np.abs(evaluated(ob) - draft).max() < 0.02
+
+
+def test_where_live_is_off_nothing_moves_by_itself(binding):
+    ob = binding.ob
+    binding.end()
+    ob.detail_deform.live = False
+    shown = binding.bend()
+    binding.ob.data.vertices[0].co.z -= 0.01  # another content
+    ob.data.update()
+    with pytest.raises(AssertionError, match="no draft came"):
+        binding.begin(keep_rest=True, tries=100)
+    update()
+    assert np.abs(evaluated(ob) - shown)[1:].max() < 1e-6
+    ob.detail_deform.live = True
+
+
+def test_a_cancel_leaves_what_the_binding_starts_from(binding):
+    ob = binding.ob
+    binding.bend()
+    binding.end()
+    group(ob, 'middle', np.flatnonzero(np.abs(own(ob)[:, 0] - 0.5) < 0.02))
+    add_handle(ob, 'middle', add_empty("Middle", (0.5, 0.5, 0.3)))
+    start = evaluated(ob)
+    binding.begin(keep_rest=True)
+    higher = binding.bend(0.6)
+    assert np.abs(higher - start).max() > 0.1
+    activate(ob)
+    bpy.ops.object.detail_deform_bind_cancel()
+    binding.bend(0.7)  # which must not begin it anew
+    binding.end()
+    update()
+    assert ob.detail_deform.status == "It was cancelled."
+    assert np.abs(evaluated(ob) - start).max() < 1e-5
+
+
+def test_examples_have_none(binding):
+    ob = binding.ob
+    draft = binding.bend()
+    ob.detail_deform.method = 'EXAMPLES'
+    assert np.abs(binding.bend(0.6) - draft).max() == 0
+    binding.end()
+    assert np.abs(evaluated(ob) - draft).max() > 0.1
 
 
 def test_a_render_waits_for_the_result(binding, part, monkeypatch):

@@ -52,9 +52,9 @@ TEST_CASE("draft: it is near the result, by each method that a frame can show") 
     const auto draft = draft_of(one);
     const double box = bounding_box_diagonal(one.mesh.positions);
     CHECK(draft->coarse().mesh().vertex_count() < 0.3 * one.mesh.vertex_count());
-    for (const auto& options :
-         {test::usual(), test::usual(8), test::by(MethodKind::transfer),
-          test::by(MethodKind::variational), test::by(MethodKind::gradient), test::shown_base()}) {
+    for (const auto& options : {test::usual(), test::usual(8), test::by(MethodKind::transfer),
+                                test::by(MethodKind::variational), test::by(MethodKind::gradient),
+                                test::by(MethodKind::normal), test::shown_base()}) {
       const Eigen::VectorXd error =
           (surface(*draft, {one.motion}, options) - test::surface(deformer, {one.motion}, options))
               .rowwise()
@@ -120,9 +120,6 @@ TEST_CASE("draft: handles that only place turn as they do with the surface") {
   aside(0, 3) = 0.5;
   UpdateOptions options = test::usual();
   options.free = {1, 0};
-  // As the bind's own centres, which more vertices have a say in.
-  options.pivots = Positions::Zero(2, 3);
-  options.pivots.row(0) << 0, 0, 1.52;
   const Positions there = surface(*draft, {aside, test::identity()}, options);
   const Positions exact = test::surface(deformer, {aside, test::identity()}, options);
   const double box = bounding_box_diagonal(one.mesh.positions);
@@ -152,6 +149,37 @@ TEST_CASE("draft: parts without a handle rest, handles beside nothing are no fau
   CHECK(test::largest_difference(part(there, 2), test::transformed(aside, far.positions)) < 1e-12);
 }
 
+TEST_CASE("draft: it is near the result for energies of each order") {
+  const Case one = test::subdivided(test::subdivided(test::bent_cylinder(60)));
+  const double box = bounding_box_diagonal(one.mesh.positions);
+  for (const Smoothness order : {Smoothness::membrane, Smoothness::curvature_variation}) {
+    BindOptions options;
+    options.smoothness = order;
+    Deformer deformer(one.mesh, one.roles, 1, options);
+    const Eigen::VectorXd error = (surface(*draft_of(one, 1, options), {one.motion}) -
+                                   test::surface(deformer, {one.motion}, test::usual()))
+                                      .rowwise()
+                                      .norm();
+    INFO(int(order) << " mean " << error.mean() / box << " largest " << error.maxCoeff() / box);
+    CHECK(error.mean() < 0.002 * box);
+    CHECK(error.maxCoeff() < 0.01 * box);
+  }
+}
+
+TEST_CASE("draft: triangles without area are no reason to have none") {
+  Case one = test::subdivided(test::subdivided(test::bent_cylinder()));
+  // A vertex and all around it on one line.
+  const int at = 60 * 160 + 77;
+  REQUIRE(one.roles[size_t(at)] == kFree);
+  for (Index j = 0; j < one.mesh.triangles.rows(); ++j) {
+    const auto corners = one.mesh.triangles.row(j);
+    if ((corners.array() != at).all()) continue;
+    for (int v : corners)
+      one.mesh.positions.row(v).head<2>() = one.mesh.positions.row(at).head<2>();
+  }
+  CHECK(surface(*draft_of(one), {one.motion}).allFinite());
+}
+
 TEST_CASE("draft: there is none where it would save little, nor with a base from outside") {
   const Case one = test::bent_cylinder();
   CHECK(!Draft::make(one.mesh, one.roles, 1, {}));
@@ -160,4 +188,5 @@ TEST_CASE("draft: there is none where it would save little, nor with a base from
   options.base = dense.mesh.positions;
   CHECK(!Draft::make(dense.mesh, dense.roles, 1, options));
   CHECK_THROWS_AS(Draft::make(dense.mesh, dense.roles, 2, {}), Error);
+  CHECK_THROWS_AS(surface(*draft_of(dense), {one.motion}, test::by(MethodKind::examples)), Error);
 }

@@ -34,6 +34,9 @@ def bind(ob, depsgraph, wait, keep_rest):
     if settings.base == 'COMPUTED':
         content.options(ob)
     if settings.base == 'COMPUTED' and keep_rest and _has_come(settings):
+        if not wait and life.is_drafted(ob):
+            raise MeshProblem(f"'{ob.name}' is still being bound, and the added handle starts from the result: wait "
+                              "for it, and bind then.")
         life.settle(ob)  # what is shown now is what the surface starts from
     bound.refuse(ob, "")  # from here on there is none, until it is complete
     if settings.base == 'OBJECT':

@@ -61,7 +61,7 @@ def check(ob):
             _show_whole(ob)
         of.stale = stale
         record = shown.by(ob.data)
-        if record is None or not record.is_draft:  # whose whole result is still to come
+        if stale == content.TOPOLOGY_CHANGED or record is None or not record.is_draft:  # its result is still to come
             shown.forget(ob.data)  # an edit may have reached the offsets too
     return ""
 
@@ -106,6 +106,8 @@ def is_fit(ob, depsgraph):
 
 def is_for(ob, entry):
     """Whether a deformer that was found is for this object without any doubt."""
+    if isinstance(entry.made, native.Draft) and ob.detail_deform.method == 'EXAMPLES':
+        return False  # which let vertices of handles go that a draft doesn't have
     return entry.made.vertex_count == len(ob.data.vertices)
 
 
@@ -173,6 +175,7 @@ class Frame:
     def __init__(self, ob, deformer, depsgraph):
         of = ob.detail_deform
         self._ob, self._deformer, self.is_draft = ob, deformer, isinstance(deformer, native.Draft)
+        self._handles = [handle.name for handle in handle_matrices.enabled_handles(of)]
         places = handle_matrices.local_places(ob, depsgraph)
         self._motions, self._base = handle_matrices.motions(of, places), None
         self._asked = look.asked(of)
@@ -194,6 +197,10 @@ class Frame:
         frame._deformer, frame.is_draft = deformer, False
         return frame
 
+    def is_of(self, ob):
+        """Whether this is asked of what the object is bound to now."""
+        return self.of[0] == ob.detail_deform.signature
+
     def offsets(self, share):
         """The quick ones, where there are slow ones or there is only a share of the time."""
         slow_results.cancel(offset_attribute.token(self._ob.data))
@@ -209,8 +216,7 @@ class Frame:
     def written(self, record, wait):
         """Notes the facts of what is shown now, and sees to the slow result. wait: for it, and without a window."""
         of = self._ob.detail_deform
-        handles = handle_matrices.enabled_handles(of)
-        record.only_moved = [handles[number].name for number in
+        record.only_moved = [self._handles[number] for number in
                              np.flatnonzero(handle_matrices.only_move(self._motions) & ~self._free)]
         if self.is_draft:
             record.draft, record.is_final = self, False

@@ -110,13 +110,21 @@ def _shows_draft(ob):
     return record is not None and record.is_draft
 
 
+def is_drafted(ob):
+    """Whether it shows the draft of what is under way."""
+    kind = kind_of(ob)
+    return bool(kind and _shows_draft(ob) and kind.cache.under_way(kind.content_of(ob)))
+
+
 def _replace_draft(ob):
-    """By the whole result of the same pose, where the object doesn't follow any more: a handle has come meanwhile."""
+    """By the whole result of the same pose, when it is there."""
     kind = kind_of(ob)
     entry = kind and kind.cache.find(kind.content_of(ob))
-    if not (entry and _shows_draft(ob) and kind.is_for(ob, entry)):
+    if ob.mode == 'EDIT' or not (entry and _shows_draft(ob) and kind.is_for(ob, entry)):
         return
     frame = shown.by(ob.data).draft.by(entry.made)
+    if not frame.is_of(ob):
+        return
     try:
         frame.written(shown.show(ob.data, frame.offsets(1.0), frame.of), wait=False)
     except words.TOLD as error:
@@ -158,8 +166,10 @@ def is_known(ob):
 
 def settle(ob):
     """Waits for what is to take the place of what is shown: a slow result, or that of a bind that is under way."""
-    if _shows_draft(ob):
-        wait(ob, bpy.context.evaluated_depsgraph_get())
+    kind = kind_of(ob)
+    if kind and _shows_draft(ob):
+        if kind.cache.under_way(kind.content_of(ob)):
+            finish(kind, kind.content_of(ob))
         _replace_draft(ob)
     slow_results.finish(offset_attribute.token(ob.data))
 
@@ -177,6 +187,7 @@ def check(ob):
         end(kind, ob)
         kind.settings(ob).problem = lost
     elif ob.detail_deform.stale:
+        _replace_draft(ob)  # nothing else would
         for tell in when_stale:
             tell()
 
@@ -196,6 +207,9 @@ def _made(kind, ob, depsgraph, wait):
         if not (kind.has(ob) and kind.is_fit(ob, depsgraph)):
             return None
     content = kind.content_of(ob)
+    under_way = cache.under_way(content)
+    if under_way and under_way.cancelled and not wait:
+        return None  # it would begin anew
     if not cache.find(content):
         cache.check(content)
         cache.start(content, lambda: kind.job(ob))
@@ -221,8 +235,8 @@ def finish(kind, content):
         for ob in _owners(kind, content):
             kind.refuse(ob, words.said(ob, error))
             problem_vertices.note(ob, error)
-            if _shows_draft(ob):
-                _show_rest(ob)
+            if _shows_draft(ob) and ob.mode != 'EDIT':
+                shown.show_start(ob.data)
         raise
 
 
@@ -251,7 +265,7 @@ def _poll():
             if not kind.cache.is_running(content):
                 _arrive(kind, content)
             elif kind.cache.draft(content):
-                _show_to_owners(kind, content)
+                _show_draft(kind, content)
     redraw_panels()
     return _POLL_SECONDS if any(kind.cache.contents_under_way() for kind in KINDS) else None
 
@@ -262,15 +276,15 @@ def _arrive(kind, content):
     except native.NativeError:
         pass  # its owners have it
     else:
-        _show_to_owners(kind, content, force=True)
         for ob in _owners(kind, content):
-            _replace_draft(ob)
+            refresh(ob, bpy.context.evaluated_depsgraph_get(), force=True)
+            _replace_draft(ob)  # where it doesn't follow any more, as a handle has come meanwhile
     drop_unused()
 
 
-def _show_to_owners(kind, content, force=False):
-    for ob in _owners(kind, content):
-        refresh(ob, bpy.context.evaluated_depsgraph_get(), force)
+def _show_draft(kind, content):
+    depsgraph, owners = bpy.context.evaluated_depsgraph_get(), _owners(kind, content)
+    refresh_all([ob for ob in registry.of_scene(depsgraph) if ob in owners], depsgraph)
 
 
 # Ended
@@ -285,12 +299,7 @@ def end(kind, ob):
     modifier = node_group.find_modifier(ob)
     if modifier:
         node_group.set_base(modifier, None)
-    _show_rest(ob)
-
-
-def _show_rest(ob):
-    shown.forget(ob.data)
-    offset_attribute.remove(ob.data)
+    shown.show_rest(ob.data)
 
 
 def forget_addresses():

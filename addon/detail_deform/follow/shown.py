@@ -8,7 +8,7 @@ import copy
 
 import numpy as np
 
-from ..scene import offset_attribute
+from ..scene import offset_attribute, start
 
 
 class Shown:
@@ -52,6 +52,20 @@ def show_slow(mesh, offsets, quick, info):
     slow = copy.copy(quick)
     slow.is_final, slow.is_hurried, slow.slow_info = True, False, info
     return _write(mesh, offsets, slow)
+
+
+def show_rest(mesh):
+    """Nothing that was computed."""
+    forget(mesh)
+    offset_attribute.remove(mesh)
+
+
+def show_start(mesh):
+    """The same, but for what an earlier binding has made of the mesh."""
+    if start.is_deformed(mesh):
+        show(mesh, start.with_kept(mesh, np.zeros(3 * len(mesh.vertices), np.float32)), None)
+    else:
+        show_rest(mesh)
 
 
 def is_deformed(mesh):

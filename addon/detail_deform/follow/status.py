@@ -45,8 +45,9 @@ def text(ob):
         if under_way.cancelled:
             return "Cancelling."
         _, fraction, stage = under_way.progress()
-        record = shown.by(ob.data)
-        meanwhile = ["Meanwhile a draft follows the handles."] if record is not None and record.is_draft else []
+        record, meanwhile = shown.by(ob.data), []
+        if record is not None and record.is_draft and bound.cache.draft(settings.signature):
+            meanwhile = ["Meanwhile a draft follows the handles."]
         return ' '.join([f"Preparing {words.step(stage)}, {100 * fraction:.0f}%.", *meanwhile])
     if settings.transfer.live:
         return settings.transfer.state

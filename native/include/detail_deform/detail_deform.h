@@ -400,7 +400,7 @@ typedef struct dd_update_info {
 DD_API int32_t dd_job_get_update(dd_job* job, float* out, size_t out_count);
 DD_API int32_t dd_job_get_update_info(dd_job* job, dd_update_info* info);
 
-/* What a bind that takes long shows before it is done, made in a tenth of the time: some ten
+/* What a bind that takes long shows before it is done, made in a fraction of the time: some ten
  * thousand of the vertices, bound by themselves, carry the others. Handles are met exactly and rest
  * is rest; between them it differs from the result by about what another density of the mesh would
  * change. */
@@ -411,7 +411,8 @@ typedef struct dd_draft dd_draft;
  * be called while another thread uses the job. */
 DD_API int32_t dd_job_take_draft(dd_job* job, dd_draft** draft);
 
-/* One frame of it, as of dd_deformer_update(). Steps are taken as one. */
+/* One frame of it, as of dd_deformer_update(), by any method but DD_METHOD_EXAMPLES. Steps are
+ * taken as one. */
 DD_API int32_t dd_draft_update(dd_draft* draft, const double* matrices, size_t matrix_count,
                                const dd_update_options* options, float* out, size_t out_count);
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "mesh/topology.h"
@@ -16,12 +17,12 @@ namespace {
 constexpr double kSpacing = 0.01;   // of the root of the deforming area
 constexpr double kMostLeft = 0.25;  // of the free vertices
 
-/// The faces that matter to K of an order: as many rings of constrained vertices as it reads.
-std::vector<int> faces_around(const Mesh& mesh, const Region& region, int order) {
+/// The faces near free vertices, with so many rings of constrained ones.
+std::vector<int> faces_around(const Mesh& mesh, const Region& region, int rings) {
   std::vector<char> near(region.role.size(), 0);
   for (int v : region.free) near[v] = 1;
   std::vector<int> faces;
-  for (int ring = 0; ring < order; ++ring) {
+  for (int ring = 0; ring < rings; ++ring) {
     faces.clear();
     for (int j = 0; j < mesh.triangle_count(); ++j) {
       const auto corners = mesh.triangles.row(j);
@@ -52,6 +53,7 @@ Draft::Draft(const Mesh& mesh, Region region, int threads)
       rest_(mesh.positions),
       region_(std::move(region)),
       box_(mesh.positions),
+      centres_(HandleCoordinates(region_, mesh.positions).centres()),
       offsets_(Positions::Zero(mesh.vertex_count(), 3)) {}
 
 std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& roles,
@@ -61,7 +63,9 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   std::unique_ptr<Draft> draft(
       new Draft(mesh, split_region(mesh, roles, handle_count), options.threads));
   const Region& region = draft->region_;
-  const std::vector<int> faces = faces_around(mesh, region, static_cast<int>(options.smoothness));
+  // K reads as many as its order; refinement takes the handles' rotations from the second one.
+  const int rings = std::max(2, static_cast<int>(options.smoothness));
+  const std::vector<int> faces = faces_around(mesh, region, rings);
   const Mesh part{draft->box_.into(mesh.positions), mesh.triangles(faces, Eigen::all)};
   const double size = std::sqrt(triangle_areas(part.positions, part.triangles).sum());
   CoarseMesh coarse(part, region, kSpacing * size);
@@ -70,9 +74,13 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   const Fans fans(coarse.mesh.triangles, coarse.mesh.vertex_count());
   std::vector<PointOnTriangle> nearest;
   nearest.reserve(region.free.size());
+  const AabbTree tree(coarse.mesh);  // for those among triangles without area
   for (int v : region.free) {
-    nearest.push_back(point_near(coarse.mesh, fans, part.positions.row(v), coarse.of_vertex[v]));
-    if (nearest.back().triangle < 0) return nullptr;
+    const Eigen::Vector3d x = part.positions.row(v);
+    nearest.push_back(point_near(coarse.mesh, fans, x.transpose(), coarse.of_vertex[v]));
+    if (nearest.back().triangle < 0)
+      nearest.back() =
+          tree.nearest(x, std::numeric_limits<double>::infinity(), [](int) { return true; });
   }
 
   const std::vector<int> vertices = with_all_handles(coarse, region);
@@ -81,9 +89,10 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   for (int v : vertices) coarse_roles.push_back(region.role[v]);
   BindOptions how = options;
   how.threads = 1;  // beside the bind, which has the others
-  for (Positions& example : how.examples) example = of_coarse(example);
-  how.metric_smoothing *= mean_edge_length(part.positions, part.triangles) /
-                          mean_edge_length(coarse.mesh.positions, coarse.mesh.triangles);
+  how.examples.clear();
+  how.metric_smoothing *=
+      mean_edge_length(mesh.positions, mesh.triangles) /
+      (draft->box_.scale * mean_edge_length(coarse.mesh.positions, coarse.mesh.triangles));
   draft->coarse_rest_ = of_coarse(part.positions);
   draft->coarse_ = std::make_unique<Deformer>(
       Mesh{of_coarse(mesh.positions), coarse.mesh.triangles}, coarse_roles, handle_count, how);
@@ -93,7 +102,12 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   return draft;
 }
 
-const Positions& Draft::update(const double* matrices, const UpdateOptions& options) {
+const Positions& Draft::update(const double* matrices, UpdateOptions options) {
+  if (options.method == MethodKind::examples)
+    throw Error(Status::argument,
+                "A draft has no examples, which say where vertices of handles go that it doesn't "
+                "have: wait for the bind.");
+  if (!options.free.empty() && options.pivots.size() == 0) options.pivots = centres_;
   const Positions deformed = coarse_rest_ + coarse_->update(matrices, options) / box_.scale;
   const Positions carried = carrier_->carry(deformed, pool_);
   pool_.parallel_for(carried.rows(), kLeastRange, [&](int64_t begin, int64_t end) {

@@ -10,7 +10,7 @@ namespace dd {
 
 /// What a bind that takes long shows before it is done: some ten thousand of the surface's
 /// vertices, bound by themselves, carry the others as a base of another topology does (see
-/// BaseProxy). It is made in a tenth of the time, and takes the same poses by the same options.
+/// BaseProxy). It is made in a fraction of the time, and takes the same poses by the same options.
 /// Handles are met exactly, rest is rest; between them it differs from the surface's own result by
 /// about what another density of its mesh would change.
 class Draft {
@@ -20,8 +20,9 @@ class Draft {
   static std::unique_ptr<Draft> make(const Mesh& mesh, const std::vector<int>& roles,
                                      int handle_count, const BindOptions& options);
 
-  /// The displacement of every vertex, n×3, in the mesh's units; valid until the next call.
-  const Positions& update(const double* matrices, const UpdateOptions& options);
+  /// The displacement of every vertex, n×3, in the mesh's units; valid until the next call. Throws
+  /// Error(argument) for MethodKind::examples.
+  const Positions& update(const double* matrices, UpdateOptions options);
 
   const Positions& rest() const { return rest_; }
   /// What its options are read for.
@@ -34,6 +35,7 @@ class Draft {
   Positions rest_;
   Region region_;
   UnitBox box_;
+  Positions centres_;      // of the handles
   Positions coarse_rest_;  // in the box
   std::unique_ptr<Deformer> coarse_;
   std::unique_ptr<BaseProxy> carrier_;  // of the free vertices
