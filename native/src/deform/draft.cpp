@@ -86,6 +86,7 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   const std::vector<int> vertices = with_all_handles(coarse, region);
   const auto of_coarse = [&](const Positions& all) { return Positions(all(vertices, Eigen::all)); };
   std::vector<int> coarse_roles;
+  coarse_roles.reserve(vertices.size());
   for (int v : vertices) coarse_roles.push_back(region.role[v]);
   BindOptions how = options;
   how.threads = 1;  // beside the bind, which has the others
