@@ -60,8 +60,7 @@ def check(ob):
         if stale not in {content.TOPOLOGY_CHANGED, content.VERTICES_MOVED}:
             _show_whole(ob)
         of.stale = stale
-        record = shown.by(ob.data)
-        if stale == content.TOPOLOGY_CHANGED or record is None or not record.is_draft:  # its result is still to come
+        if stale == content.TOPOLOGY_CHANGED or not shown.is_draft(ob.data):  # whose result is still to come
             shown.forget(ob.data)  # an edit may have reached the offsets too
     return ""
 

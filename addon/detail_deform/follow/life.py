@@ -105,22 +105,17 @@ def _is_to_follow(ob, record):
     return record.is_hurried and slow_results.progress(offset_attribute.token(ob.data)) is not None
 
 
-def _shows_draft(ob):
-    record = shown.by(ob.data)
-    return record is not None and record.is_draft
-
-
 def is_drafted(ob):
     """Whether it shows the draft of what is under way."""
     kind = kind_of(ob)
-    return bool(kind and _shows_draft(ob) and kind.cache.under_way(kind.content_of(ob)))
+    return bool(kind and shown.is_draft(ob.data) and kind.cache.under_way(kind.content_of(ob)))
 
 
 def _replace_draft(ob):
     """By the whole result of the same pose, when it is there."""
     kind = kind_of(ob)
     entry = kind and kind.cache.find(kind.content_of(ob))
-    if ob.mode == 'EDIT' or not (entry and _shows_draft(ob) and kind.is_for(ob, entry)):
+    if ob.mode == 'EDIT' or not (entry and shown.is_draft(ob.data) and kind.is_for(ob, entry)):
         return
     frame = shown.by(ob.data).draft.by(entry.made)
     if not frame.is_of(ob):
@@ -167,7 +162,7 @@ def is_known(ob):
 def settle(ob):
     """Waits for what is to take the place of what is shown: a slow result, or that of a bind that is under way."""
     kind = kind_of(ob)
-    if kind and _shows_draft(ob):
+    if kind and shown.is_draft(ob.data):
         if kind.cache.under_way(kind.content_of(ob)):
             finish(kind, kind.content_of(ob))
         _replace_draft(ob)
@@ -235,7 +230,7 @@ def finish(kind, content):
         for ob in _owners(kind, content):
             kind.refuse(ob, words.said(ob, error))
             problem_vertices.note(ob, error)
-            if _shows_draft(ob) and ob.mode != 'EDIT':
+            if shown.is_draft(ob.data) and ob.mode != 'EDIT':
                 shown.show_start(ob.data)
         raise
 

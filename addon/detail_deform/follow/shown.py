@@ -42,6 +42,12 @@ def by(mesh):
     return _shown.get(offset_attribute.token(mesh))
 
 
+def is_draft(mesh):
+    """Whether it shows the draft of a bind."""
+    record = by(mesh)
+    return record is not None and record.is_draft
+
+
 def show(mesh, offsets, of):
     """Writes a result. Returns its Shown."""
     return _write(mesh, offsets, Shown(of))

@@ -45,10 +45,10 @@ def text(ob):
         if under_way.cancelled:
             return "Cancelling."
         _, fraction, stage = under_way.progress()
-        record, meanwhile = shown.by(ob.data), []
-        if record is not None and record.is_draft and bound.cache.draft(settings.signature):
-            meanwhile = ["Meanwhile a draft follows the handles."]
-        return ' '.join([f"Preparing {words.step(stage)}, {100 * fraction:.0f}%.", *meanwhile])
+        parts = [f"Preparing {words.step(stage)}, {100 * fraction:.0f}%."]
+        if shown.is_draft(ob.data) and bound.cache.draft(settings.signature):
+            parts.append("Meanwhile a draft follows the handles.")
+        return ' '.join(parts)
     if settings.transfer.live:
         return settings.transfer.state
     if settings.stale:

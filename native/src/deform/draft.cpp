@@ -23,12 +23,7 @@ std::vector<int> faces_around(const Mesh& mesh, const Region& region, int rings)
   for (int v : region.free) near[v] = 1;
   std::vector<int> faces;
   for (int ring = 0; ring < rings; ++ring) {
-    faces.clear();
-    for (int j = 0; j < mesh.triangle_count(); ++j) {
-      const auto corners = mesh.triangles.row(j);
-      if (std::any_of(corners.begin(), corners.end(), [&](int v) { return near[v] != 0; }))
-        faces.push_back(j);
-    }
+    faces = triangles_with(near, mesh.triangles);
     for (int j : faces)
       for (int v : mesh.triangles.row(j)) near[v] = 1;
   }
@@ -88,11 +83,14 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   std::vector<int> coarse_roles;
   coarse_roles.reserve(vertices.size());
   for (int v : vertices) coarse_roles.push_back(region.role[v]);
-  BindOptions how = options;
+  BindOptions how;  // without the examples, which are large
+  how.base_metric = options.base_metric;
+  how.smoothness = options.smoothness;
+  how.triangulation = options.triangulation;
+  how.precision = options.precision;
   how.threads = 1;  // beside the bind, which has the others
-  how.examples.clear();
-  how.metric_smoothing *=
-      mean_edge_length(mesh.positions, mesh.triangles) /
+  how.metric_smoothing =
+      options.metric_smoothing * mean_edge_length(mesh.positions, mesh.triangles) /
       (draft->box_.scale * mean_edge_length(coarse.mesh.positions, coarse.mesh.triangles));
   draft->coarse_rest_ = of_coarse(part.positions);
   draft->coarse_ = std::make_unique<Deformer>(

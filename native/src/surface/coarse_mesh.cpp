@@ -44,6 +44,16 @@ Eigen::Vector3d weights_in(const Mesh& mesh, int j, const Eigen::RowVector3d& po
 
 }  // namespace
 
+std::vector<int> triangles_with(const std::vector<char>& marked, const Triangles& triangles) {
+  std::vector<int> found;
+  for (int j = 0; j < static_cast<int>(triangles.rows()); ++j) {
+    const auto corners = triangles.row(j);
+    if (std::any_of(corners.begin(), corners.end(), [&](int v) { return marked[v] != 0; }))
+      found.push_back(j);
+  }
+  return found;
+}
+
 CoarseMesh::CoarseMesh(const Mesh& part, const Region& region, double spacing) {
   Contraction made = contract(part, radii_of(part, region, spacing));
   mesh = {part.positions(made.vertices, Eigen::all), std::move(made.triangles)};

@@ -10,6 +10,9 @@
 
 namespace dd {
 
+/// The triangles with a marked corner. marked: n.
+std::vector<int> triangles_with(const std::vector<char>& marked, const Triangles& triangles);
+
 /// Part of a mesh with fewer of its vertices. Constrained ones are all there, and towards them it
 /// is as fine as the mesh.
 struct CoarseMesh {

@@ -18,13 +18,7 @@ Mesh active_part(const FactoredSurface& fine) {
   std::vector<char> active(static_cast<size_t>(fine.mesh.vertex_count()), 0);
   for (int i = 0; i < fine.poisson->active_vertex_count(); ++i)
     active[fine.poisson->active_vertex(i)] = 1;
-  std::vector<int> faces;
-  for (int j = 0; j < fine.mesh.triangle_count(); ++j)
-    for (int k = 0; k < 3; ++k)
-      if (active[fine.mesh.triangles(j, k)]) {
-        faces.push_back(j);
-        break;
-      }
+  const std::vector<int> faces = triangles_with(active, fine.mesh.triangles);
   return {fine.mesh.positions, fine.mesh.triangles(faces, Eigen::all)};
 }
 
