@@ -96,7 +96,7 @@ struct System {
   RowMatrix B = RowMatrix::Random(A.rows(), 4);
   SparseCholesky factor(Precision precision, ThreadPool* pool, bool by_places = true) const {
     BlockOptions options;
-    const Dissection dissection = free_dissection(A, region, mesh.positions);
+    const Dissection dissection = free_dissection(A, region, mesh.positions, pool);
     if (by_places) options.dissection = &dissection;
     options.precision = precision;
     options.pool = pool;
@@ -127,8 +127,16 @@ TEST_CASE("a factor in domains equals Eigen's simplicial one, by either order") 
   }
 }
 
-TEST_CASE("a solve gives the same bits by any number of threads", "[threads]") {
+TEST_CASE("an order and a solve are the same to the bit by any number of threads", "[threads]") {
   const System system;
+  const auto order = [&](ThreadPool* pool) {
+    return free_dissection(system.A, system.region, system.mesh.positions, pool).order(system.A);
+  };
+  const std::vector<int> order_alone = order(nullptr);
+  for (int count : {2, 8}) {
+    ThreadPool pool(count);
+    for (int round = 0; round < 5; ++round) REQUIRE(order(&pool) == order_alone);
+  }
   for (Precision precision : {Precision::single, Precision::full}) {
     const RowMatrix alone = system.factor(precision, nullptr).solve(system.B);
     for (int count : {2, 3, 8}) {

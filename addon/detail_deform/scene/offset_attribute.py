@@ -69,7 +69,8 @@ def read(mesh, name=NAME):
     if mesh.is_editmode:  # attributes are empty there
         edited = bmesh.from_edit_mesh(mesh)
         layer = edited.verts.layers.float_vector[name]
-        return np.array([vertex[layer] for vertex in edited.verts], np.float32).reshape(-1, 3)
+        values = itertools.chain.from_iterable(vertex[layer] for vertex in edited.verts)
+        return np.fromiter(values, np.float32, 3 * len(edited.verts)).reshape(-1, 3)
     values = np.empty(3 * len(mesh.vertices), np.float32)
     attribute.data.foreach_get('vector', values)
     return values.reshape(-1, 3)

@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/OrderingMethods>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -20,6 +21,7 @@ constexpr double kNarrow = 0.2;      // of the largest spread
 // Times the root of a part's size; on a square grid it is 1. Unless a separator is as short, others
 // are looked for: along the other long directions, and then along all.
 constexpr double kShortSeparator = 0.9, kGoodSeparator = 1.5;
+constexpr std::memory_order kRelaxed = std::memory_order_relaxed;
 constexpr double kParallel = 0.99;  // cosine: directions that are the same
 
 /// A cut in front of a bin along a direction; the separator is taken from one side.
@@ -34,39 +36,67 @@ struct Cut {
 
 class Bisector {
  public:
-  Bisector(const SparseMatrix& graph, const Positions& places, Dissection& result)
+  Bisector(const SparseMatrix& graph, const Positions& places, Dissection& result, ThreadPool* pool)
       : graph_(graph),
         places_(places),
         result_(result),
         order_(static_cast<size_t>(graph.cols())),
-        part_(order_.size(), 0),
-        bin_(order_.size(), 0) {
+        at_(order_.size()) {
     std::iota(order_.begin(), order_.end(), 0);
-    bisect(0, static_cast<int>(order_.size()), 0);
+    // All parts of a cut beside each other; when there are enough, each to its end.
+    std::vector<Part> parts{{0, static_cast<int>(order_.size()), 0}};
+    for (int cuts = 0; cuts < kCutsBeside; ++cuts) {
+      std::vector<int> middle(parts.size());
+      run_tasks(pool, static_cast<int>(parts.size()),
+                [&](int i) { middle[size_t(i)] = cut(parts[size_t(i)]); });
+      std::vector<Part> halves;
+      for (size_t i = 0; i < parts.size(); ++i) {
+        const auto [begin, end, depth] = parts[i];
+        halves.push_back({begin, middle[i], depth + 1});
+        halves.push_back({middle[i], end, depth + 1});
+      }
+      parts = std::move(halves);
+    }
+    run_tasks(pool, static_cast<int>(parts.size()), [&](int i) { bisect(parts[size_t(i)]); });
   }
 
  private:
-  void bisect(int begin, int end, int depth) {
-    if (end - begin <= kSmallest || depth == Dissection::kMostCuts) return;
-    const Cut cut = best_cut(begin, end);
-    set_bins(begin, end, cut.direction);
+  static constexpr int kCutsBeside = 3;
+  struct Part {
+    int begin, end, depth;  // places in order_; how many cuts made it
+  };
+  struct Vertex {
+    // The part that it is in, by where that begins. Parts beside it look, too, whether it is their
+    // own, so the answer matters to one thread alone.
+    std::atomic<int> part{0};
+    int bin = 0;
+  };
+
+  void bisect(Part part) {
+    const int middle = cut(part);
+    if (middle == part.end) return;
+    bisect({part.begin, middle, part.depth + 1});
+    bisect({middle, part.end, part.depth + 1});
+  }
+
+  /// Where the upper half of it begins now, its end where it is not cut.
+  int cut(Part part) {
+    const auto [begin, end, depth] = part;
+    if (end - begin <= kSmallest || depth == Dissection::kMostCuts) return end;
+    const Cut best = best_cut(begin, end);
+    set_bins(begin, end, best.direction);
     const uint32_t bit = uint32_t{1} << depth;
-    const int part_above = next_part_++;
     for (int i = begin; i < end; ++i) {
       const int v = order_[i];
-      const bool above = bin_[v] >= cut.bin;
-      if (above) {
-        result_.sides_[v] |= bit;
-        part_[v] = part_above;
-      }
-      if (!cut.separator_below) result_.separator_sides_[v] |= bit;
+      if (at_[v].bin >= best.bin) result_.sides_[v] |= bit;
+      if (!best.separator_below) result_.separator_sides_[v] |= bit;
       ++result_.cut_count_[v];
     }
-    const auto middle = std::stable_partition(order_.begin() + begin, order_.begin() + end,
-                                              [&](int v) { return part_[v] != part_above; }) -
-                        order_.begin();
-    bisect(begin, static_cast<int>(middle), depth + 1);
-    bisect(static_cast<int>(middle), end, depth + 1);
+    const auto above = std::stable_partition(order_.begin() + begin, order_.begin() + end,
+                                             [&](int v) { return at_[v].bin < best.bin; });
+    const int middle = static_cast<int>(above - order_.begin());
+    for (int i = middle; i < end; ++i) at_[order_[i]].part.store(middle, kRelaxed);
+    return middle;
   }
 
   Cut best_cut(int begin, int end) {
@@ -109,7 +139,8 @@ class Bisector {
     const int bins = bin_count(begin, end);
     if (direction.isZero()) {
       for (int i = begin; i < end; ++i)
-        bin_[order_[i]] = static_cast<int>(static_cast<int64_t>(i - begin) * bins / (end - begin));
+        at_[order_[i]].bin =
+            static_cast<int>(static_cast<int64_t>(i - begin) * bins / (end - begin));
       return;
     }
     double low = std::numeric_limits<double>::infinity(), high = -low;
@@ -120,24 +151,24 @@ class Bisector {
     }
     const double scale = high > low ? (bins - 1e-6) / (high - low) : 0;
     for (int i = begin; i < end; ++i)
-      bin_[order_[i]] = static_cast<int>((places_.row(order_[i]).dot(direction) - low) * scale);
+      at_[order_[i]].bin = static_cast<int>((places_.row(order_[i]).dot(direction) - low) * scale);
   }
 
   void consider(int begin, int end, const Eigen::Vector3d& direction, Cut& best) {
     set_bins(begin, end, direction);
-    const int bins = bin_count(begin, end), part = part_[order_[begin]];
+    const int bins = bin_count(begin, end);
     // How many vertices lie below a cut, and how many of either side have a neighbour across.
     int counts[kMostBins + 1], below[kMostBins + 1], above[kMostBins + 1];
     for (int* values : {counts, below, above}) std::fill_n(values, bins + 1, 0);
     const int *starts = graph_.outerIndexPtr(), *neighbours = graph_.innerIndexPtr();
     for (int i = begin; i < end; ++i) {
-      const int v = order_[i], own = bin_[v];
+      const int v = order_[i], own = at_[v].bin;
       int lowest = own, highest = own;
       for (int k = starts[v]; k < starts[v + 1]; ++k) {
-        const int u = neighbours[k];
-        if (part_[u] != part) continue;
-        lowest = std::min(lowest, bin_[u]);
-        highest = std::max(highest, bin_[u]);
+        const Vertex& other = at_[neighbours[k]];
+        if (other.part.load(kRelaxed) != begin) continue;
+        lowest = std::min(lowest, other.bin);
+        highest = std::max(highest, other.bin);
       }
       ++counts[own + 1];
       ++below[own + 1], --below[highest + 1];
@@ -161,16 +192,14 @@ class Bisector {
   const Positions& places_;
   Dissection& result_;
   std::vector<int> order_;
-  std::vector<int> part_;  // of each vertex: the part that it is in
-  std::vector<int> bin_;
-  int next_part_ = 1;
+  std::vector<Vertex> at_;
 };
 
-Dissection::Dissection(const SparseMatrix& graph, const Positions& places)
+Dissection::Dissection(const SparseMatrix& graph, const Positions& places, ThreadPool* pool)
     : sides_(static_cast<size_t>(graph.cols()), 0),
       separator_sides_(sides_.size(), 0),
       cut_count_(sides_.size(), 0) {
-  const Bisector bisector(graph, places, *this);
+  const Bisector bisector(graph, places, *this, pool);
 }
 
 std::vector<int> Dissection::order(const SparseMatrix& pattern) const {

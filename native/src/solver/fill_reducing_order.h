@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "support/thread_pool.h"
 #include "support/types.h"
 
 namespace dd {
@@ -16,8 +17,8 @@ namespace dd {
 /// and of K: their separators are what touches the other side of a cut.
 class Dissection {
  public:
-  /// graph: symmetric, both triangles stored; n places.
-  Dissection(const SparseMatrix& graph, const Positions& places);
+  /// graph: symmetric, both triangles stored; n places. pool: null, or for this call.
+  Dissection(const SparseMatrix& graph, const Positions& places, ThreadPool* pool = nullptr);
 
   /// A fill-reducing order of a matrix over the same vertices: the vertex at each place.
   std::vector<int> order(const SparseMatrix& pattern) const;

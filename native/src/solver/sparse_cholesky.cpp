@@ -86,10 +86,23 @@ class Fronts {
       if (e.parent[s] >= 0) children_[e.parent[s]].push_back(s);
   }
 
-  /// Scratch of one thread.
+  /// Scratch of one thread, for supernodes first to last − 1.
   struct Scratch {
-    std::vector<double> panel, inverse, bounds;
-    std::vector<int> place, position;
+    Scratch(const SymbolicCholesky& e, int first, int last) : place(size_t(e.size())) {
+      size_t most = 0, widest = 0;
+      for (int s = first; s < last; ++s) {
+        const size_t width = size_t(e.width(s)), height = size_t(e.height(s));
+        most = std::max(most, width * (width + 2 * height));
+        widest = std::max(widest, width);
+      }
+      panel = RawArray<double>(most);
+      inverse = RawArray<double>(widest * widest);
+      bounds.resize(widest);
+    }
+    RawArray<double> panel, inverse;
+    std::vector<double> bounds;
+    RawArray<int> place;  // in the front, of each row of it
+    std::vector<int> position;
   };
 
   /// Factors supernode s: its columns in scratch.panel, first C_ss⁻¹ in scratch.inverse, below it
@@ -98,25 +111,23 @@ class Fronts {
     const int width = e_.width(s), height = e_.height(s), size = width + height;
     const int first = e_.begin[s];
     const int* rows = e_.rows.data() + e_.row_begin[s];
-    scratch.place.resize(static_cast<size_t>(e_.size()));
-    for (int i = 0; i < width; ++i) scratch.place[first + i] = i;
-    for (int i = 0; i < height; ++i) scratch.place[rows[i]] = width + i;
+    for (int i = 0; i < width; ++i) scratch.place.data()[first + i] = i;
+    for (int i = 0; i < height; ++i) scratch.place.data()[rows[i]] = width + i;
 
     // The pivot columns, then Y beside them; what is left for the parent apart.
-    scratch.panel.assign(static_cast<size_t>(size + height) * static_cast<size_t>(width), 0.0);
     double* panel = scratch.panel.data();
     double* y = panel + static_cast<size_t>(size) * static_cast<size_t>(width);
+    std::fill(panel, y, 0.0);
     RawArray<double>& update = updates_[s];
     const size_t update_size = static_cast<size_t>(height) * static_cast<size_t>(height);
     update = buffers_.take(update_size);
     std::fill_n(update.data(), update_size, 0.0);
-    scratch.bounds.resize(static_cast<size_t>(width));
     for (int j = 0; j < width; ++j) {
       double diagonal = 0;
       for (SparseMatrix::InnerIterator it(A_, e_.order[first + j]); it; ++it) {
         const int row = e_.place_of[it.row()];
         if (row < first + j) continue;
-        panel[static_cast<size_t>(j) * size + scratch.place[row]] = it.value();
+        panel[static_cast<size_t>(j) * size + scratch.place.data()[row]] = it.value();
         if (row == first + j) diagonal = it.value();
       }
       scratch.bounds[j] = smallest_pivot_ * diagonal;
@@ -124,7 +135,6 @@ class Fronts {
     for (int child : children_[s]) add(child, scratch, panel, size, width, update.data(), height);
 
     const DenseKernels& dense = dense_kernels();
-    scratch.inverse.resize(static_cast<size_t>(width) * static_cast<size_t>(width));
     const int bad =
         dense.factor_pivot(width, panel, size, scratch.bounds.data(), scratch.inverse.data());
     if (bad >= 0) throw SingularMatrix(e_.order[first + bad]);
@@ -150,7 +160,7 @@ class Fronts {
     const int count = e_.height(child);
     const int* rows = e_.rows.data() + e_.row_begin[child];
     scratch.position.resize(static_cast<size_t>(count));
-    for (int i = 0; i < count; ++i) scratch.position[i] = scratch.place[rows[i]];
+    for (int i = 0; i < count; ++i) scratch.position[i] = scratch.place.data()[rows[i]];
     const int* position = scratch.position.data();
     const double* from = updates_[child].data();
     for (int j = 0; j < count; ++j, from += count) {
@@ -203,7 +213,7 @@ void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options)
       write(full_.data() + value_begin_[s]);
   };
   const auto run = [&](int first, int last, ThreadPool* pool) {
-    Fronts::Scratch scratch;
+    Fronts::Scratch scratch(e, first, last);
     int64_t since_report = 0;
     for (int s = first; s < last; ++s) {
       keep(s, scratch, fronts.eliminate(s, scratch, pool));

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <queue>
+#include <utility>
 
 namespace dd {
 
@@ -17,13 +18,60 @@ double cost(double width, double height) {
   return 30 + 2 * height + width * (0.5 * width + height);
 }
 
-/// A supernode on its way to its final place.
-struct Node {
-  std::vector<int> columns, rows;  // in the postorder of the first tree, rows as they come
-  std::vector<int> children;
-  int parent = -1;
-  bool joined = false;  // part of its parent
-  double weight = 0;    // cost of its subtree
+/// The supernodes on their way to their final places, by their number. Places are those of the
+/// postorder of the first tree. All in flat arrays: there are almost as many as columns.
+struct Nodes {
+  struct Node {
+    int first, end;  // columns of its own
+    int width;       // with those that joined it
+    int64_t row_begin;
+    int height;
+    int parent = -1;
+    int first_child = -1, last_child = -1, sibling = -1, previous_sibling = -1;
+    // Who joined it come before it: the first of its parts, and of each part the next one.
+    int first_part, next_part = -1;
+    bool joined = false;  // part of its parent
+    double weight = 0;    // cost of its subtree
+  };
+  std::vector<Node> nodes;
+  std::vector<int> rows;  // as they come
+
+  int count() const { return static_cast<int>(nodes.size()); }
+  Node& operator[](int s) { return nodes[size_t(s)]; }
+  double own_cost(int s) const { return cost(nodes[size_t(s)].width, nodes[size_t(s)].height); }
+
+  template <class Body>
+  void each_child(int s, const Body& body) const {
+    for (int c = nodes[size_t(s)].first_child; c >= 0; c = nodes[size_t(c)].sibling) body(c);
+  }
+  void append_child(int s, int child) {
+    Node& node = nodes[size_t(s)];
+    nodes[size_t(child)].previous_sibling = node.last_child;
+    nodes[size_t(child)].sibling = -1;
+    nodes[size_t(child)].parent = s;
+    (node.last_child < 0 ? node.first_child : nodes[size_t(node.last_child)].sibling) = child;
+    node.last_child = child;
+  }
+  void remove_child(int s, int child) {
+    const Node& gone = nodes[size_t(child)];
+    (gone.previous_sibling < 0 ? nodes[size_t(s)].first_child
+                               : nodes[size_t(gone.previous_sibling)].sibling) = gone.sibling;
+    (gone.sibling < 0 ? nodes[size_t(s)].last_child
+                      : nodes[size_t(gone.sibling)].previous_sibling) = gone.previous_sibling;
+  }
+  /// The columns of a child, and its children, become those of its parent.
+  void join(int s, int child) {
+    Node &node = nodes[size_t(s)], &joining = nodes[size_t(child)];
+    joining.joined = true;
+    joining.next_part = std::exchange(node.first_part, joining.first_part);
+    node.width += joining.width;
+    remove_child(s, child);
+    for (int c = joining.first_child; c >= 0;) {
+      const int next = nodes[size_t(c)].sibling;
+      append_child(s, c);
+      c = next;
+    }
+  }
 };
 
 /// Parent of each column in the elimination tree (Liu 1986).
@@ -79,94 +127,89 @@ void invert(const std::vector<int>& order, std::vector<int>& place_of) {
 }
 
 /// Columns with the same rows below, each set with its rows, found column by column.
-std::vector<Node> fundamental_supernodes(const SparseMatrix& pattern, const std::vector<int>& order,
-                                         const std::vector<int>& place_of,
-                                         const std::vector<int>& parent) {
+Nodes fundamental_supernodes(const SparseMatrix& pattern, const std::vector<int>& order,
+                             const std::vector<int>& place_of, const std::vector<int>& parent) {
   const int n = static_cast<int>(order.size());
-  std::vector<int> child_count(order.size(), 0), node_of(order.size(), -1),
-      seen_by(order.size(), -1);
+  std::vector<int> child_count(order.size(), 0), seen_by(order.size(), -1);
+  // Supernodes that hang on a column, the last and of each the one before.
+  std::vector<int> last_hanging(order.size(), -1), hung_before;
   for (int j = 0; j < n; ++j)
     if (parent[j] >= 0) ++child_count[parent[j]];
-  std::vector<std::vector<int>> pending(order.size());  // supernodes that hang on a column
-  std::vector<Node> nodes;
+  Nodes result;
+  std::vector<int>& rows = result.rows;
   const auto joins = [&](int j) {
     if (j == 0 || parent[j - 1] != j || child_count[j] != 1) return false;
-    const int last = node_of[j - 1];
+    const int last = result.count() - 1;
     for (SparseMatrix::InnerIterator it(pattern, order[j]); it; ++it) {
       const int i = place_of[it.row()];
       if (i > j && seen_by[i] != last) return false;
     }
     return true;
   };
-  const auto finish = [&](int s) {
-    Node& node = nodes[s];
-    const int last = node.columns.back();
-    const auto own = [last](int row) { return row <= last; };
-    node.rows.erase(std::remove_if(node.rows.begin(), node.rows.end(), own), node.rows.end());
-    if (parent[last] >= 0) pending[parent[last]].push_back(s);
+  const auto finish = [&](int end) {
+    Nodes::Node& node = result.nodes.back();
+    node.end = end;
+    node.width = end - node.first;
+    rows.erase(std::remove_if(rows.begin() + node.row_begin, rows.end(),
+                              [end](int row) { return row < end; }),
+               rows.end());
+    node.height = static_cast<int>(int64_t(rows.size()) - node.row_begin);
+    hung_before.push_back(-1);
+    if (parent[end - 1] >= 0)
+      hung_before.back() = std::exchange(last_hanging[parent[end - 1]], result.count() - 1);
   };
+  std::vector<int> hanging;
   for (int j = 0; j < n; ++j) {
-    if (joins(j)) {
-      node_of[j] = node_of[j - 1];
-      nodes[node_of[j]].columns.push_back(j);
-      continue;
-    }
-    if (j > 0) finish(node_of[j - 1]);
-    const int s = static_cast<int>(nodes.size());
-    nodes.emplace_back();
-    Node& node = nodes.back();
-    node.columns.push_back(j);
-    node_of[j] = s;
+    if (joins(j)) continue;
+    if (j > 0) finish(j);
+    const int s = result.count();
+    result.nodes.emplace_back();
+    Nodes::Node& node = result.nodes.back();
+    node.first = j;
+    node.first_part = s;
+    node.row_begin = static_cast<int64_t>(rows.size());
     const auto add = [&](int i) {
       if (i <= j || seen_by[i] == s) return;
       seen_by[i] = s;
-      node.rows.push_back(i);
+      rows.push_back(i);
     };
-    for (int child : pending[j]) {
-      for (int i : nodes[child].rows) add(i);
-      nodes[child].parent = s;
-      node.children.push_back(child);
+    hanging.clear();
+    for (int c = last_hanging[j]; c >= 0; c = hung_before[c]) hanging.push_back(c);
+    for (size_t i = hanging.size(); i-- > 0;) {
+      const Nodes::Node& child = result[hanging[i]];
+      for (int64_t k = child.row_begin; k < child.row_begin + child.height; ++k) add(rows[k]);
+      result.append_child(s, hanging[i]);
     }
     for (SparseMatrix::InnerIterator it(pattern, order[j]); it; ++it) add(place_of[it.row()]);
   }
-  if (n > 0) finish(node_of[n - 1]);
-  return nodes;
+  if (n > 0) finish(n);
+  return result;
 }
 
 /// Joins children to their parents where the zeros that this stores cost less than it saves.
-void relax(std::vector<Node>& nodes) {
-  const auto node_cost = [](const Node& node) {
-    return cost(static_cast<double>(node.columns.size()), static_cast<double>(node.rows.size()));
-  };
-  for (size_t s = 0; s < nodes.size(); ++s) {
-    Node& node = nodes[s];
+void relax(Nodes& nodes) {
+  std::vector<int> candidates;
+  for (int s = 0; s < nodes.count(); ++s) {
+    candidates.clear();
+    nodes.each_child(s, [&](int c) { candidates.push_back(c); });
     // Those that reach furthest first: they have the most rows in common with the parent.
-    std::vector<int> candidates = node.children;
     std::stable_sort(candidates.begin(), candidates.end(),
-                     [&](int a, int b) { return nodes[a].rows.size() > nodes[b].rows.size(); });
+                     [&](int a, int b) { return nodes[a].height > nodes[b].height; });
     for (int c : candidates) {
-      Node& child = nodes[c];
-      const double joined = cost(static_cast<double>(child.columns.size() + node.columns.size()),
-                                 static_cast<double>(node.rows.size()));
-      if (joined > node_cost(child) + node_cost(node)) continue;
-      child.joined = true;
-      child.columns.insert(child.columns.end(), node.columns.begin(), node.columns.end());
-      node.columns = std::move(child.columns);
-      node.children.erase(std::find(node.children.begin(), node.children.end(), c));
-      node.children.insert(node.children.end(), child.children.begin(), child.children.end());
-      for (int grandchild : child.children) nodes[grandchild].parent = static_cast<int>(s);
+      const double joined = cost(nodes[c].width + nodes[s].width, nodes[s].height);
+      if (joined <= nodes.own_cost(c) + nodes.own_cost(s)) nodes.join(s, c);
     }
   }
 }
 
 /// Cuts the tree into subtrees of about equal weight. Returns their roots, domain by domain, and
 /// marks what is above them.
-std::vector<std::vector<int>> find_domains(std::vector<Node>& nodes, std::vector<char>& in_top) {
+std::vector<std::vector<int>> find_domains(Nodes& nodes, std::vector<char>& in_top) {
   double total = 0;
-  for (Node& node : nodes) {
+  for (int s = 0; s < nodes.count(); ++s) {
+    Nodes::Node& node = nodes[s];
     if (node.joined) continue;
-    const double own =
-        cost(static_cast<double>(node.columns.size()), static_cast<double>(node.rows.size()));
+    const double own = nodes.own_cost(s);
     node.weight += own;
     total += own;
     if (node.parent >= 0) nodes[node.parent].weight += node.weight;
@@ -175,16 +218,16 @@ std::vector<std::vector<int>> find_domains(std::vector<Node>& nodes, std::vector
     return nodes[a].weight != nodes[b].weight ? nodes[a].weight < nodes[b].weight : a < b;
   };
   std::priority_queue<int, std::vector<int>, decltype(lighter)> subtrees(lighter);
-  for (size_t s = 0; s < nodes.size(); ++s)
-    if (!nodes[s].joined && nodes[s].parent < 0) subtrees.push(static_cast<int>(s));
+  for (int s = 0; s < nodes.count(); ++s)
+    if (!nodes[s].joined && nodes[s].parent < 0) subtrees.push(s);
   const int wanted = std::clamp(static_cast<int>(total / kLeastDomain), 1, kMostDomains);
-  in_top.assign(nodes.size(), 0);
+  in_top.assign(static_cast<size_t>(nodes.count()), 0);
   while (wanted > 1 && !subtrees.empty() && nodes[subtrees.top()].weight > 1.2 * total / wanted) {
     const int root = subtrees.top();
-    if (nodes[root].children.empty()) break;
+    if (nodes[root].first_child < 0) break;
     subtrees.pop();
     in_top[root] = 1;
-    for (int child : nodes[root].children) subtrees.push(child);
+    nodes.each_child(root, [&](int child) { subtrees.push(child); });
   }
   // The heaviest first, each to the lightest domain.
   std::vector<std::vector<int>> domains(static_cast<size_t>(wanted));
@@ -199,7 +242,7 @@ std::vector<std::vector<int>> find_domains(std::vector<Node>& nodes, std::vector
 
 /// The supernodes as they are eliminated: domain after domain, whose beginnings are appended to
 /// domain_begin, then the top.
-std::vector<int> final_sequence(std::vector<Node>& nodes, std::vector<int>& domain_begin) {
+std::vector<int> final_sequence(Nodes& nodes, std::vector<int>& domain_begin) {
   std::vector<char> in_top;
   std::vector<int> sequence, stack;
   for (const std::vector<int>& roots : find_domains(nodes, in_top)) {
@@ -212,14 +255,14 @@ std::vector<int> final_sequence(std::vector<Node>& nodes, std::vector<int>& doma
         const int s = stack.back();
         stack.pop_back();
         sequence.push_back(s);
-        for (int child : nodes[s].children) stack.push_back(child);
+        nodes.each_child(s, [&](int child) { stack.push_back(child); });
       }
     }
     std::reverse(sequence.begin() + static_cast<std::ptrdiff_t>(first), sequence.end());
   }
   domain_begin.push_back(static_cast<int>(sequence.size()));
-  for (size_t s = 0; s < nodes.size(); ++s)
-    if (in_top[s]) sequence.push_back(static_cast<int>(s));
+  for (int s = 0; s < nodes.count(); ++s)
+    if (in_top[s]) sequence.push_back(s);
   return sequence;
 }
 
@@ -241,27 +284,35 @@ SymbolicCholesky::SymbolicCholesky(const SparseMatrix& pattern, const std::vecto
     tree = std::move(renumbered_tree);
     invert(order, place_of);
   }
-  std::vector<Node> nodes = fundamental_supernodes(pattern, order, place_of, tree);
+  Nodes nodes = fundamental_supernodes(pattern, order, place_of, tree);
   relax(nodes);
   const std::vector<int> sequence = final_sequence(nodes, domain_begin);
 
-  std::vector<int> new_place(order.size()), new_number(nodes.size(), -1), new_order;
+  std::vector<int> new_place(order.size()), new_number(size_t(nodes.count()), -1), new_order;
+  new_order.reserve(order.size());
   begin.push_back(0);
   row_begin.push_back(0);
   for (size_t i = 0; i < sequence.size(); ++i) {
     new_number[sequence[i]] = static_cast<int>(i);
-    for (int column : nodes[sequence[i]].columns) {
-      new_place[column] = static_cast<int>(new_order.size());
-      new_order.push_back(order[column]);
+    const Nodes::Node& node = nodes[sequence[i]];
+    for (int part = node.first_part;; part = nodes[part].next_part) {
+      for (int column = nodes[part].first; column < nodes[part].end; ++column) {
+        new_place[column] = static_cast<int>(new_order.size());
+        new_order.push_back(order[column]);
+      }
+      if (part == sequence[i]) break;
     }
     begin.push_back(static_cast<int>(new_order.size()));
+    row_begin.push_back(row_begin.back() + node.height);
   }
+  rows.reserve(static_cast<size_t>(row_begin.back()));
   for (int s : sequence) {
-    const size_t first = rows.size();
-    for (int row : nodes[s].rows) rows.push_back(new_place[row]);
-    std::sort(rows.begin() + static_cast<std::ptrdiff_t>(first), rows.end());
-    row_begin.push_back(static_cast<int64_t>(rows.size()));
-    parent.push_back(nodes[s].parent < 0 ? -1 : new_number[nodes[s].parent]);
+    const Nodes::Node& node = nodes[s];
+    const auto first = static_cast<std::ptrdiff_t>(rows.size());
+    for (int64_t k = node.row_begin; k < node.row_begin + node.height; ++k)
+      rows.push_back(new_place[nodes.rows[k]]);
+    std::sort(rows.begin() + first, rows.end());
+    parent.push_back(node.parent < 0 ? -1 : new_number[node.parent]);
   }
   order = std::move(new_order);
   invert(order, place_of);

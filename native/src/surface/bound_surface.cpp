@@ -47,7 +47,7 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
       examples(options.examples) {
   report(progress, 0.05, "Factoring the Poisson system");
   SparseMatrix block = free_block(operators.laplacian, region);
-  dissection = free_dissection(block, region, mesh.positions);
+  dissection = free_dissection(block, region, mesh.positions, &pool);
   const bool computed = options.base.size() == 0;
   const bool on_surface = computed && options.metric_smoothing == 0;
   std::future<Energy> energy;

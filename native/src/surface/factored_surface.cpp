@@ -14,7 +14,7 @@ FactoredSurface::FactoredSurface(Mesh its_mesh, const Region& its_region,
       operators(surface_operators(mesh.positions, mesh.triangles, triangulation)) {}
 
 void FactoredSurface::factor(SparseMatrix block, BlockOptions options) {
-  if (!dissection) dissection = free_dissection(block, region, mesh.positions);
+  if (!dissection) dissection = free_dissection(block, region, mesh.positions, options.pool);
   options.dissection = &*dissection;
   poisson = std::make_unique<PoissonSystem>(mesh, region, operators, std::move(block), options);
   rest = in_order(mesh.positions, order());

@@ -54,10 +54,10 @@ UnsolvableSurface::UnsolvableSurface(int vertex)
       vertex_(vertex) {}
 
 Dissection free_dissection(const SparseMatrix& block, const Region& region,
-                           const Positions& positions) {
+                           const Positions& positions, ThreadPool* pool) {
   Positions places(region.free_count(), 3);
   for (int r = 0; r < region.free_count(); ++r) places.row(r) = positions.row(region.free[r]);
-  return Dissection(block, places);
+  return Dissection(block, places, pool);
 }
 
 SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region,

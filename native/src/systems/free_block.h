@@ -29,7 +29,7 @@ class UnsolvableSurface : public Error {
 /// Dissects the free vertices by the graph of a free×free block. Blocks whose graph is a power of
 /// that one, as K's is of L's, are ordered by the same dissection.
 Dissection free_dissection(const SparseMatrix& block, const Region& region,
-                           const Positions& positions);
+                           const Positions& positions, ThreadPool* pool = nullptr);
 
 struct BlockOptions : FactorOptions {
   /// Of the free vertices, where they have places; else the order is one of minimum degree.

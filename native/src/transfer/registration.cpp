@@ -183,7 +183,8 @@ class Registration {
     how.stage = "Factoring the fit to the target";
     std::unique_ptr<Dissection> dissection;
     if (!symbolic_) {
-      dissection = std::make_unique<Dissection>(free_dissection(block, region_, tets_.positions));
+      dissection =
+          std::make_unique<Dissection>(free_dissection(block, region_, tets_.positions, &pool_));
       how.dissection = dissection.get();
     }
     factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region_, how));

@@ -25,7 +25,8 @@ ExampleSystem<Real>::ExampleSystem(const BoundSurface& bound, const ExampleTurns
       if (role >= 0) role = number[role];
     region_ = split_region(bound.mesh, roles, count, MovedBy::base);
     SparseMatrix block = free_block(bound.operators.laplacian, region_);
-    const Dissection dissection = free_dissection(block, region_, bound.mesh.positions);
+    const Dissection dissection =
+        free_dissection(block, region_, bound.mesh.positions, &bound.poisson->pool());
     BlockOptions options;
     options.dissection = &dissection;
     options.pool = &bound.poisson->pool();
