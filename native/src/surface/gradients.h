@@ -69,6 +69,25 @@ struct ActiveBlocks {
   std::vector<int> begin;  ///< first block of each section, and the end
 };
 
+/// Gives such blocks the flux of where place_of(vertex) has the vertices: corner_divergence().
+template <class Real, class PlaceOf>
+void take_flux(const FactoredSurface& surface, const ActiveBlocks& layout, const PlaceOf& place_of,
+               std::vector<TurnBlock<Real>>& blocks) {
+  const ActiveTriangles& active = surface.poisson->active();
+  const auto& cotangents = surface.operators.metric.cotangents;
+  layout.each(active, [&](int i, int, int b, int lane) {
+    const int j = active.triangles[i];
+    Eigen::Vector3d x[3];
+    for (int k = 0; k < 3; ++k) x[k] = place_of(surface.operators.triangles(j, k));
+    for (int k = 0; k < 2; ++k) {
+      const int next = k + 1, last = (k + 2) % 3;
+      const Eigen::Vector3d flux = 0.5 * (cotangents(j, last) * (x[k] - x[next]) +
+                                          cotangents(j, next) * (x[k] - x[last]));
+      for (int c = 0; c < 3; ++c) blocks[b].flux[k][c][lane] = static_cast<Real>(flux[c]);
+    }
+  });
+}
+
 /// The active triangles for Kernels::turn_pass, with the flux of the positions of (n×3) by the
 /// metric of the surface. corner_of(vertex): its row of the quaternions.
 template <class Real, class CornerOf>
@@ -76,7 +95,6 @@ std::vector<TurnBlock<Real>> turn_blocks(const FactoredSurface& surface, const A
                                          const Positions& of, const CornerOf& corner_of) {
   const PoissonSystem& poisson = *surface.poisson;
   const Triangles& t = surface.operators.triangles;
-  const Positions flux = corner_divergence(surface.operators.metric, of, t);
   auto blocks = layout.without_targets<TurnBlock<Real>>(poisson);
   layout.each(poisson.active(), [&](int i, int section, int b, int lane) {
     TurnBlock<Real>& block = blocks[b];
@@ -85,10 +103,8 @@ std::vector<TurnBlock<Real>> turn_blocks(const FactoredSurface& surface, const A
       block.corner[k][lane] = corner_of(t(j, k));
       block.target[k][lane] = poisson.target(section, t(j, k));
     }
-    for (int k = 0; k < 2; ++k)
-      for (int c = 0; c < 3; ++c)
-        block.flux[k][c][lane] = static_cast<Real>(flux(3 * Index(j) + k, c));
   });
+  take_flux(surface, layout, [&](int v) { return Eigen::Vector3d(of.row(v)); }, blocks);
   return blocks;
 }
 

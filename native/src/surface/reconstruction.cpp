@@ -99,6 +99,22 @@ void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, con
   if (mixed) offsets = unrefined + turning.share * (offsets - unrefined);
 }
 
+void Reconstruction::solve_from(const Rows& posed, const Refined& refined, Rows& offsets) {
+  const double length = refined.rotation_smoothing * surface_.active_size;
+  if (!refinement_ || refined_length_ != length) {
+    refinement_ = make_refinement(surface_, length, surface_.operators.masses);
+    coarse_refinement_ = nullptr;
+    refined_length_ = length;
+  }
+  ClampedPoisson* const clamps = clamped(refined.rim_smoothing);
+  refinement_->find_from(posed, std::max(1, refined.iterations), offsets);
+  const auto add = [&](int section, double* rows) { refinement_->add(section, rows); };
+  if (clamps)
+    clamps->step(refinement_->at_rest(), add, offsets);
+  else
+    surface_.poisson->solve(refinement_->at_rest(), add, offsets);
+}
+
 ClampedPoisson* Reconstruction::clamped(double rim_smoothing) {
   if (rim_smoothing == 0) return nullptr;
   const double length = rim_smoothing * surface_.active_size;

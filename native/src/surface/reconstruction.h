@@ -43,6 +43,11 @@ class Reconstruction {
   void solve(BaseGradients& gradients, const Refined& refined, const BasePose& pose,
              const Turning& turning, Rows& offsets);
 
+  /// By (14) of a pose of S in place of S, whose gradients turn as its rotations do on the way to
+  /// where the handles are: what they ask for beyond the pose. posed: the displacement of all rows.
+  /// offsets: of all rows, from where it starts. At least one iteration.
+  void solve_from(const Rows& posed, const Refined& refined, Rows& offsets);
+
   /// Of the surface on which the last refinement found its rotations; 0: of this one.
   int coarse_vertex_count() const {
     return coarse_refinement_ ? coarse_refinement_->vertex_count() : 0;

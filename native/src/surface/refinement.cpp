@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "surface/refinement.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <utility>
 #include <vector>
@@ -38,10 +39,15 @@ template <class Real>
 class RefinementOf : public Refinement {
  public:
   RefinementOf(FactoredSurface& surface, double length, const Eigen::VectorXd& masses);
-  void find(int iterations, const Turning& turning, Rows& offsets) override;
+  void find(int iterations, const Turning& turning, Rows& offsets) override {
+    posed_rotations_.clear();
+    iterate(iterations, turning, offsets);
+  }
+  void find_from(const Rows& posed, int iterations, Rows& offsets) override;
   Rows rotations() const override;
   void add(int section, double* rows) const override {
-    pass_.add(vertex_rotations_.data(), section, rows);
+    const TurnPass<Real>& pass = posed_rotations_.empty() ? pass_ : *posed_pass_;
+    pass.add(vertex_rotations_.data(), section, rows);
   }
   const Rows& at_rest() const override { return *at_rest_; }
   double bytes() const override;
@@ -50,10 +56,12 @@ class RefinementOf : public Refinement {
   using Quaternions = std::vector<Real>;  // rows of 4
 
   void make_averages(const std::vector<int>& local_triangle, int first_held);
+  void iterate(int iterations, const Turning& turning, Rows& offsets);
   /// The row of a vertex's rotation: free ones in order, then rims.
   int rotation_row(int vertex) const;
   /// Of the triangles without a free corner, which only the handles move.
   void find_held_rotations();
+  void find_moving_rotations();
   /// Of what positions_ shows: means around each vertex, with the signs of the gauge.
   void find_means(const Rows* gauge);
   /// A gauge of the means: a walk over the surface, from vertex to neighbour.
@@ -69,6 +77,9 @@ class RefinementOf : public Refinement {
   TurnPass<Real> pass_;
   RotationMeans<Real> averages_;  // of each active vertex
   Quaternions triangle_rotations_, vertex_rotations_;
+  Quaternions from_pose_;
+  Quaternions posed_rotations_;  // of triangles, from S to the pose in its place; none: S itself
+  std::unique_ptr<TurnPass<Real>> posed_pass_;
   Rows positions_;
   Rows rest_given_, rest_smoothed_, rest_between_;
   const Rows* at_rest_ = nullptr;           // one of them
@@ -153,15 +164,35 @@ void RefinementOf<Real>::find_held_rotations() {
 }
 
 template <class Real>
-void RefinementOf<Real>::find_means(const Rows* gauge) {
-  const auto& pass = kernels().of<Real>();
-  ThreadPool& pool = surface_.poisson->pool();
-  pool.parallel_for(
+void RefinementOf<Real>::find_moving_rotations() {
+  surface_.poisson->pool().parallel_for(
       static_cast<int64_t>(moving_.size()), kLeastRange / kLanes, [&](int64_t begin, int64_t end) {
-        pass.rotation_pass(static_cast<int>(end - begin), moving_.data() + begin, positions_.data(),
-                           triangle_rotations_.data() + 4 * kLanes * begin);
+        kernels().of<Real>().rotation_pass(static_cast<int>(end - begin), moving_.data() + begin,
+                                           positions_.data(),
+                                           triangle_rotations_.data() + 4 * kLanes * begin);
       });
-  averages_.run(triangle_rotations_, vertex_rotations_, pool);
+}
+
+template <class Real>
+void RefinementOf<Real>::find_means(const Rows* gauge) {
+  ThreadPool& pool = surface_.poisson->pool();
+  find_moving_rotations();
+  if (posed_rotations_.empty()) {
+    averages_.run(triangle_rotations_, vertex_rotations_, pool);
+  } else {
+    from_pose_.resize(triangle_rotations_.size());
+    pool.parallel_for(static_cast<int64_t>(triangle_rotations_.size() / 4), kLeastRange,
+                      [&](int64_t begin, int64_t end) {
+                        for (int64_t j = begin; j < end; ++j) {
+                          using Quaternion = Eigen::Quaternion<Real>;
+                          const Eigen::Map<const Quaternion> now(&triangle_rotations_[4 * j]),
+                              posed(&posed_rotations_[4 * j]);
+                          Eigen::Map<Quaternion> way(&from_pose_[4 * j]);
+                          way = now * posed.conjugate();
+                        }
+                      });
+    averages_.run(from_pose_, vertex_rotations_, pool);
+  }
   // A rotation is two quaternions; the smoothing must not meet one of each side by side.
   const PoissonSystem& poisson = *surface_.poisson;
   pool.parallel_for(poisson.active_vertex_count(), kLeastRange, [&](int64_t begin, int64_t end) {
@@ -218,7 +249,20 @@ const Rows& RefinementOf<Real>::at_rest_with(double smoothing) {
 }
 
 template <class Real>
-void RefinementOf<Real>::find(int iterations, const Turning& turning, Rows& offsets) {
+void RefinementOf<Real>::find_from(const Rows& posed, int iterations, Rows& offsets) {
+  positions_ = surface_.rest + posed;
+  find_held_rotations();
+  find_moving_rotations();
+  posed_rotations_ = triangle_rotations_;
+  if (!posed_pass_) posed_pass_ = std::make_unique<TurnPass<Real>>(pass_);
+  posed_pass_->take(positions_);
+  Turning turning;
+  turning.unknown = true;
+  iterate(iterations, turning, offsets);
+}
+
+template <class Real>
+void RefinementOf<Real>::iterate(int iterations, const Turning& turning, Rows& offsets) {
   const RowOrder& order = surface_.order();
   PoissonSystem& poisson = *surface_.poisson;
   for (int iteration = 0; iteration < iterations; ++iteration) {
@@ -250,11 +294,12 @@ Rows RefinementOf<Real>::rotations() const {
 
 template <class Real>
 double RefinementOf<Real>::bytes() const {
-  const auto numbers = triangle_rotations_.size() + vertex_rotations_.size();
+  const auto numbers = triangle_rotations_.size() + vertex_rotations_.size() + from_pose_.size() +
+                       posed_rotations_.size();
   return smoothing_.bytes() +
          static_cast<double>((moving_.size() + held_.size()) * sizeof(RotationBlock<Real>) +
                              numbers * sizeof(Real) + steps_.size() * sizeof(steps_[0])) +
-         averages_.bytes() + pass_.bytes() +
+         averages_.bytes() + pass_.bytes() + (posed_pass_ ? posed_pass_->bytes() : 0) +
          static_cast<double>((positions_.size() + rest_given_.size() + rest_smoothed_.size() +
                               rest_between_.size() + followed_.size()) *
                              Index(sizeof(double)));

@@ -26,6 +26,10 @@ class Refinement : public FluxSource {
   /// offsets: the displacement of all rows, where it starts, and left where the last but one
   /// solution is. What is found stays until the next call.
   virtual void find(int iterations, const Turning& turning, Rows& offsets) = 0;
+  /// The same of a pose of S in place of S: what turns are those of a triangle there, and what is
+  /// turned are the pose's gradients. posed: the displacement of all rows, kept only for the call
+  /// and what follows it.
+  virtual void find_from(const Rows& posed, int iterations, Rows& offsets) = 0;
   /// Of the active vertices, in their order: unit quaternions, but shorter where smoothing left
   /// them so.
   virtual Rows rotations() const = 0;

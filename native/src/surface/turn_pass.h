@@ -15,9 +15,17 @@ class TurnPass {
   /// of: n×3, what is turned. corner_of(vertex): its row of the quaternions.
   template <class CornerOf>
   TurnPass(const FactoredSurface& surface, const Positions& of, const CornerOf& corner_of)
-      : poisson_(*surface.poisson),
+      : surface_(surface),
+        poisson_(*surface.poisson),
         layout_(poisson_.active()),
         blocks_(turn_blocks<Real>(surface, layout_, of, corner_of)) {}
+
+  /// From now on that of these positions is turned: rows in the surface's order.
+  void take(const Rows& positions) {
+    const std::vector<int>& row = surface_.order().row_of_vertex;
+    take_flux(surface_, layout_,
+              [&](int v) { return Eigen::Vector3d(positions.row(row[v]).head<3>()); }, blocks_);
+  }
 
   /// As PoissonSystem::solve() takes it. quaternions: rows of 4.
   void add(const Real* quaternions, int section, double* rows) const {
@@ -37,6 +45,7 @@ class TurnPass {
   double bytes() const { return static_cast<double>(blocks_.size() * sizeof(TurnBlock<Real>)); }
 
  private:
+  const FactoredSurface& surface_;
   const PoissonSystem& poisson_;
   ActiveBlocks layout_;
   std::vector<TurnBlock<Real>> blocks_;

@@ -32,10 +32,10 @@ TurnFactors turn_factors(double x) {  // squared length of r
 }  // namespace
 
 template <class Real>
-ExamplePass<Real>::ExamplePass(const BoundSurface& bound, const ExampleTurns& turns,
-                               const PoissonSystem& poisson)
+ExamplePass<Real>::ExamplePass(const BoundSurface& bound, const std::vector<Positions>& examples,
+                               const ExampleTurns& turns, const PoissonSystem& poisson)
     : poisson_(poisson),
-      example_count_(static_cast<int>(bound.examples.size())),
+      example_count_(static_cast<int>(examples.size())),
       layout_(poisson.active()),
       blocks_(layout_.without_targets<Block>(poisson)) {
   const Triangles& t = bound.operators.triangles;
@@ -90,7 +90,7 @@ ExamplePass<Real>::ExamplePass(const BoundSurface& bound, const ExampleTurns& tu
       const Eigen::Vector3d turn = turns.at(i, j);
       for (int k = 0; k < 3; ++k) change.turn[size_t(k)][lane] = static_cast<Real>(turn[k]);
       // Whatever the turn, what it leaves of the example's own gradient.
-      put(change.stretch, rotation_by(-turn) * in_plane(bound.examples[size_t(i)]) - rest);
+      put(change.stretch, rotation_by(-turn) * in_plane(examples[size_t(i)]) - rest);
     }
   });
 }

@@ -22,7 +22,8 @@ template <class Real>
 class ExamplePass {
  public:
   /// poisson: the system whose active triangles, rows and targets the passes work on; kept.
-  ExamplePass(const BoundSurface& bound, const ExampleTurns& turns, const PoissonSystem& poisson);
+  ExamplePass(const BoundSurface& bound, const std::vector<Positions>& examples,
+              const ExampleTurns& turns, const PoissonSystem& poisson);
 
   int example_count() const { return example_count_; }
 

@@ -7,8 +7,8 @@
 
 namespace dd {
 
-ExamplePlaces::ExamplePlaces(const BoundSurface& bound, const Region& region,
-                             const RowOrder& order) {
+ExamplePlaces::ExamplePlaces(const BoundSurface& bound, const std::vector<Positions>& examples,
+                             const Region& region, const RowOrder& order) {
   if (region.grounds.empty()) return;
   const Triangles& t = bound.operators.triangles;
   std::vector<double> area(region.role.size(), 0);
@@ -24,13 +24,13 @@ ExamplePlaces::ExamplePlaces(const BoundSurface& bound, const Region& region,
     }
     double whole = 0;
     for (double a : placed.areas) whole += a;
-    placed.shifts = Positions::Zero(static_cast<Index>(bound.examples.size()), 3);
+    placed.shifts = Positions::Zero(static_cast<Index>(examples.size()), 3);
     for (size_t k = 0; k < placed.rows.size(); ++k) {
       placed.areas[k] /= whole;
       const int v = order.vertex_of_row[placed.rows[k]];
       for (Index i = 0; i < placed.shifts.rows(); ++i)
         placed.shifts.row(i) +=
-            placed.areas[k] * (bound.examples[i].row(v) - bound.mesh.positions.row(v));
+            placed.areas[k] * (examples[size_t(i)].row(v) - bound.mesh.positions.row(v));
     }
     components_.push_back(std::move(placed));
   }

@@ -14,7 +14,8 @@ namespace dd {
 class ExamplePlaces {
  public:
   /// region, order: of the system that is solved; grounds tell the components.
-  ExamplePlaces(const BoundSurface& bound, const Region& region, const RowOrder& order);
+  ExamplePlaces(const BoundSurface& bound, const std::vector<Positions>& examples,
+                const Region& region, const RowOrder& order);
 
   /// offsets: the displacement of S in that order, shifted as a whole in each such component.
   void place(const Eigen::VectorXd& weights, Rows& offsets) const;

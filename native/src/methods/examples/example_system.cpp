@@ -10,8 +10,9 @@
 namespace dd {
 
 template <class Real>
-ExampleSystem<Real>::ExampleSystem(const BoundSurface& bound, const ExampleTurns& turns,
-                                   std::vector<HandleHold> hold)
+ExampleSystem<Real>::ExampleSystem(const BoundSurface& bound,
+                                   const std::vector<Positions>& examples,
+                                   const ExampleTurns& turns, std::vector<HandleHold> hold)
     : bound_(bound), hold_(std::move(hold)), poisson_(bound.poisson.get()) {
   const auto is_whole = [](HandleHold h) { return h == HandleHold::whole; };
   const bool shared = std::all_of(hold_.begin(), hold_.end(), is_whole);
@@ -36,13 +37,13 @@ ExampleSystem<Real>::ExampleSystem(const BoundSurface& bound, const ExampleTurns
     poisson_ = own_.get();
   }
   const RowOrder& order = poisson_->order();
-  pass_ = std::make_unique<ExamplePass<Real>>(bound, turns, *poisson_);
+  pass_ = std::make_unique<ExamplePass<Real>>(bound, examples, turns, *poisson_);
   nothing_ = Rows::Zero(poisson_->right_hand_side_rows(), 4);
   offsets_ = Rows::Zero(order.count(), 4);
   for (int v : bound.region.handle_vertices) told_rows_.push_back(order.row_of_vertex[v]);
   told_ = at_rest_ = Rows::Zero(static_cast<Index>(told_rows_.size()), 4);
   make_means(bound);
-  places_ = std::make_unique<ExamplePlaces>(bound, shared ? bound.region : region_, order);
+  places_ = std::make_unique<ExamplePlaces>(bound, examples, shared ? bound.region : region_, order);
 }
 
 template <class Real>

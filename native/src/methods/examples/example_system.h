@@ -21,8 +21,9 @@ enum class HandleHold { whole, mean, none };
 template <class Real>
 class ExampleSystem {
  public:
-  /// hold: of each handle.
-  ExampleSystem(const BoundSurface& bound, const ExampleTurns& turns, std::vector<HandleHold> hold);
+  /// turns: of the examples. hold: of each handle.
+  ExampleSystem(const BoundSurface& bound, const std::vector<Positions>& examples,
+                const ExampleTurns& turns, std::vector<HandleHold> hold);
 
   const std::vector<HandleHold>& hold() const { return hold_; }
   ExamplePass<Real>& pass() { return *pass_; }

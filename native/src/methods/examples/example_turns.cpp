@@ -98,7 +98,7 @@ Positions continuous_logarithms(const Rows& rotations, const Patch& patch) {
 
 }  // namespace
 
-ExampleTurns::ExampleTurns(const BoundSurface& bound)
+ExampleTurns::ExampleTurns(const BoundSurface& bound, const std::vector<Positions>& examples)
     : place_(static_cast<size_t>(bound.mesh.triangle_count()), -1) {
   const Triangles& t = bound.operators.triangles;
   const Positions& rest = bound.mesh.positions;
@@ -112,9 +112,9 @@ ExampleTurns::ExampleTurns(const BoundSurface& bound)
   const Patch patch(t, std::move(chosen), bound.region);
   const double size = bounding_box_diagonal(rest);
 
-  turns_.resize(bound.examples.size());
+  turns_.resize(examples.size());
   bound.poisson->pool().run(static_cast<int>(turns_.size()), [&](int i) {
-    const Positions& example = bound.examples[i];
+    const Positions& example = examples[i];
     const auto blocks = rotation_blocks<double>(rest, t, patch.triangles,
                                                 stand_ins(rest, t, size, &example), bound.order());
     Rows rotations(kLanes * static_cast<Index>(blocks.size()), 4);

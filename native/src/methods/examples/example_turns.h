@@ -24,8 +24,8 @@ namespace dd {
 /// and the tilt left out where it is less than half a radian.
 class ExampleTurns {
  public:
-  /// Of the triangles with a corner that isn't fixed.
-  explicit ExampleTurns(const BoundSurface& bound);
+  /// Of the triangles with a corner that isn't fixed. examples: n×3 each.
+  ExampleTurns(const BoundSurface& bound, const std::vector<Positions>& examples);
 
   Eigen::Vector3d at(int example, int triangle) const {
     return turns_[example].row(place_[triangle]).transpose();

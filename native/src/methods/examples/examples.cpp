@@ -6,12 +6,14 @@
 #include <cmath>
 #include <string>
 
+#include "support/rotations.h"
+
 namespace dd {
 
 namespace {
 
-constexpr double kToGuess = 1e-3;     // κ
-constexpr double kBeyond = 0.3;       // μ
+constexpr double kToGuess = 1e-2;     // κ
+constexpr double kBeyond = 3;         // μ
 constexpr double kLeastSize = 1e-9;   // of the surface's area: what D_i is at least
 constexpr double kIrrelevant = 1e-6;  // of D_i: what handles tell of an example at least
 constexpr int kMostSteps = 10;
@@ -47,7 +49,11 @@ struct Restraint {
 }  // namespace
 
 template <class Real>
-Examples<Real>::Examples(BoundSurface& bound) : bound_(bound), turns_(bound) {
+Examples<Real>::Examples(BoundSurface& bound)
+    : bound_(bound),
+      stances_(bound),
+      turns_(bound, stances_.examples()),
+      reconstruction_(bound) {
   weights_ = Eigen::VectorXd::Zero(Index(bound.examples.size()));
 }
 
@@ -58,12 +64,43 @@ void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
   for (size_t h = 0; h < frame.free.size(); ++h)
     if (frame.free[h]) hold[h] = HandleHold::mean;
   make(fitted_, std::move(hold));
+  const Stance stance = stances_.of(frame.offsets, frame.linear, frame.free);
+  if (!stances_.fixed()) {
+    const RowOrder& order = bound_.order();
+    for (int r = order.free_count; r < order.fixed_begin; ++r) {
+      const Eigen::RowVector3d rest = bound_.rest.row(r).head<3>();
+      frame.offsets.row(r).head<3>() =
+          stance.take_back(rest + frame.offsets.row(r).head<3>()) - rest;
+    }
+  }
   fitted_->take_handles(frame.offsets);
   fit(options);
   if (!weights_.allFinite())
     throw Error(Status::numeric,
                 "No weights of the examples fit the handles: their motion is too large.");
   fitted_->give(weights_, frame.offsets);
+  if (options.refined.iterations > 0) go_beyond(options, frame.offsets);
+  stand(stance, frame.offsets);
+}
+
+template <class Real>
+void Examples<Real>::stand(const Stance& stance, Rows& offsets) const {
+  if (stances_.fixed()) return;
+  for (int r = 0; r < bound_.order().fixed_begin; ++r) {
+    const Eigen::RowVector3d rest = bound_.rest.row(r).head<3>();
+    offsets.row(r).head<3>() = stance.put(rest + offsets.row(r).head<3>()) - rest;
+  }
+}
+
+template <class Real>
+void Examples<Real>::go_beyond(const MethodOptions& options, Rows& offsets) {
+  Rows posed = Rows::Zero(offsets.rows(), 4);
+  let_go(options.rotation_only, posed);
+  if (!bound_.outside_base()) {
+    if (!residual_) residual_ = std::make_unique<HandleResidual>(bound_);
+    residual_->spread(posed, offsets);
+  }
+  reconstruction_.solve_from(posed, options.refined, offsets);
 }
 
 template <class Real>
@@ -79,10 +116,26 @@ void Examples<Real>::show(const std::vector<double>& weights, const MethodOption
       throw Error(Status::argument,
                   "The weight of example " + std::to_string(i) + " is not finite.");
   weights_ = given;
+  let_go(options.rotation_only, offsets);
+  // Stances are mixed as their turns and their centres are.
+  Stance stance;
+  Eigen::Vector3d turn = Eigen::Vector3d::Zero();
+  for (size_t i = 0; i < weights.size(); ++i) {
+    const Stance& of_example = stances_.of_examples()[i];
+    if (i == 0) stance.from = stance.to = of_example.from;
+    turn += weights[i] * rotation_vector(of_example.turn);
+    stance.to += weights[i] * (of_example.to - of_example.from);
+  }
+  stance.turn = rotation_by(turn);
+  stand(stance, offsets);
+}
+
+template <class Real>
+void Examples<Real>::let_go(bool rotation_only, Rows& offsets) {
   make(let_go_,
        std::vector<HandleHold>(static_cast<size_t>(bound_.region.handle_count), HandleHold::none));
   let_go_->solve([&](int section, double* rows) {
-    let_go_->pass().pose(section, weights_, options.rotation_only, rows);
+    let_go_->pass().pose(section, weights_, rotation_only, rows);
   });
   let_go_->give(weights_, offsets);
 }
@@ -94,7 +147,7 @@ void Examples<Real>::make(std::unique_ptr<ExampleSystem<Real>>& system,
   if (&system == &fitted_)
     for (auto& starts : starts_) starts = nullptr;
   system = nullptr;  // before its memory is needed again
-  system = std::make_unique<ExampleSystem<Real>>(bound_, turns_, std::move(hold));
+  system = std::make_unique<ExampleSystem<Real>>(bound_, stances_.examples(), turns_, std::move(hold));
 }
 
 template <class Real>
@@ -215,7 +268,7 @@ MethodFindings Examples<Real>::findings() const {
 
 template <class Real>
 double Examples<Real>::bytes() const {
-  double bytes = turns_.bytes();
+  double bytes = turns_.bytes() + reconstruction_.bytes();
   for (const auto& starts : starts_)
     if (starts) bytes += static_cast<double>(starts->forces.size() * Index(sizeof(double)));
   for (const auto* system : {fitted_.get(), let_go_.get()})

@@ -4,6 +4,8 @@
 #include <memory>
 
 #include "methods/examples/example_system.h"
+#include "methods/examples/handle_residual.h"
+#include "methods/examples/stance.h"
 #include "methods/method.h"
 
 namespace dd {
@@ -83,8 +85,18 @@ class Examples : public Method {
   /// The weights of the least energy, with their pose taken.
   void fit(const MethodOptions& options);
 
+  /// Solves for the pose that was found with all handles let go, and from there, as detail transfer
+  /// does from S, for what they ask for beyond it.
+  void go_beyond(const MethodOptions& options, Rows& offsets);
+  /// Gives all rows but fixed ones the stance.
+  void stand(const Stance& stance, Rows& offsets) const;
+  void let_go(bool rotation_only, Rows& offsets);
+
   BoundSurface& bound_;
+  Stances stances_;
   ExampleTurns turns_;
+  Reconstruction reconstruction_;
+  std::unique_ptr<HandleResidual> residual_;
   Eigen::VectorXd weights_;  // of the last update
   std::unique_ptr<ExampleSystem<Real>> fitted_, let_go_;
   std::unique_ptr<Starts> starts_[2];  // of the fitted one: whole gradients, rotations
