@@ -1,15 +1,25 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What an update by examples costs on a limb of 10,000 vertices whose tip is led along an arc, for
-// several numbers of examples: bends at places along it, the handle saying little about which.
+// Posing by example: what an update costs on a limb of 10,000 vertices whose tip is led along an
+// arc, for several numbers of examples, bends at places along it, the handle saying little about
+// which; beside detail transfer. With files of a mesh and poses of it: how well a pose that is left
+// out is found from a few handles at its places and the others as examples, by both again.
 //
-//   posing [--threads 2]
+//   posing [--threads 2] [--handles 6] [REST.obj POSE.obj...]
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
+#include <limits>
+#include <string>
 #include <vector>
 
 #include "cases.h"
 #include "deform/deformer.h"
+#include "mesh/geodesic_distances.h"
+#include "mesh/unit_box.h"
+#include "mesh_files.h"
+#include "support/similarity.h"
 #include "timing.h"
 
 namespace {
@@ -31,8 +41,106 @@ dd::Positions bent(const dd::Positions& p, double degrees, double joint) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  const int threads = argc > 2 ? std::atoi(argv[2]) : 2;
+namespace {
+
+using dd::bench::median;
+using dd::bench::milliseconds;
+
+dd::UpdateOptions options_by(dd::MethodKind method) {
+  dd::UpdateOptions options;
+  options.method = method;
+  options.of_method.rotation_only = method != dd::MethodKind::examples;
+  options.of_method.refined.iterations = 4;
+  options.of_method.refined.rim_smoothing = 0.05;
+  return options;
+}
+
+/// Discs that are as far from each other over the surface as can be, none fixed.
+std::vector<int> far_handles(const dd::Mesh& mesh, int count) {
+  const auto n = static_cast<size_t>(mesh.vertex_count());
+  const auto distances = [&](int from) {
+    std::vector<char> source(n, 0);
+    source[size_t(from)] = 1;
+    return dd::geodesic_distances(mesh, source);
+  };
+  const auto farthest = [&](const std::vector<double>& distance) {
+    size_t best = 0;
+    for (size_t v = 0; v < n; ++v)
+      if (std::isfinite(distance[v]) && !(distance[v] <= distance[best])) best = v;
+    return static_cast<int>(best);
+  };
+  const double radius = 0.04 * dd::bounding_box_diagonal(mesh.positions);
+  std::vector<int> roles(n, dd::kFree);
+  std::vector<double> nearest(n, std::numeric_limits<double>::infinity());
+  for (int h = 0, at = farthest(distances(0)); h < count; ++h, at = farthest(nearest)) {
+    const std::vector<double> own = distances(at);
+    for (size_t v = 0; v < n; ++v) {
+      if (own[v] < radius && roles[v] == dd::kFree) roles[v] = h;
+      nearest[v] = std::min(nearest[v], own[v]);
+    }
+  }
+  return roles;
+}
+
+/// The rigid motion nearest to what each handle's vertices do.
+std::vector<double> motions_to(const dd::Mesh& mesh, const dd::Positions& pose,
+                               const std::vector<int>& roles, int count) {
+  std::vector<double> matrices;
+  for (int h = 0; h < count; ++h) {
+    Eigen::VectorXd weights = Eigen::VectorXd::Zero(mesh.vertex_count());
+    for (dd::Index v = 0; v < weights.size(); ++v) weights[v] = roles[size_t(v)] == h;
+    const dd::Similarity motion = dd::fitted_similarity(mesh.positions, pose, weights);
+    const Eigen::Vector3d from = weights.transpose() * mesh.positions / weights.sum();
+    const Eigen::Vector3d to = weights.transpose() * pose / weights.sum();
+    const Eigen::Vector3d shift = to - motion.rotation * from;
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) matrices.push_back(motion.rotation(r, c));
+      matrices.push_back(shift[r]);
+    }
+  }
+  return matrices;
+}
+
+void left_out(const std::vector<std::string>& files, int count, int threads) {
+  const dd::Mesh mesh = dd::bench::mesh_from_file(files[0]);
+  std::vector<dd::Positions> poses;
+  for (size_t i = 1; i < files.size(); ++i)
+    poses.push_back(dd::bench::mesh_from_file(files[i]).positions);
+  const std::vector<int> roles = far_handles(mesh, count);
+  const double size = dd::bounding_box_diagonal(mesh.positions);
+  std::vector<double> errors[2], times[2];
+  for (size_t left = 0; left < poses.size(); ++left) {
+    dd::BindOptions bind;
+    bind.precision = dd::Precision::single;
+    bind.threads = threads;
+    for (size_t i = 0; i < poses.size(); ++i)
+      if (i != left) bind.examples.push_back(poses[i]);
+    dd::Deformer deformer(mesh, roles, count, bind);
+    const std::vector<double> matrices = motions_to(mesh, poses[left], roles, count);
+    for (const bool by_examples : {true, false}) {
+      const dd::UpdateOptions options =
+          options_by(by_examples ? dd::MethodKind::examples : dd::MethodKind::transfer);
+      const dd::Positions found = mesh.positions + deformer.update(matrices.data(), options);
+      errors[by_examples].push_back(100 * (found - poses[left]).rowwise().norm().mean() / size);
+      for (int round = 0; round < 20; ++round)
+        times[by_examples].push_back(
+            milliseconds([&] { deformer.update(matrices.data(), options); }));
+    }
+  }
+  const auto mean = [](const std::vector<double>& values) {
+    double sum = 0;
+    for (double value : values) sum += value;
+    return sum / static_cast<double>(values.size());
+  };
+  std::printf(
+      "%d vertices, %zu poses, %d handles: mean error of those left out, %% of the box, by "
+      "examples "
+      "%.2f, by transfer %.2f; an update %.2f and %.2f ms, %.1f x\n",
+      mesh.vertex_count(), poses.size(), count, mean(errors[1]), mean(errors[0]), median(times[1]),
+      median(times[0]), median(times[1]) / median(times[0]));
+}
+
+void along_an_arc(int threads) {
   const dd::Mesh mesh = dd::test::tube(101, 99, [](double u, double v) {
     return Eigen::RowVector3d(0.08 * std::cos(v), 0.08 * std::sin(v), 1.6 * u);
   });
@@ -47,18 +155,39 @@ int main(int argc, char** argv) {
       bind.examples.push_back(
           bent(mesh.positions, 40 + 60.0 * (i % 3), 0.2 + 1.0 * i / std::max(1, count - 1)));
     dd::Deformer deformer(mesh, roles, 1, bind);
-    dd::UpdateOptions options;
-    options.method = dd::MethodKind::examples;
-    options.of_method.rotation_only = false;
-    const auto update = [&](double degrees) {
+    const auto update = [&](double degrees, dd::MethodKind method) {
       const dd::test::Affine motion = dd::test::bend(degrees, 0.2, 0.6);
-      return dd::bench::milliseconds([&] { deformer.update(motion.data(), options); });
+      return milliseconds([&] { deformer.update(motion.data(), options_by(method)); });
     };
-    const double preparing = update(0);
-    std::vector<double> times;
-    for (int step = 1; step <= 24; ++step) times.push_back(update(5 * step));
+    const double preparing = update(0, dd::MethodKind::examples);
+    update(0, dd::MethodKind::transfer);
+    std::vector<double> times, of_transfer;
+    for (int step = 1; step <= 24; ++step) {
+      times.push_back(update(5 * step, dd::MethodKind::examples));
+      of_transfer.push_back(update(5 * step, dd::MethodKind::transfer));
+    }
     std::sort(times.begin(), times.end());
-    std::printf("  %2d examples  %7.1f  %7.2f %7.2f\n", count, preparing, times[12], times.back());
+    std::printf("  %2d examples  %7.1f  %7.2f %7.2f, detail transfer %.2f\n", count, preparing,
+                times[12], times.back(), median(of_transfer));
   }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  int threads = 2, handles = 6;
+  std::vector<std::string> files;
+  for (int i = 1; i < argc; ++i) {
+    if (!std::strcmp(argv[i], "--threads") && i + 1 < argc)
+      threads = std::atoi(argv[++i]);
+    else if (!std::strcmp(argv[i], "--handles") && i + 1 < argc)
+      handles = std::atoi(argv[++i]);
+    else
+      files.emplace_back(argv[i]);
+  }
+  if (files.empty())
+    along_an_arc(threads);
+  else
+    left_out(files, handles, threads);
   return 0;
 }

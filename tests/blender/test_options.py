@@ -135,7 +135,8 @@ def test_a_setting_without_what_it_needs_has_no_effect(strip, options, look, met
     rows = {option.name: option for option in options.SETTINGS}
     for option in with_rows(options):
         for need in option.needs:
-            if need.name in {'method', 'base'} or reason(options, look, option, settings):
+            if (need.name in {'method', 'base'} or (need.by and method not in need.by)
+                    or reason(options, look, option, settings)):
                 continue
             present = getattr(settings, need.name)
             setattr(settings, need.name, other_value(rows[need.name], present))
@@ -143,7 +144,7 @@ def test_a_setting_without_what_it_needs_has_no_effect(strip, options, look, met
             assert not changes(strip, option), (option.name, need)
             setattr(settings, need.name, present)
             tried += 1
-    assert tried == {'TRANSFER': 8, 'GRADIENT': 0}.get(method, 1)
+    assert tried == {'TRANSFER': 8, 'GRADIENT': 0, 'EXAMPLES': 6}.get(method, 1)
 
 
 def test_steps_and_refinement_of_a_base_object_say_why_not(options):

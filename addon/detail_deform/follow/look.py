@@ -19,8 +19,11 @@ def asked(settings):
 
 def why_no_base(settings):
     """Why the base surface's settings have no effect now: a sentence, or ''."""
-    by_handles = settings.method in {'GRADIENT', 'EXAMPLES'} and settings.output == 'RESULT'
-    return "This method has no base surface." if by_handles else ""
+    if settings.output != 'RESULT' or settings.method not in {'GRADIENT', 'EXAMPLES'}:
+        return ""
+    if settings.method == 'EXAMPLES' and settings.weights_by == 'HANDLES' and settings.refine > 0:
+        return ""  # by its functions the surface goes beyond the examples
+    return "This method has no base surface."
 
 
 def quick(told, share=1.0):
@@ -32,7 +35,8 @@ def quick(told, share=1.0):
     found = {**told, 'steps': 1}
     passes = found.get('refine')
     if share < 1.0 and passes:  # each takes about as long as an update without any
-        found['refine'] = max(int(share * (passes + 1)) - 1, 0)
+        # By examples one is the least: without any the surface meets the handles in another way.
+        found['refine'] = max(int(share * (passes + 1)) - 1, int(told['method'] == 'EXAMPLES'))
     return found
 
 

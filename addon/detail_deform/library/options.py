@@ -16,6 +16,7 @@ class Need(NamedTuple):
     name: str
     values: tuple
     why_not: str = ""  # the sentence with which it is greyed then; without one it isn't shown
+    by: tuple = ()  # methods of which that is true; none: all
 
 
 class Field(NamedTuple):
@@ -151,6 +152,8 @@ def _next_to_none(stiffness):
 
 
 _COMPUTED = Need('base', ('COMPUTED',))
+_NO_SLIDERS = Need('weights_by', ('HANDLES',), by=('EXAMPLES',))
+_WITHOUT_REFINE = "It has no effect while Quality of large bends is 0."
 
 # Of Object.detail_deform, by the panels' sections and in the order of their rows.
 SETTINGS = (
@@ -162,14 +165,15 @@ SETTINGS = (
            default=True, fills=Field(UPDATE, 'gradients', 'dd_gradients', _gradients), section='METHOD',
            needs=(_by('TRANSFER', 'GRADIENT'),)),
     Option('refine', int, "Quality of large bends",
-           "Passes that take out stretch and shrinking where the surface bends far. Each takes about as long as an "
-           "update without. 0: none, the paper's result",
+           "Passes that take out stretch and shrinking where the surface bends far, by Examples where it goes beyond "
+           "them. Each takes about as long as an update without. 0: none, the paper's result",
            default=4, limits=dict(min=0, soft_max=16, max=1000), fills=Field(UPDATE, 'refine', int), section='METHOD',
-           needs=(_by('TRANSFER'),
+           needs=(_by('TRANSFER', 'EXAMPLES'), _NO_SLIDERS,
                   Need('base', ('COMPUTED',), "A base object is followed as it is, so no bend of it is improved."),
-                  Need('rotation_only', (True,), "Large bends are improved only with Keep Detail Size: switch it on."),
+                  Need('rotation_only', (True,), "Large bends are improved only with Keep Detail Size: switch it on.",
+                       by=('TRANSFER',)),
                   Need('formulation', ('SURFACE',),
-                       "Large bends are improved only by Formulation > Surface (For Comparison).")),
+                       "Large bends are improved only by Formulation > Surface (For Comparison).", by=('TRANSFER',))),
            off=0),
     Option('rotation_smoothing', float, "Bend Length",
            "Length over which a bend is spread out, as a share of the size of the region (the square root of its "
@@ -177,18 +181,21 @@ SETTINGS = (
            "stiff",
            default=0.009, limits=dict(min=0.009, soft_max=0.05, max=1.0, precision=3, step=0.1),
            fills=Field(UPDATE, 'rotation_smoothing', float), section='METHOD',
-           needs=(_by('TRANSFER'), Need('base', ('COMPUTED',)), Need('rotation_only', (True,)),
-                  Need('formulation', ('SURFACE',)),
-                  Need('refine', range(1, 1001), "It has no effect while Quality of large bends is 0."))),
+           needs=(_by('TRANSFER', 'EXAMPLES'), _NO_SLIDERS, Need('base', ('COMPUTED',)),
+                  Need('rotation_only', (True,), by=('TRANSFER',)),
+                  Need('formulation', ('SURFACE',), by=('TRANSFER',)),
+                  Need('refine', range(1, 1001), _WITHOUT_REFINE))),
     Option('rim_smoothing', float, "Rim Smoothing",
            "Width of the band around handles and fixed parts in which the surface leaves them smoothly, without a "
            "crease or spike, as a share of the size of the region (the square root of its area). 0: the paper's result",
            default=0.05, limits=dict(min=0.0, soft_max=0.2, max=1.0, precision=3, step=1),
            fills=Field(UPDATE, 'rim_smoothing', float, _or_none), section='METHOD',
-           needs=(_by('TRANSFER'),
-                  Need('rotation_only', (True,), "Without Keep Detail Size there is no crease to smooth."),
+           needs=(_by('TRANSFER', 'EXAMPLES'), _NO_SLIDERS,
+                  Need('rotation_only', (True,), "Without Keep Detail Size there is no crease to smooth.",
+                       by=('TRANSFER',)),
                   Need('formulation', ('SURFACE',),
-                       "Rims are smoothed only by Formulation > Surface (For Comparison).")),
+                       "Rims are smoothed only by Formulation > Surface (For Comparison).", by=('TRANSFER',)),
+                  Need('refine', range(1, 1001), _WITHOUT_REFINE, by=('EXAMPLES',))),
            off=-1),
     Option('levels', int, "Levels",
            "Surfaces between the detailed and the smooth one, each displaced from the next smoother one: shorter "
@@ -296,7 +303,8 @@ TRANSFER_SETTINGS = (
 # What the rows say of an object's settings
 
 def _unmet(option, settings):
-    return [need for need in option.needs if getattr(settings, need.name) not in need.values]
+    return [need for need in option.needs if getattr(settings, need.name) not in need.values
+            and (not need.by or settings.method in need.by)]
 
 
 def is_shown(option, settings):

@@ -81,8 +81,8 @@ void take_flux(const FactoredSurface& surface, const ActiveBlocks& layout, const
     for (int k = 0; k < 3; ++k) x[k] = place_of(surface.operators.triangles(j, k));
     for (int k = 0; k < 2; ++k) {
       const int next = k + 1, last = (k + 2) % 3;
-      const Eigen::Vector3d flux = 0.5 * (cotangents(j, last) * (x[k] - x[next]) +
-                                          cotangents(j, next) * (x[k] - x[last]));
+      const Eigen::Vector3d flux =
+          0.5 * (cotangents(j, last) * (x[k] - x[next]) + cotangents(j, next) * (x[k] - x[last]));
       for (int c = 0; c < 3; ++c) blocks[b].flux[k][c][lane] = static_cast<Real>(flux[c]);
     }
   });
@@ -104,7 +104,8 @@ std::vector<TurnBlock<Real>> turn_blocks(const FactoredSurface& surface, const A
       block.target[k][lane] = poisson.target(section, t(j, k));
     }
   });
-  take_flux(surface, layout, [&](int v) { return Eigen::Vector3d(of.row(v)); }, blocks);
+  take_flux(
+      surface, layout, [&](int v) { return Eigen::Vector3d(of.row(v)); }, blocks);
   return blocks;
 }
 

@@ -23,8 +23,9 @@ class TurnPass {
   /// From now on that of these positions is turned: rows in the surface's order.
   void take(const Rows& positions) {
     const std::vector<int>& row = surface_.order().row_of_vertex;
-    take_flux(surface_, layout_,
-              [&](int v) { return Eigen::Vector3d(positions.row(row[v]).head<3>()); }, blocks_);
+    take_flux(
+        surface_, layout_, [&](int v) { return Eigen::Vector3d(positions.row(row[v]).head<3>()); },
+        blocks_);
   }
 
   /// As PoissonSystem::solve() takes it. quaternions: rows of 4.

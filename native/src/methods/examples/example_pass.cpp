@@ -32,13 +32,12 @@ TurnFactors turn_factors(double x) {  // squared length of r
 }  // namespace
 
 template <class Real>
-ExamplePass<Real>::ExamplePass(const BoundSurface& bound, const std::vector<Positions>& examples,
-                               const ExampleTurns& turns, const PoissonSystem& poisson)
+ExamplePass<Real>::ExamplePass(const ExampleSurface& of, const PoissonSystem& poisson)
     : poisson_(poisson),
-      example_count_(static_cast<int>(examples.size())),
+      example_count_(static_cast<int>(of.examples.size())),
       layout_(poisson.active()),
       blocks_(layout_.without_targets<Block>(poisson)) {
-  const Triangles& t = bound.operators.triangles;
+  const Triangles& t = of.surface.operators.triangles;
   for (Block& block : blocks_) {
     for (auto& corner : block.corner)
       for (int32_t& row : corner) row = 0;
@@ -61,7 +60,7 @@ ExamplePass<Real>::ExamplePass(const BoundSurface& bound, const std::vector<Posi
   layout_.each(poisson.active(), [&](int place, int section, int b, int lane) {
     const int j = poisson.active().triangles[place];
     Block& block = blocks_[b];
-    const auto cotangents = bound.operators.metric.cotangents.row(j);
+    const auto cotangents = of.surface.operators.metric.cotangents.row(j);
     const double a = std::sqrt(0.5 * (cotangents[1] + cotangents[2]));
     const double skew = -0.5 * cotangents[2] / a, c = 0.5 / a;
     block.a[lane] = static_cast<Real>(a);
@@ -83,14 +82,14 @@ ExamplePass<Real>::ExamplePass(const BoundSurface& bound, const std::vector<Posi
       for (int k = 0; k < 6; ++k)
         gradient[size_t(k)][lane] = static_cast<Real>(columns(k % 3, k / 3));
     };
-    const InPlane rest = in_plane(bound.mesh.positions);
+    const InPlane rest = in_plane(of.surface.mesh.positions);
     put(block.rest, rest);
     for (int i = 0; i < example_count_; ++i) {
       Change& change = changes_[size_t(b) * size_t(example_count_) + size_t(i)];
-      const Eigen::Vector3d turn = turns.at(i, j);
+      const Eigen::Vector3d turn = of.turns.at(i, j);
       for (int k = 0; k < 3; ++k) change.turn[size_t(k)][lane] = static_cast<Real>(turn[k]);
       // Whatever the turn, what it leaves of the example's own gradient.
-      put(change.stretch, rotation_by(-turn) * in_plane(examples[size_t(i)]) - rest);
+      put(change.stretch, rotation_by(-turn) * in_plane(of.examples[size_t(i)]) - rest);
     }
   });
 }
@@ -148,22 +147,6 @@ void ExamplePass<Real>::add_divergence(const Block& block, const Gradient& X,
       r1[c] += second[c][lane];
       r2[c] -= first[c][lane] + second[c][lane];
     }
-  }
-}
-
-template <class Real>
-typename ExamplePass<Real>::Vector ExamplePass<Real>::cross(const Vector& u, const Lanes& x,
-                                                            const Lanes& y, const Lanes& z) {
-  return {u[1] * z - u[2] * y, u[2] * x - u[0] * z, u[0] * y - u[1] * x};
-}
-
-template <class Real>
-void ExamplePass<Real>::add_turned(const Vector& turn, const Lanes& first, const Lanes& second,
-                                   const Gradient& X, Gradient& out) {
-  for (size_t column = 0; column < 6; column += 3) {
-    const Vector once = cross(turn, X[column], X[column + 1], X[column + 2]);
-    const Vector twice = cross(turn, once[0], once[1], once[2]);
-    for (size_t c = 0; c < 3; ++c) out[column + c] += first * once[c] + second * twice[c];
   }
 }
 

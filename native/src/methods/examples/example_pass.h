@@ -4,7 +4,7 @@
 #include <array>
 #include <vector>
 
-#include "methods/examples/example_turns.h"
+#include "methods/examples/example_surface.h"
 #include "surface/gradients.h"
 
 namespace dd {
@@ -22,8 +22,7 @@ template <class Real>
 class ExamplePass {
  public:
   /// poisson: the system whose active triangles, rows and targets the passes work on; kept.
-  ExamplePass(const BoundSurface& bound, const std::vector<Positions>& examples,
-              const ExampleTurns& turns, const PoissonSystem& poisson);
+  ExamplePass(const ExampleSurface& of, const PoissonSystem& poisson);
 
   int example_count() const { return example_count_; }
 
@@ -87,10 +86,18 @@ class ExamplePass {
   Gradient gradient(const Block& block, const Rows& x) const;
   static void add_divergence(const Block& block, const Gradient& X, const int32_t (*to)[kLanes],
                              double* rows);
-  static Vector cross(const Vector& u, const Lanes& x, const Lanes& y, const Lanes& z);
+  static Vector cross(const Vector& u, const Lanes& x, const Lanes& y, const Lanes& z) {
+    return {u[1] * z - u[2] * y, u[2] * x - u[0] * z, u[0] * y - u[1] * x};
+  }
   /// out += (first [r]× + second [r]×²) X.
   static void add_turned(const Vector& turn, const Lanes& first, const Lanes& second,
-                         const Gradient& X, Gradient& out);
+                         const Gradient& X, Gradient& out) {
+    for (size_t column = 0; column < 6; column += 3) {
+      const Vector once = cross(turn, X[column], X[column + 1], X[column + 2]);
+      const Vector twice = cross(turn, once[0], once[1], once[2]);
+      for (size_t c = 0; c < 3; ++c) out[column + c] += first * once[c] + second * twice[c];
+    }
+  }
   /// The spin a of d exp(r) = [a]× exp(r) where r changes by that: its left Jacobian's image.
   static Vector spin(const Pose& pose, const Vector& by);
   void take_bends(int block, Bend* bends) const;

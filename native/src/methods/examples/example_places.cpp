@@ -7,15 +7,15 @@
 
 namespace dd {
 
-ExamplePlaces::ExamplePlaces(const BoundSurface& bound, const std::vector<Positions>& examples,
-                             const Region& region, const RowOrder& order) {
+ExamplePlaces::ExamplePlaces(const ExampleSurface& of, const Region& region,
+                             const RowOrder& order) {
   if (region.grounds.empty()) return;
-  const Triangles& t = bound.operators.triangles;
+  const Triangles& t = of.surface.operators.triangles;
   std::vector<double> area(region.role.size(), 0);
   for (Index j = 0; j < t.rows(); ++j)
-    for (int k = 0; k < 3; ++k) area[t(j, k)] += bound.operators.metric.areas[j] / 3;
+    for (int k = 0; k < 3; ++k) area[t(j, k)] += of.surface.operators.metric.areas[j] / 3;
 
-  for (const Component& component : movable_components(bound.mesh, region)) {
+  for (const Component& component : movable_components(of.surface.mesh, region)) {
     if (component.held) continue;
     Placed placed;
     for (int v : component.vertices) {
@@ -24,13 +24,13 @@ ExamplePlaces::ExamplePlaces(const BoundSurface& bound, const std::vector<Positi
     }
     double whole = 0;
     for (double a : placed.areas) whole += a;
-    placed.shifts = Positions::Zero(static_cast<Index>(examples.size()), 3);
+    placed.shifts = Positions::Zero(static_cast<Index>(of.examples.size()), 3);
     for (size_t k = 0; k < placed.rows.size(); ++k) {
       placed.areas[k] /= whole;
       const int v = order.vertex_of_row[placed.rows[k]];
       for (Index i = 0; i < placed.shifts.rows(); ++i)
         placed.shifts.row(i) +=
-            placed.areas[k] * (examples[size_t(i)].row(v) - bound.mesh.positions.row(v));
+            placed.areas[k] * (of.examples[size_t(i)].row(v) - of.surface.mesh.positions.row(v));
     }
     components_.push_back(std::move(placed));
   }

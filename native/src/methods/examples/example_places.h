@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "surface/bound_surface.h"
+#include "methods/examples/example_surface.h"
 
 namespace dd {
 
@@ -14,8 +14,7 @@ namespace dd {
 class ExamplePlaces {
  public:
   /// region, order: of the system that is solved; grounds tell the components.
-  ExamplePlaces(const BoundSurface& bound, const std::vector<Positions>& examples,
-                const Region& region, const RowOrder& order);
+  ExamplePlaces(const ExampleSurface& of, const Region& region, const RowOrder& order);
 
   /// offsets: the displacement of S in that order, shifted as a whole in each such component.
   void place(const Eigen::VectorXd& weights, Rows& offsets) const;

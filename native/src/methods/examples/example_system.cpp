@@ -10,10 +10,8 @@
 namespace dd {
 
 template <class Real>
-ExampleSystem<Real>::ExampleSystem(const BoundSurface& bound,
-                                   const std::vector<Positions>& examples,
-                                   const ExampleTurns& turns, std::vector<HandleHold> hold)
-    : bound_(bound), hold_(std::move(hold)), poisson_(bound.poisson.get()) {
+ExampleSystem<Real>::ExampleSystem(const ExampleSurface& of, std::vector<HandleHold> hold)
+    : surface_(of.surface), hold_(std::move(hold)), poisson_(of.surface.poisson.get()) {
   const auto is_whole = [](HandleHold h) { return h == HandleHold::whole; };
   const bool shared = std::all_of(hold_.begin(), hold_.end(), is_whole);
   if (!shared) {
@@ -21,33 +19,33 @@ ExampleSystem<Real>::ExampleSystem(const BoundSurface& bound,
     int count = 0;
     for (size_t h = 0; h < hold_.size(); ++h)
       if (is_whole(hold_[h])) number[h] = count++;
-    std::vector<int> roles = bound.region.role;
+    std::vector<int> roles = surface_.region.role;
     for (int& role : roles)
       if (role >= 0) role = number[role];
-    region_ = split_region(bound.mesh, roles, count, MovedBy::base);
-    SparseMatrix block = free_block(bound.operators.laplacian, region_);
+    region_ = split_region(surface_.mesh, roles, count, MovedBy::base);
+    SparseMatrix block = free_block(surface_.operators.laplacian, region_);
     const Dissection dissection =
-        free_dissection(block, region_, bound.mesh.positions, &bound.poisson->pool());
+        free_dissection(block, region_, surface_.mesh.positions, &surface_.poisson->pool());
     BlockOptions options;
     options.dissection = &dissection;
-    options.pool = &bound.poisson->pool();
-    options.precision = bound.poisson->precision();
-    own_ = std::make_unique<PoissonSystem>(bound.mesh, region_, bound.operators, std::move(block),
-                                           options);
+    options.pool = &surface_.poisson->pool();
+    options.precision = surface_.poisson->precision();
+    own_ = std::make_unique<PoissonSystem>(surface_.mesh, region_, surface_.operators,
+                                           std::move(block), options);
     poisson_ = own_.get();
   }
   const RowOrder& order = poisson_->order();
-  pass_ = std::make_unique<ExamplePass<Real>>(bound, examples, turns, *poisson_);
+  pass_ = std::make_unique<ExamplePass<Real>>(of, *poisson_);
   nothing_ = Rows::Zero(poisson_->right_hand_side_rows(), 4);
   offsets_ = Rows::Zero(order.count(), 4);
-  for (int v : bound.region.handle_vertices) told_rows_.push_back(order.row_of_vertex[v]);
+  for (int v : surface_.region.handle_vertices) told_rows_.push_back(order.row_of_vertex[v]);
   told_ = at_rest_ = Rows::Zero(static_cast<Index>(told_rows_.size()), 4);
-  make_means(bound);
-  places_ = std::make_unique<ExamplePlaces>(bound, examples, shared ? bound.region : region_, order);
+  make_means();
+  places_ = std::make_unique<ExamplePlaces>(of, shared ? surface_.region : region_, order);
 }
 
 template <class Real>
-void ExampleSystem<Real>::make_means(const BoundSurface& bound) {
+void ExampleSystem<Real>::make_means() {
   const RowOrder& order = poisson_->order();
   std::vector<int> number(hold_.size(), -1);
   int count = 0;
@@ -57,7 +55,7 @@ void ExampleSystem<Real>::make_means(const BoundSurface& bound) {
   placed_.resize(static_cast<size_t>(count));
   std::vector<int> placed_by(static_cast<size_t>(order.count()), -1);
   for (size_t i = 0; i < told_rows_.size(); ++i) {
-    const int h = number[bound.region.role[bound.region.handle_vertices[i]]];
+    const int h = number[surface_.region.role[surface_.region.handle_vertices[i]]];
     if (h < 0 || told_rows_[i] >= order.free_count) continue;  // a vertex without a triangle
     placed_[h].rows.push_back(told_rows_[i]);
     placed_[h].told.push_back(static_cast<int>(i));
@@ -65,7 +63,7 @@ void ExampleSystem<Real>::make_means(const BoundSurface& bound) {
   }
 
   // Components that float: a means' force must not push them as a whole, and a shift is free.
-  const Components parts(bound.mesh.triangles, bound.mesh.vertex_count());
+  const Components parts(surface_.mesh.triangles, surface_.mesh.vertex_count());
   std::map<int, int> floating;
   for (int v : region_.grounds)
     for (const Placed& placed : placed_)
@@ -85,7 +83,7 @@ void ExampleSystem<Real>::make_means(const BoundSurface& bound) {
   };
   std::vector<std::vector<Push>> pushes(static_cast<size_t>(poisson_->active().sections()));
   std::vector<char> done(placed_by.size(), 0);
-  const Triangles& t = bound.operators.triangles;
+  const Triangles& t = surface_.operators.triangles;
   const ActiveTriangles& active = poisson_->active();
   for (int section = 0; section < active.sections(); ++section)
     for (int i = active.begin[section]; i < active.begin[section + 1]; ++i)
@@ -133,7 +131,7 @@ void ExampleSystem<Real>::place_means(const Rows& told) {
 
 template <class Real>
 void ExampleSystem<Real>::take_handles(const Rows& offsets) {
-  const RowOrder& order = bound_.order();
+  const RowOrder& order = surface_.order();
   told_ = offsets.middleRows(order.free_count, order.fixed_begin - order.free_count);
 }
 
@@ -150,7 +148,7 @@ void ExampleSystem<Real>::give(const Eigen::VectorXd& weights, Rows& offsets) {
   places_->place(weights, offsets_);
   // Where it floats, a placed mean is told to the component as a whole once more.
   if (!placed_.empty()) place_means(told_);
-  const RowOrder& order = bound_.order();
+  const RowOrder& order = surface_.order();
   for (int r = 0; r < order.fixed_begin; ++r)
     offsets.row(r) = offsets_.row(poisson_->order().row_of_vertex[order.vertex_of_row[r]]);
 }

@@ -21,15 +21,14 @@ enum class HandleHold { whole, mean, none };
 template <class Real>
 class ExampleSystem {
  public:
-  /// turns: of the examples. hold: of each handle.
-  ExampleSystem(const BoundSurface& bound, const std::vector<Positions>& examples,
-                const ExampleTurns& turns, std::vector<HandleHold> hold);
+  /// of: outlives it. hold: of each handle.
+  ExampleSystem(const ExampleSurface& of, std::vector<HandleHold> hold);
 
   const std::vector<HandleHold>& hold() const { return hold_; }
   ExamplePass<Real>& pass() { return *pass_; }
   const ExamplePass<Real>& pass() const { return *pass_; }
 
-  /// The handles' displacements, of all rows in BoundSurface::order(), which are met from then on.
+  /// The handles' displacements, of all rows in the surface's order, which are met from then on.
   void take_handles(const Rows& offsets);
   /// 4 numbers for each handle's vertex, in order.
   const Rows& told() const { return told_; }
@@ -48,7 +47,7 @@ class ExampleSystem {
   Rows forces() const;
 
   /// Parts that nothing holds go where the examples' weights take them; then what was solved is put
-  /// into the rows of offsets that are free or a handle's, in BoundSurface::order().
+  /// into the rows of offsets that are free or a handle's, in the surface's order.
   void give(const Eigen::VectorXd& weights, Rows& offsets);
 
   double bytes() const;
@@ -57,7 +56,7 @@ class ExampleSystem {
   struct Placed {
     std::vector<int> rows, told;  // of its vertices: in its order, and in told_
   };
-  void make_means(const BoundSurface& bound);
+  void make_means();
   void place_means(const Rows& told);
   template <class Add>
   const Rows& solve(const Add& add, const Rows& told) {
@@ -67,7 +66,7 @@ class ExampleSystem {
     return offsets_;
   }
 
-  const BoundSurface& bound_;
+  const FactoredSurface& surface_;
   std::vector<HandleHold> hold_;
   Region region_;  // of a system of its own
   std::unique_ptr<PoissonSystem> own_;

@@ -98,28 +98,28 @@ Positions continuous_logarithms(const Rows& rotations, const Patch& patch) {
 
 }  // namespace
 
-ExampleTurns::ExampleTurns(const BoundSurface& bound, const std::vector<Positions>& examples)
-    : place_(static_cast<size_t>(bound.mesh.triangle_count()), -1) {
-  const Triangles& t = bound.operators.triangles;
-  const Positions& rest = bound.mesh.positions;
+ExampleTurns::ExampleTurns(const FactoredSurface& surface, const std::vector<Positions>& examples)
+    : place_(static_cast<size_t>(surface.mesh.triangle_count()), -1) {
+  const Triangles& t = surface.operators.triangles;
+  const Positions& rest = surface.mesh.positions;
   std::vector<int> chosen;
-  for (int j = 0; j < bound.mesh.triangle_count(); ++j)
+  for (int j = 0; j < surface.mesh.triangle_count(); ++j)
     for (int k = 0; k < 3; ++k)
-      if (place_[j] < 0 && bound.region.role[t(j, k)] != kFixed) {
+      if (place_[j] < 0 && surface.region.role[t(j, k)] != kFixed) {
         place_[j] = static_cast<int>(chosen.size());
         chosen.push_back(j);
       }
-  const Patch patch(t, std::move(chosen), bound.region);
+  const Patch patch(t, std::move(chosen), surface.region);
   const double size = bounding_box_diagonal(rest);
 
   turns_.resize(examples.size());
-  bound.poisson->pool().run(static_cast<int>(turns_.size()), [&](int i) {
+  surface.poisson->pool().run(static_cast<int>(turns_.size()), [&](int i) {
     const Positions& example = examples[i];
-    const auto blocks = rotation_blocks<double>(rest, t, patch.triangles,
-                                                stand_ins(rest, t, size, &example), bound.order());
+    const auto blocks = rotation_blocks<double>(
+        rest, t, patch.triangles, stand_ins(rest, t, size, &example), surface.order());
     Rows rotations(kLanes * static_cast<Index>(blocks.size()), 4);
     kernels().full.rotation_pass(static_cast<int>(blocks.size()), blocks.data(),
-                                 in_order(example, bound.order()).data(), rotations.data());
+                                 in_order(example, surface.order()).data(), rotations.data());
     turns_[i] = continuous_logarithms(rotations, patch);
   });
 }

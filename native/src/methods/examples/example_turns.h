@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "surface/bound_surface.h"
+#include "surface/factored_surface.h"
 
 namespace dd {
 
@@ -25,7 +25,7 @@ namespace dd {
 class ExampleTurns {
  public:
   /// Of the triangles with a corner that isn't fixed. examples: n×3 each.
-  ExampleTurns(const BoundSurface& bound, const std::vector<Positions>& examples);
+  ExampleTurns(const FactoredSurface& surface, const std::vector<Positions>& examples);
 
   Eigen::Vector3d at(int example, int triangle) const {
     return turns_[example].row(place_[triangle]).transpose();

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "methods/examples/examples.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "support/rotations.h"
 
@@ -12,39 +12,8 @@ namespace dd {
 
 namespace {
 
-constexpr double kToGuess = 1e-2;     // κ
-constexpr double kBeyond = 3;         // μ
-constexpr double kLeastSize = 1e-9;   // of the surface's area: what D_i is at least
-constexpr double kIrrelevant = 1e-6;  // of D_i: what handles tell of an example at least
-constexpr int kMostSteps = 10;
-constexpr double kLastStep = 1e-3;  // Newton's error after such a step is far smaller
-constexpr double kLeastDamping = 1e-4, kMostDamping = 1e6;
-
-/// How far a weight is out of 0 to 1, with its sign.
-double beyond(double w) { return w - std::clamp(w, 0.0, 1.0); }
-
-/// The energy's second sum, s Σ_i D_i (κ (w_i − g_i)² + μ o(w_i)⁴).
-struct Restraint {
-  Eigen::VectorXd sizes, guess;  // s D_i, g_i
-
-  double energy(const Eigen::VectorXd& weights) const {
-    double sum = 0;
-    for (Index i = 0; i < weights.size(); ++i)
-      sum += sizes[i] * (kToGuess * std::pow(weights[i] - guess[i], 2) +
-                         kBeyond * std::pow(beyond(weights[i]), 4));
-    return sum;
-  }
-  /// Half its derivatives.
-  void add_to(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient,
-              const Eigen::VectorXd& weights) const {
-    for (Index i = 0; i < weights.size(); ++i) {
-      const double out = beyond(weights[i]);
-      gradient[i] +=
-          sizes[i] * (kToGuess * (weights[i] - guess[i]) + 2 * kBeyond * out * out * out);
-      hessian(i, i) += sizes[i] * (kToGuess + 6 * kBeyond * out * out);
-    }
-  }
-};
+constexpr int kFewest = 2000;      // free vertices: with fewer a fit takes no time either
+constexpr double kSpacing = 0.03;  // of the coarse surface's vertices, in shares of the surface
 
 }  // namespace
 
@@ -52,9 +21,16 @@ template <class Real>
 Examples<Real>::Examples(BoundSurface& bound)
     : bound_(bound),
       stances_(bound),
-      turns_(bound, stances_.examples()),
+      fine_(bound, stances_.examples()),
+      weights_(Eigen::VectorXd::Zero(Index(bound.examples.size()))),
       reconstruction_(bound) {
-  weights_ = Eigen::VectorXd::Zero(Index(bound.examples.size()));
+  if (bound.region.free_count() < kFewest || bound.examples.empty()) return;
+  coarse_ = CoarseSurface::make(bound, kSpacing * bound.active_size);
+  if (!coarse_) return;
+  std::vector<Positions> examples;
+  for (const Positions& example : fine_.examples)
+    examples.push_back(example(coarse_->vertices(), Eigen::all));
+  coarse_examples_ = std::make_unique<ExampleSurface>(coarse_->surface(), std::move(examples));
 }
 
 template <class Real>
@@ -63,33 +39,58 @@ void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
   std::vector<HandleHold> hold(static_cast<size_t>(bound_.region.handle_count), HandleHold::whole);
   for (size_t h = 0; h < frame.free.size(); ++h)
     if (frame.free[h]) hold[h] = HandleHold::mean;
-  make(fitted_, std::move(hold));
-  const Stance stance = stances_.of(frame.offsets, frame.linear, frame.free);
+  Rows& offsets = frame.offsets;
+  const Stance stance = stances_.of(offsets, frame.linear, frame.free);
   if (!stances_.fixed()) {
     const RowOrder& order = bound_.order();
     for (int r = order.free_count; r < order.fixed_begin; ++r) {
       const Eigen::RowVector3d rest = bound_.rest.row(r).head<3>();
-      frame.offsets.row(r).head<3>() =
-          stance.take_back(rest + frame.offsets.row(r).head<3>()) - rest;
+      offsets.row(r).head<3>() = stance.take_back(rest + offsets.row(r).head<3>()) - rest;
     }
   }
-  fitted_->take_handles(frame.offsets);
-  fit(options);
+  if (!fit_ || fit_->hold() != hold) {
+    fit_ = nullptr;  // before its memory is needed again
+    fit_ = std::make_unique<ExampleFit<Real>>(coarse_ ? *coarse_examples_ : fine_, hold);
+  }
+  if (coarse_) coarse_->restrict(offsets, coarse_offsets_);
+  weights_ = fit_->find(coarse_ ? coarse_offsets_ : offsets, options.rotation_only,
+                        options.example_stiffness);
   if (!weights_.allFinite())
     throw Error(Status::numeric,
                 "No weights of the examples fit the handles: their motion is too large.");
-  fitted_->give(weights_, frame.offsets);
-  if (options.refined.iterations > 0) go_beyond(options, frame.offsets);
-  stand(stance, frame.offsets);
+  const bool beyond = options.refined.iterations > 0;
+  const bool all_held =
+      std::all_of(hold.begin(), hold.end(), [](HandleHold h) { return h == HandleHold::whole; });
+  if (!beyond || !all_held || bound_.outside_base()) hold_pose(hold, options, offsets);
+  if (beyond) go_beyond(options, offsets);
+  stand(stance, offsets);
 }
 
 template <class Real>
-void Examples<Real>::stand(const Stance& stance, Rows& offsets) const {
-  if (stances_.fixed()) return;
-  for (int r = 0; r < bound_.order().fixed_begin; ++r) {
-    const Eigen::RowVector3d rest = bound_.rest.row(r).head<3>();
-    offsets.row(r).head<3>() = stance.put(rest + offsets.row(r).head<3>()) - rest;
+void Examples<Real>::hold_pose(const std::vector<HandleHold>& hold, const MethodOptions& options,
+                               Rows& offsets) {
+  if (!coarse_) return fit_->system().give(weights_, offsets);
+  if (!held_ || held_->hold() != hold) {
+    held_ = nullptr;
+    held_ = std::make_unique<ExampleSystem<Real>>(fine_, hold);
   }
+  held_->take_handles(offsets);
+  held_->solve([&](int section, double* rows) {
+    held_->pass().pose(section, weights_, options.rotation_only, rows);
+  });
+  held_->give(weights_, offsets);
+}
+
+template <class Real>
+void Examples<Real>::let_go(bool rotation_only, Rows& offsets) {
+  if (!let_go_)
+    let_go_ = std::make_unique<ExampleSystem<Real>>(
+        fine_,
+        std::vector<HandleHold>(static_cast<size_t>(bound_.region.handle_count), HandleHold::none));
+  let_go_->solve([&](int section, double* rows) {
+    let_go_->pass().pose(section, weights_, rotation_only, rows);
+  });
+  let_go_->give(weights_, offsets);
 }
 
 template <class Real>
@@ -101,6 +102,15 @@ void Examples<Real>::go_beyond(const MethodOptions& options, Rows& offsets) {
     residual_->spread(posed, offsets);
   }
   reconstruction_.solve_from(posed, options.refined, offsets);
+}
+
+template <class Real>
+void Examples<Real>::stand(const Stance& stance, Rows& offsets) const {
+  if (stances_.fixed()) return;
+  for (int r = 0; r < bound_.order().fixed_begin; ++r) {
+    const Eigen::RowVector3d rest = bound_.rest.row(r).head<3>();
+    offsets.row(r).head<3>() = stance.put(rest + offsets.row(r).head<3>()) - rest;
+  }
 }
 
 template <class Real>
@@ -131,131 +141,6 @@ void Examples<Real>::show(const std::vector<double>& weights, const MethodOption
 }
 
 template <class Real>
-void Examples<Real>::let_go(bool rotation_only, Rows& offsets) {
-  make(let_go_,
-       std::vector<HandleHold>(static_cast<size_t>(bound_.region.handle_count), HandleHold::none));
-  let_go_->solve([&](int section, double* rows) {
-    let_go_->pass().pose(section, weights_, rotation_only, rows);
-  });
-  let_go_->give(weights_, offsets);
-}
-
-template <class Real>
-void Examples<Real>::make(std::unique_ptr<ExampleSystem<Real>>& system,
-                          std::vector<HandleHold> hold) {
-  if (system && system->hold() == hold) return;
-  if (&system == &fitted_)
-    for (auto& starts : starts_) starts = nullptr;
-  system = nullptr;  // before its memory is needed again
-  system = std::make_unique<ExampleSystem<Real>>(bound_, stances_.examples(), turns_, std::move(hold));
-}
-
-template <class Real>
-double Examples<Real>::take(const Eigen::VectorXd& weights, bool rotation_only) {
-  return fitted_->pass().misfit(fitted_->solve([&](int section, double* rows) {
-    fitted_->pass().pose(section, weights, rotation_only, rows);
-  }));
-}
-
-template <class Real>
-const typename Examples<Real>::Starts& Examples<Real>::starts(bool rotation_only) {
-  std::unique_ptr<Starts>& made = starts_[rotation_only];
-  if (made) return *made;
-  const Index count = weights_.size();
-  auto starts = std::make_unique<Starts>();
-  starts->sizes.resize(count);
-  starts->constants.resize(count);
-  starts->forces.resize(fitted_->told().size(), count);
-  for (Index i = 0; i < count; ++i) {
-    const Eigen::VectorXd alone = Eigen::VectorXd::Unit(count, i);
-    starts->constants[i] =
-        fitted_->pass().misfit(fitted_->solve_at_rest([&](int section, double* rows) {
-          fitted_->pass().pose(section, alone, rotation_only, rows);
-        }));
-    starts->sizes[i] = fitted_->pass().size() + kLeastSize * bound_.operators.metric.areas.sum();
-    const Rows forces = fitted_->forces();
-    starts->forces.col(i) = Eigen::Map<const Eigen::VectorXd>(forces.data(), forces.size());
-  }
-  made = std::move(starts);
-  return *made;
-}
-
-template <class Real>
-Eigen::VectorXd Examples<Real>::guess(const Starts& starts, double at_rest,
-                                      const Eigen::VectorXd& handles) const {
-  const Eigen::VectorXd along = starts.forces.transpose() * handles;
-  Eigen::VectorXd parts(along.size()), shares(along.size());
-  double whole = 1 / at_rest;
-  for (Index i = 0; i < along.size(); ++i) {
-    const double least = kIrrelevant * starts.sizes[i], constant = starts.constants[i];
-    parts[i] = std::clamp(along[i] / (constant + least), 0.0, 1.0);
-    const double left =
-        std::max(0.0, at_rest - 2 * parts[i] * along[i] + parts[i] * parts[i] * constant);
-    shares[i] = std::max(0.0, 1 - left / at_rest) / (left + least);
-    whole += shares[i];
-  }
-  return parts.cwiseProduct(shares) / whole;
-}
-
-template <class Real>
-void Examples<Real>::derive(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) {
-  for (int i = 0; i < weights_.size(); ++i)
-    fitted_->pass().project(i, fitted_->solve_at_rest([&](int section, double* rows) {
-      fitted_->pass().slope(i, section, rows);
-    }));
-  fitted_->pass().second_order(hessian, gradient);
-}
-
-template <class Real>
-void Examples<Real>::fit(const MethodOptions& options) {
-  const Index count = weights_.size();
-  const Starts& at = starts(options.rotation_only);
-  weights_.setZero();
-  const double at_rest = take(weights_, options.rotation_only);
-  if (count == 0 || at_rest == 0) return;
-
-  const Rows& told = fitted_->told();
-  const Eigen::Map<const Eigen::VectorXd> handles(told.data(), told.size());
-  const Restraint restraint = {options.example_stiffness * at.sizes, guess(at, at_rest, handles)};
-  const auto try_out = [&](const Eigen::VectorXd& weights) {
-    weights_ = weights;
-    return take(weights_, options.rotation_only) + restraint.energy(weights_);
-  };
-  double energy = try_out(restraint.guess);
-
-  // In units in which all examples are of one size.
-  const auto unit = at.sizes.cwiseSqrt().cwiseInverse().asDiagonal();
-  // What rounding may add to an energy that falls.
-  const double rounding = sizeof(Real) == sizeof(float) ? 1e-6 : 1e-12;
-  double damping = 0;
-  Eigen::MatrixXd hessian;
-  Eigen::VectorXd gradient;
-  for (int step = 0; step < kMostSteps; ++step) {
-    derive(hessian, gradient);
-    restraint.add_to(hessian, gradient, weights_);
-    const Eigen::VectorXd from = weights_, slope = unit * gradient;
-    for (;; damping = std::max(10 * damping, kLeastDamping)) {
-      if (damping > kMostDamping) {
-        try_out(from);
-        return;
-      }
-      Eigen::MatrixXd damped = unit * hessian * unit;
-      damped.diagonal().array() += damping;
-      const Eigen::LLT<Eigen::MatrixXd> factor(damped);
-      if (factor.info() != Eigen::Success) continue;
-      const Eigen::VectorXd way = factor.solve(-slope), change = unit * way;
-      const double now = try_out(from + change);
-      if (change.cwiseAbs().maxCoeff() < kLastStep) return;
-      if (!(now <= energy * (1 + rounding))) continue;
-      const double foreseen = damping * way.squaredNorm() - way.dot(slope);
-      damping *= energy - now > 0.7 * foreseen ? 0.03 : energy - now > 0.3 * foreseen ? 0.3 : 3;
-      energy = now;
-      break;
-    }
-  }
-}
-
-template <class Real>
 MethodFindings Examples<Real>::findings() const {
   if (!weights_.allFinite())
     throw Error(Status::numeric,
@@ -268,10 +153,10 @@ MethodFindings Examples<Real>::findings() const {
 
 template <class Real>
 double Examples<Real>::bytes() const {
-  double bytes = turns_.bytes() + reconstruction_.bytes();
-  for (const auto& starts : starts_)
-    if (starts) bytes += static_cast<double>(starts->forces.size() * Index(sizeof(double)));
-  for (const auto* system : {fitted_.get(), let_go_.get()})
+  double bytes = fine_.bytes() + stances_.bytes() + reconstruction_.bytes() +
+                 (coarse_ ? coarse_->bytes() + coarse_examples_->bytes() : 0) +
+                 (fit_ ? fit_->bytes() : 0);
+  for (const auto* system : {held_.get(), let_go_.get()})
     if (system) bytes += system->bytes();
   return bytes;
 }

@@ -9,7 +9,7 @@ namespace {
 
 // What a handle's own turn counts beside its place: that of its vertices about their mean, and that
 // of its matrix, by the square of a length in the box.
-constexpr double kOfVertices = 0.1, kOfMatrix = 1e-6;
+constexpr double kOfVertices = 0.1, kOfMatrix = 1e-12;
 
 }  // namespace
 
@@ -19,15 +19,18 @@ Stances::Stances(const BoundSurface& bound)
   fixed_ = vertices_.empty() || (!rims.empty() && rims.back() >= bound.order().fixed_begin);
   for (int v : bound.region.handle_vertices) vertices_[bound.region.role[v]].push_back(v);
   const std::vector<Eigen::Matrix3d> still(vertices_.size(), Eigen::Matrix3d::Identity());
-  for (const Positions& example : bound.examples) {
-    const Stance stance =
-        fit([&](int v) { return Eigen::RowVector3d(example.row(v)); }, still, {});
-    of_examples_.push_back(stance);
-    Positions without = example;
-    if (!fixed_)
-      for (Index v = 0; v < without.rows(); ++v) without.row(v) = stance.take_back(example.row(v));
-    examples_.push_back(std::move(without));
-  }
+  for (const Positions& example : bound.examples)
+    of_examples_.push_back(
+        fit([&](int v) { return Eigen::RowVector3d(example.row(v)); }, still, {}));
+}
+
+std::vector<Positions> Stances::examples() const {
+  std::vector<Positions> result = bound_.examples;
+  if (fixed_) return result;
+  for (size_t i = 0; i < result.size(); ++i)
+    for (Index v = 0; v < result[i].rows(); ++v)
+      result[i].row(v) = of_examples_[i].take_back(result[i].row(v));
+  return result;
 }
 
 Stance Stances::of(const Rows& offsets, const std::vector<Eigen::Matrix3d>& linear,
@@ -63,10 +66,14 @@ Stance Stances::fit(const PlaceOf& place_of, const std::vector<Eigen::Matrix3d>&
   }
   stance.from = from.colwise().mean();
   stance.to = to.colwise().mean();
-  moments +=
-      (to.rowwise() - stance.to).transpose() * (from.rowwise() - stance.from);
+  moments += (to.rowwise() - stance.to).transpose() * (from.rowwise() - stance.from);
   stance.turn = polar_rotation(moments);
   return stance;
+}
+
+double Stances::bytes() const {
+  return static_cast<double>(of_examples_.size() * sizeof(Stance) +
+                             bound_.region.handle_vertices.size() * sizeof(int));
 }
 
 }  // namespace dd

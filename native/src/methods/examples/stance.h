@@ -36,9 +36,11 @@ class Stances {
   /// handle's matrix. free: those whose vertices don't say how they turn; or none.
   Stance of(const Rows& offsets, const std::vector<Eigen::Matrix3d>& linear,
             const std::vector<char>& free) const;
-  /// The examples without their own, n×3 each, and what these are.
-  const std::vector<Positions>& examples() const { return examples_; }
+  /// The examples without their own, n×3 each.
+  std::vector<Positions> examples() const;
+  /// What these are.
   const std::vector<Stance>& of_examples() const { return of_examples_; }
+  double bytes() const;
 
  private:
   template <class PlaceOf>
@@ -48,7 +50,6 @@ class Stances {
   const BoundSurface& bound_;
   bool fixed_;
   std::vector<std::vector<int>> vertices_;  // of each handle
-  std::vector<Positions> examples_;
   std::vector<Stance> of_examples_;
 };
 
