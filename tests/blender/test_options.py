@@ -144,7 +144,7 @@ def test_a_setting_without_what_it_needs_has_no_effect(strip, options, look, met
             assert not changes(strip, option), (option.name, need)
             setattr(settings, need.name, present)
             tried += 1
-    assert tried == {'TRANSFER': 8, 'GRADIENT': 0, 'EXAMPLES': 6}.get(method, 1)
+    assert tried == {'TRANSFER': 8, 'GRADIENT': 0, 'EXAMPLES': 7}.get(method, 1)
 
 
 def test_steps_and_refinement_of_a_base_object_say_why_not(options):

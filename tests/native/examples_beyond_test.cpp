@@ -180,6 +180,29 @@ TEST_CASE("EXAMPLES, refined: a handle that only places has its vertices' mean t
   CHECK((mean - told).norm() < 1e-9);
 }
 
+TEST_CASE("EXAMPLES, refined: a dense limb is placed by the mean of a handle's vertices") {
+  const Limb limb(97, 36);
+  const Positions bent = limb.bent(80, 0.5);
+  std::vector<int> roles(static_cast<size_t>(limb.mesh.vertex_count()), kFree);
+  Eigen::RowVector3d from = Eigen::RowVector3d::Zero(), to = from;
+  double count = 0;
+  for (int v = 0; v < limb.mesh.vertex_count(); ++v) {
+    const double z = limb.mesh.positions(v, 2);
+    roles[v] = z < 0.1 ? kFixed : z > 1.4 ? 0 : kFree;
+    if (roles[v] != 0) continue;
+    from += limb.mesh.positions.row(v);
+    to += bent.row(v);
+    ++count;
+  }
+  const std::vector<Affine> motion = {
+      test::rotation_about(0, {0, 0, 1}, {0, 0, 0}, ((to - from) / count).transpose())};
+  Deformer deformer(limb.mesh, roles, 1, with({bent}));
+  UpdateOptions options = refined(MethodKind::examples);
+  options.free = {1};
+  CHECK(test::largest_difference(surface(deformer, motion, options), bent) < 5e-3 * box(limb.mesh));
+  CHECK(deformer.findings(MethodKind::examples).example_weights[0] == Approx(1).margin(0.02));
+}
+
 TEST_CASE("EXAMPLES, refined: the number of threads changes nothing", "[threads]") {
   const Limb limb(97, 36);
   const Handled handles(limb, {triangle_at(limb, 66, 7), triangle_at(limb, 90, 20)});

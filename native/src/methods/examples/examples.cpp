@@ -48,36 +48,34 @@ void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
       offsets.row(r).head<3>() = stance.take_back(rest + offsets.row(r).head<3>()) - rest;
     }
   }
+  const bool all_whole =
+      std::all_of(hold.begin(), hold.end(), [](HandleHold h) { return h == HandleHold::whole; });
+  // The coarse surface hasn't all vertices of a handle, whose mean is told.
+  const bool coarsely = coarse_ && all_whole;
   if (!fit_ || fit_->hold() != hold) {
     fit_ = nullptr;  // before its memory is needed again
-    fit_ = std::make_unique<ExampleFit<Real>>(coarse_ ? *coarse_examples_ : fine_, hold);
+    fit_ = std::make_unique<ExampleFit<Real>>(coarsely ? *coarse_examples_ : fine_, hold);
   }
-  if (coarse_) coarse_->restrict(offsets, coarse_offsets_);
-  weights_ = fit_->find(coarse_ ? coarse_offsets_ : offsets, options.rotation_only,
+  if (coarsely) coarse_->restrict(offsets, coarse_offsets_);
+  weights_ = fit_->find(coarsely ? coarse_offsets_ : offsets, options.rotation_only,
                         options.example_stiffness);
   if (!weights_.allFinite())
     throw Error(Status::numeric,
                 "No weights of the examples fit the handles: their motion is too large.");
   const bool beyond = options.refined.iterations > 0;
-  const bool all_held =
-      std::all_of(hold.begin(), hold.end(), [](HandleHold h) { return h == HandleHold::whole; });
-  if (!beyond || !all_held || bound_.outside_base()) hold_pose(hold, options, offsets);
+  if (!coarsely)
+    fit_->system().give(weights_, offsets);
+  else if (!beyond || bound_.outside_base())
+    hold_pose(options, offsets);
   if (beyond) go_beyond(options, offsets);
   stand(stance, offsets);
 }
 
 template <class Real>
-void Examples<Real>::hold_pose(const std::vector<HandleHold>& hold, const MethodOptions& options,
-                               Rows& offsets) {
-  if (!coarse_) return fit_->system().give(weights_, offsets);
-  if (!held_ || held_->hold() != hold) {
-    held_ = nullptr;
-    held_ = std::make_unique<ExampleSystem<Real>>(fine_, hold);
-  }
+void Examples<Real>::hold_pose(const MethodOptions& options, Rows& offsets) {
+  if (!held_) held_ = std::make_unique<ExampleSystem<Real>>(fine_, fit_->hold());
   held_->take_handles(offsets);
-  held_->solve([&](int section, double* rows) {
-    held_->pass().pose(section, weights_, options.rotation_only, rows);
-  });
+  solve_for_pose(*held_, options.rotation_only);
   held_->give(weights_, offsets);
 }
 
@@ -87,10 +85,15 @@ void Examples<Real>::let_go(bool rotation_only, Rows& offsets) {
     let_go_ = std::make_unique<ExampleSystem<Real>>(
         fine_,
         std::vector<HandleHold>(static_cast<size_t>(bound_.region.handle_count), HandleHold::none));
-  let_go_->solve([&](int section, double* rows) {
-    let_go_->pass().pose(section, weights_, rotation_only, rows);
-  });
+  solve_for_pose(*let_go_, rotation_only);
   let_go_->give(weights_, offsets);
+}
+
+template <class Real>
+void Examples<Real>::solve_for_pose(ExampleSystem<Real>& system, bool rotation_only) const {
+  system.solve([&](int section, double* rows) {
+    system.pass().pose(section, weights_, rotation_only, rows);
+  });
 }
 
 template <class Real>

@@ -49,9 +49,11 @@ class Examples : public Method {
 
  private:
   void show(const std::vector<double>& weights, const MethodOptions& options, Rows& offsets);
-  /// Sets the handles' rows, and the free ones unless there will be a step beyond the pose.
-  void hold_pose(const std::vector<HandleHold>& hold, const MethodOptions& options, Rows& offsets);
+  /// The pose of the weights, with the handles where they are told, with their vertices let go, and
+  /// beyond it.
+  void hold_pose(const MethodOptions& options, Rows& offsets);
   void let_go(bool rotation_only, Rows& offsets);
+  void solve_for_pose(ExampleSystem<Real>& system, bool rotation_only) const;
   void go_beyond(const MethodOptions& options, Rows& offsets);
   /// Gives all rows but fixed ones the stance.
   void stand(const Stance& stance, Rows& offsets) const;
