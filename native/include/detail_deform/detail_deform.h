@@ -316,9 +316,9 @@ typedef struct dd_update_options {
                         (rotation_smoothing) and solves again; 0 stands for 4, DD_NONE for the
                         paper's linear result. On a surface of 10,000 free vertices and more that
                         is dense for that length they run on a coarse one, but for the last solve.
-                        Of DD_METHOD_EXAMPLES: the same from the pose that the examples make to where
-                        the handles are, which so turns their details as transfer does; DD_NONE:
-                        what the handles ask for beyond the examples is spread evenly */
+                        Of DD_METHOD_EXAMPLES: the same from the pose that the examples make to
+                        where the handles are, which so turns their details as transfer does;
+                        DD_NONE: what the handles ask for beyond the examples is spread evenly */
   int32_t output;    /* dd_output */
   int32_t values;    /* dd_values */
   int32_t levels;    /* of DD_METHOD_NORMAL, at most 20: surfaces from S to B, each displaced from
@@ -344,15 +344,15 @@ typedef struct dd_update_options {
                                     parts that nothing fixes go where the examples' centres take
                                     them. Null: the weights that fit the handles */
   size_t example_weight_count;   /* examples */
-  double example_stiffness;  /* of DD_METHOD_EXAMPLES, >= 0: a factor on what keeps weights near a
+  double example_stiffness; /* of DD_METHOD_EXAMPLES, >= 0: a factor on what keeps weights near a
                                guess from the handles' places and within 0 to 1; 0 stands for 1 */
-  double rim_smoothing;      /* of DD_METHOD_TRANSFER with DD_GRADIENTS_ROTATIONS on the surface, and
-                                of DD_METHOD_EXAMPLES that is refined: a length, as a share of the square root of the deforming area, at
-                                most 1. So far from handles and fixed parts, and somewhat farther,
-                                the slope has a say as well as the place, (L + L W L) p' =
-                                (1 + L W) div(S), so that no crease runs around them and no single
-                                vertex stands on a spike. 0 stands for 0.05, DD_NONE for none: (14)
-                                as it stands */
+  double rim_smoothing;     /* of DD_METHOD_TRANSFER with DD_GRADIENTS_ROTATIONS on the surface, and
+                                of DD_METHOD_EXAMPLES where that is refined: a length, as a share
+                                of the square root of the deforming area, at most 1. So far from
+                                handles and fixed parts, and somewhat farther, the slope has a say
+                                as well as the place, (L + L W L) p' = (1 + L W) div(S), so that no
+                                crease runs around them and no single vertex stands on a spike. 0
+                                stands for 0.05, DD_NONE for none: (14) as it stands */
   double rotation_smoothing; /* of refine: the length over which an iteration smooths the rotations,
                                 as a share of the square root of the deforming area, at most 1; the
                                 result is the same at any density. Shorter bends more sharply and

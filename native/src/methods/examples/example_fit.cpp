@@ -51,7 +51,9 @@ template <class Real>
 ExampleFit<Real>::ExampleFit(const ExampleSurface& of, std::vector<HandleHold> hold)
     : example_count_(Index(of.examples.size())),
       area_(of.surface.operators.metric.areas.sum()),
-      system_(of, std::move(hold)) {}
+      system_(of, std::move(hold)) {
+  system_.pass().make_room();
+}
 
 template <class Real>
 double ExampleFit<Real>::take(const Eigen::VectorXd& weights, bool rotation_only) {

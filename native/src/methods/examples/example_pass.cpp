@@ -48,7 +48,6 @@ ExamplePass<Real>::ExamplePass(const ExampleSurface& of, const PoissonSystem& po
   none.turn.fill(Lanes::Zero());
   none.stretch.fill(Lanes::Zero());
   changes_.assign(blocks_.size() * size_t(example_count_), none);
-  slopes_.assign(changes_.size(), none.stretch);
   Pose still;
   still.turn.fill(Lanes::Zero());
   still.sine = still.versine = still.cubic = Lanes::Zero();

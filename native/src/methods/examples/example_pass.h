@@ -38,6 +38,8 @@ class ExamplePass {
   /// The divergence of the misfit by row, n×4.
   Rows misfit_divergence(int row_count) const;
 
+  /// Room for the derivatives, before the first slope().
+  void make_room() { slopes_.resize(changes_.size()); }
   /// Takes the pose's derivative by the weight of an example and adds its divergence to rows.
   void slope(int example, int section, double* rows);
   /// Takes G_j(offsets) from that derivative: with the solution for its divergence, what remains is

@@ -25,12 +25,12 @@ std::unique_ptr<Method> make_examples(BoundSurface& bound);
 ///   E(w, p') = Σ_j A_j ‖G_j(p') − G_j(p) T_j(w)ᵀ‖² + s Σ_i D_i (κ (w_i − g_i)² + μ o(w_i)⁴)
 ///
 /// (ExampleFit). Where nothing is fixed, all of it is relative to how the handles stand together
-/// (Stances). Weights need no dense surface: that of more than some 2,000 free vertices is fitted on
-/// a coarse one.
+/// (Stances). Weights need no dense surface: where more than some 2,000 vertices are free they are
+/// fitted on a coarse one.
 ///
-/// With iterations of Refined, that pose q with all handles let go is what S is for detail transfer:
-/// what the handles ask for beyond it, first as smooth as the base's functions (HandleResidual),
-/// turns the pose's gradients, L p' = div(T_jᵀ R_jᵀ), R_j refined from q to S'
+/// With iterations of Refined, that pose q with all handles let go is what S is for detail
+/// transfer: what the handles ask for beyond it, first as smooth as the base's functions
+/// (HandleResidual), turns the pose's gradients, L p' = div(T_jᵀ R_jᵀ), R_j refined from q to S'
 /// (Refinement::find_from()). Without, the handles are met as the energy has it.
 ///
 /// - rotation_only leaves U_ij out: limbs bend, nothing swells; examples that swell are not met.
