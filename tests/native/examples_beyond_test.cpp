@@ -8,7 +8,6 @@ using test::Affine;
 using test::box;
 using test::Handled;
 using test::Limb;
-using test::posed;
 using test::surface;
 using test::ThreePoses;
 using test::triangle_at;
