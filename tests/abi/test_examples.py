@@ -51,6 +51,31 @@ def test_examples_are_met_and_their_weights_told(native):
     assert np.abs(deformer.offsets(2 * matrix, method='EXAMPLES') - stiff).max() > 1e-2
 
 
+def test_what_turns_all_handles_turns_the_result(native):
+    mesh, examples, matrix = posed_strip(native)
+    mesh.roles[mesh.roles == -2] = 1  # nothing is fixed
+    bind = native.Bind(mesh.positions, mesh.triangles, mesh.roles, 2, examples=examples)
+    deformer, present = bind.finish(), np.concatenate([0.9 * matrix + 0.1 * IDENTITY, IDENTITY])
+    present[0, :, 3] += [1, 2, 3]
+    once = mesh.positions + deformer.offsets(present, method='EXAMPLES').reshape(-1, 3)
+    turn = rotation(np.pi / 2, (5, -3, 1))[0]
+    turned = np.concatenate([turn[:, :3] @ present[:, :, :3],
+                             (turn[:, :3] @ present[:, :, 3:]) + turn[:, 3:]], axis=2)
+    again = mesh.positions + deformer.offsets(turned, method='EXAMPLES').reshape(-1, 3)
+    assert np.abs(again - (once @ turn[:, :3].T + turn[:, 3])).max() < 1e-5 * 60
+
+
+def test_beyond_the_examples_refinement_and_stiffness_matter(native):
+    mesh, examples, matrix = posed_strip(native)
+    deformer = bound(native, mesh, examples=examples)
+    matrix = matrix.copy()
+    matrix[0, :, 3] += [-4, 3, 5]
+    ways = {}, {'refine': 0}, {'example_stiffness': 1e-6}, {'rim_smoothing': -1}
+    results = [deformer.offsets(matrix, method='EXAMPLES', **how).copy() for how in ways]
+    for other in results[1:]:
+        assert np.abs(other - results[0]).max() > 1e-4 * 60
+
+
 def test_after_a_failed_update_there_are_no_weights(native):
     mesh, examples, matrix = posed_strip(native)
     deformer = bound(native, mesh, examples=examples)

@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 from conftest import activate, add_empty, add_handle, bind, evaluated, group, make_strip, own, refusal, update
 
@@ -88,6 +88,36 @@ def test_in_between_limbs_turn_along_an_arc(limb):
     straight = middle_line(0.5 * (own(limb) + curled(own(limb), 2 * np.pi / 3)))
     assert np.linalg.norm(np.diff(straight, axis=0), axis=1).sum() / LENGTH < 0.85  # what shape keys alone do
     assert abs(found(limb)[0] - 0.5) < 0.05
+
+
+def test_all_handles_turned_together_turn_the_limb(limb):
+    group(limb, 'root', [vertex.index for vertex in limb.data.vertices if vertex.co.x < 0.2])
+    add_handle(limb, 'root', add_empty("Root", (0, 0, 0)))
+    limb.detail_deform.region = ""  # nothing is fixed
+    bind(limb)
+    pull(limb, 1.0)
+    bent, weight = evaluated(limb), limb.detail_deform.examples[0].found_weight
+    assert weight > 0.3
+    turn = Matrix.Translation((1, 2, -1)) @ Matrix.Rotation(np.pi / 2, 4, (0.3, 1, 0.6))
+    for handle in limb.detail_deform.handles:
+        handle.target.matrix_world = turn @ handle.target.matrix_world
+    update()
+    expected = bent @ np.array(turn)[:3, :3].T + np.array(turn)[:3, 3]
+    assert np.abs(evaluated(limb) - expected).max() < 1e-4 * LENGTH
+    assert limb.detail_deform.examples[0].found_weight == pytest.approx(weight, abs=1e-3)
+
+
+def test_beyond_the_examples_the_handle_is_met_and_passes_matter(limb):
+    bind(limb)
+    pull(limb, 1.0)
+    limb.detail_deform.handles[0].target.location += Vector((-0.3, 0.6, 0.2))
+    update()
+    refined = evaluated(limb)
+    limb.detail_deform.refine = 0
+    update()
+    assert np.abs(evaluated(limb) - refined).max() > 0.01 * LENGTH
+    tip = [vertex.index for vertex in limb.data.vertices if vertex.co.x > LENGTH - 0.1]
+    assert np.abs(evaluated(limb) - refined)[tip].max() < 1e-5
 
 
 def test_weights_by_sliders(limb):
