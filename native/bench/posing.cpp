@@ -101,6 +101,29 @@ std::vector<double> motions_to(const dd::Mesh& mesh, const dd::Positions& pose,
   return matrices;
 }
 
+/// The largest step of a vertex, in steps of the handles, on a way from the rest through poses.
+double largest_leap(dd::Deformer& deformer, const std::vector<std::vector<double>>& stops,
+                    const dd::UpdateOptions& options) {
+  double leap = 0, step = 0;
+  dd::Positions last;
+  for (size_t stop = 1; stop < stops.size(); ++stop)
+    for (int k = 0; k < 50; ++k) {
+      std::vector<double> matrices = stops[stop];
+      for (size_t i = 0; i < matrices.size(); ++i)
+        matrices[i] = stops[stop - 1][i] + 0.02 * k * (matrices[i] - stops[stop - 1][i]);
+      const dd::Positions now = deformer.update(matrices.data(), options);
+      if (last.size() > 0) {
+        const Eigen::VectorXd moved = (now - last).rowwise().norm();
+        leap = std::max(leap, moved.maxCoeff());
+        const std::vector<int>& roles = deformer.region().role;
+        for (dd::Index v = 0; v < moved.size(); ++v)
+          if (roles[size_t(v)] >= 0) step = std::max(step, moved[v]);
+      }
+      last = now;
+    }
+  return leap / step;
+}
+
 void left_out(const std::vector<std::string>& files, int count, int threads) {
   const dd::Mesh mesh = dd::bench::mesh_from_file(files[0]);
   std::vector<dd::Positions> poses;
@@ -109,6 +132,7 @@ void left_out(const std::vector<std::string>& files, int count, int threads) {
   const std::vector<int> roles = far_handles(mesh, count);
   const double size = dd::bounding_box_diagonal(mesh.positions);
   std::vector<double> errors[2], times[2];
+  double leap = 0;
   for (size_t left = 0; left < poses.size(); ++left) {
     dd::BindOptions bind;
     bind.precision = dd::Precision::single;
@@ -126,6 +150,12 @@ void left_out(const std::vector<std::string>& files, int count, int threads) {
         times[by_examples].push_back(
             milliseconds([&] { deformer.update(matrices.data(), options); }));
     }
+    if (left > 0 || poses.size() < 4) continue;
+    const dd::Positions between = 0.5 * (poses[0] + poses[3]);
+    leap = largest_leap(deformer,
+                        {motions_to(mesh, mesh.positions, roles, count), matrices,
+                         motions_to(mesh, between, roles, count)},
+                        options_by(dd::MethodKind::examples));
   }
   const auto mean = [](const std::vector<double>& values) {
     double sum = 0;
@@ -135,9 +165,9 @@ void left_out(const std::vector<std::string>& files, int count, int threads) {
   std::printf(
       "%d vertices, %zu poses, %d handles: mean error of those left out, %% of the box, by "
       "examples "
-      "%.2f, by transfer %.2f; an update %.2f and %.2f ms, %.1f x\n",
+      "%.2f, by transfer %.2f; an update %.2f and %.2f ms, %.1f x; largest leap %.1f steps\n",
       mesh.vertex_count(), poses.size(), count, mean(errors[1]), mean(errors[0]), median(times[1]),
-      median(times[0]), median(times[1]) / median(times[0]));
+      median(times[0]), median(times[1]) / median(times[0]), leap);
 }
 
 void along_an_arc(int threads) {

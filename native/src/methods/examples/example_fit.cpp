@@ -10,8 +10,8 @@ namespace dd {
 
 namespace {
 
-constexpr double kToGuess = 1e-2;     // κ
-constexpr double kBeyond = 3;         // μ
+constexpr double kToGuess = 3e-2;     // κ
+constexpr double kBeyond = 9;         // μ
 constexpr double kLeastSize = 1e-9;   // of the surface's area: what D_i is at least
 constexpr double kIrrelevant = 1e-6;  // of D_i: what handles tell of an example at least
 constexpr int kMostSteps = 10;
