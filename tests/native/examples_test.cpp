@@ -10,7 +10,6 @@ using test::box;
 using test::Handled;
 using test::Limb;
 using test::posed;
-using test::posed_by;
 using test::surface;
 using test::ThreePoses;
 using test::triangle_at;
