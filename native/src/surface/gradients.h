@@ -69,22 +69,17 @@ struct ActiveBlocks {
   std::vector<int> begin;  ///< first block of each section, and the end
 };
 
-/// Gives such blocks the flux of where place_of(vertex) has the vertices: corner_divergence().
-template <class Real, class PlaceOf>
-void take_flux(const FactoredSurface& surface, const ActiveBlocks& layout, const PlaceOf& place_of,
+/// Gives such blocks the flux of positions (n×3) by the metric of the surface.
+template <class Real>
+void take_flux(const FactoredSurface& surface, const ActiveBlocks& layout, const Positions& of,
                std::vector<TurnBlock<Real>>& blocks) {
+  const Positions flux =
+      corner_divergence(surface.operators.metric, of, surface.operators.triangles);
   const ActiveTriangles& active = surface.poisson->active();
-  const auto& cotangents = surface.operators.metric.cotangents;
   layout.each(active, [&](int i, int, int b, int lane) {
-    const int j = active.triangles[i];
-    Eigen::Vector3d x[3];
-    for (int k = 0; k < 3; ++k) x[k] = place_of(surface.operators.triangles(j, k));
-    for (int k = 0; k < 2; ++k) {
-      const int next = k + 1, last = (k + 2) % 3;
-      const Eigen::Vector3d flux =
-          0.5 * (cotangents(j, last) * (x[k] - x[next]) + cotangents(j, next) * (x[k] - x[last]));
-      for (int c = 0; c < 3; ++c) blocks[b].flux[k][c][lane] = static_cast<Real>(flux[c]);
-    }
+    for (int k = 0; k < 2; ++k)
+      for (int c = 0; c < 3; ++c)
+        blocks[b].flux[k][c][lane] = static_cast<Real>(flux(3 * Index(active.triangles[i]) + k, c));
   });
 }
 
@@ -104,8 +99,7 @@ std::vector<TurnBlock<Real>> turn_blocks(const FactoredSurface& surface, const A
       block.target[k][lane] = poisson.target(section, t(j, k));
     }
   });
-  take_flux(
-      surface, layout, [&](int v) { return Eigen::Vector3d(of.row(v)); }, blocks);
+  take_flux(surface, layout, of, blocks);
   return blocks;
 }
 

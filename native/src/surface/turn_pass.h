@@ -23,9 +23,9 @@ class TurnPass {
   /// From now on that of these positions is turned: rows in the surface's order.
   void take(const Rows& positions) {
     const std::vector<int>& row = surface_.order().row_of_vertex;
-    take_flux(
-        surface_, layout_, [&](int v) { return Eigen::Vector3d(positions.row(row[v]).head<3>()); },
-        blocks_);
+    Positions of(positions.rows(), 3);
+    for (Index v = 0; v < of.rows(); ++v) of.row(v) = positions.row(row[size_t(v)]).head<3>();
+    take_flux(surface_, layout_, of, blocks_);
   }
 
   /// As PoissonSystem::solve() takes it. quaternions: rows of 4.
