@@ -62,7 +62,8 @@ ClampedPoisson* Reconstruction::prepare(const Refined& refined, bool is_refined)
 }
 
 void Reconstruction::prepare_refinement(double length) {
-  std::unique_ptr<CoarseRefinement> coarse = CoarseRefinement::make(surface_, *base_, length);
+  std::unique_ptr<CoarseRefinement> coarse;
+  if (base_) coarse = CoarseRefinement::make(surface_, *base_, length);
   std::unique_ptr<Refinement> whole =
       coarse ? nullptr : make_refinement(surface_, length, surface_.operators.masses);
   coarse_refinement_ = std::move(coarse);
@@ -90,29 +91,23 @@ void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, con
     solve_by(*coarse_refinement_, clamps, 1, offsets);
   } else {
     refinement_->find(refined.iterations, turning, offsets);
-    const auto add = [&](int section, double* rows) { refinement_->add(section, rows); };
-    if (clamps)
-      clamps->step(refinement_->at_rest(), add, offsets);
-    else
-      surface_.poisson->solve(refinement_->at_rest(), add, offsets, turning.share);
+    solve_refined(clamps, turning.share, offsets);
   }
   if (mixed) offsets = unrefined + turning.share * (offsets - unrefined);
 }
 
 void Reconstruction::solve_from(const Rows& posed, const Refined& refined, Rows& offsets) {
-  const double length = refined.rotation_smoothing * surface_.active_size;
-  if (!refinement_ || refined_length_ != length) {
-    refinement_ = make_refinement(surface_, length, surface_.operators.masses);
-    coarse_refinement_ = nullptr;
-    refined_length_ = length;
-  }
-  ClampedPoisson* const clamps = clamped(refined.rim_smoothing);
+  ClampedPoisson* const clamps = prepare(refined, true);
   refinement_->find_from(posed, std::max(1, refined.iterations), offsets);
+  solve_refined(clamps, 1, offsets);
+}
+
+void Reconstruction::solve_refined(ClampedPoisson* clamps, double relaxation, Rows& offsets) {
   const auto add = [&](int section, double* rows) { refinement_->add(section, rows); };
   if (clamps)
     clamps->step(refinement_->at_rest(), add, offsets);
   else
-    surface_.poisson->solve(refinement_->at_rest(), add, offsets);
+    surface_.poisson->solve(refinement_->at_rest(), add, offsets, relaxation);
 }
 
 ClampedPoisson* Reconstruction::clamped(double rim_smoothing) {

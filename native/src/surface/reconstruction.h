@@ -30,7 +30,8 @@ struct Refined {
 /// asked. What a formulation needs beside the factor is made when it is first asked for.
 class Reconstruction {
  public:
-  /// surface must outlive it. base: B at rest, n×3, which must, too; null: nothing is refined.
+  /// surface must outlive it. base: B at rest, n×3, which must, too; null: only solve_from()
+  /// refines.
   explicit Reconstruction(FactoredSurface& surface, const Positions* base = nullptr)
       : surface_(surface), base_(base) {}
 
@@ -45,7 +46,8 @@ class Reconstruction {
 
   /// By (14) of a pose of S in place of S, whose gradients turn as its rotations do on the way to
   /// where the handles are: what they ask for beyond the pose. posed: the displacement of all rows.
-  /// offsets: of all rows, from where it starts. At least one iteration.
+  /// offsets: of all rows, from where it starts. At least one iteration. Not where a base was given,
+  /// as that may be refined on a coarse surface.
   void solve_from(const Rows& posed, const Refined& refined, Rows& offsets);
 
   /// Of the surface on which the last refinement found its rotations; 0: of this one.
@@ -64,6 +66,8 @@ class Reconstruction {
   void solve_unrefined(BaseGradients& gradients, const BasePose& pose, const Turning& turning,
                        ClampedPoisson* clamps, double held, Rows& offsets);
   void solve_by(const FluxSource& source, ClampedPoisson* clamps, double held, Rows& offsets);
+  /// The last solve, with the rotations that were found on the surface itself.
+  void solve_refined(ClampedPoisson* clamps, double relaxation, Rows& offsets);
 
   FactoredSurface& surface_;
   const Positions* base_;

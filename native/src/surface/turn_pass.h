@@ -16,8 +16,7 @@ class TurnPass {
   template <class CornerOf>
   TurnPass(const FactoredSurface& surface, const Positions& of, const CornerOf& corner_of)
       : surface_(surface),
-        poisson_(*surface.poisson),
-        layout_(poisson_.active()),
+        layout_(surface.poisson->active()),
         blocks_(turn_blocks<Real>(surface, layout_, of, corner_of)) {}
 
   /// From now on that of these positions is turned: rows in the surface's order.
@@ -37,7 +36,7 @@ class TurnPass {
 
   /// The same of all sections.
   Rows all(const Real* quaternions) const {
-    Rows rows = Rows::Zero(poisson_.right_hand_side_rows(), 4);
+    Rows rows = Rows::Zero(surface_.poisson->right_hand_side_rows(), 4);
     for (int section = 0; section < layout_.sections(); ++section)
       add(quaternions, section, rows.data());
     return rows;
@@ -47,7 +46,6 @@ class TurnPass {
 
  private:
   const FactoredSurface& surface_;
-  const PoissonSystem& poisson_;
   ActiveBlocks layout_;
   std::vector<TurnBlock<Real>> blocks_;
 };

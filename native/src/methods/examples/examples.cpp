@@ -41,13 +41,8 @@ void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
     if (frame.free[h]) hold[h] = HandleHold::mean;
   Rows& offsets = frame.offsets;
   const Stance stance = stances_.of(offsets, frame.linear, frame.free);
-  if (!stances_.fixed()) {
-    const RowOrder& order = bound_.order();
-    for (int r = order.free_count; r < order.fixed_begin; ++r) {
-      const Eigen::RowVector3d rest = bound_.rest.row(r).head<3>();
-      offsets.row(r).head<3>() = stance.take_back(rest + offsets.row(r).head<3>()) - rest;
-    }
-  }
+  replace(bound_.order().free_count, offsets,
+          [&](const Eigen::RowVector3d& place) { return stance.take_back(place); });
   const bool all_whole =
       std::all_of(hold.begin(), hold.end(), [](HandleHold h) { return h == HandleHold::whole; });
   // The coarse surface hasn't all vertices of a handle, whose mean is told.
@@ -108,12 +103,18 @@ void Examples<Real>::go_beyond(const MethodOptions& options, Rows& offsets) {
 }
 
 template <class Real>
-void Examples<Real>::stand(const Stance& stance, Rows& offsets) const {
+template <class Move>
+void Examples<Real>::replace(int first, Rows& offsets, const Move& move) const {
   if (stances_.fixed()) return;
-  for (int r = 0; r < bound_.order().fixed_begin; ++r) {
+  for (int r = first; r < bound_.order().fixed_begin; ++r) {
     const Eigen::RowVector3d rest = bound_.rest.row(r).head<3>();
-    offsets.row(r).head<3>() = stance.put(rest + offsets.row(r).head<3>()) - rest;
+    offsets.row(r).head<3>() = move(rest + offsets.row(r).head<3>()) - rest;
   }
+}
+
+template <class Real>
+void Examples<Real>::stand(const Stance& stance, Rows& offsets) const {
+  replace(0, offsets, [&](const Eigen::RowVector3d& place) { return stance.put(place); });
 }
 
 template <class Real>

@@ -55,6 +55,9 @@ class Examples : public Method {
   void let_go(bool rotation_only, Rows& offsets);
   void solve_for_pose(ExampleSystem<Real>& system, bool rotation_only) const;
   void go_beyond(const MethodOptions& options, Rows& offsets);
+  /// Moves the places of rows from first to the fixed ones, unless there is but one stance.
+  template <class Move>
+  void replace(int first, Rows& offsets, const Move& move) const;
   /// Gives all rows but fixed ones the stance.
   void stand(const Stance& stance, Rows& offsets) const;
 
