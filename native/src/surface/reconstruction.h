@@ -46,8 +46,8 @@ class Reconstruction {
 
   /// By (14) of a pose of S in place of S, whose gradients turn as its rotations do on the way to
   /// where the handles are: what they ask for beyond the pose. posed: the displacement of all rows.
-  /// offsets: of all rows, from where it starts. At least one iteration. Not where a base was given,
-  /// as that may be refined on a coarse surface.
+  /// offsets: of all rows, from where it starts. At least one iteration. Not where a base was
+  /// given, as that may be refined on a coarse surface.
   void solve_from(const Rows& posed, const Refined& refined, Rows& offsets);
 
   /// Of the surface on which the last refinement found its rotations; 0: of this one.
