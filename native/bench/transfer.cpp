@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Deformation transfer between meshes: what a source and a target cost once and each pose after
-// that, by the surface formulation and by the original one with fourth points; and how long
-// matching two meshes by markers takes.
+// that, by the surface formulation alone, with the places of the source, and by the original one
+// with fourth points; and how long matching two meshes by markers takes.
 //
 //   transfer [side]     of square sheets of side² vertices; 159: 50,000 triangles
 #include <algorithm>
@@ -52,11 +52,19 @@ int main(int argc, char** argv) {
   });
   std::printf("matching by %d markers: %.1f s\n", int(markers.size()), matching / 1e3);
 
-  double surface_pose = 0, surface_once = 0;
-  for (const dd::Formulation formulation :
-       {dd::Formulation::surface, dd::Formulation::fourth_points}) {
+  struct Way {
+    const char* name;
+    dd::Formulation formulation;
+    dd::Placing placing;
+  };
+  double first_pose = 0, first_once = 0;
+  for (const Way& way :
+       {Way{"surface", dd::Formulation::surface, dd::Placing::components},
+        Way{"and places", dd::Formulation::surface, dd::Placing::vertices},
+        Way{"fourth points", dd::Formulation::fourth_points, dd::Placing::components}}) {
     dd::TransferOptions options;
-    options.formulation = formulation;
+    options.formulation = way.formulation;
+    options.placing = way.placing;
     std::unique_ptr<dd::MeshTransfer> transfer;
     const double once = dd::bench::milliseconds([&] {
       transfer = std::make_unique<dd::MeshTransfer>(source, target, match.correspondence, options);
@@ -67,13 +75,15 @@ int main(int argc, char** argv) {
       poses.push_back(dd::bench::milliseconds([&] { transfer->apply(pose, false); }));
     }
     std::nth_element(poses.begin(), poses.begin() + 7, poses.end());
-    const bool on_surface = formulation == dd::Formulation::surface;
-    if (on_surface) surface_pose = poses[7], surface_once = once;
-    std::printf("%-14s %7d unknowns, %8.0f non-zeros: once %7.1f ms, a pose %6.2f ms",
-                on_surface ? "surface" : "fourth points", transfer->unknowns(),
-                transfer->nonzeros(), once, poses[7]);
-    std::printf(on_surface ? "\n" : " (%.1f and %.1f times the surface's)\n", once / surface_once,
-                poses[7] / surface_pose);
+    std::printf("%-14s %7d unknowns, %8.0f non-zeros: once %7.1f ms, a pose %6.2f ms", way.name,
+                transfer->unknowns(), transfer->nonzeros(), once, poses[7]);
+    if (first_pose == 0) {
+      first_pose = poses[7], first_once = once;
+      std::printf("\n");
+    } else {
+      std::printf(" (%.1f and %.1f times the surface's)\n", once / first_once,
+                  poses[7] / first_pose);
+    }
   }
   return 0;
 }

@@ -49,6 +49,37 @@ def test_anchors_go_where_they_are_told(native, strip):
     assert np.abs(centred.apply(pose + np.float32(100), WHOLE) - centred.apply(pose, WHOLE)).max() < 1e-3
 
 
+def test_what_closes_on_the_source_closes_on_a_wider_target(native):
+    """A square with a slit that is open by a gap, the upper side of which comes down."""
+    side = 21
+    x, row = np.meshgrid(np.linspace(0, 1, side), np.arange(2 * side), indexing='ij')
+    upper = row >= side
+    to_slit = np.where(upper, 2 * side - 1 - row, row) / (side - 1)
+
+    def slit(gap):
+        y = to_slit * (0.5 - 0.5 * gap * np.sin(np.pi * x))
+        return np.stack([x, np.where(upper, 1 - y, y), 0 * x], -1).reshape(-1, 3).astype(np.float32)
+
+    corner = (np.arange(side - 1)[:, None] * 2 * side + np.arange(2 * side - 1)).ravel()
+    corner = corner[corner % (2 * side) != side - 1]  # across the slit
+    triangles = np.concatenate([np.stack([corner, corner + 2 * side, corner + 2 * side + 1], -1),
+                                np.stack([corner, corner + 2 * side + 1, corner + 1], -1)]).astype(np.int32)
+    for end in (0, side - 1):  # where both sides are one
+        triangles[triangles == end * 2 * side + side] = end * 2 * side + side - 1
+    source, target = slit(0.04), slit(0.05)
+    pose = source.copy()
+    pose[:, 1] -= (0.039 * upper * to_slit * np.sin(np.pi * x)).ravel().astype(np.float32)
+    middle = side // 2 * 2 * side + side - 1
+    gaps = {}
+    for placing in ('COMPONENTS', 'VERTICES'):
+        transfer = native.Transfer((source, triangles), (target, triangles), placing=placing)
+        found = transfer.apply(pose, WHOLE)
+        gaps[placing] = found[middle + 1, 1] - found[middle, 1]
+        assert transfer.info.overstretched_count == 0 and transfer.info.overstretched_example == -1
+        assert np.abs(transfer.apply(source, WHOLE) - target).max() < 1e-6
+    assert gaps['COMPONENTS'] > 0.009 and abs(gaps['VERTICES']) < 0.002
+
+
 def test_the_volumetric_original_and_a_given_placement(native, strip):
     turn = rotation(0.7, (1, 2, 3))[0]
     moved = (strip.positions @ turn[:, :3].T + turn[:, 3]).astype(np.float32)

@@ -210,6 +210,7 @@ std::vector<Work> works() {
                      auto options = defaults<dd_transfer_options>();
                      options.threads = 2;
                      options.formulation = formulation;
+                     options.placing = DD_PLACING_VERTICES;
                      dd_job* job = nullptr;
                      dd_transfer* transfer = nullptr;
                      const int32_t result = fallible([&] {

@@ -356,9 +356,31 @@ TEST_CASE("a target that stands otherwise turns the deformations, one of another
   };
   const double degree = std::acos(-1.0) / 180;
   CHECK(placed(8 * degree, 0).isApprox(rotation_by({8 * degree, 0, 0}), 1e-9));
-  CHECK(placed(8 * degree, 0.1).isIdentity(1e-12));
-  CHECK(placed(98 * degree, 0.1).isApprox(rotation_by({90 * degree, 0, 0}), 1e-9));
-  CHECK(rotation_vector(placed(35 * degree, 0.1)).norm() == Approx(35 * degree).margin(6 * degree));
+  CHECK(placed(0, 0.05).isIdentity(1e-12));
+  CHECK(placed(90 * degree, 0.05).isApprox(rotation_by({90 * degree, 0, 0}), 1e-9));
+  // However far it is turned, the same rotation is found beside it.
+  for (const double sheared : {0.05, 0.1, 0.2})
+    for (const double angle : {15 * degree, 35 * degree, 75 * degree}) {
+      const Eigen::Matrix3d beside = rotation_by({-angle, 0, 0}) * placed(angle, sheared);
+      CHECK(rotation_vector(beside).norm() < 60 * degree * sheared);
+    }
+}
+
+TEST_CASE("a longer neck doesn't turn the body that it is on") {
+  // A ball with a horn: what the target's horn is longer moves its centre, but turns few normals.
+  const Mesh source = test::rough_sphere(4, 0.02);
+  Mesh target = source;
+  for (Index v = 0; v < target.positions.rows(); ++v) {
+    const Eigen::RowVector3d p = source.positions.row(v);
+    const double near = std::max(0.0, p.dot(Eigen::RowVector3d(0.7, 0.7, 0)) - 0.8);
+    target.positions.row(v) += 8 * near * Eigen::RowVector3d(0, 1, 0);
+  }
+  const Correspondence same = same_topology(source, target);
+  CHECK(fitted_placement(source, target, same).rotation.isIdentity(1e-12));
+  const Eigen::Matrix3d turn = rotation_by({0.1, 0.2, -0.1});
+  target.positions *= turn.transpose();
+  const Eigen::Matrix3d beside = turn.transpose() * fitted_placement(source, target, same).rotation;
+  CHECK(rotation_vector(beside).norm() < 0.05);
 }
 
 TEST_CASE("triangles that a pose collapses turn with their neighbours") {

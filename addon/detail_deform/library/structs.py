@@ -29,6 +29,7 @@ BASE_DEFORMERS = options.numbers_of(options.BASE_DEFORMERS)
 OUTPUTS = options.numbers_of(options.OUTPUTS)
 PAIRS_OF = options.numbers_of(options.PAIRS_OF)
 ANCHORS = options.numbers_of(options.ANCHORS)
+PLACINGS = {'COMPONENTS': 0, 'VERTICES': 1}
 FINDINGS = {'RESTING': 0, 'LOOSE': 1, 'DEGENERATE': 2, 'UNREPRESENTED': 3, 'FAR': 4, 'TORN': 5}
 TET_OPERATORS = {'GRADIENT': 0, 'DEFORMATION_GRADIENT': 1, 'LAPLACIAN': 2}
 ENUMS = {
@@ -41,7 +42,8 @@ ENUMS = {
     'dd_output': ('DD_OUTPUT_', OUTPUTS), 'dd_base_deformer': ('DD_BASE_DEFORMER_', BASE_DEFORMERS),
     'dd_handle_turns': ('DD_HANDLE_TURNS_', HANDLE_TURNS), 'dd_finding': ('DD_FINDING_', FINDINGS),
     'dd_pairs_of': ('DD_PAIRS_OF_', PAIRS_OF),
-    'dd_anchor': ('DD_ANCHOR_', ANCHORS), 'dd_tet_operator': ('DD_TETS_', TET_OPERATORS)}
+    'dd_anchor': ('DD_ANCHOR_', ANCHORS), 'dd_placing': ('DD_PLACING_', PLACINGS),
+    'dd_tet_operator': ('DD_TETS_', TET_OPERATORS)}
 
 
 class NativeError(Exception):
@@ -167,14 +169,14 @@ Info = _sized(
 TransferOptions = _sized(
     'dd_transfer_options', "What a transfer depends on beside meshes and pairs",
     'pairs_of', 'formulation', 'anchor', (Array(np.int32), 'anchors'), (_SIZE, 'anchor_count'),
-    (Array(np.float64, 3, 4), 'placement'), ('dd_precision', 'precision'), (_INT, 'threads'))
+    (Array(np.float64, 3, 4), 'placement'), ('dd_precision', 'precision'), (_INT, 'threads'), ('dd_placing', 'placing'))
 ApplyOptions = _sized('dd_apply_options', "What a transferred pose depends on beside the source's",
                       'gradients', ('dd_values', 'values'), (_POSITIONS, 'places'), (_SIZE, 'place_count'))
 TransferInfo = _sized(
     'dd_transfer_info', "Facts about a source and a target that correspond",
     (_INT, 'unmatched_count', 'unmatched_example', 'unmatched_component_count', 'unmatched_component_example',
      'loose_count', 'degenerate_count', 'degenerate_example', 'mirrored', 'unknowns'), (_DOUBLE, 'nonzeros'),
-    (_DOUBLE * 12, 'placement'))
+    (_DOUBLE * 12, 'placement'), (_INT, 'overstretched_count', 'overstretched_example'))
 MatchOptions = _sized('dd_match_options', "How correspondences are searched for", (_INT, 'stages', 'rounds', 'threads'),
                       (_DOUBLE, 'smoothness', 'identity', 'reach'))
 MeasureOptions = _sized('dd_measure_options', "The base that normals are measured against", (_POSITIONS, 'base'),

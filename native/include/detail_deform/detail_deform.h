@@ -512,6 +512,13 @@ enum dd_anchor {
   DD_ANCHOR_PINNED = 3    /* each anchor stays, or goes to its given place */
 };
 
+/* What goes where its source went: gradients leave places open. */
+enum dd_placing {
+  DD_PLACING_COMPONENTS = 0, /* each loose part as a whole; within it the gradients alone decide */
+  DD_PLACING_VERTICES = 1    /* each vertex, too, as far as the shapes are alike: beyond the paper.
+                                With whole gradients, in parts that nothing pins */
+};
+
 typedef struct dd_transfer_options {
   uint32_t struct_size;
   int32_t pairs_of;       /* dd_pairs_of */
@@ -522,10 +529,11 @@ typedef struct dd_transfer_options {
   const double* placement; /* twelve numbers, a row-major 3x4 matrix: the rotation, scale and shift
                               that takes the source onto the target; deformations are turned with
                               it. Null: as the pairs say, exact where the target is a moved and
-                              scaled copy; a rotation of less than 20 degrees between different
-                              shapes counts as part of these */
+                              scaled copy; else turned as most of the normals are, within 3 degrees
+                              of the axes along these */
   int32_t precision;       /* dd_precision, of the system */
   int32_t threads;         /* as of dd_bind_options */
+  int32_t placing;         /* dd_placing */
 } dd_transfer_options;
 
 /* Starts to factor the target's system: a job that makes a dd_transfer.
@@ -567,6 +575,9 @@ typedef struct dd_transfer_info {
   int32_t unknowns;     /* rows of the system */
   double nonzeros;      /* of the system */
   double placement[12]; /* a row-major 3x4 matrix: of the source onto the target */
+  int32_t overstretched_count;   /* triangles of the source that correspond to more than eight times
+                                  their area, so that the mean about them stands in for them */
+  int32_t overstretched_example; /* the one that corresponds to most */
 } dd_transfer_info;
 
 DD_API int32_t dd_transfer_get_info(const dd_transfer* transfer, dd_transfer_info* info);

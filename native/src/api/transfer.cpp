@@ -62,6 +62,7 @@ void read_options(const dd_transfer_options& options, Given& given) {
   how.anchors.assign(options.anchors, options.anchors + options.anchor_count);
   how.precision = choice("options.precision", options.precision, dd::Precision::full);
   how.threads = threads(options.threads);
+  how.placing = choice("options.placing", options.placing, dd::Placing::vertices);
 }
 
 }  // namespace
@@ -132,6 +133,8 @@ int32_t dd_transfer_get_info(const dd_transfer* transfer, dd_transfer_info* info
     Eigen::Map<Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> placement(facts.placement);
     placement.leftCols<3>() = bound.placement().scale * bound.placement().rotation;
     placement.col(3) = bound.placement().shift;
+    facts.overstretched_count = bound.gradients().overstretched_count();
+    facts.overstretched_example = bound.gradients().overstretched_example();
     write_struct("info", info, facts);
   });
 }

@@ -34,6 +34,24 @@ Similarity with_rotation(const Eigen::Matrix3d& rotation, const Spread& from, co
   return fit;
 }
 
+/// The rotation that takes most of the normals to their partners: of least Σ w ‖n_to − R n_from‖,
+/// not squared, so that parts which stand otherwise have little to say. Near guess where normals,
+/// all alike, leave it open.
+Eigen::Matrix3d rotation_of_most(const Positions& from, const Positions& to,
+                                 const Eigen::VectorXd& weights, const Eigen::Matrix3d& guess) {
+  constexpr int kRounds = 20;
+  constexpr double kNoise = 0.05, kGuess = 0.02;
+  Eigen::Matrix3d rotation = guess;
+  Eigen::VectorXd now = weights;
+  for (int round = 0; round < kRounds; ++round) {
+    const Eigen::Matrix3d both = to.transpose() * now.asDiagonal() * from;
+    rotation = polar_rotation(both + kGuess * now.sum() * guess);
+    const Eigen::VectorXd apart = (to - from * rotation.transpose()).rowwise().squaredNorm();
+    now = weights.array() / (apart.array() + kNoise * kNoise).sqrt();
+  }
+  return rotation;
+}
+
 Eigen::Matrix3d nearest_of_axes(const Eigen::Matrix3d& rotation) {
   Eigen::Matrix3d best = Eigen::Matrix3d::Identity();
   int order[3] = {0, 1, 2};
@@ -65,19 +83,19 @@ Similarity fitted_similarity(const Positions& from, const Positions& to,
   return fit;
 }
 
-Similarity fitted_stance(const Positions& from, const Positions& to,
+Similarity fitted_stance(const OrientedPoints& from, const OrientedPoints& to,
                          const Eigen::VectorXd& weights) {
-  const Similarity fit = fitted_similarity(from, to, weights);
-  if (!(weights.sum() > 0)) return fit;
-  const Spread of(from, weights), onto(to, weights);
+  constexpr double kDegree = kPi / 180, kUpright = 3 * kDegree, kTurned = 5 * kDegree;
+  const Similarity fit = fitted_similarity(from.places, to.places, weights);
+  if (!(weights.sum() > 0) || fit.mirrored) return fit;
+  const Spread of(from.places, weights), onto(to.places, weights);
   const Positions misfit = onto.arms - fit.scale * of.arms * fit.rotation.transpose();
   if (misfit.rowwise().squaredNorm().dot(weights) < kExact * kExact * onto.square) return fit;
-  const Eigen::Matrix3d upright = nearest_of_axes(fit.rotation);
-  const double turn = rotation_vector(upright.transpose() * fit.rotation).norm();
-  const double least = 20 * kPi / 180;
-  Similarity stance = turn < least ? with_rotation(upright, of, onto) : fit;
-  stance.mirrored = fit.mirrored;
-  return stance;
+  const Eigen::Matrix3d most = rotation_of_most(from.normals, to.normals, weights, fit.rotation);
+  const Eigen::Matrix3d upright = nearest_of_axes(most);
+  const Eigen::Vector3d turn = rotation_vector(upright.transpose() * most);
+  const double share = std::clamp((turn.norm() - kUpright) / (kTurned - kUpright), 0.0, 1.0);
+  return with_rotation(upright * rotation_by(share * turn), of, onto);
 }
 
 }  // namespace dd

@@ -22,11 +22,18 @@ struct Similarity {
 Similarity fitted_similarity(const Positions& from, const Positions& to,
                              const Eigen::VectorXd& weights);
 
-/// Finds how two meshes stand to each other, whatever their shapes. Where the points fit exactly,
-/// or the fitted rotation is more than 20° off all 24 rotations that take axes to axes, the result
-/// is that of fitted_similarity(). Else a rotation between different shapes is taken for a
-/// difference of shape, and the nearest of the 24 is used in its place.
-Similarity fitted_stance(const Positions& from, const Positions& to,
+/// Places of a surface, and its unit normals there.
+struct OrientedPoints {
+  Positions places, normals;
+};
+
+/// Finds how two surfaces stand to each other, whatever their shapes: where the places don't fit
+/// exactly by fitted_similarity(), or one is the other's mirror image, the rotation is what takes
+/// most of the normals to their partners. Places would tell proportions for a turn: a longer neck
+/// tilts an animal. Within 3° of one of the 24 rotations that take axes to axes it is that one,
+/// from 5° on its own, as meshes are modelled along axes and a few degrees of it are differences
+/// of shape.
+Similarity fitted_stance(const OrientedPoints& from, const OrientedPoints& to,
                          const Eigen::VectorXd& weights);
 
 }  // namespace dd

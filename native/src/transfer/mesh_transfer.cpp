@@ -14,8 +14,6 @@ namespace dd {
 
 namespace {
 
-constexpr double kStill = 1e-2;  // ‖S_j − I‖ below which a triangle is as good as one that rests
-
 Mesh validated(Mesh mesh, const char* which) {
   validate(mesh, which);
   return mesh;
@@ -43,14 +41,19 @@ std::vector<int> checked_anchors(const TransferOptions& options, const Mesh& tar
 Similarity fitted_placement(const Mesh& source, const Mesh& target,
                             const Correspondence& correspondence) {
   const Eigen::VectorXd areas = triangle_areas(target.positions, target.triangles);
+  const Positions of_source = triangle_normals(source.positions, source.triangles);
+  const Positions of_target = triangle_normals(target.positions, target.triangles);
   const Index count = static_cast<Index>(correspondence.source.size());
-  Positions from(count, 3), to(count, 3);
+  OrientedPoints from{Positions(count, 3), Positions(count, 3)}, to = from;
   Eigen::VectorXd weights(count);
   for (int j = 0; j < correspondence.target_count(); ++j) {
     const int first = correspondence.begin[j], end = correspondence.begin[j + 1];
     for (int k = first; k < end; ++k) {
-      from.row(k) = triangle_centre(source.positions, source.triangles, correspondence.source[k]);
-      to.row(k) = triangle_centre(target.positions, target.triangles, j);
+      const int i = correspondence.source[k];
+      from.places.row(k) = triangle_centre(source.positions, source.triangles, i);
+      from.normals.row(k) = of_source.row(i);
+      to.places.row(k) = triangle_centre(target.positions, target.triangles, j);
+      to.normals.row(k) = of_target.row(j);
       weights[k] = areas[j] / (end - first);
     }
   }
@@ -89,11 +92,15 @@ MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& corre
   report(progress, 0.02, "Looking at the meshes");
   placement_ =
       options.placement ? *options.placement : fitted_placement(source_, target_, correspondence);
-  gradients_ = std::make_unique<SourceGradients>(source_, target_.triangles, target_.vertex_count(),
-                                                 correspondence, placement_);
+  gradients_ = std::make_unique<SourceGradients>(source_, target_, correspondence, placement_);
   on_target_ = std::make_unique<OnTarget>(*gradients_);
-  factor(options, within(progress, 0.2, 0.95));
+  factor(options, within(progress, 0.2, 0.6));
   find_components();
+  if (options.placing == Placing::vertices) {
+    followed_ = std::make_unique<FollowedPlaces>(source_, target_, box_, components_, placement_,
+                                                 *gradients_, options.precision, pool_,
+                                                 within(progress, 0.6, 1));
+  }
   result_ = target_.positions;
   report(progress, 1.0, "Done");
 }
@@ -181,7 +188,14 @@ const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
 
   gradients_->take(pose, rotation_only, pool_);
   solve(anchor_places);
-  place(pose, anchor_places);
+  const Eigen::RowVector3d of_pinned = place(pose);
+  if (followed_ && !rotation_only) followed_->correct(pose, result_);
+  // Pins keep a pinned component away from where its source went. The others are shifted by as
+  // much, so that all components keep together.
+  for (const Component& component : components_)
+    if (!component.held)
+      for (int v : component.vertices) result_.row(v) -= of_pinned;
+  keep_anchors(anchor_places);
   if (!result_.allFinite())
     throw Error(Status::numeric,
                 "The transferred pose is not finite: the source's pose is too large.");
@@ -204,10 +218,8 @@ void MeshTransfer::solve(const Positions& anchor_places) {
   }
 }
 
-void MeshTransfer::place(const Positions& pose, const Positions& anchor_places) {
+Eigen::RowVector3d MeshTransfer::place(const Positions& pose) {
   std::vector<Eigen::RowVector3d> missing;
-  // Pins keep a pinned component away from where its source went. The others are shifted by as
-  // much, so that all components keep together.
   Misplacement of_pinned, of_matched;
   for (const Component& component : components_) {
     Misplacement of_component, moved;
@@ -217,8 +229,7 @@ void MeshTransfer::place(const Positions& pose, const Positions& anchor_places) 
       const Eigen::Vector3d wanted =
           placement_(gradients_->centre_of_sources(pose, j)) +
           S * (own - placement_(gradients_->centre_of_sources(source_.positions, j)));
-      const double change = (S - Eigen::Matrix3d::Identity()).squaredNorm();
-      const double weight = areas_[j] / (kStill * kStill + change);
+      const double weight = areas_[j] * stillness(S, Eigen::Matrix3d::Identity());
       of_component.add(weight,
                        (wanted - triangle_centre(result_, target_.triangles, j)).transpose());
       moved.add(weight, (wanted - own).transpose());
@@ -232,9 +243,13 @@ void MeshTransfer::place(const Positions& pose, const Positions& anchor_places) 
     if (components_[i].held) continue;
     // A component without a source of its own goes along with the rest.
     const Eigen::RowVector3d shift =
-        (components_[i].triangles.empty() ? of_matched.shift() : missing[i]) - of_pinned.shift();
+        components_[i].triangles.empty() ? of_matched.shift() : missing[i];
     for (int v : components_[i].vertices) result_.row(v) += shift;
   }
+  return of_pinned.shift();
+}
+
+void MeshTransfer::keep_anchors(const Positions& anchor_places) {
   if (anchor_ == Anchor::source || anchor_ == Anchor::pinned) return;
   const Eigen::RowVector3d shift = shift_to_anchor(anchor_places);
   for (const Component& component : components_)

@@ -10,6 +10,7 @@
 #include "surface/component_placement.h"
 #include "surface/corner_flux.h"
 #include "surface/reconstruction.h"
+#include "transfer/followed_places.h"
 #include "transfer/source_gradients.h"
 
 namespace dd {
@@ -22,10 +23,17 @@ enum class Anchor {
   pinned = 3     ///< each of the given vertices stays, or goes to its given place
 };
 
+/// What goes where its source went. The values are those of dd_placing in the public header.
+enum class Placing {
+  components = 0,  ///< each component as a whole, deformed by the gradients alone
+  vertices = 1     ///< each vertex, too: see FollowedPlaces
+};
+
 struct TransferOptions {
   Formulation formulation = Formulation::surface;
   Anchor anchor = Anchor::source;
-  std::vector<int> anchors;  ///< target vertices, for Anchor::vertices and pinned
+  Placing placing = Placing::components;  ///< of whole gradients; not where vertices are pinned
+  std::vector<int> anchors;               ///< target vertices, for Anchor::vertices and pinned
   /// How the source lies to the target; null: as the correspondences say. See fitted_placement().
   const Similarity* placement = nullptr;
   Precision precision = Precision::full;
@@ -85,9 +93,10 @@ class MeshTransfer {
   void find_components();
   Positions checked_places(const Positions* places) const;
   void solve(const Positions& anchor_places);
-  /// Moves the components of result_ that nothing holds to their sources, then all as the anchor
-  /// says.
-  void place(const Positions& pose, const Positions& anchor_places);
+  /// Moves the components of result_ that nothing holds to their sources. Returns how far pins keep
+  /// the others from theirs.
+  Eigen::RowVector3d place(const Positions& pose);
+  void keep_anchors(const Positions& anchor_places);
   Eigen::RowVector3d shift_to_anchor(const Positions& anchor_places) const;
 
   ThreadPool pool_;
@@ -109,6 +118,7 @@ class MeshTransfer {
   double nonzeros_ = 0;
 
   std::vector<Component> components_;  // triangles: those with a source
+  std::unique_ptr<FollowedPlaces> followed_;
   int unmatched_component_count_ = 0, unmatched_component_example_ = -1;
   Rows offsets_;  // in order_, unit box
   Positions result_;

@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <numeric>
+#include <utility>
 
 #include "mesh/topology.h"
 #include "mesh/triangles.h"
@@ -18,21 +19,24 @@ namespace {
 
 // Area over squared edge of a posed triangle that has no rotation.
 constexpr double kCollapsed = 1e-5;
+constexpr double kTooMuch = 8;        // of its own area, that a triangle gives its gradient to
+constexpr double kLeastArea = 1e-12;  // of the source's
 
 }  // namespace
 
-SourceGradients::SourceGradients(const Mesh& source, const Triangles& target,
-                                 int target_vertex_count, const Correspondence& correspondence,
-                                 const Similarity& placement)
-    : source_(source), placement_(placement) {
-  match(target, target_vertex_count, correspondence);
+SourceGradients::SourceGradients(const Mesh& source, const Mesh& target,
+                                 const Correspondence& correspondence, const Similarity& placement)
+    : source_(source),
+      placement_(placement),
+      number_(static_cast<size_t>(source.triangle_count()), -1) {
+  match(target, correspondence);
+  if (!is_one_to_one()) find_overstretched(target);
   prepare();
-  gradients_.resize(static_cast<size_t>(target.rows()));
+  gradients_.resize(static_cast<size_t>(target.triangle_count()));
 }
 
-void SourceGradients::match(const Triangles& target, int target_vertex_count,
-                            const Correspondence& correspondence) {
-  const int m = static_cast<int>(target.rows());
+void SourceGradients::match(const Mesh& target, const Correspondence& correspondence) {
+  const int m = target.triangle_count();
   std::vector<int> matched_by(static_cast<size_t>(m), -1);
   for (int j = 0; j < m; ++j) {
     matched_.push_back(correspondence.has_source(j));
@@ -43,20 +47,61 @@ void SourceGradients::match(const Triangles& target, int target_vertex_count,
   }
   if (unmatched_count_ == m)
     throw Error(Status::argument, "No triangle of the target corresponds to one of the source.");
-  if (unmatched_count_ > 0) fill_from_neighbours(matched_by, target, target_vertex_count);
+  if (unmatched_count_ > 0)
+    fill_from_neighbours(matched_by, target.triangles, target.vertex_count());
 
-  std::vector<int> number(static_cast<size_t>(source_.triangle_count()), -1);
-  for (int triangle : correspondence.source) {
-    if (number[triangle] < 0) {
-      number[triangle] = static_cast<int>(used_.size());
-      used_.push_back(triangle);
-    }
-    sources_.push_back(number[triangle]);
-  }
+  for (int triangle : correspondence.source) sources_.push_back(numbered(triangle));
   for (int j = 0; j < m; ++j) {
     const bool any = matched_by[j] >= 0;
     begin_.push_back(any ? correspondence.begin[matched_by[j]] : 0);
     end_.push_back(any ? correspondence.begin[matched_by[j] + 1] : 0);
+  }
+}
+
+int SourceGradients::numbered(int source_triangle) {
+  int& number = number_[size_t(source_triangle)];
+  if (number < 0) {
+    number = static_cast<int>(used_.size());
+    used_.push_back(source_triangle);
+  }
+  return number;
+}
+
+void SourceGradients::find_overstretched(const Mesh& target) {
+  const Eigen::VectorXd areas = triangle_areas(source_.positions, source_.triangles);
+  const Eigen::VectorXd asked =
+      triangle_areas(target.positions, target.triangles) / (placement_.scale * placement_.scale);
+  std::vector<double> given(used_.size(), 0.0);
+  for (int j = 0; j < target.triangle_count(); ++j)
+    for (int k = begin_[j]; k < end_[j]; ++k)
+      given[size_t(sources_[k])] += asked[j] / (end_[j] - begin_[j]);
+
+  const Edges edges(source_.triangles);
+  const std::vector<int> of_half_edges = edges.of_half_edges();
+  double most = 0;
+  std::vector<int> reached_for(static_cast<size_t>(source_.triangle_count()), -1);
+  for (int i = 0; i < static_cast<int>(given.size()); ++i) {
+    const double own = areas[used_[i]];
+    if (!(given[i] > kTooMuch * own)) continue;
+    if (given[i] / std::max(own, kLeastArea * areas.sum()) > most) {
+      most = given[i] / std::max(own, kLeastArea * areas.sum());
+      overstretched_example_ = used_[i];
+    }
+    std::vector<int> about{used_[i]};
+    reached_for[about[0]] = i;
+    double sum = own;
+    for (size_t next = 0; next < about.size() && sum < given[i]; ++next)
+      for (int k = 0; k < 3; ++k)
+        for (const Edges::HalfEdge& side : edges.of(of_half_edges[3 * size_t(about[next]) + k])) {
+          if (reached_for[size_t(side.triangle())] == i) continue;
+          reached_for[size_t(side.triangle())] = i;
+          about.push_back(side.triangle());
+          sum += areas[side.triangle()];
+        }
+    if (!(sum > 0)) continue;
+    Mean mean{i, {}};
+    for (int j : about) mean.shares.emplace_back(numbered(j), areas[j] / sum);
+    means_.push_back(std::move(mean));
   }
 }
 
@@ -92,6 +137,7 @@ void SourceGradients::take(const Positions& pose, bool rotation_only, ThreadPool
     replace_collapsed(pose);
   }
   turn_onto_target(pose, rotation_only, pool);
+  take_means(rotation_only);
   pool.parallel_for(static_cast<int64_t>(gradients_.size()), kLeastRange,
                     [&](int64_t begin, int64_t end) {
                       for (int64_t j = begin; j < end; ++j)
@@ -147,6 +193,24 @@ void SourceGradients::replace_collapsed(const Positions& pose) {
   }
 }
 
+void SourceGradients::take_means(bool rotation_only) {
+  std::vector<Eigen::Matrix3d> found;  // all before any is replaced, as they overlap
+  for (const Mean& mean : means_) {
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    for (const auto& [i, share] : mean.shares)
+      sum += share * (rotation_only ? quaternion(quaternions_, i).toRotationMatrix()
+                                    : used_gradients_[size_t(i)]);
+    found.push_back(sum);
+  }
+  for (size_t k = 0; k < means_.size(); ++k) {
+    const int i = means_[k].of;
+    if (rotation_only)
+      quaternions_.row(i) = Eigen::Quaterniond(polar_rotation(found[k])).coeffs().transpose();
+    else
+      used_gradients_[size_t(i)] = found[k];
+  }
+}
+
 Eigen::Matrix3d SourceGradients::mean(int triangle, bool rotation_only) const {
   const int begin = begin_[triangle], end = end_[triangle];
   if (begin == end) return Eigen::Matrix3d::Identity();
@@ -163,6 +227,12 @@ Eigen::Matrix3d SourceGradients::mean(int triangle, bool rotation_only) const {
   Eigen::Matrix3d sum = used_gradients_[sources_[begin]];
   for (int k = begin + 1; k < end; ++k) sum += used_gradients_[sources_[k]];
   return sum / (end - begin);
+}
+
+bool SourceGradients::is_one_to_one() const {
+  for (int j = 0; j < static_cast<int>(begin_.size()); ++j)
+    if (end_[j] - begin_[j] != 1 || first_source(j) != j) return false;
+  return true;
 }
 
 Eigen::Vector3d SourceGradients::centre_of_sources(const Positions& places, int triangle) const {

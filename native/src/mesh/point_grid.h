@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "support/types.h"
+
+namespace dd {
+
+/// Points in cells as wide as a reach, to find those near one another.
+class PointGrid {
+ public:
+  /// chosen: of the points, ascending; the others aren't there.
+  PointGrid(const Positions& points, const std::vector<int>& chosen, double reach);
+
+  /// The chosen points cell by cell: neighbours in space are neighbours in memory.
+  int count() const { return static_cast<int>(entries_.size()); }
+  int point(int k) const { return entries_[size_t(k)].point; }
+
+  /// Calls found(l, squared distance) for the k-th point and each l-th one, l ≠ k, that is nearer
+  /// to it than the reach, in an order that depends on the points alone.
+  template <class Found>
+  void near(int k, const Found& found) const {
+    const Entry& own = entries_[size_t(k)];
+    for (int64_t y = own.cell.y - 1; y <= own.cell.y + 1; ++y)
+      for (int64_t z = own.cell.z - 1; z <= own.cell.z + 1; ++z) {
+        const auto look_at = [&](size_t from, size_t to) {
+          for (int l = begin_[from]; l < begin_[to]; ++l) {
+            const Entry& other = entries_[size_t(l)];
+            const double squared = (other.place - own.place).squaredNorm();
+            // Other cells share these slots.
+            if (squared < reach_ * reach_ && l != k && other.cell.y == y && other.cell.z == z)
+              found(l, squared);
+          }
+        };
+        // Three cells along x are three slots on end, which may begin again at the first.
+        const size_t slot = slot_of({own.cell.x - 1, y, z}), last = std::min(slot + 3, slots_);
+        look_at(slot, last);
+        look_at(0, slot + 3 - last);
+      }
+  }
+
+ private:
+  struct Cell {
+    int64_t x, y, z;
+  };
+  struct Entry {
+    Cell cell;
+    Eigen::RowVector3d place;
+    int point;
+  };
+  size_t slot_of(const Cell& cell) const;
+
+  double reach_;
+  size_t slots_ = 4;  // a power of two
+  std::vector<int> begin_;
+  std::vector<Entry> entries_;  // by slot
+};
+
+}  // namespace dd

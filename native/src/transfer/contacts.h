@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "mesh/point_grid.h"
+#include "support/thread_pool.h"
+#include "support/types.h"
+
+namespace dd {
+
+/// What closes in a pose: lids, lips, a fist. Of points x at rest and y in the pose, i and j of the
+/// same loose part close by
+///
+///   c_ij = s(1 − b / reach) s(1 − 2 b / a) s(2 (a − b) / reach − 1),    s(t) = 3t² − 2t³,
+///
+/// with a and b their distances in x and y: not at all where they aren't near in the pose, or not
+/// nearer by half than at rest, or by half of the reach; c_i is the largest. Continuous in the
+/// pose. Loose parts slide over one another, as an eye does under its lids, which brings points
+/// together where no gap closes.
+class Contacts {
+ public:
+  /// rest: x. parts: the number of each point's; -1: it doesn't take part. reach: in the unit of
+  /// the points.
+  Contacts(Positions rest, std::vector<int> parts, double reach);
+
+  /// Takes a pose, y. Returns whether anything closes.
+  bool take(const Positions& posed, ThreadPool& pool);
+
+  /// How points p are to be moved so that what closes is as near there, each side by half: for each
+  /// point c_i e_i and c_i,
+  ///
+  ///   e_i = ½ ((y_i − p_i) − mean_j (y_j − p_j)), weighted by c_ij;
+  ///
+  /// what is much farther than the reach isn't believed.
+  Rows missing(const Positions& posed, const Positions& placed) const;
+
+ private:
+  struct Partner {
+    int point;
+    double share;  // c_ij, then over their sum
+  };
+  struct Closing {
+    int point;
+    double share;  // c_i
+    std::vector<Partner> partners;
+  };
+  /// Those of the k-th points of the grid, and whom they close with.
+  std::vector<Closing> closing_of(const PointGrid& grid, const std::vector<int>& asked,
+                                  ThreadPool& pool) const;
+
+  Positions rest_;
+  std::vector<int> parts_, known_;
+  double reach_;
+  std::vector<Closing> closing_;
+};
+
+}  // namespace dd

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "mesh/unit_box.h"
+#include "solver/sparse_cholesky.h"
+#include "surface/component_placement.h"
+#include "systems/region.h"
+#include "transfer/contacts.h"
+#include "transfer/source_points.h"
+
+namespace dd {
+
+/// Beyond the paper: gradients say how a surface turns and stretches, and where it is only as far
+/// as they add up, so that lids which close on the source stay ajar on a target of another shape.
+/// Here the places of the source have a say too. With A the placement and b_i the point of the
+/// source that vertex p_i of the target corresponds to, what is between the meshes,
+///
+///   p_i − A(b_i) = ō_i + d_i,
+///
+/// is parted in how their shapes differ, ō, smooth over the surface, and the detail d, which turns
+/// with the surface. In a pose the vertex is to be at
+///
+///   g_i = A(b'_i) + S_i d_i + M ō_i,    t_i = 1 / (1 + (‖(S_i − M) ō_i‖ / τ)⁴)
+///
+/// where S_i is the mean gradient about it and M that of what doesn't deform: a difference of shape
+/// is carried along. Where it is so large that it matters whether it turns, which nothing tells,
+/// t_i is next to none. The transferred surface p' is moved by the smooth part of what is missing,
+///
+///   (ℓ² L + D) Δ = D t (g − p'),   D: masses,
+///
+/// which leaves details as the gradients make them; a loose part that doesn't deform, such as an
+/// eye or a tooth, is moved as a whole. Then what closes on the source is closed: see Contacts. All
+/// of it is continuous in the pose, and none where the source moves rigidly.
+class FollowedPlaces {
+ public:
+  /// components: of the target; those with sources that nothing holds follow. All must outlive
+  /// this. Progress of two factorizations.
+  FollowedPlaces(const Mesh& source, const Mesh& target, const UnitBox& box,
+                 const std::vector<Component>& components, const Similarity& placement,
+                 const SourceGradients& gradients, Precision precision, ThreadPool& pool,
+                 const Progress& progress = {});
+
+  /// pose: S', whose gradients were taken. result: T' as they make it; moved.
+  void correct(const Positions& pose, Positions& result);
+
+ private:
+  struct Part {                  // a loose one
+    std::vector<int> triangles;  // indices into triangles_
+    std::vector<int> rows;
+  };
+  void add(const Component& component, const Region& region);
+  Eigen::Matrix3d still_gradient() const;
+  /// A(b') of each row, zero where that isn't known.
+  Positions places_of_source(const Positions& pose) const;
+  /// t (g − p').
+  RowMatrix missing(const Positions& places, const Positions& result) const;
+  /// Makes what moves a part that hardly deforms a shift.
+  void stiffen(const Part& part, const RowMatrix& missing, RowMatrix& moved) const;
+  void close(const Positions& places, Positions& result);
+  /// The smooth part of values at the rows.
+  RowMatrix smooth(const SparseCholesky& factor, const RowMatrix& values) const;
+
+  const Similarity& placement_;
+  const SourceGradients& gradients_;
+  ThreadPool& pool_;
+  Fans fans_;  // of the target
+  SourcePoints points_;
+  double different_;  // τ
+
+  std::vector<int> triangles_;  // those with a source
+  Eigen::VectorXd areas_;       // of these
+  std::vector<Part> parts_;
+  // Of each row of the system:
+  std::vector<int> vertices_;
+  Eigen::VectorXd masses_;
+  Positions shape_, detail_;  // ō_i and d_i, in the target's units
+  std::unique_ptr<SparseCholesky> factor_;
+  std::unique_ptr<Contacts> contacts_;
+};
+
+}  // namespace dd

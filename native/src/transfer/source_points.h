@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "mesh/aabb_tree.h"
+#include "mesh/topology.h"
+#include "transfer/source_gradients.h"
+
+namespace dd {
+
+/// The point of the source that each vertex of a target corresponds to, as far as the triangles
+/// tell: from the mean of the centres of their sources on by as much as the vertex is from the mean
+/// of their own, and from there to the nearest point of the surface that is reached over edges.
+/// Of meshes of the same topology the same vertices.
+class SourcePoints {
+ public:
+  SourcePoints(const Mesh& source, const Mesh& target, const Fans& fans,
+               const SourceGradients& gradients, const Similarity& placement, ThreadPool& pool);
+
+  /// Whether a vertex has a triangle with a source.
+  bool is_known(int vertex) const { return points_[vertex].triangle >= 0; }
+  /// Where its point is, at these places of the source's vertices.
+  Eigen::Vector3d at(const Positions& places, int vertex) const {
+    const PointOnTriangle& point = points_[vertex];
+    Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
+    for (int k = 0; k < 3; ++k) sum += point.weights[k] * places.row(triangles_(point.triangle, k));
+    return sum.transpose();
+  }
+
+ private:
+  const Triangles& triangles_;
+  std::vector<PointOnTriangle> points_;
+};
+
+}  // namespace dd

@@ -1,0 +1,318 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What goes where its source goes: places beside gradients, what closes, and slivers.
+#include <map>
+#include <random>
+
+#include "catch.h"
+#include "mesh/point_grid.h"
+#include "mesh/unit_box.h"
+#include "meshes.h"
+#include "support/rotations.h"
+#include "transfer/contacts.h"
+#include "transfer/mesh_transfer.h"
+
+using namespace dd;
+using test::largest_difference;
+
+namespace {
+
+MeshTransfer onto(const Mesh& source, const Mesh& target, Placing placing) {
+  TransferOptions options;
+  options.placing = placing;
+  return MeshTransfer(source, target, same_topology(source, target), options);
+}
+
+Positions bent(const Positions& p) {
+  Positions result(p.rows(), 3);
+  for (Index v = 0; v < p.rows(); ++v) {
+    const double a = 0.9 * p(v, 2), r = 2 + p(v, 0);
+    result.row(v) << r * std::cos(a) - 2, p(v, 1) + 0.3 * std::sin(2 * p(v, 2)), r * std::sin(a);
+  }
+  return result;
+}
+
+/// A sheet with a slit along y = 1/2 that is open by a gap in its middle, as an eye between lids.
+struct Lids {
+  static constexpr int kColumns = 41, kRows = 25;  // of either half; the last row is at the slit
+  explicit Lids(double gap) {
+    mesh = test::grid(kColumns, kRows, [](double, double) { return 0.0; });
+    mesh = test::appended(mesh, mesh);
+    for (int v = 0; v < 2 * kHalf; ++v) {
+      const double x = mesh.positions(v, 0), to_slit = (v % kRows) / double(kRows - 1);
+      const double y = to_slit * (0.5 - 0.5 * gap * std::sin(kPi * x));
+      mesh.positions.row(v) << x, v < kHalf ? y : 1 - y, 0.02 * std::sin(3 * x);
+    }
+    for (Index k = 0; k < mesh.triangles.size(); ++k) {
+      int& corner = mesh.triangles.data()[k];
+      // The slit ends at the first and the last column.
+      const int column = corner % kHalf / kRows;
+      if (corner >= kHalf && corner % kRows == kRows - 1 && (column == 0 || column == kColumns - 1))
+        corner -= kHalf;
+    }
+    for (Index j = mesh.triangles.rows() / 2; j < mesh.triangles.rows(); ++j)
+      std::swap(mesh.triangles(j, 1), mesh.triangles(j, 2));
+  }
+  /// The upper lid comes down by so much in its middle, and by none at its other end.
+  static Positions closed(const Positions& p, double by) {
+    Positions result = p;
+    for (int v = kHalf; v < 2 * kHalf; ++v)
+      result(v, 1) -= by * std::sin(kPi * p(v, 0)) * (v % kRows) / (kRows - 1);
+    return result;
+  }
+  /// Mean distance of the edges in the middle third.
+  static double gap(const Positions& p) {
+    double sum = 0;
+    int count = 0;
+    for (int i = kColumns / 3; i < 2 * kColumns / 3; ++i, ++count)
+      sum += (p.row(i * kRows + kRows - 1) - p.row(kHalf + i * kRows + kRows - 1)).norm();
+    return sum / count;
+  }
+  static constexpr int kHalf = kColumns * kRows;
+  Mesh mesh;
+};
+
+}  // namespace
+
+TEST_CASE("a grid finds each point within reach once, as a search through all does") {
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> anywhere(-1, 1);
+  Positions points(600, 3);
+  for (double& value : points.reshaped()) value = anywhere(random);
+  points.bottomRows(50) *= 1e7;
+  points.row(17) = points.row(18);
+  std::vector<int> chosen;
+  for (int i = 0; i < 600; i += 1 + i % 3) chosen.push_back(i);
+  for (const double reach : {0.05, 0.4, 3.0}) {
+    const PointGrid grid(points, chosen, reach);
+    REQUIRE(grid.count() == int(chosen.size()));
+    for (int k = 0; k < grid.count(); ++k) {
+      std::map<int, int> times;
+      grid.near(k, [&](int l, double squared) {
+        ++times[grid.point(l)];
+        CHECK(squared ==
+              Approx((points.row(grid.point(l)) - points.row(grid.point(k))).squaredNorm()));
+      });
+      for (int j : chosen) {
+        const bool is_near =
+            j != grid.point(k) && (points.row(j) - points.row(grid.point(k))).norm() < reach;
+        CHECK(times[j] == int(is_near));
+      }
+    }
+  }
+}
+
+TEST_CASE("contacts are what the formula says of all pairs") {
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> anywhere(0, 1);
+  constexpr int kCount = 200;
+  constexpr double kReach = 0.12;
+  Positions rest(kCount, 3), posed(kCount, 3), placed(kCount, 3);
+  for (Positions* p : {&rest, &posed, &placed})
+    for (double& value : p->reshaped()) value = anywhere(random);
+  placed = posed + 0.05 * placed;
+  std::vector<int> parts(kCount, 1);
+  parts[3] = parts[77] = -1;
+  for (int i = 150; i < kCount; ++i) parts[i] = 0;
+  ThreadPool pool(2);
+  Contacts contacts(rest, parts, kReach);
+  REQUIRE(contacts.take(posed, pool));
+  const Rows found = contacts.missing(posed, placed);
+
+  const auto risen = [](double t) { return t <= 0 ? 0 : t >= 1 ? 1 : 3 * t * t - 2 * t * t * t; };
+  int closing = 0;
+  for (int i = 0; i < kCount; ++i) {
+    double sum = 0, most = 0;
+    Eigen::RowVector3d mean = Eigen::RowVector3d::Zero();
+    for (int j = 0; j < kCount; ++j) {
+      if (i == j || parts[i] < 0 || parts[i] != parts[j]) continue;
+      const double a = (rest.row(i) - rest.row(j)).norm(), b = (posed.row(i) - posed.row(j)).norm();
+      const double c =
+          risen(1 - b / kReach) * risen(1 - 2 * b / a) * risen(2 * (a - b) / kReach - 1);
+      sum += c;
+      most = std::max(most, c);
+      mean += c * (posed.row(j) - placed.row(j));
+    }
+    if (sum == 0) {
+      CHECK(found.row(i).norm() == 0);
+      continue;
+    }
+    ++closing;
+    const Eigen::RowVector3d e = 0.5 * (posed.row(i) - placed.row(i) - mean / sum);
+    const double share = most / (1 + std::pow(e.norm() / (4 * kReach), 4));
+    CHECK(found(i, 3) == Approx(share));
+    CHECK((found.row(i).head<3>() - share * e).norm() < 1e-12);
+  }
+  CHECK(closing > 20);
+}
+
+TEST_CASE("places of the source change nothing where gradients tell them already") {
+  const Mesh mesh = test::rough_sphere(4, 0.2);
+  const double box = bounding_box_diagonal(mesh.positions);
+  const Positions pose = bent(mesh.positions);
+  for (const double unit : {1e-4, 1.0, 1e4}) {
+    const Mesh scaled = {unit * mesh.positions, mesh.triangles};
+    MeshTransfer itself = onto(scaled, scaled, Placing::vertices);
+    CHECK(largest_difference(itself.apply(unit * pose, false), unit * pose) < 1e-9 * unit * box);
+  }
+
+  // A rigid motion is carried over to another shape as gradients alone carry it.
+  Mesh other = test::rough_sphere(4, 0.15, 3);
+  other.positions.col(1) *= 1.4;
+  const Positions moved =
+      test::transformed(test::rotation_about(2.6, {1, 3, 2}, {1, 0, 0}, {3, 4, 1}), mesh.positions);
+  CHECK(largest_difference(onto(mesh, other, Placing::vertices).apply(moved, false),
+                           onto(mesh, other, Placing::components).apply(moved, false)) <
+        1e-9 * box);
+  const Positions rest = onto(mesh, other, Placing::vertices).apply(mesh.positions, false);
+  CHECK(largest_difference(rest, other.positions) < 1e-12 * box);
+}
+
+TEST_CASE(
+    "a part of the surface goes where its source goes, though gradients don't add up so far") {
+  // A bulge slides along a sheet; the target's sheet is the source's, its middle stretched.
+  const int side = 61;
+  const Mesh source = test::grid(side, side, [](double, double) { return 0.0; });
+  Mesh target = source;
+  for (Index v = 0; v < target.positions.rows(); ++v)
+    target.positions(v, 0) += 0.01 * std::sin(6.28 * target.positions(v, 0));
+  Positions pose = source.positions;
+  for (Index v = 0; v < pose.rows(); ++v) {
+    const double d = (source.positions.row(v).head<2>() - Eigen::RowVector2d(0.5, 0.5)).norm();
+    pose(v, 0) += 0.05 * std::exp(-d * d / 0.02);
+  }
+  const Positions wanted = target.positions + pose - source.positions;
+  const auto off = [&](Placing placing) {
+    return largest_difference(onto(source, target, placing).apply(pose, false), wanted);
+  };
+  CHECK(off(Placing::vertices) < 0.5 * off(Placing::components));
+}
+
+TEST_CASE("lids that close on the source close on a target whose gap is wider") {
+  const Lids source(0.04), target(0.05);
+  const double box = bounding_box_diagonal(target.mesh.positions);
+  MeshTransfer follows = onto(source.mesh, target.mesh, Placing::vertices);
+  MeshTransfer gradients_alone = onto(source.mesh, target.mesh, Placing::components);
+  const Positions closed = Lids::closed(source.mesh.positions, 0.039);
+  const double gap = Lids::gap(closed);
+  CHECK(gap < 0.0011);
+  CHECK(Lids::gap(gradients_alone.apply(closed, false)) > 8 * gap);
+  CHECK(Lids::gap(follows.apply(closed, false)) < 2 * gap);
+  // Both give way, and what is far from the slit hardly does.
+  const Positions found = follows.apply(closed, false);
+  const int lower = Lids::kColumns / 2 * Lids::kRows + Lids::kRows - 1;
+  CHECK(found(lower, 1) - target.mesh.positions(lower, 1) > 0.002);
+  for (int i = 0; i < Lids::kColumns; ++i)
+    CHECK((found.row(i * Lids::kRows) - target.mesh.positions.row(i * Lids::kRows)).norm() <
+          0.002 * box);
+
+  // Step by step the target moves as steadily as the source.
+  constexpr int kSteps = 200;
+  Positions last = target.mesh.positions;
+  double largest = 0;
+  for (int k = 1; k <= kSteps; ++k) {
+    const Positions now =
+        follows.apply(Lids::closed(source.mesh.positions, 0.039 * k / kSteps), false);
+    largest = std::max(largest, largest_difference(now, last));
+    last = now;
+  }
+  CHECK(largest < 6 * 0.039 / kSteps);
+}
+
+TEST_CASE("an eye of another size turns about its own centre and stays round") {
+  const Mesh ball = test::sphere(3);
+  Mesh face = test::grid(41, 41, [](double, double) { return 0.0; });
+  face.positions = (face.positions.rowwise() - Eigen::RowVector3d(0.5, 0.5, 0)) * 10;
+  const Index first = face.positions.rows();
+  const auto with_eye = [&](double size, const Eigen::RowVector3d& centre) {
+    Mesh eye = ball;
+    eye.positions = (size * ball.positions).rowwise() + centre;
+    return test::appended(face, eye);
+  };
+  const Eigen::RowVector3d place(0.5, 0, 0.3), own(0.6, 0.05, 0.3);
+  const Mesh source = with_eye(0.5, place), target = with_eye(0.6, own);
+  Positions pose = source.positions;
+  const Eigen::Matrix3d turn = rotation_by({0, 0.5, 0});
+  pose.bottomRows(ball.vertex_count()) =
+      (0.5 * ball.positions * turn.transpose()).rowwise() + place;
+  const Positions found = onto(source, target, Placing::vertices).apply(pose, false);
+  const Positions eye = found.bottomRows(ball.vertex_count());
+  const double box = bounding_box_diagonal(target.positions);
+  const Positions by_gradients = onto(source, target, Placing::components).apply(pose, false);
+  CHECK((eye.colwise().mean() - own).norm() <
+        0.4 * (by_gradients.bottomRows(ball.vertex_count()).colwise().mean() - own).norm());
+  const Positions turned =
+      (0.6 * ball.positions * turn.transpose()).rowwise() + eye.colwise().mean();
+  CHECK(largest_difference(eye, turned) < 1e-4 * box);
+  CHECK(largest_difference(found.topRows(first), face.positions) < 1e-6 * box);
+}
+
+TEST_CASE("a sliver of the source doesn't decide what a region of the target does") {
+  Mesh source = test::rough_sphere(4, 0.05);
+  // A vertex beside an edge: its triangle is next to none, and grows in the pose.
+  const Eigen::RowVector3i t = source.triangles.row(900);
+  const Positions& p = source.positions;
+  const Eigen::RowVector3d middle = 0.5 * (p.row(t[0]) + p.row(t[1]));
+  const double edge = (p.row(t[0]) - p.row(t[1])).norm();
+  source.positions.row(t[2]) = middle + 0.03 * (p.row(t[2]) - middle);
+  Positions pose = source.positions;
+  pose.row(t[2]) += 15 * 0.03 * edge * (p.row(t[2]) - middle).normalized();
+  const double moved = largest_difference(pose, source.positions);
+
+  const Mesh target = test::rough_sphere(4, 0.04, 3);
+  Pairs pairs;
+  const Eigen::RowVector3d about = target.positions.row(target.triangles(900, 0));
+  int served = 0;
+  for (int j = 0; j < target.triangle_count(); ++j) {
+    const bool near = (target.positions.row(target.triangles(j, 0)) - about).norm() < 0.35;
+    served += near;
+    pairs.push_back({near ? 900 : j, j});
+  }
+  REQUIRE(served > 30);
+  const auto correspondence =
+      triangle_correspondence(pairs, source.triangle_count(), target.triangle_count());
+  for (const Placing placing : {Placing::components, Placing::vertices}) {
+    TransferOptions options;
+    options.placing = placing;
+    MeshTransfer transfer(source, target, correspondence, options);
+    CHECK(transfer.gradients().overstretched_count() == 1);
+    CHECK(transfer.gradients().overstretched_example() == 900);
+    CHECK(largest_difference(transfer.apply(pose, false), target.positions) < 1.5 * moved);
+  }
+  // Where each triangle is its own source nothing is replaced.
+  CHECK(onto(source, target, Placing::components).gradients().overstretched_count() == 0);
+}
+
+TEST_CASE("pins and anchors hold with places of the source, too") {
+  Mesh small = test::rough_sphere(3, 0.1);
+  small.positions = (0.4 * small.positions).rowwise() + Eigen::RowVector3d(1.6, 0, 0);
+  const Mesh source = test::appended(test::rough_sphere(3, 0.2), small);
+  Mesh target = source;
+  target.positions.col(1) *= 1.1;
+  const Positions pose = bent(source.positions);
+  TransferOptions options;
+  options.placing = Placing::vertices;
+  options.anchors = {5, 11};
+  for (const Anchor anchor : {Anchor::vertices, Anchor::pinned, Anchor::centroid}) {
+    options.anchor = anchor;
+    MeshTransfer transfer(source, target, same_topology(source, target), options);
+    const Positions found = transfer.apply(pose, false);
+    REQUIRE(found.allFinite());
+    const Eigen::RowVector3d mean = 0.5 * (found.row(5) + found.row(11)),
+                             was = 0.5 * (target.positions.row(5) + target.positions.row(11));
+    if (anchor != Anchor::centroid) CHECK((mean - was).norm() < 1e-9);
+    if (anchor == Anchor::pinned) CHECK((found.row(5) - target.positions.row(5)).norm() < 1e-12);
+  }
+}
+
+TEST_CASE("the number of threads changes no bit of places and contacts", "[threads]") {
+  const Lids source(0.04), target(0.05);
+  TransferOptions options;
+  options.placing = Placing::vertices;
+  const auto result = [&](int threads) {
+    options.threads = threads;
+    MeshTransfer transfer(source.mesh, target.mesh, same_topology(source.mesh, target.mesh),
+                          options);
+    return Positions(transfer.apply(Lids::closed(source.mesh.positions, 0.039), false));
+  };
+  CHECK(result(1) == result(3));
+}
