@@ -99,10 +99,10 @@ ANCHORS = (
     ('VERTICES', "Group's Mean", "The vertices of the anchor group stay in place on average"),
     ('PINNED', "Pinned Group", "Each vertex of the anchor group stays in place"))
 PLACINGS = (
-    ('VERTICES', "As the Source",
-     "What has a shape like the source's goes where the source goes, and lids and lips that close there close here"),
     ('COMPONENTS', "By Turns Alone",
-     "Each loose part goes along as a whole; within it turns and stretches alone decide. Twice to three times as fast"))
+     "Each loose part goes along as a whole; within it turns and stretches alone decide. Two to four times as fast"),
+    ('VERTICES', "As the Source",
+     "What has a shape like the source's goes where the source goes, and lids and lips that close there close here"))
 BASE_DEFORMERS = (
     ('AUTOMATIC', "Automatic",
      "Linear where no handle turns by more than 135 degrees against another one or what is fixed, Motions from 180 "

@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// One head's shape keys on another of another topology, where the truth is known: IDENTITY is a mesh
+// of the same topology as REST, cut anew with three times the triangles, and what a key does to it
+// is what it does to REST. Pairs are found by markers, vertices far from one another. Mean error in
+// percent of the box by gradients alone, with the places of the source, and by the displacement of
+// the nearest point of the fitted source; and of keys that close something (an eye, a mouth) what
+// gap they leave, in parts of the truth's. Of the largest loose part alone.
+//
+//   keys [--markers 11] [--turned 0] REST.obj IDENTITY.obj KEY.obj...
+//   turned: degrees by which the data of IDENTITY are turned about (1, 2, 3)
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "mesh/aabb_tree.h"
+#include "mesh/point_grid.h"
+#include "mesh/topology.h"
+#include "mesh/triangles.h"
+#include "mesh/unit_box.h"
+#include "mesh_files.h"
+#include "support/rotations.h"
+#include "transfer/mesh_transfer.h"
+#include "transfer/registration.h"
+
+namespace {
+
+using dd::Index;
+using dd::Mesh;
+using dd::Positions;
+
+/// Vertices of the largest loose part.
+std::vector<int> largest_part(const Mesh& mesh) {
+  const dd::Components parts(mesh.triangles, mesh.vertex_count());
+  std::vector<int> sizes(size_t(parts.count), 0), result;
+  for (int part : parts.of_vertex) ++sizes[size_t(part)];
+  const auto largest = std::max_element(sizes.begin(), sizes.end()) - sizes.begin();
+  for (int v = 0; v < mesh.vertex_count(); ++v)
+    if (parts.of_vertex[size_t(v)] == largest) result.push_back(v);
+  return result;
+}
+
+Mesh part_of(const Mesh& mesh, const std::vector<int>& vertices) {
+  std::vector<int> number(size_t(mesh.vertex_count()), -1);
+  Mesh part;
+  part.positions.resize(Index(vertices.size()), 3);
+  for (size_t i = 0; i < vertices.size(); ++i) {
+    number[size_t(vertices[i])] = int(i);
+    part.positions.row(Index(i)) = mesh.positions.row(vertices[i]);
+  }
+  std::vector<int> corners;
+  for (int j = 0; j < mesh.triangle_count(); ++j)
+    if (number[size_t(mesh.triangles(j, 0))] >= 0)
+      for (int k = 0; k < 3; ++k) corners.push_back(number[size_t(mesh.triangles(j, k))]);
+  part.triangles = Eigen::Map<dd::Triangles>(corners.data(), Index(corners.size() / 3), 3);
+  return part;
+}
+
+/// The vertices and the triangles' centres, as places of a mesh that was cut anew.
+Positions cut_anew(const Positions& p, const dd::Triangles& t) {
+  Positions result(p.rows() + t.rows(), 3);
+  result.topRows(p.rows()) = p;
+  for (int j = 0; j < t.rows(); ++j)
+    result.row(p.rows() + j) = dd::triangle_centre(p, t, j).transpose();
+  return result;
+}
+
+/// Each edge between two triangles gives way to that between their centres.
+dd::Triangles cut_anew(const dd::Triangles& t, int vertex_count) {
+  std::vector<int> corners;
+  const dd::Edges edges(t);
+  for (int edge = 0; edge < edges.count(); ++edge) {
+    const dd::Edges::Range sides = edges.of(edge);
+    const auto side = [&](int i) { return *(sides.begin() + i); };
+    const auto corner = [&](int i, int k) {
+      return t(side(i).triangle(), (side(i).number % 3 + k) % 3);
+    };
+    const int centre = vertex_count + side(0).triangle();
+    if (sides.size() == 2 && corner(0, 0) == corner(1, 1)) {
+      const int other = vertex_count + side(1).triangle();
+      corners.insert(corners.end(), {corner(0, 0), other, centre, corner(0, 1), centre, other});
+    } else {
+      for (int i = 0; i < sides.size(); ++i)
+        corners.insert(corners.end(),
+                       {corner(i, 0), corner(i, 1), vertex_count + side(i).triangle()});
+    }
+  }
+  return Eigen::Map<dd::Triangles>(corners.data(), Index(corners.size() / 3), 3);
+}
+
+/// Vertices as far from one another as can be.
+std::vector<int> far_vertices(const Positions& p, int count) {
+  std::vector<int> result;
+  Eigen::VectorXd distances = (p.rowwise() - p.colwise().mean()).rowwise().norm();
+  for (int i = 0; i < count; ++i) {
+    Index farthest;
+    distances.maxCoeff(&farthest);
+    if (i == 0) distances.setConstant(1e300);
+    result.push_back(int(farthest));
+    distances = distances.cwiseMin((p.rowwise() - p.row(farthest)).rowwise().norm());
+  }
+  return result;
+}
+
+/// Pairs of vertices that a pose brings to a third of their distance and next to one another.
+dd::Pairs closing(const Positions& rest, const Positions& posed) {
+  const double box = dd::bounding_box_diagonal(rest);
+  std::vector<int> all(size_t(rest.rows()));
+  for (size_t i = 0; i < all.size(); ++i) all[i] = int(i);
+  const dd::PointGrid grid(posed, all, 0.003 * box);
+  dd::Pairs pairs;
+  for (int k = 0; k < grid.count(); ++k) {
+    int nearest = -1;
+    double least = 1e300;
+    grid.near(k, [&](int l, double squared) {
+      const double apart = (rest.row(grid.point(k)) - rest.row(grid.point(l))).norm();
+      if (apart > 0.008 * box && apart > 3 * std::sqrt(squared) && squared < least) {
+        least = squared;
+        nearest = grid.point(l);
+      }
+    });
+    if (nearest >= 0) pairs.push_back({grid.point(k), nearest});
+  }
+  return pairs;
+}
+
+double mean_gap(const Positions& p, const dd::Pairs& pairs) {
+  double sum = 0;
+  for (const auto& [i, j] : pairs) sum += (p.row(i) - p.row(j)).norm();
+  return sum / double(pairs.size());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  int marker_count = 11;
+  double turned = 0;
+  std::vector<std::string> files;
+  for (int i = 1; i < argc; ++i) {
+    if (!std::strcmp(argv[i], "--markers") && i + 1 < argc)
+      marker_count = std::atoi(argv[++i]);
+    else if (!std::strcmp(argv[i], "--turned") && i + 1 < argc)
+      turned = std::atof(argv[++i]);
+    else
+      files.push_back(argv[i]);
+  }
+  if (files.size() < 3) {
+    std::fprintf(stderr, "keys [--markers 11] [--turned 0] REST.obj IDENTITY.obj KEY.obj...\n");
+    return 2;
+  }
+  const Mesh whole = dd::bench::mesh_from_file(files[0]);
+  const std::vector<int> part = largest_part(whole);
+  const Mesh source = part_of(whole, part);
+  const auto read = [&](const std::string& file) {
+    const Mesh mesh = dd::bench::mesh_from_file(file);
+    if (mesh.vertex_count() != whole.vertex_count())
+      throw std::runtime_error(file + " has another number of vertices than " + files[0]);
+    return part_of(mesh, part).positions;
+  };
+  const Eigen::Matrix3d turn =
+      dd::rotation_by(turned * dd::kPi / 180 * Eigen::Vector3d(1, 2, 3).normalized());
+  const Positions identity = read(files[1]) * turn.transpose();
+  const Mesh target = {cut_anew(identity, source.triangles),
+                       cut_anew(source.triangles, source.vertex_count())};
+  const double box = dd::bounding_box_diagonal(target.positions);
+
+  dd::Pairs markers;
+  for (int v : far_vertices(source.positions, marker_count)) markers.push_back({v, v});
+  const Mesh fitted = {dd::register_onto(source, target, markers, {}), source.triangles};
+  const dd::Match match = dd::match_triangles(fitted, target, 0.1);
+  dd::TransferOptions options;
+  dd::MeshTransfer gradients(source, target, match.correspondence, options);
+  options.placing = dd::Placing::vertices;
+  dd::MeshTransfer places(source, target, match.correspondence, options);
+  const dd::AabbTree tree(fitted);
+
+  double sums[3] = {}, largest[3] = {}, largest_move = 0;
+  std::string what_moves;
+  const size_t count = files.size() - 2;
+  std::printf("%d and %d triangles, %d markers\n", source.triangle_count(), target.triangle_count(),
+              int(markers.size()));
+  for (size_t i = 2; i < files.size(); ++i) {
+    const Positions pose = read(files[i]), moves = pose - source.positions;
+    const Positions truth = target.positions + cut_anew(moves, source.triangles) * turn.transpose();
+    Positions nearest = target.positions;
+    for (Index v = 0; v < nearest.rows(); ++v) {
+      const dd::PointOnTriangle point =
+          tree.nearest(target.positions.row(v).transpose(), box, [](int) { return true; });
+      for (int k = 0; k < 3; ++k)
+        nearest.row(v) +=
+            point.weights[k] * moves.row(source.triangles(point.triangle, k)) * turn.transpose();
+    }
+    const Positions found[3] = {gradients.apply(pose, false), places.apply(pose, false), nearest};
+    for (int way = 0; way < 3; ++way) {
+      const Eigen::VectorXd error = (found[way] - truth).rowwise().norm() * (100 / box);
+      sums[way] += error.mean();
+      largest[way] = std::max(largest[way], error.maxCoeff());
+    }
+    const double move = (found[1] - target.positions).rowwise().norm().maxCoeff() /
+                        std::max(1e-9 * box, moves.rowwise().norm().maxCoeff());
+    if (move > largest_move) largest_move = move, what_moves = files[i];
+    const dd::Pairs pairs = closing(target.positions, truth);
+    const size_t name = files[i].find_last_of('/') + 1;
+    if (pairs.size() > 50)
+      std::printf("%-24s gap, in parts of the truth's: %.2f %.2f %.2f\n", files[i].c_str() + name,
+                  mean_gap(found[0], pairs) / mean_gap(truth, pairs),
+                  mean_gap(found[1], pairs) / mean_gap(truth, pairs),
+                  mean_gap(found[2], pairs) / mean_gap(truth, pairs));
+  }
+  std::printf("%zu keys: by gradients, with places, by the nearest point\n", count);
+  std::printf("mean error, %% of the box: %.4f %.4f %.4f\n", sums[0] / double(count),
+              sums[1] / double(count), sums[2] / double(count));
+  std::printf("largest: %.2f %.2f %.2f\n", largest[0], largest[1], largest[2]);
+  std::printf("no vertex moves farther than %.2f times what the source's do (%s)\n", largest_move,
+              what_moves.c_str());
+  return 0;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "%s\n", error.what());
+  return 1;
+}
