@@ -31,8 +31,8 @@ class TransferChoices(LongOperator):
     alike_names: BoolProperty(
         name="Alike Names", default=False,
         description="A key goes to one whose name differs in case, separators and the spelling of left and right "
-                    "alone, as eyeBlinkLeft, EyeBlink_L and eye_blink_left do, if there is one. One that was not "
-                    "transferred before is left as it is without Replace")
+                    "alone, as jawLeft, jaw_L and left.jaw do, if there is one. One that was not transferred before "
+                    "gets another one beside it, unless Replace is on")
     names_file: StringProperty(
         name="Key Names", subtype='FILE_PATH', options=PATH_OPTIONS,
         description="Text file that says which key goes to a key of another name, one pair a line: the source's name, "

@@ -7,7 +7,7 @@ import bpy
 from bpy.props import CollectionProperty, EnumProperty, StringProperty
 
 from ..library.options import CORRESPONDENCES
-from ..results import transfer, transfer_many, transfer_table
+from ..results import point_cache, transfer, transfer_many, transfer_table
 from ..results.transfer_table import Row
 from ..scene import correspondence
 from ..scene.mesh_data import MeshProblem
@@ -32,8 +32,8 @@ class OBJECT_OT_detail_deform_transfer_many(TransferChoices, bpy.types.Operator)
                *CORRESPONDENCES])
     lists: StringProperty(
         name="Lists", subtype='DIR_PATH', options=PATH_OPTIONS,
-        description="Folder of text files with pairs as Write Match to File makes them, each called as its target, such "
-                    "as Head.txt")
+        description="Folder of text files with pairs as Write Match to File makes them, each called as its target with "
+                    ".txt behind it")
     targets: CollectionProperty(
         name="Targets", type=bpy.types.OperatorFileListElement, options={'SKIP_SAVE', 'HIDDEN'},
         description="Names of the mesh objects to transfer to; the selected ones unless given")
@@ -62,6 +62,8 @@ class OBJECT_OT_detail_deform_transfer_many(TransferChoices, bpy.types.Operator)
         common = self.wanted(context, source, **dict.fromkeys(_OF_TARGET), correspondence=self.correspondence,
                              lists=self.lists, cache_path="")
         transfer.check(source, common)
+        if self.what == 'ANIMATION' and self.bake_as == 'CACHE':
+            point_cache.absolute('//')  # each goes beside this file
         heading = f"Detail Deform: from '{source.name}', {_TITLES[self.what]}"
         return self.start(context, self._reported(transfer_many.begin(
             context, source, rows, lambda target: self._wanted_of(common, target), heading, self._tell), rows))
