@@ -52,6 +52,7 @@ def write(source, heading, rows):
         kept[_OURS] = True
     kept.clear()
     kept.write('\n'.join([heading, summary(rows)[1] + ".", "", *lines, ""]))
+    kept.cursor_set(0)  # where the Text Editor begins
     for row in rows:
         if row.outcome or row.failure:
             note(source, row.name, row.failure)
