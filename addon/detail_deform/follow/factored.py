@@ -44,6 +44,8 @@ def prepare(source, target, matched, anchor, anchor_group, formulation):
 
 def _keep(content, found, size):
     """Whether there was room."""
+    if size > _MOST_BYTES:
+        return False
     for other in [other for other in _kept if other not in _used]:
         if size + sum(each for _, each in _kept.values()) <= _MOST_BYTES:
             break

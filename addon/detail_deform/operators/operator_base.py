@@ -37,7 +37,7 @@ class MeshOperator:
     def execute(self, context):
         ob = self.object_of(context)
         try:
-            self.check(ob)
+            self.check_usable(ob)
             result = self.run(context, ob) or {'FINISHED'}
         except words.TOLD as problem:
             self.report({'ERROR'}, words.said(ob, problem))
@@ -48,7 +48,7 @@ class MeshOperator:
             bpy.data.texts.remove(bpy.data.texts.new("."))
         return result
 
-    def check(self, ob):
+    def check_usable(self, ob):
         """Raises MeshProblem where it may not work on this object."""
         mesh_data.check_editable(ob)
 

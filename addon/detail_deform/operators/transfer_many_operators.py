@@ -38,7 +38,7 @@ class OBJECT_OT_detail_deform_transfer_many(TransferChoices, bpy.types.Operator)
         name="Targets", type=bpy.types.OperatorFileListElement, options={'SKIP_SAVE', 'HIDDEN'},
         description="Names of the mesh objects to transfer to; the selected ones unless given")
 
-    def check(self, ob):
+    def check_usable(self, ob):
         """Nothing of it is changed, so it may be another file's."""
 
     def invoke(self, context, event):

@@ -58,43 +58,49 @@ def from_pose(context, prepared, source, target, wanted):
 
 def from_keys(prepared, source, target, keys, wanted):
     """Generator: shape keys with the names, ranges and values of the source's; yields the fraction done and returns the
-    Outcome. One that was there before keeps its value, its drivers and animation, and what of its range and group the user
+    Outcome. One that was there before keeps its value, drivers and animation, and what of its range and group the user
     has changed. Nothing is changed before all shapes are there."""
     present = target.data.shape_keys
-    places = key_names.places([key.name for key in keys], [
-        key.name for key in present.key_blocks if key != present.reference_key] if present else [],
-        wanted.names, wanted.alike_names)
-    offsets, left_out = {}, {}
-    for number, key in enumerate(keys, 1):
-        if places[key.name] is None:
-            left_out[key.name] = "another key goes to the one of that name here"
-        else:
-            try:
-                offsets[key.name] = _offset(prepared, target, mesh_data.key_shape(source.data, key),
-                                            wanted.rotation_only)
-            except native.NativeError as error:
-                if len(keys) == 1:
-                    raise
-                left_out[key.name] = str(error).rstrip('.')
-        yield number / len(keys)
-    if not offsets:
-        raise MeshProblem(f"No shape key could be transferred: {reasons(left_out)}.")
+    there = [key.name for key in present.key_blocks if key != present.reference_key] if present else []
+    places = key_names.places([key.name for key in keys], there, wanted.names, wanted.alike_names)
+    offsets, left_out = yield from _shapes(prepared, source, target, keys, places, wanted.rotation_only)
     made, kept = {}, {'range': [], 'vertex group': []}
     for key in keys:
-        if key.name in offsets:
-            name = places[key.name]
-            copy, given = transferred.put_key(target, name, offsets[key.name], wanted.replace, key.name)
-            _settle(source, target, key, copy, given, kept)
-            if wanted.drivers:
-                _copy_drivers(source.data.shape_keys, key.name, target.data.shape_keys, copy.name,
-                              keep=given is not None)
-            made[name] = copy.name
+        if key.name not in offsets:
+            continue
+        name = places[key.name]
+        copy, given = transferred.put_key(target, name, offsets[key.name], wanted.replace, key.name)
+        _settle(source, target, key, copy, given, kept)
+        if wanted.drivers:
+            _copy_drivers(source.data.shape_keys, key.name, target.data.shape_keys, copy.name, keep=given is not None)
+        made[name] = copy.name
     target.data.update_tag()
     remarks = _beside(target, made)
     remarks += [f"Kept as it was changed here: {what} of {listed(names)}." for what, names in kept.items() if names]
     if wanted.what == 'ALL_KEYS':
         remarks += _gone(source, target)
     return Outcome(list(made.values()), left_out=left_out, remarks=remarks)
+
+
+def _shapes(prepared, source, target, keys, places, rotation_only):
+    """Generator of the fraction done; gives {key's name: offsets} and {key's name: why there are none}. places: of
+    key_names.places(). Raises MeshProblem where there are none at all."""
+    offsets, left_out = {}, {}
+    for number, key in enumerate(keys, 1):
+        try:
+            if places[key.name] is None:
+                left_out[key.name] = "another key goes to the one of that name here"
+            else:
+                shape = mesh_data.key_shape(source.data, key)
+                offsets[key.name] = _offset(prepared, target, shape, rotation_only)
+        except native.NativeError as error:
+            if len(keys) == 1:
+                raise
+            left_out[key.name] = str(error).rstrip('.')
+        yield number / len(keys)
+    if not offsets:
+        raise MeshProblem(f"No shape key could be transferred: {reasons(left_out)}.")
+    return offsets, left_out
 
 
 def _settle(source, target, key, copy, given, kept):
@@ -134,8 +140,9 @@ def _beside(target, made):
 
 
 def _gone(source, target):
-    gone = [name for name, given in transferred.made_keys(target).items() if given.get('source') == source.name
-            and given.get('key') and given['key'] not in source.data.shape_keys.key_blocks]
+    there = source.data.shape_keys.key_blocks.keys()
+    gone = [name for name, given in transferred.made_keys(target).items()
+            if given.get('source') == source.name and given.get('key', there[0]) not in there]
     return [f"Left as they are, for '{source.name}' has them no more: {listed(gone)}."] if gone else []
 
 

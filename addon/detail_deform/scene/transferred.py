@@ -18,7 +18,7 @@ def made_keys(target):
         return {}
     try:
         known = json.loads(text)
-    except ValueError:  # names alone, as they were kept before
+    except (ValueError, RecursionError):  # names alone, as they were kept before
         known = {name: {} for name in text.split('\n')}
     return {name: given for name, given in known.items()
             if name in keys.key_blocks and isinstance(given, dict)} if isinstance(known, dict) else {}

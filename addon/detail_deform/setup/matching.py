@@ -60,10 +60,10 @@ def automatic(source, target, folder):
     if path and os.path.exists(path):
         return 'LIST', path, pairs_of
     kept = correspondence.stored_for(target)
-    raise MeshProblem(f"'{target.name}' has other vertices or faces than '{source.name}', "
-                      f"{f'a Saved Match for {kept!r} as it was' if kept else 'no Saved Match'}, fewer than "
-                      f"{markers.FEWEST} markers with the same numbers, and no list: set markers on both, or press Find "
-                      "Match there.")
+    match = f"a Saved Match for '{kept}' as it was" if kept else "no Saved Match"
+    raise MeshProblem(f"'{target.name}' has other vertices or faces than '{source.name}', {match}, fewer than "
+                      f"{markers.FEWEST} markers with the same numbers, and no list: set markers on both, or press "
+                      "Find Match there.")
 
 
 def list_in(folder, target):

@@ -119,7 +119,8 @@ class OBJECT_PT_detail_deform_source(ModifierPanel, bpy.types.Panel):
         for entry in failed[:_FAILED_SHOWN]:
             row = layout.row()
             row.label(text=entry.name, icon='MESH_DATA')
-            row.operator('object.detail_deform_target_activate', text="", icon='RESTRICT_SELECT_OFF').target = entry.name
+            button = row.operator('object.detail_deform_target_activate', text="", icon='RESTRICT_SELECT_OFF')
+            button.target = entry.name
             draw_text(layout, context, entry.reason, 'BLANK1')
         text = transfer_table.text()
         if text:

@@ -367,7 +367,7 @@ def transferring_to_many():
     with in_view():
         bpy.ops.mesh.primitive_monkey_add()
         source = bpy.context.object
-        source.modifiers.new("Dense", 'SUBSURF').levels = 4
+        source.modifiers.new("Dense", 'SUBSURF').levels = 3
         bpy.ops.object.modifier_apply(modifier="Dense")
     targets = []
     for number in range(8):
