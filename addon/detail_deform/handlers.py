@@ -4,7 +4,7 @@
 import bpy
 from bpy.app.handlers import persistent
 
-from .follow import auto_bind, drag, edits, life, registry
+from .follow import auto_bind, drag, edits, factored, life, registry
 from .ui import known_markers, preview
 
 # With nothing bound, neither of these two goes through what a scene has or what was changed.
@@ -63,6 +63,7 @@ def _file_loaded(*_):
     """No undo leads back: the memory of what was bound in the last file is given back."""
     _data_replaced()
     life.drop_unused(spares=False)
+    factored.clear()
 
 
 _HANDLERS = (('depsgraph_update_post', _depsgraph_updated), ('frame_change_post', _frame_changed),
@@ -85,4 +86,5 @@ def unregister():
     life.when_stale.clear()
     auto_bind.clear()
     edits.clear()
+    factored.clear()
     life.clear()

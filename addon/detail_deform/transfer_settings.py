@@ -2,7 +2,7 @@
 """Object.detail_deform.transfer: from where and how deformations are carried over to this mesh."""
 
 import bpy
-from bpy.props import BoolProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringProperty
 
 from .declared import declare
 from .follow import life, live_transfer
@@ -24,6 +24,11 @@ def _preview_changed(self, context):
     preview.forget()
 
 
+class DetailDeformTransferFailure(bpy.types.PropertyGroup):
+    """A target that a transfer to many has failed on; its name is the object's."""
+    reason: StringProperty(name="Reason", description="Why it failed, and what to do")
+
+
 class DetailDeformTransfer(bpy.types.PropertyGroup):
     source: PointerProperty(
         name="Source", type=bpy.types.Object, update=_source_changed,
@@ -41,6 +46,9 @@ class DetailDeformTransfer(bpy.types.PropertyGroup):
     state: StringProperty(
         name="State", get=lambda self: live_transfer.state(self.id_data),
         description="Whom this mesh follows, or what is wrong and what to do")
+    failed: CollectionProperty(
+        name="Failed", type=DetailDeformTransferFailure,
+        description="Meshes that this one could not be transferred to, and why")
     live: BoolProperty(options={'HIDDEN'})
     prepared_for: StringProperty(options={'HIDDEN'})
     problem: StringProperty(options={'HIDDEN'})
@@ -50,4 +58,4 @@ _READ_AT_THE_START = {'filepath', 'pairs_of'}  # of following or transferring
 declare(DetailDeformTransfer, TRANSFER_SETTINGS,
         lambda option: None if option.name in _READ_AT_THE_START else _changed)
 
-register, unregister = bpy.utils.register_classes_factory((DetailDeformTransfer,))
+register, unregister = bpy.utils.register_classes_factory((DetailDeformTransferFailure, DetailDeformTransfer))

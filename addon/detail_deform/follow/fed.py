@@ -63,13 +63,8 @@ def content(source, ob, to_keep=None):
     how, kept = of.correspondence, correspondence.digest(ob)
     if to_keep:
         how, kept = 'STORED', correspondence.digest_of(to_keep)
-    anchors = ""
-    if of.anchor_group in ob.vertex_groups and of.anchor in {'VERTICES', 'PINNED'}:
-        anchors = mesh_data.signature(mesh_data.members(ob, of.anchor_group))
-    meshes = [mesh_data.signature(mesh_data.rest(side.data)) + mesh_data.topology_signature(side.data)
-              for side in (source, ob)]
-    scales = [mesh_data.signature(prepared.proportions(side)) for side in (source, ob)]
-    return '.'.join([*meshes, how, kept if how == 'STORED' else "", of.anchor, anchors, of.formulation, *scales])
+    return prepared.content(source, ob, f"{how}.{kept if how == 'STORED' else ''}", of.anchor, of.anchor_group,
+                            of.formulation)
 
 
 def _owner(ob):

@@ -43,6 +43,7 @@ class Preparation:
                                        anchors=_anchors(target, anchor, anchor_group), formulation=formulation,
                                        precision=precision)
         self.progress, self.cancel, self.close = self._job.progress, self._job.cancel, self._job.close
+        self.fractions = self._job.fractions
 
     @property
     def cancelled(self):
@@ -56,9 +57,15 @@ class Preparation:
         return Prepared(self._job.finish(), *self._sides)
 
 
-def prepare(source, target, matched, anchor, anchor_group, formulation='SURFACE'):
-    """The factored transfer of these objects, as of Preparation. Raises MeshProblem or native.NativeError."""
-    return Preparation(source, target, matched, anchor, anchor_group, formulation).finish()
+def content(source, target, by, anchor, anchor_group, formulation):
+    """What a prepared transfer depends on: equal texts, equal content. by: the same of what corresponds."""
+    anchors = ""
+    if anchor_group in target.vertex_groups and anchor in {'VERTICES', 'PINNED'}:
+        anchors = mesh_data.signature(mesh_data.members(target, anchor_group))
+    meshes = [mesh_data.signature(mesh_data.rest(side.data)) + mesh_data.topology_signature(side.data)
+              for side in (source, target)]
+    scales = [mesh_data.signature(proportions(side)) for side in (source, target)]
+    return '.'.join([*meshes, by, anchor, anchors, formulation, *scales])
 
 
 def _anchors(target, anchor, anchor_group):

@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Work under way in a thread of the library."""
 
+import time
+
 from .loading import Owned, call, vertices
 from .structs import JOB_STATES, NativeError, Progress
+
+_POLL_SECONDS = 0.02
 
 
 class Job(Owned):
@@ -20,6 +24,15 @@ class Job(Owned):
         progress = Progress()
         call('dd_job_poll', self, progress)
         return progress.state == JOB_STATES['RUNNING'], progress.fraction, progress.stage.decode()
+
+    def fractions(self):
+        """Generator of the fraction done, until it is over."""
+        running = True
+        while running:
+            running, fraction, _ = self.progress()
+            yield fraction
+            if running:
+                time.sleep(_POLL_SECONDS)
 
     def cancel(self):
         """Takes effect soon, but not at once."""

@@ -127,7 +127,7 @@ _BASES = (
 _WEIGHTS_BY = (
     ('HANDLES', "Handles", "The weights are those that fit the handles best"),
     ('SLIDERS', "Sliders", "The weights are set by hand, and the handles let go"))
-_CORRESPONDENCES = (
+CORRESPONDENCES = (
     ('TOPOLOGY', "Same Topology", "Both meshes have the same vertices and faces in the same order"),
     ('MARKERS', "Markers", "A few places are marked on both meshes, by vertex groups or empties named Marker 1, Marker "
                            "2 and so on; the rest is found by fitting the source to this mesh"),
@@ -279,7 +279,7 @@ SETTINGS = (
 
 # Of Object.detail_deform.transfer, and arguments of the operator that transfers.
 TRANSFER_SETTINGS = (
-    Option('correspondence', _CORRESPONDENCES, "Match By",
+    Option('correspondence', CORRESPONDENCES, "Match By",
            "How it is known which part of the source belongs to which of this mesh", section='CORRESPONDENCE',
            told="How it is known which part of the source belongs to which of this mesh; as in the panel unless given"),
     Option('filepath', str, "List",

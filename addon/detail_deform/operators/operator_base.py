@@ -37,7 +37,7 @@ class MeshOperator:
     def execute(self, context):
         ob = self.object_of(context)
         try:
-            mesh_data.check_editable(ob)
+            self.check_usable(ob)
             result = self.run(context, ob) or {'FINISHED'}
         except words.TOLD as problem:
             self.report({'ERROR'}, words.said(ob, problem))
@@ -47,6 +47,10 @@ class MeshOperator:
             # settings must go back with it.
             bpy.data.texts.remove(bpy.data.texts.new("."))
         return result
+
+    def check_usable(self, ob):
+        """Raises MeshProblem where it may not work on this object."""
+        mesh_data.check_editable(ob)
 
     def given(self, name, otherwise):
         """A property's value where the caller has set it."""
@@ -95,6 +99,7 @@ class LongOperator(MeshOperator):
     with progress and Esc, from scripts at once."""
     doing = ""  # as the status bar says it
     interactive = False
+    keeps_part = False  # whether something was done that stays when the rest is cancelled: then undo takes it back
     _work = _progress = None
 
     def frame_range(self, context):
@@ -115,7 +120,8 @@ class LongOperator(MeshOperator):
 
     def modal(self, context, event):
         if event.type == 'ESC':
-            return self._end(context, {'CANCELLED'})
+            self._end(context, None)
+            return {'FINISHED'} if self.keeps_part else {'CANCELLED'}
         if event.type != 'TIMER':
             return {'RUNNING_MODAL'}
         until = time.monotonic() + _TICK_SECONDS

@@ -3,16 +3,17 @@
 bpy.ops.object.detail_deform_transfer..."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, IntProperty, StringProperty
 
 from ..declared import declare
-from ..follow import live_transfer
+from ..follow import factored, live_transfer
 from ..library.options import TRANSFER_SETTINGS
-from ..results import transfer
-from ..scene import correspondence, mesh_data
+from ..results import transfer, transfer_table
+from ..scene import correspondence, files, mesh_data
 from ..scene.selection import go_to
 from ..setup import marker_check, markers, matching, pair_lists
 from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
+from .transfer_choices import TransferChoices
 
 
 def _source_of(ob, name):
@@ -23,7 +24,7 @@ def _source_of(ob, name):
     return source
 
 
-class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
     bl_idname = 'object.detail_deform_transfer'
     bl_label = "Transfer Deformation"
     bl_description = "Deform this mesh as another one is deformed. Esc cancels"
@@ -32,29 +33,6 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
     source: StringProperty(
         name="Source", options={'SKIP_SAVE'},
         description="Name of the mesh object whose deformation is transferred; that of the panel unless given")
-    what: EnumProperty(
-        name="What", default='POSE', description="What of the source's deformation is transferred",
-        items=[('POSE', "Current Pose", "What its modifiers and shape keys make of it now, as a shape key"),
-               ('ACTIVE_KEY', "Active Shape Key", "Its active shape key, as one of the same name"),
-               ('ALL_KEYS', "All Shape Keys", "Each of its shape keys, as one of the same name and range"),
-               ('ANIMATION', "Animation",
-                "A range of frames, as a cache that a Mesh Cache modifier plays, or as keyed shape keys")])
-    pattern: StringProperty(
-        name="Keys", default="*", options={'SKIP_SAVE'},
-        description="Of all shape keys those whose names fit, such as mouth* (* stands for any letters)")
-    replace: BoolProperty(
-        name="Replace", default=False,
-        description="Give shape keys of the same names that were not transferred before the new shape, too, instead of "
-                    "adding others beside them")
-    drivers: BoolProperty(
-        name="Copy Drivers", default=False,
-        description="Copy the drivers of the source's shape keys to the new ones")
-    bake_as: EnumProperty(
-        name="As", description="What an animation is kept as",
-        items=[('CACHE', "Mesh Cache", "A point cache (PC2), played by a Mesh Cache modifier"),
-               ('SHAPE_KEYS', "Shape Keys", "A keyed shape key for each frame: for few frames")])
-    frame_start: IntProperty(name="First Frame", options={'SKIP_SAVE'}, description="That of the scene unless given")
-    frame_end: IntProperty(name="Last Frame", options={'SKIP_SAVE'}, description="That of the scene unless given")
     cache_path: StringProperty(
         name="Cache", subtype='FILE_PATH', options=PATH_OPTIONS,
         description="Where an animation's cache goes; beside this file unless given")
@@ -78,19 +56,9 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
         layout.use_property_split = True
         column = layout.column()
         column.prop_search(self, 'source', bpy.data, 'objects')
-        column.prop(self, 'what')
-        if self.what == 'ALL_KEYS':
-            column.prop(self, 'pattern')
-        if self.what == 'ANIMATION':
-            column.prop(self, 'bake_as')
-            column.prop(self, 'frame_start')
-            column.prop(self, 'frame_end')
-            if self.bake_as == 'CACHE':
-                column.prop(self, 'cache_path')
-        else:
-            column.prop(self, 'replace')
-        if self.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
-            column.prop(self, 'drivers')
+        self.draw_choices(column)
+        if self.what == 'ANIMATION' and self.bake_as == 'CACHE':
+            column.prop(self, 'cache_path')
         column.separator()
         column.prop(self, 'correspondence')
         if self.correspondence == 'LIST':
@@ -102,23 +70,19 @@ class OBJECT_OT_detail_deform_transfer(LongOperator, bpy.types.Operator):
             column.prop_search(self, 'anchor_group', context.active_object, 'vertex_groups')
 
     def run(self, context, ob):
-        mesh_data.check_object(ob)
-        work = transfer.begin(context, _source_of(ob, self.source), ob, self._wanted(context, ob))
-        return self.start(context, self._reported(work))
-
-    def _wanted(self, context, ob):
+        source = _source_of(ob, self.source)
         settings = ob.detail_deform.transfer
         as_in_panel = {name: self.given(name, getattr(settings, name)) for name in (
             'correspondence', 'pairs_of', 'rotation_only', 'anchor', 'formulation')}
-        start, end = self.frame_range(context)
-        return transfer.Wanted(
-            **as_in_panel, what=self.what, filepath=self.filepath or settings.filepath,
-            anchor_group=self.anchor_group or settings.anchor_group, pattern=self.pattern, replace=self.replace,
-            drivers=self.drivers, bake_as=self.bake_as, start=start, end=end,
-            cache_path=self.cache_path)
+        wanted = self.wanted(context, source, **as_in_panel, filepath=self.filepath or settings.filepath,
+                             anchor_group=self.anchor_group or settings.anchor_group, cache_path=self.cache_path)
+        factored.begin_run()
+        return self.start(context, self._reported(source, ob, transfer.begin(context, source, ob, wanted)))
 
-    def _reported(self, work):
-        for sentence in (yield from work):
+    def _reported(self, source, ob, work):
+        outcome = yield from work
+        transfer_table.note(source, ob.name, "")
+        for sentence in (f"{outcome.made()} from '{source.name}' in {outcome.seconds:.1f} s", *outcome.notes()):
             self.report({'INFO'}, sentence)
 
 
@@ -179,7 +143,7 @@ class OBJECT_OT_detail_deform_transfer_save(MeshOperator, bpy.types.Operator):
         return True
 
     def invoke(self, context, event):
-        self.filepath = self.filepath or "correspondences.txt"
+        self.filepath = self.filepath or files.name_for(context.active_object.name) + ".txt"
         context.window_manager.fileselect_add(self)
         return {'RUNNING_MODAL'}
 

@@ -19,16 +19,18 @@ def check(ob):
 
 
 def add(ob, offsets, start, end):
-    """Generator: a shape key for each frame from start to end, once all are there; yields the fraction done. offsets:
-    a generator of (n, 3), one for each frame."""
-    found = []
+    """Generator: a shape key for each frame from start to end, once all are there; yields the fraction done and
+    returns their names. offsets: a generator of (n, 3), one for each frame."""
+    found, names = [], []
     with contextlib.closing(offsets):
         for of_frame in offsets:
             found.append(of_frame)
             yield len(found) / (end + 1 - start)
     for frame, of_frame in enumerate(found, start):
         key = apply_result.add_key(ob, _NAME.format(frame), of_frame)
+        names.append(key.name)
         for at, value in ((frame - 1, 0.0), (frame, 1.0), (frame + 1, 0.0)):
             if start <= at <= end:
                 key.value = value
                 key.keyframe_insert('value', frame=at)
+    return names

@@ -6,7 +6,7 @@ import os
 
 import bpy
 
-from ..scene import pc2
+from ..scene import files, pc2
 from ..scene.mesh_data import MeshProblem
 
 
@@ -26,7 +26,7 @@ def usual_path(ob, present):
     if not bpy.data.filepath:
         return ""
     stem = os.path.splitext(os.path.basename(bpy.data.filepath))[0]
-    name = ''.join('_' if letter in '\\/:*?"<>|' or ord(letter) < 32 else letter for letter in ob.name)
+    name = files.name_for(ob.name)
     taken = {absolute(modifier.filepath) for other in bpy.data.objects for modifier in other.modifiers
              if modifier.type == 'MESH_CACHE' and modifier.filepath and modifier != present}
     paths = (f"//{stem}_{name}{number}.pc2" for number in ("", *(f" {k}" for k in range(2, 10000))))

@@ -4,20 +4,23 @@
 import dataclasses
 import time
 
-from ..follow import prepared
+from ..follow import factored, prepared
+from ..library.options import CORRESPONDENCES
 from ..scene import correspondence, mesh_data, source_pose, transferred
 from ..scene.mesh_data import MeshProblem
 from ..setup import matching
 from . import frames, keyed_keys, point_cache, transferred_keys
+from .outcome import Outcome
 
-_SHARE_OF_SEARCH = 0.8
+_SHARE_OF_SEARCH, _SHARE_OF_FACTOR = 0.8, 0.3  # of the whole; of the rest
+_TITLES = {name: title for name, title, _ in CORRESPONDENCES}
 
 
 @dataclasses.dataclass
 class Wanted:
     """What is carried over and how: the operator's properties, those of the panel where they are not given."""
     what: str
-    correspondence: str
+    correspondence: str  # or 'AUTOMATIC'
     filepath: str
     pairs_of: str
     rotation_only: bool
@@ -27,10 +30,13 @@ class Wanted:
     pattern: str
     replace: bool
     drivers: bool
+    names: dict  # of key_names.read()
+    alike_names: bool
     bake_as: str
     start: int
     end: int
     cache_path: str
+    lists: str = ""  # a folder
 
 
 def usual_path(ob):
@@ -38,40 +44,62 @@ def usual_path(ob):
     return point_cache.usual_path(ob, transferred.find_cache(ob))
 
 
+def check(source, wanted):
+    """What is wrong with the question, whatever the target. Raises MeshProblem."""
+    if wanted.what == 'ANIMATION':
+        frames.check_range(wanted.start, wanted.end)
+    elif wanted.what != 'POSE':
+        transferred_keys.chosen(source, wanted.what == 'ACTIVE_KEY', wanted.pattern)
+
+
 def begin(context, source, target, wanted):
-    """Generator of the work; yields the fraction done and returns sentences. What is wrong with the question is said
-    here and now. Raises MeshProblem."""
+    """Generator of the work; yields the fraction done and returns the Outcome. What is wrong with the question is said
+    here and now, and until all is there nothing is changed. Raises MeshProblem or native.NativeError."""
+    mesh_data.check_object(target)
+    correspondence.check_source(source, target)
     settings, keys = target.detail_deform.transfer, None
     if settings.live:
         raise MeshProblem(f"'{target.name}' follows '{settings.source.name if settings.source else ''}' already, "
                           "which would be doubled: press Follow to stop that first.")
+    check(source, wanted)
     if wanted.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
         keys = transferred_keys.chosen(source, wanted.what == 'ACTIVE_KEY', wanted.pattern)
     if wanted.what == 'ANIMATION':
-        frames.check_range(wanted.start, wanted.end)
         if wanted.bake_as == 'SHAPE_KEYS':
             keyed_keys.check(target)
         else:
             wanted = dataclasses.replace(wanted, cache_path=wanted.cache_path or usual_path(target))
             point_cache.absolute(wanted.cache_path)
             point_cache.check_time(context)
+    else:
+        transferred_keys.check(target)
+    if wanted.correspondence == 'AUTOMATIC':
+        how, path, pairs_of = matching.automatic(source, target, wanted.lists)
+        wanted = dataclasses.replace(wanted, correspondence=how, filepath=path, pairs_of=pairs_of)
+    elif wanted.correspondence == 'LIST' and wanted.lists:
+        path, pairs_of = matching.list_in(wanted.lists, target)
+        wanted = dataclasses.replace(wanted, filepath=path, pairs_of=pairs_of)
     return _all(context, source, target, keys, wanted)
 
 
 def _all(context, source, target, keys, wanted):
-    share = _SHARE_OF_SEARCH if wanted.correspondence == 'MARKERS' else 0
-    search = matching.find(wanted.correspondence, source, target, wanted.filepath, wanted.pairs_of)
-    matched = yield from _share(search, 0, share)
-    transfer = prepared.prepare(source, target, matched, wanted.anchor, wanted.anchor_group, wanted.formulation)
-    yield share
     started = time.perf_counter()
-    made = yield from _share(_carry(context, transfer, source, target, keys, wanted), share, 1)
+    searched = _SHARE_OF_SEARCH if wanted.correspondence == 'MARKERS' else 0
+    factored_at = searched + _SHARE_OF_FACTOR * (1 - searched)
+    search = matching.find(wanted.correspondence, source, target, wanted.filepath, wanted.pairs_of)
+    matched = yield from share(search, 0, searched)
+    transfer = yield from share(factored.prepare(source, target, matched, wanted.anchor, wanted.anchor_group,
+                                                 wanted.formulation), searched, factored_at)
+    outcome = yield from share(_carry(context, transfer, source, target, keys, wanted), factored_at, 1)
     if matching.must_be_found(wanted.correspondence):
         correspondence.store(matched, source, target)
-    return [f"{made} from '{source.name}' in {time.perf_counter() - started:.1f} s", *prepared.remarks(transfer)]
+    outcome.matched_by = _TITLES[wanted.correspondence]
+    outcome.remarks += prepared.remarks(transfer)
+    outcome.seconds = time.perf_counter() - started
+    return outcome
 
 
-def _share(work, begin, end):
+def share(work, begin, end):
     """Of a longer work: its fractions as part of the whole; returns what it returns."""
     while True:
         try:
@@ -86,30 +114,26 @@ def _share(work, begin, end):
 
 
 def _carry(context, transfer, source, target, keys, wanted):
-    """Generator of the fraction done; returns what was made, in words."""
+    """Generator of the fraction done; returns the Outcome."""
     if wanted.what == 'ANIMATION':
         return (yield from _carry_animation(context, transfer, source, target, wanted))
     if keys is None:
-        names = yield from transferred_keys.from_pose(context, transfer, source, target, wanted.rotation_only,
-                                                      wanted.replace)
-    else:
-        names = yield from transferred_keys.from_keys(transfer, source, target, keys, wanted.rotation_only,
-                                                      wanted.replace, wanted.drivers)
-    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-    return f"Shape {'key' if len(names) == 1 else 'keys'} {', '.join(map(repr, names[:3]))}{more}"
+        return (yield from transferred_keys.from_pose(context, transfer, source, target, wanted))
+    return (yield from transferred_keys.from_keys(transfer, source, target, keys, wanted))
 
 
 def _carry_animation(context, transfer, source, target, wanted):
     """As _carry()."""
-    count = wanted.end + 1 - wanted.start
+    outcome = Outcome(frames=wanted.end + 1 - wanted.start)
     poses = _poses(context, transfer, source, wanted)
     if wanted.bake_as == 'SHAPE_KEYS':
         rest = mesh_data.rest(target.data)
-        yield from keyed_keys.add(target, (pose - rest for pose in poses), wanted.start, wanted.end)
-        return f"{count:,} keyed shape keys"
-    yield from point_cache.write(wanted.cache_path, poses, wanted.start, wanted.end)
-    transferred.use_cache(target, wanted.cache_path, wanted.start)
-    return f"{count:,} frames"
+        offsets = (pose - rest for pose in poses)
+        outcome.names = yield from keyed_keys.add(target, offsets, wanted.start, wanted.end)
+    else:
+        yield from point_cache.write(wanted.cache_path, poses, wanted.start, wanted.end)
+        transferred.use_cache(target, wanted.cache_path, wanted.start)
+    return outcome
 
 
 def _poses(context, transfer, source, wanted):

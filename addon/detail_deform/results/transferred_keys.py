@@ -5,9 +5,11 @@ import fnmatch
 
 import bpy
 
+from ..library import native
 from ..scene import mesh_data, source_pose, transferred
 from ..scene.mesh_data import MeshProblem
-from . import frames
+from . import frames, key_names
+from .outcome import Outcome, listed, reasons
 
 _POSE_NAME = "{} Pose"
 
@@ -28,52 +30,125 @@ def chosen(source, active_only, pattern):
     return fitting
 
 
-def _offsets(prepared, target, poses, count, rotation_only):
-    """Generator: the offsets of the target for each of the source's poses into a list, which it returns; yields
-    the fraction done. Nothing is changed before all are there."""
+def check(target):
+    """Raises MeshProblem where shape keys can't be added."""
     if target.data.shape_keys and not target.data.shape_keys.use_relative:
         raise MeshProblem(f"'{target.name}' has absolute shape keys, which can't be added to: "
                           "make them relative first.")
-    rest, offsets = mesh_data.rest(target.data), []
-    for number, pose in enumerate(poses, 1):
-        offsets.append(prepared.apply(pose, rotation_only) - rest)
-        yield number / count
-    return offsets
 
 
-def from_pose(context, prepared, source, target, rotation_only, replace):
-    """Generator: the source's present pose as a shape key that is shown; yields the fraction done and returns
-    the key's name."""
+def _offset(prepared, target, pose, rotation_only):
+    return prepared.apply(pose, rotation_only) - mesh_data.rest(target.data)
+
+
+def from_pose(context, prepared, source, target, wanted):
+    """Generator: the source's present pose as a shape key that is shown; yields the fraction done and returns the
+    Outcome."""
     frames.settle(context, source)
     pose = source_pose.evaluated_pose(source, context.evaluated_depsgraph_get())
-    offsets, = yield from _offsets(prepared, target, [pose], 1, rotation_only)
-    key = transferred.put_key(target, _POSE_NAME.format(source.name), offsets, replace)
+    offsets = _offset(prepared, target, pose, wanted.rotation_only)
+    yield 1.0
+    name = _POSE_NAME.format(source.name)
+    key, _ = transferred.put_key(target, name, offsets, wanted.replace)
+    transferred.note(target, key, source=source.name)
     key.value = 1
     target.data.update_tag()
-    return [key.name]
+    return Outcome([key.name], remarks=_beside(target, {name: key.name}))
 
 
-def from_keys(prepared, source, target, keys, rotation_only, replace, drivers):
-    """Generator: shape keys with the names, ranges and values of the source's; yields the fraction done and
-    returns their names."""
-    poses = (mesh_data.key_shape(source.data, key) for key in keys)
-    offsets = yield from _offsets(prepared, target, poses, len(keys), rotation_only)
-    names = []
-    for key, of_key in zip(keys, offsets):
-        copy = transferred.put_key(target, key.name, of_key, replace)
-        for prop in ('slider_max', 'slider_min', 'slider_max'):  # one can't pass the other
-            setattr(copy, prop, getattr(key, prop))
-        copy.value, copy.mute = key.value, key.mute
-        copy.vertex_group = key.vertex_group if key.vertex_group in target.vertex_groups else ""
-        names.append(copy.name)
-        if drivers:
-            _copy_drivers(source.data.shape_keys, key.name, target.data.shape_keys, copy.name)
+def from_keys(prepared, source, target, keys, wanted):
+    """Generator: shape keys with the names, ranges and values of the source's; yields the fraction done and returns the
+    Outcome. One that was there before keeps its value, drivers and animation, and what of its range and group the user
+    has changed. Nothing is changed before all shapes are there."""
+    present = target.data.shape_keys
+    there = [key.name for key in present.key_blocks if key != present.reference_key] if present else []
+    places = key_names.places([key.name for key in keys], there, wanted.names, wanted.alike_names)
+    offsets, left_out = yield from _shapes(prepared, source, target, keys, places, wanted.rotation_only)
+    made, kept = {}, {'range': [], 'vertex group': []}
+    for key in keys:
+        if key.name not in offsets:
+            continue
+        name = places[key.name]
+        copy, given = transferred.put_key(target, name, offsets[key.name], wanted.replace, key.name)
+        _settle(source, target, key, copy, given, kept)
+        if wanted.drivers:
+            _copy_drivers(source.data.shape_keys, key.name, target.data.shape_keys, copy.name, keep=given is not None)
+        made[name] = copy.name
     target.data.update_tag()
-    return names
+    remarks = _beside(target, made)
+    remarks += [f"Kept as it was changed here: {what} of {listed(names)}." for what, names in kept.items() if names]
+    if wanted.what == 'ALL_KEYS':
+        remarks += _gone(source, target)
+    return Outcome(list(made.values()), left_out=left_out, remarks=remarks)
 
 
-def _copy_drivers(source_keys, name, target_keys, copy_name):
-    """Those of a key's value and range. What they read from the source's own keys stays there."""
+def _shapes(prepared, source, target, keys, places, rotation_only):
+    """Generator of the fraction done; gives {key's name: offsets} and {key's name: why there are none}. places: of
+    key_names.places(). Raises MeshProblem where there are none at all."""
+    offsets, left_out = {}, {}
+    for number, key in enumerate(keys, 1):
+        try:
+            if places[key.name] is None:
+                left_out[key.name] = "another key goes to the one of that name here"
+            else:
+                shape = mesh_data.key_shape(source.data, key)
+                offsets[key.name] = _offset(prepared, target, shape, rotation_only)
+        except native.NativeError as error:
+            if len(keys) == 1:
+                raise
+            left_out[key.name] = str(error).rstrip('.')
+        yield number / len(keys)
+    if not offsets:
+        raise MeshProblem(f"No shape key could be transferred: {reasons(left_out)}.")
+    return offsets, left_out
+
+
+def _settle(source, target, key, copy, given, kept):
+    """Range, vertex group, and of a new key the value. given: what it was given before, None for a new key. What is
+    otherwise now, the user has changed, which is noted in kept."""
+    theirs = {'range': [key.slider_min, key.slider_max],
+              'vertex group': key.vertex_group if key.vertex_group in target.vertex_groups else ""}
+    ours = {'range': [copy.slider_min, copy.slider_max], 'vertex group': copy.vertex_group}
+    for what in theirs:
+        if given is None or ours[what] == given.get(what):
+            _FOLLOW[what](copy, theirs[what])
+        elif ours[what] != theirs[what]:
+            kept[what].append(copy.name)
+    if given is None:
+        copy.value, copy.mute = key.value, key.mute
+    transferred.note(target, copy, source=source.name, key=key.name, **theirs)
+
+
+def _set_range(key, ends):
+    key.slider_max = ends[1]
+    key.slider_min = ends[0]
+    key.slider_max = ends[1]  # one can't pass the other
+
+
+def _set_group(key, name):
+    key.vertex_group = name
+
+
+_FOLLOW = {'range': _set_range, 'vertex group': _set_group}
+
+
+def _beside(target, made):
+    """made: {name that was asked for: name that the key has}"""
+    others = [f"'{made[name]}' beside '{name}'" for name in made
+              if made[name] != name and name in target.data.shape_keys.key_blocks]
+    return [f"Made beside keys of its own, which Replace would take: {', '.join(others)}."] if others else []
+
+
+def _gone(source, target):
+    there = source.data.shape_keys.key_blocks.keys()
+    gone = [name for name, given in transferred.made_keys(target).items()
+            if given.get('source') == source.name and given.get('key', there[0]) not in there]
+    return [f"Left as they are, for '{source.name}' has them no more: {listed(gone)}."] if gone else []
+
+
+def _copy_drivers(source_keys, name, target_keys, copy_name, keep):
+    """Those of a key's value and range. What they read from the source's own keys stays there. keep: those that are
+    there stay, as the user may have changed them."""
     animation = source_keys.animation_data
     if animation is None:
         return
@@ -89,6 +164,8 @@ def _copy_drivers(source_keys, name, target_keys, copy_name):
             target_keys.animation_data_create()
         path = path_of(copy_name, prop)
         present = target_keys.animation_data.drivers.find(path)
+        if present and keep:
+            continue
         if present:
             target_keys.animation_data.drivers.remove(present)
         target_keys.animation_data.drivers.from_existing(src_driver=curve).data_path = path

@@ -31,9 +31,17 @@ def check_source(source, target):
                           "over.")
     if source == target:
         raise MeshProblem(f"'{target.name}' is both source and target: choose another source.")
-    if source.mode == 'EDIT' or target.mode == 'EDIT':
-        raise MeshProblem(f"'{(source if source.mode == 'EDIT' else target).name}' is in Edit Mode: leave it (Tab) "
-                          "first.")
+    for ob in (source, target):
+        check_left_edit_mode(ob)
+
+
+def check_left_edit_mode(ob):
+    if ob.mode == 'EDIT':
+        raise MeshProblem(f"'{ob.name}' is in Edit Mode: leave it (Tab) first.")
+
+
+def is_same_topology(source, target):
+    return mesh_data.topology_signature(source.data) == mesh_data.topology_signature(target.data)
 
 
 def by_topology(source, target):
@@ -44,7 +52,7 @@ def by_topology(source, target):
             f"'{source.name}' has {counts[0][0]:,} vertices and {counts[0][1]:,} faces, '{target.name}' "
             f"{counts[1][0]:,} and {counts[1][1]:,}: they are not of the same topology. Match them by Markers, or by a "
             "List.")
-    if mesh_data.topology_signature(source.data) != mesh_data.topology_signature(target.data):
+    if not is_same_topology(source, target):
         raise MeshProblem(f"'{source.name}' has as many vertices and faces as '{target.name}', but its faces join "
                           "other vertices: they are not of the same topology. Match them by Markers, or by a List.")
     triangles = mesh_data.triangles(target.data)
@@ -96,6 +104,19 @@ def digest(target):
 
 def is_stored(target):
     return _kept(target) is not None
+
+
+def stored_for(target):
+    """Name of the object that a correspondence is kept for; '' where none is."""
+    kept = _kept(target)
+    return kept['source'] if kept else ""
+
+
+def fits(source, target):
+    """Whether a correspondence of these two as they are is kept."""
+    kept = _kept(target)
+    return kept is not None and all(mesh_data.topology_signature(ob.data) == kept[topology] for ob, topology in (
+        (source, 'source_topology'), (target, 'target_topology')))
 
 
 def stored(source, target):

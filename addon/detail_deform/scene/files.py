@@ -11,6 +11,11 @@ def check(path):
         raise OSError(0, "it is no file")
 
 
+def name_for(name):
+    """A data-block's name as that of a file."""
+    return ''.join('_' if letter in '\\/:*?"<>|' or ord(letter) < 32 else letter for letter in name)
+
+
 def take_away(path):
     """An unfinished file, as far as the disk lets: what went wrong before is what is said."""
     with contextlib.suppress(OSError):

@@ -1,28 +1,60 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What was transferred to a mesh and stays with it: shape keys, and the modifier that plays an animation."""
 
+import json
+
 from . import apply_result, node_group, stack
 from .mesh_data import MeshProblem
 
 CACHE_NAME = "Detail Deform Transfer"
-_MADE_KEYS = 'detail_deform_transferred_keys'  # of the mesh: names of those that were made here
+_MADE_KEYS = 'detail_deform_transferred_keys'  # of the mesh: {name: what it was given} of those made here, as JSON
 _LONGEST_NAME = 63  # bytes that Blender keeps of one
 
 
-def put_key(target, name, offsets, replace):
-    """The key of that name with this shape. One that was not made here stays as it is, unless it may be replaced,
-    and gets another one beside it."""
+def made_keys(target):
+    """{name: {what: value}} of the keys there that were made here, as note() was told."""
+    text, keys = target.data.get(_MADE_KEYS), target.data.shape_keys
+    if not isinstance(text, str) or not keys:
+        return {}
+    try:
+        known = json.loads(text)
+    except (ValueError, RecursionError):  # names alone, as they were kept before
+        known = {name: {} for name in text.split('\n')}
+    return {name: given for name, given in known.items()
+            if name in keys.key_blocks and isinstance(given, dict)} if isinstance(known, dict) else {}
+
+
+def note(target, key, /, **given):
+    """Keeps in mind that a key was made here, and what it was given."""
+    target.data[_MADE_KEYS] = json.dumps({**made_keys(target), key.name: given}, ensure_ascii=False)
+
+
+def put_key(target, name, offsets, replace, of=None):
+    """Gives the key of that name this shape. One that was not made here stays as it is, unless it may be replaced: then
+    the one that was made beside it gets the shape, or a new one. of: name of the source's key. Returns the key, and
+    what it was given before; None for a new one. It is the caller's to note() what it is given now."""
     name = name.encode()[:_LONGEST_NAME].decode(errors='ignore')
-    keys = target.data.shape_keys
-    present = keys and keys.key_blocks.get(name)
-    made = target.data.get(_MADE_KEYS, "").split('\n')
-    if present and present != keys.reference_key and (replace or name in made):
-        apply_result.set_key(target, present, offsets)
+    made = made_keys(target)
+    key = _present(target, name, replace, made, of)
+    given = made.get(key.name, {}) if key else None
+    if key:
+        apply_result.set_key(target, key, offsets)
     else:
-        present = apply_result.add_key(target, name, offsets)
-    target.data[_MADE_KEYS] = '\n'.join(dict.fromkeys([*filter(None, made), present.name]))
-    target.active_shape_key_index = target.data.shape_keys.key_blocks.find(present.name)
-    return present
+        key = apply_result.add_key(target, name, offsets)
+    target.active_shape_key_index = target.data.shape_keys.key_blocks.find(key.name)
+    return key, given
+
+
+def _present(target, name, replace, made, of):
+    """The key that gets the shape; None: a new one."""
+    keys = target.data.shape_keys
+    if not keys:
+        return None
+    beside = [other for other, given in made.items() if of is not None and given.get('key') == of]
+    for other in ([name] if replace or name in made else []) + beside:
+        if other in keys.key_blocks and keys.key_blocks[other] != keys.reference_key:
+            return keys.key_blocks[other]
+    return None
 
 
 def find_cache(target):
@@ -44,7 +76,7 @@ def check_not_shown(target):
     """Raises MeshProblem where something that was transferred shows already, and following would double it."""
     if find_cache(target):
         raise MeshProblem(f"'{target.name}' plays a transferred animation: remove its modifier '{CACHE_NAME}' first.")
-    made = target.data.get(_MADE_KEYS, "").split('\n')
+    made = made_keys(target)
     shown = [key.name for key in target.data.shape_keys.key_blocks
              if key.name in made and key.value and not key.mute] if target.data.shape_keys else []
     if shown:

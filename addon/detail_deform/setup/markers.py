@@ -10,7 +10,7 @@ from ..scene.mesh_data import MeshProblem
 
 NAME = "Marker {}"
 _NUMBERED = re.compile(r'marker[\s._-]*(\d+)', re.IGNORECASE)  # "Marker 3", "marker.003", "Marker 3.001"
-_FEWEST = 3
+FEWEST = 3
 
 
 def _number(name):
@@ -71,13 +71,18 @@ def _numbers(ob):
     return {_number(name) for name in names} - {None}
 
 
+def are_enough(source, target):
+    """Whether enough numbers are on both, by names alone."""
+    return counts(target, source)[2] >= FEWEST
+
+
 def pairs(source, target):
     """(k, 2) int32: vertices of source and target that the same number marks. Raises MeshProblem."""
     of_source, of_target = of(source), of(target)
     both = sorted(of_source.keys() & of_target.keys())
-    if len(both) < _FEWEST:
+    if len(both) < FEWEST:
         raise MeshProblem(f"'{source.name}' has {len(of_source)} markers and '{target.name}' {len(of_target)}, "
-                          f"{len(both)} with the same numbers: mark at least {_FEWEST} places on both, "
+                          f"{len(both)} with the same numbers: mark at least {FEWEST} places on both, "
                           "better ten (Add Transfer Marker, in Edit Mode).")
     return np.array([[of_source[number], of_target[number]] for number in both], np.int32)
 

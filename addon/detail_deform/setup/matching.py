@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What corresponds on two meshes, found in the way that is asked for."""
 
-import time
+import os
 
 import bpy
 
 from ..library import native
-from ..scene import correspondence, mesh_data
+from ..scene import correspondence, files, mesh_data
 from ..scene.mesh_data import MeshProblem
 from . import marker_check, markers, pair_lists
-
-_POLL_SECONDS = 0.02
 
 _last = ((), None)  # what was found last, and of what: a transfer may be repeated with other settings
 
@@ -33,12 +31,7 @@ def search(source, target):
     match = native.Match((mesh_data.rest(source.data), matched.source_triangles),
                          (mesh_data.rest(target.data), matched.target_triangles), markers.pairs(source, target))
     try:
-        running = True
-        while running:
-            running, fraction, _ = match.progress()
-            yield fraction
-            if running:
-                time.sleep(_POLL_SECONDS)
+        yield from match.fractions()
         matched.pairs, matched.confidence, _ = match.finish()
     finally:
         match.close()
@@ -49,6 +42,37 @@ def search(source, target):
 def must_be_found(how):
     """Whether it is found or read anew, and not seen from the meshes or kept with the target."""
     return how in {'MARKERS', 'LIST'}
+
+
+def automatic(source, target, folder):
+    """(how, path, pairs_of) as find() takes them, by what there is of these two. folder: where lists are called as
+    their targets; '' for none. Raises MeshProblem where there is nothing to go by."""
+    settings = target.detail_deform.transfer
+    if correspondence.is_same_topology(source, target):
+        return 'TOPOLOGY', "", settings.pairs_of
+    if settings.correspondence == 'LIST' and settings.filepath:
+        return 'LIST', *list_in("", target)
+    if correspondence.fits(source, target):
+        return 'STORED', "", settings.pairs_of
+    if markers.are_enough(source, target):
+        return 'MARKERS', "", settings.pairs_of
+    path, pairs_of = list_in(folder, target)
+    if path and os.path.exists(path):
+        return 'LIST', path, pairs_of
+    kept = correspondence.stored_for(target)
+    match = f"a Saved Match for '{kept}' as it was" if kept else "no Saved Match"
+    raise MeshProblem(f"'{target.name}' has other vertices or faces than '{source.name}', {match}, fewer than "
+                      f"{markers.FEWEST} markers with the same numbers, and no list: set markers on both, or press "
+                      "Find Match there.")
+
+
+def list_in(folder, target):
+    """(path, pairs_of) of a target's list in a folder of lists; of the one in its panel where there is no folder."""
+    settings = target.detail_deform.transfer
+    if not folder:
+        return settings.filepath, settings.pairs_of
+    path = os.path.join(bpy.path.abspath(folder), files.name_for(target.name) + ".txt")
+    return path, pair_lists.kind_of(path, settings.pairs_of)
 
 
 def find(how, source, target, path, pairs_of):

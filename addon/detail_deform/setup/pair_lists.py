@@ -43,6 +43,17 @@ def read_pairs(path, pairs_of):
     return np.array(pairs, np.int32)
 
 
+def kind_of(path, otherwise):
+    """What a file that was written here says that it holds, as pairs_of; otherwise for any other one."""
+    try:
+        files.check(path)
+        with open(path, encoding='utf-8-sig') as file:
+            first = file.readline()
+    except (OSError, UnicodeDecodeError):  # which reading it says
+        return otherwise
+    return next((kind for kind in _SAYS if _SAYS[kind] in first), otherwise)
+
+
 def write_pairs(path, matched):
     """As read_pairs() reads them. What was there stays until they are complete."""
     unfinished = f"{path}.unfinished"

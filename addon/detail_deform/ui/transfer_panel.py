@@ -6,11 +6,14 @@ import bpy
 from ..declared import COMPARED
 from ..follow import live_transfer
 from ..library.options import TRANSFER_SETTINGS
+from ..results import transfer_table
 from ..scene import correspondence
 from ..setup import marker_check, markers
 from . import known_markers
 from .panels import ModifierPanel, draw_options, draw_text
 from .registration import registration
+
+_FAILED_SHOWN = 8
 
 
 class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
@@ -56,6 +59,11 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         button.on = not settings.live
 
 
+def _others_selected(context):
+    """How many meshes beside the active one."""
+    return sum(ob.type == 'MESH' and ob != context.object for ob in context.selected_objects)
+
+
 def _markers(count):
     return f"{count:,} marker{'s' * (count != 1)}"
 
@@ -78,20 +86,45 @@ def _draw_markers(layout, ob, doubts):
 
 
 class OBJECT_PT_detail_deform_source(ModifierPanel, bpy.types.Panel):
-    """On the mesh that others follow."""
+    """On the mesh that others follow, or that is transferred to them."""
     bl_label = "Detail Deform: Source"
 
     @classmethod
     def poll(cls, context):
-        return super().poll(context) and bool(known_markers.followers(context.object))
+        return super().poll(context) and bool(
+            known_markers.followers(context.object) or context.object.detail_deform.transfer.failed or
+            _others_selected(context))
 
     def draw_settings(self, context, layout, ob, all_settings):
-        doubts = set()
-        for target in known_markers.followers(ob):
+        others = _others_selected(context)
+        row = layout.row()
+        row.enabled = others > 0
+        row.operator_menu_enum('object.detail_deform_transfer_many', 'what', text=f"Transfer to {others:,} Selected")
+        if all_settings.transfer.failed:
+            self._draw_failed(context, layout.box().column(), all_settings.transfer.failed)
+        followers, doubts = known_markers.followers(ob), set()
+        if not followers:
+            return
+        for target in followers:
             doubts |= set(self._draw_target(context, layout.box().column(), ob, target))
         draw_text(layout, context, f"{_markers(len(known_markers.of(ob)))} here", 'EMPTY_AXIS')
         _draw_markers(layout, ob, doubts)
         layout.operator('object.detail_deform_marker_add', icon='ADD')
+
+    @staticmethod
+    def _draw_failed(context, layout, failed):
+        row = layout.row()
+        row.label(text=f"{len(failed):,} failed", icon='ERROR')
+        row.operator('object.detail_deform_transfer_dismiss', text="", icon='X', emboss=False)
+        for entry in failed[:_FAILED_SHOWN]:
+            row = layout.row()
+            row.label(text=entry.name, icon='MESH_DATA')
+            button = row.operator('object.detail_deform_target_activate', text="", icon='RESTRICT_SELECT_OFF')
+            button.target = entry.name
+            draw_text(layout, context, entry.reason, 'BLANK1')
+        text = transfer_table.text()
+        if text:
+            draw_text(layout, context, f"All of them: text '{text.name}'", 'TEXT')
 
     @staticmethod
     def _draw_target(context, layout, ob, target):
@@ -119,6 +152,14 @@ def _draw_marker_entry(self, context):
     self.layout.operator('object.detail_deform_marker_add', icon='EMPTY_AXIS')
 
 
+def _draw_link_entry(self, context):
+    self.layout.separator()
+    self.layout.operator_context = 'INVOKE_DEFAULT'
+    self.layout.operator('object.detail_deform_transfer_many', text="Transfer Deformation to Selected",
+                         icon='MOD_MESHDEFORM')
+
+
 register, unregister = registration((OBJECT_PT_detail_deform_transfer, OBJECT_PT_detail_deform_transfer_comparison,
                                       OBJECT_PT_detail_deform_source),
-                                    (('VIEW3D_MT_edit_mesh_context_menu', _draw_marker_entry),))
+                                    (('VIEW3D_MT_edit_mesh_context_menu', _draw_marker_entry),
+                                     ('VIEW3D_MT_make_links', _draw_link_entry)))

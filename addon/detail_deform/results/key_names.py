@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Names of shape keys that mean the same on two rigs: by a text file, or because they differ in spelling alone. Nothing
+here knows Blender."""
+
+import re
+
+from ..scene import files
+from ..scene.mesh_data import MeshProblem
+
+_PARTED_BY = ('\t', '->', ',')  # the first of these that a line has
+_SIDES = {'l': 'l', 'left': 'l', 'r': 'r', 'right': 'r'}
+_HUMPS = re.compile(r'(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])')
+_NO_LETTERS = re.compile(r'[\W_]+')
+
+
+def read(path):
+    """{source's name: target's name} from a file of one pair a line. Empty lines and those that begin with # are passed
+    over. Raises MeshProblem."""
+    names = {}
+    try:
+        files.check(path)
+        with open(path, encoding='utf-8-sig') as file:
+            for number, line in enumerate(file, 1):
+                if line.strip() and not line.lstrip().startswith('#'):
+                    _add(names, path, number, line)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, 'strerror', None) or "it is no text"
+        raise MeshProblem(f"'{path}' can't be read: {reason}.") from error
+    if not names:
+        raise MeshProblem(f"'{path}' has no names: write one pair a line, source -> target.")
+    return names
+
+
+def _add(names, path, number, line):
+    parting = next((mark for mark in _PARTED_BY if mark in line), None)
+    of_source, of_target = (part.strip() for part in line.split(parting, 1)) if parting else ("", "")
+    if not (of_source and of_target):
+        raise MeshProblem(f"'{path}', line {number}: '{line.strip()[:40]}' is not a pair of names: part them by a tab, "
+                          "a comma or ->.")
+    if of_source in names or of_target in names.values():
+        twice = of_source if of_source in names else of_target
+        raise MeshProblem(f"'{path}', line {number}: '{twice}' is there twice: leave it once.")
+    names[of_source] = of_target
+
+
+def form(name):
+    """What names have in common that differ in case, separators and the spelling of left and right alone; None where
+    nothing is left of one."""
+    words = [word for part in _NO_LETTERS.split(name) for word in _HUMPS.sub(' ', part).casefold().split()]
+    words = [_SIDES.get(word, word) if len(words) > 1 else word for word in words]
+    sides = [word for word in words if word in {'l', 'r'}]
+    if len(sides) == 1:  # wherever it stands
+        return ''.join(word for word in words if word not in sides), sides[0]
+    whole = ''.join(words)
+    for word in ('left', 'right'):
+        if not sides and whole != word and (whole.startswith(word) or whole.endswith(word)):
+            return whole.removesuffix(word) if whole.endswith(word) else whole.removeprefix(word), _SIDES[word]
+    return (whole, "") if whole else None
+
+
+def places(names, of_target, mapping, alike):
+    """{source's name: target's name} of shape keys; None where the place is another key's. of_target: names there.
+    mapping: as of read(). alike: whether names of the same form are the same."""
+    found = {name: mapping[name] for name in names if name in mapping}
+    same_form = {}
+    for name in of_target if alike else ():
+        if name not in names and name not in found.values() and form(name):
+            same_form.setdefault(form(name), []).append(name)
+    for name in names:
+        if name in found:
+            continue
+        candidates = [] if name in of_target else same_form.get(form(name), [])
+        place = candidates.pop() if len(candidates) == 1 else name
+        found[name] = None if place in found.values() else place
+    return found

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What became of a transfer to many: a table in a text, and with the source what failed."""
+
+import dataclasses
+
+import bpy
+
+from .outcome import Outcome, listed
+
+TEXT_NAME = "Detail Deform Transfer"
+_OURS = 'detail_deform_table'  # of the text: no user wrote it
+_HEAD = ("Target", "Matched By", "Made", "Seconds", "Remarks")
+
+
+@dataclasses.dataclass
+class Row:
+    """A target: what was made, or why nothing was; neither where it was not done before the end."""
+    name: str
+    target: bpy.types.Object
+    outcome: Outcome = None
+    failure: str = ""
+
+    def cells(self):
+        if self.outcome:
+            return (self.name, self.outcome.matched_by, self.outcome.count(), f"{self.outcome.seconds:.1f}",
+                    ' '.join(self.outcome.notes()))
+        return self.name, "", "", "", f"Failed: {self.failure}" if self.failure else "Cancelled, left as it was."
+
+
+def any_begun(rows):
+    return any(row.outcome or row.failure for row in rows)
+
+
+def summary(rows):
+    """(kind of report, sentence)"""
+    done, failed = sum(bool(row.outcome) for row in rows), [row.name for row in rows if row.failure]
+    cancelled = len(rows) - done - len(failed)
+    said = f"{done:,} of {len(rows):,} targets done"
+    said += f", {len(failed):,} failed: {listed(failed)}" if failed else ""
+    said += f", {cancelled:,} cancelled and left as they were" if cancelled else ""
+    return ('WARNING' if done or cancelled else 'ERROR') if failed else 'INFO', said
+
+
+def write(source, heading, rows):
+    """Into the text, in place of the last table, and the list of what failed with the source, if it may be changed."""
+    cells = [_HEAD, *(row.cells() for row in rows)]
+    widths = [max(len(row[column]) for row in cells) for column in range(len(_HEAD))]
+    lines = ['  '.join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in cells]
+    kept = text()
+    if kept is None:
+        kept = bpy.data.texts.new(TEXT_NAME)
+        kept[_OURS] = True
+    kept.clear()
+    kept.write('\n'.join([heading, summary(rows)[1] + ".", "", *lines, ""]))
+    kept.cursor_set(0)  # where the Text Editor begins
+    for row in rows:
+        if row.outcome or row.failure:
+            note(source, row.name, row.failure)
+
+
+def text():
+    """The one with the table; None where there is none."""
+    return next((text for text in bpy.data.texts if text.get(_OURS) and not text.library), None)
+
+
+def note(source, target, failure):
+    """Keeps with the source why a target failed, in place of what was kept of it; '': it did not."""
+    if source.library:
+        return
+    failed = source.detail_deform.transfer.failed
+    present = failed.find(target)
+    if present >= 0:
+        failed.remove(present)
+    if failure:
+        entry = failed.add()
+        entry.name, entry.reason = target, failure
