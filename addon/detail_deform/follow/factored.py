@@ -25,12 +25,12 @@ def clear():
     _used.clear()
 
 
-def prepare(source, target, matched, anchor, anchor_group, formulation):
+def prepare(source, target, matched, how):
     """Generator of the fraction done; gives the Prepared of these objects. Raises MeshProblem or native.NativeError."""
     by = 'TOPOLOGY' if matched.pairs is None else correspondence.digest_of(matched)
-    content = prepared.content(source, target, by, anchor, anchor_group, formulation)
+    content = prepared.content(source, target, by, how)
     if content not in _kept:
-        job = prepared.Preparation(source, target, matched, anchor, anchor_group, formulation)
+        job = prepared.Preparation(source, target, matched, how)
         try:
             yield from job.fractions()
             found = job.finish()

@@ -63,8 +63,7 @@ def content(source, ob, to_keep=None):
     how, kept = of.correspondence, correspondence.digest(ob)
     if to_keep:
         how, kept = 'STORED', correspondence.digest_of(to_keep)
-    return prepared.content(source, ob, f"{how}.{kept if how == 'STORED' else ''}", of.anchor, of.anchor_group,
-                            of.formulation)
+    return prepared.content(source, ob, f"{how}.{kept if how == 'STORED' else ''}", prepared.How.of(of))
 
 
 def _owner(ob):
@@ -120,7 +119,7 @@ def begin(source, ob, used):
     """The job. used: the correspondence to go by."""
     of = ob.detail_deform.transfer
     # Single precision is what a viewport shows, and takes half the time.
-    return prepared.Preparation(source, ob, used, of.anchor, of.anchor_group, of.formulation, precision='SINGLE')
+    return prepared.Preparation(source, ob, used, prepared.How.of(of), precision='SINGLE')
 
 
 def job(ob):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A transfer between two objects, factored."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..library import native
@@ -30,18 +32,31 @@ def proportions(ob):
     return np.where(np.abs(scale) > 1e-6, np.abs(scale), np.float32(1))
 
 
+class How(NamedTuple):
+    """What a transfer depends on beside meshes and correspondences, as in transfer_settings."""
+    anchor: str
+    anchor_group: str
+    formulation: str
+    placing: str
+
+    @classmethod
+    def of(cls, settings):
+        """settings: whatever has them."""
+        return cls(*(getattr(settings, name) for name in cls._fields))
+
+
 class Preparation:
     """A transfer between two objects that is being factored: a job like those of native. Blender's data are read at the
     start alone."""
 
-    def __init__(self, source, target, matched, anchor, anchor_group, formulation='SURFACE', precision='DOUBLE'):
-        """anchor and formulation: as in transfer_settings. Raises MeshProblem or native.NativeError."""
+    def __init__(self, source, target, matched, how, precision='DOUBLE'):
+        """how: a How. Raises MeshProblem or native.NativeError."""
         self._sides = proportions(source), proportions(target)
         meshes = ((mesh_data.rest(source.data) * self._sides[0], matched.source_triangles),
                   (mesh_data.rest(target.data) * self._sides[1], matched.target_triangles))
-        self._job = native.TransferJob(*meshes, matched.pairs, pairs_of=matched.pairs_of, anchor=anchor,
-                                       anchors=_anchors(target, anchor, anchor_group), formulation=formulation,
-                                       precision=precision)
+        self._job = native.TransferJob(*meshes, matched.pairs, pairs_of=matched.pairs_of, anchor=how.anchor,
+                                       anchors=_anchors(target, how), formulation=how.formulation,
+                                       placing=how.placing, precision=precision)
         self.progress, self.cancel, self.close = self._job.progress, self._job.cancel, self._job.close
         self.fractions = self._job.fractions
 
@@ -57,20 +72,20 @@ class Preparation:
         return Prepared(self._job.finish(), *self._sides)
 
 
-def content(source, target, by, anchor, anchor_group, formulation):
+def content(source, target, by, how):
     """What a prepared transfer depends on: equal texts, equal content. by: the same of what corresponds."""
     anchors = ""
-    if anchor_group in target.vertex_groups and anchor in {'VERTICES', 'PINNED'}:
-        anchors = mesh_data.signature(mesh_data.members(target, anchor_group))
+    if how.anchor_group in target.vertex_groups and how.anchor in {'VERTICES', 'PINNED'}:
+        anchors = mesh_data.signature(mesh_data.members(target, how.anchor_group))
     meshes = [mesh_data.signature(mesh_data.rest(side.data)) + mesh_data.topology_signature(side.data)
               for side in (source, target)]
     scales = [mesh_data.signature(proportions(side)) for side in (source, target)]
-    return '.'.join([*meshes, by, anchor, anchors, formulation, *scales])
+    return '.'.join([*meshes, by, how.anchor, anchors, how.formulation, how.placing, *scales])
 
 
-def _anchors(target, anchor, anchor_group):
-    anchors = ()
-    if anchor in {'VERTICES', 'PINNED'}:
+def _anchors(target, how):
+    anchors, anchor_group = (), how.anchor_group
+    if how.anchor in {'VERTICES', 'PINNED'}:
         if anchor_group not in target.vertex_groups:
             raise MeshProblem(f"'{target.name}' has no vertex group '{anchor_group}': choose that of the vertices "
                               "that stay in place in Anchor Group.")
@@ -92,5 +107,9 @@ def remarks(transfer):
                "that do.")
     if info.degenerate_count:
         yield f"{info.degenerate_count:,} triangles of this mesh have next to no area."
+    if info.overstretched_count:
+        yield (f"{info.overstretched_count:,} triangles of the source (such as {info.overstretched_example}) "
+               "correspond to more than eight times their area, so what is around them is taken in their place: add a marker "
+               "there if that looks wrong.")
     if info.mirrored:
         yield "This mesh looks like the source's mirror image, which a deformation can't be turned into."

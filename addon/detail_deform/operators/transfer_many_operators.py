@@ -14,7 +14,8 @@ from ..scene.mesh_data import MeshProblem
 from .operator_base import PATH_OPTIONS, MeshOperator
 from .transfer_choices import WHAT, TransferChoices
 
-_OF_TARGET = ('rotation_only', 'anchor', 'anchor_group', 'formulation', 'pairs_of', 'filepath')  # settings of its panel
+# Settings of its panel.
+_OF_TARGET = ('rotation_only', 'placing', 'anchor', 'anchor_group', 'formulation', 'pairs_of', 'filepath')
 _TITLES = {name: title for name, title, _ in WHAT}
 
 

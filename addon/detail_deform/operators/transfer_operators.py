@@ -42,7 +42,7 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
         settings = ob.detail_deform.transfer
         if not self.source and settings.source:
             self.source = settings.source.name
-        for name in ('correspondence', 'rotation_only', 'anchor', 'anchor_group', 'filepath', 'pairs_of',
+        for name in ('correspondence', 'rotation_only', 'placing', 'anchor', 'anchor_group', 'filepath', 'pairs_of',
                      'formulation'):
             if not self.properties.is_property_set(name):
                 setattr(self, name, getattr(settings, name))
@@ -65,6 +65,8 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
             column.prop(self, 'filepath')
             column.prop(self, 'pairs_of')
         column.prop(self, 'rotation_only')
+        if not self.rotation_only:
+            column.prop(self, 'placing')
         column.prop(self, 'anchor')
         if self.anchor in {'VERTICES', 'PINNED'}:
             column.prop_search(self, 'anchor_group', context.active_object, 'vertex_groups')
@@ -73,7 +75,7 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
         source = _source_of(ob, self.source)
         settings = ob.detail_deform.transfer
         as_in_panel = {name: self.given(name, getattr(settings, name)) for name in (
-            'correspondence', 'pairs_of', 'rotation_only', 'anchor', 'formulation')}
+            'correspondence', 'pairs_of', 'rotation_only', 'placing', 'anchor', 'formulation')}
         wanted = self.wanted(context, source, **as_in_panel, filepath=self.filepath or settings.filepath,
                              anchor_group=self.anchor_group or settings.anchor_group, cache_path=self.cache_path)
         factored.begin_run()

@@ -27,6 +27,7 @@ class Wanted:
     anchor: str
     anchor_group: str
     formulation: str
+    placing: str
     pattern: str
     replace: bool
     drivers: bool
@@ -88,8 +89,8 @@ def _all(context, source, target, keys, wanted):
     factored_at = searched + _SHARE_OF_FACTOR * (1 - searched)
     search = matching.find(wanted.correspondence, source, target, wanted.filepath, wanted.pairs_of)
     matched = yield from share(search, 0, searched)
-    transfer = yield from share(factored.prepare(source, target, matched, wanted.anchor, wanted.anchor_group,
-                                                 wanted.formulation), searched, factored_at)
+    transfer = yield from share(factored.prepare(source, target, matched, prepared.How.of(wanted)), searched,
+                                factored_at)
     outcome = yield from share(_carry(context, transfer, source, target, keys, wanted), factored_at, 1)
     if matching.must_be_found(wanted.correspondence):
         correspondence.store(matched, source, target)

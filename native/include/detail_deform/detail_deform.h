@@ -529,8 +529,7 @@ typedef struct dd_transfer_options {
   const double* placement; /* twelve numbers, a row-major 3x4 matrix: the rotation, scale and shift
                               that takes the source onto the target; deformations are turned with
                               it. Null: as the pairs say, exact where the target is a moved and
-                              scaled copy; else turned as most of the normals are, within 3 degrees
-                              of the axes along these */
+                              scaled copy; else a few degrees count as a difference of shape */
   int32_t precision;       /* dd_precision, of the system */
   int32_t threads;         /* as of dd_bind_options */
   int32_t placing;         /* dd_placing */

@@ -40,7 +40,7 @@ Similarity with_rotation(const Eigen::Matrix3d& rotation, const Spread& from, co
 Eigen::Matrix3d rotation_of_most(const Positions& from, const Positions& to,
                                  const Eigen::VectorXd& weights, const Eigen::Matrix3d& guess) {
   constexpr int kRounds = 20;
-  constexpr double kNoise = 0.05, kGuess = 0.02;
+  constexpr double kNoise = 0.2, kGuess = 0.02;
   Eigen::Matrix3d rotation = guess;
   Eigen::VectorXd now = weights;
   for (int round = 0; round < kRounds; ++round) {
@@ -50,6 +50,12 @@ Eigen::Matrix3d rotation_of_most(const Positions& from, const Positions& to,
     now = weights.array() / (apart.array() + kNoise * kNoise).sqrt();
   }
   return rotation;
+}
+
+/// How far an angle between two stances is one, and no difference of shape.
+double matters(double angle) {
+  constexpr double kDegree = kPi / 180, kNone = 3 * kDegree, kAll = 5 * kDegree;
+  return std::clamp((angle - kNone) / (kAll - kNone), 0.0, 1.0);
 }
 
 Eigen::Matrix3d nearest_of_axes(const Eigen::Matrix3d& rotation) {
@@ -85,17 +91,22 @@ Similarity fitted_similarity(const Positions& from, const Positions& to,
 
 Similarity fitted_stance(const OrientedPoints& from, const OrientedPoints& to,
                          const Eigen::VectorXd& weights) {
-  constexpr double kDegree = kPi / 180, kUpright = 3 * kDegree, kTurned = 5 * kDegree;
   const Similarity fit = fitted_similarity(from.places, to.places, weights);
   if (!(weights.sum() > 0) || fit.mirrored) return fit;
   const Spread of(from.places, weights), onto(to.places, weights);
   const Positions misfit = onto.arms - fit.scale * of.arms * fit.rotation.transpose();
   if (misfit.rowwise().squaredNorm().dot(weights) < kExact * kExact * onto.square) return fit;
+
   const Eigen::Matrix3d most = rotation_of_most(from.normals, to.normals, weights, fit.rotation);
-  const Eigen::Matrix3d upright = nearest_of_axes(most);
-  const Eigen::Vector3d turn = rotation_vector(upright.transpose() * most);
-  const double share = std::clamp((turn.norm() - kUpright) / (kTurned - kUpright), 0.0, 1.0);
-  return with_rotation(upright * rotation_by(share * turn), of, onto);
+  const Eigen::Vector3d apart = rotation_vector(fit.rotation.transpose() * most);
+  const Eigen::Matrix3d found = fit.rotation * rotation_by(matters(apart.norm()) * apart);
+
+  const Eigen::Matrix3d upright = nearest_of_axes(found);
+  const auto turned = [&](const Eigen::Matrix3d& rotation) {
+    return rotation_vector(upright.transpose() * rotation);
+  };
+  const double least = std::min(turned(most).norm(), turned(fit.rotation).norm());
+  return with_rotation(upright * rotation_by(matters(least) * turned(found)), of, onto);
 }
 
 }  // namespace dd

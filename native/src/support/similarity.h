@@ -27,12 +27,11 @@ struct OrientedPoints {
   Positions places, normals;
 };
 
-/// Finds how two surfaces stand to each other, whatever their shapes: where the places don't fit
-/// exactly by fitted_similarity(), or one is the other's mirror image, the rotation is what takes
-/// most of the normals to their partners. Places would tell proportions for a turn: a longer neck
-/// tilts an animal. Within 3° of one of the 24 rotations that take axes to axes it is that one,
-/// from 5° on its own, as meshes are modelled along axes and a few degrees of it are differences
-/// of shape.
+/// Finds how two surfaces stand to each other, whatever their shapes: by fitted_similarity(),
+/// unless it is contradicted by what takes most of the normals to their partners, as a longer neck
+/// tilts an animal by its places. Where by either they are turned from one of the 24 rotations that
+/// take axes to axes by no more than a difference of shape may seem to, it is that one: meshes are
+/// modelled along axes. Up to 3° don't count in both, from 5° on they do.
 Similarity fitted_stance(const OrientedPoints& from, const OrientedPoints& to,
                          const Eigen::VectorXd& weights);
 

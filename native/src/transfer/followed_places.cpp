@@ -14,7 +14,7 @@ namespace {
 // Of the box.
 constexpr double kSmooth = 0.01;      // ℓ
 constexpr double kDetail = 0.015;     // ℓ of what tells a difference of shape from detail
-constexpr double kDifferent = 0.005;  // τ
+constexpr double kDifferent = 0.003;  // τ
 constexpr double kReach = 0.005;      // of contacts
 
 constexpr double kStiff = 0.02;  // spread of gradients in a part that as good as doesn't deform
