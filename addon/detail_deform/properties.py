@@ -146,6 +146,17 @@ class DetailDeformExample(bpy.types.PropertyGroup):
         description="How much of this example the handles asked for")
 
 
+class DetailDeformMissingExample(bpy.types.PropertyGroup):
+    name: StringProperty(name="Pose", description="Frame, marker or action of this pose")
+    frame: FloatProperty(name="Frame", description="Where it is found: in the scene, or in the action")
+    action: StringProperty(name="Action", description="The action that is this pose, of a pose library")
+    mean_error: FloatProperty(
+        name="Mean Error", precision=2,
+        description="How far from this pose the examples leave the mesh in the mean, in percent of its size")
+    largest_error: FloatProperty(
+        name="Largest Error", precision=2, description="The same of the vertex that is farthest from its place")
+
+
 class DetailDeformExpression(bpy.types.PropertyGroup):
     name: StringProperty(name="Expression", description="Shape key that was saved here")
 
@@ -167,6 +178,11 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         type=DetailDeformExample, name="Examples",
         description="Poses that the method Examples mixes, beside the rest shape")
     example_index: IntProperty(name="Active Example", options={'HIDDEN'})
+    posed_by: StringProperty(options={'HIDDEN'})  # names of the modifiers whose poses are examples, one a line
+    missing_examples: CollectionProperty(
+        type=DetailDeformMissingExample, name="Missing Examples",
+        description="Poses of which the examples make something else, the worst first")
+    missing_index: IntProperty(name="Active Pose", options={'HIDDEN'})
     expressions: CollectionProperty(
         type=DetailDeformExpression, name="Expressions", description="Shape keys that were saved of the deformation")
     base_object: PointerProperty(
@@ -222,7 +238,8 @@ _HEARD_BY_STRUCT = {options.BIND: _input_changed, options.UPDATE: _look_changed}
 declare(DetailDeformSettings, options.SETTINGS,
         lambda option: _HEARD.get(option.name, _HEARD_BY_STRUCT.get(option.struct)))
 
-CLASSES = (DetailDeformHandle, DetailDeformExample, DetailDeformExpression, DetailDeformSettings)
+CLASSES = (DetailDeformHandle, DetailDeformExample, DetailDeformMissingExample, DetailDeformExpression,
+           DetailDeformSettings)
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 

@@ -18,10 +18,10 @@ def title(example):
 def positions(ob):
     """(count, n, 3) float32 of the enabled examples, or None where there are none. Raises MeshProblem."""
     chosen = enabled(ob.detail_deform)
-    return np.stack([_positions_of(ob, example) for example in chosen]) if chosen else None
+    return np.stack([positions_of(ob, example) for example in chosen]) if chosen else None
 
 
-def _positions_of(ob, example):
+def positions_of(ob, example):
     if example.object is not None:
         return _positions_of_object(ob, example.object)
     if example.is_object:

@@ -9,8 +9,10 @@ from .mesh_data import MeshProblem
 
 
 def _armatures(ob):
-    """Those that pose what the deformation makes, whether they are shown or not."""
-    return [m for m in node_group.behind(ob) if m.type == 'ARMATURE' and m.object and m.use_vertex_groups]
+    """Those that pose what the deformation makes, shown in the viewport or not; one that is hidden in renders too is
+    switched off, as where its poses have become examples."""
+    return [m for m in node_group.behind(ob) if m.type == 'ARMATURE' and m.object and m.use_vertex_groups
+            and (m.show_viewport or m.show_render)]
 
 
 class Rigs:

@@ -9,7 +9,7 @@ from ..library.options import TRANSFER_SETTINGS
 from ..scene import correspondence
 from ..setup import marker_check, markers
 from . import known_markers
-from .panels import ModifierPanel, draw_options, draw_text
+from .parts import ModifierPanel, draw_options, draw_text
 from .registration import registration
 
 
