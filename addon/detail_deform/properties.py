@@ -141,6 +141,15 @@ class DetailDeformExample(bpy.types.PropertyGroup):
     weight: FloatProperty(
         name="Weight", soft_min=0.0, soft_max=1.0, min=-10.0, max=10.0, update=_look_changed,
         description="How much of this example the pose has, where weights are set by sliders")
+    limited: BoolProperty(
+        name="Limit Weight", default=False, update=_look_changed,
+        description="Keep the weight that handles ask for between Least and Largest")
+    least_weight: FloatProperty(
+        name="Least", default=0.0, min=-10.0, max=0.0, soft_min=-1.0, update=_look_changed,
+        description="Least weight that handles give this example, below which they exaggerate its opposite")
+    largest_weight: FloatProperty(
+        name="Largest", default=1.0, min=0.0, max=10.0, soft_max=2.0, update=_look_changed,
+        description="Largest weight that handles give this example, beyond which they exaggerate it")
     found_weight: FloatProperty(
         name="Weight", get=lambda self: status.example_weight(self.id_data, self),
         description="How much of this example the handles asked for")

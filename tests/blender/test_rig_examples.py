@@ -327,3 +327,85 @@ def test_the_twist_is_missing_beside_the_bend(rigged):
     assert not rows(ob)
     assert find(frames='RANGE') == {'FINISHED'}
     assert rows(ob) and all(row.mean_error < 0.5 * error for row in ob.detail_deform.missing_examples)
+
+
+# Limits
+
+def test_a_limited_example_is_not_exaggerated(rigged):
+    ob, rig = rigged
+    add_handles(ob, rig)
+    from_poses(frames='RANGE', frame_start=6, frame_end=6)
+    bind(ob)
+    at(11)
+    example, tip = ob.detail_deform.examples[0], evaluated(ob)[-SIDES:]
+    assert example.found_weight > 1.2
+    example.limited = True
+    assert example.found_weight == 1 and ob.detail_deform.is_bound
+    assert np.abs(evaluated(ob)[-SIDES:] - tip).max() < 1e-5  # the handle is met
+    example.largest_weight = 0.25
+    assert example.found_weight == 0.25
+    example.limited = False
+    assert example.found_weight > 1.2
+
+
+# Kept
+
+@pytest.mark.parametrize('weights_by', ['HANDLES', 'SLIDERS'])
+def test_what_is_seen_is_saved_as_a_key(rigged, weights_by):
+    ob, rig = rigged
+    add_handles(ob, rig if weights_by == 'SLIDERS' else None)
+    from_poses(frames='KEYS')
+    bind(ob)
+    settings = ob.detail_deform
+    if weights_by == 'SLIDERS':
+        settings.weights_by = 'SLIDERS'
+        settings.examples[0].weight, settings.examples[1].weight = 0.7, 0.3
+    else:
+        settings.handles[0].target.matrix_world = Matrix.Translation((1.9, 0, 1)) @ Matrix.Rotation(-0.8, 4, 'Y')
+    update()
+    shape = evaluated(ob)
+    assert np.abs(shape - own(ob)).max() > 0.3
+    assert bpy.ops.object.detail_deform_save_key(name="Mixed") == {'FINISHED'}
+    update()
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-5
+    assert np.abs(key(ob, "Mixed") - shape).max() < 1e-5
+    ob.data.shape_keys.key_blocks["Mixed"].value = 1
+    update()
+    assert np.abs(evaluated(ob) - shape).max() < 1e-5
+
+
+def test_found_weights_are_baked(rigged):
+    ob, rig = rigged
+    bake = bpy.ops.object.detail_deform_bake
+    add_handles(ob, rig)
+    from_poses(frames='KEYS')
+    bind(ob)
+    expected = {}
+    for frame in (1, 6, 11, 31):
+        at(frame)
+        expected[frame] = evaluated(ob), [e.found_weight for e in ob.detail_deform.examples]
+    at(4)
+    assert bake(mode='SLIDERS') == {'FINISHED'}
+    assert ob.detail_deform.weights_by == 'SLIDERS' and bpy.context.scene.frame_current == 4
+    ob.detail_deform.handles[0].target.parent = None  # let go
+    for frame, (shape, weights) in expected.items():
+        at(frame)
+        assert np.allclose([e.weight for e in ob.detail_deform.examples], weights, atol=1e-5)
+        assert np.abs(evaluated(ob) - shape).max() < 2e-2 * LENGTH
+    assert "Only weights that handles ask for" in refusal(bake, mode='SLIDERS')
+
+
+def test_found_weights_are_baked_as_values_of_keys(rigged):
+    ob, rig = rigged
+    add_handles(ob, rig)
+    from_poses(frames='KEYS')
+    bind(ob)
+    at(11)
+    bent = evaluated(ob)
+    assert bpy.ops.object.detail_deform_bake(mode='KEY_VALUES') == {'FINISHED'}
+    update()
+    assert np.abs(evaluated(ob) - bent).max() < 1e-2 * LENGTH
+    at(1)
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-3 * LENGTH
+    at(31)
+    assert ob.data.shape_keys.key_blocks["Frame 31"].value == pytest.approx(1, abs=0.02)

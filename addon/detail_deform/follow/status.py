@@ -22,17 +22,18 @@ def update_ms(ob):
 
 def example_weight(ob, example):
     """How much of an example the handles asked for."""
-    weights = _example_weights(ob)
+    weights = example_weights(ob)
     number = next((k for k, e in enumerate(examples.enabled(ob.detail_deform)) if e == example), len(weights))
     return weights[number] if number < len(weights) else 0.0
 
 
 def weights_are_found(ob):
     """Whether the handles have asked for weights since Bind."""
-    return bool(_example_weights(ob))
+    return bool(example_weights(ob))
 
 
-def _example_weights(ob):
+def example_weights(ob):
+    """Those that the handles have asked for, of the examples that are enabled; nothing where that is not known."""
     record = shown.by(ob.data)
     return record.example_weights if record else ()
 

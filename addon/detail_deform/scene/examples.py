@@ -51,6 +51,15 @@ def weights(settings):
     return tuple(example.weight for example in enabled(settings))
 
 
+def limits(settings):
+    """The least and the largest weight of each that handles may ask for; None where none is limited."""
+    chosen = enabled(settings)
+    if not any(example.limited for example in chosen):
+        return None
+    return tuple((example.least_weight, example.largest_weight) if example.limited else (-np.inf, np.inf)
+                 for example in chosen)
+
+
 def add_keys(ob):
     """Adds the mesh's shape keys that are no examples yet; the number of them. Raises MeshProblem."""
     keys = mesh_data.relative_keys(ob)

@@ -41,6 +41,12 @@ class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
                 layout.prop_search(example, 'name', ob.data.shape_keys, 'key_blocks', text="Shape Key")
             if settings.weights_by == 'SLIDERS':
                 layout.prop(example, 'weight', slider=True)
+            else:
+                layout.prop(example, 'limited')
+            if settings.weights_by == 'HANDLES' and example.limited:
+                row = layout.row(align=True)
+                row.prop(example, 'least_weight')
+                row.prop(example, 'largest_weight')
         draw_options(layout, context, settings, 'EXAMPLES')
         layout.separator()
         layout.operator('object.detail_deform_examples_find_missing', text="Find Missing", icon='VIEWZOOM')
