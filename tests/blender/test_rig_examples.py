@@ -205,11 +205,22 @@ def test_an_empty_that_a_bone_carries_pulls_to_the_poses(rigged, turns):
     expected = {frame: posed(ob, frame) for frame in (1, 11, 31)}
     add_handles(ob, rig).turns = turns
     from_poses(frames='KEYS')
+    at(8)  # where the bone is posed, and the mesh at rest
     bind(ob)
     for frame in (1, 11, 31) if turns == 'TARGET' else (1, 11):  # a twist moves no tip
         at(frame)
         assert np.abs(evaluated(ob) - expected[frame]).max() < 1e-2 * LENGTH, frame
-    assert ob.detail_deform.examples[0].found_weight == pytest.approx(frame == 11, abs=0.05)
+    assert ob.detail_deform.examples[0].found_weight == pytest.approx(float(frame == 11), abs=0.05)
+
+
+def test_an_empty_that_was_put_on_the_mesh_beside_a_posed_bone_starts_there(rigged):
+    ob, rig = rigged
+    from_poses(frames='KEYS')
+    at(11)
+    handle = add_handles(ob, rig)  # on the mesh at rest
+    bind(ob)
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-5
+    assert handle.rest_matrix[3] == pytest.approx(handle.target.matrix_world.translation.x)
 
 
 def test_modifiers_that_make_vertices_and_those_behind_go_on(rigged):
@@ -231,7 +242,7 @@ def test_modifiers_that_make_vertices_and_those_behind_go_on(rigged):
 
 
 def test_a_lattice_poses_too(rigged):
-    ob, rig = rigged
+    ob, _ = rigged
     ob.modifiers.clear()
     lattice = bpy.data.objects.new("Lattice", bpy.data.lattices.new("Lattice"))
     bpy.context.scene.collection.objects.link(lattice)

@@ -52,8 +52,8 @@ _FRAMES = [('RANGE', "Range", "Each frame of a range, by a step"),
 class OBJECT_OT_detail_deform_examples_from_poses(_OfPoses, bpy.types.Operator):
     bl_idname = 'object.detail_deform_examples_from_poses'
     bl_label = "Examples from Poses"
-    bl_description = ("Make shape keys and examples of poses that the armature, or what else moves this mesh, gives it. "
-                      "Esc cancels")
+    bl_description = ("Make shape keys and examples of poses that this mesh has by its armature, or by what else moves "
+                      "its vertices. Esc cancels")
     doing = "Going through the poses"
 
     frames: EnumProperty(
@@ -133,7 +133,7 @@ class OBJECT_OT_detail_deform_example_add_missing(MeshOperator, bpy.types.Operat
     @classmethod
     def poll_object(cls, ob):
         if not ob.detail_deform.missing_examples:
-            cls.poll_message_set("Press Find Missing first")
+            cls.poll_message_set("No pose is listed: press Find Missing first")
             return False
         return True
 
@@ -154,7 +154,7 @@ class OBJECT_OT_detail_deform_posers_off(MeshOperator, bpy.types.Operator):
     @classmethod
     def poll_object(cls, ob):
         if not posers.twice(ob):
-            cls.poll_message_set("No modifier that is shown has made examples")
+            cls.poll_message_set("Nothing poses the mesh whose poses are examples")
             return False
         return True
 

@@ -37,8 +37,8 @@ def to_key_values(context, ob, start, end):
     check(ob)
     for example in examples.enabled(ob.detail_deform):
         if example.object:
-            raise MeshProblem(f"Example '{examples.title(example)}' is an object and has no shape key to be keyed: bake "
-                              "sliders, or make examples of shape keys.")
+            raise MeshProblem(f"Example '{examples.title(example)}' is an object and has no shape key that could be "
+                              "keyed: bake the sliders, or make examples of shape keys.")
         examples.positions_of(ob, example)
     found = yield from _found(context, ob, start, end)
     blocks = ob.data.shape_keys.key_blocks

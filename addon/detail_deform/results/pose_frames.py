@@ -37,8 +37,7 @@ def at_markers(scene):
     """Raises MeshProblem."""
     markers = sorted(scene.timeline_markers, key=lambda marker: marker.frame)
     if not markers:
-        raise MeshProblem("The timeline has no markers: set one at each pose (M, in the timeline), or choose a range "
-                          "of frames.")
+        raise MeshProblem("The timeline has no markers: set one at each pose, or choose a range of frames.")
     return [Pose(marker.name, marker.frame) for marker in markers]
 
 

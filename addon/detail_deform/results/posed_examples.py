@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Examples that are poses which the mesh has by its armature, or by other modifiers: a shape key and an example each."""
+"""Examples that are poses which the mesh has by its armature, or by other modifiers: each a shape key."""
 
 import contextlib
 

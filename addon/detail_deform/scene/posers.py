@@ -16,12 +16,12 @@ _COPIERS = {'ARRAY', 'MIRROR', 'SCREW'}
 def of(ob):
     """Raises MeshProblem where there are none, or what they make is more than a pose of the mesh."""
     modifiers = [m for m in ob.modifiers if m not in (node_group.find_modifier(ob), node_group.find_cache(ob))]
-    known = _remembered(ob)
+    known = remembered(ob)
     shown = [m for m in modifiers if m.show_viewport or m.name in known]
     found = _of_type(shown, {'ARMATURE'}) or _of_type(shown, _MOVERS) or _of_type(shown, {'NODES'})
     if not found:
-        raise MeshProblem(f"No modifier poses '{ob.name}': give it an Armature, or another one that moves its vertices, "
-                          "and show it in the viewport.")
+        raise MeshProblem(f"No modifier poses '{ob.name}': give it an Armature, or another one that moves its "
+                          "vertices, and show it in the viewport.")
     earlier = shown[:shown.index(found[-1]) + 1]
     for modifier in earlier:
         if modifier.type in _COPIERS:
@@ -39,7 +39,8 @@ def rigs(ob):
     return [m.object for m in of(ob) if m.type == 'ARMATURE']
 
 
-def _remembered(ob):
+def remembered(ob):
+    """Names of the modifiers of whose poses there are examples."""
     return set(ob.detail_deform.posed_by.split('\n')) if ob.detail_deform.posed_by else set()
 
 
@@ -52,13 +53,13 @@ def twice(ob):
     """Names of the modifiers that are seen to do once more what examples have been made of."""
     if not ob.detail_deform.examples:
         return []
-    known = _remembered(ob)
+    known = remembered(ob)
     return [m.name for m in ob.modifiers if m.name in known and m.show_viewport]
 
 
 def switch_off(ob):
     """In renders too. Returns their names."""
-    known = _remembered(ob)
+    known = remembered(ob)
     found = [m for m in ob.modifiers if m.name in known and (m.show_viewport or m.show_render)]
     for modifier in found:
         modifier.show_viewport = modifier.show_render = False

@@ -262,8 +262,9 @@ def _draw_add_entry(self, context):
 
 
 CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_MT_detail_deform_mirror, OBJECT_MT_detail_deform_handles,
-           OBJECT_PT_detail_deform, *examples_panel.CLASSES, OBJECT_PT_detail_deform_handles, OBJECT_PT_detail_deform_expressions, OBJECT_PT_detail_deform_base,
-           OBJECT_PT_detail_deform_advanced, OBJECT_PT_detail_deform_comparison, OBJECT_PT_detail_deform_empty)
+           OBJECT_PT_detail_deform, *examples_panel.CLASSES, OBJECT_PT_detail_deform_handles,
+           OBJECT_PT_detail_deform_expressions, OBJECT_PT_detail_deform_base, OBJECT_PT_detail_deform_advanced,
+           OBJECT_PT_detail_deform_comparison, OBJECT_PT_detail_deform_empty)
 
 
 register, unregister = registration(CLASSES, (
