@@ -191,7 +191,11 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     missing_examples: CollectionProperty(
         type=DetailDeformMissingExample, name="Missing Examples",
         description="Poses of which the examples make something else, the worst first")
-    missing_index: IntProperty(name="Active Pose", options={'HIDDEN'})
+    missing_index: IntProperty(name="Active Pose", options={'HIDDEN'}, update=_preview_changed)
+    show_error: BoolProperty(
+        name="Show Error", update=_preview_changed,
+        description="Colour the vertices in the viewport by how far the examples left them from the active pose of the "
+                    "list")
     expressions: CollectionProperty(
         type=DetailDeformExpression, name="Expressions", description="Shape keys that were saved of the deformation")
     base_object: PointerProperty(

@@ -314,7 +314,7 @@ def rows(ob):
     return [row.name for row in ob.detail_deform.missing_examples]
 
 
-def test_the_twist_is_missing_beside_the_bend(rigged):
+def test_the_twist_is_missing_beside_the_bend(rigged, part):
     ob, rig = rigged
     add_handles(ob, rig)
     find = bpy.ops.object.detail_deform_examples_find_missing
@@ -329,6 +329,10 @@ def test_the_twist_is_missing_beside_the_bend(rigged):
     first = ob.detail_deform.missing_examples[0]
     assert first.name == "Frame 31" and first.largest_error > 1
     error = first.mean_error
+    ob.detail_deform.show_error = True
+    red, green = part('ui.preview').vertex_colours(ob)[:, :2].T
+    worst = np.abs(own(ob)[:, 0] - 2).argmin()  # where it is twisted and no handle holds it
+    assert red[worst] > 0.6 and (green[own(ob)[:, 0] < 0.5] > 0.7).all()
     assert bpy.context.scene.frame_current == 3
     assert bpy.ops.object.detail_deform_example_add_missing() == {'FINISHED'}
     assert names(ob) == ["Frame 11", "Frame 31"] and "Frame 31" not in rows(ob)

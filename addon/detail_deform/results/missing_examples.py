@@ -17,6 +17,9 @@ from .pose_samples import Samples, size
 
 MOST = 10  # that are told
 _LEAST = 1e-3  # of the mesh's size: an error that nobody looks for
+_SHARE = 0.8  # of the work, to find them; then they are looked at once more
+
+_errors = {}  # by the object's name: of each pose on its list, by name, (n,) float32
 
 
 class Missed(NamedTuple):
@@ -42,8 +45,14 @@ def find(context, ob, poses):
             samples.add(positions)
             errors = by_handles.errors(positions) / whole
             found.append(Missed(pose, errors.mean(), errors.max(), np.sqrt(np.square(errors).mean())))
-            yield len(found) / len(poses)
-    return found, _apart(samples, found, whole)
+            yield _SHARE * len(found) / len(poses)
+    chosen, of_each = _apart(samples, found, whole), {}
+    with contextlib.closing(pose_frames.walk(context, ob, [poses[number] for number in chosen])) as walk:
+        for number, positions in zip(chosen, walk):
+            of_each[poses[number].name] = by_handles.everywhere(by_handles.errors(positions))
+            yield _SHARE + (1 - _SHARE) * len(of_each) / len(chosen)
+    _errors[ob.name] = of_each
+    return found, chosen
 
 
 def check(ob):
@@ -91,6 +100,25 @@ class _ByHandles:
             motions[number, :, 3] = positions[part].mean(axis=0) - self._bound[part].mean(axis=0)
         found = placed.offsets(self._ob, self._deformer.offsets(motions, **self._asked)).reshape(-1, 3)
         return np.linalg.norm(self._rest + found - positions, axis=1)[self._is_free]
+
+    def everywhere(self, errors):
+        """(n,) float32: zero where the handles or nothing moves."""
+        result = np.zeros(len(self._is_free), np.float32)
+        result[self._is_free] = errors
+        return result
+
+
+def errors_of(ob):
+    """(n,) float32: of the active pose on the list; None where they are not known, as in a file that was opened."""
+    settings = ob.detail_deform
+    if not 0 <= settings.missing_index < len(settings.missing_examples):
+        return None
+    found = _errors.get(ob.name, {}).get(settings.missing_examples[settings.missing_index].name)
+    return found if found is not None and len(found) == len(ob.data.vertices) else None
+
+
+def forget():
+    _errors.clear()
 
 
 def tell(ob, found, chosen):

@@ -53,7 +53,9 @@ class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
         if settings.missing_examples:
             layout.template_list('OBJECT_UL_detail_deform_missing', "", settings, 'missing_examples', settings,
                                  'missing_index', rows=3)
-            layout.operator('object.detail_deform_example_add_missing', icon='ADD')
+            row = layout.row(align=True)
+            row.operator('object.detail_deform_example_add_missing', icon='ADD')
+            row.prop(settings, 'show_error', toggle=True)
 
 
 class OBJECT_UL_detail_deform_missing(bpy.types.UIList):
