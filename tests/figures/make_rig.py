@@ -20,7 +20,7 @@ from detail_deform.scene import mesh_data  # noqa: E402
 from detail_deform.setup import markers  # noqa: E402
 
 FRAMES = (6, 13, 21)  # that are no examples
-SIZE = (400, 240)
+SIZE = (400, 300)
 WORST = 0.05  # of the calf's box: shown in full red
 HANDLES = (("muzzle", 1, "head - muzzle"), ("hoof L", 26, "fetlock.L - hoof.L"), ("hoof R", 27, "fetlock.R - hoof.R"),
            ("heel L", 36, "pastern.L - heel.L"), ("heel R", 37, "pastern.R - heel.R"), ("rump", None, "rump - belly"))
@@ -31,7 +31,7 @@ def picture(folder):
     scene, eye = bpy.context.scene, Vector((2.5, -5.4, 2.0))
     scene.camera.location = eye
     scene.camera.rotation_euler = (Vector((0.1, 0, 0.78)) - eye).to_track_quat("-Z", "Y").to_euler()
-    scene.camera.data.lens = 82
+    scene.camera.data.lens = 70
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.render.filepath = str(Path(folder) / "picture.png")
     bpy.ops.render.render(write_still=True)
