@@ -136,6 +136,8 @@ def test_keys_markers_and_poses_of_a_library(rigged):
     played = rig.animation_data.action
     rig.animation_data.action = None
     lower = rig.pose.bones["Lower"]
+    lower["switch"] = 1.0
+    lower.keyframe_insert('["switch"]', frame=7)
     lower.rotation_euler = (np.pi / 2, 0, 0)
     lower.keyframe_insert('rotation_euler', frame=7)
     rig.animation_data.action.name = "Bent"
@@ -143,13 +145,14 @@ def test_keys_markers_and_poses_of_a_library(rigged):
     rig.animation_data.action = played
     at(25)
     lower.rotation_euler = (0.1, 0.2, 0.3)  # in no key
+    lower["switch"] = 0.5
     rig.pose.bones["Upper"].location = (0, 0.5, 0)
     update()
     from_poses(frames='LIBRARY')
     assert names(ob) == ["Bent"]
     assert np.abs(key(ob, "Bent") - bend).max() < 1e-5
     assert rig.animation_data.action == played and bpy.context.scene.frame_current == 25
-    assert np.allclose(lower.rotation_euler, (0.1, 0.2, 0.3), atol=1e-6)
+    assert np.allclose(lower.rotation_euler, (0.1, 0.2, 0.3), atol=1e-6) and lower["switch"] == 0.5
     assert np.allclose(rig.pose.bones["Upper"].location, (0, 0.5, 0), atol=1e-6)
 
 

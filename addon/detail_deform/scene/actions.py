@@ -40,13 +40,22 @@ class Unkeyed:
         self._owners = [*owners, *(bone for ob in owners if ob.pose for bone in ob.pose.bones)]
 
     def __enter__(self):
-        self._values = [[tuple(getattr(owner, name)) for name in _CHANNELS] for owner in self._owners]
+        self._values = [([tuple(getattr(owner, name)) for name in _CHANNELS], _own_numbers(owner))
+                        for owner in self._owners]
 
     def __exit__(self, *_):
-        for owner, values in zip(self._owners, self._values):
+        for owner, (values, numbers) in zip(self._owners, self._values):
             for name, value in zip(_CHANNELS, values):
                 if tuple(getattr(owner, name)) != value:
                     setattr(owner, name, value)
+            for name, value in numbers.items():
+                if owner.get(name) != value:
+                    owner[name] = value
+
+
+def _own_numbers(owner):
+    """The custom properties by which rigs are switched."""
+    return {name: value for name, value in owner.items() if isinstance(value, (int, float))}
 
 
 def reset(rig):
