@@ -5,6 +5,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from .follow import auto_bind, drag, edits, factored, life, registry
+from .results import missing_examples
 from .ui import known_markers, preview
 
 # With nothing bound, neither of these two goes through what a scene has or what was changed.
@@ -62,6 +63,7 @@ def _data_replaced(*_):
 def _file_loaded(*_):
     """No undo leads back: the memory of what was bound in the last file is given back."""
     _data_replaced()
+    missing_examples.forget()
     life.drop_unused(spares=False)
     factored.clear()
 

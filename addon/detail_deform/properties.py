@@ -141,9 +141,29 @@ class DetailDeformExample(bpy.types.PropertyGroup):
     weight: FloatProperty(
         name="Weight", soft_min=0.0, soft_max=1.0, min=-10.0, max=10.0, update=_look_changed,
         description="How much of this example the pose has, where weights are set by sliders")
+    limited: BoolProperty(
+        name="Limit Weight", default=False, update=_look_changed,
+        description="Keep the weight that handles ask for between Least and Largest")
+    least_weight: FloatProperty(
+        name="Least", default=0.0, min=-10.0, max=0.0, soft_min=-1.0, update=_look_changed,
+        description="Least weight that handles give this example, below which they exaggerate its opposite")
+    largest_weight: FloatProperty(
+        name="Largest", default=1.0, min=0.0, max=10.0, soft_max=2.0, update=_look_changed,
+        description="Largest weight that handles give this example, beyond which they exaggerate it")
     found_weight: FloatProperty(
         name="Weight", get=lambda self: status.example_weight(self.id_data, self),
         description="How much of this example the handles asked for")
+
+
+class DetailDeformMissingExample(bpy.types.PropertyGroup):
+    name: StringProperty(name="Pose", description="Frame, marker or action of this pose")
+    frame: FloatProperty(name="Frame", description="Where it is found: in the scene, or in the action")
+    action: StringProperty(name="Action", description="The action that is this pose, of a pose library")
+    mean_error: FloatProperty(
+        name="Mean Error", precision=2,
+        description="How far from this pose the examples leave the mesh in the mean, in percent of its size")
+    largest_error: FloatProperty(
+        name="Largest Error", precision=2, description="The same of the vertex that is farthest from its place")
 
 
 class DetailDeformExpression(bpy.types.PropertyGroup):
@@ -167,6 +187,15 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         type=DetailDeformExample, name="Examples",
         description="Poses that the method Examples mixes, beside the rest shape")
     example_index: IntProperty(name="Active Example", options={'HIDDEN'})
+    posed_by: StringProperty(options={'HIDDEN'})  # names of the modifiers whose poses are examples, one a line
+    missing_examples: CollectionProperty(
+        type=DetailDeformMissingExample, name="Missing Examples",
+        description="Poses of which the examples make something else, the worst first")
+    missing_index: IntProperty(name="Active Pose", options={'HIDDEN'}, update=_preview_changed)
+    show_error: BoolProperty(
+        name="Show Error", update=_preview_changed,
+        description="Colour the vertices in the viewport by how far the examples left them from the active pose of the "
+                    "list")
     expressions: CollectionProperty(
         type=DetailDeformExpression, name="Expressions", description="Shape keys that were saved of the deformation")
     base_object: PointerProperty(
@@ -222,7 +251,8 @@ _HEARD_BY_STRUCT = {options.BIND: _input_changed, options.UPDATE: _look_changed}
 declare(DetailDeformSettings, options.SETTINGS,
         lambda option: _HEARD.get(option.name, _HEARD_BY_STRUCT.get(option.struct)))
 
-CLASSES = (DetailDeformHandle, DetailDeformExample, DetailDeformExpression, DetailDeformSettings)
+CLASSES = (DetailDeformHandle, DetailDeformExample, DetailDeformMissingExample, DetailDeformExpression,
+           DetailDeformSettings)
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 

@@ -108,6 +108,12 @@ def test_unusable_examples_and_weights_are_refused(native, structs):
                               ([1, np.nan], 'example 1 is not finite')):
         with pytest.raises(native.NativeError, match=sentence):
             deformer.offsets(matrix, method='EXAMPLES', example_weights=weights)
+    for limits, sentence in (([[0, 1]], 'limits of 1 examples, but 2'),
+                             ([[0, 1], [0.1, 1]], 'limits of example 1 must'),
+                             ([[0, -1], [0, 1]], 'limits of example 0 must'), ([[0, 1], [0, np.nan]], 'of example 1'),
+                             (np.zeros((1001, 2)), 'more than the examples can be')):
+        with pytest.raises(native.NativeError, match=sentence):
+            deformer.offsets(matrix, method='EXAMPLES', example_limits=limits)
     with pytest.raises(native.NativeError, match='example_stiffness'):
         deformer.offsets(matrix, method='EXAMPLES', example_stiffness=-1.0)
     lib, out = native.library(), np.zeros(3)

@@ -73,7 +73,7 @@ def labels(folder):
     found = set()
     settings = bpy.types.Object.bl_rna.properties['detail_deform'].fixed_type
     groups = [settings, *(settings.properties[name].fixed_type
-                          for name in ('handles', 'examples', 'expressions', 'transfer'))]
+                          for name in ('handles', 'examples', 'missing_examples', 'expressions', 'transfer'))]
     operators = [getattr(kind, name).get_rna_type() for kind in (bpy.ops.object, bpy.ops.wm) for name in dir(kind)
                  if name.startswith('detail_deform')]
     found.update(operator.name for operator in operators)

@@ -22,7 +22,7 @@ sys.path[:0] = [str(ROOT / 'addon'), str(ROOT / 'tests' / 'figures')]
 import detail_deform  # noqa: E402
 from detail_deform.scene import mesh_data  # noqa: E402
 from detail_deform.setup import markers  # noqa: E402
-from detail_deform.ui import panels, transfer_panel  # noqa: E402
+from detail_deform.ui import examples_panel, panels, transfer_panel  # noqa: E402
 import manual_start  # noqa: E402
 from manual_window import (  # noqa: E402
     OUT, VIEW_ONLY, activate, area, arrange, look, number, panel_picture, picture, settle, show_only)
@@ -163,7 +163,7 @@ def creatures():
     targets["hoof L"].location += Vector((0.32, 0, 0.30))
     targets["muzzle"].location += Vector((-0.25, 0, -0.75))
     bpy.context.view_layer.update()
-    show_only(panels.OBJECT_PT_detail_deform_examples)
+    show_only(examples_panel.OBJECT_PT_detail_deform_examples)
     yield from settle()
     panel_picture('examples.png')
 

@@ -190,6 +190,12 @@ Motion any_motion(const Bind& bind, Bytes& bytes) {
   give(motion.turns, options.turns, options.turn_count);
   give(motion.handle_turns, options.handle_turns, options.handle_turn_count);
   give(motion.pivots, options.pivots, options.pivot_count);
+  if (bind.options.example_count > 0 && bytes.one_in(3)) {
+    for (size_t k = 0; k < 2 * bind.options.example_count; ++k)
+      motion.limits.push_back(k % 2 == 0 ? bytes.number(-1, 0) : bytes.number(0, 1));
+    options.example_limits = bytes.pointer(motion.limits.data());
+    options.example_limit_count = bind.options.example_count;
+  }
   motion.endless = bytes.odd(64);
   if (motion.endless) {
     options.volume_iterations = std::numeric_limits<int32_t>::max();

@@ -25,7 +25,7 @@ Bind any_bind(Bytes& bytes);
 
 /// The arguments of an update.
 struct Motion {
-  std::vector<double> matrices, turns, weights, pivots;
+  std::vector<double> matrices, turns, weights, pivots, limits;
   std::vector<float> base;
   std::vector<int32_t> handle_turns;
   dd_update_options options{};

@@ -47,7 +47,7 @@ def bind(ob, depsgraph, wait, keep_rest):
         outside_base.store_rest(ob, depsgraph, only_new=keep_rest)
     else:
         outside_base.forget_rest(settings)
-    _find_start(ob, places, keep_rest)
+    _find_start(ob, places, keep_rest, handle_matrices.rest_places(ob, places, roles, depsgraph))
     handle_matrices.motions(settings, places)  # refuses places that can't be inverted
 
     signature = content.signature(ob, content.shape_signature(ob), roles)
@@ -66,7 +66,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     life.drop_unused()
 
 
-def _find_start(ob, places, keep_rest):
+def _find_start(ob, places, keep_rest, rest_places):
     """Where the surface and the handles start from."""
     settings = ob.detail_deform
     if settings.base == 'OBJECT' or not keep_rest:
@@ -76,7 +76,7 @@ def _find_start(ob, places, keep_rest):
         if keep_rest and _has_come(settings) and start.take_deformation(ob):
             handle_matrices.start_here(settings, places)
             return
-    handle_matrices.store_rest(settings, places, only_new=keep_rest)
+    handle_matrices.store_rest(settings, rest_places, only_new=keep_rest)
 
 
 def go_home(ob, depsgraph, wait):

@@ -118,7 +118,7 @@ def begin(ob, roles):
     bind, of = native.Bind(*arguments, draft=_has_draft(len(roles)), **options), ob.detail_deform
     if of.base == 'OBJECT':  # whose pose is another one by then
         return bind
-    return BindJob(bind, arguments[-1], look.quick(_with_free(look.asked(of), of)))
+    return BindJob(bind, arguments[-1], look.quick(with_free(look.asked(of), of)))
 
 
 def _has_draft(vertex_count):
@@ -126,7 +126,7 @@ def _has_draft(vertex_count):
     return vertex_count >= _DRAFT_FROM and not bpy.app.background
 
 
-def _with_free(asked, of):
+def with_free(asked, of):
     """With what is said of free handles."""
     free = handle_matrices.free(of)
     if not free.any():
@@ -181,7 +181,7 @@ class Frame:
         self._free = handle_matrices.free(of)
         self.of = (of.signature, self._motions.tobytes(), self._asked.copy(), self._free.tobytes(),
                    mirror_plane.key(ob), look.soft_border(of))
-        self._asked = _with_free(self._asked, of)
+        self._asked = with_free(self._asked, of)
         self._turns = np.zeros((len(self._motions), 3))
         if of.base == 'OBJECT':
             self._base = outside_base.deformed_positions(ob, depsgraph)

@@ -14,6 +14,8 @@ def asked(settings):
         found['gradients'] = 'WHOLE'  # examples that swell are to be met
         if settings.weights_by == 'SLIDERS' and settings.base == 'COMPUTED':
             found['example_weights'] = examples.weights(settings)
+        else:
+            found['example_limits'] = examples.limits(settings)
     return found
 
 

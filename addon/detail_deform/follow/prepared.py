@@ -109,7 +109,7 @@ def remarks(transfer):
         yield f"{info.degenerate_count:,} triangles of this mesh have next to no area."
     if info.overstretched_count:
         yield (f"{info.overstretched_count:,} triangles of the source (such as {info.overstretched_example}) "
-               "correspond to more than eight times their area, so what is around them is taken in their place: add a marker "
-               "there if that looks wrong.")
+               "correspond to more than eight times their area, so what is around them is taken in their place: add "
+               "a marker there if that looks wrong.")
     if info.mirrored:
         yield "This mesh looks like the source's mirror image, which a deformation can't be turned into."

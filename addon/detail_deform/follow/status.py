@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
 
-from ..scene import examples, handle_matrices, node_group, offset_attribute, stack
+from ..scene import examples, handle_matrices, node_group, offset_attribute, posers, stack
 from . import bound, hints, look, shown, slow_results, words
 
 
@@ -22,17 +22,18 @@ def update_ms(ob):
 
 def example_weight(ob, example):
     """How much of an example the handles asked for."""
-    weights = _example_weights(ob)
+    weights = example_weights(ob)
     number = next((k for k, e in enumerate(examples.enabled(ob.detail_deform)) if e == example), len(weights))
     return weights[number] if number < len(weights) else 0.0
 
 
 def weights_are_found(ob):
     """Whether the handles have asked for weights since Bind."""
-    return bool(_example_weights(ob))
+    return bool(example_weights(ob))
 
 
-def _example_weights(ob):
+def example_weights(ob):
+    """Those that the handles have asked for, of the examples that are enabled; nothing where that is not known."""
     record = shown.by(ob.data)
     return record.example_weights if record else ()
 
@@ -171,6 +172,9 @@ def _remarks(ob, info):
         keys = examples.shown_keys(ob)
         if keys:
             yield f"Shape keys that are examples are shown too, as {_names(keys[:3])}: set their values to 0."
+        twice = posers.twice(ob)
+        if twice:
+            yield f"{_names(twice)} poses the result once more, of whose poses there are examples: switch it off."
     if settings.method == 'GRADIENT' and settings.base == 'OBJECT':
         yield "Gradient Editing goes by the handles and not by the base: choose another method to follow it."
     if settings.method == 'GRADIENT':

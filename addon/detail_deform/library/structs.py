@@ -156,7 +156,7 @@ UpdateOptions = _sized(
     (Array(np.float64, 3), 'turns'), (_SIZE, 'turn_count'), (Array(np.float64), 'example_weights'),
     (_SIZE, 'example_weight_count'), 'example_stiffness', 'rim_smoothing', 'rotation_smoothing', 'base_deformer',
     (Array(np.int32), 'handle_turns'), (_SIZE, 'handle_turn_count'), (Array(np.float64, 3), 'pivots'),
-    (_SIZE, 'pivot_count'))
+    (_SIZE, 'pivot_count'), (Array(np.float64, 2), 'example_limits'), (_SIZE, 'example_limit_count'))
 UpdateInfo = _sized('dd_update_info', "Facts about an update that was a job", (_INT, 'volumes_converged'),
                     (_DOUBLE, 'volume_error'))
 Info = _sized(

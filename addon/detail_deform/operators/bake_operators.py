@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
-from ..results import alembic, bake, point_cache
+from ..results import alembic, bake, keyed_weights, point_cache
 from ..scene import mesh_data, node_group
 from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
 
@@ -24,7 +24,12 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
         items=[('CACHE', "Mesh Cache",
                 "A point cache (PC2), played by a Mesh Cache modifier in place of the live deformation"),
                ('SHAPE_KEYS', "Shape Keys", "A keyed shape key for each frame, within this file: for few frames"),
-               ('ALEMBIC', "Alembic", "The object with all its modifiers as an Alembic file, for other programs")])
+               ('ALEMBIC', "Alembic", "The object with all its modifiers as an Alembic file, for other programs"),
+               ('SLIDERS', "Sliders of Examples",
+                "Keys of the examples' sliders: the weights that the handles ask for, which then are let go"),
+               ('KEY_VALUES', "Values of Examples' Keys",
+                "The same weights as keyed values of the examples' shape keys, for few limbs that turn little, as "
+                "shape keys mix along straight lines")])
     frame_start: IntProperty(
         name="First Frame", description="First frame to bake; that of the scene unless given")
     frame_end: IntProperty(
@@ -63,7 +68,7 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
         column.prop(self, 'mode')
         column.prop(self, 'frame_start')
         column.prop(self, 'frame_end')
-        if self.mode != 'SHAPE_KEYS':
+        if self.mode in {'CACHE', 'ALEMBIC'}:
             column.prop(self, 'filepath')
 
     def run(self, context, ob):
@@ -73,8 +78,10 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
         if self.mode == 'ALEMBIC':
             alembic.write(context, ob, start, end, path[:-4] + '.abc' if path.endswith('.pc2') else path)
             return None
-        if self.mode == 'SHAPE_KEYS':
-            work = bake.to_shape_keys(context, ob, start, end)
+        within = {'SHAPE_KEYS': bake.to_shape_keys, 'SLIDERS': keyed_weights.to_sliders,
+                  'KEY_VALUES': keyed_weights.to_key_values}.get(self.mode)
+        if within:
+            work = within(context, ob, start, end)
         else:
             whole = (self.given('cache_start', start), self.given('cache_end', end))
             work = self._cache(context, ob, start, end, path, whole)

@@ -157,6 +157,9 @@ class OBJECT_OT_detail_deform_save_key(HandOperator, bpy.types.Operator):
         _settle_what_is_seen(ob)
         name = apply_result.save_key(ob, self.name or "Expression")
         ob.detail_deform.expressions.add().name = name
+        if ob.detail_deform.weights_by == 'SLIDERS':  # else what was saved would be seen twice
+            for example in ob.detail_deform.examples:
+                example.weight = 0.0
         handle_setup.all_to_rest(context, ob)
         self.report({'INFO'}, f"Saved as '{name}', with value 0; the handles are at rest")
 

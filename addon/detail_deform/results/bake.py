@@ -16,14 +16,15 @@ class _ShownUpTo:
         self._modifier = modifier
 
     def __enter__(self):
-        self._shown = [(m, m.show_viewport) for m in (self._modifier, *self._behind)]
+        self._shown = [(m, m.show_viewport, m.show_render) for m in (self._modifier, *self._behind)]
         self._modifier.show_viewport = True
         for modifier in self._behind:
+            modifier.show_render |= modifier.show_viewport  # else an armature would be switched off for its handles too
             modifier.show_viewport = False
 
     def __exit__(self, *_):
-        for modifier, shown in self._shown:
-            modifier.show_viewport = shown
+        for modifier, *shown in self._shown:
+            modifier.show_viewport, modifier.show_render = shown
 
 
 def modifier_of(ob):

@@ -22,12 +22,21 @@ def walk(context, ob, start, end):
     """Generator of the frames from start to end, with scene and object brought to each. Leaves the scene at the frame
     where it was."""
     check_range(start, end)
-    scene = context.scene
-    present = (scene.frame_current, scene.frame_subframe)
-    try:
+    with Present(context.scene):
         for frame in range(start, end + 1):
-            scene.frame_set(frame)
+            context.scene.frame_set(frame)
             settle(context, ob)
             yield frame
-    finally:
-        scene.frame_set(present[0], subframe=present[1])
+
+
+class Present:
+    """While it lasts other frames may be gone to."""
+
+    def __init__(self, scene):
+        self._scene = scene
+
+    def __enter__(self):
+        self._frame = (self._scene.frame_current, self._scene.frame_subframe)
+
+    def __exit__(self, *_):
+        self._scene.frame_set(self._frame[0], subframe=self._frame[1])

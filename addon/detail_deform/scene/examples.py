@@ -18,10 +18,10 @@ def title(example):
 def positions(ob):
     """(count, n, 3) float32 of the enabled examples, or None where there are none. Raises MeshProblem."""
     chosen = enabled(ob.detail_deform)
-    return np.stack([_positions_of(ob, example) for example in chosen]) if chosen else None
+    return np.stack([positions_of(ob, example) for example in chosen]) if chosen else None
 
 
-def _positions_of(ob, example):
+def positions_of(ob, example):
     if example.object is not None:
         return _positions_of_object(ob, example.object)
     if example.is_object:
@@ -49,6 +49,15 @@ def _positions_of_object(ob, other):
 def weights(settings):
     """Those of the sliders."""
     return tuple(example.weight for example in enabled(settings))
+
+
+def limits(settings):
+    """The least and the largest weight of each that handles may ask for; None where none is limited."""
+    chosen = enabled(settings)
+    if not any(example.limited for example in chosen):
+        return None
+    return tuple((example.least_weight, example.largest_weight) if example.limited else (-np.inf, np.inf)
+                 for example in chosen)
 
 
 def add_keys(ob):

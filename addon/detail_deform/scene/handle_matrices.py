@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from . import skin
+from . import mesh_data, skin
 from .mesh_data import MeshProblem
 
 
@@ -93,6 +93,25 @@ def places_of(ob, handles, depsgraph):
             places[number] = _inverse_or_refuse(
                 pose, f"Handle '{handle.name}': the bone of its empty has a scale of zero.") @ places[number]
     return places
+
+
+def rest_places(ob, places, roles, depsgraph):
+    """(h, 4, 4) float32: where the empties would be at rest. It is where they are, but for those on the bones of an
+    armature that is switched off, which no longer poses the mesh: of the place as it is and that with the bone at rest,
+    the one nearer to the handle's vertices. roles: of the binding."""
+    result, rest = places.copy(), None
+    for number, handle in enumerate(enabled_handles(ob.detail_deform)):
+        if handle.mirrors or handle.target.parent_type != 'BONE':
+            continue
+        pose = skin.pose_that_was(ob, handle.target, depsgraph)
+        if _flat(pose) or np.array_equal(pose, np.eye(4)):
+            continue
+        if rest is None:
+            rest = mesh_data.rest(ob.data)
+        centre, there = rest[roles == number].mean(axis=0), np.linalg.inv(pose) @ places[number]
+        if np.linalg.norm(there[:3, 3] - centre) < np.linalg.norm(places[number, :3, 3] - centre):
+            result[number] = there
+    return result
 
 
 def mirrored(handles):

@@ -4,13 +4,15 @@ counts in the space of the mesh at rest; its empty stands on the posed surface, 
 
 import numpy as np
 
-from . import mesh_data, node_group
+from . import mesh_data, node_group, posers
 from .mesh_data import MeshProblem
 
 
 def _armatures(ob):
-    """Those that pose what the deformation makes, whether they are shown or not."""
-    return [m for m in node_group.behind(ob) if m.type == 'ARMATURE' and m.object and m.use_vertex_groups]
+    """Those that pose what the deformation makes, shown in the viewport or not; one that is hidden in renders too is
+    switched off, as where its poses have become examples."""
+    return [m for m in node_group.behind(ob) if m.type == 'ARMATURE' and m.object and m.use_vertex_groups
+            and (m.show_viewport or m.show_render)]
 
 
 class Rigs:
@@ -56,8 +58,19 @@ def mean_motion(ob, rig, means, depsgraph):
 def pose_of(ob, empty, depsgraph):
     """(4, 4) float64: by which the bone that carries this empty moves the mesh; nothing where none does. Raises
     MeshProblem."""
+    return _pose_of(ob, empty, _armatures(ob), depsgraph)
+
+
+def pose_that_was(ob, empty, depsgraph):
+    """The same of an armature that is switched off, as examples have been made of its poses."""
+    names = posers.remembered(ob)
+    return _pose_of(ob, empty, [m for m in ob.modifiers if m.type == 'ARMATURE' and m.name in names
+                                and m not in _armatures(ob)], depsgraph)
+
+
+def _pose_of(ob, empty, armatures, depsgraph):
     rig = empty.parent
-    if empty.parent_type != 'BONE' or rig is None or all(m.object != rig for m in _armatures(ob)):
+    if empty.parent_type != 'BONE' or rig is None or all(m.object != rig for m in armatures):
         return np.eye(4)
     if empty.parent_bone not in rig.data.bones:
         raise MeshProblem(f"The bone '{empty.parent_bone}' of '{rig.name}', which carries the empty '{empty.name}', is "

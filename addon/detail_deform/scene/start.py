@@ -62,7 +62,15 @@ def motions(ob, parts, by=offset_attribute.NAME):
         yield from (np.eye(4) for _ in parts)
         return
     before = shape_at_rest(ob).astype(np.float64)
-    after = before + moved
+    yield from _motions(ob, parts, before, before + moved)
+
+
+def motions_to(ob, parts, positions):
+    """The same from what is bound to another shape. positions: (n, 3)."""
+    yield from _motions(ob, parts, shape(ob).astype(np.float64), positions.astype(np.float64))
+
+
+def _motions(ob, parts, before, after):
     both_ways = None  # made for the first part that needs it
     for part in parts:
         if len(part) < 3:

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panels in Properties > Modifiers."""
 
-import textwrap
-
 import bpy
 
 from ..declared import COMPARED
 from ..follow import bound, hints, look, problem_vertices, shown, slow_results
-from ..library import options
-from ..scene import examples, node_group, offset_attribute, stack
+from ..scene import node_group, offset_attribute, stack
 from ..setup import handle_setup
+from . import examples_panel
+from .parts import ModifierPanel, Switched, draw_options, draw_text
 from .registration import registration
 
 
@@ -18,67 +17,10 @@ _WORKS_AT_REST = {'EDIT': "You edit the mesh without its deformation.",
                   'SCULPT': "Brushes work on the mesh without its deformation."}
 
 
-class _Switched:
-    """A list whose items can be switched off."""
-
-    def draw_item(self, context, layout, data, item, icon, active_data, active_propname, index=0):
-        row = layout.row()
-        row.use_property_split = False
-        content = row.row()
-        content.active = item.enabled
-        self.draw_content(content, data, item)
-        row.prop(item, 'enabled', text="", emboss=False,
-                 icon='CHECKBOX_HLT' if item.enabled else 'CHECKBOX_DEHLT')
-
-
-class OBJECT_UL_detail_deform_handles(_Switched, bpy.types.UIList):
+class OBJECT_UL_detail_deform_handles(Switched, bpy.types.UIList):
     @staticmethod
     def draw_content(row, settings, handle):
         row.prop(handle, 'name', text="", emboss=False, icon='EMPTY_AXIS')
-
-
-def draw_text(layout, context, text, icon):
-    """Wraps a sentence to the panel's width; labels don't."""
-    scale = context.preferences.system.ui_scale
-    beside = 30 if context.region.type == 'UI' else 0  # the tabs
-    width = max(20, int((context.region.width / scale - beside) / 7) - 6)
-    column = layout.column(align=True)
-    column.scale_y = 0.8
-    for number, line in enumerate(textwrap.wrap(text, width)):
-        column.label(text=line, icon=icon if number == 0 else 'BLANK1')
-
-
-class ModifierPanel:
-    bl_space_type = 'PROPERTIES'
-    bl_region_type = 'WINDOW'
-    bl_context = 'modifier'
-
-    @classmethod
-    def poll(cls, context):
-        return context.object is not None and context.object.type == 'MESH'
-
-    def draw(self, context):
-        self.layout.use_property_split = True
-        self.layout.use_property_decorate = False
-        self.draw_settings(context, self.layout, context.object, context.object.detail_deform)
-
-
-def draw_options(layout, context, settings, section, table=options.SETTINGS):
-    """A section's rows; where there is a reason why one has no effect now, greyed and followed by it."""
-    for option in table:
-        if option.section == section and options.is_shown(option, settings):
-            _draw_option(layout, context, settings, option, options.why_not(option, settings))
-
-
-def _draw_option(layout, context, settings, option, why_not):
-    row = layout.row() if option.expand else layout.column()
-    row.active = not why_not
-    if option.search:
-        row.prop_search(settings, option.name, settings.id_data, option.search)
-    else:
-        row.prop(settings, option.name, expand=option.expand)
-    if why_not:
-        draw_text(row, context, why_not, 'INFO')
 
 
 def draw_state(layout, context, ob):
@@ -221,40 +163,6 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
         layout.prop(settings, 'preview')
 
 
-class OBJECT_UL_detail_deform_examples(_Switched, bpy.types.UIList):
-    @staticmethod
-    def draw_content(row, settings, example):
-        row.label(text=examples.title(example), icon='OBJECT_DATA' if example.object else 'SHAPEKEY_DATA')
-        row.prop(example, 'weight' if settings.weights_by == 'SLIDERS' else 'found_weight', text="", emboss=False)
-
-
-class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
-    bl_label = "Examples"
-    bl_parent_id = 'OBJECT_PT_detail_deform'
-
-    @classmethod
-    def poll(cls, context):
-        return super().poll(context) and context.object.detail_deform.method == 'EXAMPLES'
-
-    def draw_settings(self, context, layout, ob, settings):
-        row = layout.row()
-        row.template_list('OBJECT_UL_detail_deform_examples', "", settings, 'examples', settings, 'example_index',
-                          rows=4)
-        row.operator('object.detail_deform_example_remove', text="", icon='REMOVE')
-        row = layout.row(align=True)
-        row.operator('object.detail_deform_examples_from_keys', text="Add Shape Keys", icon='SHAPEKEY_DATA')
-        row.operator('object.detail_deform_examples_from_objects', text="Add Selected Objects", icon='OBJECT_DATA')
-        if 0 <= settings.example_index < len(settings.examples):
-            example = settings.examples[settings.example_index]
-            if example.is_object:
-                layout.prop(example, 'object')
-            elif ob.data.shape_keys:
-                layout.prop_search(example, 'name', ob.data.shape_keys, 'key_blocks', text="Shape Key")
-            if settings.weights_by == 'SLIDERS':
-                layout.prop(example, 'weight', slider=True)
-        draw_options(layout, context, settings, 'EXAMPLES')
-
-
 def saved_keys(ob):
     """The shape keys that were saved here and are still there."""
     keys = ob.data.shape_keys
@@ -353,10 +261,10 @@ def _draw_add_entry(self, context):
     self.layout.operator('object.detail_deform_add', text="Detail Deform", icon='MOD_MESHDEFORM')
 
 
-CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_UL_detail_deform_examples, OBJECT_MT_detail_deform_mirror,
-           OBJECT_MT_detail_deform_handles, OBJECT_PT_detail_deform, OBJECT_PT_detail_deform_examples,
-           OBJECT_PT_detail_deform_handles, OBJECT_PT_detail_deform_expressions, OBJECT_PT_detail_deform_base,
-           OBJECT_PT_detail_deform_advanced, OBJECT_PT_detail_deform_comparison, OBJECT_PT_detail_deform_empty)
+CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_MT_detail_deform_mirror, OBJECT_MT_detail_deform_handles,
+           OBJECT_PT_detail_deform, *examples_panel.CLASSES, OBJECT_PT_detail_deform_handles,
+           OBJECT_PT_detail_deform_expressions, OBJECT_PT_detail_deform_base, OBJECT_PT_detail_deform_advanced,
+           OBJECT_PT_detail_deform_comparison, OBJECT_PT_detail_deform_empty)
 
 
 register, unregister = registration(CLASSES, (

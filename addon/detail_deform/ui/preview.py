@@ -6,6 +6,7 @@ import colorsys
 import bpy
 import numpy as np
 
+from ..results import missing_examples
 from ..scene import correspondence, handle_matrices, mesh_data
 
 _POINT_SIZE = 4.0
@@ -40,10 +41,13 @@ def handle_colour(number):
 
 
 def vertex_colours(ob):
-    """(n, 4) float32: how well vertices are matched with a source, or what belongs to whom, by weights alone, so
-    that it shows before a Bind too."""
+    """(n, 4) float32: how well vertices are matched with a source, how far examples leave them from a pose, or what
+    belongs to whom, by weights alone, so that it shows before a Bind too."""
     settings = ob.detail_deform
     match = correspondence.vertex_confidence(ob) if settings.transfer.show_match else None
+    errors = missing_examples.errors_of(ob) if settings.show_error else None
+    if match is None and errors is not None:
+        match = 1 - errors / max(errors.max(), 1e-30)
     if match is not None:
         bad, good = np.float32([_BAD_COLOUR, _GOOD_COLOUR])
         return bad + match[:, None] * (good - bad)
@@ -61,7 +65,8 @@ def vertex_colours(ob):
 
 
 def _is_wanted(ob):
-    return ob.detail_deform.preview or ob.detail_deform.transfer.show_match
+    settings = ob.detail_deform
+    return settings.preview or settings.transfer.show_match or settings.show_error
 
 
 def is_in_use():
@@ -88,6 +93,7 @@ def _points(ob, depsgraph):
         return None
     settings = ob.detail_deform
     made_of = (settings.region, settings.transfer.show_match, correspondence.digest(ob), len(ob.data.vertices),
+               settings.show_error, settings.missing_index, *settings.missing_examples.keys(),
                *((h.vertex_group, h.enabled) for h in settings.handles))
     known = _colours.get(ob.name)
     if known is None or known[0] != made_of:

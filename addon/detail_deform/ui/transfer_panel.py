@@ -10,7 +10,7 @@ from ..results import transfer_table
 from ..scene import correspondence
 from ..setup import marker_check, markers
 from . import known_markers
-from .panels import ModifierPanel, draw_options, draw_text
+from .parts import ModifierPanel, draw_options, draw_text
 from .registration import registration
 
 _FAILED_SHOWN = 8

@@ -370,6 +370,10 @@ typedef struct dd_update_options {
                                   that its matrix places, not beyond 1e9 of the mesh's size; null:
                                   the mean of its vertices */
   size_t pivot_count;          /* handles */
+  const double* example_limits; /* of DD_METHOD_EXAMPLES: the least and the largest weight that is
+                                   found for each example, 0 or less and 0 or more, perhaps
+                                   infinite; null: any */
+  size_t example_limit_count;   /* examples */
 } dd_update_options;
 
 /* Makes one frame. By DD_METHOD_TRANSFER: B' from the handles, its deformation gradients S_j (15),

@@ -38,6 +38,19 @@ Positions read_pivots(const dd_update_options& options, size_t handles) {
   return pivots;
 }
 
+std::vector<double> read_limits(const dd_update_options& options) {
+  const double* limits = options.example_limits;
+  require(limits || options.example_limit_count == 0,
+          "options.example_limits is null, but options.example_limit_count is not 0.");
+  require(options.example_limit_count <= kMostExamples,
+          "options.example_limit_count is more than the examples can be.");
+  for (size_t i = 0; i < options.example_limit_count; ++i)
+    require(
+        limits[2 * i] <= 0 && limits[2 * i + 1] >= 0,
+        "The limits of example " + std::to_string(i) + " must be zero or less and zero or more.");
+  return {limits, limits + 2 * options.example_limit_count};
+}
+
 }  // namespace
 
 BindOptions read_bind_options(const dd_bind_options* given, size_t vertex_count) {
@@ -113,6 +126,7 @@ Update read_update_options(const dd_update_options* given, const Deformer& defor
                                       options.example_weights + options.example_weight_count);
   of_method.example_stiffness =
       number("options.example_stiffness", options.example_stiffness, of_method.example_stiffness);
+  of_method.example_limits = read_limits(options);
 
   result.motion.steps = number("options.steps", options.steps, 1000, 1);
   const size_t handles = count_of(deformer.region().handle_count);

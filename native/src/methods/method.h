@@ -33,6 +33,8 @@ struct MethodOptions {
   /// handles.
   std::optional<std::vector<double>> example_weights = {};
   double example_stiffness = 1;  ///< of examples: factor on what keeps weights small
+  /// Of examples: the least and the largest weight of each, 0 among them; or none.
+  std::vector<double> example_limits = {};
 };
 
 /// One update on its way through a method.

@@ -112,7 +112,8 @@ void ExampleFit<Real>::derive(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradien
 }
 
 template <class Real>
-Eigen::VectorXd ExampleFit<Real>::find(const Rows& offsets, bool rotation_only, double stiffness) {
+Eigen::VectorXd ExampleFit<Real>::find(const Rows& offsets, bool rotation_only, double stiffness,
+                                       const WeightLimits& limits) {
   system_.take_handles(offsets);
   const Starts& at = starts(rotation_only);
   Eigen::VectorXd weights = Eigen::VectorXd::Zero(example_count_);
@@ -126,10 +127,11 @@ Eigen::VectorXd ExampleFit<Real>::find(const Rows& offsets, bool rotation_only, 
     weights = tried;
     return take(weights, rotation_only) + restraint.energy(weights);
   };
-  double energy = try_out(restraint.guess);
+  double energy = try_out(limits.within(restraint.guess));
 
   // In units in which all examples are of one size.
-  const auto unit = at.sizes.cwiseSqrt().cwiseInverse().asDiagonal();
+  const Eigen::VectorXd units = at.sizes.cwiseSqrt().cwiseInverse();
+  const auto unit = units.asDiagonal();
   // What rounding may add to an energy that falls.
   const double rounding = sizeof(Real) == sizeof(float) ? 1e-6 : 1e-12;
   double damping = 0;
@@ -148,12 +150,17 @@ Eigen::VectorXd ExampleFit<Real>::find(const Rows& offsets, bool rotation_only, 
       damped.diagonal().array() += damping;
       const Eigen::LLT<Eigen::MatrixXd> factor(damped);
       if (factor.info() != Eigen::Success) continue;
-      const Eigen::VectorXd way = factor.solve(-slope), change = unit * way;
-      const double now = try_out(from + change);
+      const Eigen::VectorXd way =
+          limits.any ? limited_step(damped, slope, (limits.least - from).cwiseQuotient(units),
+                                    (limits.most - from).cwiseQuotient(units))
+                     : Eigen::VectorXd(factor.solve(-slope));
+      const double now = try_out(limits.within(from + unit * way));
+      const Eigen::VectorXd change = weights - from;
       const double step_size = change.cwiseAbs().maxCoeff();
       if (step_size < (damping < kLeastDamping ? kLastStep : kLastDampedStep)) return weights;
       if (!(now <= energy * (1 + rounding))) continue;
-      const double foreseen = damping * way.squaredNorm() - way.dot(slope);
+      const double foreseen =
+          damping * way.squaredNorm() - 2 * way.dot(slope) - way.dot(damped * way);
       damping *= energy - now > 0.7 * foreseen ? 0.03 : energy - now > 0.3 * foreseen ? 0.3 : 3;
       energy = now;
       break;

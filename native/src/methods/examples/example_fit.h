@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "methods/examples/example_system.h"
+#include "methods/examples/weight_limits.h"
 
 namespace dd {
 
@@ -39,6 +40,8 @@ namespace dd {
 /// - o(w) is how far w is out of 0 to 1, to the fourth power: up to a third is cheap; a handle far
 ///   from what the examples know stretches the surface instead of exaggerating them. With a
 ///   thirtieth of this weight, a muscle that bulges was turned into one that pinches the limb.
+/// - Weights that are limited are found by the same steps, each the best that stays within the
+///   limits (limited_step()), from the guess as far as it does.
 template <class Real>
 class ExampleFit {
  public:
@@ -47,7 +50,8 @@ class ExampleFit {
 
   /// offsets: the displacement of the handles' rows, in the surface's order. stiffness: s. Not
   /// finite where no weights fit.
-  Eigen::VectorXd find(const Rows& offsets, bool rotation_only, double stiffness);
+  Eigen::VectorXd find(const Rows& offsets, bool rotation_only, double stiffness,
+                       const WeightLimits& limits);
 
   /// With what find() returned as its pose, solved for.
   ExampleSystem<Real>& system() { return system_; }

@@ -36,6 +36,12 @@ Examples<Real>::Examples(BoundSurface& bound)
 template <class Real>
 void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
   if (options.example_weights) return show(*options.example_weights, options, frame.offsets);
+  const size_t limited = options.example_limits.size() / 2;
+  if (limited != 0 && limited != bound_.examples.size())
+    throw Error(Status::argument, "There are limits of " + std::to_string(limited) +
+                                      " examples, but " + std::to_string(bound_.examples.size()) +
+                                      " examples.");
+  const WeightLimits limits(options.example_limits, Index(bound_.examples.size()));
   std::vector<HandleHold> hold(static_cast<size_t>(bound_.region.handle_count), HandleHold::whole);
   for (size_t h = 0; h < frame.free.size(); ++h)
     if (frame.free[h]) hold[h] = HandleHold::mean;
@@ -53,7 +59,7 @@ void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
   }
   if (coarsely) coarse_->restrict(offsets, coarse_offsets_);
   weights_ = fit_->find(coarsely ? coarse_offsets_ : offsets, options.rotation_only,
-                        options.example_stiffness);
+                        options.example_stiffness, limits);
   if (!weights_.allFinite())
     throw Error(Status::numeric,
                 "No weights of the examples fit the handles: their motion is too large.");

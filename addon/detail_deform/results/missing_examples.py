@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which example is missing: poses are shown to the handles alone, and what the present examples make of these is
+compared with the poses themselves."""
+
+import contextlib
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ..follow import binding, bound, content, life, look, placed
+from ..library import native
+from ..scene import handle_matrices, posers, start
+from ..scene.mesh_data import MeshProblem
+from . import pose_frames, posed_examples
+from .pose_samples import Samples, size
+
+MOST = 10  # that are told
+_LEAST = 1e-3  # of the mesh's size: an error that nobody looks for
+_SHARE = 0.8  # of the work, to find them; then they are looked at once more
+
+_errors = {}  # by the object's name: of each pose on its list, by name, (n,) float32
+
+
+class Missed(NamedTuple):
+    """Errors are shares of the mesh's size: the mean, the largest and the root of the mean square."""
+    pose: pose_frames.Pose
+    mean: float
+    largest: float
+    usual: float
+
+
+def find(context, ob, poses):
+    """Generator: yields the fraction done, and returns all the Missed in the order of poses and the numbers of those
+    that an example should be made of, the worst first. Of poses that are alike, so that an example of one would serve
+    the others, only the worst. Raises MeshProblem."""
+    check(ob)
+    life.wait(ob, context.evaluated_depsgraph_get())
+    if ob.detail_deform.stale or ob.detail_deform.problem:
+        raise MeshProblem(ob.detail_deform.stale or ob.detail_deform.problem)
+    by_handles, samples, found = _ByHandles(ob), Samples(ob, len(poses)), []
+    whole = size(ob) or 1.0
+    with contextlib.closing(pose_frames.walk(context, ob, poses)) as walk:
+        for pose, positions in zip(poses, walk):
+            samples.add(positions)
+            errors = by_handles.errors(positions) / whole
+            found.append(Missed(pose, errors.mean(), errors.max(), np.sqrt(np.square(errors).mean())))
+            yield _SHARE * len(found) / len(poses)
+    chosen, of_each = _apart(samples, found, whole), {}
+    with contextlib.closing(pose_frames.walk(context, ob, [poses[number] for number in chosen])) as walk:
+        for number, positions in zip(chosen, walk):
+            of_each[poses[number].name] = by_handles.everywhere(by_handles.errors(positions))
+            yield _SHARE + (1 - _SHARE) * len(of_each) / len(chosen)
+    _errors[ob.name] = of_each
+    return found, chosen
+
+
+def check(ob):
+    """Raises MeshProblem."""
+    settings = ob.detail_deform
+    if settings.method != 'EXAMPLES' or settings.base != 'COMPUTED':
+        raise MeshProblem("Only handles that mix examples can lack one: set Method to Examples and Base to Computed.")
+    if not settings.signature:
+        raise MeshProblem(f"'{ob.name}' is not bound: press Bind first.")
+    posers.of(ob)
+
+
+def _apart(samples, found, whole):
+    chosen, served = [], np.zeros(len(found), bool)
+    for number in sorted(range(len(found)), key=lambda k: -found[k].usual):
+        if len(chosen) == MOST or found[number].usual < _LEAST:
+            break
+        if not served[number]:
+            chosen.append(number)
+            served |= samples.distances(number) / whole < [missed.usual for missed in found]
+    return chosen
+
+
+class _ByHandles:
+    """What the examples make of poses of which they are told where the handles are."""
+
+    def __init__(self, ob):
+        settings = ob.detail_deform
+        self._ob, self._deformer = ob, bound.cache.find(settings.signature).made
+        roles = content.roles(ob)
+        self._parts = [np.flatnonzero(roles == number)
+                       for number in range(len(handle_matrices.enabled_handles(settings)))]
+        self._free, self._is_free = handle_matrices.free(settings), roles == native.ROLE_FREE
+        asked = look.asked(settings)
+        asked.pop('example_weights', None)
+        self._asked = bound.with_free(look.quick(asked), settings)
+        self._bound, self._rest = start.shape(ob).astype(np.float64), start.shape_at_rest(ob)
+
+    def errors(self, positions):
+        """Of each vertex that follows, its distance from these."""
+        motions = np.array([motion[:3] for motion in start.motions_to(self._ob, self._parts, positions)])
+        for number in np.flatnonzero(self._free):  # which are placed alone
+            part = self._parts[number]
+            motions[number] = np.eye(4)[:3]
+            motions[number, :, 3] = positions[part].mean(axis=0) - self._bound[part].mean(axis=0)
+        found = placed.offsets(self._ob, self._deformer.offsets(motions, **self._asked)).reshape(-1, 3)
+        return np.linalg.norm(self._rest + found - positions, axis=1)[self._is_free]
+
+    def everywhere(self, errors):
+        """(n,) float32: zero where the handles or nothing moves."""
+        result = np.zeros(len(self._is_free), np.float32)
+        result[self._is_free] = errors
+        return result
+
+
+def errors_of(ob):
+    """(n,) float32: of the active pose on the list; None where they are not known, as in a file that was opened."""
+    settings = ob.detail_deform
+    if not 0 <= settings.missing_index < len(settings.missing_examples):
+        return None
+    found = _errors.get(ob.name, {}).get(settings.missing_examples[settings.missing_index].name)
+    return found if found is not None and len(found) == len(ob.data.vertices) else None
+
+
+def forget():
+    _errors.clear()
+
+
+def tell(ob, found, chosen):
+    """Puts them on the object's list."""
+    rows = ob.detail_deform.missing_examples
+    rows.clear()
+    for missed in (found[number] for number in chosen):
+        row = rows.add()
+        row.name, row.frame, row.action = missed.pose
+        row.mean_error, row.largest_error = 100 * missed.mean, 100 * missed.largest
+    ob.detail_deform.missing_index = 0
+
+
+def add(context, ob, index):
+    """Makes an example of one of the list, takes it off and binds again. Returns its name. Raises MeshProblem."""
+    rows = ob.detail_deform.missing_examples
+    row = rows[index]
+    pose = pose_frames.Pose(row.name, row.frame, row.action)
+    with contextlib.closing(pose_frames.walk(context, ob, [pose])) as walk:
+        positions = next(walk)
+    name = posed_examples.make(ob, pose.name, positions)
+    rows.remove(index)
+    ob.detail_deform.missing_index = max(0, min(index, len(rows) - 1))
+    if ob.detail_deform.signature:
+        binding.bind(ob, context.evaluated_depsgraph_get(), wait=bpy.app.background, keep_rest=True)
+    return name

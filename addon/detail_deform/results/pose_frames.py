@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The poses that a mesh has: in frames, at keys, at markers, in a library of poses."""
+
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ..scene import actions, posers
+from ..scene.mesh_data import MeshProblem
+from . import frames
+
+
+class Pose(NamedTuple):
+    """name: of the frame, marker or action. action: name of one that is a pose; else the scene's."""
+    name: str
+    frame: float
+    action: str = ""
+
+
+def in_range(start, end, step):
+    frames.check_range(start, end)
+    return [Pose(f"Frame {frame}", frame) for frame in range(start, end + 1, step)]
+
+
+def at_keys(ob):
+    """Of the objects that its modifiers go by, else of its own. Raises MeshProblem."""
+    carriers = list(dict.fromkeys(m.object for m in posers.of(ob) if getattr(m, 'object', None)))
+    found = sorted({time for carrier in carriers for time in actions.times(carrier)}) or actions.times(ob)
+    if not found:
+        names = ', '.join(f"'{carrier.name}'" for carrier in (*carriers, ob))
+        raise MeshProblem(f"No action of {names} has keys: choose a range of frames, or those that differ most.")
+    return [Pose(f"Frame {time:g}", time) for time in found]
+
+
+def at_markers(scene):
+    """Raises MeshProblem."""
+    markers = sorted(scene.timeline_markers, key=lambda marker: marker.frame)
+    if not markers:
+        raise MeshProblem("The timeline has no markers: set one at each pose, or choose a range of frames.")
+    return [Pose(marker.name, marker.frame) for marker in markers]
+
+
+def in_library(ob):
+    """Raises MeshProblem."""
+    found = [Pose(action.name, frame, action.name) for rig in posers.rigs(ob)
+             for action, frame in actions.poses(bpy.data.actions, rig)]
+    if not found:
+        raise MeshProblem(f"This file has no action with one pose of what poses '{ob.name}': make poses in the pose "
+                          "library, or choose a range of frames.")
+    return list(dict.fromkeys(found))
+
+
+def walk(context, ob, poses):
+    """Generator of (n, 3) float32, the mesh in each of them by what poses it alone. Leaves frame, poses and modifiers
+    as they were. Raises MeshProblem."""
+    rigs = posers.rigs(ob)
+    try:
+        with actions.Unkeyed(context.scene, rigs), frames.Present(context.scene), posers.Alone(ob) as alone:
+            for pose in poses:
+                _go_to(context, pose, rigs)
+                positions = alone.pose(context.evaluated_depsgraph_get())
+                if not np.isfinite(positions).all():
+                    raise MeshProblem(f"'{pose.name}': the pose of '{ob.name}' has a coordinate that is not finite: "
+                                      "look at what poses it there.")
+                yield positions
+    finally:
+        context.view_layer.update()
+
+
+def _go_to(context, pose, rigs):
+    if not pose.action:
+        whole = int(np.floor(pose.frame))
+        context.scene.frame_set(whole, subframe=min(pose.frame - whole, 0.999))
+        return
+    for rig in rigs:
+        actions.reset(rig)
+        rig.pose.apply_pose_from_action(bpy.data.actions[pose.action], evaluation_time=pose.frame)
+    context.view_layer.update()

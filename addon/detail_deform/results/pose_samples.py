@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How much poses differ, by so few points that a thousand poses of a heavy mesh fit into memory."""
+
+import numpy as np
+
+from ..scene import mesh_data
+
+_MOST_POINTS = 2000
+_MOST_NUMBERS = 4_000_000  # points of all poses together: 48 MB
+
+
+class Samples:
+    """Points of the surface, spread evenly over it, in so many poses."""
+
+    def __init__(self, ob, count):
+        self._of = _spread(ob.data, min(_MOST_POINTS, max(50, _MOST_NUMBERS // max(count, 1))))
+        self._taken = np.empty((count, len(self._of), 3), np.float32)
+        self.count = 0
+
+    def add(self, positions):
+        """positions: of all vertices."""
+        points = positions[self._of]
+        self._taken[self.count] = points - points.mean(axis=0)
+        self.count += 1
+
+    def distances(self, number):
+        """(count,) float64: root mean square distance of each pose from this one, without what moves either as a
+        whole. With H = Σ p qᵀ about the centres, min over rotations of Σ |R p − q|² is Σ |p|² + |q|² − 2 tr(Σ') of H's
+        singular values, the last one negative where H mirrors."""
+        other = self._taken[number].astype(np.float64)
+        result = np.empty(self.count)
+        for begin in range(0, self.count, 64):
+            part = self._taken[begin:min(begin + 64, self.count)].astype(np.float64)
+            across = part.transpose(0, 2, 1) @ other
+            values = np.linalg.svd(across, compute_uv=False)
+            values[:, 2] *= np.sign(np.linalg.det(across))
+            squares = (part ** 2).sum(axis=(1, 2)) + (other ** 2).sum() - 2 * values.sum(axis=1)
+            result[begin:begin + len(part)] = np.sqrt(np.maximum(squares, 0) / len(other))
+        return result
+
+    def farthest(self, count, least):
+        """Numbers of so many poses, each the one that is farthest from those before; from number 0 at first, which is
+        not among them. Fewer where the others are nearer than least."""
+        found, nearest = [], self.distances(0)
+        while len(found) < count and nearest.max(initial=0) > least:
+            found.append(int(nearest.argmax()))
+            nearest = np.minimum(nearest, self.distances(found[-1]))
+        return found
+
+
+def _spread(mesh, count):
+    """Numbers of vertices: where the mesh has small faces, no more of them for its area than elsewhere."""
+    areas = np.empty(len(mesh.polygons), np.float32)
+    mesh.polygons.foreach_get('area', areas)
+    if len(mesh.vertices) <= count or not areas.sum() > 0:
+        return np.arange(len(mesh.vertices))[::max(1, -(-len(mesh.vertices) // count))]
+    starts, corners = np.empty(len(areas), np.int32), np.empty(len(mesh.loops), np.int32)
+    mesh.polygons.foreach_get('loop_start', starts)
+    mesh.loops.foreach_get('vertex_index', corners)
+    below = np.cumsum(areas, dtype=np.float64)
+    chosen = np.searchsorted(below, (np.arange(count) + 0.5) / count * below[-1])
+    return np.unique(corners[starts[chosen]])
+
+
+def size(ob):
+    """The diagonal of the mesh's box at rest."""
+    return float(np.linalg.norm(np.ptp(mesh_data.rest(ob.data), axis=0))) if len(ob.data.vertices) else 0.0

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What actions key, in Blenders with slots and without, and what they would overwrite."""
+
+_CHANNELS = ('location', 'rotation_euler', 'rotation_quaternion', 'rotation_axis_angle', 'scale')
+
+
+def curves(action, slot=None):
+    """The F-curves of an action, of one slot alone where that is given."""
+    if not hasattr(action, 'layers') or not action.layers:  # before 4.4
+        return list(getattr(action, 'fcurves', ()))
+    slots = [slot] if slot else list(action.slots)
+    bags = [strip.channelbag(s) for layer in action.layers for strip in layer.strips for s in slots]
+    return [curve for bag in bags if bag for curve in bag.fcurves]
+
+
+def times(ob):
+    """The frames, not all whole, at which an object's action has keys, in order."""
+    animation = ob.animation_data
+    if not (animation and animation.action):
+        return []
+    keyed = curves(animation.action, getattr(animation, 'action_slot', None))
+    return sorted({round(float(key.co.x), 3) for curve in keyed for key in curve.keyframe_points})
+
+
+def poses(actions, rig):
+    """(action, frame) of those that are one pose which the armature object can take."""
+    for action in actions:
+        keyed = [curve for curve in curves(action) if curve.data_path.startswith('pose.bones["')]
+        frames = {round(float(key.co.x), 3) for curve in keyed for key in curve.keyframe_points}
+        if len(frames) == 1 and any(curve.data_path.split('"')[1] in rig.pose.bones for curve in keyed):
+            yield action, frames.pop()
+
+
+class Unkeyed:
+    """While it lasts frames may be gone to and poses taken: places and poses that are in no key come back."""
+
+    def __init__(self, scene, rigs=()):
+        """rigs: armature objects that are posed by more than their animation."""
+        owners = {*rigs, *(ob for ob in scene.objects if ob.animation_data and not ob.library)}
+        self._owners = [*owners, *(bone for ob in owners if ob.pose for bone in ob.pose.bones)]
+
+    def __enter__(self):
+        self._values = [([tuple(getattr(owner, name)) for name in _CHANNELS], _own_numbers(owner))
+                        for owner in self._owners]
+
+    def __exit__(self, *_):
+        for owner, (values, numbers) in zip(self._owners, self._values):
+            for name, value in zip(_CHANNELS, values):
+                if tuple(getattr(owner, name)) != value:
+                    setattr(owner, name, value)
+            for name, value in numbers.items():
+                if owner.get(name) != value:
+                    owner[name] = value
+
+
+def _own_numbers(owner):
+    """The custom properties by which rigs are switched."""
+    return {name: value for name, value in owner.items() if isinstance(value, (int, float))}
+
+
+def reset(rig):
+    """Puts all bones of an armature object to rest."""
+    for bone in rig.pose.bones:
+        bone.location, bone.scale = (0, 0, 0), (1, 1, 1)
+        bone.rotation_euler, bone.rotation_quaternion = (0, 0, 0), (1, 0, 0, 0)
+        bone.rotation_axis_angle = (0, 0, 1, 0)

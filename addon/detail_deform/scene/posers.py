@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The modifiers that pose a mesh: its armatures with what else moves vertices before them, or where there is none, all
+that move vertices. Examples of its poses are made with these alone; what comes behind them, and what makes vertices,
+works on the result of the examples as it did on the pose."""
+
+from . import node_group, source_pose
+from .mesh_data import MeshProblem
+
+_MOVERS = {'ARMATURE', 'CAST', 'CLOTH', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE', 'HOOK', 'LAPLACIANDEFORM',
+           'LAPLACIANSMOOTH', 'LATTICE', 'MESH_CACHE', 'MESH_DEFORM', 'MESH_SEQUENCE_CACHE', 'SHRINKWRAP',
+           'SIMPLE_DEFORM', 'SMOOTH', 'SOFT_BODY', 'SURFACE_DEFORM', 'WARP', 'WAVE'}
+# Whose copies of the mesh each go a way of their own, which one mesh can't.
+_COPIERS = {'ARRAY', 'MIRROR', 'SCREW'}
+
+
+def of(ob):
+    """Raises MeshProblem where there are none, or what they make is more than a pose of the mesh."""
+    modifiers = [m for m in ob.modifiers if m not in (node_group.find_modifier(ob), node_group.find_cache(ob))]
+    known = remembered(ob)
+    shown = [m for m in modifiers if m.show_viewport or m.name in known]
+    found = _of_type(shown, {'ARMATURE'}) or _of_type(shown, _MOVERS) or _of_type(shown, {'NODES'})
+    if not found:
+        raise MeshProblem(f"No modifier poses '{ob.name}': give it an Armature, or another one that moves its "
+                          "vertices, and show it in the viewport.")
+    earlier = shown[:shown.index(found[-1]) + 1]
+    for modifier in earlier:
+        if modifier.type in _COPIERS:
+            raise MeshProblem(f"'{modifier.name}' copies the mesh before '{found[-1].name}' poses it, so each copy has "
+                              f"a pose of its own, which the mesh alone can't have: apply '{modifier.name}' first.")
+    return [m for m in earlier if m in found or m.type in _MOVERS]
+
+
+def _of_type(modifiers, types):
+    return [m for m in modifiers if m.type in types and (m.type != 'ARMATURE' or m.object)]
+
+
+def rigs(ob):
+    """The armature objects among what poses it."""
+    return [m.object for m in of(ob) if m.type == 'ARMATURE']
+
+
+def remembered(ob):
+    """Names of the modifiers of whose poses there are examples."""
+    return set(ob.detail_deform.posed_by.split('\n')) if ob.detail_deform.posed_by else set()
+
+
+def remember(ob):
+    """That its examples are made of what these modifiers do."""
+    ob.detail_deform.posed_by = '\n'.join(m.name for m in of(ob))
+
+
+def twice(ob):
+    """Names of the modifiers that are seen to do once more what examples have been made of."""
+    if not ob.detail_deform.examples:
+        return []
+    known = remembered(ob)
+    return [m.name for m in ob.modifiers if m.name in known and m.show_viewport]
+
+
+def switch_off(ob):
+    """In renders too. Returns their names."""
+    known = remembered(ob)
+    found = [m for m in ob.modifiers if m.name in known and (m.show_viewport or m.show_render)]
+    for modifier in found:
+        modifier.show_viewport = modifier.show_render = False
+    return [m.name for m in found]
+
+
+class Alone:
+    """While it lasts, these modifiers are shown and no others; shape keys keep their values."""
+
+    def __init__(self, ob):
+        self._ob, self._names = ob, {m.name for m in of(ob)}
+
+    def __enter__(self):
+        self._shown = {m.name: m.show_viewport for m in self._ob.modifiers}
+        self._set({name: name in self._names for name in self._shown})
+        return self
+
+    def __exit__(self, *_):
+        self._set(self._shown)
+
+    def _set(self, shown):
+        for modifier in self._ob.modifiers:
+            if modifier.show_viewport != shown[modifier.name]:
+                modifier.show_viewport = shown[modifier.name]
+
+    def pose(self, depsgraph):
+        """(n, 3) float32: of the mesh's vertices, in its own space. Raises MeshProblem."""
+        return source_pose.evaluated_pose(self._ob, depsgraph)

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Makes addon/manual/rig.jpg: a calf as its armature poses it; by examples of two other frames, pulled by handles that
+six of its bones carry; and with the example that Find Missing lists first. Red is what lies far from where the armature
+has it, by 5% of the calf's size and more.
+
+blender --background --factory-startup --python-exit-code 1 --python tests/figures/make_rig.py
+"""
+import sys
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "addon"))
+import detail_deform  # noqa: E402
+from detail_deform.scene import mesh_data  # noqa: E402
+from detail_deform.setup import markers  # noqa: E402
+
+FRAMES = (6, 13, 21)  # that are no examples
+SIZE = (400, 300)
+WORST = 0.05  # of the calf's box: shown in full red
+HANDLES = (("muzzle", 1, "head - muzzle"), ("hoof L", 26, "fetlock.L - hoof.L"), ("hoof R", 27, "fetlock.R - hoof.R"),
+           ("heel L", 36, "pastern.L - heel.L"), ("heel R", 37, "pastern.R - heel.R"), ("rump", None, "rump - belly"))
+
+
+def picture(folder):
+    """(rows, columns, 4) of the scene as it is now."""
+    scene, eye = bpy.context.scene, Vector((2.5, -5.4, 2.0))
+    scene.camera.location = eye
+    scene.camera.rotation_euler = (Vector((0.1, 0, 0.78)) - eye).to_track_quat("-Z", "Y").to_euler()
+    scene.camera.data.lens = 70
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.render.filepath = str(Path(folder) / "picture.png")
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(scene.render.filepath)
+    pixels = np.array(image.pixels[:], np.float32).reshape(SIZE[1], SIZE[0], 4)
+    bpy.data.images.remove(image)
+    return pixels
+
+
+def shape(ob):
+    return mesh_data.positions(ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data)
+
+
+def add_handles(calf, rig):
+    points, settings = mesh_data.positions(calf.data), calf.detail_deform
+    for name, marker, bone in HANDLES:
+        centre = points[markers.of(calf)[marker]] if marker else np.array(rig.data.bones[bone].head_local)
+        far = np.linalg.norm(points - centre, axis=1)
+        near = far < (0.09 if marker else far.min() + 0.05)
+        calf.vertex_groups.new(name=name).add(np.flatnonzero(near).tolist(), 1.0, "REPLACE")
+        empty = bpy.data.objects.new(name, None)
+        bpy.context.scene.collection.objects.link(empty)
+        empty.parent, empty.parent_type, empty.parent_bone = rig, "BONE", bone
+        bpy.context.view_layer.update()
+        empty.matrix_world = Matrix.Translation(points[near].mean(axis=0))
+        handle = settings.handles.add()
+        handle.name, handle.vertex_group, handle.target = name, name, empty
+    bpy.context.view_layer.update()
+
+
+def colour(calf, errors):
+    """Grey where they are none, red where they are worst."""
+    colours = calf.data.color_attributes.get("Error") or calf.data.color_attributes.new("Error", "FLOAT_COLOR", "POINT")
+    values = np.ones((len(errors), 4), np.float32)
+    share = np.clip(errors / WORST, 0, 1)[:, None]
+    values[:, :3] = (1 - share) * np.float32([0.6, 0.6, 0.6]) + share * np.float32([0.9, 0.05, 0.02])
+    colours.data.foreach_set("color", values.ravel())
+    calf.data.update()
+
+
+def main():
+    detail_deform.register()
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / "blend_fixtures" / "creatures.blend"))
+    scene, calf, rig = bpy.context.scene, bpy.data.objects["Calf"], bpy.data.objects["Calf Rig"]
+    bpy.data.objects["Giraffe"].hide_render = True
+    scene.display.shading.color_type = "VERTEX"
+    bpy.context.view_layer.objects.active = calf
+    settings, size = calf.detail_deform, np.linalg.norm(np.ptp(mesh_data.positions(calf.data), axis=0))
+    rig.data.pose_position = "REST"
+    add_handles(calf, rig)
+    rig.data.pose_position = "POSE"
+    with tempfile.TemporaryDirectory() as folder:
+        rows, truths = [[]], {}
+        colour(calf, np.zeros(len(calf.data.vertices)))
+        for frame in FRAMES:
+            scene.frame_set(frame)
+            truths[frame] = shape(calf)
+            rows[0].append(picture(folder))
+        scene.frame_set(1)
+        settings.method = "EXAMPLES"
+        bpy.ops.object.detail_deform_examples_from_poses(frames="RANGE", step=8)
+        bpy.context.view_layer.update()
+        bpy.ops.object.detail_deform_bind(wait=True)
+        for is_complete in (False, True):
+            rows.append([])
+            for frame in FRAMES:
+                scene.frame_set(frame)
+                errors = np.linalg.norm(shape(calf) - truths[frame], axis=1) / size
+                print(f"Frame {frame} by", ", ".join(f"{e.found_weight:.2f} of {e.name}" for e in settings.examples),
+                      f"- mean error {100 * errors.mean():.2f}%, largest {100 * errors.max():.2f}% of the calf's size")
+                colour(calf, errors)
+                bpy.context.view_layer.update()
+                rows[-1].append(picture(folder))
+            if not is_complete:
+                bpy.ops.object.detail_deform_examples_find_missing(frames="RANGE")
+                bpy.ops.object.detail_deform_example_add_missing()
+        sheet = np.concatenate([np.concatenate(row, axis=1) for row in rows[::-1]], axis=0)
+    image = bpy.data.images.new("rig", sheet.shape[1], sheet.shape[0])
+    image.pixels.foreach_set(sheet.ravel())
+    image.file_format = "JPEG"
+    image.filepath_raw = str(ROOT / "addon" / "manual" / "rig.jpg")
+    image.save()
+    detail_deform.unregister()
+
+
+main()
