@@ -115,7 +115,7 @@ dd::Pairs closing(const Positions& rest, const Positions& posed) {
   for (int k = 0; k < grid.count(); ++k) {
     int nearest = -1;
     double least = 1e300;
-    grid.near(k, [&](int l, double squared) {
+    grid.near(k, 1000, [&](int l, double squared) {
       const double apart = (rest.row(grid.point(k)) - rest.row(grid.point(l))).norm();
       if (apart > 0.008 * box && apart > 3 * std::sqrt(squared) && squared < least) {
         least = squared;

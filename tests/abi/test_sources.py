@@ -11,7 +11,7 @@ from conftest import ADDON
 # network, starts programs, or makes objects or code of files.
 IMPORTS = {'_ctypes', 'array', 'atexit', 'blf', 'bmesh', 'bpy', 'bpy_extras', 'collections', 'colorsys', 'contextlib',
            'copy', 'ctypes', 'dataclasses', 'fnmatch', 'glob', 'gpu', 'gpu_extras', 'hashlib', 'html', 'itertools',
-           'math', 'mathutils', 'numpy', 'os', 'pathlib', 'platform', 're', 'shlex', 'shutil', 'struct', 'sys',
+           'json', 'math', 'mathutils', 'numpy', 'os', 'pathlib', 'platform', 're', 'shlex', 'shutil', 'struct', 'sys',
            'tempfile', 'textwrap', 'threading', 'time', 'typing', 'uuid', 'weakref', 'webbrowser'}
 OF_OS = {'O_BINARY', 'O_CREAT', 'O_RDWR', 'environ', 'fdopen', 'fstat', 'getpid', 'open', 'path', 'remove', 'rename',
          'replace', 'urandom'}
@@ -21,8 +21,8 @@ NEVER = {'__import__', 'allow_pickle', 'breakpoint', 'driver_namespace', 'eval',
 # Where what could do harm is done, and nowhere else.
 ONLY_IN = {'CDLL': {'library/loading.py'}, '_ctypes': {'library/loading.py'}, 'rename': {'library/unlocking.py'},
            'tempfile': {'library/unlocking.py'}, 'webbrowser': {'ui/preferences.py'}, 'environ': {'library/loading.py'},
-           'open': {'library/packed.py', 'results/alembic.py', 'scene/pc2.py', 'setup/pair_lists.py',
-                    'ui/preferences.py'},
+           'open': {'library/packed.py', 'results/alembic.py', 'results/key_names.py', 'scene/pc2.py',
+                    'setup/pair_lists.py', 'ui/preferences.py'},
            'write_text': {'ui/preferences.py'}, 'savetxt': {'setup/pair_lists.py'}}
 SOURCES = sorted(ADDON.rglob('*.py'))
 

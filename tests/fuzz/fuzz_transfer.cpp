@@ -86,7 +86,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     placement[3] = bytes.number(-9, 9);
     options.placement = placement;
   }
-  options.placing = bytes.choice(DD_PLACING_VERTICES);
+  options.placing = bytes.choice(DD_PLACING_COMPONENTS);
 
   const dd_mesh from = source.mesh(), to = target.mesh();
   const Sized<dd_transfer_options> how(options, bytes);

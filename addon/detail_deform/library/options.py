@@ -99,10 +99,10 @@ ANCHORS = (
     ('VERTICES', "Group's Mean", "The vertices of the anchor group stay in place on average"),
     ('PINNED', "Pinned Group", "Each vertex of the anchor group stays in place"))
 PLACINGS = (
-    ('COMPONENTS', "By Turns Alone",
-     "Each loose part goes along as a whole; within it turns and stretches alone decide. Two to four times as fast"),
     ('VERTICES', "As the Source",
-     "What has a shape like the source's goes where the source goes, and lids and lips that close there close here"))
+     "What has a shape like the source's goes where the source goes, and lids and lips that close there close here"),
+    ('COMPONENTS', "By Turns Alone",
+     "Each loose part goes along as a whole; within it turns and stretches alone decide. Two to four times as fast"))
 BASE_DEFORMERS = (
     ('AUTOMATIC', "Automatic",
      "Linear where no handle turns by more than 135 degrees against another one or what is fixed, Motions from 180 "
@@ -295,7 +295,7 @@ TRANSFER_SETTINGS = (
            told="Only turn with the source, without its stretch; as in the panel unless given"),
     Option('placing', PLACINGS, "Places",
            "What decides where this mesh goes, beside how the source turns and stretches",
-           default='VERTICES', fills=Field(TRANSFER, 'placing', 'dd_placing'), section='TRANSFER',
+           fills=Field(TRANSFER, 'placing', 'dd_placing'), section='TRANSFER',
            needs=(Need('rotation_only', (False,)),),
            told="What decides where the mesh goes; as in the panel unless given"),
     Option('anchor', ANCHORS, "Anchor", "What stays in place: how a mesh bends says nothing of where it is",

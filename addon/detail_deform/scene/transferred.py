@@ -17,7 +17,7 @@ def made_keys(target):
     if not isinstance(text, str) or not keys:
         return {}
     try:
-        known = json.loads(text)
+        known = json.JSONDecoder().decode(text)
     except (ValueError, RecursionError):  # names alone, as they were kept before
         known = {name: {} for name in text.split('\n')}
     return {name: given for name, given in known.items()

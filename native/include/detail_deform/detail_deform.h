@@ -518,9 +518,10 @@ enum dd_anchor {
 
 /* What goes where its source went: gradients leave places open. */
 enum dd_placing {
-  DD_PLACING_COMPONENTS = 0, /* each loose part as a whole; within it the gradients alone decide */
-  DD_PLACING_VERTICES = 1    /* each vertex, too, as far as the shapes are alike: beyond the paper.
-                                With whole gradients, in parts that nothing pins */
+  DD_PLACING_VERTICES = 0,  /* each loose part, and within it each vertex as far as the shapes are
+                               alike: beyond the paper. With whole gradients, in parts that nothing
+                               pins; else as the next */
+  DD_PLACING_COMPONENTS = 1 /* each loose part as a whole; within it the gradients alone decide */
 };
 
 typedef struct dd_transfer_options {

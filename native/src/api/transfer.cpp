@@ -62,7 +62,7 @@ void read_options(const dd_transfer_options& options, Given& given) {
   how.anchors.assign(options.anchors, options.anchors + options.anchor_count);
   how.precision = choice("options.precision", options.precision, dd::Precision::full);
   how.threads = threads(options.threads);
-  how.placing = choice("options.placing", options.placing, dd::Placing::vertices);
+  how.placing = choice("options.placing", options.placing, dd::Placing::components);
 }
 
 }  // namespace

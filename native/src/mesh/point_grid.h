@@ -20,19 +20,23 @@ class PointGrid {
   int point(int k) const { return entries_[size_t(k)].point; }
 
   /// Calls found(l, squared distance) for the k-th point and each l-th one, l ≠ k, that is nearer
-  /// to it than the reach, in an order that depends on the points alone.
+  /// to it than the reach, in an order that depends on the points alone. most: of a crowd no more
+  /// are looked at.
   template <class Found>
-  void near(int k, const Found& found) const {
+  void near(int k, int most, const Found& found) const {
     const Entry& own = entries_[size_t(k)];
+    int count = 0;
     for (int64_t y = own.cell.y - 1; y <= own.cell.y + 1; ++y)
       for (int64_t z = own.cell.z - 1; z <= own.cell.z + 1; ++z) {
         const auto look_at = [&](size_t from, size_t to) {
-          for (int l = begin_[from]; l < begin_[to]; ++l) {
+          for (int l = begin_[from]; l < begin_[to] && count < most; ++l) {
             const Entry& other = entries_[size_t(l)];
             const double squared = (other.place - own.place).squaredNorm();
             // Other cells share these slots.
-            if (squared < reach_ * reach_ && l != k && other.cell.y == y && other.cell.z == z)
+            if (squared < reach_ * reach_ && l != k && other.cell.y == y && other.cell.z == z) {
+              ++count;
               found(l, squared);
+            }
           }
         };
         // Three cells along x are three slots on end, which may begin again at the first.

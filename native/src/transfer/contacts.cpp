@@ -2,6 +2,7 @@
 #include "transfer/contacts.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace dd {
@@ -10,6 +11,9 @@ namespace {
 
 constexpr double kFar = 4;   // reaches
 constexpr int kRanges = 64;  // that points are shared out in, whatever the threads
+constexpr int kDense = 3;    // points in a reach
+constexpr int kCrowd = 200;  // points within reach: some three sheets of them
+constexpr double kFarthest = 1e15;
 
 double risen(double t) {
   t = std::clamp(t, 0.0, 1.0);
@@ -18,16 +22,42 @@ double risen(double t) {
 
 }  // namespace
 
-Contacts::Contacts(Positions rest, std::vector<int> parts, double reach)
-    : rest_(std::move(rest)), parts_(std::move(parts)), reach_(reach) {
-  for (size_t i = 0; i < parts_.size(); ++i)
-    if (parts_[i] >= 0) known_.push_back(static_cast<int>(i));
+Contacts::Contacts(Positions rest, std::vector<int> parts, const Eigen::VectorXd& masses,
+                   double reach)
+    : rest_(std::move(rest)),
+      parts_(std::move(parts)),
+      stands_for_(parts_.size(), 0.0),
+      reach_(reach) {
+  if (!(reach_ > 0)) return;
+  std::vector<std::array<int64_t, 5>> by_place;  // cell, part and number
+  for (size_t i = 0; i < parts_.size(); ++i) {
+    if (parts_[i] < 0) continue;
+    const Eigen::RowVector3d at = (rest_.row(Index(i)) - rest_.row(0)) / (reach_ / kDense);
+    std::array<int64_t, 5> entry{0, 0, 0, parts_[i], int64_t(i)};
+    for (int k = 0; k < 3; ++k)
+      entry[size_t(k)] = static_cast<int64_t>(std::floor(std::clamp(at[k], -kFarthest, kFarthest)));
+    by_place.push_back(entry);
+  }
+  std::sort(by_place.begin(), by_place.end());
+  for (size_t k = 0; k < by_place.size();) {
+    const auto is_beside = [&](size_t other) {
+      return std::equal(by_place[k].begin(), by_place[k].end() - 1, by_place[other].begin());
+    };
+    const auto first = static_cast<size_t>(by_place[k][4]);
+    double mass = 0;
+    size_t next = k;
+    for (; next < by_place.size() && is_beside(next); ++next) mass += masses[by_place[next][4]];
+    stands_for_[first] = masses[Index(first)] > 0 ? mass / masses[Index(first)] : 0;
+    chosen_.push_back(static_cast<int>(first));
+    k = next;
+  }
+  std::sort(chosen_.begin(), chosen_.end());
 }
 
 bool Contacts::take(const Positions& posed, ThreadPool& pool) {
   closing_.clear();
-  if (!(reach_ > 0)) return false;
-  const PointGrid grid(posed, known_, reach_);
+  if (chosen_.empty()) return false;
+  const PointGrid grid(posed, chosen_, reach_);
   // Of two that come nearer by half of the reach one moves by half of that.
   std::vector<int> asked;
   std::vector<char> was_asked(static_cast<size_t>(posed.rows()));
@@ -58,7 +88,7 @@ std::vector<Contacts::Closing> Contacts::closing_of(const PointGrid& grid,
     for (size_t number = begin; number < end; ++number) {
       Closing closing{grid.point(asked[number]), 0, {}};
       double sum = 0;
-      grid.near(asked[number], [&](int l, double squared) {
+      grid.near(asked[number], kCrowd, [&](int l, double squared) {
         const int j = grid.point(l);
         if (parts_[size_t(j)] != parts_[size_t(closing.point)]) return;
         const double rest = (rest_.row(closing.point) - rest_.row(j)).squaredNorm();
@@ -90,7 +120,7 @@ Rows Contacts::missing(const Positions& posed, const Positions& placed) const {
       e -= partner.share * (posed.row(partner.point) - placed.row(partner.point));
     e /= 2;
     const double doubt = e.squaredNorm() / (kFar * kFar * reach_ * reach_);
-    const double share = closing.share / (1 + doubt * doubt);
+    const double share = stands_for_[size_t(closing.point)] * closing.share / (1 + doubt * doubt);
     result.row(closing.point) << share * e, share;
   }
   return result;

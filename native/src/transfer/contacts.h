@@ -20,15 +20,16 @@ namespace dd {
 /// together where no gap closes.
 class Contacts {
  public:
-  /// rest: x. parts: the number of each point's; -1: it doesn't take part. reach: in the unit of
-  /// the points.
-  Contacts(Positions rest, std::vector<int> parts, double reach);
+  /// rest: x. parts: the number of each point's; -1: it doesn't take part. masses: of the points;
+  /// where they are denser than a third of the reach, one takes the mass of all and stands for
+  /// them. reach: in the unit of the points.
+  Contacts(Positions rest, std::vector<int> parts, const Eigen::VectorXd& masses, double reach);
 
   /// Takes a pose, y. Returns whether anything closes.
   bool take(const Positions& posed, ThreadPool& pool);
 
   /// How points p are to be moved so that what closes is as near there, each side by half: for each
-  /// point c_i e_i and c_i,
+  /// point c_i e_i and c_i, times what it stands for in parts of its own mass,
   ///
   ///   e_i = ½ ((y_i − p_i) − mean_j (y_j − p_j)), weighted by c_ij;
   ///
@@ -50,7 +51,8 @@ class Contacts {
                                   ThreadPool& pool) const;
 
   Positions rest_;
-  std::vector<int> parts_, known_;
+  std::vector<int> parts_, chosen_;
+  std::vector<double> stands_for_;  // of each point; 0: another one stands for it
   double reach_;
   std::vector<Closing> closing_;
 };

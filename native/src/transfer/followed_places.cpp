@@ -19,7 +19,7 @@ constexpr double kReach = 0.005;      // of contacts
 
 constexpr double kStiff = 0.02;  // spread of gradients in a part that as good as doesn't deform
 constexpr double kEdge = 0.25;   // share of a contact's weight that smoothing leaves, at least
-constexpr int kRounds = 2;       // of closing
+constexpr int kRounds = 3;       // of closing
 
 }  // namespace
 
@@ -43,7 +43,7 @@ FollowedPlaces::FollowedPlaces(const Mesh& source, const Mesh& target, const Uni
   const Region region = region_of(std::move(roles), 0);
   vertices_ = region.free;
   for (const Component& component : components)
-    if (follows(component)) add(component, region);
+    if (follows(component)) add(component, region, target.triangles);
   if (triangles_.empty()) return;
 
   const Positions unit = box.into(target.positions);
@@ -74,7 +74,7 @@ FollowedPlaces::FollowedPlaces(const Mesh& source, const Mesh& target, const Uni
     return factor;
   };
 
-  const Positions places = places_of_source(source.positions);
+  rest_places_ = places_of_source(source.positions);
   std::vector<int> part_of(vertices_.size(), -1);
   detail_ = Positions::Zero(region.free_count(), 3);
   for (size_t i = 0; i < parts_.size(); ++i)
@@ -82,9 +82,10 @@ FollowedPlaces::FollowedPlaces(const Mesh& source, const Mesh& target, const Uni
       const int v = vertices_[size_t(r)];
       if (!points_.is_known(v)) continue;
       part_of[size_t(r)] = static_cast<int>(i);
-      detail_.row(r) = target.positions.row(v) - places.row(r);
+      detail_.row(r) = target.positions.row(v) - rest_places_.row(r);
     }
-  contacts_ = std::make_unique<Contacts>(places, std::move(part_of), kReach * box.scale);
+  contacts_ =
+      std::make_unique<Contacts>(rest_places_, std::move(part_of), masses_, kReach * box.scale);
   // Twice: what is left of a wave falls with the fourth power of its length.
   const std::unique_ptr<SparseCholesky> of_detail = factored(kDetail, Precision::full);
   shape_ = smooth(*of_detail, smooth(*of_detail, detail_));
@@ -92,11 +93,13 @@ FollowedPlaces::FollowedPlaces(const Mesh& source, const Mesh& target, const Uni
   factor_ = factored(kSmooth, precision);
 }
 
-void FollowedPlaces::add(const Component& component, const Region& region) {
+void FollowedPlaces::add(const Component& component, const Region& region,
+                         const Triangles& corners) {
   Part part;
   for (int j : component.triangles) {
     part.triangles.push_back(static_cast<int>(triangles_.size()));
     triangles_.push_back(j);
+    row_of_triangle_.push_back(region.row[size_t(corners(j, 0))]);
   }
   for (int v : component.vertices) part.rows.push_back(region.row[size_t(v)]);
   parts_.push_back(std::move(part));
@@ -106,19 +109,27 @@ RowMatrix FollowedPlaces::smooth(const SparseCholesky& factor, const RowMatrix& 
   return factor.solve(masses_.asDiagonal() * values, &pool_);
 }
 
-Eigen::Matrix3d FollowedPlaces::still_gradient() const {
-  Eigen::Matrix3d mean = Eigen::Matrix3d::Zero(), still = mean;
+FollowedPlaces::Motion FollowedPlaces::still_motion(const Positions& places) const {
+  Eigen::Matrix3d mean = Eigen::Matrix3d::Zero();
   for (Index i = 0; i < areas_.size(); ++i)
     mean += areas_[i] * gradients_.at(triangles_[size_t(i)]);
   mean /= areas_.sum();
+  Motion still{Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()};
+  std::vector<double> weights;
   double sum = 0;
   for (Index i = 0; i < areas_.size(); ++i) {
     const Eigen::Matrix3d& S = gradients_.at(triangles_[size_t(i)]);
-    const double weight = areas_[i] * stillness(S, mean);
-    still += weight * S;
-    sum += weight;
+    weights.push_back(areas_[i] * stillness(S, mean));
+    still.linear += weights.back() * S;
+    sum += weights.back();
   }
-  return still / sum;
+  still.linear /= sum;
+  for (size_t i = 0; i < weights.size(); ++i) {
+    const int r = row_of_triangle_[i];
+    still.shift += weights[i] / sum *
+                   (places.row(r).transpose() - still.linear * rest_places_.row(r).transpose());
+  }
+  return still;
 }
 
 Positions FollowedPlaces::places_of_source(const Positions& pose) const {
@@ -131,8 +142,8 @@ Positions FollowedPlaces::places_of_source(const Positions& pose) const {
   return places;
 }
 
-RowMatrix FollowedPlaces::missing(const Positions& places, const Positions& result) const {
-  const Eigen::Matrix3d M = still_gradient();
+RowMatrix FollowedPlaces::missing(const Positions& places, const Eigen::Matrix3d& M,
+                                  const Positions& result) const {
   RowMatrix missing = RowMatrix::Zero(places.rows(), 3);
   pool_.parallel_for(missing.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (Index r = begin; r < end; ++r) {
@@ -154,26 +165,38 @@ RowMatrix FollowedPlaces::missing(const Positions& places, const Positions& resu
   return missing;
 }
 
-void FollowedPlaces::stiffen(const Part& part, const RowMatrix& missing, RowMatrix& moved) const {
-  Eigen::Matrix3d mean = Eigen::Matrix3d::Zero();
-  double area = 0, spread = 0;
+void FollowedPlaces::stiffen(const Part& part, const Positions& places, const Motion& still,
+                             const Positions& result, RowMatrix& moved) const {
+  Eigen::Matrix3d S = Eigen::Matrix3d::Zero();
+  double area = 0, spread = 0, mass = 0;
   for (int i : part.triangles) {
-    mean += areas_[i] * gradients_.at(triangles_[size_t(i)]);
+    S += areas_[i] * gradients_.at(triangles_[size_t(i)]);
     area += areas_[i];
   }
   if (!(area > 0)) return;
-  mean /= area;
+  S /= area;
   for (int i : part.triangles)
-    spread += areas_[i] * (gradients_.at(triangles_[size_t(i)]) - mean).squaredNorm();
-  const double share = 1 / (1 + spread / (area * kStiff * kStiff));
-  Eigen::RowVector3d shift = Eigen::RowVector3d::Zero();
-  double mass = 0;
+    spread += areas_[i] * (gradients_.at(triangles_[size_t(i)]) - S).squaredNorm();
+
+  // Means over the part: of A(b'), of A(b), of what is between the meshes, and of p'.
+  Eigen::Vector3d there = Eigen::Vector3d::Zero(), before = there, between = there, here = there;
   for (int r : part.rows) {
-    shift += masses_[r] * missing.row(r);
+    if (!points_.is_known(vertices_[size_t(r)])) continue;
     mass += masses_[r];
+    there += masses_[r] * places.row(r).transpose();
+    before += masses_[r] * rest_places_.row(r).transpose();
+    between += masses_[r] * (shape_.row(r) + detail_.row(r)).transpose();
+    here += masses_[r] * result.row(vertices_[size_t(r)]).transpose();
   }
   if (!(mass > 0)) return;
-  for (int r : part.rows) moved.row(r) += share * (shift / mass - moved.row(r));
+  const Eigen::Vector3d swing = (S - still.linear) * between / mass;
+  const double way = (there / mass - still.linear * before / mass - still.shift).squaredNorm();
+  double doubt = swing.squaredNorm() / (different_ * different_);
+  if (doubt > 0) doubt *= way / (way + swing.squaredNorm());
+  const Eigen::Vector3d shift =
+      (there + still.linear * between - here) / mass / (1 + doubt * doubt);
+  const double share = 1 / (1 + spread / (area * kStiff * kStiff));
+  for (int r : part.rows) moved.row(r) += share * (shift.transpose() - moved.row(r));
 }
 
 void FollowedPlaces::close(const Positions& places, Positions& result) {
@@ -192,9 +215,9 @@ void FollowedPlaces::close(const Positions& places, Positions& result) {
 void FollowedPlaces::correct(const Positions& pose, Positions& result) {
   if (!factor_) return;
   const Positions places = places_of_source(pose);
-  const RowMatrix needed = missing(places, result);
-  RowMatrix moved = smooth(*factor_, needed);
-  for (const Part& part : parts_) stiffen(part, needed, moved);
+  const Motion still = still_motion(places);
+  RowMatrix moved = smooth(*factor_, missing(places, still.linear, result));
+  for (const Part& part : parts_) stiffen(part, places, still, result, moved);
   for (Index r = 0; r < moved.rows(); ++r) result.row(vertices_[size_t(r)]) += moved.row(r);
   close(places, result);
 }

@@ -51,14 +51,22 @@ class FollowedPlaces {
     std::vector<int> triangles;  // indices into triangles_
     std::vector<int> rows;
   };
-  void add(const Component& component, const Region& region);
-  Eigen::Matrix3d still_gradient() const;
+  void add(const Component& component, const Region& region, const Triangles& corners);
+  struct Motion {
+    Eigen::Matrix3d linear;
+    Eigen::Vector3d shift;
+  };
+  /// M, and the shift of A(b) that goes with it.
+  Motion still_motion(const Positions& places) const;
   /// A(b') of each row, zero where that isn't known.
   Positions places_of_source(const Positions& pose) const;
   /// t (g − p').
-  RowMatrix missing(const Positions& places, const Positions& result) const;
-  /// Makes what moves a part that hardly deforms a shift.
-  void stiffen(const Part& part, const RowMatrix& missing, RowMatrix& moved) const;
+  RowMatrix missing(const Positions& places, const Eigen::Matrix3d& still,
+                    const Positions& result) const;
+  /// Makes what moves a part that hardly deforms a shift, by which its centre goes as its source's.
+  /// One that turns in its place, as an eye does, turns about its own.
+  void stiffen(const Part& part, const Positions& places, const Motion& still,
+               const Positions& result, RowMatrix& moved) const;
   void close(const Positions& places, Positions& result);
   /// The smooth part of values at the rows.
   RowMatrix smooth(const SparseCholesky& factor, const RowMatrix& values) const;
@@ -70,12 +78,14 @@ class FollowedPlaces {
   SourcePoints points_;
   double different_;  // τ
 
-  std::vector<int> triangles_;  // those with a source
-  Eigen::VectorXd areas_;       // of these
+  std::vector<int> triangles_;        // those with a source
+  std::vector<int> row_of_triangle_;  // of a corner of each of these
+  Eigen::VectorXd areas_;             // of these
   std::vector<Part> parts_;
   // Of each row of the system:
   std::vector<int> vertices_;
   Eigen::VectorXd masses_;
+  Positions rest_places_;     // A(b)
   Positions shape_, detail_;  // ō_i and d_i, in the target's units
   std::unique_ptr<SparseCholesky> factor_;
   std::unique_ptr<Contacts> contacts_;

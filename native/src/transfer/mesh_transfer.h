@@ -25,8 +25,8 @@ enum class Anchor {
 
 /// What goes where its source went. The values are those of dd_placing in the public header.
 enum class Placing {
-  components = 0,  ///< each component as a whole, deformed by the gradients alone
-  vertices = 1     ///< each vertex, too: see FollowedPlaces
+  vertices = 0,   ///< each component, and within it each vertex: see FollowedPlaces
+  components = 1  ///< each component as a whole, deformed by the gradients alone
 };
 
 struct TransferOptions {
