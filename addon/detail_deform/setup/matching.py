@@ -24,8 +24,8 @@ def _searched_for(source, target):
 
 
 def search(source, target):
-    """Generator: the correspondence found by the markers of both objects; yields the fraction done. Raises MeshProblem
-    or native.NativeError."""
+    """Generator: the correspondence found by the shapes of both objects and the markers on them; yields the fraction
+    done. Raises MeshProblem or native.NativeError."""
     global _last
     if _last[0] == _searched_for(source, target):
         return _last[1]
@@ -40,10 +40,17 @@ def search(source, target):
             if running:
                 time.sleep(_POLL_SECONDS)
         matched.pairs, matched.confidence, _ = match.finish()
+        matched.ambiguous = bool(match.info.ambiguous)
     finally:
         match.close()
     _last = (_searched_for(source, target), matched)
     return matched
+
+
+def ambiguity(source, target):
+    """What is in doubt where a correspondence is ambiguous, and what to do."""
+    return (f"'{source.name}' fits '{target.name}' about as well turned another way: mark one or two places on both "
+            "(Add Transfer Marker, in Edit Mode), where front and back or left and right differ.")
 
 
 def must_be_found(how):
@@ -58,7 +65,10 @@ def find(how, source, target, path, pairs_of):
         doubts = yield from marker_check.search(source, target)
         if doubts:
             raise MeshProblem(marker_check.sentence(doubts, source, target) + " " + _WHERE_THEY_ARE_RIGHT)
-        return (yield from search(source, target))
+        matched = yield from search(source, target)
+        if matched.ambiguous:
+            raise MeshProblem(ambiguity(source, target) + " If it fits as it is, press Find Match, which takes it so.")
+        return matched
     if how == 'LIST':
         return pair_lists.by_list(source, target, bpy.path.abspath(path), pairs_of)
     if how == 'STORED':

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <vector>
+
 #include "support/types.h"
 
 namespace dd {
@@ -28,5 +30,8 @@ Similarity fitted_similarity(const Positions& from, const Positions& to,
 /// difference of shape, and the nearest of the 24 is used in its place.
 Similarity fitted_stance(const Positions& from, const Positions& to,
                          const Eigen::VectorXd& weights);
+
+/// The 24 rotations that take axes to axes, the identity first.
+std::vector<Eigen::Matrix3d> rotations_of_axes();
 
 }  // namespace dd
