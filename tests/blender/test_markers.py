@@ -176,8 +176,10 @@ def test_the_wrong_one_of_a_few_markers_is_named(creatures, part, size):
     far = max(other, key=lambda k: np.linalg.norm(own(creatures[1])[other[k]] -
                                                   own(creatures[1])[good[1][numbers[0]]]))
     assert ended(check.search(*creatures, good[0], {**good[1], numbers[0]: other[far]})) == (numbers[0],)
-    exchanged = {**good[1], numbers[0]: good[1][numbers[-1]], numbers[-1]: good[1][numbers[0]]}
-    assert ended(check.search(*creatures, good[0], exchanged)) == (numbers[0], numbers[-1])
+    partner = max(numbers, key=lambda k: np.linalg.norm(own(creatures[1])[good[1][k]] -
+                                                        own(creatures[1])[good[1][numbers[0]]]))
+    exchanged = {**good[1], numbers[0]: good[1][partner], partner: good[1][numbers[0]]}
+    assert ended(check.search(*creatures, good[0], exchanged)) == (numbers[0], partner)
 
 
 def test_one_wrong_marker_is_named_in_the_panel_and_as_it_is_corrected_no_more(part):

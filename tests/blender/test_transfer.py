@@ -295,7 +295,7 @@ def test_refusals(pair, tmp_path):
     assert "There is no source" in refusal(transfer)
     assert "not of the same topology" in refusal(transfer, source="Source")
     group(source, "Marker 1", [1])
-    group(target, "Marker 2", [1])
+    group(bpy.context.active_object, "Marker 2", [1])
     assert "none with the same number" in refusal(transfer, source="Source", correspondence='MARKERS')
     assert "has no Saved Match" in refusal(transfer, source="Source", correspondence='STORED')
     assert "has no shape keys" in refusal(transfer, source="Target", what='ALL_KEYS')

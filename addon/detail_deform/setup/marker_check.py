@@ -19,7 +19,7 @@ from . import markers
 
 _FEWEST = 6  # below, the factors explain nearly anything
 _FEWEST_BY_SHAPE = 3
-_NEAR, _FAR = 0.12, 0.3  # of the box: how far a fit by shape is off at good markers, and at wrong ones
+_NEAR, _FAR = 0.18, 0.3  # of the box: how far a fit by shape is off at good markers, and at wrong ones
 _POLL_SECONDS = 0.02
 # Set where a thousand random sets of good markers, on animals of random builds, raise no alarm, and then nine of ten
 # sets with two exchanged ones do, and four of five with one misplaced by a quarter of the body or more.
@@ -115,7 +115,7 @@ def doubtful_by_shape(apart):
 
 
 def _fitted_apart(source, target, of_source, of_target):
-    """Generator of the share done; gives what doubtful_by_shape() takes, None where shapes don't tell."""
+    """Generator of the share done; gives what doubtful_by_shape() takes."""
     there, here = mesh_data.rest(source.data), mesh_data.rest(target.data)
     match = native.Match((there, mesh_data.triangles(source.data)), (here, mesh_data.triangles(target.data)),
                          stages=2, rounds=1)
@@ -129,8 +129,6 @@ def _fitted_apart(source, target, of_source, of_target):
         fitted = match.finish()[2]
     finally:
         match.close()
-    if match.info.ambiguous:
-        return None
     box = max(float(np.linalg.norm(np.ptp(here, axis=0))), 1e-30)
     return np.linalg.norm(here[of_target][:, None] - fitted[of_source], axis=2) / box
 
@@ -145,7 +143,7 @@ def search(source, target, of_source=None, of_target=None):
     if len(both) < _FEWEST:
         apart = yield from _fitted_apart(source, target, *([of[number] for number in both]
                                                            for of in (of_source, of_target)))
-        return () if apart is None else tuple(both[row] for row in doubtful_by_shape(apart))
+        return tuple(both[row] for row in doubtful_by_shape(apart))
     found = []
     for ob, of in ((source, of_source), (target, of_target)):
         parts = _distances(ob, [of[number] for number in both])

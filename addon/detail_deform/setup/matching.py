@@ -14,6 +14,7 @@ _POLL_SECONDS = 0.02
 
 _last = ((), None)  # what was found last, and of what: a transfer may be repeated with other settings
 
+_WHERE_IT_IS_RIGHT = "If it is right, press Find Match, which takes it as it is."
 _WHERE_THEY_ARE_RIGHT = "If they are right, press Find Match, which takes them as they are."
 
 
@@ -67,7 +68,7 @@ def find(how, source, target, path, pairs_of):
             raise MeshProblem(marker_check.sentence(doubts, source, target) + " " + _WHERE_THEY_ARE_RIGHT)
         matched = yield from search(source, target)
         if matched.ambiguous:
-            raise MeshProblem(ambiguity(source, target) + " If it fits as it is, press Find Match, which takes it so.")
+            raise MeshProblem(ambiguity(source, target) + " " + _WHERE_IT_IS_RIGHT)
         return matched
     if how == 'LIST':
         return pair_lists.by_list(source, target, bpy.path.abspath(path), pairs_of)

@@ -25,7 +25,7 @@ constexpr int kVerticesPerFunction = 6;
 constexpr double kAsTheyStand = 0.8;    // of the misfit of others: users' meshes mostly stand alike
 constexpr double kNearlyAsWell = 1.15;  // of the misfit
 constexpr double kAlikeStretch = 0.03;
-constexpr double kElsewhere = 0.1;  // of the box
+constexpr double kElsewhere = 0.2;  // of the box
 constexpr double kReversed = 0.3;   // of the largest share of triangles that keep their orientation
 
 /// A placement and what is known of it.
@@ -228,7 +228,7 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   report(progress, 0.1, "Placing the source on the target");
   std::vector<Start> starts;
   if (places.suffice())
-    starts.push_back({places.placement(), {}, 0, 0});
+    starts.push_back({placement_by(places, from, onto), {}, 0, 0});
   else
     for (const Placement& one : placements(from, onto, places, pool))
       starts.push_back({one, {}, 0, 0});

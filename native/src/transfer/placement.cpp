@@ -12,7 +12,8 @@ namespace {
 
 constexpr int kRounds = 12;
 constexpr int kSamples = 300;
-constexpr double kMarkerShare = 0.5;  // of each marker, of the weight of all samples
+constexpr int kManyMarkers = 8;
+constexpr double kMarkerShare = 0.1;  // of each marker, of the weight of all samples
 constexpr double kAlike = 0.03;       // of the box: placements closer than that are one
 constexpr double kWorthTrying = 1.5;  // of the least misfit
 constexpr size_t kTried = 12;
@@ -144,9 +145,13 @@ bool MarkedPlaces::suffice() const {
   return source.rows() >= 3 && !on_a_line(source) && !on_a_line(target);
 }
 
-Placement MarkedPlaces::placement() const {
+Placement placement_by(const MarkedPlaces& marked, const CoarseShape& source,
+                       const CoarseShape& target) {
   Placement found;
-  found.similarity = fitted_similarity(source, target, Eigen::VectorXd::Ones(source.rows()));
+  found.similarity =
+      fitted_similarity(marked.source, marked.target, Eigen::VectorXd::Ones(marked.source.rows()));
+  // A few say too little of how large one is beside the other.
+  if (marked.source.rows() < kManyMarkers) settle(found, source, target, marked);
   return found;
 }
 

@@ -28,8 +28,11 @@ struct MarkedPlaces {
 
   /// Whether a similarity follows from them: three, not on a line.
   bool suffice() const;
-  Placement placement() const;
 };
+
+/// By markers that suffice.
+Placement placement_by(const MarkedPlaces& marked, const CoarseShape& source,
+                       const CoarseShape& target);
 
 /// What fits best of: as they stand (the first), the rotations that take axes to axes, and those
 /// that take principal axes to principal axes, each also with the source's mirror image, which is

@@ -26,6 +26,7 @@ constexpr double kAnchoring = 1e-9;         // keeps what nothing holds in its p
 constexpr double kLongestWave = 1;          // of the box
 constexpr double kShortestWave = 4;         // edges
 constexpr double kGuided = 0.4;             // of the box: longer waves go by the alignment
+constexpr size_t kTellingMarkers = 3;       // fewer alone would only shear the whole
 constexpr double kMeaningful = 0.14;        // stretch of a map that may guide
 constexpr double kLongestAfterGuide = 0.5;  // of the box, too
 
@@ -273,7 +274,7 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
     const double step = 0.98 / (options.stages + 1);
     if (guided)
       registration.run_guided(within(part, 0.02, 0.02 + step));
-    else if (!markers.empty())
+    else if (markers.size() >= kTellingMarkers)
       registration.run(0, within(part, 0.02, 0.02 + step));
     for (int stage = 1; stage <= options.stages; ++stage) {
       const double share = options.stages > 1 ? (stage - 1.0) / (options.stages - 1) : 1;
