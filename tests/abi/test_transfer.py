@@ -163,9 +163,27 @@ def test_matching_by_markers(native):
     assert np.linalg.norm(end - expected) < 0.1 * np.linalg.norm(expected)
 
 
+def test_matching_by_shape(native):
+    source, target = waved(24, 1.0), waved(47, 1.2)
+    turn = rotation(2.0, (30, 0, -7))[0]
+    moved = (3 * target.positions @ turn[:, :3].T + turn[:, 3]).astype(np.float32)
+    for markers in ((), [[0, 0]], [[0, 0], [23 * 8, 46 * 8]], [[0, 0], [8, 16], [16, 32]]):
+        match = native.Match(mesh(source), (moved, target.triangles), markers)
+        pairs, confidence, fitted = match.finish()
+        along = [side.positions[side.triangles].mean(1)[:, 0] for side in (source, target)]
+        assert np.abs(along[0][pairs[:, 0]] - along[1][pairs[:, 1]]).max() < 2
+        assert 0.8 < match.info.confidence <= 1 and confidence.min() > 0.5 and np.isfinite(fitted).all()
+
+
+def test_a_square_is_ambiguous(native):
+    square = Strip(8)
+    square.positions[:, 2] = 0
+    match = native.Match(mesh(square), mesh(square))
+    _, _, fitted = match.finish()
+    assert match.info.ambiguous == 1 and np.allclose(fitted, square.positions, atol=1e-3)
+
+
 def test_matching_refuses_and_cancels(native, strip):
-    with pytest.raises(native.NativeError, match="three pairs"):
-        native.Match(mesh(strip), mesh(strip), [[0, 0], [1, 1]]).finish()
     with pytest.raises(native.NativeError, match="contradict"):
         native.Match(mesh(strip), mesh(strip), [[0, 0], [0, 1], [9, 9], [100, 100]]).finish()
     with pytest.raises(native.NativeError, match="options.reach must be zero or more"):
@@ -187,6 +205,7 @@ def test_null_pointers_and_jobs_of_another_kind_are_refused(native, structs, str
     lib.dd_match_free(None)
     match = native.Match(mesh(Strip(3000)), mesh(Strip(3000)), [[0, 0], [7, 7], [20000, 20000]])
     count, made = ctypes.c_size_t(), ctypes.c_void_p()
+    assert lib.dd_match_get_info(None, structs.MatchInfo()) == 1
     assert lib.dd_match_get_pairs(None, None, 0, count) == 1
     assert "match is null" in lib.dd_last_message().decode()
     assert lib.dd_job_take_transfer(match._handle, made) == 1

@@ -107,6 +107,46 @@ def test_animals_with_all_their_markers_are_in_no_doubt(creatures, part):
     assert ended(part('setup.marker_check').search(*creatures)) == ()
 
 
+def test_a_head_with_other_faces_needs_no_markers(heads):
+    source, target = heads
+    p = own(source)
+    add_key(source, "Chin", p + np.where(p[:, 2:] < -0.4, (0, -0.2, -0.1), 0))
+    # Fewer faces, turned and shifted.
+    turn = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    target.data.vertices.foreach_set('co', (p @ turn.T + (3, 0, 0)).astype(np.float32).ravel())
+    decimate = target.modifiers.new("Decimate", 'DECIMATE')
+    decimate.ratio = 0.5
+    activate(target)
+    bpy.ops.object.modifier_apply(modifier=decimate.name)
+    assert len(target.data.vertices) < 0.7 * len(p)
+    assert bpy.ops.object.detail_deform_transfer_match(source=source.name) == {'FINISHED'}
+    assert target.detail_deform.transfer.show_match and target.detail_deform.transfer.correspondence == 'STORED'
+    assert transfer(source=source.name, what='ALL_KEYS', correspondence='STORED') == {'FINISHED'}
+    rest, key = own(target), target.data.shape_keys.key_blocks["Chin"]
+    moved = np.array([point.co for point in key.data]) - rest
+    chin = rest[:, 2] < -0.55
+    assert np.allclose(moved[chin].mean(0), turn @ (0, -0.2, -0.1), atol=0.03)
+    assert np.abs(moved[rest[:, 2] > 0.2]).max() < 0.03
+
+
+def test_what_fits_turned_as_well_asks_for_a_marker_and_may_be_taken(part):
+    source, target = raw_strip("Source", 21), raw_strip("Target", 33)
+    for ob in (source, target):  # flat squares
+        ob.data.vertices.foreach_set('co', (own(ob) * (1, 1, 0)).astype(np.float32).ravel())
+    add_key(source, "Bend", bent(own(source)))
+    activate(target)
+    told = refusal(transfer, source="Source", what='ALL_KEYS', correspondence='MARKERS')
+    assert "'Source' fits 'Target' about as well turned another way" in told and "press Find Match" in told
+    assert target.data.shape_keys is None
+    assert bpy.ops.object.detail_deform_transfer_match(source="Source") == {'FINISHED'}
+    assert target.detail_deform.transfer.correspondence == 'STORED'
+    # As they stand.
+    matched = part('scene.correspondence').stored(source, target)
+    centres = [own(ob)[triangles].mean(1)[matched.pairs[:, side]] for side, (ob, triangles) in enumerate(
+        ((source, matched.source_triangles), (target, matched.target_triangles)))]
+    assert np.abs(centres[0] - centres[1]).max() < 0.1
+
+
 def test_wrong_markers_are_named_before_anything_is_transferred(part):
     source, target = raw_strip("Source", 21), raw_strip("Target", 33)
     add_key(source, "Bend", bent(own(source)))
@@ -124,6 +164,22 @@ def test_wrong_markers_are_named_before_anything_is_transferred(part):
     # They may be meant so.
     assert bpy.ops.object.detail_deform_transfer_match(source="Source") == {'FINISHED'}
     assert target.detail_deform.transfer.correspondence == 'STORED'
+
+
+@pytest.mark.parametrize('size', [3, 4, 5])
+def test_the_wrong_one_of_a_few_markers_is_named(creatures, part, size):
+    check, of = part('setup.marker_check'), part('setup.markers').of
+    good = [dict(list(of(ob).items())[::7][:size]) for ob in creatures]
+    assert ended(check.search(*creatures, *good)) == ()
+    numbers = list(good[0])
+    other = of(creatures[1])
+    far = max(other, key=lambda k: np.linalg.norm(own(creatures[1])[other[k]] -
+                                                  own(creatures[1])[good[1][numbers[0]]]))
+    assert ended(check.search(*creatures, good[0], {**good[1], numbers[0]: other[far]})) == (numbers[0],)
+    partner = max(numbers, key=lambda k: np.linalg.norm(own(creatures[1])[good[1][k]] -
+                                                        own(creatures[1])[good[1][numbers[0]]]))
+    exchanged = {**good[1], numbers[0]: good[1][partner], partner: good[1][numbers[0]]}
+    assert ended(check.search(*creatures, good[0], exchanged)) == (numbers[0], partner)
 
 
 def test_one_wrong_marker_is_named_in_the_panel_and_as_it_is_corrected_no_more(part):

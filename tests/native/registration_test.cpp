@@ -174,19 +174,19 @@ TEST_CASE("an open source is not pulled beyond an open target's border") {
   CHECK(largest_distance(fitted.topRows(10 * 21), half) < 0.01);
 }
 
-TEST_CASE("markers that are few, contradictory, in a line or out of range are refused") {
+TEST_CASE(
+    "markers that are contradictory or out of range are refused, and few or in a line are not") {
   const Mesh source = test::sphere(2), target = test::sphere(3);
   const Pairs good = {{0, 0}, {2, 2}, {4, 4}};
   CHECK(refusal(source, target, good) == "accepted");
   CHECK(refusal(source, target, {{0, 0}, {2, 2}, {4, 4}, {4, 4}}) == "accepted");
-  CHECK_THAT(refusal(source, target, {}), contains("There are 0 markers"));
-  CHECK_THAT(refusal(source, target, {{0, 0}, {2, 2}}), contains("three pairs"));
+  CHECK(refusal(source, target, {}) == "accepted");
+  CHECK(refusal(source, target, {{0, 0}, {2, 2}}) == "accepted");
   CHECK_THAT(refusal(source, target, {{0, 0}, {2, 2}, {4, 4}, {4, 5}}), contains("contradict"));
   CHECK_THAT(refusal(source, target, {{0, 0}, {2, 2}, {4, 9999}}),
              contains("vertex 9999 of the target"));
   Mesh flat = test::grid(5, 5, [](double, double) { return 0.0; });
-  CHECK_THAT(refusal(flat, target, {{0, 0}, {1, 2}, {2, 4}}),
-             contains("of the source lie on a line"));
+  CHECK(refusal(flat, target, {{0, 0}, {1, 2}, {2, 4}}) == "accepted");
   CHECK_THROWS_WITH(
       register_onto(source, target, good, {}, [](double done, const char*) { return done < 0.3; }),
       contains("cancelled"));

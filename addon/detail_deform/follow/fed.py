@@ -50,7 +50,7 @@ def matched(source, ob):
     if how == 'TOPOLOGY':
         return correspondence.by_topology(source, ob)
     if how != 'STORED':
-        what = "markers are searched" if how == 'MARKERS' else "a list is read"
+        what = "a match is searched" if how == 'MARKERS' else "a list is read"
         raise MeshProblem(f"'{ob.name}' follows by its Saved Match: {what} only when following starts. Press Follow "
                           "to stop, and again to start.")
     return correspondence.stored(source, ob)

@@ -129,8 +129,9 @@ _WEIGHTS_BY = (
     ('SLIDERS', "Sliders", "The weights are set by hand, and the handles let go"))
 CORRESPONDENCES = (
     ('TOPOLOGY', "Same Topology", "Both meshes have the same vertices and faces in the same order"),
-    ('MARKERS', "Markers", "A few places are marked on both meshes, by vertex groups or empties named Marker 1, Marker "
-                           "2 and so on; the rest is found by fitting the source to this mesh"),
+    ('MARKERS', "Shape and Markers",
+     "Found by fitting the source to this mesh. Poses, remeshed copies and akin shapes need no markers; places that "
+     "are marked on both meshes, by vertex groups or empties named Marker 1, Marker 2 and so on, fall on one another"),
     ('LIST', "List", "Pairs of triangles or vertices from a text file"),
     ('STORED', "Saved Match", "What was found or read before and is saved with this mesh"))
 

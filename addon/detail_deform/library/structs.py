@@ -179,6 +179,8 @@ TransferInfo = _sized(
     (_DOUBLE * 12, 'placement'), (_INT, 'overstretched_count', 'overstretched_example'))
 MatchOptions = _sized('dd_match_options', "How correspondences are searched for", (_INT, 'stages', 'rounds', 'threads'),
                       (_DOUBLE, 'smoothness', 'identity', 'reach'))
+MatchInfo = _sized('dd_match_info', "Facts about a correspondence that was found", (_INT, 'ambiguous'),
+                   (_DOUBLE, 'confidence'))
 MeasureOptions = _sized('dd_measure_options', "The base that normals are measured against", (_POSITIONS, 'base'),
                         (_SIZE, 'base_count'), (_POSITIONS, 'deformed_base'), (_SIZE, 'deformed_base_count'))
 Measures = _sized('dd_measures', "How a deformed surface compares with the one at rest",
@@ -186,7 +188,7 @@ Measures = _sized('dd_measures', "How a deformed surface compares with the one a
                   (_DOUBLE, 'stretch', 'normal_error', 'area_ratio', 'volume_ratio'))
 STRUCTS = {kind.__name__: kind for kind in (
     Mesh, TetMesh, Progress, BindOptions, UpdateOptions, UpdateInfo, Info, TransferOptions, ApplyOptions,
-    TransferInfo, MatchOptions, MeasureOptions, Measures)}
+    TransferInfo, MatchOptions, MatchInfo, MeasureOptions, Measures)}
 
 
 def _array_parameter(dtype):
@@ -241,6 +243,7 @@ SIGNATURES = {
     'dd_match_get_positions': [OBJECT, FLOATS, _SIZE],
     'dd_match_get_pairs': [OBJECT, INTS, _SIZE, _TO(_SIZE)],
     'dd_match_get_confidence': [OBJECT, FLOATS, _SIZE],
+    'dd_match_get_info': [OBJECT, _TO(MatchInfo)],
     'dd_match_free': [OBJECT],
     'dd_measure': [_TO(Mesh), INTS, _SIZE, FLOATS, _SIZE, _TO(MeasureOptions), _TO(Measures)],
     'dd_distances': [_TO(Mesh), INTS, _SIZE, FLOATS, _SIZE],

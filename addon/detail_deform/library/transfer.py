@@ -8,7 +8,7 @@ import numpy as np
 
 from .jobs import Job, Made
 from .loading import call, call_when_free, count
-from .structs import ApplyOptions, MatchOptions, Mesh, TransferInfo, TransferOptions, numbers
+from .structs import ApplyOptions, MatchInfo, MatchOptions, Mesh, TransferInfo, TransferOptions, numbers
 
 
 def _mesh(positions, triangles):
@@ -65,10 +65,11 @@ class _Found(Made):
 class Match(Job):
     """A search for correspondences under way: dd_match."""
 
-    def __init__(self, source, target, markers, **options):
-        """source, target: as for TransferJob. markers: (k, 2) vertices that fall on one another. options: by the names
-        of dd_match_options' fields."""
-        markers = _pairs(markers)
+    def __init__(self, source, target, markers=(), **options):
+        """source, target: as for TransferJob. markers: (k, 2) vertices that fall on one another, or none. options: by
+        the names of dd_match_options' fields."""
+        self.info = MatchInfo()  # once it is finished
+        markers = _pairs(np.reshape(markers, (-1, 2)))
         self._vertex_count, self._triangle_count = len(source[0]), len(target[1])
         super().__init__('dd_match_start', _mesh(*source), _mesh(*target), markers, len(markers),
                          MatchOptions(**options))
@@ -84,4 +85,5 @@ class Match(Job):
         call('dd_match_get_confidence', found, confidence, len(confidence))
         fitted = np.empty((self._vertex_count, 3), np.float32)
         call('dd_match_get_positions', found, fitted, len(fitted))
+        call('dd_match_get_info', found, self.info)
         return pairs, confidence, fitted

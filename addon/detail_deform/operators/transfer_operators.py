@@ -95,8 +95,8 @@ declare(OBJECT_OT_detail_deform_transfer, [option.argument for option in TRANSFE
 class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_transfer_match'
     bl_label = "Find Match"
-    bl_description = ("Fit the source to this mesh by the markers on both, and save which faces correspond with this "
-                      "mesh, to be used again. Esc cancels")
+    bl_description = ("Fit the source to this mesh, by the markers on both if there are any, and save which faces "
+                      "correspond with this mesh, to be used again. Esc cancels")
     doing = "Looking for what corresponds"
 
     source: StringProperty(
@@ -120,6 +120,9 @@ class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
         matched = yield from matching.search(source, ob)
         correspondence.store(matched, source, ob)
         ob.detail_deform.transfer.correspondence = 'STORED'
+        ob.detail_deform.transfer.show_match = True  # before anything goes by it
+        if matched.ambiguous:
+            self.report({'WARNING'}, matching.ambiguity(source, ob))
         self.report({'INFO'}, f"Match found: {100 * matched.confidence.mean():.0f}% alike on the whole, "
                               f"{100 * (matched.confidence < 0.5).mean():.0f}% of the faces less than half. Show Match "
                               "shows where")
@@ -218,7 +221,7 @@ class OBJECT_OT_detail_deform_target_activate(MeshOperator, bpy.types.Operator):
 class OBJECT_OT_detail_deform_transfer_live(LongOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_transfer_live'
     bl_label = "Follow Source"
-    bl_description = ("Let this mesh follow the source's deformation from now on, or stop it. What markers or a "
+    bl_description = ("Let this mesh follow the source's deformation from now on, or stop it. What shapes or a "
                       "list say is found first and saved with this mesh. Esc cancels")
     doing = "Looking for what corresponds"
 

@@ -18,6 +18,7 @@ class Matched:
     pairs_of says, None where the topology is the same; confidence: (m,) of the target's triangles, 0 to 1."""
 
     pairs_of = 'TRIANGLES'
+    ambiguous = False  # whether the source fits about as well turned otherwise
 
     def __init__(self, source_triangles, target_triangles, pairs, confidence):
         self.source_triangles, self.target_triangles = source_triangles, target_triangles
@@ -50,11 +51,12 @@ def by_topology(source, target):
     if counts[0] != counts[1]:
         raise MeshProblem(
             f"'{source.name}' has {counts[0][0]:,} vertices and {counts[0][1]:,} faces, '{target.name}' "
-            f"{counts[1][0]:,} and {counts[1][1]:,}: they are not of the same topology. Match them by Markers, or by a "
-            "List.")
+            f"{counts[1][0]:,} and {counts[1][1]:,}: they are not of the same topology. Match them by Shape and "
+            "Markers, or by a List.")
     if not is_same_topology(source, target):
         raise MeshProblem(f"'{source.name}' has as many vertices and faces as '{target.name}', but its faces join "
-                          "other vertices: they are not of the same topology. Match them by Markers, or by a List.")
+                          "other vertices: they are not of the same topology. Match them by Shape and Markers, or by a "
+                          "List.")
     triangles = mesh_data.triangles(target.data)
     return Matched(triangles, triangles, None, np.ones(len(triangles), np.float32))
 
@@ -123,7 +125,7 @@ def stored(source, target):
     """The correspondence kept with the target. Raises MeshProblem where it doesn't fit these objects any more."""
     kept = _kept(target)
     if kept is None:
-        raise MeshProblem(f"'{target.name}' has no Saved Match yet: set markers and press Find Match, or give a List.")
+        raise MeshProblem(f"'{target.name}' has no Saved Match yet: press Find Match, or give a List.")
     for ob, topology in ((source, kept['source_topology']), (target, kept['target_topology'])):
         if mesh_data.topology_signature(ob.data) != topology:
             raise MeshProblem(f"The Saved Match of '{target.name}' was made for '{kept['source']}', and the vertices "

@@ -4,7 +4,12 @@
 On two bodies of different build such a distance is longer on one than on the other by a factor that belongs to the
 places at its two ends: about necks, say, or about legs. A marker at a wrong place has no such factor, as it is too
 close to some markers and too far from others. What its removal mends, or an exchange of two, tells which it is.
+
+A few markers can't tell that of one another. Then the shapes are fitted without them: where the others lie about where
+that fit has them, one that lies elsewhere is wrong.
 """
+
+import time
 
 import numpy as np
 
@@ -13,6 +18,9 @@ from ..scene import mesh_data
 from . import markers
 
 _FEWEST = 6  # below, the factors explain nearly anything
+_FEWEST_BY_SHAPE = 3
+_NEAR, _FAR = 0.18, 0.3  # of the box: how far a fit by shape is off at good markers, and at wrong ones
+_POLL_SECONDS = 0.02
 # Set where a thousand random sets of good markers, on animals of random builds, raise no alarm, and then nine of ten
 # sets with two exchanged ones do, and four of five with one misplaced by a quarter of the body or more.
 _MISPLACED, _EXCHANGED = 2.4, 1.7
@@ -92,13 +100,50 @@ def _distances(ob, vertices):
     return np.where(np.isfinite(found), 0.5 * (found + found.T), straight)
 
 
+def doubtful_by_shape(apart):
+    """Numbers of the rows that are in doubt, as doubtful(). apart: (k, k), of the box, how far each marker's place on
+    the target is from where a fit by shape has each on the source."""
+    own, count = np.diag(apart), len(apart)
+    wrong = np.flatnonzero(own > _FAR)
+    if (own > _NEAR).sum() > len(wrong):  # the fit itself is in doubt
+        return ()
+    if len(wrong) == 1 and count > 2:
+        return (int(wrong[0]),)
+    if len(wrong) == 2 and count > 2 and max(apart[wrong[0], wrong[1]], apart[wrong[1], wrong[0]]) < _NEAR:
+        return tuple(wrong.tolist())
+    return ()
+
+
+def _fitted_apart(source, target, of_source, of_target):
+    """Generator of the share done; gives what doubtful_by_shape() takes."""
+    there, here = mesh_data.rest(source.data), mesh_data.rest(target.data)
+    match = native.Match((there, mesh_data.triangles(source.data)), (here, mesh_data.triangles(target.data)),
+                         stages=2, rounds=1)
+    try:
+        running = True
+        while running:
+            running, fraction, _ = match.progress()
+            yield fraction
+            if running:
+                time.sleep(_POLL_SECONDS)
+        fitted = match.finish()[2]
+    finally:
+        match.close()
+    box = max(float(np.linalg.norm(np.ptp(here, axis=0))), 1e-30)
+    return np.linalg.norm(here[of_target][:, None] - fitted[of_source], axis=2) / box
+
+
 def search(source, target, of_source=None, of_target=None):
     """Generator of the fraction done; gives the numbers of the markers in doubt. of_source, of_target:
     {number: vertex}, where they are known. Raises MeshProblem or native.NativeError."""
     of_source, of_target = of_source or markers.of(source), of_target or markers.of(target)
     both = sorted(of_source.keys() & of_target.keys())
-    if len(both) < _FEWEST:
+    if len(both) < _FEWEST_BY_SHAPE:
         return ()
+    if len(both) < _FEWEST:
+        apart = yield from _fitted_apart(source, target, *([of[number] for number in both]
+                                                           for of in (of_source, of_target)))
+        return tuple(both[row] for row in doubtful_by_shape(apart))
     found = []
     for ob, of in ((source, of_source), (target, of_target)):
         parts = _distances(ob, [of[number] for number in both])
@@ -117,6 +162,6 @@ def sentence(numbers, source, target):
         return (f"Markers {numbers[0]} and {numbers[1]} seem to be exchanged on '{source.name}' or '{target.name}': "
                 "give each the other's number on one of them.")
     if numbers:
-        return (f"Marker {numbers[0]} seems to be at different places on '{source.name}' and '{target.name}', as its "
-                "distances to the others say: correct it on one of them.")
+        return (f"Marker {numbers[0]} seems to be at different places on '{source.name}' and '{target.name}', as the "
+                "other markers and the shapes say: correct it on one of them.")
     return ""

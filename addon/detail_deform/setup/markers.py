@@ -10,7 +10,7 @@ from ..scene.mesh_data import MeshProblem
 
 NAME = "Marker {}"
 _NUMBERED = re.compile(r'marker[\s._-]*(\d+)', re.IGNORECASE)  # "Marker 3", "marker.003", "Marker 3.001"
-FEWEST = 3
+FEWEST = 3  # for Automatic, which asks nobody whether a match is right
 
 
 def _number(name):
@@ -77,14 +77,14 @@ def are_enough(source, target):
 
 
 def pairs(source, target):
-    """(k, 2) int32: vertices of source and target that the same number marks. Raises MeshProblem."""
+    """(k, 2) int32: vertices of source and target that the same number marks, any number of them. Raises
+    MeshProblem."""
     of_source, of_target = of(source), of(target)
     both = sorted(of_source.keys() & of_target.keys())
-    if len(both) < FEWEST:
-        raise MeshProblem(f"'{source.name}' has {len(of_source)} markers and '{target.name}' {len(of_target)}, "
-                          f"{len(both)} with the same numbers: mark at least {FEWEST} places on both, "
-                          "better ten (Add Transfer Marker, in Edit Mode).")
-    return np.array([[of_source[number], of_target[number]] for number in both], np.int32)
+    if of_source and of_target and not both:
+        raise MeshProblem(f"'{source.name}' has {len(of_source)} markers and '{target.name}' {len(of_target)}, none "
+                          "with the same number: give the same number to the same place on both.")
+    return np.array([[of_source[number], of_target[number]] for number in both], np.int32).reshape(-1, 2)
 
 
 def add(ob, number):

@@ -12,6 +12,7 @@ from . import marker_check, markers, pair_lists
 
 _last = ((), None)  # what was found last, and of what: a transfer may be repeated with other settings
 
+_WHERE_IT_IS_RIGHT = "If it is right, press Find Match, which takes it as it is."
 _WHERE_THEY_ARE_RIGHT = "If they are right, press Find Match, which takes them as they are."
 
 
@@ -22,8 +23,8 @@ def _searched_for(source, target):
 
 
 def search(source, target):
-    """Generator: the correspondence found by the markers of both objects; yields the fraction done. Raises MeshProblem
-    or native.NativeError."""
+    """Generator: the correspondence found by the shapes of both objects and the markers on them; yields the fraction
+    done. Raises MeshProblem or native.NativeError."""
     global _last
     if _last[0] == _searched_for(source, target):
         return _last[1]
@@ -33,10 +34,17 @@ def search(source, target):
     try:
         yield from match.fractions()
         matched.pairs, matched.confidence, _ = match.finish()
+        matched.ambiguous = bool(match.info.ambiguous)
     finally:
         match.close()
     _last = (_searched_for(source, target), matched)
     return matched
+
+
+def ambiguity(source, target):
+    """What is in doubt where a correspondence is ambiguous, and what to do."""
+    return (f"'{source.name}' fits '{target.name}' about as well turned another way: mark one or two places on both "
+            "(Add Transfer Marker, in Edit Mode), where front and back or left and right differ.")
 
 
 def must_be_found(how):
@@ -82,7 +90,10 @@ def find(how, source, target, path, pairs_of):
         doubts = yield from marker_check.search(source, target)
         if doubts:
             raise MeshProblem(marker_check.sentence(doubts, source, target) + " " + _WHERE_THEY_ARE_RIGHT)
-        return (yield from search(source, target))
+        matched = yield from search(source, target)
+        if matched.ambiguous:
+            raise MeshProblem(ambiguity(source, target) + " " + _WHERE_IT_IS_RIGHT)
+        return matched
     if how == 'LIST':
         return pair_lists.by_list(source, target, bpy.path.abspath(path), pairs_of)
     if how == 'STORED':

@@ -599,12 +599,23 @@ typedef struct dd_match_options {
                         0.1 */
 } dd_match_options;
 
-/* Starts to deform the source onto the target (Sumner and Popović 2004) and to look for
- * corresponding triangles: a job that makes a dd_match.
- *   markers   marker_count pairs of vertices, source and target, that must fall on one another:
- *             three or more, not on a line */
+/* Starts to place the source on the target, to deform it onto it (Sumner and Popović 2004) and to
+ * look for corresponding triangles: a job that makes a dd_match.
+ *   markers   marker_count pairs of vertices, source and target, that must fall on one another: any
+ *             number. Where there are fewer than three, or all on a line, the source's placement is
+ *             found by shape: poses, remeshes and akin shapes need none. It is never mirrored, and
+ *             turns that fit about as well are settled in favour of how the meshes stand, or by a
+ *             marker or two. */
 DD_API int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32_t* markers,
                               size_t marker_count, const dd_match_options* options, dd_job** job);
+
+typedef struct dd_match_info {
+  uint32_t struct_size;
+  int32_t ambiguous; /* 1: turned otherwise, the source fits about as well; markers settle it */
+  double confidence; /* of all triangles of the target, the mean by area, 0 to 1 */
+} dd_match_info;
+
+DD_API int32_t dd_match_get_info(const dd_match* match, dd_match_info* info);
 
 /* The source deformed onto the target: positions of the out_count vertices of the source. */
 DD_API int32_t dd_match_get_positions(const dd_match* match, float* out, size_t out_count);

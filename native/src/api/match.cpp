@@ -6,6 +6,7 @@
 
 #include "api/arguments.h"
 #include "api/job.h"
+#include "mesh/triangles.h"
 #include "transfer/registration.h"
 
 using namespace dd::api;
@@ -13,6 +14,7 @@ using namespace dd::api;
 struct dd_match {
   dd::Positions registered;
   dd::Match match;
+  dd_match_info facts{};
 };
 
 namespace {
@@ -28,6 +30,12 @@ dd::RegistrationOptions read_options(const dd_match_options& options) {
   return how;
 }
 
+double mean_by_area(const std::vector<float>& values, const dd::Mesh& mesh) {
+  const Eigen::VectorXd areas = dd::triangle_areas(mesh.positions, mesh.triangles);
+  const Eigen::Map<const Eigen::VectorXf> each(values.data(), areas.size());
+  return areas.sum() > 0 ? areas.dot(each.cast<double>()) / areas.sum() : 0;
+}
+
 }  // namespace
 
 extern "C" {
@@ -36,17 +44,24 @@ int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32
                        size_t marker_count, const dd_match_options* options, dd_job** job) {
   return guarded([&] {
     require(job, "job is null.");
-    start_job<dd_match>(
-        "a match", job,
-        [from = read_mesh("source", source), to = read_mesh("target", target),
-         pairs = read_pairs("markers", markers, marker_count),
-         how = read_options(read_struct(options))](const dd::Progress& progress) {
-          auto made = std::make_unique<dd_match>();
-          made->registered = dd::register_onto(from, to, pairs, how, dd::within(progress, 0, 0.9));
-          made->match = dd::match_triangles({made->registered, from.triangles}, to, how.reach,
-                                            how.threads, dd::within(progress, 0.9, 1));
-          return made;
-        });
+    start_job<dd_match>("a match", job,
+                        [from = read_mesh("source", source), to = read_mesh("target", target),
+                         pairs = read_pairs("markers", markers, marker_count),
+                         how = read_options(read_struct(options))](const dd::Progress& progress) {
+                          auto made = std::make_unique<dd_match>();
+                          dd::validate(from, "source");
+                          dd::validate(to, "target");
+                          const dd::Alignment alignment =
+                              dd::align(from, to, pairs, how.threads, dd::within(progress, 0, 0.3));
+                          made->registered = dd::register_onto(from, to, pairs, alignment, how,
+                                                               dd::within(progress, 0.3, 0.9));
+                          made->match =
+                              dd::match_triangles({made->registered, from.triangles}, to, how.reach,
+                                                  how.threads, dd::within(progress, 0.9, 1));
+                          made->facts.ambiguous = alignment.ambiguous;
+                          made->facts.confidence = mean_by_area(made->match.confidence, to);
+                          return made;
+                        });
   });
 }
 
@@ -89,6 +104,13 @@ int32_t dd_match_get_confidence(const dd_match* match, float* out, size_t out_co
     const std::vector<float>& confidence = match->match.confidence;
     require_count("out", out, out_count, confidence.size(), "triangles");
     std::copy(confidence.begin(), confidence.end(), out);
+  });
+}
+
+int32_t dd_match_get_info(const dd_match* match, dd_match_info* info) {
+  return guarded([&] {
+    require(match, "match is null.");
+    write_struct("info", info, match->facts);
   });
 }
 

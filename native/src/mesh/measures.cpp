@@ -45,6 +45,19 @@ double signed_volume(const Positions& p, const Triangles& t) {
 
 }  // namespace
 
+double mean_stretch(const Mesh& mesh, const Positions& deformed) {
+  double sum = 0, weight = 0;
+  for (Index j = 0; j < mesh.triangle_count(); ++j) {
+    const Eigen::Matrix3d rest = edges_and_normal(mesh.positions, mesh.triangles, j);
+    const Eigen::Matrix3d now = edges_and_normal(deformed, mesh.triangles, j);
+    const double area = area_of(rest);
+    if (area == 0 || area_of(now) == 0) continue;
+    sum += area * (stretches(rest, now).array() - 1).matrix().norm();
+    weight += area;
+  }
+  return weight > 0 ? sum / weight : 0;
+}
+
 Measures measure(const Mesh& mesh, const Positions& deformed, const std::vector<char>& free,
                  const Positions& base, const Positions& deformed_base) {
   const Triangles& t = mesh.triangles;

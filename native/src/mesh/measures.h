@@ -24,4 +24,7 @@ struct Measures {
 Measures measure(const Mesh& mesh, const Positions& deformed, const std::vector<char>& free,
                  const Positions& base = {}, const Positions& deformed_base = {});
 
+/// The stretch alone, of all triangles.
+double mean_stretch(const Mesh& mesh, const Positions& deformed);
+
 }  // namespace dd

@@ -59,21 +59,26 @@ double matters(double angle) {
 }
 
 Eigen::Matrix3d nearest_of_axes(const Eigen::Matrix3d& rotation) {
-  Eigen::Matrix3d best = Eigen::Matrix3d::Identity();
+  const std::vector<Eigen::Matrix3d> all = rotations_of_axes();
+  return *std::max_element(all.begin(), all.end(), [&](const auto& a, const auto& b) {
+    return a.cwiseProduct(rotation).sum() < b.cwiseProduct(rotation).sum();
+  });
+}
+
+}  // namespace
+
+std::vector<Eigen::Matrix3d> rotations_of_axes() {
+  std::vector<Eigen::Matrix3d> all;
   int order[3] = {0, 1, 2};
   do {
     for (int signs = 0; signs < 8; ++signs) {
       Eigen::Matrix3d candidate = Eigen::Matrix3d::Zero();
       for (int k = 0; k < 3; ++k) candidate(order[k], k) = (signs >> k & 1) ? -1 : 1;
-      if (candidate.determinant() > 0 &&
-          candidate.cwiseProduct(rotation).sum() > best.cwiseProduct(rotation).sum())
-        best = candidate;
+      if (candidate.determinant() > 0) all.push_back(candidate);
     }
   } while (std::next_permutation(order, order + 3));
-  return best;
+  return all;
 }
-
-}  // namespace
 
 Similarity fitted_similarity(const Positions& from, const Positions& to,
                              const Eigen::VectorXd& weights) {

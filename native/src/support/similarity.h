@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <vector>
+
 #include "support/types.h"
 
 namespace dd {
@@ -34,5 +36,8 @@ struct OrientedPoints {
 /// modelled along axes. Up to 3° don't count in both, from 5° on they do.
 Similarity fitted_stance(const OrientedPoints& from, const OrientedPoints& to,
                          const Eigen::VectorXd& weights);
+
+/// The 24 rotations that take axes to axes, the identity first.
+std::vector<Eigen::Matrix3d> rotations_of_axes();
 
 }  // namespace dd

@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "transfer/registration.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <string>
+#include <utility>
 
 #include "mesh/aabb_tree.h"
+#include "mesh/measures.h"
 #include "mesh/topology.h"
 #include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 #include "support/rotations.h"
-#include "support/similarity.h"
 #include "support/thread_pool.h"
 #include "surface/fourth_points.h"
 #include "surface/gradients.h"
@@ -23,9 +22,13 @@ namespace dd {
 
 namespace {
 
-constexpr double kAnchoring = 1e-9;  // keeps what nothing holds in its place
-constexpr double kLongestWave = 1;   // of the box
-constexpr double kShortestWave = 4;  // edges
+constexpr double kAnchoring = 1e-9;         // keeps what nothing holds in its place
+constexpr double kLongestWave = 1;          // of the box
+constexpr double kShortestWave = 4;         // edges
+constexpr double kGuided = 0.4;             // of the box: longer waves go by the alignment
+constexpr size_t kTellingMarkers = 3;       // fewer alone would only shear the whole
+constexpr double kMeaningful = 0.14;        // stretch of a map that may guide
+constexpr double kLongestAfterGuide = 0.5;  // of the box, too
 
 /// Whether a point of a triangle lies on a border.
 bool at_border(const Borders& borders, const PointOnTriangle& point) {
@@ -34,52 +37,6 @@ bool at_border(const Borders& borders, const PointOnTriangle& point) {
         borders.half_edges[3 * static_cast<size_t>(point.triangle) + k])
       return true;
   return false;
-}
-
-Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target) {
-  std::sort(markers.begin(), markers.end());
-  markers.erase(std::unique(markers.begin(), markers.end()), markers.end());
-  const int count[2] = {source.vertex_count(), target.vertex_count()};
-  for (size_t i = 0; i < markers.size(); ++i) {
-    for (int side = 0; side < 2; ++side)
-      if (markers[i][side] < 0 || markers[i][side] >= count[side])
-        throw Error(Status::argument, "A marker names vertex " + std::to_string(markers[i][side]) +
-                                          " of the " + (side == 0 ? "source" : "target") +
-                                          ", which has " + std::to_string(count[side]) + ".");
-    if (i > 0 && markers[i][0] == markers[i - 1][0])
-      throw Error(Status::argument, "The markers contradict one another: vertex " +
-                                        std::to_string(markers[i][0]) +
-                                        " of the source is paired with the vertices " +
-                                        std::to_string(markers[i - 1][1]) + " and " +
-                                        std::to_string(markers[i][1]) + " of the target.");
-  }
-  if (markers.size() < 3)
-    throw Error(Status::argument,
-                "There are " + std::to_string(markers.size()) +
-                    " markers: three pairs of vertices are needed at least, better ten.");
-  return markers;
-}
-
-Similarity onto_markers(const Mesh& source, const Mesh& target, const Pairs& markers) {
-  const Index count = static_cast<Index>(markers.size());
-  Positions from(count, 3), to(count, 3);
-  for (Index i = 0; i < count; ++i) {
-    from.row(i) = source.positions.row(markers[size_t(i)][0]);
-    to.row(i) = target.positions.row(markers[size_t(i)][1]);
-  }
-  for (const Positions* points : {&from, &to}) {
-    const Positions arms = points->rowwise() - points->colwise().mean();
-    // Squared and ascending. Eigen's SVD of a matrix of any size frees twice where memory ends.
-    const Eigen::Matrix3d moments = arms.transpose() * arms;
-    const Eigen::Vector3d spread =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(moments, Eigen::EigenvaluesOnly)
-            .eigenvalues();
-    if (!(spread[1] > 1e-6 * spread[2]))
-      throw Error(Status::argument,
-                  std::string("The markers of the ") + (points == &from ? "source" : "target") +
-                      " lie on a line, which leaves a turn about it open: add one beside it.");
-  }
-  return fitted_similarity(from, to, Eigen::VectorXd::Ones(count));
 }
 
 /// The system over vertices and fourth points of the source, in a unit box.
@@ -94,25 +51,45 @@ class Registration {
         target_normals_(triangle_normals(target_.positions, target_.triangles)),
         target_borders_(target_.triangles, target_.vertex_count()),
         source_borders_(source.triangles, source.vertex_count()),
+        start_(source),
         now_(source) {
     const std::vector<int> usable = usable_triangles(source);
     tets_ = with_fourth_points(source, usable);
     unknowns_ = tets_.positions;
     find_region(source.vertex_count(), markers);
+    first_ = unknowns_;
     build_energy(source, usable);
     edge_ = mean_edge_length(source.positions, source.triangles);
   }
 
+  /// Where vertices belong roughly, in the unit box: for each vertex the one that stands for it, and
+  /// the place of each of those.
+  void guide(std::vector<int> centres, Positions places) {
+    centres_ = std::move(centres);
+    places_ = std::move(places);
+  }
+
+  /// Back to where it began.
+  void begin_again() {
+    unknowns_ = first_;
+    now_.positions = start_.positions;
+  }
+
   /// One stage: waves of this length and longer follow the target; 0: the markers alone pull.
   void run(double wave, const Progress& progress) {
-    const double two_pi = 2 * kPi;
-    const double pull =
-        wave == 0 ? 0 : std::pow(edge_ * two_pi * two_pi / (wave * wave), 2) / (edge_ * edge_);
+    const double pull = wave == 0 ? 0 : pull_of(wave);
     factor(pull, progress);
     for (int round = 0; round < (wave == 0 ? 1 : options_.rounds); ++round) {
       report(progress, 0.5 + 0.5 * round / options_.rounds, "Fitting the source to the target");
       solve(pull, wave == 0 ? Positions() : goals());
     }
+  }
+
+  /// A stage before all others, in which vertices go where they belong roughly.
+  void run_guided(const Progress& progress) {
+    factor(pull_of(kGuided), progress);
+    report(progress, 0.5, "Fitting the source to the target");
+    solve(pull_of(kGuided), guided_goals());
   }
 
   const Positions& positions() const { return now_.positions; }
@@ -204,6 +181,21 @@ class Registration {
     now_.positions = unknowns_.topRows(vertex_count_);
   }
 
+  double pull_of(double wave) const {
+    const double two_pi = 2 * kPi;
+    return std::pow(edge_ * two_pi * two_pi / (wave * wave), 2) / (edge_ * edge_);
+  }
+
+  /// What stands for a vertex takes it along.
+  Positions guided_goals() const {
+    Positions result = now_.positions;
+    for (Index v = 0; v < vertex_count_; ++v) {
+      const int centre = centres_[size_t(v)];
+      if (centre >= 0) result.row(v) += places_.row(centre) - now_.positions.row(centre);
+    }
+    return result;
+  }
+
   /// c_i of each vertex.
   Positions goals() {
     Positions result = now_.positions;
@@ -227,9 +219,12 @@ class Registration {
   AabbTree tree_;
   Positions target_normals_;
   Borders target_borders_, source_borders_;
+  const Mesh& start_;
   Mesh now_;
   TetMesh tets_;
-  Positions unknowns_;
+  Positions first_, unknowns_;
+  std::vector<int> centres_;
+  Positions places_;
   int vertex_count_ = 0;
   double edge_ = 0;
   Region region_;
@@ -239,68 +234,113 @@ class Registration {
   std::unique_ptr<SparseCholesky> factor_;
 };
 
+/// How far from a place the way to a triangle and on to what is nearest to its middle ends, beyond
+/// the triangle's size.
+double way_back(const Mesh& mesh, const PointOnTriangle& there, const PointOnTriangle& back) {
+  if (back.triangle < 0) return 0;
+  const Eigen::Vector3d middle = triangle_centre(mesh.positions, mesh.triangles, there.triangle);
+  double size = 0;
+  for (int k = 0; k < 3; ++k)
+    size = std::max(
+        size, (mesh.positions.row(mesh.triangles(there.triangle, k)).transpose() - middle).norm());
+  return std::max(0.0, (back.place - there.place).norm() - size);
+}
+
 }  // namespace
 
 Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& given,
-                        const RegistrationOptions& options, const Progress& progress) {
-  report(progress, 0.01, "Looking at the meshes");
-  validate(source, "source");
-  validate(target, "target");
+                        const Alignment& alignment, const RegistrationOptions& options,
+                        const Progress& progress) {
   const Pairs markers = checked_markers(given, source, target);
-  const Similarity onto = onto_markers(source, target, markers);
   const UnitBox box(target.positions);
   const Mesh unit = {box.into(target.positions), target.triangles};
   Mesh start = {source.positions, source.triangles};
   for (Index v = 0; v < start.positions.rows(); ++v)
     start.positions.row(v) =
-        (onto(source.positions.row(v).transpose()).transpose() - box.centre) / box.scale;
+        (alignment.placement(source.positions.row(v).transpose()).transpose() - box.centre) /
+        box.scale;
 
   Registration registration(start, unit, markers, options);
+  if (!alignment.partner.empty()) {
+    Positions places = start.positions;
+    for (Index v = 0; v < places.rows(); ++v)
+      if (const int partner = alignment.partner[size_t(v)]; partner >= 0)
+        places.row(v) = unit.positions.row(partner);
+    registration.guide(alignment.centre, std::move(places));
+  }
   const double last = std::min(kLongestWave, kShortestWave * registration.edge());
-  for (int stage = 0; stage <= options.stages; ++stage) {
-    const double share = options.stages > 1 ? (stage - 1.0) / (options.stages - 1) : 1;
-    const double wave = stage == 0 ? 0 : kLongestWave * std::pow(last / kLongestWave, share);
+  const auto fit = [&](bool guided, const Progress& part) {
+    const double first = std::max(last, guided ? kLongestAfterGuide : kLongestWave);
     const double step = 0.98 / (options.stages + 1);
-    registration.run(wave, within(progress, 0.02 + step * stage, 0.02 + step * (stage + 1)));
+    if (guided)
+      registration.run_guided(within(part, 0.02, 0.02 + step));
+    else if (markers.size() >= kTellingMarkers)
+      registration.run(0, within(part, 0.02, 0.02 + step));
+    for (int stage = 1; stage <= options.stages; ++stage) {
+      const double share = options.stages > 1 ? (stage - 1.0) / (options.stages - 1) : 1;
+      registration.run(first * std::pow(last / first, share),
+                       within(part, 0.02 + step * stage, 0.02 + step * (stage + 1)));
+    }
+    return registration.positions();
+  };
+  const bool mapped = !alignment.partner.empty() && alignment.stretch < kMeaningful;
+  Positions fitted = fit(false, within(progress, 0, mapped ? 0.5 : 0.98));
+  if (mapped) {
+    registration.begin_again();
+    Positions guided = fit(true, within(progress, 0.5, 0.98));
+    // Posed limbs are far from their places: nearest points heap them up. On akin shapes nearest
+    // points are the better guess.
+    if (mean_stretch(start, guided) < mean_stretch(start, fitted)) fitted = std::move(guided);
   }
   report(progress, 1, "Done");
-  return box.out_of(registration.positions());
+  return box.out_of(fitted);
+}
+
+Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& markers,
+                        const RegistrationOptions& options, const Progress& progress) {
+  validate(source, "source");
+  validate(target, "target");
+  const Alignment alignment =
+      align(source, target, markers, options.threads, within(progress, 0, 0.2));
+  return register_onto(source, target, markers, alignment, options, within(progress, 0.2, 1));
 }
 
 Match match_triangles(const Mesh& registered, const Mesh& target, double reach, int threads,
                       const Progress& progress) {
   const double box = bounding_box_diagonal(target.positions);
   const Mesh* meshes[2] = {&registered, &target};
-  Pairs pairs;
-  Match match;
-  match.confidence.assign(static_cast<size_t>(target.triangle_count()), 0.0f);
+  const Positions normals[2] = {triangle_normals(registered.positions, registered.triangles),
+                                triangle_normals(target.positions, target.triangles)};
+  std::vector<PointOnTriangle> found[2];
   ThreadPool pool(threads);
   for (const int from : {0, 1}) {
     report(progress, 0.5 * from, "Looking for corresponding triangles");
-    const Mesh &mesh = *meshes[from], &other = *meshes[1 - from];
-    const AabbTree tree(other);
-    const Positions normals = triangle_normals(mesh.positions, mesh.triangles);
-    const Positions others = triangle_normals(other.positions, other.triangles);
-    std::vector<PointOnTriangle> found(static_cast<size_t>(mesh.triangle_count()));
+    const Mesh& mesh = *meshes[from];
+    const AabbTree tree(*meshes[1 - from]);
+    found[from].resize(static_cast<size_t>(mesh.triangle_count()));
     pool.parallel_for(mesh.triangle_count(), kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t j = begin; j < end; ++j)
-        found[size_t(j)] =
-            tree.nearest(triangle_centre(mesh.positions, mesh.triangles, j), reach * box,
-                         [&](int k) { return others.row(k).dot(normals.row(j)) > 0; });
+        found[from][size_t(j)] = tree.nearest(
+            triangle_centre(mesh.positions, mesh.triangles, j), reach * box,
+            [&](int k) { return normals[1 - from].row(k).dot(normals[from].row(j)) > 0; });
     });
-    for (int j = 0; j < mesh.triangle_count(); ++j) {
-      const PointOnTriangle& point = found[size_t(j)];
-      if (point.triangle < 0) continue;
-      pairs.push_back(from == 0 ? std::array<int, 2>{j, point.triangle}
-                                : std::array<int, 2>{point.triangle, j});
-      if (from == 1) {
-        // Half of it is left at two per cent of the box.
-        const double distance = std::sqrt(point.squared_distance) / (0.02 * box);
-        const double parallel = normals.row(j).dot(others.row(point.triangle));
-        match.confidence[size_t(j)] =
-            static_cast<float>(std::max(0.0, parallel) / (1 + distance * distance));
-      }
-    }
+  }
+  Pairs pairs;
+  for (int j = 0; j < registered.triangle_count(); ++j)
+    if (const int k = found[0][size_t(j)].triangle; k >= 0) pairs.push_back({j, k});
+  Match match;
+  match.confidence.assign(static_cast<size_t>(target.triangle_count()), 0.0f);
+  for (int j = 0; j < target.triangle_count(); ++j) {
+    const PointOnTriangle& there = found[1][size_t(j)];
+    if (there.triangle < 0) continue;
+    pairs.push_back({there.triangle, j});
+    // Half of it is left at two per cent of the box, and where the way back ends as far away.
+    const double distance = std::sqrt(there.squared_distance) / (0.02 * box);
+    const double parallel = normals[1].row(j).dot(normals[0].row(there.triangle));
+    const double astray = way_back(registered, there, found[0][size_t(there.triangle)]);
+    match.confidence[size_t(j)] =
+        static_cast<float>(std::max(0.0, parallel) / (1 + distance * distance) /
+                           (1 + std::pow(astray / (0.02 * box), 2)));
   }
   match.correspondence =
       triangle_correspondence(pairs, registered.triangle_count(), target.triangle_count());

@@ -5,6 +5,7 @@
 
 #include "mesh/correspondence.h"
 #include "support/progress.h"
+#include "transfer/alignment.h"
 
 namespace dd {
 
@@ -33,16 +34,23 @@ struct RegistrationOptions {
 /// stage, from the size of the box down to a few edges: independent of units and of the number of
 /// triangles.
 ///
-/// Beforehand the source is rotated, scaled and shifted onto the markers. markers: three or more
-/// pairs of vertices. Throws Error(argument) for markers out of range, contradictory, fewer than
-/// three or all on a line; Error(cancelled).
+/// It begins where the alignment has the source. While waves are long, c_i is where the alignment
+/// takes the vertex that stands for i, which copes with poses; then the nearest point.
+///
+/// markers: any number of pairs of vertices. Throws Error(argument) for markers out of range or
+/// contradictory; Error(cancelled).
+Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& markers,
+                        const Alignment& alignment, const RegistrationOptions& options,
+                        const Progress& progress = {});
+/// The same after align().
 Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& markers,
                         const RegistrationOptions& options, const Progress& progress = {});
 
 /// Corresponding triangles of a registered source and a target.
 struct Match {
   Correspondence correspondence;
-  /// Of each target triangle, 0 to 1: 1 where a triangle lies on it in parallel, 0 where none does.
+  /// Of each target triangle, 0 to 1: 1 where a triangle lies on it in parallel and belongs to it,
+  /// 0 where none does.
   std::vector<float> confidence;
 };
 

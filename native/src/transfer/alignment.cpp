@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "transfer/alignment.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "mesh/triangles.h"
+#include "mesh/unit_box.h"
+#include "support/thread_pool.h"
+#include "transfer/functional_map.h"
+#include "transfer/placement.h"
+#include "transfer/spectral_basis.h"
+
+namespace dd {
+
+namespace {
+
+constexpr int kFirst = 6, kLast = 30;  // functions
+constexpr int kSpare = 20;             // functions that make the last of them exact sooner
+constexpr int kRoughSamples = 400;
+constexpr double kConvincing = 0.07;  // stretch of a map that needs no other to compare with
+constexpr int kVerticesPerFunction = 6;
+constexpr double kAsTheyStand = 0.8;    // of the misfit of others: users' meshes mostly stand alike
+constexpr double kNearlyAsWell = 1.15;  // of the misfit
+constexpr double kAlikeStretch = 0.03;
+constexpr double kElsewhere = 0.2;  // of the box
+constexpr double kReversed = 0.3;   // of the largest share of triangles that keep their orientation
+
+/// A placement and what is known of it.
+struct Start : Placement {
+  FunctionalMap map;
+  double stretch = 0, orientation = 0;
+  double score() const { return (misfit + kExact) * (stretch + kExact); }
+  double preferred() const { return score() * (as_they_stand ? kAsTheyStand : 1); }
+};
+
+class Aligning {
+ public:
+  /// marked: vertices of both that markers name.
+  Aligning(const CoarseShape& source, const CoarseShape& target,
+           std::vector<std::array<int, 2>> marked, ThreadPool& pool)
+      : source_(source), target_(target), marked_(std::move(marked)), pool_(pool) {}
+
+  /// Whether there are functions enough to tell.
+  bool find_functions(const Progress& progress) {
+    const int fewest = std::min(source_.mesh.vertex_count(), target_.mesh.vertex_count());
+    count_ = std::min(kLast, fewest / kVerticesPerFunction);
+    if (count_ <= kFirst || !source_.connected || !target_.connected) return false;
+    report(progress, 0, "Looking for the meshes' smoothest functions");
+    for (int side = 0; side < 2; ++side) {
+      const CoarseShape& shape = side == 0 ? source_ : target_;
+      std::vector<int> seeds = shape.samples;
+      seeds.resize(std::min(seeds.size(), static_cast<size_t>(count_ + kSpare)));
+      bases_[side] = spectral_basis(shape.mesh, count_, seeds, &pool_);
+    }
+    return true;
+  }
+
+  void map_all(std::vector<Start>& starts, const Progress& progress) {
+    report(progress, 0, "Comparing placements");
+    map_from(starts, 0);
+    // Of two like halves a pose often brings the left one to lie on the right: a map that takes
+    // left to right keeps lengths, too. The one that doesn't differs in the signs of functions.
+    const Start best =
+        *std::min_element(starts.begin(), starts.end(),
+                          [](const Start& a, const Start& b) { return a.score() < b.score(); });
+    if (best.orientation > 0 && best.stretch < kConvincing) return;
+    report(progress, 0.5, "Comparing left and right");
+    const size_t known = starts.size();
+    for (int signs = 1; signs < 1 << (kFirst - 1); ++signs) {
+      starts.push_back(best);
+      Eigen::MatrixXd& matrix = starts.back().map.matrix;
+      matrix = matrix.topLeftCorner(kFirst, kFirst).eval();
+      for (int k = 1; k < kFirst; ++k)
+        if (signs >> (k - 1) & 1) matrix.col(k) *= -1;
+    }
+    map_from(starts, known);
+  }
+
+  /// Of those from number begin on; one that has a map is refined from there.
+  void map_from(std::vector<Start>& starts, size_t begin) {
+    pool_.run(static_cast<int>(starts.size() - begin), [&](int i) {
+      Start& start = starts[begin + size_t(i)];
+      find_map(start, kRoughSamples);
+      const std::vector<int> rows = roughly_nearest(start.map);
+      start.orientation = kept_orientation(rows);
+      start.as_they_stand = stands(rows);
+      if (begin > 0 || start.mirrored) start.similarity = fitted(rows);
+    });
+  }
+
+  void find_map(Start& start, size_t samples) {
+    const Positions from = start.samples(source_, samples);
+    const Positions onto = rows_of(target_.mesh.positions, target_.samples, samples);
+    SampledFunctions sampled = {rows_of(bases_[0].functions, source_.samples, samples),
+                                rows_of(bases_[1].functions, target_.samples, samples),
+                                {}};
+    for (const auto& [of_source, of_target] : marked_)
+      sampled.landmarks.push_back(
+          {bases_[0].functions.row(of_source), bases_[1].functions.row(of_target)});
+    const NearestRows rows =
+        start.map.size() == 0
+            ? nearest_rows(from, onto)
+            : nearest_rows(start.map(sampled.source), sampled.target.leftCols(start.map.size()));
+    start.map = zoomed_out(sampled, rows, kFirst, count_);
+    start.stretch = stretch_of(start.map, bases_[0].values, bases_[1].values);
+  }
+
+  /// Vertices that correspond, all of either shape.
+  NearestRows nearest(const FunctionalMap& map) const {
+    return nearest_rows(map(bases_[0].functions), bases_[1].functions);
+  }
+
+  /// Of each of the source's vertices the nearest of the target's samples.
+  std::vector<int> roughly_nearest(const FunctionalMap& map) const {
+    std::vector<int> rows =
+        nearest_rows(map(bases_[0].functions),
+                     rows_of(bases_[1].functions, target_.samples, kRoughSamples))
+            .of_first;
+    for (int& row : rows) row = target_.samples[size_t(row)];
+    return rows;
+  }
+
+  /// Of the box, the mean distance of where two maps take the source.
+  double apart(const std::vector<int>& one, const std::vector<int>& other) const {
+    double sum = 0;
+    for (size_t i = 0; i < one.size(); ++i)
+      sum += (target_.mesh.positions.row(one[i]) - target_.mesh.positions.row(other[i])).norm();
+    return sum / static_cast<double>(one.size());
+  }
+
+ private:
+  Similarity fitted(const std::vector<int>& rows) const {
+    Positions onto(source_.mesh.vertex_count(), 3);
+    for (Index v = 0; v < onto.rows(); ++v)
+      onto.row(v) = target_.mesh.positions.row(rows[size_t(v)]);
+    return fitted_similarity(source_.mesh.positions, onto, Eigen::VectorXd::Ones(onto.rows()));
+  }
+
+  /// Whether a map leaves a mesh about as it stands: turned by less than 45°.
+  bool stands(const std::vector<int>& rows) const {
+    return fitted(rows).rotation.trace() > 1 + 2 * std::sqrt(0.5);
+  }
+
+  /// From −1, all turned over, to 1: of the source's triangles, by area, on the target.
+  double kept_orientation(const std::vector<int>& rows) const {
+    double sum = 0;
+    for (int j = 0; j < source_.mesh.triangle_count(); ++j) {
+      Eigen::Matrix3d corners;
+      Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+      for (int k = 0; k < 3; ++k) {
+        const int v = rows[size_t(source_.mesh.triangles(j, k))];
+        corners.col(k) = target_.mesh.positions.row(v).transpose();
+        normal += target_.normals.row(v).transpose().normalized();
+      }
+      const double side =
+          normal.dot(edges_and_normal(corners.col(0), corners.col(1), corners.col(2)).col(2));
+      if (side != 0) sum += side > 0 ? source_.areas[j] : -source_.areas[j];
+    }
+    return sum / source_.areas.sum();
+  }
+
+  const CoarseShape &source_, &target_;
+  std::vector<std::array<int, 2>> marked_;
+  ThreadPool& pool_;
+  SpectralBasis bases_[2];
+  int count_ = 0;
+};
+
+/// The best, and whether another is about as good. starts: mapped.
+size_t best_of(const std::vector<Start>& starts, std::vector<size_t>& rivals) {
+  double most = 0;
+  for (const Start& start : starts) most = std::max(most, start.orientation);
+  std::vector<size_t> upright;
+  for (size_t i = 0; i < starts.size(); ++i)
+    if (starts[i].orientation >= kReversed * most) upright.push_back(i);
+  const size_t best = *std::min_element(upright.begin(), upright.end(), [&](size_t a, size_t b) {
+    return starts[a].preferred() < starts[b].preferred();
+  });
+  for (size_t i : upright)
+    if (i != best && starts[i].misfit + kExact < kNearlyAsWell * (starts[best].misfit + kExact) &&
+        starts[i].stretch < starts[best].stretch + kAlikeStretch)
+      rivals.push_back(i);
+  return best;
+}
+
+}  // namespace
+
+Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target) {
+  std::sort(markers.begin(), markers.end());
+  markers.erase(std::unique(markers.begin(), markers.end()), markers.end());
+  const int count[2] = {source.vertex_count(), target.vertex_count()};
+  for (size_t i = 0; i < markers.size(); ++i) {
+    for (int side = 0; side < 2; ++side)
+      if (markers[i][side] < 0 || markers[i][side] >= count[side])
+        throw Error(Status::argument, "A marker names vertex " + std::to_string(markers[i][side]) +
+                                          " of the " + (side == 0 ? "source" : "target") +
+                                          ", which has " + std::to_string(count[side]) + ".");
+    if (i > 0 && markers[i][0] == markers[i - 1][0])
+      throw Error(Status::argument, "The markers contradict one another: vertex " +
+                                        std::to_string(markers[i][0]) +
+                                        " of the source is paired with the vertices " +
+                                        std::to_string(markers[i - 1][1]) + " and " +
+                                        std::to_string(markers[i][1]) + " of the target.");
+  }
+  return markers;
+}
+
+Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int threads,
+                const Progress& progress) {
+  report(progress, 0.01, "Looking at the meshes");
+  const Pairs markers = checked_markers(given, source, target);
+  const CoarseShape from(source), onto(target);
+  const UnitBox boxes[2] = {UnitBox(source.positions), UnitBox(target.positions)};
+  const Index count = static_cast<Index>(markers.size());
+  MarkedPlaces places = {Positions(count, 3), Positions(count, 3)};
+  std::vector<std::array<int, 2>> marked;
+  for (Index i = 0; i < count; ++i) {
+    const auto& [one, other] = markers[size_t(i)];
+    places.source.row(i) = boxes[0].into(source.positions.row(one));
+    places.target.row(i) = boxes[1].into(target.positions.row(other));
+    if (from.of_vertex[one] >= 0 && onto.of_vertex[other] >= 0)
+      marked.push_back({from.of_vertex[one], onto.of_vertex[other]});
+  }
+  ThreadPool pool(threads);
+  report(progress, 0.1, "Placing the source on the target");
+  std::vector<Start> starts;
+  if (places.suffice())
+    starts.push_back({placement_by(places, from, onto), {}, 0, 0});
+  else
+    for (const Placement& one : placements(from, onto, places, pool))
+      starts.push_back({one, {}, 0, 0});
+  Aligning aligning(from, onto, std::move(marked), pool);
+  const bool mapped = aligning.find_functions(within(progress, 0.3, 0.5));
+
+  Alignment result;
+  std::vector<size_t> rivals;
+  if (mapped && !places.suffice()) aligning.map_all(starts, within(progress, 0.5, 0.8));
+  if (!mapped)  // nothing tells a mirror image
+    starts.erase(std::remove_if(starts.begin(), starts.end(),
+                                [](const Start& start) { return start.mirrored; }),
+                 starts.end());
+  const size_t best = best_of(starts, rivals);
+  const Similarity& unit = starts[best].similarity;
+  result.placement.rotation = unit.rotation;
+  result.placement.scale = unit.scale * boxes[1].scale / boxes[0].scale;
+  result.placement.shift = boxes[1].scale * unit.shift + boxes[1].centre.transpose() -
+                           result.placement.scale * (unit.rotation * boxes[0].centre.transpose());
+  if (!mapped) {
+    result.ambiguous = !rivals.empty();
+    return result;
+  }
+  report(progress, 0.8, "Refining the correspondence");
+  aligning.find_map(starts[best], from.samples.size());
+  const NearestRows rows = aligning.nearest(starts[best].map);
+  for (size_t rival : rivals)
+    result.ambiguous |=
+        aligning.apart(rows.of_first, aligning.roughly_nearest(starts[rival].map)) > kElsewhere;
+  for (int c : from.of_vertex) {
+    result.centre.push_back(c < 0 ? -1 : from.vertices[size_t(c)]);
+    result.partner.push_back(c < 0 ? -1 : onto.vertices[size_t(rows.of_first[size_t(c)])]);
+  }
+  result.stretch = starts[best].stretch;
+  return result;
+}
+
+}  // namespace dd

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "mesh/correspondence.h"
+#include "support/progress.h"
+#include "support/similarity.h"
+
+namespace dd {
+
+/// How a source lies on a target, roughly: where a registration begins.
+struct Alignment {
+  Similarity placement;  ///< of the source onto the target
+  /// For each vertex of the source the one that stands for it, as coarsely as the surfaces were
+  /// looked at, and the vertex of the target that corresponds to that; empty where they are too
+  /// small or too ragged for a map, −1 where there is none.
+  std::vector<int> centre, partner;
+  /// Of that map: 0 where it keeps lengths, about 0.1 between poses, and much more where it means
+  /// little.
+  double stretch = 0;
+  /// Another placement fits about as well, and takes places elsewhere.
+  bool ambiguous = false;
+};
+
+/// Markers, sorted and each once. Throws Error(argument) where they are out of range or
+/// contradictory.
+Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target);
+
+/// Placed by the markers where there are three not on a line, else by placements(). From each of
+/// these, functions of the surfaces, smooth ones first, give a map that copes with poses
+/// (zoomed_out()). The one is taken that keeps lengths best and lies nearest and doesn't turn the
+/// surface inside out. Never mirrored.
+Alignment align(const Mesh& source, const Mesh& target, const Pairs& markers, int threads = 0,
+                const Progress& progress = {});
+
+}  // namespace dd

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "transfer/placement.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace dd {
+
+namespace {
+
+constexpr int kRounds = 12;
+constexpr int kSamples = 300;
+constexpr int kManyMarkers = 8;
+constexpr double kMarkerShare = 0.1;  // of each marker, of the weight of all samples
+constexpr double kAlike = 0.03;       // of the box: placements closer than that are one
+constexpr double kWorthTrying = 1.5;  // of the least misfit
+constexpr size_t kTried = 12;
+
+Positions placed(const Similarity& placement, const Positions& points) {
+  return (placement.scale * points * placement.rotation.transpose()).rowwise() +
+         placement.shift.transpose();
+}
+
+Similarity inverse(const Similarity& of) {
+  Similarity back;
+  back.rotation = of.rotation.transpose();
+  back.scale = 1 / of.scale;
+  back.shift = -back.scale * (back.rotation * of.shift);
+  return back;
+}
+
+Positions mirror(Positions points, bool whether) {
+  if (whether) points.col(0) *= -1;
+  return points;
+}
+
+bool on_a_line(const Positions& points) {
+  const Positions arms = points.rowwise() - points.colwise().mean();
+  // Squared and ascending. Eigen's SVD of a matrix of any size frees twice where memory ends.
+  const Eigen::Matrix3d moments = arms.transpose() * arms;
+  const Eigen::Vector3d spread =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(moments, Eigen::EigenvaluesOnly).eigenvalues();
+  return !(spread[1] > 1e-6 * spread[2]);
+}
+
+/// Centre and second moments of a surface.
+struct Moments {
+  explicit Moments(const CoarseShape& shape) {
+    const Mesh& mesh = shape.mesh;
+    Eigen::VectorXd shares = Eigen::VectorXd::Zero(mesh.vertex_count());
+    for (int j = 0; j < mesh.triangle_count(); ++j)
+      for (int v : mesh.triangles.row(j)) shares[v] += shape.areas[j];
+    shares /= shares.sum();
+    centre = shares.transpose() * mesh.positions;
+    const Positions arms = mesh.positions.rowwise() - centre;
+    const Eigen::Matrix3d second = arms.transpose() * shares.asDiagonal() * arms;
+    size = std::sqrt(second.trace());
+    axes = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(second).eigenvectors();
+    if (axes.determinant() < 0) axes.col(0) *= -1;
+  }
+  Eigen::RowVector3d centre;
+  double size;
+  Eigen::Matrix3d axes;
+};
+
+Eigen::Vector3d nearest_of(const CoarseShape& shape, const Eigen::Vector3d& point,
+                           const Eigen::Vector3d& normal) {
+  const PointOnTriangle facing = shape.tree.nearest(
+      point, 1e9, [&](int j) { return shape.triangle_normals.row(j).dot(normal) > 0; });
+  return facing.triangle >= 0 ? facing.place : point;
+}
+
+/// Nearest points, both ways, and the similarity that takes them onto one another, in turn.
+void settle(Placement& start, const CoarseShape& source, const CoarseShape& target,
+            const MarkedPlaces& marked) {
+  const Positions from =
+      mirror(rows_of(source.mesh.positions, source.samples, kSamples), start.mirrored);
+  const Positions marked_source = mirror(marked.source, start.mirrored);
+  const Positions onto = rows_of(target.mesh.positions, target.samples, kSamples);
+  const Index n = from.rows(), m = onto.rows(), k = marked.source.rows();
+  Positions pairs_from(n + m + k, 3), pairs_onto(n + m + k, 3);
+  Eigen::VectorXd weights(n + m + k);
+  weights << Eigen::VectorXd::Constant(n + m, 1.0 / double(n + m)),
+      Eigen::VectorXd::Constant(k, kMarkerShare);
+  pairs_from.bottomRows(k) = marked_source;
+  pairs_onto.bottomRows(k) = marked.target;
+  const double first_scale = start.similarity.scale;
+  for (int round = 0; round <= kRounds; ++round) {
+    const Similarity back = inverse(start.similarity);
+    for (Index i = 0; i < n; ++i) {
+      pairs_from.row(i) = from.row(i);
+      const Eigen::Vector3d normal =
+          start.similarity.rotation *
+          mirror(source.normals.row(source.samples[size_t(i)]), start.mirrored).transpose();
+      const Eigen::Vector3d point = start.similarity(from.row(i).transpose());
+      pairs_onto.row(i) = nearest_of(target, point, normal).transpose();
+    }
+    for (Index i = 0; i < m; ++i) {
+      pairs_onto.row(n + i) = onto.row(i);
+      Eigen::Vector3d normal =
+          back.rotation * target.normals.row(target.samples[size_t(i)]).transpose();
+      Eigen::Vector3d point = back(onto.row(i).transpose());
+      if (start.mirrored) normal[0] *= -1, point[0] *= -1;
+      pairs_from.row(n + i) = mirror(nearest_of(source, point, normal).transpose(), start.mirrored);
+    }
+    const Positions misfits = placed(start.similarity, pairs_from) - pairs_onto;
+    start.misfit = std::sqrt(misfits.topRows(n).rowwise().squaredNorm().mean()) +
+                   std::sqrt(misfits.middleRows(n, m).rowwise().squaredNorm().mean());
+    if (k > 0) start.misfit += std::sqrt(misfits.bottomRows(k).rowwise().squaredNorm().mean());
+    if (round == kRounds) break;
+    const Similarity next = fitted_similarity(pairs_from, pairs_onto, weights);
+    // Else one shrinks to a point of the other where they have little in common.
+    if (!(next.scale > 0.5 * first_scale && next.scale < 2 * first_scale)) break;
+    start.similarity = next;
+  }
+}
+
+std::vector<Placement> worth_trying(std::vector<Placement> starts, const CoarseShape& source) {
+  double least = starts.front().misfit;
+  for (const Placement& start : starts) least = std::min(least, start.misfit);
+  std::stable_sort(starts.begin() + 1, starts.end(),
+                   [](const Placement& a, const Placement& b) { return a.misfit < b.misfit; });
+  std::vector<Placement> kept;
+  for (Placement& start : starts) {
+    if (!start.as_they_stand && start.misfit + kExact > kWorthTrying * (least + kExact)) continue;
+    const Positions here = start.samples(source, kSamples);
+    const bool known = std::any_of(kept.begin(), kept.end(), [&](const Placement& other) {
+      return (other.samples(source, kSamples) - here).rowwise().norm().mean() < kAlike;
+    });
+    if (!known && kept.size() < kTried) kept.push_back(start);
+  }
+  return kept;
+}
+
+}  // namespace
+
+Positions Placement::samples(const CoarseShape& source, size_t count) const {
+  return placed(similarity,
+                mirror(rows_of(source.mesh.positions, source.samples, count), mirrored));
+}
+
+bool MarkedPlaces::suffice() const {
+  return source.rows() >= 3 && !on_a_line(source) && !on_a_line(target);
+}
+
+Placement placement_by(const MarkedPlaces& marked, const CoarseShape& source,
+                       const CoarseShape& target) {
+  Placement found;
+  found.similarity =
+      fitted_similarity(marked.source, marked.target, Eigen::VectorXd::Ones(marked.source.rows()));
+  // A few say too little of how large one is beside the other.
+  if (marked.source.rows() < kManyMarkers) settle(found, source, target, marked);
+  return found;
+}
+
+std::vector<Placement> placements(const CoarseShape& source, const CoarseShape& target,
+                                  const MarkedPlaces& marked, ThreadPool& pool) {
+  const Moments from(source), onto(target);
+  std::vector<Eigen::Matrix3d> rotations = rotations_of_axes();
+  for (int k = 0; k < 4; ++k) {  // half a turn about one of the axes, or none
+    Eigen::Vector3d signs = Eigen::Vector3d::Constant(k == 0 ? 1 : -1);
+    if (k > 0) signs[k - 1] = 1;
+    rotations.push_back(onto.axes * signs.asDiagonal() * from.axes.transpose());
+  }
+  const size_t count = rotations.size();
+  std::vector<Placement> all(2 * count);
+  pool.run(static_cast<int>(all.size()), [&](int i) {
+    Placement& one = all[size_t(i)];
+    one.as_they_stand = i == 0;
+    one.mirrored = size_t(i) >= count;
+    one.similarity.rotation = rotations[size_t(i) % count];
+    one.similarity.scale = onto.size / from.size;
+    one.similarity.shift = onto.centre.transpose() -
+                           one.similarity.scale * (one.similarity.rotation *
+                                                   mirror(from.centre, one.mirrored).transpose());
+    settle(one, source, target, marked);
+  });
+  return worth_trying(std::move(all), source);
+}
+
+}  // namespace dd

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "support/similarity.h"
+#include "support/thread_pool.h"
+#include "transfer/coarse_shape.h"
+
+namespace dd {
+
+constexpr double kExact = 0.005;  // of misfits and stretches: less is no difference
+
+/// One way to put a source on a target.
+struct Placement {
+  Similarity similarity;
+  bool mirrored = false;  ///< beforehand, in x
+  bool as_they_stand = false;
+  double misfit = 0;  ///< of the box: distances of nearest points, both ways, and of markers
+
+  /// The first count of the source's samples, placed.
+  Positions samples(const CoarseShape& source, size_t count) const;
+};
+
+/// Places of markers in both shapes' boxes, k×3 each.
+struct MarkedPlaces {
+  Positions source, target;
+
+  /// Whether a similarity follows from them: three, not on a line.
+  bool suffice() const;
+};
+
+/// By markers that suffice.
+Placement placement_by(const MarkedPlaces& marked, const CoarseShape& source,
+                       const CoarseShape& target);
+
+/// What fits best of: as they stand (the first), the rotations that take axes to axes, and those
+/// that take principal axes to principal axes, each also with the source's mirror image, which is
+/// another way for left to come to lie on the right. Each is followed by nearest points, both ways
+/// (Besl and McKay 1992), with the markers that there are.
+std::vector<Placement> placements(const CoarseShape& source, const CoarseShape& target,
+                                  const MarkedPlaces& marked, ThreadPool& pool);
+
+}  // namespace dd

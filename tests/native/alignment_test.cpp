@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "transfer/alignment.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "catch.h"
+#include "mesh/unit_box.h"
+#include "meshes.h"
+#include "transfer/functional_map.h"
+#include "transfer/registration.h"
+#include "transfer/spectral_basis.h"
+
+using namespace dd;
+
+namespace {
+
+/// A body of a sphere's topology with five limbs, none like another, about which nothing is
+/// symmetric.
+Mesh beast(int levels) {
+  Mesh mesh = test::sphere(levels);
+  const Eigen::RowVector3d limbs[5] = {
+      {1, 0.1, 0.3}, {-0.8, 0.5, -0.2}, {0.1, -1, 0.4}, {-0.3, 0.2, 1}, {0.4, 0.7, -0.7}};
+  const double lengths[5] = {2.4, 1.6, 1.1, 0.8, 0.6};
+  for (Index v = 0; v < mesh.positions.rows(); ++v) {
+    const Eigen::RowVector3d direction = mesh.positions.row(v);
+    double radius = 0.7;
+    for (int k = 0; k < 5; ++k)
+      radius += lengths[k] * std::exp(-12 * (direction - limbs[k].normalized()).squaredNorm());
+    mesh.positions.row(v) = radius * direction;
+  }
+  return mesh;
+}
+
+/// The same with two long legs beside each other.
+Mesh forked(int levels) {
+  Mesh mesh = beast(levels);
+  for (Index v = 0; v < mesh.positions.rows(); ++v) {
+    auto p = mesh.positions.row(v);
+    const Eigen::RowVector3d direction = p.normalized();
+    for (double side : {-1, 1})
+      p += 2.5 * direction *
+           std::exp(
+               -20 *
+               (direction - Eigen::RowVector3d(-0.4, 0.35 * side, -1).normalized()).squaredNorm());
+  }
+  return mesh;
+}
+
+/// The legs turned aside, in y, by 75°.
+Positions aside(const Positions& p) {
+  Positions result = p;
+  for (Index v = 0; v < p.rows(); ++v) {
+    const double share = std::clamp(-p(v, 2) - 0.6, 0.0, 0.8) / 0.8;
+    const double turn = 1.3 * share * share * (3 - 2 * share);
+    const double y = p(v, 1), z = p(v, 2) + 0.8;
+    result(v, 1) = std::cos(turn) * y - std::sin(turn) * z;
+    result(v, 2) = std::sin(turn) * y + std::cos(turn) * z - 0.8;
+  }
+  return result;
+}
+
+/// Its longest limb, along x, bent upwards.
+Positions bent(const Positions& p, double curvature) {
+  Positions result = p;
+  for (Index v = 0; v < p.rows(); ++v) {
+    const double along = std::max(0.0, p(v, 0) - 0.8), radius = 1 / curvature - p(v, 2);
+    if (along == 0) continue;
+    result(v, 0) = 0.8 + radius * std::sin(curvature * along);
+    result(v, 2) = 1 / curvature - radius * std::cos(curvature * along);
+  }
+  return result;
+}
+
+Positions turned(const Positions& p, double angle) {
+  return test::transformed(test::rotation_about(angle, {1, 2, 3}, {0, 0, 0}, {5, -2, 1}), p);
+}
+
+/// Of the box, the mean distance between where a source was brought to and where it belongs.
+double error(const Positions& fitted, const Positions& truth) {
+  return (fitted - truth).rowwise().norm().mean() / bounding_box_diagonal(truth);
+}
+
+double largest_error(const Positions& fitted, const Positions& truth) {
+  return (fitted - truth).rowwise().norm().maxCoeff() / bounding_box_diagonal(truth);
+}
+
+}  // namespace
+
+TEST_CASE("the smoothest functions of a sphere are the spherical harmonics") {
+  const Mesh ball = test::sphere(4);
+  std::vector<int> seeds;
+  for (int v = 0; v < 40; ++v) seeds.push_back(v * 25);
+  const SpectralBasis basis = spectral_basis(ball, 16, seeds, nullptr);
+  // l (l + 1), 2 l + 1 times each, of a sphere of area 1.
+  int k = 0;
+  for (int degree = 0; degree < 4; ++degree)
+    for (int order = 0; order < 2 * degree + 1; ++order, ++k)
+      CHECK(basis.values[k] ==
+            Approx(4 * std::acos(-1.0) * degree * (degree + 1)).epsilon(0.02).margin(1e-8));
+  // Those of degree 1 are the coordinates.
+  const Eigen::MatrixXd linear = basis.functions.middleCols(1, 3);
+  for (int c = 0; c < 3; ++c) {
+    const Eigen::VectorXd coordinate = ball.positions.col(c);
+    const Eigen::VectorXd share = linear.colPivHouseholderQr().solve(coordinate);
+    CHECK((linear * share - coordinate).norm() < 0.01 * coordinate.norm());
+  }
+}
+
+TEST_CASE("nearest rows are those of a search through all") {
+  const RowMatrix first = RowMatrix::Random(150, 7), second = RowMatrix::Random(90, 7);
+  const NearestRows found = nearest_rows(first, second);
+  for (Index i = 0; i < first.rows(); ++i) {
+    Index best = 0;
+    (second.rowwise() - first.row(i)).rowwise().norm().minCoeff(&best);
+    CHECK(found.of_first[size_t(i)] == best);
+  }
+  for (Index j = 0; j < second.rows(); ++j) {
+    Index best = 0;
+    (first.rowwise() - second.row(j)).rowwise().norm().minCoeff(&best);
+    CHECK(found.of_second[size_t(j)] == best);
+  }
+}
+
+TEST_CASE("a copy that was moved, turned, scaled and renumbered is found without markers") {
+  const Mesh source = beast(4);
+  for (double angle : {0.0, 0.3, 1.7, 3.0}) {
+    const test::Renumbered other =
+        test::renumbered({40 * turned(source.positions, angle), source.triangles},
+                         std::vector<int>(size_t(source.vertex_count()), 0));
+    const Positions truth = 40 * turned(source.positions, angle);
+    const Alignment found = align(source, other.mesh, {});
+    CHECK_FALSE(found.ambiguous);
+    CHECK(found.placement.scale == Approx(40).epsilon(1e-3));
+    CHECK(largest_error(register_onto(source, other.mesh, {}, found, {}), truth) < 1e-3);
+  }
+}
+
+TEST_CASE("a mesh of other triangles on the same surface is found without markers") {
+  const Mesh source = beast(4);
+  for (int levels : {3, 5}) {
+    const Mesh target = {turned(beast(levels).positions, 2), beast(levels).triangles};
+    const Positions fitted = register_onto(source, target, {}, {});
+    CHECK(error(fitted, turned(source.positions, 2)) < (levels == 3 ? 0.01 : 2e-3));
+    const Match match = match_triangles({fitted, source.triangles}, target, 0.1);
+    for (int j = 0; j < target.triangle_count(); ++j) CHECK(match.correspondence.has_source(j));
+  }
+}
+
+TEST_CASE("two legs, one of which stands where the other stood, are told apart") {
+  const Mesh source = forked(5);
+  const Positions truth = aside(source.positions);
+  const Mesh target = {aside(forked(4).positions), forked(4).triangles};
+  const double by_functions = error(register_onto(source, target, {}, {}), truth);
+  CHECK(by_functions < 0.015);
+  // Nearest points alone take one for the other.
+  Alignment placed = align(source, target, {});
+  placed.partner.clear();
+  CHECK(error(register_onto(source, target, {}, placed, {}), truth) > 2 * by_functions);
+}
+
+TEST_CASE("akin shapes find one another without markers") {
+  const Mesh source = beast(4), target = beast(5);
+  const auto fatter = [](Positions p) {
+    for (Index v = 0; v < p.rows(); ++v) p.row(v) *= 1 + 0.15 * std::sin(2 * p(v, 0) + p(v, 1));
+    p.col(1) *= 1.2;
+    return p;
+  };
+  const Mesh other = {fatter(target.positions), target.triangles};
+  CHECK(error(register_onto(source, other, {}, {}), fatter(source.positions)) < 0.02);
+}
+
+TEST_CASE("the result depends neither on units nor on numbering nor on where the source lies") {
+  const Mesh source = beast(3), target = {bent(beast(4).positions, 0.5), beast(4).triangles};
+  const double box = bounding_box_diagonal(target.positions);
+  const Positions fitted = register_onto(source, target, {}, {});
+  CHECK(register_onto(source, target, {}, {}) == fitted);
+  const Mesh far = {1e3 * source.positions, source.triangles};
+  const Mesh small = {1e-3 * target.positions, target.triangles};
+  CHECK(test::largest_difference(1e3 * register_onto(far, small, {}, {}), fitted) < 1e-4 * box);
+  const test::Renumbered other =
+      test::renumbered(source, std::vector<int>(size_t(source.vertex_count()), 0));
+  const Positions again = register_onto(other.mesh, target, {}, {});
+  double mean = 0;
+  for (Index v = 0; v < fitted.rows(); ++v)
+    mean += (again.row(other.new_of_old[size_t(v)]) - fitted.row(v)).norm() / double(fitted.rows());
+  CHECK(mean < 2e-3 * box);
+}
+
+TEST_CASE("what fits about as well turned is told, stands as it was, and goes by a marker") {
+  // A box with a square base: a quarter turn is as good.
+  Mesh pillar = test::sphere(4);
+  for (Index v = 0; v < pillar.positions.rows(); ++v) {
+    auto p = pillar.positions.row(v);
+    p /= std::pow(std::pow(p[0], 6) + std::pow(p[1], 6) + std::pow(p[2], 6), 1.0 / 6);
+    p[2] *= 2.5 + 0.8 * p[2];
+  }
+  const Alignment found = align(pillar, pillar, {});
+  CHECK(found.ambiguous);
+  CHECK(found.placement.rotation.isIdentity(1e-3));
+  const Positions quarter = test::transformed(
+      test::rotation_about(std::acos(0.0), {0, 0, 1}, {0, 0, 0}, {0, 0, 0}), pillar.positions);
+  Index side = 0, other = 0;
+  pillar.positions.col(0).maxCoeff(&side);
+  (pillar.positions.rowwise() - quarter.row(side)).rowwise().norm().minCoeff(&other);
+  const Alignment marked = align(pillar, pillar, {{int(side), int(other)}});
+  CHECK_FALSE(marked.ambiguous);
+  const Positions there =
+      marked.placement.scale * pillar.positions * marked.placement.rotation.transpose();
+  CHECK((there.row(side) - pillar.positions.row(other)).norm() < 0.1);
+  CHECK_FALSE(align(beast(4), beast(3), {}).ambiguous);
+}
+
+TEST_CASE("few, small, flat and torn meshes are placed or refused, and a search ends when told") {
+  const Mesh source = beast(3);
+  Mesh triangle;
+  triangle.positions.resize(3, 3);
+  triangle.positions << 0, 0, 0, 1, 0, 0, 0, 2, 0;
+  triangle.triangles.resize(1, 3);
+  triangle.triangles << 0, 1, 2;
+  for (const Mesh& target :
+       {triangle, test::sphere(0), test::grid(9, 9, [](double, double) { return 0.0; })}) {
+    CHECK(register_onto(source, target, {}, {}).allFinite());
+    CHECK(register_onto(target, source, {}, {}).allFinite());
+  }
+  // Each triangle by itself.
+  Mesh torn = source;
+  torn.positions.resize(3 * Index(source.triangle_count()), 3);
+  for (int j = 0; j < source.triangle_count(); ++j)
+    for (int k = 0; k < 3; ++k) {
+      torn.positions.row(3 * j + k) = source.positions.row(source.triangles(j, k));
+      torn.triangles(j, k) = 3 * j + k;
+    }
+  CHECK(register_onto(torn, source, {}, {}).allFinite());
+  CHECK(register_onto(source, torn, {}, {}).allFinite());
+  CHECK_THROWS_WITH(
+      align(source, source, {}, 0, [](double done, const char*) { return done < 0.2; }),
+      contains("cancelled"));
+}
