@@ -19,7 +19,7 @@ constexpr double kReach = 0.005;      // of contacts
 
 constexpr double kStiff = 0.02;  // spread of gradients in a part that as good as doesn't deform
 constexpr double kEdge = 0.25;   // share of a contact's weight that smoothing leaves, at least
-constexpr int kRounds = 3;       // of closing
+constexpr int kClosings = 3;       // of closing
 
 }  // namespace
 
@@ -202,7 +202,7 @@ void FollowedPlaces::stiffen(const Part& part, const Positions& places, const Mo
 void FollowedPlaces::close(const Positions& places, Positions& result) {
   if (!contacts_->take(places, pool_)) return;
   Positions placed(places.rows(), 3);
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kClosings; ++round) {
     for (Index r = 0; r < placed.rows(); ++r) placed.row(r) = result.row(vertices_[size_t(r)]);
     // Divided by the smooth part of the weights, what closes is moved wholly though it is a rim.
     const RowMatrix smoothed = smooth(*factor_, contacts_->missing(places, placed));
