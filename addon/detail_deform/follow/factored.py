@@ -10,7 +10,7 @@ from ..scene import correspondence
 from . import prepared
 
 _MOST_BYTES = 1 << 30
-_BYTES_A_ROW = 900  # measured: of the system's rows and the source's vertices alike
+_BYTES_A_ROW = 1400  # measured: of the system's rows and the source's vertices alike
 
 _kept = {}  # by content: (Prepared, bytes)
 _used = set()  # contents, in this run

@@ -42,7 +42,9 @@ class How(NamedTuple):
     @classmethod
     def of(cls, settings):
         """settings: whatever has them."""
-        return cls(*(getattr(settings, name) for name in cls._fields))
+        how = cls(*(getattr(settings, name) for name in cls._fields))
+        # What keeps its proportions goes by turns alone, and needs no more.
+        return how._replace(placing='COMPONENTS') if settings.rotation_only else how
 
 
 class Preparation:

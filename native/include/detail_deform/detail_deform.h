@@ -580,7 +580,8 @@ typedef struct dd_transfer_info {
   double nonzeros;      /* of the system */
   double placement[12]; /* a row-major 3x4 matrix: of the source onto the target */
   int32_t overstretched_count;   /* triangles of the source that correspond to more than eight times
-                                  their area, so that the mean about them stands in for them */
+                                  their area, for how large their part is on the target, so that
+                                  the mean about them stands in for them */
   int32_t overstretched_example; /* the one that corresponds to most */
 } dd_transfer_info;
 

@@ -20,30 +20,23 @@ class PointGrid {
   int point(int k) const { return entries_[size_t(k)].point; }
 
   /// Calls found(l, squared distance) for the k-th point and each l-th one, l ≠ k, that is nearer
-  /// to it than the reach, in an order that depends on the points alone. most: of a crowd no more
-  /// are looked at.
+  /// to it than the reach, in an order that depends on the points alone. most: of a crowd only so
+  /// many are looked at, evenly.
   template <class Found>
   void near(int k, int most, const Found& found) const {
     const Entry& own = entries_[size_t(k)];
-    int count = 0;
-    for (int64_t y = own.cell.y - 1; y <= own.cell.y + 1; ++y)
-      for (int64_t z = own.cell.z - 1; z <= own.cell.z + 1; ++z) {
-        const auto look_at = [&](size_t from, size_t to) {
-          for (int l = begin_[from]; l < begin_[to] && count < most; ++l) {
-            const Entry& other = entries_[size_t(l)];
-            const double squared = (other.place - own.place).squaredNorm();
-            // Other cells share these slots.
-            if (squared < reach_ * reach_ && l != k && other.cell.y == y && other.cell.z == z) {
-              ++count;
-              found(l, squared);
-            }
-          }
-        };
-        // Three cells along x are three slots on end, which may begin again at the first.
-        const size_t slot = slot_of({own.cell.x - 1, y, z}), last = std::min(slot + 3, slots_);
-        look_at(slot, last);
-        look_at(0, slot + 3 - last);
+    int crowd = 0;
+    in_columns(own.cell, [&](int64_t, int64_t, int begin, int end) { crowd += end - begin; });
+    const int step = 1 + crowd / most;
+    in_columns(own.cell, [&](int64_t y, int64_t z, int begin, int end) {
+      for (int l = begin; l < end; l += step) {
+        const Entry& other = entries_[size_t(l)];
+        const double squared = (other.place - own.place).squaredNorm();
+        // Other cells share these slots.
+        if (squared < reach_ * reach_ && l != k && other.cell.y == y && other.cell.z == z)
+          found(l, squared);
       }
+    });
   }
 
  private:
@@ -56,6 +49,19 @@ class PointGrid {
     int point;
   };
   size_t slot_of(const Cell& cell) const;
+
+  /// Calls range(y, z, begin, end) for the entries of three cells along x and of others, in each of
+  /// the nine columns about a cell.
+  template <class Range>
+  void in_columns(const Cell& cell, const Range& range) const {
+    for (int64_t y = cell.y - 1; y <= cell.y + 1; ++y)
+      for (int64_t z = cell.z - 1; z <= cell.z + 1; ++z) {
+        // Three cells along x are three slots on end, which may begin again at the first.
+        const size_t slot = slot_of({cell.x - 1, y, z}), last = std::min(slot + 3, slots_);
+        range(y, z, begin_[slot], begin_[last]);
+        if (slot + 3 > last) range(y, z, begin_[0], begin_[slot + 3 - last]);
+      }
+  }
 
   double reach_;
   size_t slots_ = 4;  // a power of two

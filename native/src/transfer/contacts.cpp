@@ -9,11 +9,11 @@ namespace dd {
 
 namespace {
 
-constexpr double kFar = 4;   // reaches
-constexpr int kRanges = 64;  // that points are shared out in, whatever the threads
-constexpr int kDense = 3;    // points in a reach
-constexpr int kCrowd = 200;  // points within reach: some three sheets of them
-constexpr double kFarthest = 1e15;
+constexpr double kFar = 4;     // reaches
+constexpr int kRanges = 64;    // that points are shared out in, whatever the threads
+constexpr int kDense = 3;      // points in a reach
+constexpr int kCrowd = 500;    // points about one: a few sheets of them are fewer
+constexpr double kEnd = 1e15;  // cells, which integers hold
 
 double risen(double t) {
   t = std::clamp(t, 0.0, 1.0);
@@ -35,7 +35,7 @@ Contacts::Contacts(Positions rest, std::vector<int> parts, const Eigen::VectorXd
     const Eigen::RowVector3d at = (rest_.row(Index(i)) - rest_.row(0)) / (reach_ / kDense);
     std::array<int64_t, 5> entry{0, 0, 0, parts_[i], int64_t(i)};
     for (int k = 0; k < 3; ++k)
-      entry[size_t(k)] = static_cast<int64_t>(std::floor(std::clamp(at[k], -kFarthest, kFarthest)));
+      entry[size_t(k)] = static_cast<int64_t>(std::floor(std::clamp(at[k], -kEnd, kEnd)));
     by_place.push_back(entry);
   }
   std::sort(by_place.begin(), by_place.end());
@@ -97,12 +97,13 @@ std::vector<Contacts::Closing> Contacts::closing_of(const PointGrid& grid,
         const double share =
             risen(1 - b / reach_) * risen(1 - 2 * b / a) * risen(2 * (a - b) / reach_ - 1);
         if (!(share > 0)) return;
-        closing.partners.push_back({j, share});
+        closing.partners.push_back({j, static_cast<float>(share)});
         closing.share = std::max(closing.share, share);
         sum += share;
       });
       if (closing.partners.empty()) continue;
-      for (Partner& partner : closing.partners) partner.share /= sum;
+      for (Partner& partner : closing.partners)
+        partner.share = static_cast<float>(partner.share / sum);
       found[size_t(range)].push_back(std::move(closing));
     }
   });

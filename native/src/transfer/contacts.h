@@ -16,8 +16,8 @@ namespace dd {
 ///
 /// with a and b their distances in x and y: not at all where they aren't near in the pose, or not
 /// nearer by half than at rest, or by half of the reach; c_i is the largest. Continuous in the
-/// pose. Loose parts slide over one another, as an eye does under its lids, which brings points
-/// together where no gap closes.
+/// pose, but where so many crowd that they can't all be looked at. Loose parts slide over one
+/// another, as an eye does under its lids, which brings points together where no gap closes.
 class Contacts {
  public:
   /// rest: x. parts: the number of each point's; -1: it doesn't take part. masses: of the points;
@@ -39,7 +39,7 @@ class Contacts {
  private:
   struct Partner {
     int point;
-    double share;  // c_ij, then over their sum
+    float share;  // c_ij, then over their sum
   };
   struct Closing {
     int point;

@@ -17,9 +17,10 @@ constexpr double kDetail = 0.015;     // ℓ of what tells a difference of shape
 constexpr double kDifferent = 0.003;  // τ
 constexpr double kReach = 0.005;      // of contacts
 
-constexpr double kStiff = 0.02;  // spread of gradients in a part that as good as doesn't deform
-constexpr double kEdge = 0.25;   // share of a contact's weight that smoothing leaves, at least
-constexpr int kClosings = 3;       // of closing
+constexpr double kStiff = 0.02;      // spread of gradients in a part that as good as doesn't deform
+constexpr double kEdge = 0.25;       // share of a contact's weight that smoothing leaves, at least
+constexpr double kLeastMass = 1e-3;  // of the mean
+constexpr int kClosings = 3;         // of closing
 
 }  // namespace
 
@@ -56,6 +57,9 @@ FollowedPlaces::FollowedPlaces(const Mesh& source, const Mesh& target, const Uni
     for (int k = 0; k < 3; ++k)
       masses_[region.row[size_t(target.triangles(j, k))]] += areas_[i] / 3;
   }
+
+  // Where no triangle has an area, or none has a source, the smooth part is that of its neighbours.
+  masses_ = masses_.cwiseMax(kLeastMass * masses_.mean());
 
   const SparseMatrix laplacian = free_block(operators.laplacian, region);
   const Dissection dissection = free_dissection(laplacian, region, unit, &pool_);

@@ -32,7 +32,8 @@ struct SampledFunctions {
 };
 
 /// Refines a rough correspondence by adding function after function, from the smoothest on
-/// (ZoomOut: Melzi et al. 2019), in both directions at once. start: rows of the samples that correspond.
+/// (ZoomOut: Melzi et al. 2019), in both directions at once. start: rows of the samples that
+/// correspond.
 FunctionalMap zoomed_out(const SampledFunctions& samples, NearestRows start, int first, int last);
 
 /// How far a map is from one that keeps lengths: such commute with the Laplacians. 0 where it does.

@@ -62,8 +62,8 @@ class Registration {
     edge_ = mean_edge_length(source.positions, source.triangles);
   }
 
-  /// Where vertices belong roughly, in the unit box: for each vertex the one that stands for it, and
-  /// the place of each of those.
+  /// Where vertices belong roughly, in the unit box: for each vertex the one that stands for it,
+  /// and the place of each of those.
   void guide(std::vector<int> centres, Positions places) {
     centres_ = std::move(centres);
     places_ = std::move(places);

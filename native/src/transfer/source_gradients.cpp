@@ -20,7 +20,8 @@ namespace {
 // Area over squared edge of a posed triangle that has no rotation.
 constexpr double kCollapsed = 1e-5;
 constexpr double kTooMuch = 8;        // of its own area, that a triangle gives its gradient to
-constexpr double kLeastArea = 1e-12;  // of the source's
+constexpr size_t kMostInMean = 64;    // triangles
+constexpr double kLeastArea = 1e-12;  // of the part's
 
 }  // namespace
 
@@ -69,39 +70,52 @@ int SourceGradients::numbered(int source_triangle) {
 
 void SourceGradients::find_overstretched(const Mesh& target) {
   const Eigen::VectorXd areas = triangle_areas(source_.positions, source_.triangles);
-  const Eigen::VectorXd asked =
-      triangle_areas(target.positions, target.triangles) / (placement_.scale * placement_.scale);
-  std::vector<double> given(used_.size(), 0.0);
+  const Eigen::VectorXd target_areas = triangle_areas(target.positions, target.triangles);
+  std::vector<double> asked(used_.size(), 0.0);
   for (int j = 0; j < target.triangle_count(); ++j)
     for (int k = begin_[j]; k < end_[j]; ++k)
-      given[size_t(sources_[k])] += asked[j] / (end_[j] - begin_[j]);
+      asked[size_t(sources_[k])] += target_areas[j] / (end_[j] - begin_[j]);
+
+  // A loose part may be larger on the target as a whole.
+  const Components parts(source_.triangles, source_.vertex_count());
+  const auto part_of = [&](int triangle) {
+    return size_t(parts.of_vertex[size_t(source_.triangles(triangle, 0))]);
+  };
+  std::vector<double> own_area(size_t(parts.count), 0.0), asked_area(own_area);
+  for (int j = 0; j < source_.triangle_count(); ++j) own_area[part_of(j)] += areas[j];
+  for (size_t i = 0; i < asked.size(); ++i) asked_area[part_of(used_[i])] += asked[i];
 
   const Edges edges(source_.triangles);
   const std::vector<int> of_half_edges = edges.of_half_edges();
-  double most = 0;
-  std::vector<int> reached_for(static_cast<size_t>(source_.triangle_count()), -1);
-  for (int i = 0; i < static_cast<int>(given.size()); ++i) {
-    const double own = areas[used_[i]];
-    if (!(given[i] > kTooMuch * own)) continue;
-    if (given[i] / std::max(own, kLeastArea * areas.sum()) > most) {
-      most = given[i] / std::max(own, kLeastArea * areas.sum());
-      overstretched_example_ = used_[i];
-    }
-    std::vector<int> about{used_[i]};
-    reached_for[about[0]] = i;
-    double sum = own;
-    for (size_t next = 0; next < about.size() && sum < given[i]; ++next)
+  const auto in_a_ring = [&](std::vector<int>& about, double& area, double wanted) {
+    for (size_t next = 0; next < about.size() && area < wanted; ++next)
       for (int k = 0; k < 3; ++k)
         for (const Edges::HalfEdge& side : edges.of(of_half_edges[3 * size_t(about[next]) + k])) {
-          if (reached_for[size_t(side.triangle())] == i) continue;
-          reached_for[size_t(side.triangle())] = i;
+          if (about.size() >= kMostInMean) return;
+          if (std::find(about.begin(), about.end(), side.triangle()) != about.end()) continue;
           about.push_back(side.triangle());
-          sum += areas[side.triangle()];
+          area += areas[side.triangle()];
         }
-    if (!(sum > 0)) continue;
+  };
+  double most = 0;
+  for (int i = 0; i < static_cast<int>(asked.size()); ++i) {
+    const size_t part = part_of(used_[i]);
+    const double own = areas[used_[i]];
+    if (!(own_area[part] > 0)) continue;
+    const double wanted = asked[i] * own_area[part] / asked_area[part];
+    if (!(wanted > kTooMuch * own)) continue;
+    std::vector<int> about{used_[i]};
+    double area = own;
+    in_a_ring(about, area, wanted);
+    if (!(area > 0)) continue;
     Mean mean{i, {}};
-    for (int j : about) mean.shares.emplace_back(numbered(j), areas[j] / sum);
+    for (int j : about) mean.shares.emplace_back(numbered(j), areas[j] / area);
     means_.push_back(std::move(mean));
+    const double ratio = wanted / std::max(own, kLeastArea * own_area[part]);
+    if (ratio > most) {
+      most = ratio;
+      overstretched_example_ = used_[i];
+    }
   }
 }
 
