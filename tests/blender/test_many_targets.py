@@ -191,7 +191,7 @@ def test_each_target_is_matched_by_what_it_has(source, targets, tmp_path):
     obs = (targets[0], by_markers, matched, listed, other)
     choose(source, *obs)
     many(what='ALL_KEYS', lists=str(tmp_path))
-    for ob, by in zip(obs, ("Same Topology", "Markers", "Saved Match", "List")):
+    for ob, by in zip(obs, ("Same Topology", "Shape and Markers", "Saved Match", "List")):
         assert f"  {by}  " in row(ob.name), row(ob.name)
     assert "a Saved Match for 'Foreign Source'" in failures(source)["Foreign"]
     for ob in obs[1:4]:
