@@ -21,10 +21,10 @@ def targets(source):
 
 
 @pytest.mark.parametrize('same', [
-    ("eyeBlinkLeft", "EyeBlink_L", "eye_blink_left", "Left Eye Blink", "eye.blink.L", "L_eyeBlink", "EYEBLINKLEFT",
-     "eyeblinkleft", "eyeBlinkL"),
+    ("eyeBlinkLeft", "EyeBlink_L", "eye_blink_left", "Left Eye Blink", "eye.blink.L", "L_eyeBlink", "eyeBlinkL",
+     "EYE_BLINK_LEFT", "LEFT eye blink", "EYEBlinkLeft"),
     ("jawOpen", "Jaw Open", "jaw-open", "JAW_OPEN", "jaw.open"), ("browDownRight", "brow_down.R", "rightBrowDown"),
-    ("Key 1", "key_1", "Key1"), ("L", "l")])
+    ("Key 1", "key_1", "Key1"), ("L", "l"), ("blink1left", "Blink 1 L", "blink_l1", "Left blink 1")])
 def test_spellings_of_one_name(part, same):
     form = part('results.key_names').form
     assert len({form(name) for name in same}) == 1 and form(same[0]) is not None
@@ -33,7 +33,8 @@ def test_spellings_of_one_name(part, same):
 def test_spellings_of_different_names(part):
     form = part('results.key_names').form
     names = ("eyeBlinkLeft", "eyeBlinkRight", "eyeBlink", "Smile.001", "Smile", "left", "l", "mouthUpperUp", "...",
-             "lookLeftEyeRight", "lookRightEyeLeft", "Key 1", "Key 11")
+             "lookLeftEyeRight", "lookRightEyeLeft", "Key 1", "Key 11", "Upright", "Up_R", "Bright", "B_R", "Cleft",
+             "C_L", "cleft_l", "Leftover", "over.L", "Righteous", "eous_R")
     assert len({form(name) for name in names}) == len(names)
 
 
