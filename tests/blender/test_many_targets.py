@@ -458,6 +458,19 @@ def test_a_text_of_the_user_s_own_is_no_table(source, targets):
         assert mine.as_string().strip() == "mine" and len(bpy.data.texts) == 2
 
 
+def test_a_table_that_was_renamed_or_copied_is_the_user_s(source, targets):
+    choose(source, *targets)
+    many(what='ALL_KEYS')
+    copy, mine = bpy.data.texts["Detail Deform Transfer"].copy(), bpy.data.texts["Detail Deform Transfer"]
+    mine.name = "Notes"
+    for text in (mine, copy):
+        text.write("what I think of it\n")
+    for _ in range(2):
+        many(what='ALL_KEYS')
+        assert all("what I think of it" in text.as_string() for text in (mine, copy)) and len(bpy.data.texts) == 3
+        assert "3 of 3 targets done" in table()
+
+
 def test_a_linked_source(source, targets, tmp_path):
     path = str(tmp_path / "library.blend")
     bpy.data.libraries.write(path, {source})

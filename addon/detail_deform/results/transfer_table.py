@@ -8,7 +8,7 @@ import bpy
 from .outcome import Outcome, listed
 
 TEXT_NAME = "Detail Deform Transfer"
-_OURS = 'detail_deform_table'  # of the text: no user wrote it
+_OURS = 'detail_deform_table'  # of the text: the name we gave it. Under another one it is the user's
 _HEAD = ("Target", "Matched By", "Made", "Seconds", "Remarks")
 
 
@@ -49,7 +49,7 @@ def write(source, heading, rows):
     kept = text()
     if kept is None:
         kept = bpy.data.texts.new(TEXT_NAME)
-        kept[_OURS] = True
+        kept[_OURS] = kept.name
     kept.clear()
     kept.write('\n'.join([heading, summary(rows)[1] + ".", "", *lines, ""]))
     kept.cursor_set(0)  # where the Text Editor begins
@@ -60,7 +60,7 @@ def write(source, heading, rows):
 
 def text():
     """The one with the table; None where there is none."""
-    return next((text for text in bpy.data.texts if text.get(_OURS) and not text.library), None)
+    return next((text for text in bpy.data.texts if text.get(_OURS) == text.name and not text.library), None)
 
 
 def note(source, target, failure):
