@@ -83,7 +83,7 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
 
     def _reported(self, source, ob, work):
         outcome = yield from work
-        transfer_table.note(source, ob.name, "")
+        transfer_table.note(source, ob.name, ob, "")
         for sentence in (f"{outcome.made()} from '{source.name}' in {outcome.seconds:.1f} s", *outcome.notes()):
             self.report({'INFO'}, sentence)
 
@@ -207,7 +207,7 @@ class OBJECT_OT_detail_deform_marker_select(MeshOperator, bpy.types.Operator):
 class OBJECT_OT_detail_deform_target_activate(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_target_activate'
     bl_label = "Select Target"
-    bl_description = "Select the mesh that has this one for its source, to see its settings"
+    bl_description = "Select this target, to see its settings"
 
     target: StringProperty(name="Target", options={'SKIP_SAVE'}, description="Name of the mesh object")
 

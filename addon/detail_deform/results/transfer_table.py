@@ -55,7 +55,7 @@ def write(source, heading, rows):
     kept.cursor_set(0)  # where the Text Editor begins
     for row in rows:
         if row.outcome or row.failure:
-            note(source, row.name, row.failure)
+            note(source, row.name, row.target, row.failure)
 
 
 def text():
@@ -63,14 +63,22 @@ def text():
     return next((text for text in bpy.data.texts if text.get(_OURS) == text.name and not text.library), None)
 
 
-def note(source, target, failure):
-    """Keeps with the source why a target failed, in place of what was kept of it; '': it did not."""
+def note(source, name, target, failure):
+    """Keeps with the source why a target failed, in place of what was kept of it; '': it did not. target: None where
+    there is none of that name."""
     if source.library:
         return
     failed = source.detail_deform.transfer.failed
-    present = failed.find(target)
-    if present >= 0:
-        failed.remove(present)
+    present = [number for number, entry in enumerate(failed)
+               if (entry.target == target if entry.target else entry.name == name)]
+    for number in reversed(present):
+        failed.remove(number)
     if failure:
         entry = failed.add()
-        entry.name, entry.reason = target, failure
+        entry.name, entry.target, entry.reason = name, target, failure
+
+
+def failed_target(entry):
+    """The object, by whatever name; None where it was deleted."""
+    target = entry.target  # which keeps it in memory when it is deleted
+    return target if target and target.users_scene else None
