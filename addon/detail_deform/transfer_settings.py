@@ -25,7 +25,8 @@ def _preview_changed(self, context):
 
 
 class DetailDeformTransferFailure(bpy.types.PropertyGroup):
-    """A target that a transfer to many has failed on; its name is the object's."""
+    """A target that a transfer to many has failed on; its name is the one that the object had then."""
+    target: PointerProperty(name="Target", type=bpy.types.Object, description="Mesh object that was to get it")
     reason: StringProperty(name="Reason", description="Why it failed, and what to do")
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from conftest import activate, own, refusal
 from test_many_targets import choose, keys_of, make_source, make_targets, many, row
-from test_transfer import add_key, bent, coordinates
+from test_transfer import add_key, bent, coordinates, raw_strip
 
 
 @pytest.fixture
@@ -21,10 +21,10 @@ def targets(source):
 
 
 @pytest.mark.parametrize('same', [
-    ("eyeBlinkLeft", "EyeBlink_L", "eye_blink_left", "Left Eye Blink", "eye.blink.L", "L_eyeBlink", "EYEBLINKLEFT",
-     "eyeblinkleft", "eyeBlinkL"),
+    ("eyeBlinkLeft", "EyeBlink_L", "eye_blink_left", "Left Eye Blink", "eye.blink.L", "L_eyeBlink", "eyeBlinkL",
+     "EYE_BLINK_LEFT", "LEFT eye blink", "EYEBlinkLeft"),
     ("jawOpen", "Jaw Open", "jaw-open", "JAW_OPEN", "jaw.open"), ("browDownRight", "brow_down.R", "rightBrowDown"),
-    ("Key 1", "key_1", "Key1"), ("L", "l")])
+    ("Key 1", "key_1", "Key1"), ("L", "l"), ("blink1left", "Blink 1 L", "blink_l1", "Left blink 1")])
 def test_spellings_of_one_name(part, same):
     form = part('results.key_names').form
     assert len({form(name) for name in same}) == 1 and form(same[0]) is not None
@@ -33,7 +33,8 @@ def test_spellings_of_one_name(part, same):
 def test_spellings_of_different_names(part):
     form = part('results.key_names').form
     names = ("eyeBlinkLeft", "eyeBlinkRight", "eyeBlink", "Smile.001", "Smile", "left", "l", "mouthUpperUp", "...",
-             "lookLeftEyeRight", "lookRightEyeLeft", "Key 1", "Key 11")
+             "lookLeftEyeRight", "lookRightEyeLeft", "Key 1", "Key 11", "Upright", "Up_R", "Bright", "B_R", "Cleft",
+             "C_L", "cleft_l", "Leftover", "over.L", "Righteous", "eous_R")
     assert len({form(name) for name in names}) == len(names)
 
 
@@ -93,6 +94,104 @@ def test_two_keys_don_t_go_to_one(source, targets, tmp_path):
     assert [key.name for key in keys_of(targets[0])] == ["Basis", "Lift"]
     assert np.abs(coordinates(keys_of(targets[0])["Lift"]) - bent(own(source))).max() < 1e-4
     assert "Left out: 'Lift': another key" in row("Ann")
+
+
+# None over another one
+
+def is_shape(key, of):
+    return np.abs(coordinates(key) - coordinates(of)).max() < 1e-4
+
+
+def test_a_file_of_names_goes_for_keys_that_were_transferred_before(source, targets, tmp_path):
+    path = tmp_path / "names.txt"
+    path.write_text("Bend -> Jaw Open\n")
+    ann = targets[0]
+    choose(source, ann)
+    many(what='ALL_KEYS')
+    old = coordinates(keys_of(ann)["Bend"])
+    keys_of(source)["Bend"].data.foreach_set('co', (own(source) + (0, 0, 1)).astype(np.float32).ravel())
+    for _ in range(2):
+        many(what='ALL_KEYS', names_file=str(path))
+        assert [key.name for key in keys_of(ann)] == ["Basis", "Bend", "Lift", "Jaw Open"]
+        assert is_shape(keys_of(ann)["Jaw Open"], keys_of(source)["Bend"])
+        assert np.abs(coordinates(keys_of(ann)["Bend"]) - old).max() < 1e-6
+        assert "another name here now: 'Bend'." in row("Ann")
+    ann.shape_key_remove(keys_of(ann)["Bend"])
+    many(what='ALL_KEYS', names_file=str(path))
+    assert "another name" not in row("Ann") and len(keys_of(ann)) == 3
+
+
+def test_a_key_of_a_name_that_another_one_went_to(source, targets, tmp_path):
+    path = tmp_path / "names.txt"
+    path.write_text("Bend -> Smile\n")
+    ann = targets[0]
+    choose(source, ann)
+    many(what='ALL_KEYS', names_file=str(path))
+    add_key(source, "Smile", own(source) * (1, 1, 2) + (0, 0, 1))
+    many(what='ALL_KEYS')
+    assert "3 keys" in row("Ann") and "of another key or source: 'Smile'." in row("Ann")
+    assert [key.name for key in keys_of(ann)] == ["Basis", "Smile", "Lift", "Bend"]
+    for name in ("Smile", "Lift", "Bend"):
+        assert is_shape(keys_of(ann)[name], keys_of(source)[name])
+    many(what='ALL_KEYS')
+    assert "another" not in row("Ann") and len(keys_of(ann)) == 4
+
+
+def test_one_source_leaves_the_keys_of_another(source, targets, tmp_path):
+    path = tmp_path / "names.txt"
+    path.write_text("Bend -> Smile\n")
+    ann, other = targets[0], raw_strip("Other")
+    add_key(other, "Bend", own(other) + (0, 0, 1))
+    choose(source, ann)
+    many(what='ALL_KEYS', names_file=str(path))
+    choose(other, ann)
+    many(what='ALL_KEYS')
+    assert [key.name for key in keys_of(ann)] == ["Basis", "Smile", "Lift", "Bend"]
+    assert is_shape(keys_of(ann)["Smile"], keys_of(source)["Bend"])
+    assert is_shape(keys_of(ann)["Bend"], keys_of(other)["Bend"])
+    # The same name of the target is one key, whose change of hands is said.
+    choose(source, ann)
+    many(what='ALL_KEYS')
+    assert is_shape(keys_of(ann)["Bend"], keys_of(source)["Bend"]) and "or source: 'Bend'." in row("Ann")
+
+
+def test_sources_beside_one_key_of_the_user_s_own_have_one_each(source, targets):
+    ann, other = targets[0], raw_strip("Other")
+    mine = add_key(ann, "Bend", own(ann))
+    add_key(other, "Bend", own(other) + (0, 0, 1))
+    for _ in range(2):
+        for each in (source, other):
+            choose(each, ann)
+            many(what='ALL_KEYS', pattern="Bend")
+        assert [key.name for key in keys_of(ann)] == ["Basis", "Bend", "Bend.001", "Bend.002"]
+        assert is_shape(keys_of(ann)["Bend.001"], keys_of(source)["Bend"])
+        assert is_shape(keys_of(ann)["Bend.002"], keys_of(other)["Bend"])
+    # Without the user's own they remain what they are.
+    ann.shape_key_remove(mine)
+    many(what='ALL_KEYS')
+    assert [key.name for key in keys_of(ann)] == ["Basis", "Bend.001", "Bend.002"]
+
+
+def test_what_is_made_beside_a_key_has_no_name_of_another(source, targets):
+    ann = targets[0]
+    add_key(ann, "Bend", own(ann))
+    add_key(source, "Bend.001", own(source) + (0, 0, 1))
+    choose(source, ann)
+    for _ in range(2):
+        many(what='ALL_KEYS')
+        assert [key.name for key in keys_of(ann)] == ["Basis", "Bend", "Bend.001", "Lift", "Bend.002"]
+        assert is_shape(keys_of(ann)["Bend.001"], keys_of(source)["Bend"])
+        assert is_shape(keys_of(ann)["Bend.002"], keys_of(source)["Bend.001"])
+        assert "take: 'Bend.001' beside 'Bend'." in row("Ann")
+
+
+def test_a_pose_beside_a_key_of_the_user_s_own_is_replaced(source, targets):
+    ann = targets[0]
+    add_key(ann, "Source Pose", own(ann))
+    choose(source, ann)
+    for _ in range(2):
+        many()
+        assert [key.name for key in keys_of(ann)] == ["Basis", "Source Pose", "Source Pose.001"]
 
 
 @pytest.mark.parametrize('text, sentence', [

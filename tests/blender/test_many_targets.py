@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One source onto many meshes: what fails leaves its target as it is, and a second run replaces what the first made."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -191,7 +193,7 @@ def test_each_target_is_matched_by_what_it_has(source, targets, tmp_path):
     obs = (targets[0], by_markers, matched, listed, other)
     choose(source, *obs)
     many(what='ALL_KEYS', lists=str(tmp_path))
-    for ob, by in zip(obs, ("Same Topology", "Markers", "Saved Match", "List")):
+    for ob, by in zip(obs, ("Same Topology", "Shape and Markers", "Saved Match", "List")):
         assert f"  {by}  " in row(ob.name), row(ob.name)
     assert "a Saved Match for 'Foreign Source'" in failures(source)["Foreign"]
     for ob in obs[1:4]:
@@ -458,6 +460,19 @@ def test_a_text_of_the_user_s_own_is_no_table(source, targets):
         assert mine.as_string().strip() == "mine" and len(bpy.data.texts) == 2
 
 
+def test_a_table_that_was_renamed_or_copied_is_the_user_s(source, targets):
+    choose(source, *targets)
+    many(what='ALL_KEYS')
+    copy, mine = bpy.data.texts["Detail Deform Transfer"].copy(), bpy.data.texts["Detail Deform Transfer"]
+    mine.name = "Notes"
+    for text in (mine, copy):
+        text.write("what I think of it\n")
+    for _ in range(2):
+        many(what='ALL_KEYS')
+        assert all("what I think of it" in text.as_string() for text in (mine, copy)) and len(bpy.data.texts) == 3
+        assert "3 of 3 targets done" in table()
+
+
 def test_a_linked_source(source, targets, tmp_path):
     path = str(tmp_path / "library.blend")
     bpy.data.libraries.write(path, {source})
@@ -485,3 +500,63 @@ def test_the_panel_of_the_source(part, source, targets):
     refusal(many, what='ALL_KEYS')
     activate(source)
     assert panel.poll(bpy.context)  # for what failed
+
+
+class Layout:
+    """Writes down what a panel draws: labels, and whom its buttons go to."""
+
+    def __init__(self):
+        self.labels, self.buttons = [], []
+
+    def row(self, **_):
+        return self
+
+    column = row
+
+    def label(self, text="", icon='NONE'):
+        self.labels.append(text)
+
+    def operator(self, name, **_):
+        self.buttons.append(SimpleNamespace(name=name, target=None))
+        return self.buttons[-1]
+
+
+def test_a_failed_target_is_known_by_whatever_name(part, source, targets):
+    panel = part('ui.transfer_panel').OBJECT_PT_detail_deform_source
+    context = SimpleNamespace(preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1)),
+                              region=SimpleNamespace(type='WINDOW', width=4000))
+
+    def drawn():
+        layout = Layout()
+        panel._draw_failed(context, layout, bpy.data.objects["Source"].detail_deform.transfer.failed)
+        return layout.labels, [button.target for button in layout.buttons if button.target]
+
+    for name in ("Odd", "Even"):
+        raw_strip(name, 20)
+    activate(source)
+    refusal(many, what='ALL_KEYS', targets=[{'name': name} for name in ("Odd", "Even", "Nobody")])
+    odd, even = bpy.data.objects["Odd"], bpy.data.objects["Even"]
+    odd.name, targets[0].name = "Renamed", "Odd"  # another one has the name now
+    labels, buttons = drawn()
+    assert buttons == ["Renamed", "Even"] and "Renamed" in labels and "'Nobody' is in no scene." in labels
+    activate(source)
+    assert bpy.ops.object.detail_deform_target_activate(target=buttons[0]) == {'FINISHED'}
+    assert bpy.context.active_object == odd
+    # As users delete it, and from the file.
+    activate(even)
+    bpy.ops.object.delete()
+    assert drawn()[1] == ["Renamed"] and "'Even' is in no scene." in drawn()[0]
+    bpy.data.objects.remove(even)
+    assert drawn()[1] == ["Renamed"] and "'Even' is in no scene." in drawn()[0]
+    # What is done is taken off the list under its present name, and another one of the old name takes nothing off.
+    choose(source, targets[0])
+    many(what='ALL_KEYS')
+    assert "Odd" in failures(source)
+    odd.data = targets[1].data.copy()
+    choose(source, odd)
+    many(what='ALL_KEYS')
+    assert set(failures(source)) == {"Even", "Nobody"}
+    targets[2].name = "Nobody"
+    choose(source, targets[2])
+    many(what='ALL_KEYS')
+    assert set(failures(source)) == {"Even"}

@@ -6,7 +6,7 @@ import dataclasses
 import bpy
 from bpy.props import CollectionProperty, EnumProperty, StringProperty
 
-from ..library.options import CORRESPONDENCES
+from ..library.options import CORRESPONDENCES, TRANSFER_SETTINGS
 from ..results import point_cache, transfer, transfer_many, transfer_table
 from ..results.transfer_table import Row
 from ..scene import correspondence
@@ -14,8 +14,7 @@ from ..scene.mesh_data import MeshProblem
 from .operator_base import PATH_OPTIONS, MeshOperator
 from .transfer_choices import WHAT, TransferChoices
 
-# Settings of its panel.
-_OF_TARGET = ('rotation_only', 'placing', 'anchor', 'anchor_group', 'formulation', 'pairs_of', 'filepath')
+_OF_TARGET = [option.name for option in TRANSFER_SETTINGS if option.name != 'correspondence']  # by its panel
 _TITLES = {name: title for name, title, _ in WHAT}
 
 

@@ -42,10 +42,8 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
         settings = ob.detail_deform.transfer
         if not self.source and settings.source:
             self.source = settings.source.name
-        for name in ('correspondence', 'rotation_only', 'placing', 'anchor', 'anchor_group', 'filepath', 'pairs_of',
-                     'formulation'):
-            if not self.properties.is_property_set(name):
-                setattr(self, name, getattr(settings, name))
+        for name, value in self._as_in_panel(settings).items():
+            setattr(self, name, value)
         self.frame_start, self.frame_end = self.frame_range(context)
         self.cache_path = self.cache_path or transfer.usual_path(ob)
         self.interactive = True
@@ -73,17 +71,18 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
 
     def run(self, context, ob):
         source = _source_of(ob, self.source)
-        settings = ob.detail_deform.transfer
-        as_in_panel = {name: self.given(name, getattr(settings, name)) for name in (
-            'correspondence', 'pairs_of', 'rotation_only', 'placing', 'anchor', 'formulation')}
-        wanted = self.wanted(context, source, **as_in_panel, filepath=self.filepath or settings.filepath,
-                             anchor_group=self.anchor_group or settings.anchor_group, cache_path=self.cache_path)
+        wanted = self.wanted(context, source, **self._as_in_panel(ob.detail_deform.transfer),
+                             cache_path=self.cache_path)
         factored.begin_run()
         return self.start(context, self._reported(source, ob, transfer.begin(context, source, ob, wanted)))
 
+    def _as_in_panel(self, settings):
+        """{name: value} of each setting, as in the panel unless given."""
+        return {option.name: self.given(option.name, getattr(settings, option.name)) for option in TRANSFER_SETTINGS}
+
     def _reported(self, source, ob, work):
         outcome = yield from work
-        transfer_table.note(source, ob.name, "")
+        transfer_table.note(source, ob.name, ob, "")
         for sentence in (f"{outcome.made()} from '{source.name}' in {outcome.seconds:.1f} s", *outcome.notes()):
             self.report({'INFO'}, sentence)
 
@@ -207,7 +206,7 @@ class OBJECT_OT_detail_deform_marker_select(MeshOperator, bpy.types.Operator):
 class OBJECT_OT_detail_deform_target_activate(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_target_activate'
     bl_label = "Select Target"
-    bl_description = "Select the mesh that has this one for its source, to see its settings"
+    bl_description = "Select this target, to see its settings"
 
     target: StringProperty(name="Target", options={'SKIP_SAVE'}, description="Name of the mesh object")
 

@@ -9,7 +9,7 @@ from ..scene.mesh_data import MeshProblem
 
 _PARTED_BY = ('\t', '->', ',')  # the first of these that a line has
 _SIDES = {'l': 'l', 'left': 'l', 'r': 'r', 'right': 'r'}
-_HUMPS = re.compile(r'(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])')
+_WORDS = re.compile(r'(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[0-9])(?=[^\W0-9])|(?<=[^\W0-9])(?=[0-9])')
 _NO_LETTERS = re.compile(r'[\W_]+')
 
 
@@ -45,16 +45,13 @@ def _add(names, path, number, line):
 
 def form(name):
     """What names have in common that differ in case, separators and the spelling of left and right alone; None where
-    nothing is left of one."""
-    words = [word for part in _NO_LETTERS.split(name) for word in _HUMPS.sub(' ', part).casefold().split()]
+    nothing is left of one. A side is a word of its own, parted by a capital, digit or separator: Bright is no B_R."""
+    words = [word for part in _NO_LETTERS.split(name) for word in _WORDS.sub(' ', part).casefold().split()]
     words = [_SIDES.get(word, word) if len(words) > 1 else word for word in words]
     sides = [word for word in words if word in {'l', 'r'}]
     if len(sides) == 1:  # wherever it stands
         return ''.join(word for word in words if word not in sides), sides[0]
     whole = ''.join(words)
-    for word in ('left', 'right'):
-        if not sides and whole != word and (whole.startswith(word) or whole.endswith(word)):
-            return whole.removesuffix(word) if whole.endswith(word) else whole.removeprefix(word), _SIDES[word]
     return (whole, "") if whole else None
 
 

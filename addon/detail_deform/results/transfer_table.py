@@ -8,7 +8,7 @@ import bpy
 from .outcome import Outcome, listed
 
 TEXT_NAME = "Detail Deform Transfer"
-_OURS = 'detail_deform_table'  # of the text: no user wrote it
+_OURS = 'detail_deform_table'  # of the text: the name we gave it. Under another one it is the user's
 _HEAD = ("Target", "Matched By", "Made", "Seconds", "Remarks")
 
 
@@ -49,28 +49,36 @@ def write(source, heading, rows):
     kept = text()
     if kept is None:
         kept = bpy.data.texts.new(TEXT_NAME)
-        kept[_OURS] = True
+        kept[_OURS] = kept.name
     kept.clear()
     kept.write('\n'.join([heading, summary(rows)[1] + ".", "", *lines, ""]))
     kept.cursor_set(0)  # where the Text Editor begins
     for row in rows:
         if row.outcome or row.failure:
-            note(source, row.name, row.failure)
+            note(source, row.name, row.target, row.failure)
 
 
 def text():
     """The one with the table; None where there is none."""
-    return next((text for text in bpy.data.texts if text.get(_OURS) and not text.library), None)
+    return next((text for text in bpy.data.texts if text.get(_OURS) == text.name and not text.library), None)
 
 
-def note(source, target, failure):
-    """Keeps with the source why a target failed, in place of what was kept of it; '': it did not."""
+def note(source, name, target, failure):
+    """Keeps with the source why a target failed, in place of what was kept of it; '': it did not. target: None where
+    there is none of that name."""
     if source.library:
         return
     failed = source.detail_deform.transfer.failed
-    present = failed.find(target)
-    if present >= 0:
-        failed.remove(present)
+    present = [number for number, entry in enumerate(failed)
+               if (entry.target == target if entry.target else entry.name == name)]
+    for number in reversed(present):
+        failed.remove(number)
     if failure:
         entry = failed.add()
-        entry.name, entry.reason = target, failure
+        entry.name, entry.target, entry.reason = name, target, failure
+
+
+def failed_target(entry):
+    """The object, by whatever name; None where it was deleted."""
+    target = entry.target  # which keeps it in memory when it is deleted
+    return target if target and target.users_scene else None

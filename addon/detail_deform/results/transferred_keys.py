@@ -49,11 +49,17 @@ def from_pose(context, prepared, source, target, wanted):
     offsets = _offset(prepared, target, pose, wanted.rotation_only)
     yield 1.0
     name = _POSE_NAME.format(source.name)
-    key, _ = transferred.put_key(target, name, offsets, wanted.replace)
-    transferred.note(target, key, source=source.name)
+    origin = _origin(source, None, name)
+    key, _ = transferred.put_key(target, origin, offsets, wanted.replace)
+    transferred.note(target, key, **origin)
     key.value = 1
     target.data.update_tag()
     return Outcome([key.name], remarks=_beside(target, {name: key.name}))
+
+
+def _origin(source, key, name):
+    """As of transferred.put_key(). key: None for a pose."""
+    return {'source': source.name, 'key': key and key.name, 'name': name}
 
 
 def from_keys(prepared, source, target, keys, wanted):
@@ -64,19 +70,25 @@ def from_keys(prepared, source, target, keys, wanted):
     there = [key.name for key in present.key_blocks if key != present.reference_key] if present else []
     places = key_names.places([key.name for key in keys], there, wanted.names, wanted.alike_names)
     offsets, left_out = yield from _shapes(prepared, source, target, keys, places, wanted.rotation_only)
-    made, kept = {}, {'range': [], 'vertex group': []}
+    made, others, kept = {}, [], {'range': [], 'vertex group': []}
     for key in keys:
         if key.name not in offsets:
             continue
         name = places[key.name]
-        copy, given = transferred.put_key(target, name, offsets[key.name], wanted.replace, key.name)
-        _settle(source, target, key, copy, given, kept)
+        origin = _origin(source, key, name)
+        copy, given = transferred.put_key(target, origin, offsets[key.name], wanted.replace, made.values())
+        if given and (given.get('source'), given.get('key')) != (source.name, key.name):
+            others.append(copy.name)
+        _settle(origin, target, key, copy, given, kept)
         if wanted.drivers:
             _copy_drivers(source.data.shape_keys, key.name, target.data.shape_keys, copy.name, keep=given is not None)
         made[name] = copy.name
     target.data.update_tag()
     remarks = _beside(target, made)
+    if others:
+        remarks.append(f"Got another shape than before, of another key or source: {listed(others)}.")
     remarks += [f"Kept as it was changed here: {what} of {listed(names)}." for what, names in kept.items() if names]
+    remarks += _elsewhere(source, target, list(offsets), made.values())
     if wanted.what == 'ALL_KEYS':
         remarks += _gone(source, target)
     return Outcome(list(made.values()), left_out=left_out, remarks=remarks)
@@ -103,7 +115,7 @@ def _shapes(prepared, source, target, keys, places, rotation_only):
     return offsets, left_out
 
 
-def _settle(source, target, key, copy, given, kept):
+def _settle(origin, target, key, copy, given, kept):
     """Range, vertex group, and of a new key the value. given: what it was given before, None for a new key. What is
     otherwise now, the user has changed, which is noted in kept."""
     theirs = {'range': [key.slider_min, key.slider_max],
@@ -116,7 +128,7 @@ def _settle(source, target, key, copy, given, kept):
             kept[what].append(copy.name)
     if given is None:
         copy.value, copy.mute = key.value, key.mute
-    transferred.note(target, copy, source=source.name, key=key.name, **theirs)
+    transferred.note(target, copy, **origin, **theirs)
 
 
 def _set_range(key, ends):
@@ -135,14 +147,26 @@ _FOLLOW = {'range': _set_range, 'vertex group': _set_group}
 def _beside(target, made):
     """made: {name that was asked for: name that the key has}"""
     others = [f"'{made[name]}' beside '{name}'" for name in made
-              if made[name] != name and name in target.data.shape_keys.key_blocks]
+              if made[name] != name and name in target.data.shape_keys.key_blocks and name not in made.values()]
     return [f"Made beside keys of its own, which Replace would take: {', '.join(others)}."] if others else []
+
+
+def _of_source(source, target):
+    """{name: key of the source} of the keys that were made of its."""
+    return {name: given['key'] for name, given in transferred.made_keys(target).items()
+            if given.get('source') == source.name and given.get('key')}
+
+
+def _elsewhere(source, target, keys, made):
+    """keys: those of the source that have gone to the keys made."""
+    left = [name for name, key in _of_source(source, target).items() if key in keys and name not in made]
+    return [f"Left as they are, for what they were made of has another name here now: {listed(left)}. Remove them, or "
+            "set their values to 0."] if left else []
 
 
 def _gone(source, target):
     there = source.data.shape_keys.key_blocks.keys()
-    gone = [name for name, given in transferred.made_keys(target).items()
-            if given.get('source') == source.name and given.get('key', there[0]) not in there]
+    gone = [name for name, key in _of_source(source, target).items() if key not in there]
     return [f"Left as they are, for '{source.name}' has them no more: {listed(gone)}."] if gone else []
 
 

@@ -29,30 +29,37 @@ def note(target, key, /, **given):
     target.data[_MADE_KEYS] = json.dumps({**made_keys(target), key.name: given}, ensure_ascii=False)
 
 
-def put_key(target, name, offsets, replace, of=None):
-    """Gives the key of that name this shape. One that was not made here stays as it is, unless it may be replaced: then
-    the one that was made beside it gets the shape, or a new one. of: name of the source's key. Returns the key, and
-    what it was given before; None for a new one. It is the caller's to note() what it is given now."""
-    name = name.encode()[:_LONGEST_NAME].decode(errors='ignore')
+def put_key(target, origin, offsets, replace, done=()):
+    """Gives the key of the name that is asked for this shape. One that was not made here stays as it is, unless it may
+    be replaced: then the one of the same origin that was made beside it gets the shape, or a new one. Returns the key,
+    and what it was given before; None for a new one. It is the caller's to note() what it is given now, the origin
+    with it.
+
+    origin: where the shape is from, and what name is asked for: 'source', 'key', 'name'. done: names of the keys that
+    have got theirs and keep it."""
     made = made_keys(target)
-    key = _present(target, name, replace, made, of)
+    key = _present(target, origin, replace, made, done)
     given = made.get(key.name, {}) if key else None
     if key:
         apply_result.set_key(target, key, offsets)
     else:
-        key = apply_result.add_key(target, name, offsets)
+        key = apply_result.add_key(target, _as_kept(origin['name']), offsets)
     target.active_shape_key_index = target.data.shape_keys.key_blocks.find(key.name)
     return key, given
 
 
-def _present(target, name, replace, made, of):
+def _as_kept(name):
+    return name.encode()[:_LONGEST_NAME].decode(errors='ignore')
+
+
+def _present(target, origin, replace, made, done):
     """The key that gets the shape; None: a new one."""
-    keys = target.data.shape_keys
+    keys, name = target.data.shape_keys, _as_kept(origin['name'])
     if not keys:
         return None
-    beside = [other for other, given in made.items() if of is not None and given.get('key') == of]
-    for other in ([name] if replace or name in made else []) + beside:
-        if other in keys.key_blocks and keys.key_blocks[other] != keys.reference_key:
+    same = [other for other, given in made.items() if origin.items() <= given.items()]
+    for other in [name] * replace + same + [name] * (name in made):
+        if other in keys.key_blocks and other not in done and keys.key_blocks[other] != keys.reference_key:
             return keys.key_blocks[other]
     return None
 

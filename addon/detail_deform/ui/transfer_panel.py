@@ -85,6 +85,13 @@ def _draw_markers(layout, ob, doubts):
         button.operator('object.detail_deform_marker_select', text=str(number)).number = number
 
 
+def _draw_target_name(layout, target, icon):
+    """With a button that goes to it."""
+    row = layout.row()
+    row.label(text=target.name, icon=icon)
+    row.operator('object.detail_deform_target_activate', text="", icon='RESTRICT_SELECT_OFF').target = target.name
+
+
 class OBJECT_PT_detail_deform_source(ModifierPanel, bpy.types.Panel):
     """On the mesh that others follow, or that is transferred to them."""
     bl_label = "Detail Deform: Source"
@@ -117,10 +124,11 @@ class OBJECT_PT_detail_deform_source(ModifierPanel, bpy.types.Panel):
         row.label(text=f"{len(failed):,} failed", icon='ERROR')
         row.operator('object.detail_deform_transfer_dismiss', text="", icon='X', emboss=False)
         for entry in failed[:_FAILED_SHOWN]:
-            row = layout.row()
-            row.label(text=entry.name, icon='MESH_DATA')
-            button = row.operator('object.detail_deform_target_activate', text="", icon='RESTRICT_SELECT_OFF')
-            button.target = entry.name
+            target = transfer_table.failed_target(entry)
+            if target:
+                _draw_target_name(layout, target, 'MESH_DATA')
+            else:
+                draw_text(layout, context, f"'{entry.name}' is in no scene.", 'GHOST_DISABLED')
             draw_text(layout, context, entry.reason, 'BLANK1')
         text = transfer_table.text()
         if text:
@@ -130,9 +138,8 @@ class OBJECT_PT_detail_deform_source(ModifierPanel, bpy.types.Panel):
     def _draw_target(context, layout, ob, target):
         """Returns the numbers of the markers in doubt."""
         settings = target.detail_deform.transfer
-        row = layout.row()
-        row.label(text=target.name, icon='ERROR' if settings.problem else 'LINKED' if settings.live else 'MESH_DATA')
-        row.operator('object.detail_deform_target_activate', text="", icon='RESTRICT_SELECT_OFF').target = target.name
+        _draw_target_name(layout, target,
+                          'ERROR' if settings.problem else 'LINKED' if settings.live else 'MESH_DATA')
         draw_text(layout, context, settings.state if settings.live else "Does not follow.", 'BLANK1')
         _, there, both = markers.counts(ob, target)
         draw_text(layout, context, f"{_markers(there)} there, {both:,} with the same numbers", 'EMPTY_AXIS')
