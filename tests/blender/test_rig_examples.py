@@ -156,6 +156,32 @@ def test_keys_markers_and_poses_of_a_library(rigged):
     assert np.allclose(rig.pose.bones["Upper"].location, (0, 0.5, 0), atol=1e-6)
 
 
+def selection(rig):
+    return [(bone, bone.select) for bone in (rig.pose.bones if bpy.app.version >= (5, 0) else rig.data.bones)]
+
+
+def test_poses_of_a_library_reach_bones_that_are_not_selected(rigged):
+    ob, rig = rigged
+    root = rig.pose.bones["Upper"]
+    root.rotation_mode = 'XYZ'
+    played, rig.animation_data.action = rig.animation_data.action, None
+    root.rotation_euler = (0, 0, 1)
+    root.keyframe_insert('rotation_euler', frame=7)
+    rig.animation_data.action.name = "Turned"
+    at(7)
+    turned = posed(ob, 7)
+    rig.animation_data.action.use_fake_user = True
+    rig.animation_data.action = played
+    root.rotation_euler = (0, 0, 0)
+    at(1)
+    for bone, _ in selection(rig):
+        bone.select = bone.name == "Lower"
+    before = [chosen for _, chosen in selection(rig)]
+    from_poses(frames='LIBRARY')
+    assert np.abs(key(ob, "Turned") - turned).max() < 1e-5
+    assert [chosen for _, chosen in selection(rig)] == before
+
+
 def test_those_that_differ_most(rigged):
     ob, rig = rigged
     root = rig.pose.bones["Upper"]

@@ -52,11 +52,12 @@ def in_library(ob):
 
 
 def walk(context, ob, poses):
-    """Generator of (n, 3) float32, the mesh in each of them by what poses it alone. Leaves frame, poses and modifiers
-    as they were. Raises MeshProblem."""
+    """Generator of (n, 3) float32, the mesh in each of them by what poses it alone. Leaves frame, poses, selection
+    and modifiers as they were. Raises MeshProblem."""
     rigs = posers.rigs(ob)
     try:
-        with actions.Unkeyed(context.scene, rigs), frames.Present(context.scene), posers.Alone(ob) as alone:
+        with (actions.Unkeyed(context.scene, rigs), actions.Unselected(rigs), frames.Present(context.scene),
+              posers.Alone(ob) as alone):
             for pose in poses:
                 _go_to(context, pose, rigs)
                 positions = alone.pose(context.evaluated_depsgraph_get())

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What actions key, in Blenders with slots and without, and what they would overwrite."""
 
+import bpy
+
 _CHANNELS = ('location', 'rotation_euler', 'rotation_quaternion', 'rotation_axis_angle', 'scale')
 
 
@@ -56,6 +58,27 @@ class Unkeyed:
 def _own_numbers(owner):
     """The custom properties by which rigs are switched."""
     return {name: value for name, value in owner.items() if isinstance(value, (int, float))}
+
+
+class Unselected:
+    """While it lasts no bone of these armature objects is selected: poses reach the selected ones alone, and all where
+    there are none."""
+
+    def __init__(self, rigs):
+        self._bones = [bone for rig in rigs for bone in _selectable(rig)]
+
+    def __enter__(self):
+        self._selected = [bone for bone in self._bones if bone.select]
+        for bone in self._selected:
+            bone.select = False
+
+    def __exit__(self, *_):
+        for bone in self._selected:
+            bone.select = True
+
+
+def _selectable(rig):
+    return rig.pose.bones if bpy.app.version >= (5, 0) else rig.data.bones
 
 
 def reset(rig):
