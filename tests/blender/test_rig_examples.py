@@ -102,6 +102,20 @@ def from_poses(**options):
     assert bpy.ops.object.detail_deform_examples_from_poses(**options) == {'FINISHED'}
 
 
+def make_library(rig, **poses):
+    """Actions of these names, each one pose: at its only frame, 7, "Lower" has that rotation. Leaves the action that is
+    played."""
+    played, lower = rig.animation_data.action, rig.pose.bones["Lower"]
+    for name, turn in poses.items():
+        rig.animation_data.action = None
+        lower.rotation_euler = turn
+        lower.keyframe_insert('rotation_euler', frame=7)
+        rig.animation_data.action.name = name
+        rig.animation_data.action.use_fake_user = True
+    rig.animation_data.action = played
+    at(1)
+
+
 # Which poses
 
 def test_a_range_by_a_step(rigged):
@@ -180,6 +194,35 @@ def test_poses_of_a_library_reach_bones_that_are_not_selected(rigged):
     from_poses(frames='LIBRARY')
     assert np.abs(key(ob, "Turned") - turned).max() < 1e-5
     assert [chosen for _, chosen in selection(rig)] == before
+
+
+def test_poses_of_a_library_leave_what_they_key_beside_places(rigged):
+    ob, rig = rigged
+    lower = rig.pose.bones["Lower"]
+    constraint = lower.constraints.new('COPY_ROTATION')
+    constraint.target, constraint.influence = add_empty("Aim", (0, 0, 5)), 0.25
+    constraint.target.rotation_euler = (1, 0, 0)
+    lower["numbers"] = [1.0, 2.0]
+    make_library(rig, Held=(0, 0, 0.5))
+    from_poses(frames='LIBRARY')
+    assert names(ob) == ["Held"]
+    held = key(ob, "Held")
+
+    ob.detail_deform.examples.clear()
+    ob.shape_key_clear()
+    ob.modifiers["Armature"].show_viewport = True
+    make_library(rig, Bent=(np.pi / 2, 0, 0))
+    played, rig.animation_data.action = rig.animation_data.action, bpy.data.actions["Bent"]
+    constraint.influence, lower["numbers"] = 1, [3.0, 4.0]
+    constraint.keyframe_insert('influence', frame=7)
+    lower.keyframe_insert('["numbers"]', frame=7)
+    rig.animation_data.action = played
+    constraint.influence, lower["numbers"] = 0.25, [1.0, 2.0]
+    at(1)
+    from_poses(frames='LIBRARY')
+    assert names(ob) == ["Bent", "Held"]
+    assert np.abs(key(ob, "Held") - held).max() < 1e-5  # nothing is left of the pose before
+    assert constraint.influence == 0.25 and list(lower["numbers"]) == [1, 2]
 
 
 def test_those_that_differ_most(rigged):

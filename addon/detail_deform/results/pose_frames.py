@@ -54,11 +54,13 @@ def in_library(ob):
 def walk(context, ob, poses):
     """Generator of (n, 3) float32, the mesh in each of them by what poses it alone. Leaves frame, poses, selection
     and modifiers as they were. Raises MeshProblem."""
-    rigs = posers.rigs(ob)
+    rigs, taken = posers.rigs(ob), [bpy.data.actions[name] for name in {pose.action for pose in poses} - {""}]
     try:
-        with (actions.Unkeyed(context.scene, rigs), actions.Unselected(rigs), frames.Present(context.scene),
-              posers.Alone(ob) as alone):
+        with (actions.Unkeyed(context.scene, rigs, taken) as unkeyed, actions.Unselected(rigs),
+              frames.Present(context.scene), posers.Alone(ob) as alone):
             for pose in poses:
+                if pose.action:
+                    unkeyed.put_back()  # nothing is left of the pose before
                 _go_to(context, pose, rigs)
                 positions = alone.pose(context.evaluated_depsgraph_get())
                 if not np.isfinite(positions).all():
