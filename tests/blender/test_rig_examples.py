@@ -496,3 +496,19 @@ def test_found_weights_are_baked_as_values_of_keys(rigged):
     assert np.abs(evaluated(ob) - own(ob)).max() < 1e-3 * LENGTH
     at(31)
     assert ob.data.shape_keys.key_blocks["Frame 31"].value == pytest.approx(1, abs=0.02)
+
+
+@pytest.mark.parametrize('mode', ['SLIDERS', 'KEY_VALUES'])
+def test_weights_that_are_driven_are_not_baked(rigged, mode):
+    ob, rig = rigged
+    add_handles(ob, rig)
+    from_poses(frames='KEYS')
+    bind(ob)
+    owner = ob.detail_deform.examples[1] if mode == 'SLIDERS' else ob.data.shape_keys.key_blocks["Frame 31"]
+    prop = 'weight' if mode == 'SLIDERS' else 'value'
+    owner.driver_add(prop).driver.expression = "0.0"
+    sentence = refusal(bpy.ops.object.detail_deform_bake, mode=mode)
+    assert "'Frame 31'" in sentence and "driver" in sentence
+    assert ob.modifiers["Detail Deform"].show_viewport and ob.detail_deform.weights_by == 'HANDLES'
+    owner.driver_remove(prop)
+    assert bpy.ops.object.detail_deform_bake(mode=mode) == {'FINISHED'}

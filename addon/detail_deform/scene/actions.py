@@ -18,6 +18,12 @@ def curves(action, slot=None):
     return [curve for bag in bags if bag for curve in bag.fcurves]
 
 
+def is_driven(owner, name):
+    """Whether a driver sets this property, which then no key does."""
+    animation = owner.id_data.animation_data
+    return bool(animation and animation.drivers.find(owner.path_from_id(name)))
+
+
 def times(ob):
     """The frames, not all whole, at which an object's action has keys, in order."""
     animation = ob.animation_data
