@@ -416,6 +416,21 @@ def test_the_twist_is_missing_beside_the_bend(rigged, part):
     assert rows(ob) and all(row.mean_error < 0.5 * error for row in ob.detail_deform.missing_examples)
 
 
+def test_a_listed_pose_whose_action_is_gone_is_refused(rigged):
+    ob, rig = rigged
+    add_handles(ob, rig)
+    from_poses(frames='RANGE', frame_start=11, frame_end=11)
+    bind(ob)
+    make_library(rig, Twisted=(0, np.pi / 2, 0))
+    assert bpy.ops.object.detail_deform_examples_find_missing(frames='LIBRARY') == {'FINISHED'}
+    assert rows(ob) == ["Twisted"]
+    bpy.data.actions["Twisted"].name = "Other"
+    sentence = refusal(bpy.ops.object.detail_deform_example_add_missing)
+    assert "no action 'Twisted'" in sentence and "Find Missing" in sentence
+    assert names(ob) == ["Frame 11"] and rows(ob) == ["Twisted"]
+    assert not ob.modifiers["Armature"].show_viewport
+
+
 # Limits
 
 def test_a_limited_example_is_not_exaggerated(rigged):
