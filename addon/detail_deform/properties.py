@@ -164,6 +164,7 @@ class DetailDeformMissingExample(bpy.types.PropertyGroup):
         description="How far from this pose the examples leave the mesh in the mean, in percent of its size")
     largest_error: FloatProperty(
         name="Largest Error", precision=2, description="The same of the vertex that is farthest from its place")
+    mark: StringProperty(options={'HIDDEN'})  # by which its errors are known for as long as the file is open
 
 
 class DetailDeformExpression(bpy.types.PropertyGroup):

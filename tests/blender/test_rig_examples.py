@@ -431,6 +431,36 @@ def test_a_listed_pose_whose_action_is_gone_is_refused(rigged):
     assert not ob.modifiers["Armature"].show_viewport
 
 
+@pytest.fixture
+def searched(rigged):
+    """Two rows of one name: the twist at frame 31, and a bend the other way at 41."""
+    ob, rig = rigged
+    lower = rig.pose.bones["Lower"]
+    lower.rotation_euler = (-1.2, 0, 0)
+    lower.keyframe_insert('rotation_euler', frame=41)
+    at(1)
+    add_handles(ob, rig)
+    from_poses(frames='RANGE', frame_start=11, frame_end=11)
+    bind(ob)
+    for frame in (31, 41):
+        bpy.context.scene.timeline_markers.new("Pose", frame=frame)
+    assert bpy.ops.object.detail_deform_examples_find_missing(frames='MARKERS') == {'FINISHED'}
+    assert rows(ob) == ["Pose", "Pose"]
+    return ob
+
+
+def test_errors_are_of_their_row_and_stay_when_the_object_is_renamed(searched, part):
+    errors_of, settings = part('results.missing_examples').errors_of, searched.detail_deform
+    of_rows = []
+    for settings.missing_index in (0, 1):
+        row, found = settings.missing_examples[settings.missing_index], errors_of(searched)
+        assert 100 * found.max() == pytest.approx(row.largest_error, rel=1e-3)
+        of_rows.append(found)
+    assert np.abs(of_rows[0] - of_rows[1]).max() > 0.01
+    settings.missing_index, searched.name = 0, "Renamed"
+    assert (errors_of(searched) == of_rows[0]).all()
+
+
 # Limits
 
 def test_a_limited_example_is_not_exaggerated(rigged):
