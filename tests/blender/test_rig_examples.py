@@ -461,6 +461,16 @@ def test_errors_are_of_their_row_and_stay_when_the_object_is_renamed(searched, p
     assert (errors_of(searched) == of_rows[0]).all()
 
 
+def test_nothing_is_coloured_where_no_errors_are_known(searched, part):
+    preview, settings = part('ui.preview'), searched.detail_deform
+    settings.show_error = True
+    assert preview.vertex_colours(searched) is not None
+    part('results.missing_examples').forget()  # as another file does
+    assert preview.vertex_colours(searched) is None
+    settings.preview = True
+    assert preview.vertex_colours(searched) is not None
+
+
 # Limits
 
 def test_a_limited_example_is_not_exaggerated(rigged):

@@ -32,9 +32,9 @@ class Missed(NamedTuple):
 
 
 def find(context, ob, poses):
-    """Generator: yields the fraction done, and returns all the Missed in the order of poses, and by the numbers of those
-    that an example should be made of, the worst first, the errors of the vertices. Of poses that are alike, so that an
-    example of one would serve the others, only the worst. Raises MeshProblem."""
+    """Generator: yields the fraction done, and returns all the Missed in the order of poses, and by the numbers of
+    those that an example should be made of, the worst first, the errors of the vertices. Of poses that are alike, so
+    that an example of one would serve the others, only the worst. Raises MeshProblem."""
     check(ob)
     life.wait(ob, context.evaluated_depsgraph_get())
     if ob.detail_deform.stale or ob.detail_deform.problem:
