@@ -192,6 +192,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     missing_examples: CollectionProperty(
         type=DetailDeformMissingExample, name="Missing Examples",
         description="Poses of which the examples make something else, the worst first")
+    missing_of: StringProperty(options={'HIDDEN'})  # the binding for which they were looked for
     missing_index: IntProperty(name="Active Pose", options={'HIDDEN'}, update=_preview_changed)
     show_error: BoolProperty(
         name="Show Error", update=_preview_changed,

@@ -471,6 +471,15 @@ def test_nothing_is_coloured_where_no_errors_are_known(searched, part):
     assert preview.vertex_colours(searched) is not None
 
 
+def test_numbers_are_old_once_an_example_was_added(searched, part):
+    is_old = part('results.missing_examples').is_old
+    assert not is_old(searched)
+    assert bpy.ops.object.detail_deform_example_add_missing() == {'FINISHED'}
+    assert rows(searched) == ["Pose"] and is_old(searched)
+    assert bpy.ops.object.detail_deform_examples_find_missing(frames='MARKERS') == {'FINISHED'}
+    assert not is_old(searched)
+
+
 # Limits
 
 def test_a_limited_example_is_not_exaggerated(rigged):

@@ -117,6 +117,11 @@ def errors_of(ob):
     return found if found is not None and len(found) == len(ob.data.vertices) else None
 
 
+def is_old(ob):
+    """Whether the mesh was bound to other examples or handles since the list was made."""
+    return ob.detail_deform.missing_of != ob.detail_deform.signature
+
+
 def forget():
     _errors.clear()
 
@@ -134,6 +139,7 @@ def tell(ob, found, of_each):
         row.name, row.frame, row.action = missed.pose
         row.mean_error, row.largest_error = 100 * missed.mean, 100 * missed.largest
     ob.detail_deform.missing_index = 0
+    ob.detail_deform.missing_of = ob.detail_deform.signature
 
 
 def add(context, ob, index):
@@ -146,6 +152,7 @@ def add(context, ob, index):
     name = posed_examples.make(ob, pose.name, positions)
     _errors.pop(row.mark, None)
     rows.remove(index)
+    ob.detail_deform.missing_of = ""
     ob.detail_deform.missing_index = max(0, min(index, len(rows) - 1))
     if ob.detail_deform.signature:
         binding.bind(ob, context.evaluated_depsgraph_get(), wait=bpy.app.background, keep_rest=True)

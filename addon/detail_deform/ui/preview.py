@@ -95,8 +95,9 @@ def _points(ob, depsgraph):
     if len(mesh.vertices) != len(ob.data.vertices):
         return None
     settings = ob.detail_deform
-    made_of = (settings.region, settings.preview, settings.transfer.show_match, correspondence.digest(ob), len(ob.data.vertices),
-               settings.show_error, settings.missing_index, *(row.mark for row in settings.missing_examples),
+    made_of = (settings.region, settings.preview, settings.transfer.show_match, correspondence.digest(ob),
+               len(ob.data.vertices), settings.show_error, settings.missing_index,
+               *(row.mark for row in settings.missing_examples),
                *((h.vertex_group, h.enabled) for h in settings.handles))
     known = _colours.get(ob.name)
     if known is None or known[0] != made_of:
