@@ -576,3 +576,30 @@ def test_weights_that_are_driven_are_not_baked(rigged, mode):
     assert ob.modifiers["Detail Deform"].show_viewport and ob.detail_deform.weights_by == 'HANDLES'
     owner.driver_remove(prop)
     assert bpy.ops.object.detail_deform_bake(mode=mode) == {'FINISHED'}
+
+
+@pytest.mark.parametrize('mode', ['SLIDERS', 'KEY_VALUES'])
+def test_keyed_weights_take_the_place_of_what_was_keyed(rigged, mode, part, monkeypatch):
+    ob, rig = rigged
+    add_handles(ob, rig)
+    from_poses(frames='KEYS')
+    bind(ob)
+    at(11)
+    expected = [example.found_weight for example in ob.detail_deform.examples]
+    owners = ob.detail_deform.examples if mode == 'SLIDERS' else ob.data.shape_keys.key_blocks[1:]
+    prop = 'weight' if mode == 'SLIDERS' else 'value'
+    for owner in owners:
+        for frame, weight in ((5.5, 0.9), (11, 0.1), (50, 0.5)):
+            setattr(owner, prop, weight)
+            owner.keyframe_insert(prop, frame=frame)
+    at(1)
+    refreshed, life = [], part('follow.life')
+    refresh = life.refresh
+    monkeypatch.setattr(life, 'refresh', lambda *given: (refreshed.append(1), refresh(*given)))
+    assert bpy.ops.object.detail_deform_bake(mode=mode) == {'FINISHED'}
+    assert len(refreshed) < 3 * 31  # twice a frame, and not for each key
+    animation = (ob if mode == 'SLIDERS' else ob.data.shape_keys).animation_data
+    for curve in part('scene.actions').curves(animation.action):
+        assert [point.co.x for point in curve.keyframe_points] == [*range(1, 32), 50]
+    at(11)
+    assert [getattr(owner, prop) for owner in owners] == pytest.approx(expected, abs=1e-5)

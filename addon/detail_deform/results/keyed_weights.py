@@ -37,10 +37,8 @@ def to_sliders(context, ob, start, end):
     found = yield from _found(context, ob, start, end)
     chosen = examples.enabled(ob.detail_deform)
     ob.detail_deform.weights_by = 'SLIDERS'
-    for frame, weights in enumerate(found, start):
-        for example, weight in zip(chosen, weights):
-            example.weight = weight
-            example.keyframe_insert('weight', frame=frame)
+    for example, weights in zip(chosen, zip(*found)):
+        actions.key(example, 'weight', start, weights)
     context.scene.frame_set(context.scene.frame_current, subframe=context.scene.frame_subframe)
 
 
@@ -54,9 +52,7 @@ def to_key_values(context, ob, start, end):
         key = blocks[example.name]
         key.mute = False
         key.slider_min, key.slider_max = min(key.slider_min, *weights), max(key.slider_max, *weights)
-        for frame, weight in enumerate(weights, start):
-            key.value = weight
-            key.keyframe_insert('value', frame=frame)
+        actions.key(key, 'value', start, weights)
     modifier = bake.modifier_of(ob)
     modifier.show_viewport = modifier.show_render = False
     context.scene.frame_set(context.scene.frame_current, subframe=context.scene.frame_subframe)

@@ -33,6 +33,22 @@ def times(ob):
     return sorted({round(float(key.co.x), 3) for curve in keyed for key in curve.keyframe_points})
 
 
+def key(owner, name, start, values):
+    """Keys a property with a value in each frame from start, in place of the keys that are there. The property itself
+    isn't set, which would bring what goes by it up to date for each."""
+    owner.keyframe_insert(name, frame=start)  # makes what is missing up to the curve
+    animation, path = owner.id_data.animation_data, owner.path_from_id(name)
+    curve = next(curve for curve in curves(animation.action, getattr(animation, 'action_slot', None))
+                 if curve.data_path == path)
+    points = curve.keyframe_points
+    for number in reversed(range(len(points))):
+        if start <= points[number].co.x < start + len(values):
+            points.remove(points[number], fast=True)
+    for frame, value in enumerate(values, start):
+        points.insert(frame, value, options={'FAST'})
+    curve.update()
+
+
 def poses(actions, rig):
     """(action, frame) of those that are one pose which the armature object can take."""
     for action in actions:
