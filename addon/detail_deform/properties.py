@@ -188,7 +188,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         type=DetailDeformExample, name="Examples",
         description="Poses that the method Examples mixes, beside the rest shape")
     example_index: IntProperty(name="Active Example", options={'HIDDEN'})
-    posed_by: StringProperty(options={'HIDDEN'})  # names of the modifiers whose poses are examples, one a line
+    posed_by: StringProperty(options={'HIDDEN'})  # type and name of the modifiers whose poses are examples, one a line
     missing_examples: CollectionProperty(
         type=DetailDeformMissingExample, name="Missing Examples",
         description="Poses of which the examples make something else, the worst first")

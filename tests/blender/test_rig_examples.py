@@ -271,6 +271,45 @@ def test_the_armature_is_switched_off_or_said(rigged):
     assert not bpy.ops.object.detail_deform_posers_off.poll()
 
 
+def test_an_armature_that_was_renamed_still_poses_twice(rigged):
+    ob, rig = rigged
+    add_handles(ob, rig)
+    from_poses(frames='KEYS', switch_off=False)
+    bind(ob)
+    ob.modifiers["Armature"].name = "Skeleton"
+    assert "'Skeleton' poses the result once more" in ob.detail_deform.status
+    ob.modifiers.new("Armature", 'CAST')  # another one of the old name
+    assert "'Skeleton' poses the result once more" in ob.detail_deform.status
+    assert bpy.ops.object.detail_deform_posers_off() == {'FINISHED'}
+    assert not ob.modifiers["Skeleton"].show_viewport and ob.modifiers["Armature"].show_viewport
+    assert "once more" not in ob.detail_deform.status
+
+
+def test_the_deformation_is_not_taken_for_nodes_that_are_gone(rigged):
+    ob, _ = rigged
+    ob.modifiers.clear()
+    ob.modifiers.new("Bend", 'NODES')
+    nodes = bpy.data.node_groups.new("Move", 'GeometryNodeTree')
+    if bpy.app.version >= (4, 0):
+        nodes.interface.new_socket("Geometry", in_out='INPUT', socket_type='NodeSocketGeometry')
+        nodes.interface.new_socket("Geometry", in_out='OUTPUT', socket_type='NodeSocketGeometry')
+    else:
+        nodes.inputs.new('NodeSocketGeometry', "Geometry")
+        nodes.outputs.new('NodeSocketGeometry', "Geometry")
+    moved = nodes.nodes.new('GeometryNodeSetPosition')
+    moved.inputs['Offset'].default_value = (0, 0, 1)
+    nodes.links.new(nodes.nodes.new('NodeGroupInput').outputs[0], moved.inputs[0])
+    nodes.links.new(moved.outputs[0], nodes.nodes.new('NodeGroupOutput').inputs[0])
+    ob.modifiers["Bend"].node_group = nodes
+    from_poses(frames='RANGE', switch_off=False)
+    add_handles(ob)
+    bind(ob)
+    assert "'Bend' poses the result once more" in ob.detail_deform.status
+    ob.modifiers.remove(ob.modifiers["Bend"])
+    assert "once more" not in ob.detail_deform.status
+    assert not bpy.ops.object.detail_deform_posers_off.poll()
+
+
 @pytest.mark.parametrize('turns', ['TARGET', 'FREE'])
 def test_an_empty_that_a_bone_carries_pulls_to_the_poses(rigged, turns):
     ob, rig = rigged
