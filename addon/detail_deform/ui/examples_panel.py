@@ -53,7 +53,7 @@ class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
         layout.operator('object.detail_deform_examples_find_missing', text="Find Missing", icon='VIEWZOOM')
         if settings.missing_examples:
             if missing_examples.is_old(ob):
-                layout.label(text="Before the last Bind: press Find Missing", icon='INFO')
+                layout.label(text="Errors before the last Bind: press Find Missing", icon='INFO')
             layout.template_list('OBJECT_UL_detail_deform_missing', "", settings, 'missing_examples', settings,
                                  'missing_index', rows=3)
             row = layout.row(align=True)
