@@ -164,6 +164,7 @@ class DetailDeformMissingExample(bpy.types.PropertyGroup):
         description="How far from this pose the examples leave the mesh in the mean, in percent of its size")
     largest_error: FloatProperty(
         name="Largest Error", precision=2, description="The same of the vertex that is farthest from its place")
+    mark: StringProperty(options={'HIDDEN'})  # by which its errors are known for as long as the file is open
 
 
 class DetailDeformExpression(bpy.types.PropertyGroup):
@@ -187,10 +188,11 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         type=DetailDeformExample, name="Examples",
         description="Poses that the method Examples mixes, beside the rest shape")
     example_index: IntProperty(name="Active Example", options={'HIDDEN'})
-    posed_by: StringProperty(options={'HIDDEN'})  # names of the modifiers whose poses are examples, one a line
+    posed_by: StringProperty(options={'HIDDEN'})  # type and name of the modifiers whose poses are examples, one a line
     missing_examples: CollectionProperty(
         type=DetailDeformMissingExample, name="Missing Examples",
         description="Poses of which the examples make something else, the worst first")
+    missing_of: StringProperty(options={'HIDDEN'})  # the binding for which they were looked for
     missing_index: IntProperty(name="Active Pose", options={'HIDDEN'}, update=_preview_changed)
     show_error: BoolProperty(
         name="Show Error", update=_preview_changed,

@@ -218,3 +218,9 @@ def symmetric(n=25):
     ob = bpy.data.objects.new("Square", mesh)
     bpy.context.scene.collection.objects.link(ob)
     return activate(ob)
+
+
+@pytest.fixture
+def rigged():
+    from rigs import make_rigged  # which goes by this module
+    return make_rigged()

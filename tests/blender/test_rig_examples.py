@@ -1,105 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Examples that an armature makes: which poses, what is left alone, which one is missing."""
+"""Examples that an armature makes: which poses, and what is left alone."""
 
 import bpy
 import numpy as np
 import pytest
-from mathutils import Matrix
 
-from conftest import activate, add_empty, add_handle, bind, evaluated, group, own, refusal, update
-
-LENGTH, RINGS, SIDES = 3.0, 49, 12
-
-
-@pytest.fixture
-def rigged():
-    """A tube along x with two bones, "Upper" to 1.5 and "Lower" from there. Lower bends by 90 degrees at frame 11, is
-    straight again at 21, and turns about its own length by 90 degrees at 31."""
-    i, j = np.meshgrid(np.linspace(0, LENGTH, RINGS), np.arange(SIDES) * 2 * np.pi / SIDES, indexing='ij')
-    p = np.stack([i, 0.3 * np.cos(j), 0.2 * np.sin(j)], -1).reshape(-1, 3)
-    faces = [(r * SIDES + k, (r + 1) * SIDES + k, (r + 1) * SIDES + (k + 1) % SIDES, r * SIDES + (k + 1) % SIDES)
-             for r in range(RINGS - 1) for k in range(SIDES)]
-    mesh = bpy.data.meshes.new("Limb")
-    mesh.from_pydata(p.tolist(), [], faces)
-    ob = bpy.data.objects.new("Limb", mesh)
-    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
-    for made in (ob, rig):
-        bpy.context.scene.collection.objects.link(made)
-    activate(rig)
-    bpy.ops.object.mode_set(mode='EDIT')
-    for name, start, end in (("Upper", 0, 1.5), ("Lower", 1.5, 3)):
-        bone = rig.data.edit_bones.new(name)
-        bone.head, bone.tail = (start, 0, 0), (end, 0, 0)
-        bone.parent = rig.data.edit_bones.get("Upper") if name == "Lower" else None
-    bpy.ops.object.mode_set(mode='OBJECT')
-    weights = np.clip((p[:, 0] - 1.0) / 1.0, 0, 1)
-    for name, of_group in (("Upper", 1 - weights), ("Lower", weights)):
-        made = ob.vertex_groups.new(name=name)
-        for vertex, weight in enumerate(of_group):
-            if weight > 0:
-                made.add([vertex], weight, 'REPLACE')
-    modifier = ob.modifiers.new("Armature", 'ARMATURE')
-    modifier.object = rig
-    lower = rig.pose.bones["Lower"]
-    lower.rotation_mode = 'XYZ'
-    for frame, turn in ((1, (0, 0, 0)), (11, (np.pi / 2, 0, 0)), (21, (0, 0, 0)), (31, (0, np.pi / 2, 0))):
-        lower.rotation_euler = turn
-        lower.keyframe_insert('rotation_euler', frame=frame)
-    scene = bpy.context.scene
-    scene.frame_start, scene.frame_end = 1, 31
-    scene.frame_set(1)
-    activate(ob)
-    return ob, rig
-
-
-def add_handles(ob, rig=None):
-    """The root is held; the tip is a handle, whose empty is carried by the bone where a rig is given."""
-    p = own(ob)
-    group(ob, 'region', np.flatnonzero(p[:, 0] > 0.3))
-    group(ob, 'tip', np.flatnonzero(p[:, 0] > LENGTH - 0.2))
-    ob.detail_deform.region = 'region'
-    empty, place = add_empty("Tip", (0, 0, 0)), p[p[:, 0] > LENGTH - 0.2].mean(axis=0)
-    if rig:
-        empty.parent, empty.parent_type, empty.parent_bone = rig, 'BONE', "Lower"
-        update()
-    empty.matrix_world = Matrix.Translation(place)
-    handle = add_handle(ob, 'tip', empty)
-    ob.detail_deform.method = 'EXAMPLES'
-    update()
-    return handle
-
-
-def at(frame):
-    bpy.context.scene.frame_set(frame)
-
-
-def posed(ob, frame):
-    """What the armature alone makes of the mesh there."""
-    shown = [(m, m.show_viewport) for m in ob.modifiers]
-    for m, _ in shown:
-        m.show_viewport = m.type == 'ARMATURE'
-    present = bpy.context.scene.frame_current
-    at(frame)
-    found = evaluated(ob)
-    at(present)
-    for m, was in shown:
-        m.show_viewport = was
-    return found
-
-
-def key(ob, name):
-    block = ob.data.shape_keys.key_blocks[name]
-    values = np.empty(3 * len(block.data), np.float32)
-    block.data.foreach_get('co', values)
-    return values.reshape(-1, 3).astype(float)
-
-
-def names(ob):
-    return [example.name for example in ob.detail_deform.examples]
-
-
-def from_poses(**options):
-    assert bpy.ops.object.detail_deform_examples_from_poses(**options) == {'FINISHED'}
+from conftest import add_empty, bind, evaluated, own, refusal, update
+from rigs import LENGTH, SIDES, add_handles, at, from_poses, key, make_library, names, posed
 
 
 # Which poses
@@ -156,6 +63,61 @@ def test_keys_markers_and_poses_of_a_library(rigged):
     assert np.allclose(rig.pose.bones["Upper"].location, (0, 0.5, 0), atol=1e-6)
 
 
+def selection(rig):
+    return [(bone, bone.select) for bone in (rig.pose.bones if bpy.app.version >= (5, 0) else rig.data.bones)]
+
+
+def test_poses_of_a_library_reach_bones_that_are_not_selected(rigged):
+    ob, rig = rigged
+    root = rig.pose.bones["Upper"]
+    root.rotation_mode = 'XYZ'
+    played, rig.animation_data.action = rig.animation_data.action, None
+    root.rotation_euler = (0, 0, 1)
+    root.keyframe_insert('rotation_euler', frame=7)
+    rig.animation_data.action.name = "Turned"
+    at(7)
+    turned = posed(ob, 7)
+    rig.animation_data.action.use_fake_user = True
+    rig.animation_data.action = played
+    root.rotation_euler = (0, 0, 0)
+    at(1)
+    for bone, _ in selection(rig):
+        bone.select = bone.name == "Lower"
+    before = [chosen for _, chosen in selection(rig)]
+    from_poses(frames='LIBRARY')
+    assert np.abs(key(ob, "Turned") - turned).max() < 1e-5
+    assert [chosen for _, chosen in selection(rig)] == before
+
+
+def test_poses_of_a_library_leave_what_they_key_beside_places(rigged):
+    ob, rig = rigged
+    lower = rig.pose.bones["Lower"]
+    constraint = lower.constraints.new('COPY_ROTATION')
+    constraint.target, constraint.influence = add_empty("Aim", (0, 0, 5)), 0.25
+    constraint.target.rotation_euler = (1, 0, 0)
+    lower["numbers"] = [1.0, 2.0]
+    make_library(rig, Held=(0, 0, 0.5))
+    from_poses(frames='LIBRARY')
+    assert names(ob) == ["Held"]
+    held = key(ob, "Held")
+
+    ob.detail_deform.examples.clear()
+    ob.shape_key_clear()
+    ob.modifiers["Armature"].show_viewport = True
+    make_library(rig, Bent=(np.pi / 2, 0, 0))
+    played, rig.animation_data.action = rig.animation_data.action, bpy.data.actions["Bent"]
+    constraint.influence, lower["numbers"] = 1, [3.0, 4.0]
+    constraint.keyframe_insert('influence', frame=7)
+    lower.keyframe_insert('["numbers"]', frame=7)
+    rig.animation_data.action = played
+    constraint.influence, lower["numbers"] = 0.25, [1.0, 2.0]
+    at(1)
+    from_poses(frames='LIBRARY')
+    assert names(ob) == ["Bent", "Held"]
+    assert np.abs(key(ob, "Held") - held).max() < 1e-5  # nothing is left of the pose before
+    assert constraint.influence == 0.25 and list(lower["numbers"]) == [1, 2]
+
+
 def test_those_that_differ_most(rigged):
     ob, rig = rigged
     root = rig.pose.bones["Upper"]
@@ -199,6 +161,45 @@ def test_the_armature_is_switched_off_or_said(rigged):
     update()
     assert "once more" not in ob.detail_deform.status
     assert np.abs(evaluated(ob) - bent).max() < 5e-3 * LENGTH
+    assert not bpy.ops.object.detail_deform_posers_off.poll()
+
+
+def test_an_armature_that_was_renamed_still_poses_twice(rigged):
+    ob, rig = rigged
+    add_handles(ob, rig)
+    from_poses(frames='KEYS', switch_off=False)
+    bind(ob)
+    ob.modifiers["Armature"].name = "Skeleton"
+    assert "'Skeleton' poses the result once more" in ob.detail_deform.status
+    ob.modifiers.new("Armature", 'CAST')  # another one of the old name
+    assert "'Skeleton' poses the result once more" in ob.detail_deform.status
+    assert bpy.ops.object.detail_deform_posers_off() == {'FINISHED'}
+    assert not ob.modifiers["Skeleton"].show_viewport and ob.modifiers["Armature"].show_viewport
+    assert "once more" not in ob.detail_deform.status
+
+
+def test_the_deformation_is_not_taken_for_nodes_that_are_gone(rigged):
+    ob, _ = rigged
+    ob.modifiers.clear()
+    ob.modifiers.new("Bend", 'NODES')
+    nodes = bpy.data.node_groups.new("Move", 'GeometryNodeTree')
+    if bpy.app.version >= (4, 0):
+        nodes.interface.new_socket("Geometry", in_out='INPUT', socket_type='NodeSocketGeometry')
+        nodes.interface.new_socket("Geometry", in_out='OUTPUT', socket_type='NodeSocketGeometry')
+    else:
+        nodes.inputs.new('NodeSocketGeometry', "Geometry")
+        nodes.outputs.new('NodeSocketGeometry', "Geometry")
+    moved = nodes.nodes.new('GeometryNodeSetPosition')
+    moved.inputs['Offset'].default_value = (0, 0, 1)
+    nodes.links.new(nodes.nodes.new('NodeGroupInput').outputs[0], moved.inputs[0])
+    nodes.links.new(moved.outputs[0], nodes.nodes.new('NodeGroupOutput').inputs[0])
+    ob.modifiers["Bend"].node_group = nodes
+    from_poses(frames='RANGE', switch_off=False)
+    add_handles(ob)
+    bind(ob)
+    assert "'Bend' poses the result once more" in ob.detail_deform.status
+    ob.modifiers.remove(ob.modifiers["Bend"])
+    assert "once more" not in ob.detail_deform.status
     assert not bpy.ops.object.detail_deform_posers_off.poll()
 
 
@@ -311,42 +312,6 @@ def test_a_cancelled_walk_and_one_that_fails_leave_all_as_it_was(rigged, part):
     assert np.abs(evaluated(ob) - shape).max() < 1e-6
 
 
-# Which one is missing
-
-def rows(ob):
-    return [row.name for row in ob.detail_deform.missing_examples]
-
-
-def test_the_twist_is_missing_beside_the_bend(rigged, part):
-    ob, rig = rigged
-    add_handles(ob, rig)
-    find = bpy.ops.object.detail_deform_examples_find_missing
-    assert "press Bind first" in refusal(find)
-    ob.detail_deform.method = 'TRANSFER'
-    assert "set Method to Examples" in refusal(find)
-    ob.detail_deform.method = 'EXAMPLES'
-    from_poses(frames='RANGE', frame_start=11, frame_end=11)
-    bind(ob)
-    at(3)
-    assert bpy.ops.object.detail_deform_examples_find_missing(frames='RANGE', step=2) == {'FINISHED'}
-    first = ob.detail_deform.missing_examples[0]
-    assert first.name == "Frame 31" and first.largest_error > 1
-    error = first.mean_error
-    ob.detail_deform.show_error = True
-    red, green = part('ui.preview').vertex_colours(ob)[:, :2].T
-    worst = np.abs(own(ob)[:, 0] - 2).argmin()  # where it is twisted and no handle holds it
-    assert red[worst] > 0.6 and (green[own(ob)[:, 0] < 0.5] > 0.7).all()
-    assert bpy.context.scene.frame_current == 3
-    assert bpy.ops.object.detail_deform_example_add_missing() == {'FINISHED'}
-    assert names(ob) == ["Frame 11", "Frame 31"] and "Frame 31" not in rows(ob)
-    assert ob.detail_deform.is_bound
-    assert bpy.ops.object.detail_deform_examples_find_missing(frames='RANGE', frame_start=31, frame_end=31) == {
-        'FINISHED'}
-    assert not rows(ob)
-    assert find(frames='RANGE') == {'FINISHED'}
-    assert rows(ob) and all(row.mean_error < 0.5 * error for row in ob.detail_deform.missing_examples)
-
-
 # Limits
 
 def test_a_limited_example_is_not_exaggerated(rigged):
@@ -364,66 +329,3 @@ def test_a_limited_example_is_not_exaggerated(rigged):
     assert example.found_weight == 0.25
     example.limited = False
     assert example.found_weight > 1.2
-
-
-# Kept
-
-@pytest.mark.parametrize('weights_by', ['HANDLES', 'SLIDERS'])
-def test_what_is_seen_is_saved_as_a_key(rigged, weights_by):
-    ob, rig = rigged
-    add_handles(ob, rig if weights_by == 'SLIDERS' else None)
-    from_poses(frames='KEYS')
-    bind(ob)
-    settings = ob.detail_deform
-    if weights_by == 'SLIDERS':
-        settings.weights_by = 'SLIDERS'
-        settings.examples[0].weight, settings.examples[1].weight = 0.7, 0.3
-    else:
-        settings.handles[0].target.matrix_world = Matrix.Translation((1.9, 0, 1)) @ Matrix.Rotation(-0.8, 4, 'Y')
-    update()
-    shape = evaluated(ob)
-    assert np.abs(shape - own(ob)).max() > 0.3
-    assert bpy.ops.object.detail_deform_save_key(name="Mixed") == {'FINISHED'}
-    update()
-    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-5
-    assert np.abs(key(ob, "Mixed") - shape).max() < 1e-5
-    ob.data.shape_keys.key_blocks["Mixed"].value = 1
-    update()
-    assert np.abs(evaluated(ob) - shape).max() < 1e-5
-
-
-def test_found_weights_are_baked(rigged):
-    ob, rig = rigged
-    bake = bpy.ops.object.detail_deform_bake
-    add_handles(ob, rig)
-    from_poses(frames='KEYS')
-    bind(ob)
-    expected = {}
-    for frame in (1, 6, 11, 31):
-        at(frame)
-        expected[frame] = evaluated(ob), [e.found_weight for e in ob.detail_deform.examples]
-    at(4)
-    assert bake(mode='SLIDERS') == {'FINISHED'}
-    assert ob.detail_deform.weights_by == 'SLIDERS' and bpy.context.scene.frame_current == 4
-    ob.detail_deform.handles[0].target.parent = None  # let go
-    for frame, (shape, weights) in expected.items():
-        at(frame)
-        assert np.allclose([e.weight for e in ob.detail_deform.examples], weights, atol=1e-5)
-        assert np.abs(evaluated(ob) - shape).max() < 2e-2 * LENGTH
-    assert "Only weights that handles ask for" in refusal(bake, mode='SLIDERS')
-
-
-def test_found_weights_are_baked_as_values_of_keys(rigged):
-    ob, rig = rigged
-    add_handles(ob, rig)
-    from_poses(frames='KEYS')
-    bind(ob)
-    at(11)
-    bent = evaluated(ob)
-    assert bpy.ops.object.detail_deform_bake(mode='KEY_VALUES') == {'FINISHED'}
-    update()
-    assert np.abs(evaluated(ob) - bent).max() < 1e-2 * LENGTH
-    at(1)
-    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-3 * LENGTH
-    at(31)
-    assert ob.data.shape_keys.key_blocks["Frame 31"].value == pytest.approx(1, abs=0.02)

@@ -114,12 +114,12 @@ class OBJECT_OT_detail_deform_examples_find_missing(_OfPoses, bpy.types.Operator
         return self.start(context, self._find(context, ob, self.poses(context, ob)))
 
     def _find(self, context, ob, poses):
-        found, chosen = yield from missing_examples.find(context, ob, poses)
-        missing_examples.tell(ob, found, chosen)
+        found, of_each = yield from missing_examples.find(context, ob, poses)
+        missing_examples.tell(ob, found, of_each)
         worst = max(found, key=lambda missed: missed.usual)
         self.report({'INFO'}, f"'{worst.pose.name}' is met worst: {100 * worst.mean:.2g}% of the mesh's size in the "
                               f"mean, {100 * worst.largest:.2g}% at most"
-                              + ("" if chosen else ". No example is missing"))
+                              + ("" if of_each else ". No example is missing"))
 
 
 class OBJECT_OT_detail_deform_example_add_missing(MeshOperator, bpy.types.Operator):

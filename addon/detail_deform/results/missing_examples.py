@@ -3,6 +3,7 @@
 compared with the poses themselves."""
 
 import contextlib
+import uuid
 from typing import NamedTuple
 
 import bpy
@@ -19,7 +20,7 @@ MOST = 10  # that are told
 _LEAST = 1e-3  # of the mesh's size: an error that nobody looks for
 _SHARE = 0.8  # of the work, to find them; then they are looked at once more
 
-_errors = {}  # by the object's name: of each pose on its list, by name, (n,) float32
+_errors = {}  # by the mark of a row of a list, which goes with it whatever is renamed: (n,) float32
 
 
 class Missed(NamedTuple):
@@ -31,9 +32,9 @@ class Missed(NamedTuple):
 
 
 def find(context, ob, poses):
-    """Generator: yields the fraction done, and returns all the Missed in the order of poses and the numbers of those
-    that an example should be made of, the worst first. Of poses that are alike, so that an example of one would serve
-    the others, only the worst. Raises MeshProblem."""
+    """Generator: yields the fraction done, and returns all the Missed in the order of poses, and by the numbers of
+    those that an example should be made of, the worst first, the errors of the vertices. Of poses that are alike, so
+    that an example of one would serve the others, only the worst. Raises MeshProblem."""
     check(ob)
     life.wait(ob, context.evaluated_depsgraph_get())
     if ob.detail_deform.stale or ob.detail_deform.problem:
@@ -49,10 +50,9 @@ def find(context, ob, poses):
     chosen, of_each = _apart(samples, found, whole), {}
     with contextlib.closing(pose_frames.walk(context, ob, [poses[number] for number in chosen])) as walk:
         for number, positions in zip(chosen, walk):
-            of_each[poses[number].name] = by_handles.everywhere(by_handles.errors(positions))
+            of_each[number] = by_handles.everywhere(by_handles.errors(positions) / whole)
             yield _SHARE + (1 - _SHARE) * len(of_each) / len(chosen)
-    _errors[ob.name] = of_each
-    return found, chosen
+    return found, of_each
 
 
 def check(ob):
@@ -113,23 +113,33 @@ def errors_of(ob):
     settings = ob.detail_deform
     if not 0 <= settings.missing_index < len(settings.missing_examples):
         return None
-    found = _errors.get(ob.name, {}).get(settings.missing_examples[settings.missing_index].name)
+    found = _errors.get(settings.missing_examples[settings.missing_index].mark)
     return found if found is not None and len(found) == len(ob.data.vertices) else None
+
+
+def is_old(ob):
+    """Whether the mesh was bound to other examples or handles since the list was made."""
+    return ob.detail_deform.missing_of != ob.detail_deform.signature
 
 
 def forget():
     _errors.clear()
 
 
-def tell(ob, found, chosen):
-    """Puts them on the object's list."""
+def tell(ob, found, of_each):
+    """Puts on the object's list what find() returns."""
     rows = ob.detail_deform.missing_examples
+    for row in rows:
+        _errors.pop(row.mark, None)
     rows.clear()
-    for missed in (found[number] for number in chosen):
-        row = rows.add()
+    for number, errors in of_each.items():
+        missed, row = found[number], rows.add()
+        row.mark = uuid.uuid4().hex
+        _errors[row.mark] = errors
         row.name, row.frame, row.action = missed.pose
         row.mean_error, row.largest_error = 100 * missed.mean, 100 * missed.largest
     ob.detail_deform.missing_index = 0
+    ob.detail_deform.missing_of = ob.detail_deform.signature
 
 
 def add(context, ob, index):
@@ -140,7 +150,9 @@ def add(context, ob, index):
     with contextlib.closing(pose_frames.walk(context, ob, [pose])) as walk:
         positions = next(walk)
     name = posed_examples.make(ob, pose.name, positions)
+    _errors.pop(row.mark, None)
     rows.remove(index)
+    ob.detail_deform.missing_of = ""
     ob.detail_deform.missing_index = max(0, min(index, len(rows) - 1))
     if ob.detail_deform.signature:
         binding.bind(ob, context.evaluated_depsgraph_get(), wait=bpy.app.background, keep_rest=True)

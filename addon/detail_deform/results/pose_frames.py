@@ -52,12 +52,15 @@ def in_library(ob):
 
 
 def walk(context, ob, poses):
-    """Generator of (n, 3) float32, the mesh in each of them by what poses it alone. Leaves frame, poses and modifiers
-    as they were. Raises MeshProblem."""
-    rigs = posers.rigs(ob)
+    """Generator of (n, 3) float32, the mesh in each of them by what poses it alone. Leaves frame, poses, selection
+    and modifiers as they were. Raises MeshProblem."""
+    rigs, taken = posers.rigs(ob), [_action(pose) for pose in poses if pose.action]
     try:
-        with actions.Unkeyed(context.scene, rigs), frames.Present(context.scene), posers.Alone(ob) as alone:
+        with (actions.Unkeyed(context.scene, rigs, taken) as unkeyed, actions.Unselected(rigs),
+              frames.Present(context.scene), posers.Alone(ob) as alone):
             for pose in poses:
+                if pose.action:
+                    unkeyed.put_back()  # nothing is left of the pose before
                 _go_to(context, pose, rigs)
                 positions = alone.pose(context.evaluated_depsgraph_get())
                 if not np.isfinite(positions).all():
@@ -68,6 +71,14 @@ def walk(context, ob, poses):
         context.view_layer.update()
 
 
+def _action(pose):
+    found = bpy.data.actions.get(pose.action)
+    if not found:
+        raise MeshProblem(f"There is no action '{pose.action}' any more: name it so again, or press Find Missing to "
+                          "list the poses anew.")
+    return found
+
+
 def _go_to(context, pose, rigs):
     if not pose.action:
         whole = int(np.floor(pose.frame))
@@ -75,5 +86,5 @@ def _go_to(context, pose, rigs):
         return
     for rig in rigs:
         actions.reset(rig)
-        rig.pose.apply_pose_from_action(bpy.data.actions[pose.action], evaluation_time=pose.frame)
+        rig.pose.apply_pose_from_action(_action(pose), evaluation_time=pose.frame)
     context.view_layer.update()

@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What actions key, in Blenders with slots and without, and what they would overwrite."""
 
+from typing import NamedTuple
+
+import bpy
+from bpy.utils import unescape_identifier
+
 _CHANNELS = ('location', 'rotation_euler', 'rotation_quaternion', 'rotation_axis_angle', 'scale')
 
 
@@ -13,6 +18,12 @@ def curves(action, slot=None):
     return [curve for bag in bags if bag for curve in bag.fcurves]
 
 
+def is_driven(owner, name):
+    """Whether a driver sets this property, which then no key does."""
+    animation = owner.id_data.animation_data
+    return bool(animation and animation.drivers.find(owner.path_from_id(name)))
+
+
 def times(ob):
     """The frames, not all whole, at which an object's action has keys, in order."""
     animation = ob.animation_data
@@ -20,6 +31,22 @@ def times(ob):
         return []
     keyed = curves(animation.action, getattr(animation, 'action_slot', None))
     return sorted({round(float(key.co.x), 3) for curve in keyed for key in curve.keyframe_points})
+
+
+def key(owner, name, start, values):
+    """Keys a property with a value in each frame from start, in place of the keys that are there. The property itself
+    isn't set, which would bring what goes by it up to date for each."""
+    owner.keyframe_insert(name, frame=start)  # makes what is missing up to the curve
+    animation, path = owner.id_data.animation_data, owner.path_from_id(name)
+    curve = next(curve for curve in curves(animation.action, getattr(animation, 'action_slot', None))
+                 if curve.data_path == path)
+    points = curve.keyframe_points
+    for number in reversed(range(len(points))):
+        if start <= points[number].co.x < start + len(values):
+            points.remove(points[number], fast=True)
+    for frame, value in enumerate(values, start):
+        points.insert(frame, value, options={'FAST'})
+    curve.update()
 
 
 def poses(actions, rig):
@@ -34,16 +61,27 @@ def poses(actions, rig):
 class Unkeyed:
     """While it lasts frames may be gone to and poses taken: places and poses that are in no key come back."""
 
-    def __init__(self, scene, rigs=()):
-        """rigs: armature objects that are posed by more than their animation."""
+    def __init__(self, scene, rigs=(), taken=()):
+        """rigs: armature objects that are posed by more than their animation. taken: actions that these take poses
+        of, which may key anything."""
         owners = {*rigs, *(ob for ob in scene.objects if ob.animation_data and not ob.library)}
         self._owners = [*owners, *(bone for ob in owners if ob.pose for bone in ob.pose.bones)]
+        paths = dict.fromkeys(curve.data_path for action in taken for curve in curves(action))
+        self._keyed = [found for rig in rigs for path in paths if (found := _property(rig, path))]
 
     def __enter__(self):
         self._values = [([tuple(getattr(owner, name)) for name in _CHANNELS], _own_numbers(owner))
                         for owner in self._owners]
+        self._of_keyed = [prop.value() for prop in self._keyed]
+        return self
 
     def __exit__(self, *_):
+        self.put_back()
+
+    def put_back(self):
+        for prop, value in zip(self._keyed, self._of_keyed):
+            if prop.value() != value:
+                prop.set(value)
         for owner, (values, numbers) in zip(self._owners, self._values):
             for name, value in zip(_CHANNELS, values):
                 if tuple(getattr(owner, name)) != value:
@@ -56,6 +94,56 @@ class Unkeyed:
 def _own_numbers(owner):
     """The custom properties by which rigs are switched."""
     return {name: value for name, value in owner.items() if isinstance(value, (int, float))}
+
+
+class _Property(NamedTuple):
+    """What a data path leads to. is_own: a custom property."""
+    owner: object
+    name: str
+    is_own: bool
+
+    def value(self):
+        found = self.owner[self.name] if self.is_own else getattr(self.owner, self.name)
+        return found if isinstance(found, (bool, int, float, str, set)) else tuple(found)
+
+    def set(self, value):
+        if self.is_own:
+            self.owner[self.name] = value
+        else:
+            setattr(self.owner, self.name, value)
+
+
+def _property(ob, path):
+    """None where the object has none there."""
+    is_own = path.endswith('"]')
+    before, _, name = path[:-2].rpartition('["') if is_own else path.rpartition('.')
+    try:
+        found = _Property(ob.path_resolve(before) if before else ob, unescape_identifier(name), is_own)
+        found.value()
+    except (ValueError, KeyError, AttributeError, TypeError):
+        return None
+    return found
+
+
+class Unselected:
+    """While it lasts no bone of these armature objects is selected: poses reach the selected ones alone, and all where
+    there are none."""
+
+    def __init__(self, rigs):
+        self._bones = [bone for rig in rigs for bone in _selectable(rig)]
+
+    def __enter__(self):
+        self._selected = [bone for bone in self._bones if bone.select]
+        for bone in self._selected:
+            bone.select = False
+
+    def __exit__(self, *_):
+        for bone in self._selected:
+            bone.select = True
+
+
+def _selectable(rig):
+    return rig.pose.bones if bpy.app.version >= (5, 0) else rig.data.bones
 
 
 def reset(rig):

@@ -15,9 +15,8 @@ _COPIERS = {'ARRAY', 'MIRROR', 'SCREW'}
 
 def of(ob):
     """Raises MeshProblem where there are none, or what they make is more than a pose of the mesh."""
-    modifiers = [m for m in ob.modifiers if m not in (node_group.find_modifier(ob), node_group.find_cache(ob))]
     known = remembered(ob)
-    shown = [m for m in modifiers if m.show_viewport or m.name in known]
+    shown = [m for m in _others(ob) if m.show_viewport or m in known]
     found = _of_type(shown, {'ARMATURE'}) or _of_type(shown, _MOVERS) or _of_type(shown, {'NODES'})
     if not found:
         raise MeshProblem(f"No modifier poses '{ob.name}': give it an Armature, or another one that moves its "
@@ -40,27 +39,37 @@ def rigs(ob):
 
 
 def remembered(ob):
-    """Names of the modifiers of whose poses there are examples."""
-    return set(ob.detail_deform.posed_by.split('\n')) if ob.detail_deform.posed_by else set()
+    """The modifiers of whose poses there are examples. For each of those that has lost its name, as by being renamed,
+    another one of its type is taken."""
+    others, found, gone = _others(ob), [], []
+    for line in ob.detail_deform.posed_by.split('\n'):
+        kind, _, name = line.partition(' ')
+        named = [m for m in others if (m.type, m.name) == (kind, name)]
+        found += named
+        gone += [kind] * (not named)
+    for kind in gone:
+        found += [m for m in others if m.type == kind and m not in found][:1]
+    return [m for m in others if m in found]
+
+
+def _others(ob):
+    """All its modifiers but the add-on's own."""
+    return [m for m in ob.modifiers if m not in (node_group.find_modifier(ob), node_group.find_cache(ob))]
 
 
 def remember(ob):
     """That its examples are made of what these modifiers do."""
-    ob.detail_deform.posed_by = '\n'.join(m.name for m in of(ob))
+    ob.detail_deform.posed_by = '\n'.join(f'{m.type} {m.name}' for m in of(ob))
 
 
 def twice(ob):
     """Names of the modifiers that are seen to do once more what examples have been made of."""
-    if not ob.detail_deform.examples:
-        return []
-    known = remembered(ob)
-    return [m.name for m in ob.modifiers if m.name in known and m.show_viewport]
+    return [m.name for m in remembered(ob) if m.show_viewport] if ob.detail_deform.examples else []
 
 
 def switch_off(ob):
     """In renders too. Returns their names."""
-    known = remembered(ob)
-    found = [m for m in ob.modifiers if m.name in known and (m.show_viewport or m.show_render)]
+    found = [m for m in remembered(ob) if m.show_viewport or m.show_render]
     for modifier in found:
         modifier.show_viewport = modifier.show_render = False
     return [m.name for m in found]

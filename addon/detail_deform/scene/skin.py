@@ -63,9 +63,8 @@ def pose_of(ob, empty, depsgraph):
 
 def pose_that_was(ob, empty, depsgraph):
     """The same of an armature that is switched off, as examples have been made of its poses."""
-    names = posers.remembered(ob)
-    return _pose_of(ob, empty, [m for m in ob.modifiers if m.type == 'ARMATURE' and m.name in names
-                                and m not in _armatures(ob)], depsgraph)
+    shown = _armatures(ob)
+    return _pose_of(ob, empty, [m for m in posers.remembered(ob) if m.type == 'ARMATURE' and m not in shown], depsgraph)
 
 
 def _pose_of(ob, empty, armatures, depsgraph):

@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..results import missing_examples
 from ..scene import examples, posers
 from .parts import ModifierPanel, Switched, draw_options
 
@@ -51,6 +52,8 @@ class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
         layout.separator()
         layout.operator('object.detail_deform_examples_find_missing', text="Find Missing", icon='VIEWZOOM')
         if settings.missing_examples:
+            if missing_examples.is_old(ob):
+                layout.label(text="Errors before the last Bind: press Find Missing", icon='INFO')
             layout.template_list('OBJECT_UL_detail_deform_missing', "", settings, 'missing_examples', settings,
                                  'missing_index', rows=3)
             row = layout.row(align=True)
@@ -63,6 +66,7 @@ class OBJECT_UL_detail_deform_missing(bpy.types.UIList):
         row = layout.row()
         row.use_property_split = False
         row.label(text=item.name, icon='ACTION' if item.action else 'ARMATURE_DATA')
+        row.active = not missing_examples.is_old(item.id_data)
         row.label(text=f"{item.mean_error:.2g}%, at most {item.largest_error:.2g}%")
 
 

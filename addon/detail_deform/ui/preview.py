@@ -42,7 +42,7 @@ def handle_colour(number):
 
 def vertex_colours(ob):
     """(n, 4) float32: how well vertices are matched with a source, how far examples leave them from a pose, or what
-    belongs to whom, by weights alone, so that it shows before a Bind too."""
+    belongs to whom, by weights alone, so that it shows before a Bind too. None where nothing of these is known."""
     settings = ob.detail_deform
     match = correspondence.vertex_confidence(ob) if settings.transfer.show_match else None
     errors = missing_examples.errors_of(ob) if settings.show_error else None
@@ -51,6 +51,8 @@ def vertex_colours(ob):
     if match is not None:
         bad, good = np.float32([_BAD_COLOUR, _GOOD_COLOUR])
         return bad + match[:, None] * (good - bad)
+    if not (settings.preview or settings.transfer.show_match):
+        return None  # the errors were asked for
     handles = [h for h in handle_matrices.enabled_handles(settings) if h.vertex_group in ob.vertex_groups]
     region = settings.region if settings.region in ob.vertex_groups else ""
     winner, inside, _ = mesh_data.handles_of_vertices(ob, region, [h.vertex_group for h in handles])
@@ -87,17 +89,21 @@ def forget(edited=None):
 
 
 def _points(ob, depsgraph):
-    """World positions and colours, or None where the modifiers make other vertices of the mesh."""
+    """World positions and colours, or None where there is nothing to show, or where the modifiers make other vertices
+    of the mesh."""
     mesh = ob.evaluated_get(depsgraph).data
     if len(mesh.vertices) != len(ob.data.vertices):
         return None
     settings = ob.detail_deform
-    made_of = (settings.region, settings.transfer.show_match, correspondence.digest(ob), len(ob.data.vertices),
-               settings.show_error, settings.missing_index, *settings.missing_examples.keys(),
+    made_of = (settings.region, settings.preview, settings.transfer.show_match, correspondence.digest(ob),
+               len(ob.data.vertices), settings.show_error, settings.missing_index,
+               *(row.mark for row in settings.missing_examples),
                *((h.vertex_group, h.enabled) for h in settings.handles))
     known = _colours.get(ob.name)
     if known is None or known[0] != made_of:
         known = _colours[ob.name] = (made_of, vertex_colours(ob))
+    if known[1] is None:
+        return None
     world = np.array(ob.matrix_world, np.float32)
     return mesh_data.positions(mesh) @ world[:3, :3].T + world[:3, 3], known[1]
 
