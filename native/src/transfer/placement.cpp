@@ -10,8 +10,15 @@ namespace dd {
 
 namespace {
 
-constexpr int kRounds = 12;
-constexpr int kSamples = 300;
+/// How well a placement is settled.
+struct Effort {
+  int rounds;
+  size_t samples;
+};
+constexpr Effort kQuick = {4, 80}, kWhole = {12, 300};
+constexpr size_t kSamples = kWhole.samples;
+constexpr double kSettled = 0.002;  // of the misfit, that a round changes
+constexpr size_t kPromising = 16;   // after a quick look
 constexpr int kManyMarkers = 8;
 constexpr double kMarkerShare = 0.1;  // of each marker, of the weight of all samples
 constexpr double kAlike = 0.03;       // of the box: placements closer than that are one
@@ -74,11 +81,11 @@ Eigen::Vector3d nearest_of(const CoarseShape& shape, const Eigen::Vector3d& poin
 
 /// Nearest points, both ways, and the similarity that takes them onto one another, in turn.
 void settle(Placement& start, const CoarseShape& source, const CoarseShape& target,
-            const MarkedPlaces& marked) {
+            const MarkedPlaces& marked, const Effort& effort) {
   const Positions from =
-      mirror(rows_of(source.mesh.positions, source.samples, kSamples), start.mirrored);
+      mirror(rows_of(source.mesh.positions, source.samples, effort.samples), start.mirrored);
   const Positions marked_source = mirror(marked.source, start.mirrored);
-  const Positions onto = rows_of(target.mesh.positions, target.samples, kSamples);
+  const Positions onto = rows_of(target.mesh.positions, target.samples, effort.samples);
   const Index n = from.rows(), m = onto.rows(), k = marked.source.rows();
   Positions pairs_from(n + m + k, 3), pairs_onto(n + m + k, 3);
   Eigen::VectorXd weights(n + m + k);
@@ -87,7 +94,8 @@ void settle(Placement& start, const CoarseShape& source, const CoarseShape& targ
   pairs_from.bottomRows(k) = marked_source;
   pairs_onto.bottomRows(k) = marked.target;
   const double first_scale = start.similarity.scale;
-  for (int round = 0; round <= kRounds; ++round) {
+  for (int round = 0; round <= effort.rounds; ++round) {
+    const double before = start.misfit;
     const Similarity back = inverse(start.similarity);
     for (Index i = 0; i < n; ++i) {
       pairs_from.row(i) = from.row(i);
@@ -109,7 +117,8 @@ void settle(Placement& start, const CoarseShape& source, const CoarseShape& targ
     start.misfit = std::sqrt(misfits.topRows(n).rowwise().squaredNorm().mean()) +
                    std::sqrt(misfits.middleRows(n, m).rowwise().squaredNorm().mean());
     if (k > 0) start.misfit += std::sqrt(misfits.bottomRows(k).rowwise().squaredNorm().mean());
-    if (round == kRounds) break;
+    if (round == effort.rounds) break;
+    if (round > 0 && std::abs(before - start.misfit) < kSettled * before) break;
     const Similarity next = fitted_similarity(pairs_from, pairs_onto, weights);
     // Else one shrinks to a point of the other where they have little in common.
     if (!(next.scale > 0.5 * first_scale && next.scale < 2 * first_scale)) break;
@@ -151,7 +160,7 @@ Placement placement_by(const MarkedPlaces& marked, const CoarseShape& source,
   found.similarity =
       fitted_similarity(marked.source, marked.target, Eigen::VectorXd::Ones(marked.source.rows()));
   // A few say too little of how large one is beside the other.
-  if (marked.source.rows() < kManyMarkers) settle(found, source, target, marked);
+  if (marked.source.rows() < kManyMarkers) settle(found, source, target, marked, kWhole);
   return found;
 }
 
@@ -175,8 +184,13 @@ std::vector<Placement> placements(const CoarseShape& source, const CoarseShape& 
     one.similarity.shift = onto.centre.transpose() -
                            one.similarity.scale * (one.similarity.rotation *
                                                    mirror(from.centre, one.mirrored).transpose());
-    settle(one, source, target, marked);
+    settle(one, source, target, marked, kQuick);
   });
+  std::stable_sort(all.begin() + 1, all.end(),
+                   [](const Placement& a, const Placement& b) { return a.misfit < b.misfit; });
+  all.resize(std::min(all.size(), 1 + kPromising));
+  pool.run(static_cast<int>(all.size()),
+           [&](int i) { settle(all[size_t(i)], source, target, marked, kWhole); });
   return worth_trying(std::move(all), source);
 }
 
