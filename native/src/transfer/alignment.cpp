@@ -19,7 +19,8 @@ namespace {
 
 constexpr int kFirst = 6, kLast = 30;  // functions
 constexpr int kSpare = 20;             // functions that make the last of them exact sooner
-constexpr int kRoughSamples = 400;
+constexpr size_t kRoughSamples = 250;
+constexpr int kRoughStep = 3, kFineStep = 1;  // functions that a map grows by
 constexpr double kConvincing = 0.07;  // stretch of a map that needs no other to compare with
 constexpr int kVerticesPerFunction = 6;
 constexpr double kAsTheyStand = 0.8;    // of the misfit of others: users' meshes mostly stand alike
@@ -83,7 +84,7 @@ class Aligning {
   void map_from(std::vector<Start>& starts, size_t begin) {
     pool_.run(static_cast<int>(starts.size() - begin), [&](int i) {
       Start& start = starts[begin + size_t(i)];
-      find_map(start, kRoughSamples);
+      find_map(start, kRoughSamples, kRoughStep);
       const std::vector<int> rows = roughly_nearest(start.map);
       start.orientation = kept_orientation(rows);
       start.as_they_stand = stands(rows);
@@ -91,7 +92,7 @@ class Aligning {
     });
   }
 
-  void find_map(Start& start, size_t samples) {
+  void find_map(Start& start, size_t samples, int step) {
     const Positions from = start.samples(source_, samples);
     const Positions onto = rows_of(target_.mesh.positions, target_.samples, samples);
     SampledFunctions sampled = {rows_of(bases_[0].functions, source_.samples, samples),
@@ -104,7 +105,7 @@ class Aligning {
         start.map.size() == 0
             ? nearest_rows(from, onto)
             : nearest_rows(start.map(sampled.source), sampled.target.leftCols(start.map.size()));
-    start.map = zoomed_out(sampled, rows, kFirst, count_);
+    start.map = zoomed_out(sampled, rows, kFirst, count_, step);
     start.stretch = stretch_of(start.map, bases_[0].values, bases_[1].values);
   }
 
@@ -253,7 +254,7 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
     return result;
   }
   report(progress, 0.8, "Refining the correspondence");
-  aligning.find_map(starts[best], from.samples.size());
+  aligning.find_map(starts[best], from.samples.size(), kFineStep);
   const NearestRows rows = aligning.nearest(starts[best].map);
   for (size_t rival : rivals)
     result.ambiguous |=

@@ -70,9 +70,10 @@ RowMatrix FunctionalMap::operator()(const RowMatrix& source) const {
   return source.leftCols(size()) * matrix.transpose();
 }
 
-FunctionalMap zoomed_out(const SampledFunctions& samples, NearestRows start, int first, int last) {
+FunctionalMap zoomed_out(const SampledFunctions& samples, NearestRows start, int first, int last,
+                         int step) {
   FunctionalMap map;
-  for (int size = first; size <= last; ++size) {
+  for (int size = first; size <= last; size += step) {
     map = fitted_map(samples, start, size);
     start = nearest_rows(map(samples.source), samples.target.leftCols(size));
   }

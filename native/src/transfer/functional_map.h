@@ -31,10 +31,11 @@ struct SampledFunctions {
   std::vector<std::array<Eigen::RowVectorXd, 2>> landmarks;  ///< source, target
 };
 
-/// Refines a rough correspondence by adding function after function, from the smoothest on
-/// (ZoomOut: Melzi et al. 2019), in both directions at once. start: rows of the samples that
+/// Refines a rough correspondence by adding functions, step by step from the smoothest on (ZoomOut:
+/// Melzi et al. 2019), in both directions at once. start: rows of the samples that
 /// correspond.
-FunctionalMap zoomed_out(const SampledFunctions& samples, NearestRows start, int first, int last);
+FunctionalMap zoomed_out(const SampledFunctions& samples, NearestRows start, int first, int last,
+                         int step);
 
 /// How far a map is from one that keeps lengths: such commute with the Laplacians. 0 where it does.
 double stretch_of(const FunctionalMap& map, const Eigen::VectorXd& source_values,
