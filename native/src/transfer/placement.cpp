@@ -18,7 +18,7 @@ struct Effort {
 constexpr Effort kQuick = {4, 60}, kWhole = {12, 300};
 constexpr size_t kSamples = kWhole.samples;
 constexpr double kSettled = 0.002;  // of the misfit, that a round changes
-constexpr size_t kPromising = 6;   // after a quick look
+constexpr size_t kPromising = 6;    // after a quick look
 constexpr int kManyMarkers = 8;
 constexpr double kMarkerShare = 0.1;  // of each marker, of the weight of all samples
 constexpr double kAlike = 0.03;       // of the box: placements closer than that are one
