@@ -177,6 +177,7 @@ size_t best_of(const std::vector<Start>& starts, std::vector<size_t>& rivals) {
   std::vector<size_t> upright;
   for (size_t i = 0; i < starts.size(); ++i)
     if (starts[i].orientation >= kReversed * most) upright.push_back(i);
+  if (upright.empty()) upright.push_back(0);  // each turns more over than it keeps
   const size_t best = *std::min_element(upright.begin(), upright.end(), [&](size_t a, size_t b) {
     return starts[a].preferred() < starts[b].preferred();
   });
