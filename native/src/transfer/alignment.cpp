@@ -25,7 +25,7 @@ constexpr double kConvincing = 0.07;  // stretch of a map that needs no other to
 constexpr int kVerticesPerFunction = 6;
 constexpr double kAsTheyStand = 0.8;    // of the misfit of others: users' meshes mostly stand alike
 constexpr double kNearlyAsWell = 1.15;  // of the misfit
-constexpr double kAlikeStretch = 0.03;
+constexpr double kAlikeStretch = 0.05;  // twice what rough maps of symmetries have for 0
 constexpr double kElsewhere = 0.2;  // of the box
 constexpr double kReversed = 0.3;   // of the largest share of triangles that keep their orientation
 
@@ -130,6 +130,15 @@ class Aligning {
     for (size_t i = 0; i < one.size(); ++i)
       sum += (target_.mesh.positions.row(one[i]) - target_.mesh.positions.row(other[i])).norm();
     return sum / static_cast<double>(one.size());
+  }
+
+  /// Whether a map takes what the markers name at least roughly there.
+  bool keeps_markers(const std::vector<int>& rows) const {
+    return std::all_of(marked_.begin(), marked_.end(), [&](const std::array<int, 2>& pair) {
+      return (target_.mesh.positions.row(rows[size_t(pair[0])]) -
+              target_.mesh.positions.row(pair[1]))
+                 .norm() < kElsewhere / 2;
+    });
   }
 
  private:
@@ -257,9 +266,11 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   report(progress, 0.8, "Refining the correspondence");
   aligning.find_map(starts[best], from.samples.size(), kFineStep);
   const NearestRows rows = aligning.nearest(starts[best].map);
-  for (size_t rival : rivals)
+  for (size_t rival : rivals) {
+    const std::vector<int> there = aligning.roughly_nearest(starts[rival].map);
     result.ambiguous |=
-        aligning.apart(rows.of_first, aligning.roughly_nearest(starts[rival].map)) > kElsewhere;
+        aligning.keeps_markers(there) && aligning.apart(rows.of_first, there) > kElsewhere;
+  }
   for (int c : from.of_vertex) {
     result.centre.push_back(c < 0 ? -1 : from.vertices[size_t(c)]);
     result.partner.push_back(c < 0 ? -1 : onto.vertices[size_t(rows.of_first[size_t(c)])]);

@@ -16,14 +16,12 @@ struct Effort {
   size_t samples;
 };
 constexpr Effort kQuick = {4, 60}, kWhole = {12, 300};
-constexpr size_t kSamples = kWhole.samples;
 constexpr double kSettled = 0.002;  // of the misfit, that a round changes
-constexpr size_t kPromising = 6;    // after a quick look
+constexpr size_t kPromising = 8;    // after a quick look
 constexpr int kManyMarkers = 8;
 constexpr double kMarkerShare = 0.1;  // of each marker, of the weight of all samples
 constexpr double kAlike = 0.03;       // of the box: placements closer than that are one
 constexpr double kWorthTrying = 1.5;  // of the least misfit
-constexpr size_t kTried = 12;
 
 Positions placed(const Similarity& placement, const Positions& points) {
   return (placement.scale * points * placement.rotation.transpose()).rowwise() +
@@ -126,19 +124,22 @@ void settle(Placement& start, const CoarseShape& source, const CoarseShape& targ
   }
 }
 
-std::vector<Placement> worth_trying(std::vector<Placement> starts, const CoarseShape& source) {
-  double least = starts.front().misfit;
-  for (const Placement& start : starts) least = std::min(least, start.misfit);
+/// As they stand, and the most that fit best and differ.
+std::vector<Placement> best_of(std::vector<Placement> starts, const CoarseShape& source,
+                               size_t most) {
   std::stable_sort(starts.begin() + 1, starts.end(),
                    [](const Placement& a, const Placement& b) { return a.misfit < b.misfit; });
   std::vector<Placement> kept;
+  std::vector<Positions> places;
   for (Placement& start : starts) {
-    if (!start.as_they_stand && start.misfit + kExact > kWorthTrying * (least + kExact)) continue;
-    const Positions here = start.samples(source, kSamples);
-    const bool known = std::any_of(kept.begin(), kept.end(), [&](const Placement& other) {
-      return (other.samples(source, kSamples) - here).rowwise().norm().mean() < kAlike;
+    Positions here = start.samples(source, kQuick.samples);
+    const bool known = std::any_of(places.begin(), places.end(), [&](const Positions& other) {
+      return (other - here).rowwise().norm().mean() < kAlike;
     });
-    if (!known && kept.size() < kTried) kept.push_back(start);
+    if (known) continue;
+    kept.push_back(start);
+    places.push_back(std::move(here));
+    if (kept.size() > most) break;
   }
   return kept;
 }
@@ -186,12 +187,18 @@ std::vector<Placement> placements(const CoarseShape& source, const CoarseShape& 
                                                    mirror(from.centre, one.mirrored).transpose());
     settle(one, source, target, marked, kQuick);
   });
-  std::stable_sort(all.begin() + 1, all.end(),
-                   [](const Placement& a, const Placement& b) { return a.misfit < b.misfit; });
-  all.resize(std::min(all.size(), 1 + kPromising));
+  all = best_of(std::move(all), source, kPromising);
   pool.run(static_cast<int>(all.size()),
            [&](int i) { settle(all[size_t(i)], source, target, marked, kWhole); });
-  return worth_trying(std::move(all), source);
+  all = best_of(std::move(all), source, kPromising);
+  double least = all.front().misfit;
+  for (const Placement& one : all) least = std::min(least, one.misfit);
+  all.erase(std::remove_if(all.begin() + 1, all.end(),
+                           [&](const Placement& one) {
+                             return one.misfit + kExact > kWorthTrying * (least + kExact);
+                           }),
+            all.end());
+  return all;
 }
 
 }  // namespace dd

@@ -423,7 +423,7 @@ def transferring_to_many():
     yield from wait_until(lambda: failed() and bpy.data.texts)
     yield 0.5
     check("then all are done but one", len(done()) == 7 and failed() == ["Head 3"])
-    area('OUTLINER').type = 'TEXT_EDITOR'
+    area('INFO').type = 'TEXT_EDITOR'
     area('TEXT_EDITOR').spaces.active.text = bpy.data.texts[0]
     view = {'window': bpy.context.window_manager.windows[0], 'area': area('PROPERTIES')}
     with bpy.context.temp_override(**view):
@@ -440,7 +440,7 @@ def transferring_to_many():
     with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area('TEXT_EDITOR')):
         bpy.ops.screen.back_to_previous()
     yield 0.5
-    area('TEXT_EDITOR').type = 'OUTLINER'
+    area('TEXT_EDITOR').type = 'INFO'
     yield 0.3
 
 
