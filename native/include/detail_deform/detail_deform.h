@@ -504,8 +504,11 @@ DD_API void dd_deformer_free(dd_deformer* deformer);
 /* What pairs are of. */
 enum dd_pairs_of {
   DD_PAIRS_OF_TRIANGLES = 0,
-  DD_PAIRS_OF_VERTICES = 1 /* a triangle's sources are those with the most corners paired with its
-                              own */
+  DD_PAIRS_OF_VERTICES = 1, /* a triangle's sources are those with the most corners paired with its
+                               own */
+  DD_PAIRS_OF_NEAREST = 2   /* none are given: the target is worn by the source, as a garment by a
+                               body, and follows what it lies over as both stand, by the placement
+                               if one is given */
 };
 
 /* What decides where a transferred pose is: gradients leave the place of each loose part open. */
@@ -518,10 +521,13 @@ enum dd_anchor {
 
 /* What goes where its source went: gradients leave places open. */
 enum dd_placing {
-  DD_PLACING_VERTICES = 0,  /* each loose part, and within it each vertex as far as the shapes are
-                               alike: beyond the paper. With whole gradients, in parts that nothing
-                               pins; else as the next */
-  DD_PLACING_COMPONENTS = 1 /* each loose part as a whole; within it the gradients alone decide */
+  DD_PLACING_VERTICES = 0,   /* each loose part, and within it each vertex as far as the shapes are
+                                alike, or with DD_PAIRS_OF_NEAREST as it lies close, kept outside of
+                                the source: beyond the paper. With whole gradients, in parts that
+                                nothing pins; else as the next */
+  DD_PLACING_COMPONENTS = 1, /* each loose part as a whole; within it the gradients alone decide */
+  DD_PLACING_PARTS = 2       /* each loose part that nothing pins as a whole, which keeps its shape,
+                                as buttons, armour and glasses do */
 };
 
 typedef struct dd_transfer_options {
@@ -538,12 +544,16 @@ typedef struct dd_transfer_options {
   int32_t precision;       /* dd_precision, of the system */
   int32_t threads;         /* as of dd_bind_options */
   int32_t placing;         /* dd_placing */
+  double gap;              /* with DD_PAIRS_OF_NEAREST and DD_PLACING_VERTICES: the target is kept so
+                              far outside of the source, in its own unit, or as far as it is at rest
+                              where that is less. Where most of it is inside at rest, it is kept
+                              there. 0 stands for 0.005 of its box; negative: it may go through */
 } dd_transfer_options;
 
 /* Starts to factor the target's system: a job that makes a dd_transfer.
  *   pairs   pair_count pairs of numbers, source and target; a target's triangle may have none, one
  *           or many sources, which are averaged. Null: the meshes are of the same topology, each
- *           triangle its own source */
+ *           triangle its own source, or with DD_PAIRS_OF_NEAREST they are found */
 DD_API int32_t dd_transfer_start(const dd_mesh* source, const dd_mesh* target, const int32_t* pairs,
                                  size_t pair_count, const dd_transfer_options* options,
                                  dd_job** job);

@@ -26,7 +26,7 @@ namespace {
 struct Given {
   dd::Mesh source, target;
   std::optional<dd::Pairs> pairs;  // none: of the same topology
-  enum class PairsOf { triangles, vertices } pairs_of = PairsOf::triangles;
+  enum class PairsOf { triangles, vertices, nearest } pairs_of = PairsOf::triangles;
   std::optional<dd::Similarity> placement;
   dd::TransferOptions options;
 
@@ -50,7 +50,7 @@ dd::Similarity read_placement(const double* values) {
 }
 
 void read_options(const dd_transfer_options& options, Given& given) {
-  given.pairs_of = choice("options.pairs_of", options.pairs_of, Given::PairsOf::vertices);
+  given.pairs_of = choice("options.pairs_of", options.pairs_of, Given::PairsOf::nearest);
   if (options.placement) given.placement = read_placement(options.placement);
   dd::TransferOptions& how = given.options;
   how.formulation =
@@ -62,7 +62,29 @@ void read_options(const dd_transfer_options& options, Given& given) {
   how.anchors.assign(options.anchors, options.anchors + options.anchor_count);
   how.precision = choice("options.precision", options.precision, dd::Precision::full);
   how.threads = threads(options.threads);
-  how.placing = choice("options.placing", options.placing, dd::Placing::components);
+  require(std::isfinite(options.gap), "options.gap is not finite.");
+  how.gap = options.gap;
+  how.placing = choice("options.placing", options.placing, dd::Placing::parts);
+}
+
+constexpr double kUsualGap = 0.005;  // of the target's box
+
+std::unique_ptr<dd_transfer> transfer_of(const Given& given, const dd::Progress& progress) {
+  dd::TransferOptions how = given.options;
+  if (given.placement) how.placement = &*given.placement;
+  if (given.pairs_of != Given::PairsOf::nearest)
+    return std::make_unique<dd_transfer>(given.source, given.target, given.correspondence(), how,
+                                         progress);
+  dd::validate(given.source, "source");
+  dd::validate(given.target, "target");
+  dd::ThreadPool pool(how.threads);
+  const dd::NearestPoints points(given.source, given.target,
+                                 given.placement.value_or(dd::Similarity{}), pool);
+  how.worn = &points;
+  if (how.gap == 0) how.gap = kUsualGap * dd::UnitBox(given.target.positions).scale;
+  return std::make_unique<dd_transfer>(given.source, given.target,
+                                       points.correspondence(given.source, given.target), how,
+                                       dd::within(progress, 0.1, 1));
 }
 
 }  // namespace
@@ -78,12 +100,11 @@ int32_t dd_transfer_start(const dd_mesh* source, const dd_mesh* target, const in
     given.target = read_mesh("target", target);
     if (pairs || pair_count > 0) given.pairs = read_pairs("pairs", pairs, pair_count);
     read_options(read_struct(options), given);
+    require(!given.pairs || given.pairs_of != Given::PairsOf::nearest,
+            "pairs is not null, but options.pairs_of is DD_PAIRS_OF_NEAREST, which finds them.");
     start_job<dd_transfer>("a transfer", job,
                            [given = std::move(given)](const dd::Progress& progress) {
-                             dd::TransferOptions how = given.options;
-                             if (given.placement) how.placement = &*given.placement;
-                             return std::make_unique<dd_transfer>(
-                                 given.source, given.target, given.correspondence(), how, progress);
+                             return transfer_of(given, progress);
                            });
   });
 }

@@ -26,8 +26,8 @@ constexpr int kVerticesPerFunction = 6;
 constexpr double kAsTheyStand = 0.8;    // of the misfit of others: users' meshes mostly stand alike
 constexpr double kNearlyAsWell = 1.15;  // of the misfit
 constexpr double kAlikeStretch = 0.05;  // twice what rough maps of symmetries have for 0
-constexpr double kElsewhere = 0.2;  // of the box
-constexpr double kReversed = 0.3;   // of the largest share of triangles that keep their orientation
+constexpr double kElsewhere = 0.2;      // of the box
+constexpr double kReversed = 0.3;  // of the largest share of triangles that keep their orientation
 
 /// A placement and what is known of it.
 struct Start : Placement {

@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "mesh/triangles.h"
-#include "systems/free_block.h"
 #include "systems/operators.h"
+#include "transfer/smoothing.h"
 
 namespace dd {
 
@@ -62,21 +62,7 @@ FollowedPlaces::FollowedPlaces(const Mesh& source, const Mesh& target, const Uni
   masses_ = masses_.cwiseMax(kLeastMass * masses_.mean());
 
   const SparseMatrix laplacian = free_block(operators.laplacian, region);
-  const Dissection dissection = free_dissection(laplacian, region, unit, &pool_);
-  std::shared_ptr<const SymbolicCholesky> symbolic;
-  const auto factored = [&](double length, Precision kept) {
-    SparseMatrix block = length * length * laplacian;
-    for (int r = 0; r < region.free_count(); ++r) block.coeffRef(r, r) += masses_[r];
-    BlockOptions how;
-    how.pool = &pool_;
-    how.precision = kept;
-    how.dissection = symbolic ? nullptr : &dissection;
-    how.symbolic = symbolic;
-    how.progress = within(progress, symbolic ? 0.5 : 0, symbolic ? 1 : 0.5);
-    auto factor = std::make_unique<SparseCholesky>(factor_free_block(block, region, how));
-    symbolic = factor->shared_symbolic();
-    return factor;
-  };
+  Smoothing smoothing(laplacian, region, unit, masses_, pool_);
 
   rest_places_ = places_of_source(source.positions);
   std::vector<int> part_of(vertices_.size(), -1);
@@ -91,10 +77,11 @@ FollowedPlaces::FollowedPlaces(const Mesh& source, const Mesh& target, const Uni
   contacts_ =
       std::make_unique<Contacts>(rest_places_, std::move(part_of), masses_, kReach * box.scale);
   // Twice: what is left of a wave falls with the fourth power of its length.
-  const std::unique_ptr<SparseCholesky> of_detail = factored(kDetail, Precision::full);
+  const std::unique_ptr<SparseCholesky> of_detail =
+      smoothing.factored(kDetail, Precision::full, within(progress, 0, 0.5));
   shape_ = smooth(*of_detail, smooth(*of_detail, detail_));
   detail_ -= shape_;
-  factor_ = factored(kSmooth, precision);
+  factor_ = smoothing.factored(kSmooth, precision, within(progress, 0.5, 1));
 }
 
 void FollowedPlaces::add(const Component& component, const Region& region,
@@ -153,13 +140,7 @@ RowMatrix FollowedPlaces::missing(const Positions& places, const Eigen::Matrix3d
     for (Index r = begin; r < end; ++r) {
       const int v = vertices_[size_t(r)];
       if (!points_.is_known(v)) continue;
-      Eigen::Matrix3d S = Eigen::Matrix3d::Zero();
-      int count = 0;
-      for (int j : fans_.of(v)) {
-        S += gradients_.at(j);
-        ++count;
-      }
-      S /= count;
+      const Eigen::Matrix3d S = gradients_.mean_of(fans_.of(v));
       const Eigen::Vector3d shape = shape_.row(r).transpose();
       const double doubt = ((S - M) * shape).squaredNorm() / (different_ * different_);
       const Eigen::Vector3d carried = S * detail_.row(r).transpose() + M * shape;

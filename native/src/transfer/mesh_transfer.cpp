@@ -90,17 +90,15 @@ MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& corre
                                       " triangles, and the target has " +
                                       std::to_string(target_.triangle_count()) + ".");
   report(progress, 0.02, "Looking at the meshes");
-  placement_ =
-      options.placement ? *options.placement : fitted_placement(source_, target_, correspondence);
+  if (options.placement)
+    placement_ = *options.placement;
+  else if (!options.worn)
+    placement_ = fitted_placement(source_, target_, correspondence);
   gradients_ = std::make_unique<SourceGradients>(source_, target_, correspondence, placement_);
   on_target_ = std::make_unique<OnTarget>(*gradients_);
   factor(options, within(progress, 0.2, 0.6));
   find_components();
-  if (options.placing == Placing::vertices) {
-    followed_ = std::make_unique<FollowedPlaces>(source_, target_, box_, components_, placement_,
-                                                 *gradients_, options.precision, pool_,
-                                                 within(progress, 0.6, 1));
-  }
+  prepare_places(options, within(progress, 0.6, 1));
   result_ = target_.positions;
   report(progress, 1.0, "Done");
 }
@@ -152,6 +150,24 @@ void MeshTransfer::factor(const TransferOptions& options, const Progress& progre
   offsets_ = Rows::Zero(order_.count(), 4);
 }
 
+void MeshTransfer::prepare_places(const TransferOptions& options, const Progress& progress) {
+  if (options.placing == Placing::parts) {
+    const Fans fans(target_.triangles, target_.vertex_count());
+    points_ = options.worn ? std::make_unique<SourcePoints>(source_, options.worn->of_vertices)
+                           : std::make_unique<SourcePoints>(source_, target_, fans, *gradients_,
+                                                            placement_, pool_);
+    rigid_parts_ = std::make_unique<RigidParts>(source_, target_, components_, *points_, placement_,
+                                                *gradients_);
+  } else if (options.placing == Placing::vertices && options.worn) {
+    worn_ =
+        std::make_unique<WornPlaces>(source_, target_, box_, region_, *options.worn, placement_,
+                                     *gradients_, options.gap, options.precision, pool_, progress);
+  } else if (options.placing == Placing::vertices) {
+    followed_ = std::make_unique<FollowedPlaces>(source_, target_, box_, components_, placement_,
+                                                 *gradients_, options.precision, pool_, progress);
+  }
+}
+
 void MeshTransfer::find_components() {
   components_ = movable_components(target_, region_);
   for (Component& component : components_) {
@@ -190,11 +206,16 @@ const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
   solve(anchor_places);
   const Eigen::RowVector3d of_pinned = place(pose);
   if (followed_ && !rotation_only) followed_->correct(pose, result_);
-  // Pins keep a pinned component away from where its source went. The others are shifted by as
-  // much, so that all components keep together.
-  for (const Component& component : components_)
-    if (!component.held)
-      for (int v : component.vertices) result_.row(v) -= of_pinned;
+  if (worn_ && !rotation_only) {
+    worn_->correct(pose, result_);
+  } else {
+    if (rigid_parts_) rigid_parts_->correct(pose, result_);
+    // Pins keep a pinned component away from where its source went. The others are shifted by as
+    // much, so that all components keep together.
+    for (const Component& component : components_)
+      if (!component.held)
+        for (int v : component.vertices) result_.row(v) -= of_pinned;
+  }
   keep_anchors(anchor_places);
   if (!result_.allFinite())
     throw Error(Status::numeric,

@@ -11,7 +11,9 @@
 #include "surface/corner_flux.h"
 #include "surface/reconstruction.h"
 #include "transfer/followed_places.h"
+#include "transfer/rigid_parts.h"
 #include "transfer/source_gradients.h"
+#include "transfer/worn_places.h"
 
 namespace dd {
 
@@ -25,8 +27,9 @@ enum class Anchor {
 
 /// What goes where its source went. The values are those of dd_placing in the public header.
 enum class Placing {
-  vertices = 0,   ///< each component, and within it each vertex: see FollowedPlaces
-  components = 1  ///< each component as a whole, deformed by the gradients alone
+  vertices = 0,    ///< each component, and within it each vertex: see FollowedPlaces, WornPlaces
+  components = 1,  ///< each component as a whole, deformed by the gradients alone
+  parts = 2        ///< each component as a whole, which keeps its shape: see RigidParts
 };
 
 struct TransferOptions {
@@ -36,6 +39,9 @@ struct TransferOptions {
   std::vector<int> anchors;               ///< target vertices, for Anchor::vertices and pinned
   /// How the source lies to the target; null: as the correspondences say. See fitted_placement().
   const Similarity* placement = nullptr;
+  /// Where the target lies over the source, and is worn by it: by that placement, or as they stand.
+  const NearestPoints* worn = nullptr;
+  double gap = -1;  ///< of what is worn, by vertices: see WornPlaces
   Precision precision = Precision::full;
   int threads = 0;  ///< 0: as many as the machine has, at most 8
 };
@@ -91,6 +97,7 @@ class MeshTransfer {
 
   void factor(const TransferOptions& options, const Progress& progress);
   void find_components();
+  void prepare_places(const TransferOptions& options, const Progress& progress);
   Positions checked_places(const Positions* places) const;
   void solve(const Positions& anchor_places);
   /// Moves the components of result_ that nothing holds to their sources. Returns how far pins keep
@@ -119,6 +126,9 @@ class MeshTransfer {
 
   std::vector<Component> components_;  // triangles: those with a source
   std::unique_ptr<FollowedPlaces> followed_;
+  std::unique_ptr<WornPlaces> worn_;
+  std::unique_ptr<SourcePoints> points_;  // of the next
+  std::unique_ptr<RigidParts> rigid_parts_;
   int unmatched_component_count_ = 0, unmatched_component_example_ = -1;
   Rows offsets_;  // in order_, unit box
   Positions result_;

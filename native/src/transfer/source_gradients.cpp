@@ -207,6 +207,16 @@ void SourceGradients::replace_collapsed(const Positions& pose) {
   }
 }
 
+Eigen::Matrix3d SourceGradients::mean_of(const Fans::Range& target_triangles) const {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  int count = 0;
+  for (int j : target_triangles) {
+    sum += gradients_[j];
+    ++count;
+  }
+  return sum / std::max(count, 1);
+}
+
 void SourceGradients::take_means(bool rotation_only) {
   std::vector<Eigen::Matrix3d> found;  // all before any is replaced, as they overlap
   for (const Mean& mean : means_) {

@@ -6,6 +6,7 @@
 
 #include "mesh/correspondence.h"
 #include "mesh/mesh.h"
+#include "mesh/topology.h"
 #include "support/similarity.h"
 #include "support/thread_pool.h"
 #include "surface/gradients.h"
@@ -38,6 +39,9 @@ class SourceGradients {
 
   /// S_j of a target triangle in the pose taken.
   const Eigen::Matrix3d& at(int target_triangle) const { return gradients_[target_triangle]; }
+
+  /// The mean of some triangles', zero of none.
+  Eigen::Matrix3d mean_of(const Fans::Range& target_triangles) const;
 
   /// Whether a target triangle has sources of its own.
   bool is_matched(int target_triangle) const { return matched_[target_triangle]; }

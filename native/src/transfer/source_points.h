@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "mesh/aabb_tree.h"
@@ -17,6 +18,10 @@ class SourcePoints {
  public:
   SourcePoints(const Mesh& source, const Mesh& target, const Fans& fans,
                const SourceGradients& gradients, const Similarity& placement, ThreadPool& pool);
+
+  /// Points that are known.
+  SourcePoints(const Mesh& source, std::vector<PointOnTriangle> points)
+      : triangles_(source.triangles), points_(std::move(points)) {}
 
   /// Whether a vertex has a triangle with a source.
   bool is_known(int vertex) const { return points_[vertex].triangle >= 0; }

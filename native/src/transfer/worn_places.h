@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <memory>
+
+#include "mesh/unit_box.h"
+#include "solver/sparse_cholesky.h"
+#include "systems/region.h"
+#include "transfer/nearest_points.h"
+#include "transfer/outside.h"
+#include "transfer/source_gradients.h"
+#include "transfer/source_points.h"
+
+namespace dd {
+
+/// Beyond the paper: a garment stays where it was on a body, and outside of it. With b_i the point
+/// of the source that vertex p_i of the target lies over, A the placement, and S_i the mean
+/// gradient about the vertex, it is to be at
+///
+///   g_i = A(b'_i) + S_i (p_i − A(b_i)).
+///
+/// The transferred surface p' is moved by the smooth part of what is missing,
+///
+///   (ℓ² L + W) Δ = W (g − p'),   W = D / (1 + |p − A(b)|² / δ²),   D: masses,
+///
+/// so that what lies close keeps its place and what hangs loosely goes as the gradients make it.
+/// Then vertices and centres of triangles that have come nearer to the source than a gap, and by a
+/// quarter nearer than they were at rest, are moved out (Outside), smoothly first, then each by
+/// itself. All of it is
+/// continuous in the pose, and none where the source moves rigidly.
+class WornPlaces {
+ public:
+  /// region: of the target, of which the free vertices move. gap: in the target's units; negative:
+  /// it isn't kept outside. All must outlive this.
+  WornPlaces(const Mesh& source, const Mesh& target, const UnitBox& box, const Region& region,
+             const NearestPoints& points, const Similarity& placement,
+             const SourceGradients& gradients, double gap, Precision precision, ThreadPool& pool,
+             const Progress& progress = {});
+
+  /// pose: S', whose gradients were taken. result: T' as they make it; moved.
+  void correct(const Positions& pose, Positions& result);
+
+ private:
+  Positions placed(const Positions& of_source) const;
+  RowMatrix smooth(const RowMatrix& values) const;
+  void prepare_outside(const NearestPoints& points, double gap);
+  Eigen::Vector3d place_of(Index point, const Positions& positions) const;
+  /// Of each vertex and centre, how far it is to be moved and that shift's length; zero where it is
+  /// outside.
+  struct Shifts {
+    Rows rows;
+    /// Where each was looked at, and how much higher than it must be; 0: not yet.
+    Positions seen;
+    std::vector<double> spare;
+  };
+  /// Those that have come near since they were seen are looked at again. Returns whether any is to
+  /// be moved.
+  bool look(const Positions& result, Shifts& shifts) const;
+  /// Sums over each free vertex and the triangles about it: shifts weighted by their lengths, and
+  /// these.
+  Rows gathered(const Rows& shifts) const;
+  void move_out(Positions& result) const;
+
+  const Mesh &source_, &target_;
+  const Region& region_;
+  const Similarity& placement_;
+  const SourceGradients& gradients_;
+  ThreadPool& pool_;
+  Fans fans_;
+  SourcePoints points_;
+  double unit_;           // the target's box
+  Positions arms_;        // p_i − A(b_i), of each row
+  Eigen::VectorXd held_;  // W
+  std::unique_ptr<SparseCholesky> factor_;
+
+  std::unique_ptr<Outside>
+      outside_;                // of vertices, then centres of triangles; null: it doesn't matter
+  double side_ = 1;            // on which most of it is: −1 inside
+  std::vector<double> least_;  // height of each that it must have
+};
+
+}  // namespace dd

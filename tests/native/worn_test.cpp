@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Garments and props that follow what they lie over.
+#include "catch.h"
+#include "mesh/triangles.h"
+#include "mesh/unit_box.h"
+#include "meshes.h"
+#include "support/rotations.h"
+#include "transfer/mesh_transfer.h"
+
+using namespace dd;
+using test::largest_difference;
+
+namespace {
+
+/// A tube about the z axis from z = low to high, whose normals point outwards.
+Mesh tube(double radius, double low, double high, int around, int along) {
+  Mesh mesh;
+  mesh.positions.resize(around * (along + 1), 3);
+  for (int i = 0; i <= along; ++i)
+    for (int k = 0; k < around; ++k) {
+      const double turn = 2 * kPi * (k + 0.5 * (i % 2)) / around;
+      mesh.positions.row(i * around + k) << radius * std::cos(turn), radius * std::sin(turn),
+          low + (high - low) * i / along;
+    }
+  mesh.triangles.resize(2 * around * along, 3);
+  int j = 0;
+  for (int i = 0; i < along; ++i)
+    for (int k = 0; k < around; ++k) {
+      const int next = (k + 1) % around, a = i * around, b = a + around;
+      if (i % 2 == 0) {
+        mesh.triangles.row(j++) << a + k, a + next, b + k;
+        mesh.triangles.row(j++) << a + next, b + next, b + k;
+      } else {
+        mesh.triangles.row(j++) << a + k, a + next, b + next;
+        mesh.triangles.row(j++) << a + k, b + next, b + k;
+      }
+    }
+  return mesh;
+}
+
+/// Bent about the y axis where z > 0, cross-sections as they are.
+Positions bent(const Positions& p, double curvature) {
+  Positions result = p;
+  for (Index v = 0; v < p.rows(); ++v) {
+    const double turn = curvature * std::max(0.0, p(v, 2)), radius = 1 / curvature - p(v, 0);
+    result.row(v) << 1 / curvature - radius * std::cos(turn), p(v, 1),
+        radius * std::sin(turn) + std::min(0.0, p(v, 2));
+  }
+  return result;
+}
+
+struct Worn {
+  Worn(const Mesh& body, const Mesh& garment, double gap = -1, Placing placing = Placing::vertices,
+       int threads = 1)
+      : pool(threads), points(body, garment, {}, pool) {
+    TransferOptions options;
+    options.placing = placing;
+    options.worn = &points;
+    options.gap = gap;
+    options.threads = threads;
+    transfer = std::make_unique<MeshTransfer>(body, garment, points.correspondence(body, garment),
+                                              options);
+  }
+  Positions at(const Positions& pose) { return transfer->apply(pose, false); }
+  ThreadPool pool;
+  NearestPoints points;
+  std::unique_ptr<MeshTransfer> transfer;
+};
+
+/// Where a body is outside of a garment: how deep, at most, its vertices and middles of triangles
+/// are inside the body, by the nearest of all its triangles.
+double depth(const Mesh& body, const Mesh& garment) {
+  const AabbTree tree(body);
+  const Positions normals = triangle_normals(body.positions, body.triangles);
+  double deepest = 0;
+  const auto look = [&](const Eigen::Vector3d& place) {
+    // Of several that are as near the one that it is most in front of.
+    const PointOnTriangle near = tree.nearest(place, 1e3, [](int) { return true; });
+    double height = -1e3;
+    tree.nearest(place, std::sqrt(near.squared_distance) + 1e-9, [&](int j) {
+      if (nearest_on_triangle(body, j, place).squared_distance <= near.squared_distance + 1e-12)
+        height = std::max(height, normals.row(j).dot(place.transpose() - near.place.transpose()));
+      return false;
+    });
+    deepest = std::max(deepest, -height);
+  };
+  for (Index v = 0; v < garment.positions.rows(); ++v) look(garment.positions.row(v).transpose());
+  for (Index j = 0; j < garment.triangles.rows(); ++j)
+    look(triangle_centre(garment.positions, garment.triangles, j));
+  return deepest;
+}
+
+/// A muscle that rises.
+Positions flexed(const Positions& p, double by) {
+  Positions result = p;
+  for (Index v = 0; v < p.rows(); ++v) {
+    const Eigen::RowVector3d out = Eigen::RowVector3d(p(v, 0), p(v, 1), 0).normalized();
+    const double share = std::exp(-8 * (p.row(v) - Eigen::RowVector3d(1, 0, 0)).squaredNorm());
+    result.row(v) += by * share * out;
+  }
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("a sleeve of another topology bends with an arm at the distance that it had") {
+  const Mesh arm = tube(1, -4, 4, 48, 90), sleeve = tube(1.2, -3, 3, 37, 55);
+  const Positions truth = bent(sleeve.positions, 0.3);
+  const double box = UnitBox(sleeve.positions).scale;
+  Worn worn(arm, sleeve);
+  CHECK(largest_difference(worn.at(arm.positions), sleeve.positions) < 1e-7 * box);
+  const Positions posed = worn.at(bent(arm.positions, 0.3));
+  CHECK((posed - truth).rowwise().norm().mean() < 2e-3 * box);
+  CHECK(largest_difference(posed, truth) < 1e-2 * box);
+  // Gradients alone drift, as (14) keeps a place on the mean.
+  Worn drifting(arm, sleeve, -1, Placing::components);
+  CHECK((drifting.at(bent(arm.positions, 0.3)) - truth).rowwise().norm().mean() >
+        3 * (posed - truth).rowwise().norm().mean());
+}
+
+TEST_CASE("what is worn moves rigidly with its source, at any gap") {
+  const Mesh arm = tube(1, -4, 4, 40, 60), sleeve = tube(1.02, -3, 3, 31, 45);
+  const double box = UnitBox(sleeve.positions).scale;
+  for (double gap : {-1.0, 0.0, 0.3}) {
+    Worn worn(arm, sleeve, gap);
+    const test::Affine motion = test::rotation_about(2.1, {1, 2, 3}, {0, 1, 0}, {5, -3, 2});
+    CHECK(largest_difference(worn.at(test::transformed(motion, arm.positions)),
+                             test::transformed(motion, sleeve.positions)) < 1e-6 * box);
+  }
+}
+
+TEST_CASE("a garment is kept outside of what rises below it, and where it is far it stays") {
+  const Mesh body = tube(1, -4, 4, 96, 180);
+  Mesh shirt = tube(1.03, -3, 3, 19, 27);
+  const double box = UnitBox(shirt.positions).scale;
+  const Positions pose = flexed(bent(body.positions, 0.35), 0.5);
+  const double rest = depth(body, shirt);
+  CHECK(rest == 0);
+  Worn free(body, shirt, -1), kept(body, shirt, 0.005 * box);
+  const Positions through = free.at(pose), outside = kept.at(pose);
+  const Mesh posed{pose, body.triangles};
+  CHECK(depth(posed, {through, shirt.triangles}) > 1e-3 * box);
+  CHECK(depth(posed, {outside, shirt.triangles}) < 1e-5 * box);
+  // Only where it must be, and not by more than it must.
+  CHECK(largest_difference(through, outside) < 0.05 * box);
+}
+
+TEST_CASE("a garment goes on steadily while its source does") {
+  const Mesh body = tube(1, -4, 4, 48, 90), shirt = tube(1.05, -3, 3, 43, 61);
+  Worn worn(body, shirt, 0.05);
+  Positions before, pose_before;
+  double fastest = 0;
+  for (int step = 0; step <= 400; ++step) {
+    const double t = step / 400.0;
+    const Positions pose = flexed(bent(body.positions, 0.05 + 0.5 * t), 0.8 * t);
+    const Positions here = worn.at(pose);
+    if (step > 0)
+      fastest = std::max(fastest,
+                         largest_difference(here, before) / largest_difference(pose, pose_before));
+    before = here;
+    pose_before = pose;
+  }
+  CHECK(fastest < 3);
+}
+
+TEST_CASE("props keep their shape and go with what they lie on") {
+  const Mesh arm = tube(1, -4, 4, 48, 90);
+  // A ring, a button and a long thin strap.
+  const Mesh ring = tube(1.1, 1, 1.4, 30, 3);
+  Mesh button = test::sphere(2), strap = button;
+  button.positions *= 0.1;
+  button.positions.col(0).array() += 1.12;
+  button.positions.col(2).array() += 2;
+  strap.positions = strap.positions * Eigen::Vector3d(0.01, 0.01, 0.8).asDiagonal();
+  strap.positions.col(1).array() += 1.05;
+  const Mesh props = test::appended(test::appended(ring, button), strap);
+  Worn worn(arm, props, -1, Placing::parts);
+  const Positions pose = bent(arm.positions, 0.3);
+  const Positions posed = worn.at(pose);
+  CHECK(largest_difference(worn.at(arm.positions), props.positions) < 1e-9);
+  for (Index j = 0; j < props.triangles.rows(); ++j)
+    for (int k = 0; k < 3; ++k) {
+      const int a = props.triangles(j, k), b = props.triangles(j, (k + 1) % 3);
+      CHECK((posed.row(a) - posed.row(b)).norm() ==
+            Approx((props.positions.row(a) - props.positions.row(b)).norm()).margin(1e-9));
+    }
+  // As the arm does there.
+  const Positions truth = bent(props.positions, 0.3);
+  const Index first = ring.positions.rows(), last = first + button.positions.rows();
+  CHECK(largest_difference(posed.middleRows(first, last - first),
+                           truth.middleRows(first, last - first)) < 0.04);
+  CHECK(largest_difference(posed.topRows(first), truth.topRows(first)) < 0.1);
+}
+
+TEST_CASE("the number of threads changes no bit of what is worn", "[threads]") {
+  const Mesh body = tube(1, -4, 4, 96, 90), shirt = tube(1.03, -3, 3, 83, 71);
+  const Positions pose = flexed(bent(body.positions, 0.35), 0.5);
+  for (Placing placing : {Placing::vertices, Placing::parts}) {
+    const Positions one = Worn(body, shirt, 0.05, placing, 1).at(pose);
+    CHECK(Worn(body, shirt, 0.05, placing, 3).at(pose) == one);
+  }
+}
