@@ -199,6 +199,14 @@ def test_zero_stands_for_what_the_header_says(native, structs, strip, struct, fi
         same, other = ([(a == b).all() for a, b in zip(found[0], one)] for one in found[1:])
         assert all(same) and (field == 'reach' or not all(other))
         return
+    if struct == 'dd_transfer_options':  # the source comes up to what is pinned
+        above, up = np.float32([0, 0, 2]), np.float32([0, 0, 1.95])
+        found = [native.Transfer((strip.positions, strip.triangles), (strip.positions + above, strip.triangles),
+                                 pairs_of='NEAREST', anchor='PINNED', anchors=[0, 90],
+                                 **{field: number}).apply(strip.positions + up, 'WHOLE')
+                 for number in (0, value, 100 * value)]
+        assert (found[0] == found[1]).all() and (found[0] != found[2]).any()
+        return
     assert struct == 'dd_update_options'
     of = {option.fills.name: need.values[0] for option in part('library.options').SETTINGS if option.fills
           for need in option.needs if need.name == 'method'}
@@ -217,4 +225,4 @@ def test_zero_stands_for_what_the_header_says(native, structs, strip, struct, fi
 def test_defaults_are_told():
     assert [field for _, field, _ in told_defaults()] == [
         'refine', 'levels', 'volume_tolerance', 'volume_iterations', 'steps', 'example_stiffness', 'rim_smoothing',
-        'rotation_smoothing', 'stages', 'rounds', 'smoothness', 'identity', 'reach']
+        'rotation_smoothing', 'gap', 'stages', 'rounds', 'smoothness', 'identity', 'reach']

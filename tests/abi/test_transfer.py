@@ -241,3 +241,32 @@ def test_offsets_are_positions_less_those_at_rest(native, structs, strip):
     options = structs.ApplyOptions(values='OFFSETS')
     assert native.library().dd_transfer_apply(transfer._handle, pose, len(pose), options, out, len(out)) == 0
     assert np.allclose(strip.positions + out, transfer.apply(pose), atol=1e-5) and np.abs(out).max() > 1
+
+
+def test_what_is_worn_follows_what_it_lies_over_and_stays_outside(native, strip):
+    """A sheet of fewer vertices over the strip, which then bulges between them."""
+    x, y = np.meshgrid(np.linspace(2, 14, 7), np.linspace(0.5, 6.5, 5), indexing='ij')
+    low, high = strip.positions.min(0), strip.positions.max(0)
+    x = low[0] + (high[0] - low[0]) * (x - 2) / 12
+    y = low[1] + (high[1] - low[1]) * (y - 0.5) / 6
+    sheet = np.stack([x, y, np.full_like(x, high[2] + 0.2)], -1).reshape(-1, 3).astype(np.float32)
+    corner = (np.arange(6)[:, None] * 5 + np.arange(4)).ravel()
+    triangles = np.concatenate([np.stack([corner, corner + 5, corner + 6], -1),
+                                np.stack([corner, corner + 6, corner + 1], -1)]).astype(np.int32)
+    worn = native.Transfer(mesh(strip), (sheet, triangles), pairs_of='NEAREST', precision='DOUBLE')
+    assert np.abs(worn.apply(strip.positions, WHOLE) - sheet).max() < 1e-5
+    assert worn.info.through_count == 0 and worn.info.through_example == -1
+    assert 0 < worn.info.worn_distance < 1
+    turn = rotation(0.7, (1, 2, 3))[0]
+    spun = (strip.positions @ turn[:, :3].T + turn[:, 3]).astype(np.float32)
+    assert np.abs(worn.apply(spun, WHOLE) - (sheet @ turn[:, :3].T + turn[:, 3])).max() < 1e-3
+    rigid = native.Transfer(mesh(strip), (sheet, triangles), pairs_of='NEAREST', placing='PARTS')
+    posed = rigid.apply(bent(strip.positions), WHOLE)
+    lengths = [np.linalg.norm(p[triangles] - p[np.roll(triangles, 1, axis=1)], axis=2) for p in (sheet, posed)]
+    assert np.abs(lengths[0] - lengths[1]).max() < 1e-4
+    below = sheet - np.float32([0, 0, 0.4 + high[2] - low[2]]) * (np.arange(len(sheet)) == 17)[:, None]
+    assert native.Transfer(mesh(strip), (below.astype(np.float32), triangles), pairs_of='NEAREST').info.through_example == 17
+    with pytest.raises(native.NativeError, match="pairs is not null, but options.pairs_of is DD_PAIRS_OF_NEAREST"):
+        native.Transfer(mesh(strip), (sheet, triangles), [[0, 0]], pairs_of='NEAREST')
+    with pytest.raises(native.NativeError, match="options.gap is not finite"):
+        native.Transfer(mesh(strip), (sheet, triangles), pairs_of='NEAREST', gap=float('nan'))

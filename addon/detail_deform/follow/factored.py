@@ -27,7 +27,7 @@ def clear():
 
 def prepare(source, target, matched, how):
     """Generator of the fraction done; gives the Prepared of these objects. Raises MeshProblem or native.NativeError."""
-    by = 'TOPOLOGY' if matched.pairs is None else correspondence.digest_of(matched)
+    by = 'TOPOLOGY' if matched.is_by_topology else correspondence.digest_of(matched)
     content = prepared.content(source, target, by, how)
     if content not in _kept:
         job = prepared.Preparation(source, target, matched, how)

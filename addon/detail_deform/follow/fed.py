@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What follows a source, as a kind of life: where its content is another one, it is prepared anew by itself."""
 
+from ..library.options import NEAREST
 from ..scene import correspondence, mesh_data, node_group, source_pose
 from ..scene.mesh_data import MeshProblem
 from . import made, prepared
@@ -49,7 +50,7 @@ def matched(source, ob):
     how = ob.detail_deform.transfer.correspondence
     if how == 'TOPOLOGY':
         return correspondence.by_topology(source, ob)
-    if how != 'STORED':
+    if how not in {'STORED', NEAREST}:
         what = "a match is searched" if how == 'MARKERS' else "a list is read"
         raise MeshProblem(f"'{ob.name}' follows by its Saved Match: {what} only when following starts. Press Follow "
                           "to stop, and again to start.")
@@ -63,7 +64,8 @@ def content(source, ob, to_keep=None):
     how, kept = of.correspondence, correspondence.digest(ob)
     if to_keep:
         how, kept = 'STORED', correspondence.digest_of(to_keep)
-    return prepared.content(source, ob, f"{how}.{kept if how == 'STORED' else ''}", prepared.How.of(of))
+    by = 'TOPOLOGY' if how == 'TOPOLOGY' else f"STORED.{kept}"
+    return prepared.content(source, ob, by, prepared.How.of(of))
 
 
 def _owner(ob):

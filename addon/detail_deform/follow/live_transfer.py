@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..library.options import NEAREST
 from ..scene import correspondence, node_group, offset_attribute, source_pose, stack, transferred
 from ..scene.mesh_data import MeshProblem
 from . import binding, fed, life, registry
@@ -39,7 +40,8 @@ def start(context, ob, source, matched=None):
         life.finish(fed, content)
     if matched:
         correspondence.store(matched, source, ob)
-        settings.correspondence = 'STORED'
+        if matched.pairs_of != NEAREST:  # which is found again the next time
+            settings.correspondence = 'STORED'
     modifier = stack.ensure_modifier(ob)
     if settings.source != source:
         settings.source = source

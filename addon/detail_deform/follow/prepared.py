@@ -10,18 +10,41 @@ from ..scene import mesh_data
 from ..scene.mesh_data import MeshProblem
 
 
+class _Space(NamedTuple):
+    """From an object's own space to the one that both meshes are taken in."""
+    linear: np.ndarray  # (3, 3)
+    shift: np.ndarray  # (3,)
+
+    def to(self, points):
+        """(n, 3) float32"""
+        return (points @ self.linear.T + self.shift).astype(np.float32)
+
+    def back(self, points):
+        """(n, 3) float32"""
+        return ((points - self.shift) @ np.linalg.inv(self.linear).T).astype(np.float32)
+
+
+def _spaces(source, target, stance):
+    """Each as it is proportioned in the scene; the source of a stance as it stands to the target."""
+    own = [_Space(np.diag(proportions(ob)).astype(float), np.zeros(3)) for ob in (source, target)]
+    if stance is None:
+        return own
+    linear = own[1].linear
+    return [_Space(linear @ stance[:3, :3], linear @ stance[:3, 3]), own[1]]
+
+
 class Prepared:
     """A factored transfer between two objects, in spaces as they are proportioned in the scene."""
 
-    def __init__(self, transfer, source, target):
-        """source, target: proportions of the two."""
-        self.info = transfer.info
+    def __init__(self, transfer, source, target, worn):
+        """source, target: the _Space of each."""
+        self.info, self.worn = transfer.info, worn
         self._transfer, self._source, self._target = transfer, source, target
 
     def apply(self, pose, rotation_only):
         """(n, 3) float32 of the target, from the source's."""
         gradients = 'ROTATIONS' if rotation_only else 'WHOLE'
-        return self._transfer.apply(pose * self._source, gradients) / self._target
+        return self._target.back(self._transfer.apply(self._source.to(pose), gradients))
 
 
 def proportions(ob):
@@ -38,6 +61,8 @@ class How(NamedTuple):
     anchor_group: str
     formulation: str
     placing: str
+    keep_outside: bool
+    gap: float
 
     @classmethod
     def of(cls, settings):
@@ -46,6 +71,11 @@ class How(NamedTuple):
         # What keeps its proportions goes by turns alone, and needs no more.
         return how._replace(placing='COMPONENTS') if settings.rotation_only else how
 
+    @property
+    def least_gap(self):
+        """As the library takes it."""
+        return max(self.gap, 1e-6) if self.keep_outside else -1.0  # 0 would stand for its default
+
 
 class Preparation:
     """A transfer between two objects that is being factored: a job like those of native. Blender's data are read at the
@@ -53,12 +83,17 @@ class Preparation:
 
     def __init__(self, source, target, matched, how, precision='DOUBLE'):
         """how: a How. Raises MeshProblem or native.NativeError."""
-        self._sides = proportions(source), proportions(target)
-        meshes = ((mesh_data.rest(source.data) * self._sides[0], matched.source_triangles),
-                  (mesh_data.rest(target.data) * self._sides[1], matched.target_triangles))
+        self._spaces, self._worn = _spaces(source, target, matched.stance), matched.stance is not None
+        meshes = [[space.to(mesh_data.rest(ob.data)), triangles] for ob, space, triangles in zip(
+            (source, target), self._spaces, (matched.source_triangles, matched.target_triangles))]
+        more = {}
+        if self._worn:
+            more['gap'] = how.least_gap
+            if np.linalg.det(self._spaces[0].linear) < 0:  # what is outside stays so in a mirror
+                meshes[0][1] = np.ascontiguousarray(matched.source_triangles[:, ::-1])
         self._job = native.TransferJob(*meshes, matched.pairs, pairs_of=matched.pairs_of, anchor=how.anchor,
                                        anchors=_anchors(target, how), formulation=how.formulation,
-                                       placing=how.placing, precision=precision)
+                                       placing=how.placing, precision=precision, **more)
         self.progress, self.cancel, self.close = self._job.progress, self._job.cancel, self._job.close
         self.fractions = self._job.fractions
 
@@ -71,7 +106,7 @@ class Preparation:
 
     def finish(self):
         """The Prepared, or native.NativeError."""
-        return Prepared(self._job.finish(), *self._sides)
+        return Prepared(self._job.finish(), *self._spaces, self._worn)
 
 
 def content(source, target, by, how):
@@ -82,7 +117,8 @@ def content(source, target, by, how):
     meshes = [mesh_data.signature(mesh_data.rest(side.data)) + mesh_data.topology_signature(side.data)
               for side in (source, target)]
     scales = [mesh_data.signature(proportions(side)) for side in (source, target)]
-    return '.'.join([*meshes, by, how.anchor, anchors, how.formulation, how.placing, *scales])
+    return '.'.join([*meshes, by, how.anchor, anchors, how.formulation, how.placing, f"{how.least_gap:.5g}",
+                     *scales])
 
 
 def _anchors(target, how):
@@ -109,9 +145,12 @@ def remarks(transfer):
                "that do.")
     if info.degenerate_count:
         yield f"{info.degenerate_count:,} triangles of this mesh have next to no area."
-    if info.overstretched_count:
+    if info.overstretched_count and not transfer.worn:
         yield (f"{info.overstretched_count:,} triangles of the source (such as {info.overstretched_example}) "
                "correspond to more than eight times their area, so what is around them is taken in their place: add "
                "a marker there if that looks wrong.")
+    if info.through_count:
+        yield (f"{info.through_count:,} vertices of this mesh (such as {info.through_example}) are through the source "
+               "at rest, and are kept from going farther.")
     if info.mirrored:
         yield "This mesh looks like the source's mirror image, which a deformation can't be turned into."

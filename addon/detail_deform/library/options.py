@@ -93,6 +93,7 @@ FORMULATIONS = (
 PAIRS_OF = (
     ('TRIANGLES', "Triangles", "Numbers of triangles; those of faces where all of them are triangles"),
     ('VERTICES', "Vertices", "Numbers of vertices"))
+NEAREST = 'NEAREST'  # of the library, which finds them
 ANCHORS = (
     ('SOURCE', "With Source", "Every loose part moves along with what it corresponds to"),
     ('CENTROID', "Centre", "The centre of the mesh stays in place"),
@@ -100,9 +101,11 @@ ANCHORS = (
     ('PINNED', "Pinned Group", "Each vertex of the anchor group stays in place"))
 PLACINGS = (
     ('VERTICES', "As the Source",
-     "What has a shape like the source's goes where the source goes, and lids and lips that close there close here"),
+     "What has a shape like the source's goes where the source goes, and lids and lips that close there close here. "
+     "By Nearest, what lies close keeps its place there"),
     ('COMPONENTS', "By Turns Alone",
-     "Each loose part goes along as a whole; within it turns and stretches alone decide. Two to four times as fast"))
+     "Each loose part goes along as a whole; within it turns and stretches alone decide. Two to four times as fast"),
+    ('PARTS', "Rigid Parts", "Each loose part keeps its shape, as buttons, armour and glasses do"))
 BASE_DEFORMERS = (
     ('AUTOMATIC', "Automatic",
      "Linear where no handle turns by more than 135 degrees against another one or what is fixed, Motions from 180 "
@@ -133,7 +136,9 @@ CORRESPONDENCES = (
      "Found by fitting the source to this mesh. Poses, remeshed copies and akin shapes need no markers; places that "
      "are marked on both meshes, by vertex groups or empties named Marker 1, Marker 2 and so on, fall on one another"),
     ('LIST', "List", "Pairs of triangles or vertices from a text file"),
-    ('STORED', "Saved Match", "What was found or read before and is saved with this mesh"))
+    ('STORED', "Saved Match", "What was found or read before and is saved with this mesh"),
+    (NEAREST, "Nearest", "Clothes, armour and other props: each face goes with what it lies over on the source, as both "
+                         "stand in the scene when Follow or Transfer is pressed, in their rest shapes"))
 
 
 def numbers_of(values):
@@ -153,8 +158,8 @@ def _or_none(length):
     return length or -1  # a zero would stand for the default
 
 
-def _next_to_none(stiffness):
-    return max(stiffness, 1e-6)  # a zero would stand for the default
+def _next_to_none(value):
+    return max(value, 1e-6)  # a zero would stand for the default
 
 
 _COMPUTED = Need('base', ('COMPUTED',))
@@ -278,6 +283,8 @@ SETTINGS = (
     Option('live', bool, "Live", "Follow every move of the handles. Off: only when Update is pressed", default=True),
 )
 
+_WORN = (Need('correspondence', (NEAREST, 'STORED')), Need('rotation_only', (False,)), Need('placing', ('VERTICES',)))
+
 # Of Object.detail_deform.transfer, and arguments of the operator that transfers.
 TRANSFER_SETTINGS = (
     Option('correspondence', CORRESPONDENCES, "Match By",
@@ -299,6 +306,19 @@ TRANSFER_SETTINGS = (
            fills=Field(TRANSFER, 'placing', 'dd_placing'), section='TRANSFER',
            needs=(Need('rotation_only', (False,)),),
            told="What decides where the mesh goes; as in the panel unless given"),
+    Option('keep_outside', bool, "Keep Outside",
+           "What is matched by Nearest doesn't go through the source, or not farther than it does at rest. What is "
+           "mostly inside of it at rest stays inside",
+           default=True, section='TRANSFER', needs=_WORN,
+           told="What is matched by Nearest stays outside of the source; as in the panel unless given"),
+    Option('gap', float, "Gap",
+           "How far outside at least, as a share of this mesh's size, or three quarters as far as at rest where that "
+           "is less",
+           default=0.005, limits=dict(min=0.0, soft_max=0.1, max=10.0, precision=4, step=0.1),
+           fills=Field(TRANSFER, 'gap', float, _next_to_none), section='TRANSFER',
+           needs=(*_WORN, Need('keep_outside', (True,))),
+           told="How far outside of the source it is kept at least, as a share of the mesh's size; as in the panel "
+                "unless given"),
     Option('anchor', ANCHORS, "Anchor", "What stays in place: how a mesh bends says nothing of where it is",
            fills=Field(TRANSFER, 'anchor', 'dd_anchor'), section='TRANSFER',
            told="What stays in place; as in the panel unless given"),

@@ -27,7 +27,7 @@ METHODS = options.numbers_of(options.METHODS)
 HANDLE_TURNS = options.numbers_of(options.HANDLE_TURNS)
 BASE_DEFORMERS = options.numbers_of(options.BASE_DEFORMERS)
 OUTPUTS = options.numbers_of(options.OUTPUTS)
-PAIRS_OF = options.numbers_of(options.PAIRS_OF)
+PAIRS_OF = options.numbers_of((*options.PAIRS_OF, (options.NEAREST,)))
 ANCHORS = options.numbers_of(options.ANCHORS)
 PLACINGS = options.numbers_of(options.PLACINGS)
 FINDINGS = {'RESTING': 0, 'LOOSE': 1, 'DEGENERATE': 2, 'UNREPRESENTED': 3, 'FAR': 4, 'TORN': 5}
@@ -169,14 +169,16 @@ Info = _sized(
 TransferOptions = _sized(
     'dd_transfer_options', "What a transfer depends on beside meshes and pairs",
     'pairs_of', 'formulation', 'anchor', (Array(np.int32), 'anchors'), (_SIZE, 'anchor_count'),
-    (Array(np.float64, 3, 4), 'placement'), ('dd_precision', 'precision'), (_INT, 'threads'), ('dd_placing', 'placing'))
+    (Array(np.float64, 3, 4), 'placement'), ('dd_precision', 'precision'), (_INT, 'threads'), ('dd_placing', 'placing'),
+    (_DOUBLE, 'gap'))
 ApplyOptions = _sized('dd_apply_options', "What a transferred pose depends on beside the source's",
                       'gradients', ('dd_values', 'values'), (_POSITIONS, 'places'), (_SIZE, 'place_count'))
 TransferInfo = _sized(
     'dd_transfer_info', "Facts about a source and a target that correspond",
     (_INT, 'unmatched_count', 'unmatched_example', 'unmatched_component_count', 'unmatched_component_example',
      'loose_count', 'degenerate_count', 'degenerate_example', 'mirrored', 'unknowns'), (_DOUBLE, 'nonzeros'),
-    (_DOUBLE * 12, 'placement'), (_INT, 'overstretched_count', 'overstretched_example'))
+    (_DOUBLE * 12, 'placement'), (_INT, 'overstretched_count', 'overstretched_example', 'through_count',
+                                  'through_example'), (_DOUBLE, 'worn_distance'))
 MatchOptions = _sized('dd_match_options', "How correspondences are searched for", (_INT, 'stages', 'rounds', 'threads'),
                       (_DOUBLE, 'smoothness', 'identity', 'reach'))
 MatchInfo = _sized('dd_match_info', "Facts about a correspondence that was found", (_INT, 'ambiguous'),

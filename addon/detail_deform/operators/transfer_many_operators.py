@@ -27,7 +27,8 @@ class OBJECT_OT_detail_deform_transfer_many(TransferChoices, bpy.types.Operator)
     correspondence: EnumProperty(
         name="Match By", default='AUTOMATIC', options={'SKIP_SAVE'},
         description="How it is known which part of this mesh belongs to which of the others",
-        items=[('AUTOMATIC', "Automatic", "For each the first that there is: the same topology, the list in its panel, "
+        items=[('AUTOMATIC', "Automatic", "For each Nearest where its panel says so, else the first that there is: "
+                                          "the same topology, the list in its panel, "
                                           "a Saved Match for this mesh, markers on both, its file in Lists"),
                *CORRESPONDENCES])
     lists: StringProperty(

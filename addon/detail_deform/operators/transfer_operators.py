@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, IntProperty, StringProperty
 
 from ..declared import declare
 from ..follow import factored, live_transfer
-from ..library.options import TRANSFER_SETTINGS
+from ..library.options import NEAREST, TRANSFER_SETTINGS
 from ..results import transfer, transfer_table
 from ..scene import correspondence, files, mesh_data
 from ..scene.selection import go_to
@@ -65,6 +65,9 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
         column.prop(self, 'rotation_only')
         if not self.rotation_only:
             column.prop(self, 'placing')
+        if self.correspondence == NEAREST:
+            column.prop(self, 'keep_outside')
+            column.prop(self, 'gap')
         column.prop(self, 'anchor')
         if self.anchor in {'VERTICES', 'PINNED'}:
             column.prop_search(self, 'anchor_group', context.active_object, 'vertex_groups')

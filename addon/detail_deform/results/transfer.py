@@ -28,6 +28,8 @@ class Wanted:
     anchor_group: str
     formulation: str
     placing: str
+    keep_outside: bool
+    gap: float
     pattern: str
     replace: bool
     drivers: bool

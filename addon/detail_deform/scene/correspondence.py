@@ -5,6 +5,7 @@ import array
 
 import numpy as np
 
+from ..library.options import NEAREST
 from . import mesh_data
 from .mesh_data import MeshProblem
 
@@ -18,11 +19,16 @@ class Matched:
     pairs_of says, None where the topology is the same; confidence: (m,) of the target's triangles, 0 to 1."""
 
     pairs_of = 'TRIANGLES'
+    stance = None  # of NEAREST: (4, 4) from the source's space to the target's
     ambiguous = False  # whether the source fits about as well turned otherwise
 
     def __init__(self, source_triangles, target_triangles, pairs, confidence):
         self.source_triangles, self.target_triangles = source_triangles, target_triangles
         self.pairs, self.confidence = pairs, confidence
+
+    @property
+    def is_by_topology(self):
+        return self.pairs is None and self.stance is None
 
 
 def check_source(source, target):
@@ -61,17 +67,35 @@ def by_topology(source, target):
     return Matched(triangles, triangles, None, np.ones(len(triangles), np.float32))
 
 
+def by_nearest(source, target):
+    """What a target lies over on its source, as both stand in the scene now."""
+    try:
+        stance = target.matrix_world.inverted() @ source.matrix_world
+        stance.inverted()
+    except ValueError as error:
+        raise MeshProblem(f"'{source.name}' or '{target.name}' is scaled to 0, so that none lies over the other: scale "
+                          "them to a size first.") from error
+    return _nearest(source, target, np.array(stance))
+
+
+def _nearest(source, target, stance):
+    matched = Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
+    matched.pairs_of, matched.stance = NEAREST, stance
+    return matched
+
+
 # Kept with the target's mesh, in the file
 
 def store(matched, source, target):
     """Keeps a correspondence with the target, by which its mesh and the source's are known again."""
-    target.data[_PROPERTY] = {
-        'source': source.name, 'pairs_of': matched.pairs_of, 'digest': digest_of(matched),
-        'source_topology': mesh_data.topology_signature(source.data),
-        'target_topology': mesh_data.topology_signature(target.data),
-        # Of faces with more corners Blender makes triangles by their shape, which may change.
-        **{name: _as_list(getattr(matched, name))
-           for name in ('source_triangles', 'target_triangles', 'pairs', 'confidence')}}
+    kept = {'source': source.name, 'pairs_of': matched.pairs_of, 'digest': digest_of(matched),
+            'source_topology': mesh_data.topology_signature(source.data),
+            'target_topology': mesh_data.topology_signature(target.data)}
+    if matched.pairs_of == NEAREST:  # which is found whenever it is prepared
+        kept['stance'] = matched.stance.ravel().tolist()
+    else:  # Of faces with more corners Blender makes triangles by their shape, which may change.
+        kept.update({name: _as_list(getattr(matched, name)) for name in _LISTS})
+    target.data[_PROPERTY] = kept
 
 
 def _as_list(values):
@@ -87,16 +111,30 @@ def _kept(target):
     """None where there is nothing, or something that no search has left."""
     kept = target.data.get(_PROPERTY)
     if not (hasattr(kept, 'keys') and all(isinstance(kept.get(name), str) for name in _TEXTS) and
-            all(hasattr(kept.get(name), 'typecode') and len(kept[name]) % each == 0 for name, each in _LISTS.items())):
+            (_is_stance(kept.get('stance')) if kept['pairs_of'] == NEAREST else _are_lists(kept))):
         return None
+    if kept['pairs_of'] == NEAREST:
+        return kept
     is_whole = kept['pairs_of'] in {'TRIANGLES', 'VERTICES'} and (
         3 * len(kept['confidence']) == len(kept['target_triangles']))
     return kept if is_whole else None
 
 
+def _are_lists(kept):
+    return all(hasattr(kept.get(name), 'typecode') and len(kept[name]) % each == 0 for name, each in _LISTS.items())
+
+
+def _is_stance(values):
+    if not (hasattr(values, 'typecode') and len(values) == 16):
+        return False
+    stance = np.array(values, float).reshape(4, 4)
+    return bool(np.isfinite(stance).all()) and abs(np.linalg.det(stance[:3, :3])) > 0
+
+
 def digest_of(matched):
     """A short text: equal texts, equal correspondences."""
-    return f"{matched.pairs_of}-{mesh_data.signature(matched.pairs)}"
+    by = matched.pairs if matched.stance is None else matched.stance
+    return f"{matched.pairs_of}-{mesh_data.signature(by)}"
 
 
 def digest(target):
@@ -117,6 +155,8 @@ def stored_for(target):
 def fits(source, target):
     """Whether a correspondence of these two as they are is kept."""
     kept = _kept(target)
+    if kept is not None and kept['pairs_of'] == NEAREST:
+        return kept['source'] == source.name
     return kept is not None and all(mesh_data.topology_signature(ob.data) == kept[topology] for ob, topology in (
         (source, 'source_topology'), (target, 'target_topology')))
 
@@ -126,6 +166,8 @@ def stored(source, target):
     kept = _kept(target)
     if kept is None:
         raise MeshProblem(f"'{target.name}' has no Saved Match yet: press Find Match, or give a List.")
+    if kept['pairs_of'] == NEAREST:
+        return _nearest(source, target, np.array(kept['stance'], float).reshape(4, 4))
     for ob, topology in ((source, kept['source_topology']), (target, kept['target_topology'])):
         if mesh_data.topology_signature(ob.data) != topology:
             raise MeshProblem(f"The Saved Match of '{target.name}' was made for '{kept['source']}', and the vertices "
@@ -145,7 +187,7 @@ def vertex_confidence(target):
     """(n,) float32: how well the surface about each vertex is matched, 0 to 1; None where nothing is kept that
     fits the mesh."""
     kept = _kept(target)
-    if kept is None or kept['target_topology'] != mesh_data.topology_signature(target.data):
+    if kept is None or kept['pairs_of'] == NEAREST or kept['target_topology'] != mesh_data.topology_signature(target.data):
         return None
     triangles = np.array(kept['target_triangles'], np.int32)
     weights = np.repeat(np.array(kept['confidence'], np.float32), 3)

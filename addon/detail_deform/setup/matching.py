@@ -6,6 +6,7 @@ import os
 import bpy
 
 from ..library import native
+from ..library.options import NEAREST
 from ..scene import correspondence, files, mesh_data
 from ..scene.mesh_data import MeshProblem
 from . import marker_check, markers, pair_lists
@@ -49,13 +50,15 @@ def ambiguity(source, target):
 
 def must_be_found(how):
     """Whether it is found or read anew, and not seen from the meshes or kept with the target."""
-    return how in {'MARKERS', 'LIST'}
+    return how in {'MARKERS', 'LIST', NEAREST}
 
 
 def automatic(source, target, folder):
     """(how, path, pairs_of) as find() takes them, by what there is of these two. folder: where lists are called as
     their targets; '' for none. Raises MeshProblem where there is nothing to go by."""
     settings = target.detail_deform.transfer
+    if settings.correspondence == NEAREST:
+        return NEAREST, "", settings.pairs_of
     if correspondence.is_same_topology(source, target):
         return 'TOPOLOGY', "", settings.pairs_of
     if settings.correspondence == 'LIST' and settings.filepath:
@@ -96,6 +99,8 @@ def find(how, source, target, path, pairs_of):
         return matched
     if how == 'LIST':
         return pair_lists.by_list(source, target, bpy.path.abspath(path), pairs_of)
+    if how == NEAREST:
+        return correspondence.by_nearest(source, target)
     if how == 'STORED':
         return correspondence.stored(source, target)
     return correspondence.by_topology(source, target)

@@ -56,6 +56,8 @@ def kind_of(path, otherwise):
 
 def write_pairs(path, matched):
     """As read_pairs() reads them. What was there stays until they are complete."""
+    if matched.pairs is None:
+        raise MeshProblem("A Saved Match by Nearest has no list of pairs: it is found by how the meshes stand.")
     unfinished = f"{path}.unfinished"
     try:
         np.savetxt(unfinished, matched.pairs, fmt='%d', header=f"{_SAYS[matched.pairs_of]}, source and target, from 0")

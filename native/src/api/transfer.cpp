@@ -67,7 +67,7 @@ void read_options(const dd_transfer_options& options, Given& given) {
   how.placing = choice("options.placing", options.placing, dd::Placing::parts);
 }
 
-constexpr double kUsualGap = 0.005;  // of the target's box
+constexpr double kUsualGap = 0.005;
 
 std::unique_ptr<dd_transfer> transfer_of(const Given& given, const dd::Progress& progress) {
   dd::TransferOptions how = given.options;
@@ -81,7 +81,7 @@ std::unique_ptr<dd_transfer> transfer_of(const Given& given, const dd::Progress&
   const dd::NearestPoints points(given.source, given.target,
                                  given.placement.value_or(dd::Similarity{}), pool);
   how.worn = &points;
-  if (how.gap == 0) how.gap = kUsualGap * dd::UnitBox(given.target.positions).scale;
+  if (how.gap == 0) how.gap = kUsualGap;
   return std::make_unique<dd_transfer>(given.source, given.target,
                                        points.correspondence(given.source, given.target), how,
                                        dd::within(progress, 0.1, 1));
@@ -156,6 +156,9 @@ int32_t dd_transfer_get_info(const dd_transfer* transfer, dd_transfer_info* info
     placement.col(3) = bound.placement().shift;
     facts.overstretched_count = bound.gradients().overstretched_count();
     facts.overstretched_example = bound.gradients().overstretched_example();
+    facts.through_count = bound.through_count();
+    facts.through_example = bound.through_example();
+    facts.worn_distance = bound.worn_distance();
     write_struct("info", info, facts);
   });
 }

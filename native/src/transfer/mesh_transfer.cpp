@@ -98,6 +98,7 @@ MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& corre
   on_target_ = std::make_unique<OnTarget>(*gradients_);
   factor(options, within(progress, 0.2, 0.6));
   find_components();
+  if (options.worn) worn_distance_ = options.worn->distance;
   prepare_places(options, within(progress, 0.6, 1));
   result_ = target_.positions;
   report(progress, 1.0, "Done");

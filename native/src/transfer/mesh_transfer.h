@@ -88,6 +88,11 @@ class MeshTransfer {
   /// Target vertices without a triangle, which stay at rest.
   int loose_count() const { return static_cast<int>(region_.loose.size()); }
   const std::vector<int>& degenerate_triangles() const { return degenerate_; }
+  /// Vertices of a target that is worn which are through the source at rest.
+  int through_count() const { return worn_ ? static_cast<int>(worn_->through().size()) : 0; }
+  int through_example() const { return through_count() > 0 ? worn_->through().front() : -1; }
+  /// How far its vertices are from the source, on the mean.
+  double worn_distance() const { return worn_distance_; }
   /// Unknowns, and non-zeros of the system: of the surface's (14) or of the fourth points' (10).
   int unknowns() const { return unknowns_; }
   double nonzeros() const { return nonzeros_; }
@@ -127,6 +132,7 @@ class MeshTransfer {
   std::vector<Component> components_;  // triangles: those with a source
   std::unique_ptr<FollowedPlaces> followed_;
   std::unique_ptr<WornPlaces> worn_;
+  double worn_distance_ = 0;
   std::unique_ptr<SourcePoints> points_;  // of the next
   std::unique_ptr<RigidParts> rigid_parts_;
   int unmatched_component_count_ = 0, unmatched_component_example_ = -1;

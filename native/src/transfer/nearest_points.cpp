@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "transfer/nearest_points.h"
 
+#include <cmath>
 #include <limits>
+#include <string>
 
 #include "mesh/triangles.h"
+#include "support/error.h"
 
 namespace dd {
 
@@ -42,6 +45,13 @@ NearestPoints::NearestPoints(const Mesh& source, const Mesh& target, const Simil
       of_centres[size_t(j)] = nearest(triangle_centre(target.positions, target.triangles, j),
                                       at_centres.row(j).transpose());
   });
+  for (size_t v = 0; v < of_vertices.size(); ++v)
+    if (of_vertices[v].triangle < 0)
+      throw Error(Status::argument, "Vertex " + std::to_string(v) +
+                                        " of the target is too far from the source to tell what "
+                                        "it lies over.");
+  for (const PointOnTriangle& point : of_vertices)
+    distance += placement.scale * std::sqrt(point.squared_distance) / target.vertex_count();
 }
 
 Correspondence NearestPoints::correspondence(const Mesh& source, const Mesh& target) const {

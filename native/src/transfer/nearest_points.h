@@ -23,6 +23,7 @@ struct NearestPoints {
   Correspondence correspondence(const Mesh& source, const Mesh& target) const;
 
   std::vector<PointOnTriangle> of_vertices, of_centres;
+  double distance = 0;  ///< of the target's vertices, on the mean
 };
 
 }  // namespace dd

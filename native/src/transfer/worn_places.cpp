@@ -17,18 +17,13 @@ namespace {
 // Of the box.
 constexpr double kSmooth = 0.01;  // ℓ
 constexpr double kLoose = 0.05;   // δ
+constexpr double kProbed = 0.1;   // reach of probes
 constexpr double kSlight = 1e-4;  // of shifts: less has less of a say
 
 constexpr double kEdge = 0.25;       // share of a shift's weight that smoothing leaves, at least
 constexpr double kLeastMass = 1e-3;  // of the mean
 constexpr double kNearer = 0.25;     // of its distance at rest that a point may come nearer
 constexpr int kSmoothRounds = 3, kSingleRounds = 4;
-
-std::vector<PointOnTriangle> placed(std::vector<PointOnTriangle> points,
-                                    const Similarity& placement) {
-  for (PointOnTriangle& point : points) point.place = placement(point.place);
-  return points;
-}
 
 }  // namespace
 
@@ -61,7 +56,7 @@ WornPlaces::WornPlaces(const Mesh& source, const Mesh& target, const UnitBox& bo
   const SparseMatrix laplacian = free_block(operators.laplacian, region);
   factor_ = Smoothing(laplacian, region, unit, held_, pool)
                 .factored(kSmooth, precision, within(progress, 0, 0.8));
-  if (gap >= 0) prepare_outside(points, gap);
+  if (gap >= 0) prepare_outside(points, gap * unit_);
 }
 
 Positions WornPlaces::placed(const Positions& of_source) const {
@@ -74,80 +69,92 @@ RowMatrix WornPlaces::smooth(const RowMatrix& values) const {
 }
 
 void WornPlaces::prepare_outside(const NearestPoints& points, double gap) {
-  std::vector<PointOnTriangle> seeds = dd::placed(points.of_vertices, placement_);
-  for (PointOnTriangle& point : dd::placed(points.of_centres, placement_)) seeds.push_back(point);
-  outside_ =
-      std::make_unique<Outside>(Mesh{placed(source_.positions), source_.triangles}, seeds, pool_);
-  for (Index i = 0; i < outside_->count(); ++i)
-    least_.push_back(outside_->at(i, place_of(i, target_.positions)).height);
+  std::vector<PointOnTriangle> seeds = points.of_vertices;
+  for (PointOnTriangle& seed : seeds) seed.place = placement_(seed.place);
+  const Mesh source = {placed(source_.positions), source_.triangles};
+  outside_ = std::make_unique<Outside>(source, seeds, pool_);
+  probes_ = std::make_unique<Probes>(source, target_, kProbed * unit_, pool_);
+  for (int v = 0; v < target_.vertex_count(); ++v)
+    least_.push_back(outside_->at(v, target_.positions.row(v).transpose()).height);
   const auto inside = std::count_if(least_.begin(), least_.end(), [](double f) { return f < 0; });
   if (2 * inside > static_cast<std::ptrdiff_t>(least_.size())) side_ = -1;
+  for (int i = 0; i < probes_->count(); ++i)
+    least_.push_back(probes_->height(i, target_.positions));
   for (double& height : least_) {
     height *= side_;
     height = std::min(height - kNearer * std::abs(height), gap);
   }
-}
-
-Eigen::Vector3d WornPlaces::place_of(Index point, const Positions& positions) const {
-  const Index j = point - target_.vertex_count();
-  return j < 0 ? Eigen::Vector3d(positions.row(point).transpose())
-               : triangle_centre(positions, target_.triangles, j);
+  for (int v = 0; v < target_.vertex_count(); ++v)
+    if (least_[size_t(v)] < 0) through_.push_back(v);
 }
 
 bool WornPlaces::look(const Positions& result, Shifts& shifts) const {
+  const Index vertices = target_.vertex_count();
   std::atomic<bool> any{false};
-  pool_.parallel_for(outside_->count(), kLeastRange, [&](int64_t begin, int64_t end) {
-    for (Index i = begin; i < end; ++i) {
-      const Eigen::Vector3d place = place_of(i, result);
-      double& spare = shifts.spare[size_t(i)];
+  const auto set = [&](Index i, double missing, const Eigen::Vector3d& direction) {
+    if (!(missing > 0)) missing = 0;
+    shifts.rows.row(i) << side_ * direction.transpose(), missing;
+    if (missing > 0) any = true;
+  };
+  pool_.parallel_for(vertices, kLeastRange, [&](int64_t begin, int64_t end) {
+    for (Index v = begin; v < end; ++v) {
+      const Eigen::Vector3d place = result.row(v).transpose();
+      double& spare = shifts.spare[size_t(v)];
       // Twice: f grows by hardly more than the way.
-      if (spare > 0 && 2 * (place - shifts.seen.row(i).transpose()).norm() < spare) continue;
-      shifts.seen.row(i) = place.transpose();
-      spare = outside_->least(i, place, side_) - least_[size_t(i)];
-      if (spare > 0) {
-        shifts.rows.row(i).setZero();
-        continue;
+      if (spare > 0 && 2 * (place - shifts.seen.row(v).transpose()).norm() < spare) continue;
+      shifts.seen.row(v) = place.transpose();
+      Outside::Level level = {0, Eigen::Vector3d::Zero()};
+      spare = outside_->least(v, place, side_) - least_[size_t(v)];
+      if (!(spare > 0)) {
+        level = outside_->at(v, place);
+        spare = side_ * level.height - least_[size_t(v)];
       }
-      const Outside::Level level = outside_->at(i, place);
-      spare = side_ * level.height - least_[size_t(i)];
-      const double missing = std::max(0.0, -spare);
-      shifts.rows.row(i) << missing * side_ * level.direction.transpose(), missing;
-      if (missing > 0) any = true;
+      set(v, -spare, level.direction);
     }
+  });
+  pool_.parallel_for(probes_->count(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int i = static_cast<int>(begin); i < end; ++i)
+      set(vertices + i, least_[size_t(vertices + i)] - side_ * probes_->height(i, result),
+          probes_->direction(i));
   });
   return any;
 }
 
-Rows WornPlaces::gathered(const Rows& shifts) const {
-  Rows sums = Rows::Zero(region_.free_count(), 4);
-  pool_.parallel_for(sums.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+Rows WornPlaces::gathered(const Shifts& shifts) const {
+  Rows means = Rows::Zero(region_.free_count(), 4);
+  pool_.parallel_for(means.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (Index r = begin; r < end; ++r) {
       const int v = region_.free[size_t(r)];
-      const auto add = [&](Index i) {
-        const double length = shifts(i, 3);
-        sums.row(r).head<3>() += length * shifts.row(i).head<3>();
-        sums(r, 3) += length;
+      double sum = 0;
+      const auto add = [&](Index i, double part) {
+        const double length = part * shifts.rows(i, 3);
+        if (!(length > 0)) return;
+        const double weight = length * length;
+        means.row(r).head<3>() += weight * length * shifts.rows.row(i).head<3>();
+        means(r, 3) += weight * length;
+        sum += weight;
       };
-      add(v);
-      for (int j : fans_.of(v)) add(target_.vertex_count() + j);
+      add(v, 1);
+      for (const Probes::Part& part : probes_->of(v))
+        add(target_.vertex_count() + part.probe, part.shift);
+      if (sum > 0) means.row(r) /= sum;
     }
   });
-  return sums;
+  return means;
 }
 
 void WornPlaces::move_out(Positions& result) const {
-  const Index count = outside_->count();
-  Shifts shifts{Rows::Zero(count, 4), Positions::Zero(count, 3),
-                std::vector<double>(static_cast<size_t>(count), 0.0)};
+  const Index vertices = target_.vertex_count();
+  Shifts shifts{Rows::Zero(static_cast<Index>(least_.size()), 4), Positions::Zero(vertices, 3),
+                std::vector<double>(static_cast<size_t>(vertices), 0.0)};
   for (int round = 0; round < kSmoothRounds + kSingleRounds && look(result, shifts); ++round) {
-    // Of what is to be moved about each vertex the mean, and how much of a say that has.
-    Rows wanted = gathered(shifts.rows);
-    const double slight = round < kSmoothRounds ? kSlight * unit_ : 0;
-    for (Index r = 0; r < wanted.rows(); ++r) {
-      const double length = wanted(r, 3);
-      if (length > 0) wanted.row(r) /= length + slight;
-    }
+    Rows wanted = gathered(shifts);
     if (round < kSmoothRounds) {
+      for (Index r = 0; r < wanted.rows(); ++r) {
+        const double say = wanted(r, 3) / (wanted(r, 3) + kSlight * unit_);
+        wanted.row(r).head<3>() *= say;
+        wanted(r, 3) = say;
+      }
       wanted = smooth(wanted);
       for (Index r = 0; r < wanted.rows(); ++r)
         wanted.row(r).head<3>() /= std::max(wanted(r, 3), kEdge);
@@ -169,7 +176,9 @@ void WornPlaces::correct(const Positions& pose, Positions& result) {
   const RowMatrix moved = smooth(missing);
   for (Index r = 0; r < moved.rows(); ++r) result.row(region_.free[size_t(r)]) += moved.row(r);
   if (!outside_) return;
-  outside_->take(placed(pose), pool_);
+  const Positions posed = placed(pose);
+  outside_->take(posed, pool_);
+  probes_->take(posed);
   move_out(result);
 }
 

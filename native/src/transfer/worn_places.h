@@ -8,6 +8,7 @@
 #include "systems/region.h"
 #include "transfer/nearest_points.h"
 #include "transfer/outside.h"
+#include "transfer/probes.h"
 #include "transfer/source_gradients.h"
 #include "transfer/source_points.h"
 
@@ -24,14 +25,14 @@ namespace dd {
 ///   (ℓ² L + W) Δ = W (g − p'),   W = D / (1 + |p − A(b)|² / δ²),   D: masses,
 ///
 /// so that what lies close keeps its place and what hangs loosely goes as the gradients make it.
-/// Then vertices and centres of triangles that have come nearer to the source than a gap, and by a
-/// quarter nearer than they were at rest, are moved out (Outside), smoothly first, then each by
-/// itself. All of it is
-/// continuous in the pose, and none where the source moves rigidly.
+/// Then vertices that have come nearer to the source than a gap, and by a quarter nearer than they
+/// were at rest, are moved out (Outside), and so is what the source's own vertices have come as near
+/// to (Probes): smoothly first, then each by itself. All of it is continuous in the pose, and none
+/// where the source moves rigidly.
 class WornPlaces {
  public:
-  /// region: of the target, of which the free vertices move. gap: in the target's units; negative:
-  /// it isn't kept outside. All must outlive this.
+  /// region: of the target, of which the free vertices move. gap: of the box; negative: it isn't
+  /// kept outside. All must outlive this.
   WornPlaces(const Mesh& source, const Mesh& target, const UnitBox& box, const Region& region,
              const NearestPoints& points, const Similarity& placement,
              const SourceGradients& gradients, double gap, Precision precision, ThreadPool& pool,
@@ -40,25 +41,26 @@ class WornPlaces {
   /// pose: S', whose gradients were taken. result: T' as they make it; moved.
   void correct(const Positions& pose, Positions& result);
 
+  /// Vertices that are through the source at rest, where that is looked at.
+  const std::vector<int>& through() const { return through_; }
+
  private:
   Positions placed(const Positions& of_source) const;
   RowMatrix smooth(const RowMatrix& values) const;
   void prepare_outside(const NearestPoints& points, double gap);
-  Eigen::Vector3d place_of(Index point, const Positions& positions) const;
-  /// Of each vertex and centre, how far it is to be moved and that shift's length; zero where it is
-  /// outside.
+  /// How far vertices, and then what is over probes, is to be moved along which direction.
   struct Shifts {
-    Rows rows;
-    /// Where each was looked at, and how much higher than it must be; 0: not yet.
+    Rows rows;  // direction and length
+    /// Where vertices were looked at, and how much higher they were than they must be; 0: not yet.
     Positions seen;
     std::vector<double> spare;
   };
-  /// Those that have come near since they were seen are looked at again. Returns whether any is to
-  /// be moved.
+  /// Vertices that have come near since they were seen are looked at again. Returns whether
+  /// anything is to be moved.
   bool look(const Positions& result, Shifts& shifts) const;
-  /// Sums over each free vertex and the triangles about it: shifts weighted by their lengths, and
-  /// these.
-  Rows gathered(const Rows& shifts) const;
+  /// Of the shifts of each free vertex, its own and those for probes, the mean, the longest of which
+  /// have most of a say; and the mean of their lengths.
+  Rows gathered(const Shifts& shifts) const;
   void move_out(Positions& result) const;
 
   const Mesh &source_, &target_;
@@ -73,10 +75,11 @@ class WornPlaces {
   Eigen::VectorXd held_;  // W
   std::unique_ptr<SparseCholesky> factor_;
 
-  std::unique_ptr<Outside>
-      outside_;                // of vertices, then centres of triangles; null: it doesn't matter
+  std::unique_ptr<Outside> outside_;  // of the vertices; null: it may go through
+  std::unique_ptr<Probes> probes_;
   double side_ = 1;            // on which most of it is: −1 inside
-  std::vector<double> least_;  // height of each that it must have
+  std::vector<double> least_;  // height that each, then over each probe, it must have
+  std::vector<int> through_;
 };
 
 }  // namespace dd

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Clothes and props that follow what they lie over."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Euler, Matrix, Vector
+from mathutils.bvhtree import BVHTree
+
+from conftest import activate, evaluated, own, refusal, update
+from test_transfer import add_key, coordinates
+
+transfer, live = bpy.ops.object.detail_deform_transfer, bpy.ops.object.detail_deform_transfer_live
+
+
+def tube(name, radius, low, high, around, along):
+    """About the z axis, with normals outwards."""
+    turn, z = np.meshgrid(np.linspace(0, 2 * np.pi, around, endpoint=False), np.linspace(low, high, along + 1))
+    points = np.stack([radius * np.cos(turn), radius * np.sin(turn), z], -1).reshape(-1, 3)
+    i, k = np.meshgrid(np.arange(along), np.arange(around), indexing='ij')
+    first, second = i * around + k, i * around + (k + 1) % around
+    faces = np.stack([first, second, second + around, first + around], -1).reshape(-1, 4)
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(points.tolist(), [], faces.tolist())
+    ob = bpy.data.objects.new(name, mesh)
+    bpy.context.collection.objects.link(ob)
+    update()
+    return ob
+
+
+def bent(p, curvature=0.3):
+    turn, radius = curvature * p[:, 2], 1 / curvature - p[:, 0]
+    return np.stack([1 / curvature - radius * np.cos(turn), p[:, 1], radius * np.sin(turn)], -1)
+
+
+def flexed(p, by=0.4):
+    """A muscle that rises."""
+    share = np.exp(-8 * ((p - (1, 0, 0)) ** 2).sum(1))[:, None]
+    return p + by * share * p * (1, 1, 0) / np.linalg.norm(p[:, :2], axis=1)[:, None]
+
+
+def pimpled(p):
+    """What rises between the vertices of a coarse garment."""
+    result = p.copy()
+    for z in (-1.7, 0.1, 1.3):
+        share = np.exp(-200 * ((p - (np.cos(z), np.sin(z), z)) ** 2).sum(1))[:, None]
+        result += 0.2 * share * p * (1, 1, 0)
+    return result
+
+
+def place(ob, matrix):
+    """Another space for the same places."""
+    ob.matrix_world = matrix
+    ob.data.transform(matrix.inverted())
+    update()
+
+
+def world(ob, points):
+    matrix = np.array(ob.matrix_world)
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+@pytest.fixture
+def dressed():
+    """An arm with keys, and a sleeve of other topology, active."""
+    arm, sleeve = tube("Arm", 1, -4, 4, 48, 80), tube("Sleeve", 1.1, -2, 2, 37, 30)
+    add_key(arm, "Bend", bent(own(arm)))
+    add_key(arm, "Flex", flexed(own(arm)))
+    add_key(arm, "Goose Pimples", pimpled(own(arm)))
+    settings = sleeve.detail_deform.transfer
+    settings.source, settings.correspondence = arm, 'NEAREST'
+    activate(sleeve)
+    return arm, sleeve
+
+
+def put_elsewhere(ob):
+    turn = Euler((0.3, -0.5, 1.2)).to_matrix().to_4x4()
+    place(ob, Matrix.Translation((5, 1, -2)) @ turn @ Matrix.Diagonal((2.0, 2.0, 2.0, 1.0)))
+
+
+def test_a_garment_follows_live_and_stays_where_it_was(dressed):
+    arm, sleeve = dressed
+    rest = own(sleeve)
+    assert live() == {'FINISHED'}
+    assert sleeve.detail_deform.transfer.correspondence == 'NEAREST'
+    assert np.abs(evaluated(sleeve) - rest).max() < 1e-6
+    arm.data.shape_keys.key_blocks["Bend"].value = 1
+    update()
+    assert np.abs(evaluated(sleeve) - bent(rest)).max() < 0.03
+    assert "Follows 'Arm'" in sleeve.detail_deform.transfer.state
+    # An edit of the garment is taken up: it still hangs there.
+    sleeve.data.vertices[0].co *= 1.1
+    sleeve.data.update()
+    update()
+    assert np.abs(evaluated(sleeve) - bent(own(sleeve))).max() < 0.03
+    live(on=False)
+    assert np.abs(evaluated(sleeve) - own(sleeve)).max() < 1e-6
+
+
+@pytest.mark.parametrize('mirrored', [False, True])
+def test_it_lies_where_it_stands_in_the_scene_whatever_their_spaces(dressed, mirrored):
+    arm, sleeve = dressed
+    wanted = bent(own(sleeve))
+    put_elsewhere(sleeve)
+    arm.shape_key_clear()
+    place(arm, Matrix.Translation((0, 3, 0)) @ Matrix.Diagonal((-0.5 if mirrored else 0.5, 0.5, 0.5, 1.0)))
+    rest, matrix = own(arm), np.array(arm.matrix_world)
+    posed = (bent(world(arm, rest)) - matrix[:3, 3]) @ np.linalg.inv(matrix[:3, :3]).T
+    add_key(arm, "Bend", posed, value=1.0)
+    update()
+    assert live() == {'FINISHED'}
+    assert np.abs(world(sleeve, evaluated(sleeve)) - wanted).max() < 0.03
+
+
+def sunk(shirt, points, arm):
+    """How far the arm's vertices as they are now stand out of a shirt with these, at most, by Blender's own search."""
+    shirt.data.calc_loop_triangles()
+    tree = BVHTree.FromPolygons(points.tolist(), [list(face.vertices) for face in shirt.data.loop_triangles])
+    found = 0
+    for vertex in evaluated(arm):
+        if abs(vertex[2]) < 2.9:
+            near, normal, _, _ = tree.find_nearest(Vector(vertex))
+            found = max(found, (Vector(vertex) - near).dot(normal))
+    return found
+
+
+@pytest.fixture
+def shirt(dressed):
+    """A coarse one over the arm, active."""
+    shirt = tube("Shirt", 1.06, -3, 3, 13, 17)
+    settings = shirt.detail_deform.transfer
+    settings.source, settings.correspondence = dressed[0], 'NEAREST'
+    return activate(shirt)
+
+
+def test_it_is_kept_outside_by_keys_poses_and_frames(dressed, shirt, tmp_path):
+    arm, name = dressed[0], "Goose Pimples"
+    transfer(what='ALL_KEYS', keep_outside=False)
+    through = coordinates(shirt.data.shape_keys.key_blocks[name])
+    shirt.shape_key_clear()
+    transfer(what='ALL_KEYS')
+    outside = coordinates(shirt.data.shape_keys.key_blocks[name])
+    key = arm.data.shape_keys.key_blocks[name]
+    key.value = 1
+    update()
+    assert sunk(shirt, through, arm) > 0.1 and sunk(shirt, outside, arm) < 0.005
+    assert np.abs(outside - through).max() < 0.3
+    shirt.shape_key_clear()
+    transfer(what='POSE')
+    assert np.abs(coordinates(shirt.data.shape_keys.key_blocks["Arm Pose"]) - outside).max() < 1e-4
+    shirt.shape_key_clear()
+    for frame, value in ((1, 0.0), (4, 1.0)):
+        key.value = value
+        key.keyframe_insert('value', frame=frame)
+    transfer(what='ANIMATION', frame_start=1, frame_end=4, cache_path=str(tmp_path / "shirt.pc2"))
+    bpy.context.scene.frame_set(4)
+    assert np.abs(evaluated(shirt) - outside).max() < 1e-4
+    for frame in (2, 3):
+        bpy.context.scene.frame_set(frame)
+        assert sunk(shirt, evaluated(shirt), arm) < 0.005
+
+
+def test_the_gap_is_kept_live_and_a_change_of_it_is_taken_up(dressed, shirt):
+    arm, settings = dressed[0], shirt.detail_deform.transfer
+    live()
+    arm.data.shape_keys.key_blocks["Goose Pimples"].value = 1
+    settings.keep_outside = False
+    update()
+    assert sunk(shirt, evaluated(shirt), arm) > 0.1
+    settings.keep_outside = True
+    update()
+    near = evaluated(shirt)
+    assert sunk(shirt, near, arm) < 0.005
+    settings.gap = 0.0
+    update()
+    assert sunk(shirt, evaluated(shirt), arm) < 0.01 < np.abs(evaluated(shirt) - near).max()
+
+
+def test_props_keep_their_shape(dressed):
+    arm, _ = dressed
+    ring = tube("Ring", 1.2, 1, 1.5, 20, 2)
+    settings = ring.detail_deform.transfer
+    settings.source, settings.correspondence, settings.placing = arm, 'NEAREST', 'PARTS'
+    activate(ring)
+    live()
+    arm.data.shape_keys.key_blocks["Bend"].value = 1
+    update()
+    posed, rest = evaluated(ring), own(ring)
+    apart = [np.linalg.norm(p[:, None] - p[None], axis=2) for p in (posed, rest)]
+    assert np.abs(apart[0] - apart[1]).max() < 1e-5
+    assert np.linalg.norm(posed.mean(0) - bent(rest).mean(0)) < 0.05
+
+
+def test_many_garments_each_by_its_own_panel(dressed):
+    arm, sleeve = dressed
+    twin = tube("Copy", 1, -4, 4, 48, 80)  # as the arm: of the same topology
+    activate(arm)
+    for ob in (sleeve, twin):
+        ob.select_set(True)
+    assert bpy.ops.object.detail_deform_transfer_many(what='ALL_KEYS') == {'FINISHED'}
+    assert np.abs(coordinates(sleeve.data.shape_keys.key_blocks["Bend"]) - bent(own(sleeve))).max() < 0.03
+    assert np.abs(coordinates(twin.data.shape_keys.key_blocks["Bend"]) - bent(own(twin))).max() < 1e-4
+
+
+def test_what_can_not_be_worn_is_said(dressed, tmp_path):
+    arm, sleeve = dressed
+    live()
+    live(on=False)
+    assert "has no list of pairs" in refusal(bpy.ops.object.detail_deform_transfer_save,
+                                             filepath=str(tmp_path / "pairs.txt"))
+    arm.scale = (0, 1, 1)
+    update()
+    sentence = refusal(live)
+    assert "is scaled to 0" in sentence and "'Arm'" in sentence
