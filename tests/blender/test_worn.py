@@ -208,6 +208,10 @@ def test_what_can_not_be_worn_is_said(dressed, tmp_path):
     live(on=False)
     assert "has no list of pairs" in refusal(bpy.ops.object.detail_deform_transfer_save,
                                              filepath=str(tmp_path / "pairs.txt"))
+    sleeve.location.x = 20
+    update()
+    assert "'Sleeve' stands farther from 'Arm' than it is large" in refusal(live)
+    sleeve.location.x = 0
     arm.scale = (0, 1, 1)
     update()
     sentence = refusal(live)

@@ -68,13 +68,21 @@ def by_topology(source, target):
 
 
 def by_nearest(source, target):
-    """What a target lies over on its source, as both stand in the scene now."""
+    """What a target lies over on its source, as both stand in the scene now. Raises MeshProblem where it lies over
+    nothing."""
     try:
         stance = target.matrix_world.inverted() @ source.matrix_world
         stance.inverted()
     except ValueError as error:
         raise MeshProblem(f"'{source.name}' or '{target.name}' is scaled to 0, so that none lies over the other: scale "
                           "them to a size first.") from error
+    places = [mesh_data.rest(ob.data) for ob in (source, target)]
+    if all(map(len, places)):
+        (low, high), (least, most) = ((each.min(0), each.max(0)) for each in (
+            places[0] @ np.array(stance)[:3, :3].T + np.array(stance)[:3, 3], places[1]))
+        if np.linalg.norm(np.maximum(0, np.maximum(least - high, low - most))) > np.linalg.norm(most - least):
+            raise MeshProblem(f"'{target.name}' stands farther from '{source.name}' than it is large: put it where it "
+                              "is worn, as both are without their modifiers and shape keys.")
     return _nearest(source, target, np.array(stance))
 
 
