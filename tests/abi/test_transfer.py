@@ -265,7 +265,8 @@ def test_what_is_worn_follows_what_it_lies_over_and_stays_outside(native, strip)
     lengths = [np.linalg.norm(p[triangles] - p[np.roll(triangles, 1, axis=1)], axis=2) for p in (sheet, posed)]
     assert np.abs(lengths[0] - lengths[1]).max() < 1e-4
     below = sheet - np.float32([0, 0, 0.4 + high[2] - low[2]]) * (np.arange(len(sheet)) == 17)[:, None]
-    assert native.Transfer(mesh(strip), (below.astype(np.float32), triangles), pairs_of='NEAREST').info.through_example == 17
+    through = native.Transfer(mesh(strip), (below.astype(np.float32), triangles), pairs_of='NEAREST')
+    assert through.info.through_example == 17
     with pytest.raises(native.NativeError, match="pairs is not null, but options.pairs_of is DD_PAIRS_OF_NEAREST"):
         native.Transfer(mesh(strip), (sheet, triangles), [[0, 0]], pairs_of='NEAREST')
     with pytest.raises(native.NativeError, match="options.gap is not finite"):

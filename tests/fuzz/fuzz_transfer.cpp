@@ -49,14 +49,16 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   std::vector<int32_t> pairs;
   dd_transfer_options options{};
   options.struct_size = sizeof options;
-  options.pairs_of = bytes.choice(DD_PAIRS_OF_VERTICES);
+  options.pairs_of = bytes.choice(DD_PAIRS_OF_NEAREST);
   const bool same = bytes.flag(), in_place = same && bytes.flag();
   if (!same) {
     target = any_surface(bytes);
     const bool of_vertices = options.pairs_of == DD_PAIRS_OF_VERTICES;
-    pairs =
-        any_pairs(int32_t(of_vertices ? source.vertex_count() : source.triangle_count()),
-                  int32_t(of_vertices ? target.vertex_count() : target.triangle_count()), bytes);
+    // Given where none should be, they are refused.
+    if (options.pairs_of != DD_PAIRS_OF_NEAREST || bytes.odd())
+      pairs =
+          any_pairs(int32_t(of_vertices ? source.vertex_count() : source.triangle_count()),
+                    int32_t(of_vertices ? target.vertex_count() : target.triangle_count()), bytes);
   } else if (!in_place) {
     target.positions = posed(source.positions, bytes);
   }
@@ -86,7 +88,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     placement[3] = bytes.number(-9, 9);
     options.placement = placement;
   }
-  options.placing = bytes.choice(DD_PLACING_COMPONENTS);
+  options.placing = bytes.choice(DD_PLACING_PARTS);
+  options.gap = bytes.number(-0.1, 1);
 
   const dd_mesh from = source.mesh(), to = target.mesh();
   const Sized<dd_transfer_options> how(options, bytes);

@@ -202,14 +202,17 @@ std::vector<Work> works() {
                    dd_deformer_free(deformer);
                    return result;
                  }});
-  for (int formulation : {0, 1})
-    all.push_back({"transfer between meshes " + std::to_string(formulation),
-                   [=](Floats& out, const Fallible& fallible) {
+  for (const auto& [formulation, pairs_of] :
+       {std::pair{0, 0}, {1, 0}, {0, int(DD_PAIRS_OF_NEAREST)}})
+    all.push_back({"transfer between meshes " + std::to_string(formulation + pairs_of),
+                   [=, formulation = formulation, pairs_of = pairs_of](Floats& out,
+                                                                       const Fallible& fallible) {
                      const dd_mesh source = ball().mesh(), target = other_ball().mesh();
                      const Floats pose = turned(ball().positions);
                      auto options = defaults<dd_transfer_options>();
                      options.threads = 2;
                      options.formulation = formulation;
+                     options.pairs_of = pairs_of;
                      options.placing = DD_PLACING_VERTICES;
                      dd_job* job = nullptr;
                      dd_transfer* transfer = nullptr;

@@ -100,8 +100,8 @@ double standing_out(const Mesh& body, const Mesh& garment) {
         tree.nearest(body.positions.row(v).transpose(), 0.5, [](int) { return true; });
     // Beyond the garment's ends nothing stands out of it.
     if (near.triangle < 0 || near.weights.minCoeff() < 1e-6) continue;
-    farthest = std::max(farthest, normals.row(near.triangle)
-                                      .dot(body.positions.row(v) - near.place.transpose()));
+    farthest = std::max(
+        farthest, normals.row(near.triangle).dot(body.positions.row(v) - near.place.transpose()));
   }
   return farthest;
 }
@@ -167,11 +167,11 @@ TEST_CASE("what rises between the vertices of a coarse garment lifts it") {
   for (Index v = 0; v < pose.rows(); ++v) {
     const Eigen::RowVector3d out = Eigen::RowVector3d(pose(v, 0), pose(v, 1), 0).normalized();
     for (double z : {-1.7, 0.1, 1.3})
-      pose.row(v) += 0.2 *
-                     std::exp(-200 * (body.positions.row(v) -
-                                      Eigen::RowVector3d(std::cos(z), std::sin(z), z))
-                                         .squaredNorm()) *
-                     out;
+      pose.row(v) +=
+          0.2 *
+          std::exp(-200 * (body.positions.row(v) - Eigen::RowVector3d(std::cos(z), std::sin(z), z))
+                              .squaredNorm()) *
+          out;
   }
   const double box = UnitBox(shirt.positions).scale;
   const Mesh posed{pose, body.triangles};

@@ -137,8 +137,9 @@ CORRESPONDENCES = (
      "are marked on both meshes, by vertex groups or empties named Marker 1, Marker 2 and so on, fall on one another"),
     ('LIST', "List", "Pairs of triangles or vertices from a text file"),
     ('STORED', "Saved Match", "What was found or read before and is saved with this mesh"),
-    (NEAREST, "Nearest", "Clothes, armour and other props: each face goes with what it lies over on the source, as both "
-                         "stand in the scene when Follow or Transfer is pressed, in their rest shapes"))
+    (NEAREST, "Nearest",
+     "Clothes, armour and other props: each face goes with what it lies over on the source, as both stand in the scene "
+     "when Follow or Transfer is pressed, in their rest shapes"))
 
 
 def numbers_of(values):

@@ -195,7 +195,8 @@ def vertex_confidence(target):
     """(n,) float32: how well the surface about each vertex is matched, 0 to 1; None where nothing is kept that
     fits the mesh."""
     kept = _kept(target)
-    if kept is None or kept['pairs_of'] == NEAREST or kept['target_topology'] != mesh_data.topology_signature(target.data):
+    if (kept is None or kept['pairs_of'] == NEAREST or
+            kept['target_topology'] != mesh_data.topology_signature(target.data)):
         return None
     triangles = np.array(kept['target_triangles'], np.int32)
     weights = np.repeat(np.array(kept['confidence'], np.float32), 3)

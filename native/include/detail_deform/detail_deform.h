@@ -544,8 +544,8 @@ typedef struct dd_transfer_options {
   int32_t precision;       /* dd_precision, of the system */
   int32_t threads;         /* as of dd_bind_options */
   int32_t placing;         /* dd_placing */
-  double gap;              /* with DD_PAIRS_OF_NEAREST and DD_PLACING_VERTICES: so far outside of the
-                              source is the target kept, as a share of its box, or three quarters as
+  double gap;              /* with DD_PAIRS_OF_NEAREST and DD_PLACING_VERTICES: the target is kept so
+                              far outside of the source, as a share of its box, or three quarters as
                               far as it is at rest where that is less. Where most of it is inside at
                               rest, it is kept there. 0 stands for 0.005; negative: it may go
                               through */
@@ -594,8 +594,8 @@ typedef struct dd_transfer_info {
                                   their area, for how large their part is on the target, so that
                                   the mean about them stands in for them */
   int32_t overstretched_example; /* the one that corresponds to most */
-  int32_t through_count; /* vertices of a target that is kept outside of its source which are through
-                            it at rest: they are kept from going farther */
+  int32_t through_count;   /* vertices of a target that is kept outside of its source which are
+                              through it at rest: they are kept from going farther */
   int32_t through_example; /* one of them */
   double worn_distance;    /* with DD_PAIRS_OF_NEAREST: of the target's vertices from the source, in
                               the target's unit, on the mean */

@@ -56,8 +56,7 @@ void Probes::take(const Positions& posed) {
 double Probes::height(int i, const Positions& target) const {
   const Probe& probe = probes_[size_t(i)];
   Eigen::RowVector3d over = -posed_.row(probe.vertex);
-  for (int k = 0; k < 3; ++k)
-    over += probe.weights[k] * target.row(target_(probe.triangle, k));
+  for (int k = 0; k < 3; ++k) over += probe.weights[k] * target.row(target_(probe.triangle, k));
   return normals_.row(probe.vertex).dot(over);
 }
 

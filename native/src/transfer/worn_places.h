@@ -26,8 +26,8 @@ namespace dd {
 ///
 /// so that what lies close keeps its place and what hangs loosely goes as the gradients make it.
 /// Then vertices that have come nearer to the source than a gap, and by a quarter nearer than they
-/// were at rest, are moved out (Outside), and so is what the source's own vertices have come as near
-/// to (Probes): smoothly first, then each by itself. All of it is continuous in the pose, and none
+/// were at rest, are moved out (Outside), and so is what the source's own vertices have come as
+/// near to (Probes): smoothly first, then each by itself. All of it is continuous in the pose, and none
 /// where the source moves rigidly.
 class WornPlaces {
  public:
@@ -58,8 +58,8 @@ class WornPlaces {
   /// Vertices that have come near since they were seen are looked at again. Returns whether
   /// anything is to be moved.
   bool look(const Positions& result, Shifts& shifts) const;
-  /// Of the shifts of each free vertex, its own and those for probes, the mean, the longest of which
-  /// have most of a say; and the mean of their lengths.
+  /// Of the shifts of each free vertex, its own and those for probes, the mean, in which the
+  /// longest have most of a say; and the mean of their lengths.
   Rows gathered(const Shifts& shifts) const;
   void move_out(Positions& result) const;
 
