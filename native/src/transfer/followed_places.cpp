@@ -12,15 +12,12 @@ namespace dd {
 namespace {
 
 // Of the box.
-constexpr double kSmooth = 0.01;      // ℓ
 constexpr double kDetail = 0.015;     // ℓ of what tells a difference of shape from detail
 constexpr double kDifferent = 0.003;  // τ
 constexpr double kReach = 0.005;      // of contacts
 
-constexpr double kStiff = 0.02;      // spread of gradients in a part that as good as doesn't deform
-constexpr double kEdge = 0.25;       // share of a contact's weight that smoothing leaves, at least
-constexpr double kLeastMass = 1e-3;  // of the mean
-constexpr int kClosings = 3;         // of closing
+constexpr double kStiff = 0.02;  // spread of gradients in a part that as good as doesn't deform
+constexpr int kClosings = 3;     // of closing
 
 }  // namespace
 

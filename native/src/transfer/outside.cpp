@@ -14,10 +14,10 @@ namespace dd {
 
 namespace {
 
-constexpr int kPatch = 24;       // triangles
-constexpr double kWidth = 0.05;  // ε, of the root of a triangle's area
-constexpr double kAlike = -0.2;  // cosine of the angle to the patch's middle: not the other side
-constexpr int kRanges = 64;      // that points are shared out in, whatever the threads
+constexpr int kPatch = 24;          // triangles
+constexpr double kWidth = 0.05;     // ε, of the root of a triangle's area
+constexpr double kSameSide = -0.2;  // cosine of the angle to the patch's middle: not the other side
+constexpr int kPatchRanges = 64;    // that points are shared out in, whatever the threads
 
 /// The triangles about another one, the nearest first.
 class Patches {
@@ -46,7 +46,7 @@ class Patches {
       for (int v : mesh_.triangles.row(j))
         for (int other : fans_.of(v))
           if (seen_[size_t(other)] != round_ &&
-              normals_.row(other).dot(normals_.row(seed.triangle)) >= kAlike)
+              normals_.row(other).dot(normals_.row(seed.triangle)) >= kSameSide)
             open(other, (centres_.row(other) - seed.place.transpose()).squaredNorm());
     }
   }
@@ -73,17 +73,18 @@ Outside::Outside(const Mesh& surface, const std::vector<PointOnTriangle>& seeds,
     centres.row(j) = triangle_centre(surface.positions, surface.triangles, j).transpose();
     widths_.push_back(kWidth * kWidth * std::max(areas[j], least_area));
   }
-  std::vector<std::vector<int>> of_ranges(kRanges), ends(kRanges);
-  pool.run(kRanges, [&](int range) {
+  std::vector<std::vector<int>> of_ranges(kPatchRanges), ends(kPatchRanges);
+  pool.run(kPatchRanges, [&](int range) {
     Patches patches(surface, fans, centres, normals);
     std::vector<int>& all = of_ranges[size_t(range)];
-    const size_t begin = seeds.size() * range / kRanges, end = seeds.size() * (range + 1) / kRanges;
+    const size_t begin = seeds.size() * range / kPatchRanges,
+                 end = seeds.size() * (range + 1) / kPatchRanges;
     for (size_t i = begin; i < end; ++i) {
       patches.add(seeds[i], all);
       ends[size_t(range)].push_back(static_cast<int>(all.size()));
     }
   });
-  for (int range = 0; range < kRanges; ++range) {
+  for (int range = 0; range < kPatchRanges; ++range) {
     const int before = begin_.back();
     for (int end : ends[size_t(range)]) begin_.push_back(before + end);
     patches_.insert(patches_.end(), of_ranges[size_t(range)].begin(),

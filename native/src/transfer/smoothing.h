@@ -8,6 +8,10 @@
 
 namespace dd {
 
+constexpr double kSmooth = 0.01;  ///< of the box: the length over which places are smooth
+constexpr double kEdge = 0.25;  ///< share of what is asked for at one place that is left, at least
+constexpr double kLeastMass = 1e-3;  ///< of the mean
+
 /// Systems (length² L + D) x = D values over a surface's free vertices, which give the smooth part
 /// of values there; D are masses.
 class Smoothing {

@@ -15,14 +15,11 @@ namespace dd {
 namespace {
 
 // Of the box.
-constexpr double kSmooth = 0.01;  // ℓ
 constexpr double kLoose = 0.05;   // δ
 constexpr double kProbed = 0.1;   // reach of probes
 constexpr double kSlight = 1e-4;  // of shifts: less has less of a say
 
-constexpr double kEdge = 0.25;       // share of a shift's weight that smoothing leaves, at least
-constexpr double kLeastMass = 1e-3;  // of the mean
-constexpr double kNearer = 0.25;     // of its distance at rest that a point may come nearer
+constexpr double kNearer = 0.25;  // of its distance at rest that a point may come nearer
 constexpr int kSmoothRounds = 3, kSingleRounds = 4;
 
 }  // namespace
