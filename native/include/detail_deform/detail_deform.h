@@ -544,10 +544,10 @@ typedef struct dd_transfer_options {
   int32_t precision;       /* dd_precision, of the system */
   int32_t threads;         /* as of dd_bind_options */
   int32_t placing;         /* dd_placing */
-  double gap;              /* with DD_PAIRS_OF_NEAREST and DD_PLACING_VERTICES: the target is kept so
-                              far outside of the source, as a share of its box, or three quarters as
-                              far as it is at rest where that is less. Where most of it is inside at
-                              rest, it is kept there. 0 stands for 0.005; negative: it may go
+  double gap;              /* with DD_PAIRS_OF_NEAREST and DD_PLACING_VERTICES: the target is kept
+                              so far outside of the source, as a share of its box, or three quarters
+                              as far as it is at rest where that is less. Where most of it is inside
+                              at rest, it is kept there. 0 stands for 0.005; negative: it may go
                               through */
 } dd_transfer_options;
 

@@ -27,8 +27,8 @@ namespace dd {
 /// so that what lies close keeps its place and what hangs loosely goes as the gradients make it.
 /// Then vertices that have come nearer to the source than a gap, and by a quarter nearer than they
 /// were at rest, are moved out (Outside), and so is what the source's own vertices have come as
-/// near to (Probes): smoothly first, then each by itself. All of it is continuous in the pose, and none
-/// where the source moves rigidly.
+/// near to (Probes): smoothly first, then each by itself. All of it is continuous in the pose, and
+/// none where the source moves rigidly.
 class WornPlaces {
  public:
   /// region: of the target, of which the free vertices move. gap: of the box; negative: it isn't
