@@ -216,3 +216,37 @@ def test_what_can_not_be_worn_is_said(dressed, tmp_path):
     update()
     sentence = refusal(live)
     assert "is scaled to 0" in sentence and "'Arm'" in sentence
+
+
+def test_a_script_that_changes_how_it_is_matched_while_it_follows_is_told(dressed):
+    arm, sleeve = dressed
+    settings = sleeve.detail_deform.transfer
+    twin = tube("Twin", 1.1, -2, 2, 37, 30)
+    settings.source, settings.correspondence = twin, 'TOPOLOGY'
+    live()
+    settings.correspondence = 'NEAREST'
+    update()
+    assert "what is nearest is found only when following starts" in settings.problem
+    live(on=False)
+    settings.source = arm
+    live()
+    assert not settings.problem
+
+
+def test_a_file_keeps_how_they_stood(dressed, tmp_path):
+    arm, sleeve = dressed
+    arm.data.shape_keys.key_blocks["Bend"].value = 1
+    put_elsewhere(sleeve)
+    live()
+    before = evaluated(sleeve)
+    path = str(tmp_path / "dressed.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    sleeve, arm = bpy.data.objects["Sleeve"], bpy.data.objects["Arm"]
+    assert np.abs(evaluated(sleeve) - before).max() < 1e-6
+    sleeve.location.x += 1  # as an object, with all that it has taken from the arm
+    key = arm.data.shape_keys.key_blocks["Bend"]
+    for value in (0, 1):
+        key.value = value
+        update()
+        assert (np.abs(evaluated(sleeve) - before).max() < 1e-4) == bool(value)

@@ -45,15 +45,17 @@ def depth(ob):
 
 # Content
 
+_FOUND = {'MARKERS': "a match is searched", 'LIST': "a list is read", NEAREST: "what is nearest is found"}
+
+
 def matched(source, ob):
     """The correspondence that the settings say. Raises MeshProblem."""
     how = ob.detail_deform.transfer.correspondence
     if how == 'TOPOLOGY':
         return correspondence.by_topology(source, ob)
-    if how not in {'STORED', NEAREST}:
-        what = "a match is searched" if how == 'MARKERS' else "a list is read"
-        raise MeshProblem(f"'{ob.name}' follows by its Saved Match: {what} only when following starts. Press Follow "
-                          "to stop, and again to start.")
+    if how in _FOUND and not (how == NEAREST and correspondence.is_by_nearest(ob)):
+        raise MeshProblem(f"'{ob.name}' follows by its Saved Match: {_FOUND[how]} only when following starts. Press "
+                          "Follow to stop, and again to start.")
     return correspondence.stored(source, ob)
 
 

@@ -150,6 +150,12 @@ def digest(target):
     return _kept(target)['digest'] if is_stored(target) else ""
 
 
+def is_by_nearest(target):
+    """Whether what is kept is how they stood."""
+    kept = _kept(target)
+    return kept is not None and kept['pairs_of'] == NEAREST
+
+
 def is_stored(target):
     return _kept(target) is not None
 
@@ -163,7 +169,7 @@ def stored_for(target):
 def fits(source, target):
     """Whether a correspondence of these two as they are is kept."""
     kept = _kept(target)
-    if kept is not None and kept['pairs_of'] == NEAREST:
+    if is_by_nearest(target):
         return kept['source'] == source.name
     return kept is not None and all(mesh_data.topology_signature(ob.data) == kept[topology] for ob, topology in (
         (source, 'source_topology'), (target, 'target_topology')))
