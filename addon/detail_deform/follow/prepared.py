@@ -114,4 +114,5 @@ def remarks(transfer):
                "correspond to more than eight times their area, so what is around them is taken in their place: add "
                "a marker there if that looks wrong.")
     if info.mirrored:
-        yield "This mesh looks like the source's mirror image, which a deformation can't be turned into."
+        yield ("This mesh corresponds to the source's mirror image, so deformations are mirrored with it: if that is "
+               "wrong, left and right are exchanged in what corresponds.")

@@ -34,7 +34,7 @@ def search(source, target):
     try:
         yield from match.fractions()
         matched.pairs, matched.confidence, _ = match.finish()
-        matched.ambiguous = bool(match.info.ambiguous)
+        matched.ambiguous, matched.mirrored = bool(match.info.ambiguous), bool(match.info.mirrored)
     finally:
         match.close()
     _last = (_searched_for(source, target), matched)

@@ -26,8 +26,8 @@ constexpr int kVerticesPerFunction = 6;
 constexpr double kAsTheyStand = 0.8;    // of the misfit of others: users' meshes mostly stand alike
 constexpr double kNearlyAsWell = 1.15;  // of the misfit
 constexpr double kAlikeStretch = 0.05;  // twice what rough maps of symmetries have for 0
-constexpr double kElsewhere = 0.2;  // of the box
-constexpr double kReversed = 0.3;   // of the largest share of triangles that keep their orientation
+constexpr double kElsewhere = 0.2;      // of the box
+constexpr double kReversed = 0.3;  // of the largest share of triangles that keep their orientation
 
 /// A placement and what is known of it.
 struct Start : Placement {
@@ -217,6 +217,17 @@ Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target) {
                                         std::to_string(markers[i][1]) + " of the target.");
   }
   return markers;
+}
+
+bool marked_as_mirror_image(const Mesh& source, const Mesh& target, const Pairs& given) {
+  const Pairs markers = checked_markers(given, source, target);
+  const Index count = static_cast<Index>(markers.size());
+  Positions from(count, 3), to(count, 3);
+  for (Index i = 0; i < count; ++i) {
+    from.row(i) = source.positions.row(markers[size_t(i)][0]);
+    to.row(i) = target.positions.row(markers[size_t(i)][1]);
+  }
+  return is_mirror_image(from, to, Eigen::VectorXd::Ones(count));
 }
 
 Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int threads,
