@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..library import native
-from ..scene import mesh_data
+from ..scene import mesh_data, proportions
 from ..scene.mesh_data import MeshProblem
 
 
@@ -16,20 +16,12 @@ class Prepared:
     def __init__(self, transfer, source, target):
         """source, target: proportions of the two."""
         self.info = transfer.info
-        self._transfer, self._source, self._target = transfer, source, target
+        self._transfer, self._source, self._target = transfer, source, np.linalg.inv(target)
 
     def apply(self, pose, rotation_only):
         """(n, 3) float32 of the target, from the source's."""
         gradients = 'ROTATIONS' if rotation_only else 'WHOLE'
-        return self._transfer.apply(pose * self._source, gradients) / self._target
-
-
-def proportions(ob):
-    """(3,) float32: an object's scale, the largest as 1: alike along all axes, it changes no shape."""
-    scale = np.array(ob.matrix_world.to_scale(), np.float32)
-    largest = np.abs(scale).max()
-    scale = scale / largest if largest > 0 else np.ones(3, np.float32)
-    return np.where(np.abs(scale) > 1e-6, np.abs(scale), np.float32(1))
+        return self._transfer.apply(pose @ self._source, gradients) @ self._target
 
 
 class How(NamedTuple):
@@ -53,9 +45,9 @@ class Preparation:
 
     def __init__(self, source, target, matched, how, precision='DOUBLE'):
         """how: a How. Raises MeshProblem or native.NativeError."""
-        self._sides = proportions(source), proportions(target)
-        meshes = ((mesh_data.rest(source.data) * self._sides[0], matched.source_triangles),
-                  (mesh_data.rest(target.data) * self._sides[1], matched.target_triangles))
+        self._sides = proportions.of(source), proportions.of(target)
+        meshes = ((proportions.shape(source), matched.source_triangles),
+                  (proportions.shape(target), matched.target_triangles))
         self._job = native.TransferJob(*meshes, matched.pairs, pairs_of=matched.pairs_of, anchor=how.anchor,
                                        anchors=_anchors(target, how), formulation=how.formulation,
                                        placing=how.placing, precision=precision)
@@ -81,7 +73,7 @@ def content(source, target, by, how):
         anchors = mesh_data.signature(mesh_data.members(target, how.anchor_group))
     meshes = [mesh_data.signature(mesh_data.rest(side.data)) + mesh_data.topology_signature(side.data)
               for side in (source, target)]
-    scales = [mesh_data.signature(proportions(side)) for side in (source, target)]
+    scales = [proportions.signature(side) for side in (source, target)]
     return '.'.join([*meshes, by, how.anchor, anchors, how.formulation, how.placing, *scales])
 
 
