@@ -94,6 +94,22 @@ def test_the_volumetric_original_and_a_given_placement(native, strip):
     assert np.abs(fitted.apply(pose, WHOLE) - (pose @ turn[:, :3].T + turn[:, 3])).max() < 1e-4
 
 
+def test_a_mirror_image_is_deformed_as_one(native):
+    strip = waved(24, 2.0)
+    mirror = np.diag([-2.0, 2.0, 2.0])
+    image, pose = strip.positions @ mirror, bent(strip.positions)
+    for placing in ('VERTICES', 'COMPONENTS'):
+        for formulation in ('SURFACE', 'FOURTH_POINTS'):
+            for placement in (None, np.diag([-2.0, 2.0, 2.0, 0])[:3]):
+                transfer = native.Transfer((strip.positions, strip.triangles), (image, strip.triangles),
+                                           placing=placing, formulation=formulation, placement=placement,
+                                           precision='DOUBLE')
+                assert transfer.info.mirrored == 1
+                assert np.allclose(np.reshape(transfer.info.placement, (3, 4))[:, :3], mirror, atol=1e-5)
+                assert np.abs(transfer.apply(pose, WHOLE) - pose @ mirror).max() < 1e-5 * np.ptp(image, axis=0).max()
+    assert native.Transfer(mesh(strip), mesh(strip)).info.mirrored == 0
+
+
 @pytest.mark.parametrize('change, sentence', [
     (dict(pairs=np.zeros((0, 2))), "There is no pair"),
     (dict(pairs=[[0, 0], [1, 999999]]), "Pair 1 names number 999999 of the target"),
@@ -101,6 +117,7 @@ def test_the_volumetric_original_and_a_given_placement(native, strip):
     (dict(anchor='PINNED'), "There is no anchor"),
     (dict(anchor='VERTICES', anchors=[5, 5]), "named as an anchor more than once"),
     (dict(placement=np.diag([1, 2, 1, 1])[:3]), "not a rotation"),
+    (dict(placement=np.zeros((3, 4))), "not a rotation"),
     (dict(threads=-1), "options.threads is -1"),
 ])
 def test_refusals(native, strip, change, sentence):
@@ -173,6 +190,24 @@ def test_matching_by_shape(native):
         along = [side.positions[side.triangles].mean(1)[:, 0] for side in (source, target)]
         assert np.abs(along[0][pairs[:, 0]] - along[1][pairs[:, 1]]).max() < 2
         assert 0.8 < match.info.confidence <= 1 and confidence.min() > 0.5 and np.isfinite(fitted).all()
+
+
+def test_markers_tell_a_mirror_image(native):
+    source, target = waved(24, 2.0), waved(47, 2.0)
+    for side in (source, target):  # unlike its image however it is turned
+        side.positions[:, 2] += 0.3 * side.positions[:, 1] * np.sin(side.positions[:, 0] / 9)
+    markers = [[8 * column + row, 16 * column + row] for column in (0, 6, 13, 23) for row in (0, 7)]
+    mirrored = target.positions * np.float32([1, -1, 1])
+    turned_over = target.triangles[:, ::-1]
+    for positions, triangles, expected in ((target.positions, target.triangles, 0), (mirrored, turned_over, 1)):
+        match = native.Match(mesh(source), (positions, triangles), markers)
+        pairs, confidence, _ = match.finish()
+        assert match.info.mirrored == expected and confidence.min() > 0.5
+        transfer = native.Transfer(mesh(source), (positions, triangles), pairs)
+        assert transfer.info.mirrored == expected
+        posed = transfer.apply(bent(source.positions), WHOLE)
+        truth = bent(target.positions) * ([1, -1, 1] if expected else [1, 1, 1])
+        assert np.abs(posed - truth).max() < 0.01 * np.ptp(truth, axis=0).max()
 
 
 def test_a_square_is_ambiguous(native):

@@ -402,12 +402,62 @@ TEST_CASE("triangles that a pose collapses turn with their neighbours") {
   CHECK(largest_difference(stays, mesh.positions.rowwise() + shift) < 1e-9);
 }
 
-TEST_CASE("a mirrored target is told") {
-  const Mesh mesh = test::rough_sphere(3, 0.2);
-  Mesh target = mesh;
-  CHECK(!onto(mesh, target).mirrored());
+TEST_CASE("a mirror image is deformed as one") {
+  const Mesh source = test::rough_sphere(4, 0.2);
+  const Positions pose = bent(source.positions);
+  CHECK(!onto(source, source).mirrored());
+  // A plane's image, turned and scaled: x -> 1.7 R (I - 2 n nᵀ) x + t.
+  const Eigen::Vector3d n = Eigen::Vector3d(1, 0.4, -0.2).normalized(), shift(3, -1, 5);
+  const double scale = 1.7;
+  const Eigen::Matrix3d turn = rotation_by({0.3, 1.1, -0.5}),
+                        reflection = turn * (Eigen::Matrix3d::Identity() - 2 * n * n.transpose());
+  const auto image = [&](const Positions& p) -> Positions {
+    return (scale * p * reflection.transpose()).rowwise() + shift.transpose();
+  };
+  Mesh target = {image(source.positions), source.triangles};
+  const double box = bounding_box_diagonal(target.positions);
+  for (const bool turned_over : {false, true}) {
+    if (turned_over) target.triangles.col(1).swap(target.triangles.col(2));
+    Pairs pairs;
+    for (int j = 0; j < source.triangle_count(); ++j) pairs.push_back({j, j});
+    const Correspondence each =
+        triangle_correspondence(pairs, source.triangle_count(), target.triangle_count());
+    for (const Formulation formulation : {Formulation::surface, Formulation::fourth_points})
+      for (const Placing placing : {Placing::vertices, Placing::components}) {
+        TransferOptions options;
+        options.formulation = formulation;
+        options.placing = placing;
+        MeshTransfer transfer(source, target, each, options);
+        CHECK(transfer.mirrored());
+        CHECK((transfer.placement().rotation - reflection).norm() < 1e-9);
+        CHECK(largest_difference(transfer.apply(pose, false), image(pose)) < 1e-5 * box);
+
+        // Turns alone are mirrored as well: as the image of what the source makes of itself.
+        MeshTransfer itself(source, source, each, options);
+        const Positions own = itself.apply(pose, true);
+        CHECK(largest_difference(transfer.apply(pose, true), image(own)) < 1e-5 * box);
+
+        const Similarity found = transfer.placement();
+        options.placement = &found;
+        CHECK(MeshTransfer(source, target, each, options).mirrored());
+      }
+  }
+}
+
+TEST_CASE("a mirror image of another shape is known, and what is nearly flat is none") {
+  const Mesh source = test::rough_sphere(4, 0.2);
+  Mesh target = source;
   target.positions.col(0) *= -1;
-  CHECK(onto(mesh, target).mirrored());
+  for (Index v = 0; v < target.positions.rows(); ++v)
+    target.positions.row(v) *= 1 + 0.1 * std::sin(3 * target.positions(v, 1));
+  CHECK(onto(source, target).mirrored());
+
+  const Mesh sheet = test::grid(20, 20, [](double x, double y) { return 0.2 * x * y; });
+  Mesh other = sheet;  // with a bend the other way, which no reflection explains
+  for (Index v = 0; v < other.positions.rows(); ++v)
+    other.positions(v, 2) =
+        -0.02 * other.positions(v, 2) + 0.1 * std::sin(9 * other.positions(v, 0));
+  CHECK(!onto(sheet, other).mirrored());
 }
 
 TEST_CASE("anchors without a triangle don't move the rest") {

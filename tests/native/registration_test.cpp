@@ -215,3 +215,17 @@ TEST_CASE("real meshes' faults are survived: loose, doubled, degenerate, in part
   CHECK(match.confidence.size() == size_t(target.triangle_count()));
   CHECK(match.correspondence.target_count() == target.triangle_count());
 }
+
+TEST_CASE("markers tell a mirror image, of places that are not in a plane") {
+  const Mesh source = turned_sphere(4), target = shaped_sphere(4, Eigen::Matrix3d::Identity());
+  const Pairs pairs = markers(source, target);
+  CHECK(!marked_as_mirror_image(source, target, pairs));
+  CHECK(marked_as_mirror_image(mirror_image(source), target, pairs));
+  const Pairs in_a_plane(pairs.begin(), pairs.begin() + 4);
+  CHECK(!marked_as_mirror_image(mirror_image(source), target, in_a_plane));
+  CHECK(!marked_as_mirror_image(source, target, {}));
+  CHECK_THROWS_AS(marked_as_mirror_image(source, target, {{0, -1}}), Error);
+  const Mesh twice = mirror_image(mirror_image(source));
+  CHECK(twice.positions == source.positions);
+  CHECK(twice.triangles == source.triangles);
+}

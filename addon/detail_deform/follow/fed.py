@@ -109,7 +109,8 @@ def is_fit(ob, depsgraph):
 
 def _is_in_a_scene(ob, depsgraph):
     # The first test is quick and nearly always enough; the second goes through all scenes.
-    return ob.visible_get(view_layer=depsgraph.view_layer) or bool(ob.users_scene)
+    # One in a collection that is instanced, as a linked one often is, is in no scene itself.
+    return ob.visible_get(view_layer=depsgraph.view_layer) or bool(ob.users_scene or ob.users_collection)
 
 
 def is_for(ob, entry):

@@ -4,7 +4,7 @@
 import bpy
 
 from ..library.options import NEAREST
-from ..scene import correspondence, node_group, offset_attribute, source_pose, stack, transferred
+from ..scene import below, correspondence, node_group, offset_attribute, source_pose, stack, transferred
 from ..scene.mesh_data import MeshProblem
 from . import binding, fed, life, registry
 
@@ -80,7 +80,9 @@ def state(ob):
         _, fraction, _ = job.progress()
         source = settings.source.name if settings.source else ""
         return f"Preparing to follow '{source}', {100 * fraction:.0f}%."
-    return settings.problem or (f"Follows '{settings.source.name}'." if settings.source else fed.GONE)
+    if settings.problem or settings.source is None:
+        return settings.problem or fed.GONE
+    return f"Follows '{settings.source.name}'. {below.left_out(settings.source)}".rstrip()
 
 
 def is_preparing(ob):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..library import native
-from ..scene import mesh_data
+from ..scene import mesh_data, proportions
 from ..scene.mesh_data import MeshProblem
 
 
@@ -26,7 +26,7 @@ class _Space(NamedTuple):
 
 def _spaces(source, target, stance):
     """Each as it is proportioned in the scene; the source of a stance as it stands to the target."""
-    own = [_Space(np.diag(proportions(ob)).astype(float), np.zeros(3)) for ob in (source, target)]
+    own = [_Space(proportions.of(ob).astype(float), np.zeros(3)) for ob in (source, target)]
     if stance is None:
         return own
     linear = own[1].linear
@@ -45,14 +45,6 @@ class Prepared:
         """(n, 3) float32 of the target, from the source's."""
         gradients = 'ROTATIONS' if rotation_only else 'WHOLE'
         return self._target.back(self._transfer.apply(self._source.to(pose), gradients))
-
-
-def proportions(ob):
-    """(3,) float32: an object's scale, the largest as 1: alike along all axes, it changes no shape."""
-    scale = np.array(ob.matrix_world.to_scale(), np.float32)
-    largest = np.abs(scale).max()
-    scale = scale / largest if largest > 0 else np.ones(3, np.float32)
-    return np.where(np.abs(scale) > 1e-6, np.abs(scale), np.float32(1))
 
 
 class How(NamedTuple):
@@ -116,7 +108,7 @@ def content(source, target, by, how):
         anchors = mesh_data.signature(mesh_data.members(target, how.anchor_group))
     meshes = [mesh_data.signature(mesh_data.rest(side.data)) + mesh_data.topology_signature(side.data)
               for side in (source, target)]
-    scales = [mesh_data.signature(proportions(side)) for side in (source, target)]
+    scales = [proportions.signature(side) for side in (source, target)]
     return '.'.join([*meshes, by, how.anchor, anchors, how.formulation, how.placing, f"{how.least_gap:.5g}",
                      *scales])
 
@@ -153,4 +145,5 @@ def remarks(transfer):
         yield (f"{info.through_count:,} vertices of this mesh (such as {info.through_example}) are through the source "
                "at rest, and are kept from going farther.")
     if info.mirrored:
-        yield "This mesh looks like the source's mirror image, which a deformation can't be turned into."
+        yield ("This mesh corresponds to the source's mirror image, so deformations are mirrored with it: if that is "
+               "wrong, left and right are exchanged in what corresponds.")

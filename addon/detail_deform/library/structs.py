@@ -182,7 +182,7 @@ TransferInfo = _sized(
 MatchOptions = _sized('dd_match_options', "How correspondences are searched for", (_INT, 'stages', 'rounds', 'threads'),
                       (_DOUBLE, 'smoothness', 'identity', 'reach'))
 MatchInfo = _sized('dd_match_info', "Facts about a correspondence that was found", (_INT, 'ambiguous'),
-                   (_DOUBLE, 'confidence'))
+                   (_DOUBLE, 'confidence'), (_INT, 'mirrored'))
 MeasureOptions = _sized('dd_measure_options', "The base that normals are measured against", (_POSITIONS, 'base'),
                         (_SIZE, 'base_count'), (_POSITIONS, 'deformed_base'), (_SIZE, 'deformed_base_count'))
 Measures = _sized('dd_measures', "How a deformed surface compares with the one at rest",

@@ -125,6 +125,10 @@ class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
         ob.detail_deform.transfer.show_match = True  # before anything goes by it
         if matched.ambiguous:
             self.report({'WARNING'}, matching.ambiguity(source, ob))
+        if matched.mirrored:
+            self.report({'WARNING'}, f"By the markers, '{ob.name}' is the mirror image of '{source.name}', so "
+                                     "deformations are mirrored: if that is wrong, exchange the numbers of left and "
+                                     "right on one of them.")
         self.report({'INFO'}, f"Match found: {100 * matched.confidence.mean():.0f}% alike on the whole, "
                               f"{100 * (matched.confidence < 0.5).mean():.0f}% of the faces less than half. Show Match "
                               "shows where")

@@ -6,7 +6,7 @@ import time
 
 from ..follow import factored, prepared
 from ..library.options import CORRESPONDENCES
-from ..scene import correspondence, mesh_data, source_pose, transferred
+from ..scene import below, correspondence, mesh_data, source_pose, transferred
 from ..scene.mesh_data import MeshProblem
 from ..setup import matching
 from . import frames, keyed_keys, point_cache, transferred_keys
@@ -98,6 +98,8 @@ def _all(context, source, target, keys, wanted):
         correspondence.store(matched, source, target)
     outcome.matched_by = _TITLES[wanted.correspondence]
     outcome.remarks += prepared.remarks(transfer)
+    if keys is None and below.left_out(source):
+        outcome.remarks.append(below.left_out(source))
     outcome.seconds = time.perf_counter() - started
     return outcome
 

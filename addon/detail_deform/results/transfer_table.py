@@ -66,7 +66,7 @@ def text():
 def note(source, name, target, failure):
     """Keeps with the source why a target failed, in place of what was kept of it; '': it did not. target: None where
     there is none of that name."""
-    if source.library:
+    if source.library or source.override_library:  # which has no room for new entries
         return
     failed = source.detail_deform.transfer.failed
     present = [number for number, entry in enumerate(failed)

@@ -21,6 +21,7 @@ class Matched:
     pairs_of = 'TRIANGLES'
     stance = None  # of NEAREST: (4, 4) from the source's space to the target's
     ambiguous = False  # whether the source fits about as well turned otherwise
+    mirrored = False  # whether markers say that the target is the source's mirror image
 
     def __init__(self, source_triangles, target_triangles, pairs, confidence):
         self.source_triangles, self.target_triangles = source_triangles, target_triangles

@@ -3,6 +3,7 @@
 
 import hashlib
 import itertools
+import os
 
 import numpy as np
 
@@ -17,16 +18,39 @@ class MeshProblem(Exception):
     """A sentence about an object or mesh that can't be used as it is."""
 
 
+_MAKE_LOCAL = "Object > Relations > Make Local > Selected Objects and Data"
+_MAKE_ALL_LOCAL = "Object > Relations > Make Local > All, for its collection is linked, too"
+
+
+def _file(library):
+    return os.path.basename(library.filepath.replace('\\', '/'))
+
+
+def why_not_editable(ob):
+    """A sentence where a mesh object's settings or mesh belong to another file, or ''."""
+    mesh, library = ob.data, ob.library or ob.data.library
+    if ob.override_library or mesh.override_library:
+        file = f" of '{_file(library)}'" if library else ""
+        return (f"'{ob.name}' is a library override{file}, whose settings, groups and mesh can't be changed: make it "
+                f"local ({_MAKE_LOCAL}).")
+    if ob.library:
+        # It alone would be local and in no scene.
+        with_all = ob.users_collection and all(collection.library for collection in ob.users_collection)
+        return (f"'{ob.name}' is linked from another file, '{_file(library)}', so nothing can be stored in its mesh: "
+                f"make it local ({_MAKE_ALL_LOCAL if with_all else _MAKE_LOCAL}).")
+    if library:
+        return (f"The mesh of '{ob.name}', '{mesh.name}', is linked from another file, '{_file(library)}', so nothing "
+                f"can be stored in it: make it local ({_MAKE_LOCAL}).")
+    return ""
+
+
 def check_editable(ob):
     """Raises MeshProblem when the object's settings or mesh belong to another file."""
     if ob is None or ob.type != 'MESH':
         raise MeshProblem("Select a mesh object: only meshes can be deformed.")
-    if ob.library or ob.data.library:
-        raise MeshProblem(f"'{ob.name}' is linked from another file, so nothing can be stored in its "
-                          "mesh: make it local (Object > Relations > Make Local > Selected Objects and Data).")
-    if ob.override_library or ob.data.override_library:
-        raise MeshProblem(f"'{ob.name}' is a library override, whose handles and groups can't be changed: make it "
-                          "local (Object > Relations > Make Local > Selected Objects and Data).")
+    problem = why_not_editable(ob)
+    if problem:
+        raise MeshProblem(problem)
 
 
 def check_object(ob):

@@ -4,11 +4,9 @@ that move vertices. Examples of its poses are made with these alone; what comes 
 works on the result of the examples as it did on the pose."""
 
 from . import node_group, source_pose
+from .below import MOVERS
 from .mesh_data import MeshProblem
 
-_MOVERS = {'ARMATURE', 'CAST', 'CLOTH', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE', 'HOOK', 'LAPLACIANDEFORM',
-           'LAPLACIANSMOOTH', 'LATTICE', 'MESH_CACHE', 'MESH_DEFORM', 'MESH_SEQUENCE_CACHE', 'SHRINKWRAP',
-           'SIMPLE_DEFORM', 'SMOOTH', 'SOFT_BODY', 'SURFACE_DEFORM', 'WARP', 'WAVE'}
 # Whose copies of the mesh each go a way of their own, which one mesh can't.
 _COPIERS = {'ARRAY', 'MIRROR', 'SCREW'}
 
@@ -17,7 +15,7 @@ def of(ob):
     """Raises MeshProblem where there are none, or what they make is more than a pose of the mesh."""
     known = remembered(ob)
     shown = [m for m in _others(ob) if m.show_viewport or m in known]
-    found = _of_type(shown, {'ARMATURE'}) or _of_type(shown, _MOVERS) or _of_type(shown, {'NODES'})
+    found = _of_type(shown, {'ARMATURE'}) or _of_type(shown, MOVERS) or _of_type(shown, {'NODES'})
     if not found:
         raise MeshProblem(f"No modifier poses '{ob.name}': give it an Armature, or another one that moves its "
                           "vertices, and show it in the viewport.")
@@ -26,7 +24,7 @@ def of(ob):
         if modifier.type in _COPIERS:
             raise MeshProblem(f"'{modifier.name}' copies the mesh before '{found[-1].name}' poses it, so each copy has "
                               f"a pose of its own, which the mesh alone can't have: apply '{modifier.name}' first.")
-    return [m for m in earlier if m in found or m.type in _MOVERS]
+    return [m for m in earlier if m in found or m.type in MOVERS]
 
 
 def _of_type(modifiers, types):

@@ -14,7 +14,7 @@ import time
 import numpy as np
 
 from ..library import native
-from ..scene import mesh_data
+from ..scene import mesh_data, proportions
 from . import markers
 
 _FEWEST = 6  # below, the factors explain nearly anything
@@ -88,7 +88,7 @@ def _best_exchange(there, here, errors):
 def _distances(ob, vertices):
     """Generator of the share done; gives the (k, k) distances between these vertices along the surface, and straight
     ones between its loose parts."""
-    points, triangles = mesh_data.rest(ob.data), mesh_data.triangles(ob.data)
+    points, triangles = proportions.shape(ob), mesh_data.triangles(ob.data)
     found = []
     for vertex in vertices:
         start = np.zeros(len(points), bool)
@@ -116,7 +116,7 @@ def doubtful_by_shape(apart):
 
 def _fitted_apart(source, target, of_source, of_target):
     """Generator of the share done; gives what doubtful_by_shape() takes."""
-    there, here = mesh_data.rest(source.data), mesh_data.rest(target.data)
+    there, here = proportions.shape(source), proportions.shape(target)
     match = native.Match((there, mesh_data.triangles(source.data)), (here, mesh_data.triangles(target.data)),
                          stages=2, rounds=1)
     try:

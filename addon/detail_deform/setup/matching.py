@@ -7,7 +7,7 @@ import bpy
 
 from ..library import native
 from ..library.options import NEAREST
-from ..scene import correspondence, files, mesh_data
+from ..scene import correspondence, files, mesh_data, proportions
 from ..scene.mesh_data import MeshProblem
 from . import marker_check, markers, pair_lists
 
@@ -18,7 +18,7 @@ _WHERE_THEY_ARE_RIGHT = "If they are right, press Find Match, which takes them a
 
 
 def _searched_for(source, target):
-    return (*(mesh_data.signature(mesh_data.rest(ob.data)) + mesh_data.topology_signature(ob.data)
+    return (*(mesh_data.signature(proportions.shape(ob)) + mesh_data.topology_signature(ob.data)
               for ob in (source, target)),
             markers.pairs(source, target).tobytes())
 
@@ -30,12 +30,12 @@ def search(source, target):
     if _last[0] == _searched_for(source, target):
         return _last[1]
     matched = correspondence.Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
-    match = native.Match((mesh_data.rest(source.data), matched.source_triangles),
-                         (mesh_data.rest(target.data), matched.target_triangles), markers.pairs(source, target))
+    match = native.Match((proportions.shape(source), matched.source_triangles),
+                         (proportions.shape(target), matched.target_triangles), markers.pairs(source, target))
     try:
         yield from match.fractions()
         matched.pairs, matched.confidence, _ = match.finish()
-        matched.ambiguous = bool(match.info.ambiguous)
+        matched.ambiguous, matched.mirrored = bool(match.info.ambiguous), bool(match.info.mirrored)
     finally:
         match.close()
     _last = (_searched_for(source, target), matched)

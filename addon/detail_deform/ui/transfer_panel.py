@@ -7,7 +7,7 @@ from ..declared import COMPARED
 from ..follow import live_transfer
 from ..library.options import TRANSFER_SETTINGS
 from ..results import transfer_table
-from ..scene import correspondence
+from ..scene import correspondence, mesh_data
 from ..setup import marker_check, markers
 from . import known_markers
 from .parts import ModifierPanel, draw_options, draw_text
@@ -25,6 +25,8 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         source = settings.source
         if settings.live:
             draw_text(layout.box(), context, settings.state, 'ERROR' if settings.problem else 'LINKED')
+        elif mesh_data.why_not_editable(ob):  # Blender greys all out
+            draw_text(layout.box(), context, mesh_data.why_not_editable(ob), 'LIBRARY_DATA_DIRECT')
         layout.prop(settings, 'source')
         column = layout.column()
         column.enabled = not settings.live

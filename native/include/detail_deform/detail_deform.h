@@ -537,10 +537,11 @@ typedef struct dd_transfer_options {
   int32_t anchor;         /* dd_anchor */
   const int32_t* anchors; /* vertices of the target, for DD_ANCHOR_VERTICES and DD_ANCHOR_PINNED */
   size_t anchor_count;
-  const double* placement; /* twelve numbers, a row-major 3x4 matrix: the rotation, scale and shift
-                              that takes the source onto the target; deformations are turned with
-                              it. Null: as the pairs say, exact where the target is a moved and
-                              scaled copy; else a few degrees count as a difference of shape */
+  const double* placement; /* twelve numbers, a row-major 3x4 matrix: the rotation or reflection,
+                              scale and shift that takes the source onto the target; deformations
+                              are turned with it. Null: as the pairs say, exact where the target
+                              is a moved and scaled copy or its image; else a few degrees count
+                              as a difference of shape */
   int32_t precision;       /* dd_precision, of the system */
   int32_t threads;         /* as of dd_bind_options */
   int32_t placing;         /* dd_placing */
@@ -585,11 +586,12 @@ typedef struct dd_transfer_info {
   int32_t loose_count;                 /* vertices of the target without a triangle: they stay */
   int32_t degenerate_count;            /* triangles of the target with next to no area */
   int32_t degenerate_example;          /* one of them */
-  int32_t mirrored;     /* 1: the target corresponds to the source's mirror image, of which only the
-                           nearest rotation is taken */
-  int32_t unknowns;     /* rows of the system */
-  double nonzeros;      /* of the system */
-  double placement[12]; /* a row-major 3x4 matrix: of the source onto the target */
+  int32_t mirrored; /* 1: the target corresponds to the source's mirror image, and is deformed as
+                           that would be */
+  int32_t unknowns; /* rows of the system */
+  double nonzeros;  /* of the system */
+  double placement[12]; /* a row-major 3x4 matrix: of the source onto the target, with a reflection
+                           where that is mirrored */
   int32_t overstretched_count;   /* triangles of the source that correspond to more than eight times
                                   their area, for how large their part is on the target, so that
                                   the mean about them stands in for them */
@@ -620,9 +622,9 @@ typedef struct dd_match_options {
  * look for corresponding triangles: a job that makes a dd_match.
  *   markers   marker_count pairs of vertices, source and target, that must fall on one another: any
  *             number. Where there are fewer than three, or all on a line, the source's placement is
- *             found by shape: poses, remeshes and akin shapes need none. It is never mirrored, and
- *             turns that fit about as well are settled in favour of how the meshes stand, or by a
- *             marker or two. */
+ *             found by shape: poses, remeshes and akin shapes need none. Turns that fit about as
+ *             well are settled in favour of how the meshes stand, or by a marker or two. It is
+ *             mirrored only where four or more that are not in a plane say so. */
 DD_API int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32_t* markers,
                               size_t marker_count, const dd_match_options* options, dd_job** job);
 
@@ -630,6 +632,7 @@ typedef struct dd_match_info {
   uint32_t struct_size;
   int32_t ambiguous; /* 1: turned otherwise, the source fits about as well; markers settle it */
   double confidence; /* of all triangles of the target, the mean by area, 0 to 1 */
+  int32_t mirrored;  /* 1: the markers say that the target is the source's mirror image */
 } dd_match_info;
 
 DD_API int32_t dd_match_get_info(const dd_match* match, dd_match_info* info);

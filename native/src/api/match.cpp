@@ -45,12 +45,14 @@ int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32
   return guarded([&] {
     require(job, "job is null.");
     start_job<dd_match>("a match", job,
-                        [from = read_mesh("source", source), to = read_mesh("target", target),
+                        [given = read_mesh("source", source), to = read_mesh("target", target),
                          pairs = read_pairs("markers", markers, marker_count),
                          how = read_options(read_struct(options))](const dd::Progress& progress) {
                           auto made = std::make_unique<dd_match>();
-                          dd::validate(from, "source");
+                          dd::validate(given, "source");
                           dd::validate(to, "target");
+                          const bool mirrored = dd::marked_as_mirror_image(given, to, pairs);
+                          const dd::Mesh from = mirrored ? dd::mirror_image(given) : given;
                           const dd::Alignment alignment =
                               dd::align(from, to, pairs, how.threads, dd::within(progress, 0, 0.3));
                           made->registered = dd::register_onto(from, to, pairs, alignment, how,
@@ -59,6 +61,7 @@ int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32
                               dd::match_triangles({made->registered, from.triangles}, to, how.reach,
                                                   how.threads, dd::within(progress, 0.9, 1));
                           made->facts.ambiguous = alignment.ambiguous;
+                          made->facts.mirrored = mirrored;
                           made->facts.confidence = mean_by_area(made->match.confidence, to);
                           return made;
                         });

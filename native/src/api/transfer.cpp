@@ -40,12 +40,14 @@ struct Given {
 dd::Similarity read_placement(const double* values) {
   const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> matrix(values);
   dd::Similarity placement;
-  placement.scale = std::cbrt(matrix.leftCols<3>().determinant());
+  const double volume = matrix.leftCols<3>().determinant();
+  placement.mirrored = volume < 0;
+  placement.scale = std::cbrt(std::abs(volume));
   placement.rotation = matrix.leftCols<3>() / placement.scale;
   placement.shift = matrix.col(3);
   const Eigen::Matrix3d product = placement.rotation.transpose() * placement.rotation;
   require(matrix.allFinite() && placement.scale > 0 && product.isIdentity(1e-4),
-          "options.placement is not a rotation with a positive scale and a shift.");
+          "options.placement is not a rotation or reflection with a scale and a shift.");
   return placement;
 }
 

@@ -66,4 +66,10 @@ void validate(const Mesh& mesh, const char* which) {
   }
 }
 
+Mesh mirror_image(Mesh mesh) {
+  mesh.positions.col(0) *= -1;
+  mesh.triangles.col(1).swap(mesh.triangles.col(2));
+  return mesh;
+}
+
 }  // namespace dd

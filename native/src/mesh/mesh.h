@@ -30,4 +30,7 @@ void validate(const Mesh& mesh);
 /// The same of one of several meshes, which the sentence then begins with: "The source: ...".
 void validate(const Mesh& mesh, const char* which);
 
+/// In x, with triangles that go round as their outer sides say.
+Mesh mirror_image(Mesh mesh);
+
 }  // namespace dd

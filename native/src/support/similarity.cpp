@@ -23,8 +23,9 @@ struct Spread {
   double square;
 };
 
-constexpr double kExact = 1e-3;  // misfit over spread
-constexpr double kSolid = 1e-2;  // least over largest extent of points that tell left from right
+constexpr double kExact = 1e-3;   // misfit over spread
+constexpr double kSolid = 1e-2;   // least over largest extent of points that tell left from right
+constexpr double kClearly = 0.5;  // of a rotation's squared misfit: a reflection's
 
 Similarity with_rotation(const Eigen::Matrix3d& rotation, const Spread& from, const Spread& to) {
   Similarity fit;
@@ -87,17 +88,27 @@ Similarity fitted_similarity(const Positions& from, const Positions& to,
   const Eigen::Matrix3d both = onto.arms.transpose() * weights.asDiagonal() * of.arms;
   const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(both).singularValues();
   const bool on_a_line = !(values[1] > 1e-6 * values[0]);
-  Similarity fit = with_rotation(
+  return with_rotation(
       on_a_line ? Eigen::Matrix3d(Eigen::Matrix3d::Identity()) : polar_rotation(both), of, onto);
-  // Of points in a plane either would do.
-  fit.mirrored = both.determinant() < 0 && values[2] > kSolid * values[0];
-  return fit;
 }
 
-Similarity fitted_stance(const OrientedPoints& from, const OrientedPoints& to,
-                         const Eigen::VectorXd& weights) {
+bool is_mirror_image(const Positions& from, const Positions& to, const Eigen::VectorXd& weights) {
+  if (!(weights.sum() > 0)) return false;
+  const Spread of(from, weights), onto(to, weights);
+  const Eigen::Matrix3d both = onto.arms.transpose() * weights.asDiagonal() * of.arms;
+  if (!(both.determinant() < 0)) return false;
+  const Eigen::Vector3d values = Eigen::JacobiSVD<Eigen::Matrix3d>(both).singularValues();
+  const double whole = std::sqrt(of.square * onto.square);
+  const double reflected = whole - values.sum(), rotated = reflected + 2 * values[2];
+  return values[2] > kSolid * values[0] && reflected < kClearly * rotated;
+}
+
+namespace {
+
+Similarity upright_stance(const OrientedPoints& from, const OrientedPoints& to,
+                          const Eigen::VectorXd& weights) {
   const Similarity fit = fitted_similarity(from.places, to.places, weights);
-  if (!(weights.sum() > 0) || fit.mirrored) return fit;
+  if (!(weights.sum() > 0)) return fit;
   const Spread of(from.places, weights), onto(to.places, weights);
   const Positions misfit = onto.arms - fit.scale * of.arms * fit.rotation.transpose();
   if (misfit.rowwise().squaredNorm().dot(weights) < kExact * kExact * onto.square) return fit;
@@ -112,6 +123,25 @@ Similarity fitted_stance(const OrientedPoints& from, const OrientedPoints& to,
   };
   const double least = std::min(turned(most).norm(), turned(fit.rotation).norm());
   return with_rotation(upright * rotation_by(matters(least) * turned(found)), of, onto);
+}
+
+}  // namespace
+
+Similarity fitted_stance(const OrientedPoints& from, const OrientedPoints& to,
+                         const Eigen::VectorXd& weights) {
+  if (!is_mirror_image(from.places, to.places, weights)) return upright_stance(from, to, weights);
+  const Eigen::Vector3d reflection(-1, 1, 1);
+  OrientedPoints image = {from.places * reflection.asDiagonal(),
+                          from.normals * reflection.asDiagonal()};
+  // Where the triangles were not turned over with it, normals point inwards.
+  const Eigen::Matrix3d rotation = fitted_similarity(image.places, to.places, weights).rotation;
+  const Eigen::VectorXd agreement =
+      (image.normals * rotation.transpose()).cwiseProduct(to.normals).rowwise().sum();
+  if (agreement.dot(weights) < 0) image.normals *= -1;
+  Similarity fit = upright_stance(image, to, weights);
+  fit.rotation = fit.rotation * reflection.asDiagonal();
+  fit.mirrored = true;
+  return fit;
 }
 
 }  // namespace dd

@@ -219,6 +219,17 @@ Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target) {
   return markers;
 }
 
+bool marked_as_mirror_image(const Mesh& source, const Mesh& target, const Pairs& given) {
+  const Pairs markers = checked_markers(given, source, target);
+  const Index count = static_cast<Index>(markers.size());
+  Positions from(count, 3), to(count, 3);
+  for (Index i = 0; i < count; ++i) {
+    from.row(i) = source.positions.row(markers[size_t(i)][0]);
+    to.row(i) = target.positions.row(markers[size_t(i)][1]);
+  }
+  return is_mirror_image(from, to, Eigen::VectorXd::Ones(count));
+}
+
 Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int threads,
                 const Progress& progress) {
   report(progress, 0.01, "Looking at the meshes");

@@ -27,10 +27,14 @@ struct Alignment {
 /// contradictory.
 Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target);
 
+/// Whether by the markers the target is the source's mirror image, which takes four that are not in
+/// a plane. Throws as checked_markers().
+bool marked_as_mirror_image(const Mesh& source, const Mesh& target, const Pairs& markers);
+
 /// Placed by the markers where there are three not on a line, else by placements(). From each of
 /// these, functions of the surfaces, smooth ones first, give a map that copes with poses
 /// (zoomed_out()). The one is taken that keeps lengths best and lies nearest and doesn't turn the
-/// surface inside out. Never mirrored.
+/// surface inside out. Never mirrored: what are mirror images is mirrored first.
 Alignment align(const Mesh& source, const Mesh& target, const Pairs& markers, int threads = 0,
                 const Progress& progress = {});
 

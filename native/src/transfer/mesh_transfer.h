@@ -78,7 +78,7 @@ class MeshTransfer {
   const Mesh& target() const { return target_; }
   int anchor_count() const { return static_cast<int>(anchors_.size()); }
   const Similarity& placement() const { return placement_; }
-  /// Whether the target corresponds to a mirror image, of which the nearest rotation is taken.
+  /// Whether the target corresponds to a mirror image of the source, and is deformed as one.
   bool mirrored() const { return placement_.mirrored; }
 
   const SourceGradients& gradients() const { return *gradients_; }

@@ -161,7 +161,9 @@ void SourceGradients::take(const Positions& pose, bool rotation_only, ThreadPool
 
 void SourceGradients::turn_onto_target(const Positions& pose, bool rotation_only,
                                        ThreadPool& pool) {
-  const Eigen::Quaterniond turn(placement_.rotation);
+  // A rotation that is conjugated with a reflection is also with its opposite, a rotation.
+  const double sign = placement_.mirrored ? -1 : 1;
+  const Eigen::Quaterniond turn(Eigen::Matrix3d(sign * placement_.rotation));
   pool.parallel_for(
       static_cast<int64_t>(used_.size()), kLeastRange, [&](int64_t begin, int64_t end) {
         for (int64_t i = begin; i < end; ++i) {

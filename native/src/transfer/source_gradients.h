@@ -20,9 +20,9 @@ inline double stillness(const Eigen::Matrix3d& gradient, const Eigen::Matrix3d& 
 }
 
 /// The deformation gradients S_j (15) of a source mesh as a target's triangles take them: for each
-/// triangle of the target the mean of those of its sources, turned as the meshes lie to each other.
-/// Target triangles without a source go with the nearest that has one across shared edges, or else
-/// vertices.
+/// triangle of the target the mean of those of its sources, F S Fᵀ with the rotation and reflection
+/// F by which the meshes lie to each other. Target triangles without a source go with the nearest
+/// that has one across shared edges, or else vertices.
 ///
 /// Where a source triangle gives its gradient to far more area than its own, for how large its part
 /// is on the target, the mean over so many triangles about it stands in for it: what a sliver does

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A mesh as its modifiers move its own vertices, below those that make others: before the first of these, with what
+moves points behind it that goes by a point's place or groups alone, as an armature behind a Mirror does.
+
+The modifiers are evaluated once more on Blender's evaluated copy of the object, of which others are switched off for
+the time being: nothing in the file is touched or needed for it, so it works in a frame, in a render, and of an object
+that is linked."""
+
+import contextlib
+
+from . import node_group
+
+MOVERS = {'ARMATURE', 'CAST', 'CLOTH', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE', 'HOOK', 'LAPLACIANDEFORM',
+          'LAPLACIANSMOOTH', 'LATTICE', 'MESH_CACHE', 'MESH_DEFORM', 'MESH_SEQUENCE_CACHE', 'SHRINKWRAP',
+          'SIMPLE_DEFORM', 'SMOOTH', 'SOFT_BODY', 'SURFACE_DEFORM', 'WARP', 'WAVE'}
+_BY_POINT = {'ARMATURE', 'CURVE', 'LATTICE'}
+_MAKERS = {'EXPLODE', 'MULTIRES', 'PARTICLE_INSTANCE', 'REMESH', 'SCREW', 'SKIN', 'SOLIDIFY', 'WIREFRAME'}
+
+
+def _makes(modifier, flag):
+    """Whether it makes other vertices, whatever the mesh."""
+    if modifier.type == 'SUBSURF':
+        return (modifier.render_levels if flag == 'show_render' else modifier.levels) > 0
+    if modifier.type == 'MIRROR':
+        return any(modifier.use_axis)
+    if modifier.type == 'ARRAY':
+        return modifier.fit_type != 'FIXED_COUNT' or modifier.count > 1
+    return modifier.type in _MAKERS
+
+
+def _flag(depsgraph):
+    return 'show_render' if depsgraph.mode == 'RENDER' else 'show_viewport'
+
+
+def _perhaps_makes(ob, modifier):
+    if modifier.type == 'MESH_SEQUENCE_CACHE':
+        return True
+    return modifier.type not in MOVERS and modifier != node_group.find_modifier(ob)
+
+
+def _chosen(ob, flag, cut):
+    """Those that are followed where the one of that number is the first that makes vertices: (k,) bool."""
+    own = node_group.find_modifier(ob)
+    return [getattr(m, flag) and (k < cut or m.type in _BY_POINT or m == own) for k, m in enumerate(ob.modifiers)]
+
+
+def _first(ob, flag):
+    """The number of the first that is sure to make vertices; None where there is none."""
+    return next((k for k, m in enumerate(ob.modifiers) if getattr(m, flag) and _makes(m, flag)), None)
+
+
+@contextlib.contextmanager
+def deformed(ob, evaluated, depsgraph):
+    """While it lasts, the evaluated mesh with the mesh's own vertices, and (k,) bool, which of the modifiers have made
+    it. None, and none, where there is no such mesh."""
+    flag, count = _flag(depsgraph), len(ob.data.vertices)
+    first = _first(ob, flag)
+    if first is None and len(evaluated.data.vertices) == count:
+        yield evaluated.data, [getattr(m, flag) for m in ob.modifiers]
+        return
+    cuts = [k for k, m in enumerate(ob.modifiers)
+            if getattr(m, flag) and _perhaps_makes(ob, m) and (first is None or k < first)]
+    for cut in reversed(cuts + [first] * (first is not None)):
+        chosen = _chosen(ob, flag, cut)
+        with _with_alone(evaluated, depsgraph, flag, chosen) as mesh:
+            if len(mesh.vertices) == count:
+                yield mesh, chosen
+                return
+    yield None, []
+
+
+@contextlib.contextmanager
+def _with_alone(evaluated, depsgraph, flag, chosen):
+    before = [False] * len(evaluated.modifiers)
+    evaluated.modifiers.foreach_get(flag, before)
+    # Unlike a property's own way, this tells Blender of no change.
+    evaluated.modifiers.foreach_set(flag, chosen)
+    try:
+        # With these arguments it is made anew of the modifiers.
+        yield evaluated.to_mesh(preserve_all_data_layers=True, depsgraph=depsgraph)
+    finally:
+        evaluated.to_mesh_clear()
+        evaluated.modifiers.foreach_set(flag, before)
+
+
+def left_out(ob):
+    """What is not followed of what moves it, for it comes behind what makes vertices: a sentence, or ''. Nodes aren't
+    asked what they make."""
+    first = _first(ob, 'show_viewport')
+    if first is None:
+        return ""
+    chosen = _chosen(ob, 'show_viewport', first)
+    lost = [m.name for k, m in enumerate(ob.modifiers)
+            if k > first and m.show_viewport and m.type in MOVERS and not chosen[k]]
+    if not lost:
+        return ""
+    return (f"What {', '.join(map(repr, lost))} of '{ob.name}' does is left out, for it comes behind "
+            f"'{ob.modifiers[first].name}', which makes vertices: move it before that if it matters.")

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The shape that a mesh has in the scene, however it is turned: its object's scale, and the shear that a turned object
+has of a parent whose scale differs from axis to axis."""
+
+import numpy as np
+
+from . import mesh_data
+
+_FLAT = 1e-6  # of the largest scale: less is none, which has no inverse
+_NOISE_DIGITS = 5  # of a matrix in single precision that is turned; more change no shape
+
+
+def of(ob):
+    """(3, 3) float32, symmetric: P of the object's world matrix Q P with a rotation or reflection Q, the largest scale
+    as 1: alike along all axes, it changes no shape. A place p of the mesh, as a row, is p P in the scene's proportions.
+    """
+    linear, one = np.array(ob.matrix_world, np.float64)[:3, :3], np.eye(3, dtype=np.float32)
+    if not np.isfinite(linear).all():
+        return one
+    _, scales, axes = np.linalg.svd(linear)
+    if not scales[0] > 0:
+        return one
+    scales = np.where(scales > _FLAT * scales[0], scales / scales[0], 1.0)
+    found = axes.T * scales @ axes
+    return found.astype(np.float32) if np.round(found - one, _NOISE_DIGITS).any() else one
+
+
+def signature(ob):
+    """A short text: equal texts, equal proportions."""
+    return mesh_data.signature(np.round(of(ob), _NOISE_DIGITS) + np.float32(0))  # which has no negative zero
+
+
+def shape(ob):
+    """(n, 3) float32: the mesh at rest, as it is proportioned in the scene."""
+    return mesh_data.rest(ob.data) @ of(ob)

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Sources from other files: linked, as library overrides, in instanced collections; and what of a target may be so."""
+
+import bpy
+import numpy as np
+import pytest
+
+from conftest import activate, add_empty, evaluated, group, new_scene, own, refusal, update
+from rigs import make_rigged
+from test_transfer import add_key, raw_strip
+
+transfer = bpy.ops.object.detail_deform_transfer
+live = bpy.ops.object.detail_deform_transfer_live
+KINDS = ('LINKED', 'OVERRIDE', 'INSTANCE')
+
+
+@pytest.fixture
+def library(tmp_path):
+    """A file with the collection "Character": a rigged mesh with a driven key and a subdivision."""
+    source, rig = make_rigged()
+    add_key(source, "Fat", own(source) * (1, 1.5, 1.5))
+    source.data.shape_keys.key_blocks["Fat"].driver_add('value').driver.expression = "0.25"
+    source.modifiers.new("Subdivision", 'SUBSURF')
+    collection = bpy.data.collections.new("Character")
+    bpy.context.scene.collection.children.link(collection)
+    for ob in (source, rig):
+        collection.objects.link(ob)
+        bpy.context.scene.collection.objects.unlink(ob)
+    path = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    new_scene()
+    return path
+
+
+def bring(library, kind):
+    """The source, in the scene."""
+    with bpy.data.libraries.load(library, link=True) as (_, into):
+        into.collections = ["Character"]
+    collection, scene = into.collections[0], bpy.context.scene
+    if kind == 'INSTANCE':
+        instance = add_empty("Instance", (1, 2, 3))
+        instance.instance_type, instance.instance_collection = 'COLLECTION', collection
+    elif kind == 'OVERRIDE':
+        collection = collection.override_hierarchy_create(scene, bpy.context.view_layer)
+    if kind != 'INSTANCE' and collection.name not in scene.collection.children:
+        scene.collection.children.link(collection)
+    update()
+    source = next(ob for ob in collection.all_objects if ob.type == 'MESH')
+    assert bool(source.override_library) == (kind == 'OVERRIDE')
+    assert bool(source.library) == (kind != 'OVERRIDE')
+    return source
+
+
+def copy_of_rest(source, name="Target"):
+    """Local, of the same topology."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(own(source).tolist(), [], [list(face.vertices) for face in source.data.polygons])
+    target = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(target)
+    target.detail_deform.transfer.source = source
+    return activate(target)
+
+
+def truth(library, frames):
+    """{frame: what the source is like without its subdivision}, from the file itself."""
+    bpy.ops.wm.open_mainfile(filepath=library)
+    source = bpy.data.objects["Limb"]
+    source.modifiers["Subdivision"].show_viewport = False
+    found = {}
+    for frame in frames:
+        bpy.context.scene.frame_set(frame)
+        found[frame] = evaluated(source)
+    new_scene()
+    return found
+
+
+def assert_follows(target, poses):
+    for frame, pose in poses.items():
+        bpy.context.scene.frame_set(frame)
+        assert target.detail_deform.transfer.state == f"Follows '{target.detail_deform.transfer.source.name}'."
+        assert np.abs(evaluated(target) - pose).max() < 1e-3, frame
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_pose_keys_and_animation(library, tmp_path, kind):
+    poses = truth(library, (11, 16))
+    source = bring(library, kind)
+    target = copy_of_rest(source)
+    bpy.context.scene.frame_set(11)
+    assert transfer(what='POSE') == {'FINISHED'}
+    update()
+    assert np.abs(evaluated(target) - poses[11]).max() < 1e-4
+    target.data.shape_keys.key_blocks[1].value = 0
+    transfer(what='ALL_KEYS', drivers=True)
+    update()
+    fat = target.data.shape_keys.key_blocks["Fat"]
+    assert abs(fat.value - 0.25) < 1e-6 and not fat.id_data.library
+    fat.driver_remove('value')
+    fat.value = 0
+    transfer(what='ANIMATION', frame_start=11, frame_end=16, cache_path=str(tmp_path / "target.pc2"))
+    for frame, pose in poses.items():
+        bpy.context.scene.frame_set(frame)
+        assert np.abs(evaluated(target) - pose).max() < 1e-4
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_follows_saved_reloaded_and_as_the_library_changes(library, tmp_path, kind):
+    poses = truth(library, (11, 16, 31))
+    target = copy_of_rest(bring(library, kind))
+    assert live() == {'FINISHED'}
+    assert_follows(target, poses)
+    path = str(tmp_path / "scene.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert_follows(bpy.data.objects["Target"], poses)
+    # The library gets a thicker mesh, and this file is told to read it again.
+    bpy.ops.wm.open_mainfile(filepath=library)
+    bpy.data.objects["Limb"].data.shape_keys.key_blocks["Fat"].driver_remove('value')
+    bpy.data.objects["Limb"].data.shape_keys.key_blocks["Fat"].value = 1.0
+    bpy.ops.wm.save_mainfile()
+    poses = truth(library, (11, 31))
+    bpy.ops.wm.open_mainfile(filepath=path)
+    assert_follows(bpy.data.objects["Target"], poses)
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_to_many_with_one_that_fails(library, kind, capfd):
+    """What failed can't be kept with such a source, and stands in the text."""
+    source = bring(library, kind)
+    good, odd = copy_of_rest(source, "Good"), raw_strip("Odd", 9)
+    if kind == 'INSTANCE':  # it can't be the active object
+        activate(good)
+        assert transfer(what='ALL_KEYS') == {'FINISHED'}
+        return
+    activate(source)
+    good.select_set(True)
+    odd.select_set(True)
+    bpy.ops.object.detail_deform_transfer_many(what='ALL_KEYS')
+    assert "1 of 2 targets done, 1 failed: 'Odd'" in capfd.readouterr().out
+    assert "Odd" in bpy.data.texts["Detail Deform Transfer"].as_string()
+    assert not source.detail_deform.transfer.failed and "Fat" in good.data.shape_keys.key_blocks
+
+
+def test_empties_mark_a_linked_source(library):
+    source = bring(library, 'LINKED')
+    target = copy_of_rest(source)
+    for number, vertex in enumerate((3, 100, 300, 500), 1):
+        place = own(source)[vertex]
+        add_empty(f"Marker {number}.001", place, parent=source)
+        group(target, f"Marker {number}", [vertex])
+    update()
+    activate(target)
+    assert bpy.ops.object.detail_deform_transfer_match() == {'FINISHED'}
+    assert target.detail_deform.transfer.correspondence == 'STORED'
+
+
+def test_a_target_that_belongs_to_another_file_is_refused_by_name(library):
+    source = bring(library, 'LINKED')
+    other = copy_of_rest(source, "Other")
+    activate(source)
+    for operator in (transfer, live):
+        said = refusal(operator, source="Other")
+        assert "'Limb' is linked from another file, 'library.blend'" in said and "Make Local > All" in said
+    local = bpy.data.objects.new("Local", source.data)
+    bpy.context.scene.collection.objects.link(local)
+    activate(local)
+    for operator in (transfer, live):
+        said = refusal(operator, source="Other")
+        assert "The mesh of 'Local', 'Limb', is linked from another file, 'library.blend'" in said
+    bpy.ops.object.make_local(type='SELECT_OBDATA')  # as it says
+    assert transfer(source="Other") == {'FINISHED'} and local.data.shape_keys and not other.data.shape_keys
+
+
+def test_an_override_is_refused_as_a_target_until_it_is_local(library):
+    source = bring(library, 'OVERRIDE')
+    copy_of_rest(source, "Other").detail_deform.transfer.source = None  # else 3.4 doesn't make it local
+    activate(source)
+    for operator in (transfer, live):
+        assert "'Limb' is a library override of 'library.blend'" in refusal(operator, source="Other")
+    source.select_set(True)
+    bpy.ops.object.make_local(type='SELECT_OBDATA')
+    local = next(ob for ob in bpy.context.scene.objects if ob.name == "Limb")
+    activate(local)
+    assert transfer(source="Other") == {'FINISHED'} and not local.override_library
+
+
+def test_a_source_that_was_deleted_is_still_known_as_gone():
+    source = raw_strip("Source")
+    target = copy_of_rest(source)
+    live()
+    bpy.context.scene.collection.objects.unlink(source)
+    update()
+    target.data.update_tag()
+    update()
+    assert "was deleted" in target.detail_deform.transfer.state
