@@ -84,8 +84,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     placement[0] = placement[5] = scale * std::cos(angle);
     placement[4] = scale * std::sin(angle);
     placement[1] = -placement[4];
-    placement[10] = scale;
     placement[3] = bytes.number(-9, 9);
+    placement[10] = placement[3] < 0 ? -scale : scale;  // a reflection
     options.placement = placement;
   }
   options.placing = bytes.choice(DD_PLACING_PARTS);
