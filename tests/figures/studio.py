@@ -76,7 +76,7 @@ def save(pixels, path, quality=90):
 BACKGROUND = ((0.80, 0.81, 0.83), (0.93, 0.935, 0.94))  # at the bottom and at the top, as seen
 
 
-def prepare(samples=64):
+def prepare(samples=48):
     """An empty scene in Cycles, whose pictures have an alpha: see on_paper()."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     scene = bpy.context.scene
