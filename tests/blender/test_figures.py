@@ -11,6 +11,8 @@ from conftest import REPOSITORY
 
 sys.path.append(str(REPOSITORY / 'tests' / 'figures'))
 import animals
+import clothes
+import heads
 from implicit import Body
 
 
@@ -71,3 +73,34 @@ def test_the_animals_are_whole_and_the_horse_gallops():
     poses = [shape(frame) for frame in range(1, animals.PHASES + 1)]
     assert min(np.abs(a - b).max() for a, b in zip(poses, poses[1:])) > 0.1
     assert np.abs(np.array(animals.swings(0.25)[1]) - animals.swings(1.25)[1]) < 1e-9
+
+
+def test_the_first_heads_keys_open_the_mouth_and_close_one_eye():
+    f, ob = heads.YOUNG, heads.add_young(0.03)
+    points = {key.name: np.array([v.co for v in key.data]) for key in ob.data.shape_keys.key_blocks}
+    rest, skin = points["Basis"], ob["skin"]
+    for name in heads.KEYS:
+        assert (points[name][skin:] == rest[skin:]).all() and np.abs(points[name] - rest).max() > 0.05
+    around = np.linalg.norm(rest - np.array(f.eye), axis=1) < f.eyeball + f.lid
+    moved = np.linalg.norm(points["Blink Left"] - rest, axis=1)
+    assert moved[around].max() > f.opening[1] and moved[rest[:, 1] < -0.1].max() < 1e-6
+    lip = np.abs(rest - (f.mouth[0], 0, f.mouth[1])).max(axis=1) < 0.06
+    drop = (rest - points["Jaw Open"])[lip, 2]
+    assert drop[rest[lip, 2] < f.mouth[1]].min() > 0.1 > drop[rest[lip, 2] > f.mouth[1]].max()
+
+
+def test_the_shirt_lies_over_the_body():
+    body, shirt = clothes.figure(), clothes.add_shirt()
+    points = np.array([v.co for v in shirt.data.vertices])
+    assert body.distance(points).min() > 0 and body.distance(points).max() < 0.06
+    edges = edges_of([list(p.vertices) for p in shirt.data.polygons])
+    border = [edge for edge in edges if edge[::-1] not in edges]
+    beginnings = dict(border)
+    assert set(edges.values()) == {1} and len(beginnings) == len(border)
+    rings = 0
+    while beginnings:  # hem, collar and two sleeves
+        start, end = beginnings.popitem()
+        while end != start:
+            end = beginnings.pop(end)
+        rings += 1
+    assert rings == 4
