@@ -121,13 +121,13 @@ def border_distance(points, faces):
 def folds(p):
     """How far out of the even cloth: slack around the waist, creases that run from the armpits, a loose hem."""
     side, waist = math.atan2(p.y, p.x), math.exp(-((p.z - 1.07) / 0.10) ** 2)
-    found = 0.006 * waist + 0.0065 * waist * math.sin(7 * side + 32 * p.z) * math.sin(24 * p.z)
+    found = 0.007 * waist + 0.010 * waist * math.sin(7 * side + 32 * p.z) * math.sin(24 * p.z)
     pit = Vector((0, math.copysign(0.17, p.y), 1.30))
     away = p - pit
-    found += 0.007 * math.exp(-away.length / 0.10) * math.sin(9 * math.atan2(away.z, math.hypot(away.x, away.y)) + 2)
+    found += 0.011 * math.exp(-away.length / 0.10) * math.sin(9 * math.atan2(away.z, math.hypot(away.x, away.y)) + 2)
     hem = smooth(1.04, 0.93, p.z)
     sleeve = smooth(0.27, 0.38, abs(p.y))
-    return found + hem * (0.008 + 0.008 * math.sin(7 * side)) + sleeve * (0.010 + 0.003 * math.sin(60 * p.x))
+    return found + hem * (0.010 + 0.010 * math.sin(7 * side)) + sleeve * (0.010 + 0.003 * math.sin(60 * p.x))
 
 
 def smooth(low, high, value):

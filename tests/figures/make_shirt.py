@@ -26,9 +26,9 @@ def dress(shirt, body):
 
 
 def light():
-    studio.add_light("Key", (4, 3, 4), (0, 0, 1.3), 2, 190, (1, 0.95, 0.88))
-    studio.add_light("Fill", (4, -4, 1.5), (0, 0, 1.2), 3, 50, (0.85, 0.92, 1))
-    studio.add_light("Behind", (-4, -2, 3), (0, 0, 1.4), 2, 150)
+    studio.add_light("Key", (1.6, 4.6, 3.6), (0, 0, 1.3), 1.6, 230, (1, 0.95, 0.88))
+    studio.add_light("Fill", (4, -4, 1.5), (0, 0, 1.2), 3, 22, (0.85, 0.92, 1))
+    studio.add_light("Behind", (-4, -2.5, 3.2), (0, 0, 1.4), 1.6, 170)
 
 
 def main():
@@ -42,7 +42,7 @@ def main():
     row = []
     for frame, eye in ((1, (6, 1.6, 1.7)), (2, (6, 1.6, 1.7)), (2, (-5.5, 2.2, 1.9))):
         bpy.context.scene.frame_set(frame)
-        studio.look(eye, (0, 0, 1.33 if frame == 1 else 1.44), 128)
+        studio.look(eye, (0, 0, 1.34 if frame == 1 else 1.47), 132)
         row.append(studio.on_paper(studio.picture(SIZE)))
     studio.save(studio.sheet([row]), ROOT / 'addon' / 'manual' / 'shirt.jpg')
     detail_deform.unregister()
