@@ -7,7 +7,7 @@ import numpy as np
 from mathutils import Matrix
 
 from implicit import Body, relaxed
-from studio import add_object
+from studio import add_markers, add_object
 
 
 @dataclass
@@ -264,6 +264,13 @@ def add_keys(ob, f):
         for _ in range(evened):  # along the surface, not across the slit
             moved = relaxed(moved, faces)
         ob.shape_key_add(name=name, from_mix=False).data.foreach_set('co', np.float32(points + moved).ravel())
+
+
+def mark(ob, f):
+    """Three markers: the nose's tip, the left eye's outer corner, the left corner of the mouth."""
+    corner = np.array(f.eye) + 1.1 * f.opening[0] * corner_axis(f) + (0.12, 0, 0)
+    mouth = (f.mouth[0], 0.95 * f.lips[0], f.mouth[1])
+    add_markers(ob, (np.array(f.bridge[-1][:3]) + (0.15, 0, 0), corner, mouth))
 
 
 def add_young(cell=0.022):

@@ -25,13 +25,6 @@ SIZE = (1600, 290)
 TURN = 0.50  # of each animal about the vertical, towards who looks
 
 
-def mark(ob, places):
-    points = mesh_data.positions(ob.data)
-    for number, place in enumerate(places, 1):
-        nearest = int(np.linalg.norm(points - np.array(place), axis=1).argmin())
-        ob.vertex_groups.new(name=f"Marker {number}").add([nearest], 1.0, 'REPLACE')
-
-
 def shape(ob):
     return mesh_data.positions(ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data)
 
@@ -56,7 +49,7 @@ def main():
     studio.prepare()
     horse, camel = animals.add_horse(), animals.add_camel()
     for ob, places in zip((horse, camel), zip(*MARKERS)):
-        mark(ob, places)
+        studio.add_markers(ob, places)
         print(f"{ob.name}: {len(ob.data.vertices)} vertices, {len(mesh_data.triangles(ob.data))} triangles")
     animals.add_gallop(horse)
     bpy.context.scene.frame_set(0)

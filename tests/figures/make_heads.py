@@ -32,6 +32,8 @@ def main():
     detail_deform.register()
     studio.prepare()
     young, old = heads.add_young(), heads.add_old()
+    heads.mark(young, heads.YOUNG)
+    heads.mark(old, heads.OLD)
     studio.activate(old)
     bpy.ops.object.detail_deform_transfer_match(source=young.name)
     bpy.ops.object.detail_deform_transfer(source=young.name, what='ALL_KEYS')

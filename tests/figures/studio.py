@@ -36,6 +36,14 @@ def colour(mesh, colours):
     mesh.update()
 
 
+def add_markers(ob, places):
+    """Numbered ones, at the vertices nearest to places."""
+    points = np.array([vertex.co for vertex in ob.data.vertices])
+    for number, place in enumerate(places, 1):
+        nearest = int(np.linalg.norm(points - np.array(place), axis=1).argmin())
+        ob.vertex_groups.new(name=f"Marker {number}").add([nearest], 1.0, 'REPLACE')
+
+
 def look(eye, at, lens):
     camera = bpy.context.scene.camera
     camera.location, camera.data.lens = eye, lens
