@@ -270,7 +270,7 @@ def mark(ob, f):
     """Three markers: the nose's tip, the left eye's outer corner, the left corner of the mouth."""
     corner = np.array(f.eye) + 1.1 * f.opening[0] * corner_axis(f) + (0.12, 0, 0)
     mouth = (f.mouth[0], 0.95 * f.lips[0], f.mouth[1])
-    add_markers(ob, (np.array(f.bridge[-1][:3]) + (0.15, 0, 0), corner, mouth))
+    add_markers(ob, (np.array(f.bridge[-1][:3]) + (0.15, 0, 0), corner, mouth), ob["skin"])
 
 
 def add_young(cell=0.022):

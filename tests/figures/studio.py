@@ -36,9 +36,9 @@ def colour(mesh, colours):
     mesh.update()
 
 
-def add_markers(ob, places):
-    """Numbered ones, at the vertices nearest to places."""
-    points = np.array([vertex.co for vertex in ob.data.vertices])
+def add_markers(ob, places, count=None):
+    """Numbered ones, at the vertices nearest to places. count: of the first so many vertices alone."""
+    points = np.array([vertex.co for vertex in ob.data.vertices[:count]])
     for number, place in enumerate(places, 1):
         nearest = int(np.linalg.norm(points - np.array(place), axis=1).argmin())
         ob.vertex_groups.new(name=f"Marker {number}").add([nearest], 1.0, 'REPLACE')
