@@ -4,7 +4,6 @@
 blender --background --factory-startup --python-exit-code 1 --python tests/figures/make_creatures.py
 """
 import sys
-import tempfile
 from pathlib import Path
 
 import bpy
@@ -12,8 +11,9 @@ import numpy as np
 from mathutils import Vector
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "addon"))
+sys.path[:0] = [str(ROOT / "addon"), str(Path(__file__).parent)]
 import detail_deform  # noqa: E402
+import studio  # noqa: E402
 from detail_deform.scene import mesh_data  # noqa: E402
 from detail_deform.setup import markers  # noqa: E402
 
@@ -21,33 +21,19 @@ FRAMES = (9, 17, 24)
 SIZE = (480, 400)
 
 
-def picture(folder, eye, look_at, lens):
-    """(rows, columns, 4) of the scene as it is now."""
-    scene = bpy.context.scene
-    scene.camera.location = eye
-    scene.camera.rotation_euler = (Vector(look_at) - Vector(eye)).to_track_quat("-Z", "Y").to_euler()
-    scene.camera.data.lens = lens
-    scene.render.resolution_x, scene.render.resolution_y = SIZE
-    scene.render.filepath = str(Path(folder) / "picture.png")
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(scene.render.filepath)
-    pixels = np.array(image.pixels[:], np.float32).reshape(SIZE[1], SIZE[0], 4)
-    bpy.data.images.remove(image)
-    return pixels
-
-
-def transferred(folder):
+def transferred():
     """The giraffe follows the calf."""
     bpy.context.view_layer.objects.active = bpy.data.objects["Giraffe"]
     bpy.ops.object.detail_deform_transfer_match()
     bpy.ops.object.detail_deform_transfer_live()
     for frame in (1, *FRAMES):
         bpy.context.scene.frame_set(frame)
-        yield picture(folder, (6.4, -10.0, 3.2), (0.3, 1.0, 1.72), 77)
+        studio.look((6.4, -10.0, 3.2), (0.3, 1.0, 1.72), 77)
+        yield studio.picture(SIZE)
     bpy.ops.object.detail_deform_transfer_live(on=False)
 
 
-def posed(folder):
+def posed():
     """The calf's own poses as examples, pulled by its hooves and its muzzle."""
     scene, calf = bpy.context.scene, bpy.data.objects["Calf"]
     bpy.data.objects["Giraffe"].hide_render = True
@@ -81,20 +67,15 @@ def posed(folder):
         if name:
             targets[name].location += Vector(move)
             bpy.context.view_layer.update()
-        yield picture(folder, (2.5, -5.4, 2.0), (0.1, 0, 0.78), 68)
+        studio.look((2.5, -5.4, 2.0), (0.1, 0, 0.78), 68)
+        yield studio.picture(SIZE)
 
 
 def main():
     detail_deform.register()
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / "blend_fixtures" / "creatures.blend"))
-    with tempfile.TemporaryDirectory() as folder:
-        rows = [np.concatenate(list(make(folder)), axis=1) for make in (transferred, posed)]
-        sheet = np.concatenate(rows[::-1], axis=0)  # images begin at the bottom
-    image = bpy.data.images.new("creatures", sheet.shape[1], sheet.shape[0])
-    image.pixels.foreach_set(sheet.ravel())
-    image.file_format = "JPEG"
-    image.filepath_raw = str(Path(__file__).parent / "creatures.jpg")
-    image.save()
+    rows = [list(make()) for make in (transferred, posed)]
+    studio.save(studio.sheet(rows), Path(__file__).parent / "creatures.jpg")
     detail_deform.unregister()
 
 

@@ -6,16 +6,16 @@ has it, by 5% of the calf's size and more.
 blender --background --factory-startup --python-exit-code 1 --python tests/figures/make_rig.py
 """
 import sys
-import tempfile
 from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Vector
+from mathutils import Matrix
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "addon"))
+sys.path[:0] = [str(ROOT / "addon"), str(Path(__file__).parent)]
 import detail_deform  # noqa: E402
+import studio  # noqa: E402
 from detail_deform.scene import mesh_data  # noqa: E402
 from detail_deform.setup import markers  # noqa: E402
 
@@ -24,21 +24,6 @@ SIZE = (400, 300)
 WORST = 0.05  # of the calf's box: shown in full red
 HANDLES = (("muzzle", 1, "head - muzzle"), ("hoof L", 26, "fetlock.L - hoof.L"), ("hoof R", 27, "fetlock.R - hoof.R"),
            ("heel L", 36, "pastern.L - heel.L"), ("heel R", 37, "pastern.R - heel.R"), ("rump", None, "rump - belly"))
-
-
-def picture(folder):
-    """(rows, columns, 4) of the scene as it is now."""
-    scene, eye = bpy.context.scene, Vector((2.5, -5.4, 2.0))
-    scene.camera.location = eye
-    scene.camera.rotation_euler = (Vector((0.1, 0, 0.78)) - eye).to_track_quat("-Z", "Y").to_euler()
-    scene.camera.data.lens = 70
-    scene.render.resolution_x, scene.render.resolution_y = SIZE
-    scene.render.filepath = str(Path(folder) / "picture.png")
-    bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(scene.render.filepath)
-    pixels = np.array(image.pixels[:], np.float32).reshape(SIZE[1], SIZE[0], 4)
-    bpy.data.images.remove(image)
-    return pixels
 
 
 def shape(ob):
@@ -64,12 +49,8 @@ def add_handles(calf, rig):
 
 def colour(calf, errors):
     """Grey where they are none, red where they are worst."""
-    colours = calf.data.color_attributes.get("Error") or calf.data.color_attributes.new("Error", "FLOAT_COLOR", "POINT")
-    values = np.ones((len(errors), 4), np.float32)
     share = np.clip(errors / WORST, 0, 1)[:, None]
-    values[:, :3] = (1 - share) * np.float32([0.6, 0.6, 0.6]) + share * np.float32([0.9, 0.05, 0.02])
-    colours.data.foreach_set("color", values.ravel())
-    calf.data.update()
+    studio.colour(calf.data, (1 - share) * np.float32([0.6, 0.6, 0.6]) + share * np.float32([0.9, 0.05, 0.02]))
 
 
 def main():
@@ -83,37 +64,32 @@ def main():
     rig.data.pose_position = "REST"
     add_handles(calf, rig)
     rig.data.pose_position = "POSE"
-    with tempfile.TemporaryDirectory() as folder:
-        rows, truths = [[]], {}
-        colour(calf, np.zeros(len(calf.data.vertices)))
+    studio.look((2.5, -5.4, 2.0), (0.1, 0, 0.78), 70)
+    rows, truths = [[]], {}
+    colour(calf, np.zeros(len(calf.data.vertices)))
+    for frame in FRAMES:
+        scene.frame_set(frame)
+        truths[frame] = shape(calf)
+        rows[0].append(studio.picture(SIZE))
+    scene.frame_set(1)
+    settings.method = "EXAMPLES"
+    bpy.ops.object.detail_deform_examples_from_poses(frames="RANGE", step=8)
+    bpy.context.view_layer.update()
+    bpy.ops.object.detail_deform_bind(wait=True)
+    for is_complete in (False, True):
+        rows.append([])
         for frame in FRAMES:
             scene.frame_set(frame)
-            truths[frame] = shape(calf)
-            rows[0].append(picture(folder))
-        scene.frame_set(1)
-        settings.method = "EXAMPLES"
-        bpy.ops.object.detail_deform_examples_from_poses(frames="RANGE", step=8)
-        bpy.context.view_layer.update()
-        bpy.ops.object.detail_deform_bind(wait=True)
-        for is_complete in (False, True):
-            rows.append([])
-            for frame in FRAMES:
-                scene.frame_set(frame)
-                errors = np.linalg.norm(shape(calf) - truths[frame], axis=1) / size
-                print(f"Frame {frame} by", ", ".join(f"{e.found_weight:.2f} of {e.name}" for e in settings.examples),
-                      f"- mean error {100 * errors.mean():.2f}%, largest {100 * errors.max():.2f}% of the calf's size")
-                colour(calf, errors)
-                bpy.context.view_layer.update()
-                rows[-1].append(picture(folder))
-            if not is_complete:
-                bpy.ops.object.detail_deform_examples_find_missing(frames="RANGE")
-                bpy.ops.object.detail_deform_example_add_missing()
-        sheet = np.concatenate([np.concatenate(row, axis=1) for row in rows[::-1]], axis=0)
-    image = bpy.data.images.new("rig", sheet.shape[1], sheet.shape[0])
-    image.pixels.foreach_set(sheet.ravel())
-    image.file_format = "JPEG"
-    image.filepath_raw = str(ROOT / "addon" / "manual" / "rig.jpg")
-    image.save()
+            errors = np.linalg.norm(shape(calf) - truths[frame], axis=1) / size
+            print(f"Frame {frame} by", ", ".join(f"{e.found_weight:.2f} of {e.name}" for e in settings.examples),
+                  f"- mean error {100 * errors.mean():.2f}%, largest {100 * errors.max():.2f}% of the calf's size")
+            colour(calf, errors)
+            bpy.context.view_layer.update()
+            rows[-1].append(studio.picture(SIZE))
+        if not is_complete:
+            bpy.ops.object.detail_deform_examples_find_missing(frames="RANGE")
+            bpy.ops.object.detail_deform_example_add_missing()
+    studio.save(studio.sheet(rows), ROOT / "addon" / "manual" / "rig.jpg")
     detail_deform.unregister()
 
 
