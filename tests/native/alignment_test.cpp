@@ -211,6 +211,23 @@ TEST_CASE("what fits about as well turned is told, stands as it was, and goes by
   CHECK_FALSE(align(beast(4), beast(3), {}).ambiguous);
 }
 
+TEST_CASE("small sheets find one another: what faces nothing fits no better for it") {
+  const auto height = [](double x, double y) {
+    return 0.3 * x * x + 0.2 * y * y * y - 0.2 * x * y;
+  };
+  for (const int side : {3, 5, 9, 20}) {
+    const Mesh source = test::grid(side, side + 2, height);
+    const Mesh flat = test::grid(side + 1, side + 3, height);
+    for (const double angle : {0.0, 2.0}) {
+      const Mesh target = {turned(flat.positions, angle), flat.triangles};
+      const Positions fitted = register_onto(source, target, {}, {});
+      CHECK(error(fitted, turned(source.positions, angle)) < 0.02);
+      const Match match = match_triangles({fitted, source.triangles}, target, 0.1);
+      for (int j = 0; j < target.triangle_count(); ++j) CHECK(match.correspondence.has_source(j));
+    }
+  }
+}
+
 TEST_CASE("few, small, flat and torn meshes are placed or refused, and a search ends when told") {
   const Mesh source = beast(3);
   Mesh triangle;

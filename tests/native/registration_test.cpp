@@ -7,6 +7,7 @@
 #include "catch.h"
 #include "mesh/aabb_tree.h"
 #include "mesh/measures.h"
+#include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 #include "meshes.h"
 #include "support/error.h"
@@ -118,6 +119,36 @@ TEST_CASE("the nearest point of a mesh is that of a search through all triangles
                                           found.weights[2] * mesh.positions.row(corner[2]);
     CHECK((by_weights - found.place.transpose()).norm() < 1e-12);
     CHECK(tree.nearest(point, 0.5 * least, odd).triangle < 0);
+  }
+}
+
+TEST_CASE("the nearest point that faces is that of a search through all triangles") {
+  const Mesh ball = test::rough_sphere(3, 0.3);
+  const Mesh sheet =
+      test::grid(30, 30, [](double x, double y) { return 0.05 * std::sin(9 * x * y); });
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> uniform(-1.5, 1.5);
+  for (const bool closed : {true, false}) {
+    const Mesh& mesh = closed ? ball : sheet;
+    const AabbTree tree(mesh);
+    const Positions normals = triangle_normals(mesh.positions, mesh.triangles);
+    int without = 0;
+    for (int i = 0; i < 300; ++i) {
+      const Eigen::Vector3d point(uniform(random), uniform(random), uniform(random));
+      const Eigen::Vector3d normal(uniform(random), uniform(random), uniform(random));
+      double least = 1e9;
+      for (int j = 0; j < mesh.triangle_count(); ++j)
+        if (normals.row(j).dot(normal) > 0)
+          least = std::min(least, nearest_on_triangle(mesh, j, point).squared_distance);
+      const PointOnTriangle found = tree.nearest_facing(point, normal, 100);
+      CHECK((found.triangle >= 0) == (least < 1e9));
+      without += found.triangle < 0;
+      if (found.triangle < 0) continue;
+      CHECK(found.squared_distance == least);
+      CHECK(normals.row(found.triangle).dot(normal) > 0);
+      CHECK(tree.nearest_facing(point, normal, 0.9 * std::sqrt(least)).triangle < 0);
+    }
+    CHECK((without > 50) == !closed);  // a sheet faces about half of all directions nowhere
   }
 }
 

@@ -48,7 +48,6 @@ class Registration {
         pool_(options.threads),
         target_(target),
         tree_(target_),
-        target_normals_(triangle_normals(target_.positions, target_.triangles)),
         target_borders_(target_.triangles, target_.vertex_count()),
         source_borders_(source.triangles, source.vertex_count()),
         start_(source),
@@ -202,9 +201,8 @@ class Registration {
     const Positions normals = summed_normals(now_.positions, now_.triangles);
     pool_.parallel_for(vertex_count_, kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t v = begin; v < end; ++v) {
-        const PointOnTriangle found =
-            tree_.nearest(now_.positions.row(v).transpose(), options_.reach,
-                          [&](int j) { return target_normals_.row(j).dot(normals.row(v)) > 0; });
+        const PointOnTriangle found = tree_.nearest_facing(
+            now_.positions.row(v).transpose(), normals.row(v).transpose(), options_.reach);
         if (found.triangle < 0) continue;
         if (at_border(target_borders_, found) && !source_borders_.vertices[size_t(v)]) continue;
         result.row(v) = found.place.transpose();
@@ -217,7 +215,6 @@ class Registration {
   ThreadPool pool_;
   const Mesh& target_;
   AabbTree tree_;
-  Positions target_normals_;
   Borders target_borders_, source_borders_;
   const Mesh& start_;
   Mesh now_;
@@ -320,9 +317,9 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
     found[from].resize(static_cast<size_t>(mesh.triangle_count()));
     pool.parallel_for(mesh.triangle_count(), kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t j = begin; j < end; ++j)
-        found[from][size_t(j)] = tree.nearest(
-            triangle_centre(mesh.positions, mesh.triangles, j), reach * box,
-            [&](int k) { return normals[1 - from].row(k).dot(normals[from].row(j)) > 0; });
+        found[from][size_t(j)] =
+            tree.nearest_facing(triangle_centre(mesh.positions, mesh.triangles, j),
+                                normals[from].row(j).transpose(), reach * box);
     });
   }
   Pairs pairs;
