@@ -29,8 +29,9 @@ Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target);
 
 /// Placed by the markers where there are three not on a line, else by placements(). From each of
 /// these, functions of the surfaces, smooth ones first, give a map that copes with poses
-/// (zoomed_out()). The one is taken that keeps lengths best and lies nearest and doesn't turn the
-/// surface inside out. Never mirrored.
+/// (zoomed_out()), at first of few samples; the most promising that differ are mapped by all. The
+/// one is taken that keeps lengths best and lies nearest and doesn't turn the surface inside out,
+/// of those that keep the markers where any does. Never mirrored.
 Alignment align(const Mesh& source, const Mesh& target, const Pairs& markers, int threads = 0,
                 const Progress& progress = {});
 
