@@ -228,6 +228,29 @@ TEST_CASE("small sheets find one another: what faces nothing fits no better for 
   }
 }
 
+TEST_CASE("the number of threads changes nothing of a match without markers", "[threads]") {
+  const Mesh source = forked(3), target = {aside(forked(4).positions), forked(4).triangles};
+  const auto found = [&](int threads) { return align(source, target, {}, threads); };
+  const auto fitted = [&](int threads) {
+    RegistrationOptions options;
+    options.threads = threads;
+    return register_onto(source, target, {}, options);
+  };
+  const Alignment alone = found(1);
+  REQUIRE_FALSE(alone.partner.empty());
+  const Positions by_one = fitted(1);
+  for (const int threads : {2, 8}) {
+    const Alignment shared = found(threads);
+    CHECK(shared.placement.rotation == alone.placement.rotation);
+    CHECK(shared.placement.scale == alone.placement.scale);
+    CHECK(shared.placement.shift == alone.placement.shift);
+    CHECK(shared.partner == alone.partner);
+    CHECK(shared.stretch == alone.stretch);
+    CHECK(shared.ambiguous == alone.ambiguous);
+    CHECK(fitted(threads) == by_one);
+  }
+}
+
 TEST_CASE("few, small, flat and torn meshes are placed or refused, and a search ends when told") {
   const Mesh source = beast(3);
   Mesh triangle;
