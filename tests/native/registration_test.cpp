@@ -152,6 +152,33 @@ TEST_CASE("the nearest point that faces is that of a search through all triangle
   }
 }
 
+TEST_CASE("what was pulled to several times its length is doubted, growing and turning aren't") {
+  const Mesh source = test::grid(9, 9, [](double, double) { return 0.0; });
+  const auto confidence_in = [&](const Positions& registered, Index triangle) {
+    Match match;
+    match.confidence.assign(size_t(source.triangle_count()), 0.8f);
+    match.correspondence = same_topology(source, source);
+    doubt_stretched(match, source, registered);
+    return match.confidence[size_t(triangle)];
+  };
+  const Positions moved = test::transformed(
+      test::rotation_about(1, {1, 2, 3}, {0, 0, 0}, {5, 0, 0}), 40 * source.positions);
+  CHECK(confidence_in(moved, 5) == Approx(0.8));
+  // Of the same area: three times as long, a third as wide.
+  Positions pulled = source.positions;
+  pulled.col(0) *= 3;
+  pulled.col(1) /= 3;
+  CHECK(confidence_in(pulled, 5) == Approx(0.4));
+  CHECK(confidence_in(
+            test::transformed(test::rotation_about(1, {1, 2, 3}, {0, 0, 0}, {5, 0, 0}), 7 * pulled),
+            9) == Approx(0.4));
+  // One corner alone.
+  Positions spiked = source.positions;
+  spiked(0, 2) += 2;
+  CHECK(confidence_in(spiked, 0) < 0.1);
+  CHECK(confidence_in(spiked, source.triangle_count() - 1) > 0.75);
+}
+
 TEST_CASE("registered by markers, a mesh lies on another of different topology") {
   const Mesh source = turned_sphere(4), target = shaped_sphere(5, Eigen::Matrix3d::Identity());
   const double box = bounding_box_diagonal(target.positions);

@@ -27,6 +27,8 @@ constexpr double kLongestWave = 1;          // of the box
 constexpr double kShortestWave = 4;         // edges
 constexpr double kGuided = 0.4;             // of the box: longer waves go by the alignment
 constexpr size_t kTellingMarkers = 3;       // fewer alone would only shear the whole
+constexpr double kDoubted = 3;              // times its length
+constexpr double kThin = 1e-9;              // of the largest area: that has no shape
 constexpr double kMeaningful = 0.14;        // stretch of a map that may guide
 constexpr double kLongestAfterGuide = 0.5;  // of the box, too
 
@@ -243,6 +245,24 @@ double way_back(const Mesh& mesh, const PointOnTriangle& there, const PointOnTri
   return std::max(0.0, (back.place - there.place).norm() - size);
 }
 
+/// The edges e1, e2 of a triangle as products with one another.
+Eigen::Matrix2d products_of_edges(const Positions& positions, const Triangles& triangles, Index j) {
+  const auto edges = edges_and_normal(positions, triangles, j).leftCols<2>().eval();
+  return edges.transpose() * edges;
+}
+
+/// By how much a triangle was pulled long or squeezed, whichever is more. whole: by how much the
+/// area of all grew.
+double largest_stretch(const Mesh& rest, const Positions& now, Index j, double whole) {
+  const Eigen::Matrix2d squares = products_of_edges(rest.positions, rest.triangles, j).inverse() *
+                                  products_of_edges(now, rest.triangles, j) / whole;
+  // The squares of the singular values are the eigenvalues.
+  const double half = squares.trace() / 2;
+  const double apart = std::sqrt(std::max(0.0, half * half - squares.determinant()));
+  const double least = std::max(half - apart, 1e-12);
+  return std::sqrt(std::max(half + apart, 1 / least));
+}
+
 }  // namespace
 
 Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& given,
@@ -343,6 +363,27 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
       triangle_correspondence(pairs, registered.triangle_count(), target.triangle_count());
   report(progress, 1, "Done");
   return match;
+}
+
+void doubt_stretched(Match& match, const Mesh& source, const Positions& registered) {
+  const Eigen::VectorXd areas[2] = {triangle_areas(source.positions, source.triangles),
+                                    triangle_areas(registered, source.triangles)};
+  const double whole = areas[0].sum() > 0 ? areas[1].sum() / areas[0].sum() : 0;  // of areas
+  if (!(whole > 0)) return;
+  Eigen::VectorXd left = Eigen::VectorXd::Ones(areas[0].size());
+  for (Index j = 0; j < left.size(); ++j) {
+    if (!(areas[0][j] > kThin * areas[0].maxCoeff())) continue;
+    const double stretch = largest_stretch(source, registered, j, whole);
+    left[j] = 1 / (1 + std::pow((stretch - 1) / (kDoubted - 1), 2));
+  }
+  const Correspondence& sources = match.correspondence;
+  for (int j = 0; j < sources.target_count(); ++j) {
+    double sum = 0;
+    for (int k = sources.begin[j]; k < sources.begin[j + 1]; ++k) sum += left[sources.source[k]];
+    if (sources.has_source(j))
+      match.confidence[size_t(j)] *=
+          static_cast<float>(sum / (sources.begin[j + 1] - sources.begin[j]));
+  }
 }
 
 }  // namespace dd
