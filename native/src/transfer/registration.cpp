@@ -2,6 +2,7 @@
 #include "transfer/registration.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -251,6 +252,18 @@ Eigen::Matrix2d products_of_edges(const Positions& positions, const Triangles& t
   return edges.transpose() * edges;
 }
 
+/// By how much areas grew: of half of the surface by less.
+double typical_growth(const Eigen::VectorXd& before, const Eigen::VectorXd& after) {
+  std::vector<std::array<double, 2>> ratios;  // and the area that each is of
+  for (Index j = 0; j < before.size(); ++j)
+    if (before[j] > 0) ratios.push_back({after[j] / before[j], before[j]});
+  std::sort(ratios.begin(), ratios.end());
+  double rest = before.sum() / 2;
+  for (const auto& [ratio, area] : ratios)
+    if ((rest -= area) <= 0) return ratio;
+  return 0;
+}
+
 /// By how much a triangle was pulled long or squeezed, whichever is more. whole: by how much the
 /// area of all grew.
 double largest_stretch(const Mesh& rest, const Positions& now, Index j, double whole) {
@@ -368,7 +381,7 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
 void doubt_stretched(Match& match, const Mesh& source, const Positions& registered) {
   const Eigen::VectorXd areas[2] = {triangle_areas(source.positions, source.triangles),
                                     triangle_areas(registered, source.triangles)};
-  const double whole = areas[0].sum() > 0 ? areas[1].sum() / areas[0].sum() : 0;  // of areas
+  const double whole = typical_growth(areas[0], areas[1]);
   if (!(whole > 0)) return;
   Eigen::VectorXd left = Eigen::VectorXd::Ones(areas[0].size());
   for (Index j = 0; j < left.size(); ++j) {
