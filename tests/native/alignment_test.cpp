@@ -211,6 +211,46 @@ TEST_CASE("what fits about as well turned is told, stands as it was, and goes by
   CHECK_FALSE(align(beast(4), beast(3), {}).ambiguous);
 }
 
+TEST_CASE("small sheets find one another: what faces nothing fits no better for it") {
+  const auto height = [](double x, double y) {
+    return 0.3 * x * x + 0.2 * y * y * y - 0.2 * x * y;
+  };
+  for (const int side : {3, 5, 9, 20}) {
+    const Mesh source = test::grid(side, side + 2, height);
+    const Mesh flat = test::grid(side + 1, side + 3, height);
+    for (const double angle : {0.0, 2.0}) {
+      const Mesh target = {turned(flat.positions, angle), flat.triangles};
+      const Positions fitted = register_onto(source, target, {}, {});
+      CHECK(error(fitted, turned(source.positions, angle)) < 0.02);
+      const Match match = match_triangles({fitted, source.triangles}, target, 0.1);
+      for (int j = 0; j < target.triangle_count(); ++j) CHECK(match.correspondence.has_source(j));
+    }
+  }
+}
+
+TEST_CASE("the number of threads changes nothing of a match without markers", "[threads]") {
+  const Mesh source = forked(3), target = {aside(forked(4).positions), forked(4).triangles};
+  const auto found = [&](int threads) { return align(source, target, {}, threads); };
+  const auto fitted = [&](int threads) {
+    RegistrationOptions options;
+    options.threads = threads;
+    return register_onto(source, target, {}, options);
+  };
+  const Alignment alone = found(1);
+  REQUIRE_FALSE(alone.partner.empty());
+  const Positions by_one = fitted(1);
+  for (const int threads : {2, 8}) {
+    const Alignment shared = found(threads);
+    CHECK(shared.placement.rotation == alone.placement.rotation);
+    CHECK(shared.placement.scale == alone.placement.scale);
+    CHECK(shared.placement.shift == alone.placement.shift);
+    CHECK(shared.partner == alone.partner);
+    CHECK(shared.stretch == alone.stretch);
+    CHECK(shared.ambiguous == alone.ambiguous);
+    CHECK(fitted(threads) == by_one);
+  }
+}
+
 TEST_CASE("few, small, flat and torn meshes are placed or refused, and a search ends when told") {
   const Mesh source = beast(3);
   Mesh triangle;

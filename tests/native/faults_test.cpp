@@ -229,26 +229,28 @@ std::vector<Work> works() {
                      dd_transfer_free(transfer);
                      return result;
                    }});
-  all.push_back({"match", [](Floats& out, const Fallible& fallible) {
-                   const dd_mesh source = ball().mesh(), target = other_ball().mesh();
-                   const std::vector<int32_t> markers = {0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5};
-                   auto options = defaults<dd_match_options>();
-                   options.threads = 2;
-                   options.stages = options.rounds = 1;
-                   dd_job* job = nullptr;
-                   dd_match* match = nullptr;
-                   const int32_t result = fallible([&] {
-                     int32_t status = dd_match_start(&source, &target, markers.data(),
-                                                     markers.size() / 2, &options, &job);
-                     if (status == DD_OK) status = dd_job_take_match(job, &match);
-                     if (status == DD_OK)
-                       status = dd_match_get_positions(match, out.data(), source.vertex_count);
-                     return status;
-                   });
-                   dd_job_free(job);
-                   dd_match_free(match);
-                   return result;
-                 }});
+  for (const size_t marker_count : {6, 0})
+    all.push_back({"match by markers: " + std::to_string(marker_count),
+                   [=](Floats& out, const Fallible& fallible) {
+                     const dd_mesh source = ball().mesh(), target = other_ball().mesh();
+                     const std::vector<int32_t> markers = {0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5};
+                     auto options = defaults<dd_match_options>();
+                     options.threads = 2;
+                     options.stages = options.rounds = 1;
+                     dd_job* job = nullptr;
+                     dd_match* match = nullptr;
+                     const int32_t result = fallible([&] {
+                       int32_t status = dd_match_start(&source, &target, markers.data(),
+                                                       marker_count, &options, &job);
+                       if (status == DD_OK) status = dd_job_take_match(job, &match);
+                       if (status == DD_OK)
+                         status = dd_match_get_positions(match, out.data(), source.vertex_count);
+                       return status;
+                     });
+                     dd_job_free(job);
+                     dd_match_free(match);
+                     return result;
+                   }});
   all.push_back({"distances", [](Floats& out, const Fallible& fallible) {
                    const dd_mesh mesh = ball().mesh();
                    std::vector<int32_t> sources(mesh.vertex_count, 0);

@@ -7,6 +7,7 @@
 #include "catch.h"
 #include "mesh/aabb_tree.h"
 #include "mesh/measures.h"
+#include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 #include "meshes.h"
 #include "support/error.h"
@@ -119,6 +120,63 @@ TEST_CASE("the nearest point of a mesh is that of a search through all triangles
     CHECK((by_weights - found.place.transpose()).norm() < 1e-12);
     CHECK(tree.nearest(point, 0.5 * least, odd).triangle < 0);
   }
+}
+
+TEST_CASE("the nearest point that faces is that of a search through all triangles") {
+  const Mesh ball = test::rough_sphere(3, 0.3);
+  const Mesh sheet =
+      test::grid(30, 30, [](double x, double y) { return 0.05 * std::sin(9 * x * y); });
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> uniform(-1.5, 1.5);
+  for (const bool closed : {true, false}) {
+    const Mesh& mesh = closed ? ball : sheet;
+    const AabbTree tree(mesh);
+    const Positions normals = triangle_normals(mesh.positions, mesh.triangles);
+    int without = 0;
+    for (int i = 0; i < 300; ++i) {
+      const Eigen::Vector3d point(uniform(random), uniform(random), uniform(random));
+      const Eigen::Vector3d normal(uniform(random), uniform(random), uniform(random));
+      double least = 1e9;
+      for (int j = 0; j < mesh.triangle_count(); ++j)
+        if (normals.row(j).dot(normal) > 0)
+          least = std::min(least, nearest_on_triangle(mesh, j, point).squared_distance);
+      const PointOnTriangle found = tree.nearest_facing(point, normal, 100);
+      CHECK((found.triangle >= 0) == (least < 1e9));
+      without += found.triangle < 0;
+      if (found.triangle < 0) continue;
+      CHECK(found.squared_distance == least);
+      CHECK(normals.row(found.triangle).dot(normal) > 0);
+      CHECK(tree.nearest_facing(point, normal, 0.9 * std::sqrt(least)).triangle < 0);
+    }
+    CHECK((without > 50) == !closed);  // a sheet faces about half of all directions nowhere
+  }
+}
+
+TEST_CASE("what was pulled to several times its length is doubted, growing and turning aren't") {
+  const Mesh source = test::grid(9, 9, [](double, double) { return 0.0; });
+  const auto confidence_in = [&](const Positions& registered, Index triangle) {
+    Match match;
+    match.confidence.assign(size_t(source.triangle_count()), 0.8f);
+    match.correspondence = same_topology(source, source);
+    doubt_stretched(match, source, registered);
+    return match.confidence[size_t(triangle)];
+  };
+  const Positions moved = test::transformed(
+      test::rotation_about(1, {1, 2, 3}, {0, 0, 0}, {5, 0, 0}), 40 * source.positions);
+  CHECK(confidence_in(moved, 5) == Approx(0.8));
+  // Of the same area: three times as long, a third as wide.
+  Positions pulled = source.positions;
+  pulled.col(0) *= 3;
+  pulled.col(1) /= 3;
+  CHECK(confidence_in(pulled, 5) == Approx(0.4));
+  CHECK(confidence_in(
+            test::transformed(test::rotation_about(1, {1, 2, 3}, {0, 0, 0}, {5, 0, 0}), 7 * pulled),
+            9) == Approx(0.4));
+  // One corner alone.
+  Positions spiked = source.positions;
+  spiked(0, 2) += 2;
+  CHECK(confidence_in(spiked, 0) < 0.1);
+  CHECK(confidence_in(spiked, source.triangle_count() - 1) > 0.75);
 }
 
 TEST_CASE("registered by markers, a mesh lies on another of different topology") {

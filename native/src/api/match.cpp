@@ -60,6 +60,7 @@ int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32
                           made->match =
                               dd::match_triangles({made->registered, from.triangles}, to, how.reach,
                                                   how.threads, dd::within(progress, 0.9, 1));
+                          dd::doubt_stretched(made->match, from, made->registered);
                           made->facts.ambiguous = alignment.ambiguous;
                           made->facts.mirrored = mirrored;
                           made->facts.confidence = mean_by_area(made->match.confidence, to);

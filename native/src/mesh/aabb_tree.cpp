@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "mesh/aabb_tree.h"
 
+#include "mesh/triangles.h"
+
 namespace dd {
 
 PointOnTriangle nearest_on_triangle(const Mesh& mesh, int j, const Eigen::Vector3d& point) {
@@ -36,7 +38,9 @@ PointOnTriangle nearest_on_triangle(const Mesh& mesh, int j, const Eigen::Vector
 }
 
 AabbTree::AabbTree(const Mesh& mesh)
-    : mesh_(mesh), boxes_(static_cast<size_t>(mesh.triangle_count())) {
+    : mesh_(mesh),
+      normals_(triangle_normals(mesh.positions, mesh.triangles)),
+      boxes_(static_cast<size_t>(mesh.triangle_count())) {
   for (int j = 0; j < mesh.triangle_count(); ++j)
     for (int k = 0; k < 3; ++k)
       boxes_[j].extend(mesh.positions.row(mesh.triangles(j, k)).transpose());
@@ -47,8 +51,11 @@ AabbTree::AabbTree(const Mesh& mesh)
 
 int AabbTree::build(int begin, int end) {
   const int number = static_cast<int>(nodes_.size());
-  nodes_.push_back({Eigen::AlignedBox3d(), begin, end});
-  for (int i = begin; i < end; ++i) nodes_[number].box.extend(boxes_[order_[i]]);
+  nodes_.push_back({Eigen::AlignedBox3d(), Eigen::AlignedBox3d(), begin, end});
+  for (int i = begin; i < end; ++i) {
+    nodes_[number].box.extend(boxes_[order_[i]]);
+    nodes_[number].normals.extend(normals_.row(order_[i]).transpose());
+  }
   if (end - begin <= kLeaf) return number;
   Index axis = 0;
   nodes_[number].box.sizes().maxCoeff(&axis);

@@ -50,6 +50,35 @@ class AabbTree {
   /// The nearest point of those triangles that accept(j) takes, within reach.
   template <class Accept>
   PointOnTriangle nearest(const Eigen::Vector3d& point, double reach, const Accept& accept) const {
+    return nearest(
+        point, reach, [](const Node&) { return true; }, accept);
+  }
+
+  /// The nearest point of those triangles whose normals are less than a right angle off a given
+  /// one, within reach. What faces away is left aside branch by branch, so a search ends soon where
+  /// little faces, or nothing.
+  PointOnTriangle nearest_facing(const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
+                                 double reach) const {
+    const auto may_face = [&](const Node& node) {
+      return normal.cwiseProduct(node.normals.min())
+                 .cwiseMax(normal.cwiseProduct(node.normals.max()))
+                 .sum() > 0;
+    };
+    return nearest(point, reach, may_face, [&](int j) { return normals_.row(j).dot(normal) > 0; });
+  }
+
+ private:
+  static constexpr int kLeaf = 8;
+  struct Node {
+    Eigen::AlignedBox3d box, normals;
+    int begin, end, left = -1, right = -1;
+  };
+  int build(int begin, int end);
+
+  /// Of the triangles that accept(j) takes, in nodes that enter(node) takes.
+  template <class Enter, class Accept>
+  PointOnTriangle nearest(const Eigen::Vector3d& point, double reach, const Enter& enter,
+                          const Accept& accept) const {
     PointOnTriangle best;
     best.squared_distance = reach * reach;
     if (nodes_.empty()) return best;
@@ -59,6 +88,7 @@ class AabbTree {
       open.pop_back();
       if (distance >= best.squared_distance) continue;
       const Node& node = nodes_[number];
+      if (!enter(node)) continue;
       if (node.left >= 0) {
         std::pair<double, int> left{nodes_[node.left].box.squaredExteriorDistance(point),
                                     node.left};
@@ -80,15 +110,8 @@ class AabbTree {
     return best;
   }
 
- private:
-  static constexpr int kLeaf = 8;
-  struct Node {
-    Eigen::AlignedBox3d box;
-    int begin, end, left = -1, right = -1;
-  };
-  int build(int begin, int end);
-
   const Mesh& mesh_;
+  Positions normals_;
   std::vector<Eigen::AlignedBox3d> boxes_;
   std::vector<int> order_;
   std::vector<Node> nodes_;

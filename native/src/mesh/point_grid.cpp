@@ -10,11 +10,16 @@ namespace {
 
 constexpr double kFarthest = 1e15;  // cells, which integers hold
 
-int64_t cell_along(double distance, double reach) {
-  return static_cast<int64_t>(std::clamp(std::floor(distance / reach), -kFarthest, kFarthest));
+int64_t cell_along(double distance, double width) {
+  return static_cast<int64_t>(std::clamp(std::floor(distance / width), -kFarthest, kFarthest));
 }
 
 }  // namespace
+
+Cell cell_at(const Eigen::RowVector3d& from_origin, double width) {
+  return {cell_along(from_origin.x(), width), cell_along(from_origin.y(), width),
+          cell_along(from_origin.z(), width)};
+}
 
 PointGrid::PointGrid(const Positions& points, const std::vector<int>& chosen, double reach)
     : reach_(reach) {
@@ -23,9 +28,7 @@ PointGrid::PointGrid(const Positions& points, const std::vector<int>& chosen, do
   std::vector<Cell> cells;
   cells.reserve(chosen.size());
   for (int i : chosen) {
-    const Eigen::RowVector3d from = points.row(i) - points.row(chosen.front());
-    cells.push_back(
-        {cell_along(from.x(), reach), cell_along(from.y(), reach), cell_along(from.z(), reach)});
+    cells.push_back(cell_at(points.row(i) - points.row(chosen.front()), reach));
     ++begin_[slot_of(cells.back()) + 1];
   }
   for (size_t slot = 0; slot < slots_; ++slot) begin_[slot + 1] += begin_[slot];

@@ -9,6 +9,13 @@
 
 namespace dd {
 
+/// A cube of space, one of equal ones side by side.
+struct Cell {
+  int64_t x, y, z;
+};
+/// The cell of that width in which a place lies, as seen from the origin of the first one.
+Cell cell_at(const Eigen::RowVector3d& from_origin, double width);
+
 /// Points in cells as wide as a reach, to find those near one another.
 class PointGrid {
  public:
@@ -40,9 +47,6 @@ class PointGrid {
   }
 
  private:
-  struct Cell {
-    int64_t x, y, z;
-  };
   struct Entry {
     Cell cell;
     Eigen::RowVector3d place;

@@ -21,6 +21,8 @@ constexpr int kFirst = 6, kLast = 30;  // functions
 constexpr int kSpare = 20;             // functions that make the last of them exact sooner
 constexpr size_t kRoughSamples = 250;
 constexpr int kRoughStep = 3, kFineStep = 1;  // functions that a map grows by
+constexpr size_t kLookedAtClosely = 6;
+constexpr double kAlikeMaps = 0.05;   // of the box, on average: as good as one
 constexpr double kConvincing = 0.07;  // stretch of a map that needs no other to compare with
 constexpr int kVerticesPerFunction = 6;
 constexpr double kAsTheyStand = 0.8;    // of the misfit of others: users' meshes mostly stand alike
@@ -32,6 +34,8 @@ constexpr double kReversed = 0.3;  // of the largest share of triangles that kee
 /// A placement and what is known of it.
 struct Start : Placement {
   FunctionalMap map;
+  std::vector<int> rows;  // where that takes the source's vertices, roughly
+  bool by_map = false;    // the placement, too
   double stretch = 0, orientation = 0;
   double score() const { return (misfit + kExact) * (stretch + kExact); }
   double preferred() const { return score() * (as_they_stand ? kAsTheyStand : 1); }
@@ -84,12 +88,36 @@ class Aligning {
   void map_from(std::vector<Start>& starts, size_t begin) {
     pool_.run(static_cast<int>(starts.size() - begin), [&](int i) {
       Start& start = starts[begin + size_t(i)];
-      find_map(start, kRoughSamples, kRoughStep);
-      const std::vector<int> rows = roughly_nearest(start.map);
-      start.orientation = kept_orientation(rows);
-      start.as_they_stand = stands(rows);
-      if (begin > 0 || start.mirrored) start.similarity = fitted(rows);
+      start.by_map = begin > 0 || start.mirrored;
+      look(start, kRoughSamples, kRoughStep);
     });
+  }
+
+  /// A rough look tells the best only from what is much worse: those that lead elsewhere are looked
+  /// at closely. starts: upright_of() them.
+  std::vector<Start> looked_at_closely(const std::vector<Start>& starts,
+                                       const std::vector<size_t>& upright) {
+    std::vector<Start> few;
+    for (const size_t i : upright) {
+      const bool known = std::any_of(few.begin(), few.end(), [&](const Start& other) {
+        return apart(starts[i].rows, other.rows) < kAlikeMaps;
+      });
+      if (!known && few.size() < kLookedAtClosely) few.push_back(starts[i]);
+    }
+    pool_.run(static_cast<int>(few.size()),
+              [&](int i) { look(few[size_t(i)], source_.samples.size(), kFineStep); });
+    const auto astray = std::stable_partition(
+        few.begin(), few.end(), [&](const Start& one) { return keeps_markers(one.rows); });
+    if (astray != few.begin()) few.erase(astray, few.end());
+    return few;
+  }
+
+  void look(Start& start, size_t samples, int step) {
+    find_map(start, samples, step);
+    start.rows = roughly_nearest(start.map);
+    start.orientation = kept_orientation(start.rows);
+    start.as_they_stand = stands(start.rows);
+    if (start.by_map) start.similarity = fitted(start.rows);
   }
 
   void find_map(Start& start, size_t samples, int step) {
@@ -179,17 +207,24 @@ class Aligning {
   int count_ = 0;
 };
 
-/// The best, and whether another is about as good. starts: mapped.
-size_t best_of(const std::vector<Start>& starts, std::vector<size_t>& rivals) {
+/// Those that don't turn the surface inside out, the best first. starts: mapped.
+std::vector<size_t> upright_of(const std::vector<Start>& starts) {
   double most = 0;
   for (const Start& start : starts) most = std::max(most, start.orientation);
   std::vector<size_t> upright;
   for (size_t i = 0; i < starts.size(); ++i)
     if (starts[i].orientation >= kReversed * most) upright.push_back(i);
   if (upright.empty()) upright.push_back(0);  // each turns more over than it keeps
-  const size_t best = *std::min_element(upright.begin(), upright.end(), [&](size_t a, size_t b) {
+  std::stable_sort(upright.begin(), upright.end(), [&](size_t a, size_t b) {
     return starts[a].preferred() < starts[b].preferred();
   });
+  return upright;
+}
+
+/// The best, and whether another is about as good.
+size_t best_of(const std::vector<Start>& starts, std::vector<size_t>& rivals) {
+  const std::vector<size_t> upright = upright_of(starts);
+  const size_t best = upright.front();
   for (size_t i : upright)
     if (i != best && starts[i].misfit + kExact < kNearlyAsWell * (starts[best].misfit + kExact) &&
         starts[i].stretch < starts[best].stretch + kAlikeStretch)
@@ -250,10 +285,10 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   report(progress, 0.1, "Placing the source on the target");
   std::vector<Start> starts;
   if (places.suffice())
-    starts.push_back({placement_by(places, from, onto), {}, 0, 0});
+    starts.push_back({placement_by(places, from, onto), {}, {}, false, 0, 0});
   else
     for (const Placement& one : placements(from, onto, places, pool))
-      starts.push_back({one, {}, 0, 0});
+      starts.push_back({one, {}, {}, false, 0, 0});
   Aligning aligning(from, onto, std::move(marked), pool);
   const bool mapped = aligning.find_functions(within(progress, 0.3, 0.5));
 
@@ -264,6 +299,10 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
     starts.erase(std::remove_if(starts.begin(), starts.end(),
                                 [](const Start& start) { return start.mirrored; }),
                  starts.end());
+  if (mapped) {
+    report(progress, 0.8, "Refining the correspondence");
+    starts = aligning.looked_at_closely(starts, upright_of(starts));
+  }
   const size_t best = best_of(starts, rivals);
   const Similarity& unit = starts[best].similarity;
   result.placement.rotation = unit.rotation;
@@ -274,11 +313,9 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
     result.ambiguous = !rivals.empty();
     return result;
   }
-  report(progress, 0.8, "Refining the correspondence");
-  aligning.find_map(starts[best], from.samples.size(), kFineStep);
   const NearestRows rows = aligning.nearest(starts[best].map);
   for (size_t rival : rivals) {
-    const std::vector<int> there = aligning.roughly_nearest(starts[rival].map);
+    const std::vector<int>& there = starts[rival].rows;
     result.ambiguous |=
         aligning.keeps_markers(there) && aligning.apart(rows.of_first, there) > kElsewhere;
   }

@@ -33,8 +33,10 @@ bool marked_as_mirror_image(const Mesh& source, const Mesh& target, const Pairs&
 
 /// Placed by the markers where there are three not on a line, else by placements(). From each of
 /// these, functions of the surfaces, smooth ones first, give a map that copes with poses
-/// (zoomed_out()). The one is taken that keeps lengths best and lies nearest and doesn't turn the
-/// surface inside out. Never mirrored: what are mirror images is mirrored first.
+/// (zoomed_out()), at first of few samples; the most promising that differ are mapped by all. The
+/// one is taken that keeps lengths best and lies nearest and doesn't turn the surface inside out,
+/// of those that keep the markers where any does. Never mirrored: what are mirror
+/// images is mirrored first.
 Alignment align(const Mesh& source, const Mesh& target, const Pairs& markers, int threads = 0,
                 const Progress& progress = {});
 

@@ -9,11 +9,10 @@ namespace dd {
 
 namespace {
 
-constexpr double kFar = 4;     // reaches
-constexpr int kRanges = 64;    // that points are shared out in, whatever the threads
-constexpr int kDense = 3;      // points in a reach
-constexpr int kCrowd = 500;    // points about one: a few sheets of them are fewer
-constexpr double kEnd = 1e15;  // cells, which integers hold
+constexpr double kFar = 4;   // reaches
+constexpr int kRanges = 64;  // that points are shared out in, whatever the threads
+constexpr int kDense = 3;    // points in a reach
+constexpr int kCrowd = 500;  // points about one: a few sheets of them are fewer
 
 double risen(double t) {
   t = std::clamp(t, 0.0, 1.0);
@@ -32,11 +31,8 @@ Contacts::Contacts(Positions rest, std::vector<int> parts, const Eigen::VectorXd
   std::vector<std::array<int64_t, 5>> by_place;  // cell, part and number
   for (size_t i = 0; i < parts_.size(); ++i) {
     if (parts_[i] < 0) continue;
-    const Eigen::RowVector3d at = (rest_.row(Index(i)) - rest_.row(0)) / (reach_ / kDense);
-    std::array<int64_t, 5> entry{0, 0, 0, parts_[i], int64_t(i)};
-    for (int k = 0; k < 3; ++k)
-      entry[size_t(k)] = static_cast<int64_t>(std::floor(std::clamp(at[k], -kEnd, kEnd)));
-    by_place.push_back(entry);
+    const Cell cell = cell_at(rest_.row(Index(i)) - rest_.row(0), reach_ / kDense);
+    by_place.push_back({cell.x, cell.y, cell.z, parts_[i], int64_t(i)});
   }
   std::sort(by_place.begin(), by_place.end());
   for (size_t k = 0; k < by_place.size();) {

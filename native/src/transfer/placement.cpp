@@ -5,6 +5,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace dd {
 
@@ -21,6 +22,7 @@ constexpr size_t kPromising = 8;    // after a quick look
 constexpr int kManyMarkers = 8;
 constexpr double kMarkerShare = 0.1;  // of each marker, of the weight of all samples
 constexpr double kAlike = 0.03;       // of the box: placements closer than that are one
+constexpr double kAnywhere = std::numeric_limits<double>::infinity();
 constexpr double kWorthTrying = 1.5;  // of the least misfit
 
 Positions placed(const Similarity& placement, const Positions& points) {
@@ -70,11 +72,12 @@ struct Moments {
   Eigen::Matrix3d axes;
 };
 
+/// The nearest point that faces as a given one; of a surface that faces away all over, the nearest.
 Eigen::Vector3d nearest_of(const CoarseShape& shape, const Eigen::Vector3d& point,
                            const Eigen::Vector3d& normal) {
-  const PointOnTriangle facing = shape.tree.nearest(
-      point, 1e9, [&](int j) { return shape.triangle_normals.row(j).dot(normal) > 0; });
-  return facing.triangle >= 0 ? facing.place : point;
+  const PointOnTriangle facing = shape.tree.nearest_facing(point, normal, kAnywhere);
+  if (facing.triangle >= 0) return facing.place;
+  return shape.tree.nearest(point, kAnywhere, [](int) { return true; }).place;
 }
 
 /// Nearest points, both ways, and the similarity that takes them onto one another, in turn.

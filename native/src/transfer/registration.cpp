@@ -2,6 +2,7 @@
 #include "transfer/registration.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -27,6 +28,8 @@ constexpr double kLongestWave = 1;          // of the box
 constexpr double kShortestWave = 4;         // edges
 constexpr double kGuided = 0.4;             // of the box: longer waves go by the alignment
 constexpr size_t kTellingMarkers = 3;       // fewer alone would only shear the whole
+constexpr double kDoubted = 3;              // times its length
+constexpr double kThin = 1e-9;              // of the largest area: that has no shape
 constexpr double kMeaningful = 0.14;        // stretch of a map that may guide
 constexpr double kLongestAfterGuide = 0.5;  // of the box, too
 
@@ -48,7 +51,6 @@ class Registration {
         pool_(options.threads),
         target_(target),
         tree_(target_),
-        target_normals_(triangle_normals(target_.positions, target_.triangles)),
         target_borders_(target_.triangles, target_.vertex_count()),
         source_borders_(source.triangles, source.vertex_count()),
         start_(source),
@@ -202,9 +204,8 @@ class Registration {
     const Positions normals = summed_normals(now_.positions, now_.triangles);
     pool_.parallel_for(vertex_count_, kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t v = begin; v < end; ++v) {
-        const PointOnTriangle found =
-            tree_.nearest(now_.positions.row(v).transpose(), options_.reach,
-                          [&](int j) { return target_normals_.row(j).dot(normals.row(v)) > 0; });
+        const PointOnTriangle found = tree_.nearest_facing(
+            now_.positions.row(v).transpose(), normals.row(v).transpose(), options_.reach);
         if (found.triangle < 0) continue;
         if (at_border(target_borders_, found) && !source_borders_.vertices[size_t(v)]) continue;
         result.row(v) = found.place.transpose();
@@ -217,7 +218,6 @@ class Registration {
   ThreadPool pool_;
   const Mesh& target_;
   AabbTree tree_;
-  Positions target_normals_;
   Borders target_borders_, source_borders_;
   const Mesh& start_;
   Mesh now_;
@@ -244,6 +244,36 @@ double way_back(const Mesh& mesh, const PointOnTriangle& there, const PointOnTri
     size = std::max(
         size, (mesh.positions.row(mesh.triangles(there.triangle, k)).transpose() - middle).norm());
   return std::max(0.0, (back.place - there.place).norm() - size);
+}
+
+/// The edges e1, e2 of a triangle as products with one another.
+Eigen::Matrix2d products_of_edges(const Positions& positions, const Triangles& triangles, Index j) {
+  const auto edges = edges_and_normal(positions, triangles, j).leftCols<2>().eval();
+  return edges.transpose() * edges;
+}
+
+/// By how much areas grew: of half of the surface by less.
+double typical_growth(const Eigen::VectorXd& before, const Eigen::VectorXd& after) {
+  std::vector<std::array<double, 2>> ratios;  // and the area that each is of
+  for (Index j = 0; j < before.size(); ++j)
+    if (before[j] > 0) ratios.push_back({after[j] / before[j], before[j]});
+  std::sort(ratios.begin(), ratios.end());
+  double rest = before.sum() / 2;
+  for (const auto& [ratio, area] : ratios)
+    if ((rest -= area) <= 0) return ratio;
+  return 0;
+}
+
+/// By how much a triangle was pulled long or squeezed, whichever is more. whole: by how much the
+/// area of all grew.
+double largest_stretch(const Mesh& rest, const Positions& now, Index j, double whole) {
+  const Eigen::Matrix2d squares = products_of_edges(rest.positions, rest.triangles, j).inverse() *
+                                  products_of_edges(now, rest.triangles, j) / whole;
+  // The squares of the singular values are the eigenvalues.
+  const double half = squares.trace() / 2;
+  const double apart = std::sqrt(std::max(0.0, half * half - squares.determinant()));
+  const double least = std::max(half - apart, 1e-12);
+  return std::sqrt(std::max(half + apart, 1 / least));
 }
 
 }  // namespace
@@ -320,9 +350,9 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
     found[from].resize(static_cast<size_t>(mesh.triangle_count()));
     pool.parallel_for(mesh.triangle_count(), kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t j = begin; j < end; ++j)
-        found[from][size_t(j)] = tree.nearest(
-            triangle_centre(mesh.positions, mesh.triangles, j), reach * box,
-            [&](int k) { return normals[1 - from].row(k).dot(normals[from].row(j)) > 0; });
+        found[from][size_t(j)] =
+            tree.nearest_facing(triangle_centre(mesh.positions, mesh.triangles, j),
+                                normals[from].row(j).transpose(), reach * box);
     });
   }
   Pairs pairs;
@@ -346,6 +376,27 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
       triangle_correspondence(pairs, registered.triangle_count(), target.triangle_count());
   report(progress, 1, "Done");
   return match;
+}
+
+void doubt_stretched(Match& match, const Mesh& source, const Positions& registered) {
+  const Eigen::VectorXd areas[2] = {triangle_areas(source.positions, source.triangles),
+                                    triangle_areas(registered, source.triangles)};
+  const double whole = typical_growth(areas[0], areas[1]);
+  if (!(whole > 0)) return;
+  Eigen::VectorXd left = Eigen::VectorXd::Ones(areas[0].size());
+  for (Index j = 0; j < left.size(); ++j) {
+    if (!(areas[0][j] > kThin * areas[0].maxCoeff())) continue;
+    const double stretch = largest_stretch(source, registered, j, whole);
+    left[j] = 1 / (1 + std::pow((stretch - 1) / (kDoubted - 1), 2));
+  }
+  const Correspondence& sources = match.correspondence;
+  for (int j = 0; j < sources.target_count(); ++j) {
+    double sum = 0;
+    for (int k = sources.begin[j]; k < sources.begin[j + 1]; ++k) sum += left[sources.source[k]];
+    if (sources.has_source(j))
+      match.confidence[size_t(j)] *=
+          static_cast<float>(sum / (sources.begin[j + 1] - sources.begin[j]));
+  }
 }
 
 }  // namespace dd

@@ -60,4 +60,9 @@ struct Match {
 Match match_triangles(const Mesh& registered, const Mesh& target, double reach, int threads = 0,
                       const Progress& progress = {});
 
+/// Lowers the confidence where the sources of a triangle were pulled to several times their length
+/// on the way to it, or squeezed to a part of it, beside the whole: half is left at three times. A
+/// leg on a tail, or a face on a cat, lies there as close and as parallel as where it belongs.
+void doubt_stretched(Match& match, const Mesh& source, const Positions& registered);
+
 }  // namespace dd
