@@ -647,8 +647,8 @@ DD_API int32_t dd_match_get_pairs(const dd_match* match, int32_t* pairs, size_t 
                                   size_t* pair_count);
 
 /* How well each of the out_count triangles of the target is matched, 0 to 1: less where the source
- * lies off it or at an angle, and where it was pulled to several times its length to come there (half
- * is left at three times), which tells a wrong place that fits. */
+ * lies off it or at an angle, and where it was pulled to several times its length to come there
+ * (half is left at three times), which tells a wrong place that fits. */
 DD_API int32_t dd_match_get_confidence(const dd_match* match, float* out, size_t out_count);
 
 DD_API void dd_match_free(dd_match* match);

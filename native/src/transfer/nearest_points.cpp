@@ -13,7 +13,7 @@ namespace dd {
 namespace {
 
 constexpr double kFartherFacing = 1.5;  // than the nearest that doesn't face the same way
-constexpr double kAnywhere = std::numeric_limits<double>::infinity();
+constexpr double kAnyDistance = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
@@ -27,7 +27,7 @@ NearestPoints::NearestPoints(const Mesh& source, const Mesh& target, const Simil
   const auto nearest = [&](const Eigen::Vector3d& place, const Eigen::Vector3d& normal) {
     const Eigen::Vector3d here =
         placement.rotation.transpose() * (place - placement.shift) / placement.scale;
-    const PointOnTriangle any = tree.nearest(here, kAnywhere, [](int) { return true; });
+    const PointOnTriangle any = tree.nearest(here, kAnyDistance, [](int) { return true; });
     const Eigen::Vector3d facing = side * placement.rotation.transpose() * normal;
     const double reach = kFartherFacing * std::sqrt(any.squared_distance);
     const PointOnTriangle alike = tree.nearest(
