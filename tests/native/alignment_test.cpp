@@ -122,7 +122,8 @@ TEST_CASE("nearest rows are those of a search through all") {
   }
 }
 
-TEST_CASE("a copy that was moved, turned, scaled and renumbered is found without markers") {
+TEST_CASE("a copy that was moved, turned, scaled and renumbered is found without markers",
+          "[large]") {
   const Mesh source = beast(4);
   for (double angle : {0.0, 0.3, 1.7, 3.0}) {
     const test::Renumbered other =
@@ -136,7 +137,7 @@ TEST_CASE("a copy that was moved, turned, scaled and renumbered is found without
   }
 }
 
-TEST_CASE("a mesh of other triangles on the same surface is found without markers") {
+TEST_CASE("a mesh of other triangles on the same surface is found without markers", "[large]") {
   const Mesh source = beast(4);
   for (int levels : {3, 5}) {
     const Mesh target = {turned(beast(levels).positions, 2), beast(levels).triangles};
@@ -147,7 +148,7 @@ TEST_CASE("a mesh of other triangles on the same surface is found without marker
   }
 }
 
-TEST_CASE("two legs, one of which stands where the other stood, are told apart") {
+TEST_CASE("two legs, one of which stands where the other stood, are told apart", "[large]") {
   const Mesh source = forked(5);
   const Positions truth = aside(source.positions);
   const Mesh target = {aside(forked(4).positions), forked(4).triangles};
@@ -159,7 +160,7 @@ TEST_CASE("two legs, one of which stands where the other stood, are told apart")
   CHECK(error(register_onto(source, target, {}, placed, {}), truth) > 2 * by_functions);
 }
 
-TEST_CASE("akin shapes find one another without markers") {
+TEST_CASE("akin shapes find one another without markers", "[large]") {
   const Mesh source = beast(4), target = beast(5);
   const auto fatter = [](Positions p) {
     for (Index v = 0; v < p.rows(); ++v) p.row(v) *= 1 + 0.15 * std::sin(2 * p(v, 0) + p(v, 1));
@@ -170,7 +171,8 @@ TEST_CASE("akin shapes find one another without markers") {
   CHECK(error(register_onto(source, other, {}, {}), fatter(source.positions)) < 0.02);
 }
 
-TEST_CASE("the result depends neither on units nor on numbering nor on where the source lies") {
+TEST_CASE("the result depends neither on units nor on numbering nor on where the source lies",
+          "[large]") {
   const Mesh source = beast(3), target = {bent(beast(4).positions, 0.5), beast(4).triangles};
   const double box = bounding_box_diagonal(target.positions);
   const Positions fitted = register_onto(source, target, {}, {});
@@ -187,7 +189,8 @@ TEST_CASE("the result depends neither on units nor on numbering nor on where the
   CHECK(mean < 2e-3 * box);
 }
 
-TEST_CASE("what fits about as well turned is told, stands as it was, and goes by a marker") {
+TEST_CASE("what fits about as well turned is told, stands as it was, and goes by a marker",
+          "[large]") {
   // A box with a square base: a quarter turn is as good.
   Mesh pillar = test::sphere(4);
   for (Index v = 0; v < pillar.positions.rows(); ++v) {

@@ -74,7 +74,7 @@ double farthest(const Rows& a, const Rows& b) {
 
 }  // namespace
 
-TEST_CASE("coarse: the result is that of the whole iteration to 0.2% of the box") {
+TEST_CASE("coarse: the result is that of the whole iteration to 0.2% of the box", "[large]") {
   for (const test::Case& one : {test::lifted_plane(201), test::subdivided(test::bent_cylinder()),
                                 test::subdivided(test::subdivided(test::twisted_bar())),
                                 test::subdivided(test::bent_cactus())}) {

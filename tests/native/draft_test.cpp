@@ -46,7 +46,7 @@ Case twice_held(Case one) {
 
 }  // namespace
 
-TEST_CASE("draft: it is near the result, by each method that a frame can show") {
+TEST_CASE("draft: it is near the result, by each method that a frame can show", "[large]") {
   for (const Case& one : dense_cases()) {
     Deformer deformer(one.mesh, one.roles, 1, {});
     const auto draft = draft_of(one);
@@ -149,7 +149,7 @@ TEST_CASE("draft: parts without a handle rest, handles beside nothing are no fau
   CHECK(test::largest_difference(part(there, 2), test::transformed(aside, far.positions)) < 1e-12);
 }
 
-TEST_CASE("draft: it is near the result for energies of each order") {
+TEST_CASE("draft: it is near the result for energies of each order", "[large]") {
   const Case one = test::subdivided(test::subdivided(test::bent_cylinder(60)));
   const double box = bounding_box_diagonal(one.mesh.positions);
   for (const Smoothness order : {Smoothness::membrane, Smoothness::curvature_variation}) {

@@ -103,7 +103,8 @@ TEST_CASE("handles that only place, and nothing else, are turned by where they g
                                  test::transformed(turn, tube.mesh.positions)) < 1e-5);
 }
 
-TEST_CASE("a limb pulled by a hand that only places stretches as little as by the best turn") {
+TEST_CASE("a limb pulled by a hand that only places stretches as little as by the best turn",
+          "[large]") {
   const test::Case limb = test::bent_cylinder();
   Deformer deformer(limb.mesh, limb.roles, 1, {});
   const Eigen::Vector3d centre =

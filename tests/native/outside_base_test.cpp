@@ -141,8 +141,8 @@ TEST_CASE("showing an outside base, and a base that is missing or not finite") {
              contains("not finite"));
 }
 
-TEST_CASE(
-    "Fig. 4: a cylinder over a base of half its radius, bent explicitly over a short length") {
+TEST_CASE("Fig. 4: a cylinder over a base of half its radius, bent explicitly over a short length",
+          "[large]") {
   struct Found {
     Measures normal, whole, rotations, volumes;
   };

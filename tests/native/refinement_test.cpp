@@ -156,7 +156,8 @@ TEST_CASE("refined: the pose alone decides, and a drag in small moves has no jum
   CHECK(test::largest_difference(surface(fresh, {cylinder.motion}, refined(4)), last) == 0);
 }
 
-TEST_CASE("refined: no fold and little stretch on the four cases of the survey, at any density") {
+TEST_CASE("refined: no fold and little stretch on the four cases of the survey, at any density",
+          "[large]") {
   const double limits[] = {0.027, 0.09, 0.075, 0.057};
   int number = 0;
   for (test::Case one : test::survey_cases()) {

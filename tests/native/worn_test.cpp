@@ -182,7 +182,7 @@ TEST_CASE("what rises between the vertices of a coarse garment lifts it") {
   CHECK(kept < 0.05 * free);
 }
 
-TEST_CASE("a garment goes on steadily while its source does") {
+TEST_CASE("a garment goes on steadily while its source does", "[large]") {
   const Mesh body = tube(1, -4, 4, 48, 90), shirt = tube(1.05, -3, 3, 43, 61);
   Worn worn(body, shirt, 0.01);
   Positions before, pose_before;
