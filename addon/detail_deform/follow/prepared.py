@@ -6,27 +6,28 @@ from typing import NamedTuple
 import numpy as np
 
 from ..library import native
+from ..library.options import next_to_none
 from ..scene import mesh_data, proportions
 from ..scene.mesh_data import MeshProblem
 
 
 class _Space(NamedTuple):
     """From an object's own space to the one that both meshes are taken in."""
-    linear: np.ndarray  # (3, 3)
+    linear: np.ndarray  # (3, 3), in single precision where nothing is shifted
     shift: np.ndarray  # (3,)
 
     def to(self, points):
         """(n, 3) float32"""
-        return (points @ self.linear.T + self.shift).astype(np.float32)
+        return (points @ self.linear.T + self.shift).astype(np.float32, copy=False)
 
     def back(self, points):
         """(n, 3) float32"""
-        return ((points - self.shift) @ np.linalg.inv(self.linear).T).astype(np.float32)
+        return ((points - self.shift) @ np.linalg.inv(self.linear).T).astype(np.float32, copy=False)
 
 
 def _spaces(source, target, stance):
     """Each as it is proportioned in the scene; the source of a stance as it stands to the target."""
-    own = [_Space(proportions.of(ob).astype(float), np.zeros(3)) for ob in (source, target)]
+    own = [_Space(proportions.of(ob), np.zeros(3, np.float32)) for ob in (source, target)]
     if stance is None:
         return own
     linear = own[1].linear
@@ -66,7 +67,7 @@ class How(NamedTuple):
     @property
     def least_gap(self):
         """As the library takes it."""
-        return max(self.gap, 1e-6) if self.keep_outside else -1.0  # 0 would stand for its default
+        return next_to_none(self.gap) if self.keep_outside else -1.0
 
 
 class Preparation:

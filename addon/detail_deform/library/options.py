@@ -159,7 +159,7 @@ def _or_none(length):
     return length or -1  # a zero would stand for the default
 
 
-def _next_to_none(value):
+def next_to_none(value):
     return max(value, 1e-6)  # a zero would stand for the default
 
 
@@ -232,7 +232,7 @@ SETTINGS = (
            "How much the mesh keeps to single examples and between rest and example, rather than to what fits the "
            "handles most closely by mixing and exaggerating them",
            default=1.0, limits=dict(min=0.0, soft_max=10.0, max=1e4),
-           fills=Field(UPDATE, 'example_stiffness', float, _next_to_none), section='EXAMPLES',
+           fills=Field(UPDATE, 'example_stiffness', float, next_to_none), section='EXAMPLES',
            needs=(_by('EXAMPLES'), Need('weights_by', ('HANDLES',)))),
 
     Option('base', _BASES, "Base", "Where the smooth base surface comes from. Takes effect at the next Bind",
@@ -316,7 +316,7 @@ TRANSFER_SETTINGS = (
            "How far outside at least, as a share of this mesh's size, or three quarters as far as at rest where that "
            "is less",
            default=0.005, limits=dict(min=0.0, soft_max=0.1, max=10.0, precision=4, step=0.1),
-           fills=Field(TRANSFER, 'gap', float, _next_to_none), section='TRANSFER',
+           fills=Field(TRANSFER, 'gap', float, next_to_none), section='TRANSFER',
            needs=(*_WORN, Need('keep_outside', (True,))),
            told="How far outside of the source it is kept at least, as a share of the mesh's size; as in the panel "
                 "unless given"),

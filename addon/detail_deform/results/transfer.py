@@ -98,8 +98,9 @@ def _all(context, source, target, keys, wanted):
         correspondence.store(matched, source, target)
     outcome.matched_by = _TITLES[wanted.correspondence]
     outcome.remarks += prepared.remarks(transfer)
-    if keys is None and below.left_out(source):
-        outcome.remarks.append(below.left_out(source))
+    left_out = below.left_out(source) if keys is None else ""
+    if left_out:
+        outcome.remarks.append(left_out)
     outcome.seconds = time.perf_counter() - started
     return outcome
 

@@ -72,19 +72,19 @@ def by_nearest(source, target):
     """What a target lies over on its source, as both stand in the scene now. Raises MeshProblem where it lies over
     nothing."""
     try:
-        stance = target.matrix_world.inverted() @ source.matrix_world
-        stance.inverted()
+        matrix = target.matrix_world.inverted() @ source.matrix_world
+        matrix.inverted()
     except ValueError as error:
         raise MeshProblem(f"'{source.name}' or '{target.name}' is scaled to 0, so that none lies over the other: scale "
                           "them to a size first.") from error
-    places = [mesh_data.rest(ob.data) for ob in (source, target)]
+    stance, places = np.array(matrix), [mesh_data.rest(ob.data) for ob in (source, target)]
     if all(map(len, places)):
         (low, high), (least, most) = ((each.min(0), each.max(0)) for each in (
-            places[0] @ np.array(stance)[:3, :3].T + np.array(stance)[:3, 3], places[1]))
+            places[0] @ stance[:3, :3].T + stance[:3, 3], places[1]))
         if np.linalg.norm(np.maximum(0, np.maximum(least - high, low - most))) > np.linalg.norm(most - least):
             raise MeshProblem(f"'{target.name}' stands farther from '{source.name}' than it is large: put it where it "
                               "is worn, as both are without their modifiers and shape keys.")
-    return _nearest(source, target, np.array(stance))
+    return _nearest(source, target, stance)
 
 
 def _nearest(source, target, stance):
@@ -120,17 +120,16 @@ def _kept(target):
     """None where there is nothing, or something that no search has left."""
     kept = target.data.get(_PROPERTY)
     if not (hasattr(kept, 'keys') and all(isinstance(kept.get(name), str) for name in _TEXTS) and
-            (_is_stance(kept.get('stance')) if kept['pairs_of'] == NEAREST else _are_lists(kept))):
+            (_is_stance(kept.get('stance')) if kept['pairs_of'] == NEAREST else _are_pairs(kept))):
         return None
-    if kept['pairs_of'] == NEAREST:
-        return kept
-    is_whole = kept['pairs_of'] in {'TRIANGLES', 'VERTICES'} and (
-        3 * len(kept['confidence']) == len(kept['target_triangles']))
-    return kept if is_whole else None
+    return kept
 
 
-def _are_lists(kept):
-    return all(hasattr(kept.get(name), 'typecode') and len(kept[name]) % each == 0 for name, each in _LISTS.items())
+def _are_pairs(kept):
+    return (kept['pairs_of'] in {'TRIANGLES', 'VERTICES'} and
+            all(hasattr(kept.get(name), 'typecode') and len(kept[name]) % each == 0
+                for name, each in _LISTS.items()) and
+            3 * len(kept['confidence']) == len(kept['target_triangles']))
 
 
 def _is_stance(values):
@@ -170,7 +169,7 @@ def stored_for(target):
 def fits(source, target):
     """Whether a correspondence of these two as they are is kept."""
     kept = _kept(target)
-    if is_by_nearest(target):
+    if kept is not None and kept['pairs_of'] == NEAREST:
         return kept['source'] == source.name
     return kept is not None and all(mesh_data.topology_signature(ob.data) == kept[topology] for ob, topology in (
         (source, 'source_topology'), (target, 'target_topology')))

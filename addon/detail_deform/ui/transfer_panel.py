@@ -25,8 +25,10 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
         source = settings.source
         if settings.live:
             draw_text(layout.box(), context, settings.state, 'ERROR' if settings.problem else 'LINKED')
-        elif mesh_data.why_not_editable(ob):  # Blender greys all out
-            draw_text(layout.box(), context, mesh_data.why_not_editable(ob), 'LIBRARY_DATA_DIRECT')
+        else:
+            problem = mesh_data.why_not_editable(ob)
+            if problem:  # Blender greys all out
+                draw_text(layout.box(), context, problem, 'LIBRARY_DATA_DIRECT')
         layout.prop(settings, 'source')
         column = layout.column()
         column.enabled = not settings.live

@@ -22,7 +22,6 @@ NearestPoints::NearestPoints(const Mesh& source, const Mesh& target, const Simil
     : of_vertices(static_cast<size_t>(target.vertex_count())),
       of_centres(static_cast<size_t>(target.triangle_count())) {
   const AabbTree tree(source);
-  const Positions source_normals = triangle_normals(source.positions, source.triangles);
   const double side = placement.rotation.determinant() < 0 ? -1 : 1;  // a mirror turns normals over
   const auto nearest = [&](const Eigen::Vector3d& place, const Eigen::Vector3d& normal) {
     const Eigen::Vector3d here =
@@ -30,8 +29,7 @@ NearestPoints::NearestPoints(const Mesh& source, const Mesh& target, const Simil
     const PointOnTriangle any = tree.nearest(here, kAnyDistance, [](int) { return true; });
     const Eigen::Vector3d facing = side * placement.rotation.transpose() * normal;
     const double reach = kFartherFacing * std::sqrt(any.squared_distance);
-    const PointOnTriangle alike = tree.nearest(
-        here, reach, [&](int j) { return source_normals.row(j).dot(facing.transpose()) > 0; });
+    const PointOnTriangle alike = tree.nearest_facing(here, facing, reach);
     return alike.triangle >= 0 ? alike : any;
   };
   const Positions at_vertices = summed_normals(target.positions, target.triangles);

@@ -33,8 +33,6 @@ class Outside {
   /// Quickly: side × f is no less than this, the least of what it is a mean of.
   double least(Index point, const Eigen::Vector3d& place, double side) const;
 
-  Index count() const { return static_cast<Index>(begin_.size()) - 1; }
-
  private:
   Mesh posed_;
   std::vector<int> begin_{0}, patches_;  // of point i: begin_[i] to begin_[i + 1]

@@ -383,9 +383,10 @@ void doubt_stretched(Match& match, const Mesh& source, const Positions& register
                                     triangle_areas(registered, source.triangles)};
   const double whole = typical_growth(areas[0], areas[1]);
   if (!(whole > 0)) return;
+  const double thin = kThin * areas[0].maxCoeff();
   Eigen::VectorXd left = Eigen::VectorXd::Ones(areas[0].size());
   for (Index j = 0; j < left.size(); ++j) {
-    if (!(areas[0][j] > kThin * areas[0].maxCoeff())) continue;
+    if (!(areas[0][j] > thin)) continue;
     const double stretch = largest_stretch(source, registered, j, whole);
     left[j] = 1 / (1 + std::pow((stretch - 1) / (kDoubted - 1), 2));
   }
