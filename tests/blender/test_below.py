@@ -7,7 +7,7 @@ import pytest
 
 from conftest import activate, data_blocks, evaluated, own, update
 from rigs import make_rigged
-from test_transfer import add_key, bent, coordinates, raw_strip
+from test_transfer import add_key, bent, coordinates, copy_of_rest, raw_strip
 
 transfer = bpy.ops.object.detail_deform_transfer
 live = bpy.ops.object.detail_deform_transfer_live
@@ -107,15 +107,6 @@ def test_pose_and_animation_below(pair, tmp_path, kind):
     for frame, pose in enumerate(poses, 1):
         scene.frame_set(frame)
         assert np.abs(evaluated(target) - pose).max() < 1e-4
-
-
-def copy_of_rest(ob, name):
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(own(ob).tolist(), [], [list(face.vertices) for face in ob.data.polygons])
-    target = bpy.data.objects.new(name, mesh)
-    bpy.context.scene.collection.objects.link(target)
-    target.detail_deform.transfer.source = ob
-    return activate(target)
 
 
 @pytest.mark.parametrize('kind', ['SUBSURF', 'MIRROR', 'SOLIDIFY'])

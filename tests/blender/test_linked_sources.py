@@ -7,7 +7,7 @@ import pytest
 
 from conftest import activate, add_empty, evaluated, group, new_scene, own, refusal, update
 from rigs import make_rigged
-from test_transfer import add_key, raw_strip
+from test_transfer import add_key, copy_of_rest, raw_strip
 
 transfer = bpy.ops.object.detail_deform_transfer
 live = bpy.ops.object.detail_deform_transfer_live
@@ -49,16 +49,6 @@ def bring(library, kind):
     assert bool(source.override_library) == (kind == 'OVERRIDE')
     assert bool(source.library) == (kind != 'OVERRIDE')
     return source
-
-
-def copy_of_rest(source, name="Target"):
-    """Local, of the same topology."""
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(own(source).tolist(), [], [list(face.vertices) for face in source.data.polygons])
-    target = bpy.data.objects.new(name, mesh)
-    bpy.context.scene.collection.objects.link(target)
-    target.detail_deform.transfer.source = source
-    return activate(target)
 
 
 def truth(library, frames):

@@ -41,6 +41,16 @@ def coordinates(key):
     return values.reshape(-1, 3).astype(float)
 
 
+def copy_of_rest(source, name="Target"):
+    """Local, of the same topology."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(own(source).tolist(), [], [list(face.vertices) for face in source.data.polygons])
+    target = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(target)
+    target.detail_deform.transfer.source = source
+    return activate(target)
+
+
 @pytest.fixture
 def pair():
     """Source with two keys, and a target like it, active."""
