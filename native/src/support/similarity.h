@@ -17,6 +17,9 @@ struct Similarity {
   Eigen::Vector3d operator()(const Eigen::Vector3d& point) const {
     return scale * (rotation * point) + shift;
   }
+  Positions all(const Positions& points) const {
+    return (scale * points * rotation.transpose()).rowwise() + shift.transpose();
+  }
 };
 
 /// Finds the similarity that takes weighted points next to others: its rotation is that of least

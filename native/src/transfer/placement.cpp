@@ -25,11 +25,6 @@ constexpr double kAlike = 0.03;       // of the box: placements closer than that
 constexpr double kAnywhere = std::numeric_limits<double>::infinity();
 constexpr double kWorthTrying = 1.5;  // of the least misfit
 
-Positions placed(const Similarity& placement, const Positions& points) {
-  return (placement.scale * points * placement.rotation.transpose()).rowwise() +
-         placement.shift.transpose();
-}
-
 Similarity inverse(const Similarity& of) {
   Similarity back;
   back.rotation = of.rotation.transpose();
@@ -114,7 +109,7 @@ void settle(Placement& start, const CoarseShape& source, const CoarseShape& targ
       if (start.mirrored) normal[0] *= -1, point[0] *= -1;
       pairs_from.row(n + i) = mirror(nearest_of(source, point, normal).transpose(), start.mirrored);
     }
-    const Positions misfits = placed(start.similarity, pairs_from) - pairs_onto;
+    const Positions misfits = start.similarity.all(pairs_from) - pairs_onto;
     start.misfit = std::sqrt(misfits.topRows(n).rowwise().squaredNorm().mean()) +
                    std::sqrt(misfits.middleRows(n, m).rowwise().squaredNorm().mean());
     if (k > 0) start.misfit += std::sqrt(misfits.bottomRows(k).rowwise().squaredNorm().mean());
@@ -150,8 +145,7 @@ std::vector<Placement> best_of(std::vector<Placement> starts, const CoarseShape&
 }  // namespace
 
 Positions Placement::samples(const CoarseShape& source, size_t count) const {
-  return placed(similarity,
-                mirror(rows_of(source.mesh.positions, source.samples, count), mirrored));
+  return similarity.all(mirror(rows_of(source.mesh.positions, source.samples, count), mirrored));
 }
 
 bool MarkedPlaces::suffice() const {

@@ -56,11 +56,6 @@ WornPlaces::WornPlaces(const Mesh& source, const Mesh& target, const UnitBox& bo
   if (gap >= 0) prepare_outside(points, gap * unit_);
 }
 
-Positions WornPlaces::placed(const Positions& of_source) const {
-  return (placement_.scale * of_source * placement_.rotation.transpose()).rowwise() +
-         placement_.shift.transpose();
-}
-
 RowMatrix WornPlaces::smooth(const RowMatrix& values) const {
   return factor_->solve(held_.asDiagonal() * values, &pool_);
 }
@@ -68,7 +63,7 @@ RowMatrix WornPlaces::smooth(const RowMatrix& values) const {
 void WornPlaces::prepare_outside(const NearestPoints& points, double gap) {
   std::vector<PointOnTriangle> seeds = points.of_vertices;
   for (PointOnTriangle& seed : seeds) seed.place = placement_(seed.place);
-  const Mesh source = {placed(source_.positions), source_.triangles};
+  const Mesh source = {placement_.all(source_.positions), source_.triangles};
   outside_ = std::make_unique<Outside>(source, seeds, pool_);
   probes_ = std::make_unique<Probes>(source, target_, kProbed * unit_, pool_);
   for (int v = 0; v < target_.vertex_count(); ++v)
@@ -173,7 +168,7 @@ void WornPlaces::correct(const Positions& pose, Positions& result) {
   const RowMatrix moved = smooth(missing);
   for (Index r = 0; r < moved.rows(); ++r) result.row(region_.free[size_t(r)]) += moved.row(r);
   if (!outside_) return;
-  const Positions posed = placed(pose);
+  const Positions posed = placement_.all(pose);
   outside_->take(posed, pool_);
   probes_->take(posed);
   move_out(result);

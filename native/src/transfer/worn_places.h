@@ -45,7 +45,6 @@ class WornPlaces {
   const std::vector<int>& through() const { return through_; }
 
  private:
-  Positions placed(const Positions& of_source) const;
   RowMatrix smooth(const RowMatrix& values) const;
   void prepare_outside(const NearestPoints& points, double gap);
   /// How far vertices, and then what is over probes, is to be moved along which direction.
