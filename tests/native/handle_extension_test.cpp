@@ -104,6 +104,43 @@ TEST_CASE("the handles' extension is K's own solution, by functions and by a sol
   }
 }
 
+TEST_CASE(
+    "functions of many coordinates are K's own, where one solve is exact and where it is not") {
+  // Handles across a strip; where all of them are at one end, nothing holds the rest of it.
+  const auto length = GENERATE(40, 1200);
+  const Mesh strip =
+      test::grid(length, 5, [](double x, double y) { return 0.1 * std::sin(9 * x) + 0.2 * x * y; });
+  std::vector<int> roles(static_cast<size_t>(strip.vertex_count()), kFree);
+  for (int h = 0; h < 4; ++h)
+    for (int v = 0; v < 10; ++v) roles[size_t(40 * h + v)] = h;
+  const Region region = split_region(strip, roles, 4);
+  const HandleCoordinates coordinates(region, strip.positions);
+  REQUIRE(coordinates.count() == 16);
+  const SurfaceOperators operators = surface_operators(strip.positions, strip.triangles);
+  const PolyharmonicSystem bending(operators, region);
+  ThreadPool pool(2);
+  const HandleExtension extension(bending, coordinates, region, strip.positions,
+                                  plain_order(region), pool, KeptOfEnergy::functions);
+  RowMatrix space, at_handles(Index(region.handle_vertices.size()), 16);
+  at_handles.setZero();
+  for (size_t i = 0; i < region.handle_vertices.size(); ++i) {
+    const int v = region.handle_vertices[i], h = roles[size_t(v)];
+    at_handles.row(Index(i)).segment(coordinates.begin(h), coordinates.count(h)) =
+        coordinates.at(strip.positions.row(v), h).head(coordinates.count(h));
+  }
+  RowMatrix values = RowMatrix::Zero(strip.vertex_count(), 16);
+  for (size_t i = 0; i < region.handle_vertices.size(); ++i)
+    values.row(region.handle_vertices[i]) = at_handles.row(Index(i));
+  const RowMatrix refined = bending.extend(values);
+  const double size = refined.cwiseAbs().maxCoeff();
+  const auto off = [&](const RowMatrix& functions) {
+    return (functions - refined).cwiseAbs().maxCoeff() / size;
+  };
+  CHECK(off(extension.functions(space)) < 1e-8);
+  // So that both cases are met.
+  CHECK((off(HandleSolve(bending, region, &pool).extend(at_handles)) > 1e-8) == (length > 40));
+}
+
 TEST_CASE("a flat handle, one in a line and one of one point take fewer functions") {
   const Mesh plane = test::grid(13, 13, [](double x, double y) { return 0.1 * x * y; });
   // A bent patch, three vertices, two and one.

@@ -9,6 +9,8 @@ namespace dd {
 namespace {
 
 constexpr double kExactEnough = 1e-8;  // of the largest value
+// One solve is tried where that may save more than it takes: more columns of W than this.
+constexpr Index kWorthFindingOut = 12;
 // Of W: what all need at once would take several times its memory.
 constexpr Index kColumnsAtOnce = 16;
 
@@ -59,17 +61,25 @@ HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
       pool_(&pool) {
   for (int v : region.free) row_of_free_.push_back(order.row_of_vertex[v]);
   const int64_t entries = int64_t{coordinates.count()} * region.free_count();
-  // A frame reads W once and the factor twice, but a bind solves several times for each column of
-  // W.
-  if (kept == KeptOfEnergy::factor ||
-      (kept == KeptOfEnergy::cheaper && 2 * entries > bending.factor()->factor().entries())) {
-    solve_ = std::make_unique<HandleSolve>(bending, region, &pool);
-    if (kept == KeptOfEnergy::factor || exact_enough(*solve_, bending, region, values_)) return;
-    solve_.reset();
+  // A frame reads W once and the factor twice, but a bind solves for each column of W.
+  const bool keep =
+      kept == KeptOfEnergy::factor ||
+      (kept == KeptOfEnergy::cheaper && 2 * entries > bending.factor()->factor().entries());
+  std::unique_ptr<HandleSolve> once;
+  if (keep || coordinates.count() > kWorthFindingOut) {
+    once = std::make_unique<HandleSolve>(bending, region, &pool);
+    if (kept != KeptOfEnergy::factor && !exact_enough(*once, bending, region, values_))
+      once.reset();
   }
-  functions_ =
-      extended([&](const RowMatrix& values) { return bending.extend(at_vertices(values, region)); },
-               progress);
+  if (once && keep) {
+    solve_ = std::move(once);
+    return;
+  }
+  functions_ = extended(
+      [&](const RowMatrix& values) {
+        return once ? once->extend(values) : bending.extend(at_vertices(values, region));
+      },
+      progress);
 }
 
 template <class Extend>

@@ -26,7 +26,8 @@ enum class KeptOfEnergy {
 /// The columns of W are a function for each coordinate: its extension by K, zero at all other
 /// constrained vertices. With few handles W is kept, and a frame needs no solve for its base. With
 /// many, where W would be more than half as large as K's factor, that is kept: a frame solves
-/// K δq = 0 with what C gives the handles' vertices, and a bind makes no functions at all.
+/// K δq = 0 with what C gives the handles' vertices, and a bind makes no functions at all. A column
+/// takes one solve where that agrees with the refined one to 1e-8, else as many as refining takes.
 class HandleExtension {
  public:
   HandleExtension() = default;  ///< of nothing
