@@ -121,6 +121,12 @@ dd_find_python() {
     return 1
 }
 
+# prepare_clang: with the runtimes of its sanitizers, which are a package of its version.
+prepare_clang() {
+    dd_need clang++ clang || return
+    dd_need_packages "libclang-rt-$(clang++ -dumpversion | cut -d. -f1)-dev" || true
+}
+
 # prepare_ruff: one version, so that a new rule comes when we take it and not when it is published.
 prepare_ruff() {
     local venv=build/venv-ruff version=0.17.6

@@ -129,8 +129,7 @@ fi
 targets=("$@")
 [ $# != 0 ] || targets=(bind update transfer match tools)
 
-dd_need clang++ clang
-dd_need_packages libclang-rt-14-dev || true
+prepare_clang
 prepare_build
 build_preset fuzz
 case $what in
