@@ -91,7 +91,7 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
   };
   const auto extend_handles = [&](const PolyharmonicSystem& bending, double begin, double end) {
     return HandleExtension(bending, coordinates, region, mesh.positions, order(), *how.pool,
-                           KeptOfEnergy::cheaper, [&](double done) {
+                           options.precision, KeptOfEnergy::cheaper, [&](double done) {
                              report(progress, begin + done * (end - begin),
                                     "Computing the handles' basis functions");
                            });

@@ -8,7 +8,8 @@ namespace dd {
 
 namespace {
 
-constexpr double kExactEnough = 1e-8;  // of the largest value
+// Of the largest value.
+constexpr double kExactEnough = 1e-8, kExactEnoughInSingle = 5e-7;
 // One solve is tried where that may save more than it takes: more columns of W than this.
 constexpr Index kWorthFindingOut = 12;
 // Of W: what all need at once would take several times its memory.
@@ -39,14 +40,15 @@ RowMatrix at_vertices(const RowMatrix& at_handles, const Region& region) {
 
 /// Whether one solve is as good as what extend() refines, for motions that are unlike each other.
 bool exact_enough(const HandleSolve& solve, const PolyharmonicSystem& bending, const Region& region,
-                  const SparseMatrix& values) {
+                  const SparseMatrix& values, Precision precision) {
   RowMatrix motions(values.cols(), 3);
   for (Index i = 0; i < motions.size(); ++i)
     motions.data()[i] = std::sin(1 + 2.4 * static_cast<double>(i));
   const RowMatrix trial = values * motions;
   const RowMatrix exact = bending.extend(at_vertices(trial, region));
   const double size = std::max(trial.cwiseAbs().maxCoeff(), exact.cwiseAbs().maxCoeff());
-  return (solve.extend(trial) - exact).cwiseAbs().maxCoeff() <= kExactEnough * size;
+  const double enough = precision == Precision::single ? kExactEnoughInSingle : kExactEnough;
+  return (solve.extend(trial) - exact).cwiseAbs().maxCoeff() <= enough * size;
 }
 
 }  // namespace
@@ -54,7 +56,7 @@ bool exact_enough(const HandleSolve& solve, const PolyharmonicSystem& bending, c
 HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
                                  const HandleCoordinates& coordinates, const Region& region,
                                  const Positions& positions, const RowOrder& order,
-                                 ThreadPool& pool, KeptOfEnergy kept,
+                                 ThreadPool& pool, Precision precision, KeptOfEnergy kept,
                                  const std::function<void(double)>& progress)
     : coordinates_(coordinates),
       values_(values_at_handles(coordinates, region, positions)),
@@ -68,7 +70,7 @@ HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
   std::unique_ptr<HandleSolve> once;
   if (keep || coordinates.count() > kWorthFindingOut) {
     once = std::make_unique<HandleSolve>(bending, region, &pool);
-    if (kept != KeptOfEnergy::factor && !exact_enough(*once, bending, region, values_))
+    if (kept != KeptOfEnergy::factor && !exact_enough(*once, bending, region, values_, precision))
       once.reset();
   }
   if (once && keep) {
