@@ -27,8 +27,8 @@ enum class KeptOfEnergy {
 /// constrained vertices. With few handles W is kept, and a frame needs no solve for its base. With
 /// many, where W would be more than half as large as K's factor, that is kept: a frame solves
 /// K δq = 0 with what C gives the handles' vertices, and a bind makes no functions at all. A column
-/// takes one solve where that agrees with the refined one to 1e-8, or in single precision as well as
-/// a frame's own solve does, else as many as refining takes.
+/// takes one solve where that agrees with the refined one to 1e-8, or in single precision as well
+/// as a frame's own solve does, else as many as refining takes.
 class HandleExtension {
  public:
   HandleExtension() = default;  ///< of nothing
