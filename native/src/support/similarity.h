@@ -17,6 +17,14 @@ struct Similarity {
   Eigen::Vector3d operator()(const Eigen::Vector3d& point) const {
     return scale * (rotation * point) + shift;
   }
+  Similarity inverse() const {
+    Similarity back;
+    back.rotation = rotation.transpose();
+    back.scale = 1 / scale;
+    back.shift = -back.scale * (back.rotation * shift);
+    back.mirrored = mirrored;
+    return back;
+  }
   Positions all(const Positions& points) const {
     return (scale * points * rotation.transpose()).rowwise() + shift.transpose();
   }

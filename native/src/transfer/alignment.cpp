@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -23,12 +24,12 @@ constexpr size_t kRoughSamples = 250;
 constexpr int kRoughStep = 3, kFineStep = 1;  // functions that a map grows by
 constexpr size_t kLookedAtClosely = 6;
 constexpr double kAlikeMaps = 0.05;   // of the box, on average: as good as one
-constexpr double kConvincing = 0.07;  // stretch of a map that needs no other to compare with
+constexpr double kConvincing = 0.07;  // stretch of a map that needs nothing else to compare with
+constexpr double kMeaningful = 0.14;  // of one that may guide
 constexpr int kVerticesPerFunction = 6;
 constexpr double kAsTheyStand = 0.8;    // of the misfit of others: users' meshes mostly stand alike
 constexpr double kNearlyAsWell = 1.15;  // of the misfit
 constexpr double kAlikeStretch = 0.05;  // twice what rough maps of symmetries have for 0
-constexpr double kElsewhere = 0.2;      // of the box
 constexpr double kReversed = 0.3;  // of the largest share of triangles that keep their orientation
 
 /// A placement and what is known of it.
@@ -289,6 +290,7 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   else
     for (const Placement& one : placements(from, onto, places, pool))
       starts.push_back({one, {}, {}, false, 0, 0});
+  const std::vector<Placement> placed(starts.begin(), starts.end());
   Aligning aligning(from, onto, std::move(marked), pool);
   const bool mapped = aligning.find_functions(within(progress, 0.3, 0.5));
 
@@ -304,26 +306,30 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
     starts = aligning.looked_at_closely(starts, upright_of(starts));
   }
   const size_t best = best_of(starts, rivals);
-  const Similarity& unit = starts[best].similarity;
+  const double stretch = mapped ? starts[best].stretch : kMeaningful;
+  std::optional<Lying> lying;
+  if (stretch >= kConvincing) lying = lying_on(placed, from, onto, places, pool);
+  result.lies_on = lying.has_value();
+  const Similarity& unit = lying ? lying->similarity : starts[best].similarity;
   result.placement.rotation = unit.rotation;
   result.placement.scale = unit.scale * boxes[1].scale / boxes[0].scale;
   result.placement.shift = boxes[1].scale * unit.shift + boxes[1].centre.transpose() -
                            result.placement.scale * (unit.rotation * boxes[0].centre.transpose());
-  if (!mapped) {
-    result.ambiguous = !rivals.empty();
-    return result;
-  }
+  result.ambiguous = lying ? lying->ambiguous : !mapped && !rivals.empty();
+  if (!mapped) return result;
   const NearestRows rows = aligning.nearest(starts[best].map);
+  if (lying) rivals.clear();
   for (size_t rival : rivals) {
     const std::vector<int>& there = starts[rival].rows;
     result.ambiguous |=
         aligning.keeps_markers(there) && aligning.apart(rows.of_first, there) > kElsewhere;
   }
+  result.stretch = stretch;
+  if (stretch >= kMeaningful) return result;
   for (int c : from.of_vertex) {
     result.centre.push_back(c < 0 ? -1 : from.vertices[size_t(c)]);
     result.partner.push_back(c < 0 ? -1 : onto.vertices[size_t(rows.of_first[size_t(c)])]);
   }
-  result.stretch = starts[best].stretch;
   return result;
 }
 

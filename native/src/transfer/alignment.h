@@ -14,11 +14,12 @@ struct Alignment {
   Similarity placement;  ///< of the source onto the target
   /// For each vertex of the source the one that stands for it, as coarsely as the surfaces were
   /// looked at, and the vertex of the target that corresponds to that; empty where they are too
-  /// small or too ragged for a map, −1 where there is none.
+  /// small or too ragged for a map, or that means little, −1 where there is none.
   std::vector<int> centre, partner;
-  /// Of that map: 0 where it keeps lengths, about 0.1 between poses, and much more where it means
-  /// little.
+  /// Of that map: 0 where it keeps lengths, about 0.1 between poses.
   double stretch = 0;
+  /// So the surfaces lie on one another, except for parts: what one of them lacks, or what is posed.
+  bool lies_on = false;
   /// Another placement fits about as well, and takes places elsewhere.
   bool ambiguous = false;
 };
@@ -35,7 +36,8 @@ bool marked_as_mirror_image(const Mesh& source, const Mesh& target, const Pairs&
 /// these, functions of the surfaces, smooth ones first, give a map that copes with poses
 /// (zoomed_out()), at first of few samples; the most promising that differ are mapped by all. The
 /// one is taken that keeps lengths best and lies nearest and doesn't turn the surface inside out,
-/// of those that keep the markers where any does. Never mirrored: what are mirror
+/// of those that keep the markers where any does. Unless the map convinces, lying_on() has the
+/// last word. Never mirrored: what are mirror
 /// images is mirrored first.
 Alignment align(const Mesh& source, const Mesh& target, const Pairs& markers, int threads = 0,
                 const Progress& progress = {});

@@ -11,12 +11,17 @@ namespace dd {
 
 namespace {
 
-/// How well a placement is settled.
+/// How well a placement is settled, and whether by all or by what is near.
 struct Effort {
   int rounds;
   size_t samples;
+  bool by_near = false;
 };
-constexpr Effort kQuick = {4, 60}, kWhole = {12, 300};
+constexpr Effort kQuick = {4, 60}, kWhole = {12, 300}, kNear = {40, 300, true};
+constexpr double kNearby = 3;       // times the median distance: a pull falls to a quarter
+constexpr double kNearest = 0.001;  // of the box: a median that is taken for no less
+constexpr double kLying =
+    0.006;  // the same, of what lies on another: akin heads' .004, animals' .01
 constexpr double kSettled = 0.002;  // of the misfit, that a round changes
 constexpr size_t kPromising = 8;    // after a quick look
 constexpr int kManyMarkers = 8;
@@ -24,14 +29,6 @@ constexpr double kMarkerShare = 0.1;  // of each marker, of the weight of all sa
 constexpr double kAlike = 0.03;       // of the box: placements closer than that are one
 constexpr double kAnywhere = std::numeric_limits<double>::infinity();
 constexpr double kWorthTrying = 1.5;  // of the least misfit
-
-Similarity inverse(const Similarity& of) {
-  Similarity back;
-  back.rotation = of.rotation.transpose();
-  back.scale = 1 / of.scale;
-  back.shift = -back.scale * (back.rotation * of.shift);
-  return back;
-}
 
 Positions mirror(Positions points, bool whether) {
   if (whether) points.col(0) *= -1;
@@ -75,6 +72,17 @@ Eigen::Vector3d nearest_of(const CoarseShape& shape, const Eigen::Vector3d& poin
   return shape.tree.nearest(point, kAnywhere, [](int) { return true; }).place;
 }
 
+/// The larger of the medians of the first n rows' lengths and of the next m.
+double larger_median(const Positions& rows, Index n, Index m) {
+  const Eigen::VectorXd lengths = rows.topRows(n + m).rowwise().norm();
+  const auto median = [&](Index first, Index count) {
+    std::vector<double> some(lengths.data() + first, lengths.data() + first + count);
+    std::nth_element(some.begin(), some.begin() + count / 2, some.end());
+    return some[size_t(count) / 2];
+  };
+  return std::max(median(0, n), median(n, m));
+}
+
 /// Nearest points, both ways, and the similarity that takes them onto one another, in turn.
 void settle(Placement& start, const CoarseShape& source, const CoarseShape& target,
             const MarkedPlaces& marked, const Effort& effort) {
@@ -92,7 +100,7 @@ void settle(Placement& start, const CoarseShape& source, const CoarseShape& targ
   const double first_scale = start.similarity.scale;
   for (int round = 0; round <= effort.rounds; ++round) {
     const double before = start.misfit;
-    const Similarity back = inverse(start.similarity);
+    const Similarity back = start.similarity.inverse();
     for (Index i = 0; i < n; ++i) {
       pairs_from.row(i) = from.row(i);
       const Eigen::Vector3d normal =
@@ -110,11 +118,20 @@ void settle(Placement& start, const CoarseShape& source, const CoarseShape& targ
       pairs_from.row(n + i) = mirror(nearest_of(source, point, normal).transpose(), start.mirrored);
     }
     const Positions misfits = start.similarity.all(pairs_from) - pairs_onto;
-    start.misfit = std::sqrt(misfits.topRows(n).rowwise().squaredNorm().mean()) +
-                   std::sqrt(misfits.middleRows(n, m).rowwise().squaredNorm().mean());
-    if (k > 0) start.misfit += std::sqrt(misfits.bottomRows(k).rowwise().squaredNorm().mean());
+    if (effort.by_near) {
+      start.misfit = larger_median(misfits, n, m);
+      const double near = kNearby * std::max(kNearest, start.misfit);
+      for (Index i = 0; i < n + m; ++i) {
+        const double far = misfits.row(i).norm() / near;
+        weights[i] = 1 / double(n + m) / std::pow(1 + far * far, 2);
+      }
+    } else {
+      start.misfit = std::sqrt(misfits.topRows(n).rowwise().squaredNorm().mean()) +
+                     std::sqrt(misfits.middleRows(n, m).rowwise().squaredNorm().mean());
+      if (k > 0) start.misfit += std::sqrt(misfits.bottomRows(k).rowwise().squaredNorm().mean());
+    }
     if (round == effort.rounds) break;
-    if (round > 0 && std::abs(before - start.misfit) < kSettled * before) break;
+    if (round > 0 && !effort.by_near && std::abs(before - start.misfit) < kSettled * before) break;
     const Similarity next = fitted_similarity(pairs_from, pairs_onto, weights);
     // Else one shrinks to a point of the other where they have little in common.
     if (!(next.scale > 0.5 * first_scale && next.scale < 2 * first_scale)) break;
@@ -196,6 +213,30 @@ std::vector<Placement> placements(const CoarseShape& source, const CoarseShape& 
                            }),
             all.end());
   return all;
+}
+
+std::optional<Lying> lying_on(const std::vector<Placement>& starts, const CoarseShape& source,
+                              const CoarseShape& target, const MarkedPlaces& marked,
+                              ThreadPool& pool) {
+  std::vector<Placement> all;
+  for (const Placement& start : starts)
+    if (!start.mirrored) all.push_back(start);
+  pool.run(static_cast<int>(all.size()),
+           [&](int i) { settle(all[size_t(i)], source, target, marked, kNear); });
+  const auto lies = [&](const Placement& one) {
+    const Positions astray = one.similarity.all(marked.source) - marked.target;
+    return one.misfit < kLying && !(astray.rowwise().norm().array() > kElsewhere / 2).any();
+  };
+  all.erase(std::partition(all.begin(), all.end(), lies), all.end());
+  if (all.empty()) return std::nullopt;
+  const Placement& best =
+      *std::min_element(all.begin(), all.end(),
+                        [](const Placement& a, const Placement& b) { return a.misfit < b.misfit; });
+  const Positions places = best.samples(source, kQuick.samples);
+  const bool ambiguous = std::any_of(all.begin(), all.end(), [&](const Placement& one) {
+    return (one.samples(source, kQuick.samples) - places).rowwise().norm().mean() > kElsewhere;
+  });
+  return Lying{best.similarity, ambiguous};
 }
 
 }  // namespace dd

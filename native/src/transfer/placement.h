@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "support/similarity.h"
@@ -9,7 +10,8 @@
 
 namespace dd {
 
-constexpr double kExact = 0.005;  // of misfits and stretches: less is no difference
+constexpr double kExact = 0.005;    // of misfits and stretches: less is no difference
+constexpr double kElsewhere = 0.2;  // of the box: farther apart on average are other places
 
 /// One way to put a source on a target.
 struct Placement {
@@ -40,5 +42,19 @@ Placement placement_by(const MarkedPlaces& marked, const CoarseShape& source,
 /// (Besl and McKay 1992), with the markers that there are.
 std::vector<Placement> placements(const CoarseShape& source, const CoarseShape& target,
                                   const MarkedPlaces& marked, ThreadPool& pool);
+
+/// How a source lies on a target.
+struct Lying {
+  Similarity similarity;
+  bool ambiguous = false;  ///< turned otherwise, it does, too
+};
+
+/// Where the surfaces lie on one another but for parts that one of them lacks, as a head and a
+/// remesh of it without the insides of mouth and eyes: followed from each of the starts by nearest
+/// points, which pull the less the farther they are. None where not half of either comes close to
+/// the other. Not mirrored.
+std::optional<Lying> lying_on(const std::vector<Placement>& starts, const CoarseShape& source,
+                              const CoarseShape& target, const MarkedPlaces& marked,
+                              ThreadPool& pool);
 
 }  // namespace dd

@@ -30,7 +30,8 @@ constexpr double kGuided = 0.4;             // of the box: longer waves go by th
 constexpr size_t kTellingMarkers = 3;       // fewer alone would only shear the whole
 constexpr double kDoubted = 3;              // times its length
 constexpr double kThin = 1e-9;              // of the largest area: that has no shape
-constexpr double kMeaningful = 0.14;        // stretch of a map that may guide
+constexpr double kWorthGuiding = 2;         // times the stretch of what leaves limbs behind
+constexpr double kFar = 8;                  // times the median distance
 constexpr double kLongestAfterGuide = 0.5;  // of the box, too
 
 /// Whether a point of a triangle lies on a border.
@@ -77,21 +78,32 @@ class Registration {
     now_.positions = start_.positions;
   }
 
-  /// One stage: waves of this length and longer follow the target; 0: the markers alone pull.
-  void run(double wave, const Progress& progress) {
-    const double pull = wave == 0 ? 0 : pull_of(wave);
-    factor(pull, progress);
-    for (int round = 0; round < (wave == 0 ? 1 : options_.rounds); ++round) {
+  /// The markers alone pull.
+  void run_marked(const Progress& progress) {
+    pulls_.setZero(vertex_count_);
+    factor(progress);
+    report(progress, 0.5, "Fitting the source to the target");
+    solve(now_.positions);
+  }
+
+  /// One stage: waves of this length and longer follow the target. by_near: what is far from it or
+  /// faces nothing of it pulls the less, as that may have no counterpart.
+  void run(double wave, bool by_near, const Progress& progress) {
+    pulls_.setConstant(vertex_count_, pull_of(wave));
+    if (by_near) pulls_.array() *= nearness().array();
+    factor(progress);
+    for (int round = 0; round < options_.rounds; ++round) {
       report(progress, 0.5 + 0.5 * round / options_.rounds, "Fitting the source to the target");
-      solve(pull, wave == 0 ? Positions() : goals());
+      solve(goals().places);
     }
   }
 
   /// A stage before all others, in which vertices go where they belong roughly.
   void run_guided(const Progress& progress) {
-    factor(pull_of(kGuided), progress);
+    pulls_.setConstant(vertex_count_, pull_of(kGuided));
+    factor(progress);
     report(progress, 0.5, "Fitting the source to the target");
-    solve(pull_of(kGuided), guided_goals());
+    solve(guided_goals());
   }
 
   const Positions& positions() const { return now_.positions; }
@@ -150,11 +162,13 @@ class Registration {
     block_ = free_block(energy_, region_);
   }
 
-  void factor(double pull, const Progress& progress) {
+  void factor(const Progress& progress) {
     SparseMatrix block = block_;
     const double anchoring = kAnchoring / (edge_ * edge_);
-    for (int r = 0; r < region_.free_count(); ++r)
-      block.coeffRef(r, r) += anchoring + (region_.free[r] < vertex_count_ ? pull : 0);
+    for (int r = 0; r < region_.free_count(); ++r) {
+      const int v = region_.free[r];
+      block.coeffRef(r, r) += anchoring + (v < vertex_count_ ? pulls_[v] : 0);
+    }
     BlockOptions how;
     how.pool = &pool_;
     how.symbolic = symbolic_;
@@ -170,14 +184,13 @@ class Registration {
     symbolic_ = factor_->shared_symbolic();
   }
 
-  void solve(double pull, const Positions& wanted) {
+  void solve(const Positions& wanted) {
     Positions held = unknowns_;
     for (int v : region_.free) held.row(v).setZero();
     const double anchoring = kAnchoring / (edge_ * edge_);
     RowMatrix right = to_identity_ - energy_ * held;
     for (int v : region_.free) right.row(v) += anchoring * unknowns_.row(v);
-    if (pull > 0)
-      for (Index v = 0; v < wanted.rows(); ++v) right.row(v) += pull * wanted.row(v);
+    for (Index v = 0; v < wanted.rows(); ++v) right.row(v) += pulls_[v] * wanted.row(v);
     const RowMatrix solved = factor_->solve(free_rows(right, region_), &pool_);
     for (int r = 0; r < region_.free_count(); ++r) unknowns_.row(region_.free[r]) = solved.row(r);
     now_.positions = unknowns_.topRows(vertex_count_);
@@ -198,9 +211,13 @@ class Registration {
     return result;
   }
 
-  /// c_i of each vertex.
-  Positions goals() {
-    Positions result = now_.positions;
+  struct Goals {
+    Positions places;         // c_i of each vertex, or where it is
+    std::vector<char> found;  // whether it has one
+  };
+
+  Goals goals() {
+    Goals result = {now_.positions, std::vector<char>(size_t(vertex_count_), 0)};
     const Positions normals = summed_normals(now_.positions, now_.triangles);
     pool_.parallel_for(vertex_count_, kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t v = begin; v < end; ++v) {
@@ -208,9 +225,28 @@ class Registration {
             now_.positions.row(v).transpose(), normals.row(v).transpose(), options_.reach);
         if (found.triangle < 0) continue;
         if (at_border(target_borders_, found) && !source_borders_.vertices[size_t(v)]) continue;
-        result.row(v) = found.place.transpose();
+        result.places.row(v) = found.place.transpose();
+        result.found[size_t(v)] = 1;
       }
     });
+    return result;
+  }
+
+  /// Of each vertex 1 where it is about as near to its goal as most, falling to 0 (Geman and
+  /// McClure 1987, squared).
+  Eigen::VectorXd nearness() {
+    const Goals goal = goals();
+    const Eigen::VectorXd distances = (goal.places - now_.positions).rowwise().norm();
+    std::vector<double> known;
+    for (Index v = 0; v < vertex_count_; ++v)
+      if (goal.found[size_t(v)]) known.push_back(distances[v]);
+    if (known.empty()) return Eigen::VectorXd::Ones(vertex_count_);
+    const auto middle = known.begin() + std::ptrdiff_t(known.size() / 2);
+    std::nth_element(known.begin(), middle, known.end());
+    const double far = std::max(kFar * *middle, edge_ / 2);
+    Eigen::VectorXd result = Eigen::VectorXd::Zero(vertex_count_);
+    for (Index v = 0; v < vertex_count_; ++v)
+      if (goal.found[size_t(v)]) result[v] = 1 / std::pow(1 + std::pow(distances[v] / far, 2), 2);
     return result;
   }
 
@@ -227,6 +263,7 @@ class Registration {
   Positions places_;
   int vertex_count_ = 0;
   double edge_ = 0;
+  Eigen::VectorXd pulls_;  // w_C of each vertex
   Region region_;
   SparseMatrix energy_, block_;
   RowMatrix to_identity_;
@@ -305,22 +342,24 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
     if (guided)
       registration.run_guided(within(part, 0.02, 0.02 + step));
     else if (markers.size() >= kTellingMarkers)
-      registration.run(0, within(part, 0.02, 0.02 + step));
+      registration.run_marked(within(part, 0.02, 0.02 + step));
     for (int stage = 1; stage <= options.stages; ++stage) {
       const double share = options.stages > 1 ? (stage - 1.0) / (options.stages - 1) : 1;
-      registration.run(first * std::pow(last / first, share),
+      registration.run(first * std::pow(last / first, share), alignment.lies_on,
                        within(part, 0.02 + step * stage, 0.02 + step * (stage + 1)));
     }
     return registration.positions();
   };
-  const bool mapped = !alignment.partner.empty() && alignment.stretch < kMeaningful;
+  const bool mapped = !alignment.partner.empty();
   Positions fitted = fit(false, within(progress, 0, mapped ? 0.5 : 0.98));
   if (mapped) {
     registration.begin_again();
     Positions guided = fit(true, within(progress, 0.5, 0.98));
-    // Posed limbs are far from their places: nearest points heap them up. On akin shapes nearest
-    // points are the better guess.
-    if (mean_stretch(start, guided) < mean_stretch(start, fitted)) fitted = std::move(guided);
+    // Posed limbs are far from their places: nearest points heap them up, or leave them behind, which
+    // stretches nothing. On akin shapes nearest points are the better guess.
+    const double worth = alignment.lies_on ? kWorthGuiding : 1;
+    if (mean_stretch(start, guided) < worth * mean_stretch(start, fitted))
+      fitted = std::move(guided);
   }
   report(progress, 1, "Done");
   return box.out_of(fitted);

@@ -34,7 +34,9 @@ struct RegistrationOptions {
 /// stage, from the size of the box down to a few edges: independent of units and of the number of
 /// triangles.
 ///
-/// It begins where the alignment has the source. While waves are long, c_i is where the alignment
+/// It begins where the alignment has the source. Where that lies on the target but for parts that
+/// one of them lacks, w_C falls with the distance of c_i and is 0 where there is none: what has no
+/// counterpart goes with what has. While waves are long, c_i is where the alignment
 /// takes the vertex that stands for i, which copes with poses; then the nearest point.
 ///
 /// markers: any number of pairs of vertices. Throws Error(argument) for markers out of range or
