@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is read of a mesh all at once is what Blender says of each item, in any mode."""
+
+import bpy
+import numpy as np
+import pytest
+from conftest import activate, update
+
+
+def mixed():
+    """Triangles, quads and a larger face, a loose edge and a loose vertex; with shape keys."""
+    points = [(x, y, 0.1 * x * y) for y in range(3) for x in range(4)] + [(5, 0, 1), (5, 1, 1), (6, 0, 2)]
+    faces = [(0, 1, 5, 4), (1, 2, 6), (1, 6, 5), (2, 3, 7, 11, 10, 6), (4, 5, 9, 8)]
+    mesh = bpy.data.meshes.new("Mixed")
+    mesh.from_pydata(points, [(12, 13)], faces)
+    ob = bpy.data.objects.new("Mixed", mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    ob.shape_key_add(name="Basis")
+    ob.shape_key_add(name="Up").data[3].co.z += 1
+    update()
+    return activate(ob)
+
+
+def check(mesh, mesh_data):
+    corners, starts = mesh_data.faces(mesh)
+    assert corners.tolist() == [loop.vertex_index for loop in mesh.loops]
+    assert starts.tolist() == [face.loop_start for face in mesh.polygons]
+    assert mesh_data.edges(mesh).tolist() == [list(edge.vertices) for edge in mesh.edges]
+    assert mesh_data.triangles(mesh).tolist() == [list(triangle.vertices) for triangle in mesh.loop_triangles]
+    assert {array.dtype for array in (corners, starts, mesh_data.edges(mesh), mesh_data.triangles(mesh))} == {
+        np.dtype(np.int32)}
+    assert mesh_data.positions(mesh).tolist() == [list(vertex.co) for vertex in mesh.vertices]
+
+
+def test_meshes_in_any_mode(part):
+    mesh_data, ob = part('scene.mesh_data'), mixed()
+    check(ob.data, mesh_data)
+    bpy.ops.object.mode_set(mode='EDIT')
+    check(ob.data, mesh_data)
+    bpy.ops.mesh.select_all(action='SELECT')
+    bpy.ops.mesh.subdivide()
+    check(ob.data, mesh_data)  # as it was, until the edit is taken over
+    ob.update_from_editmode()
+    assert len(ob.data.vertices) > 15
+    check(ob.data, mesh_data)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    check(ob.data, mesh_data)
+    check(ob.evaluated_get(bpy.context.evaluated_depsgraph_get()).data, mesh_data)
+
+
+@pytest.mark.parametrize('mode', ['OBJECT', 'EDIT'])
+def test_shape_keys(part, mode):
+    mesh_data, ob = part('scene.mesh_data'), mixed()
+    ob.active_shape_key_index = 1
+    bpy.ops.object.mode_set(mode=mode)
+    for key in ob.data.shape_keys.key_blocks:
+        assert mesh_data.key_positions(key).tolist() == [list(point.co) for point in key.data]
+
+
+def test_a_mesh_without_anything(part):
+    check(bpy.data.meshes.new("Empty"), part('scene.mesh_data'))
+
+
+def test_groups(part):
+    ob = mixed()
+    for name, members, weight in (("A", (0, 1, 2), 1.0), ("Other", (1, 4), 0.25), ("B", (2, 3), 0.75)):
+        ob.vertex_groups.new(name=name).add(members, weight, 'REPLACE')
+    entries = part('scene.mesh_data').group_entries(ob, ["B", "A", "B"])
+    assert sorted(zip(*(values.tolist() for values in entries))) == [
+        (0, 1, 1.0), (1, 1, 1.0), (2, 0, 0.75), (2, 1, 1.0), (2, 2, 0.75), (3, 0, 0.75), (3, 2, 0.75)]
+    assert [len(values) for values in part('scene.mesh_data').group_entries(ob, [])] == [0, 0, 0]
