@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is read of a mesh all at once is what Blender says of each item, in any mode."""
+"""What is read of a mesh all at once is what Blender says of each item, in any mode; and Bind reads it once."""
 
 import bpy
 import numpy as np
 import pytest
-from conftest import activate, update
+from conftest import activate, bind, make_strip, update
 
 
 def mixed():
@@ -69,3 +69,26 @@ def test_groups(part):
     assert sorted(zip(*(values.tolist() for values in entries))) == [
         (0, 1, 1.0), (1, 1, 1.0), (2, 0, 0.75), (2, 1, 1.0), (2, 2, 0.75), (3, 0, 0.75), (3, 2, 0.75)]
     assert [len(values) for values in part('scene.mesh_data').group_entries(ob, [])] == [0, 0, 0]
+
+
+def test_bind_reads_once(part, monkeypatch):
+    ob = make_strip()
+    ob.shape_key_add(name="Basis")
+    ob.shape_key_add(name="Up").data[40].co.z += 0.1
+    ob.detail_deform.examples.add().name = "Up"
+    bind(ob)
+    read = []
+
+    def counting(module, name):
+        function = getattr(part(module), name)
+        monkeypatch.setattr(part(module), name, lambda *of: read.append(name) or function(*of))
+    for place in (('scene.mesh_data', 'group_entries'), ('scene.mesh_data', 'faces'), ('scene.mesh_data', 'triangles'),
+                  ('scene.examples', 'positions')):
+        counting(*place)
+    bind(ob, keep_rest=True)
+    assert sorted(read) == ['faces', 'group_entries', 'positions']
+    ob.detail_deform.smoothness = 3
+    update()
+    read.clear()
+    bind(ob)
+    assert sorted(read) == ['faces', 'group_entries', 'positions', 'triangles']
