@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is read of a mesh all at once is what Blender says of each item, in any mode; and Bind reads it once."""
+"""What is read of a mesh all at once is what Blender says of each item, in any mode; Bind reads it once, and writes
+what has become another thing."""
 
 import bpy
 import numpy as np
 import pytest
-from conftest import activate, bind, make_strip, update
+from conftest import activate, add_handle, bind, group, make_strip, update
 
 
 def mixed():
@@ -92,3 +93,18 @@ def test_bind_reads_once(part, monkeypatch):
     read.clear()
     bind(ob)
     assert sorted(read) == ['faces', 'group_entries', 'positions', 'triangles']
+
+
+def test_bound_again_unchanged_the_scene_needs_what_it_needed():
+    """What an object depends on is not told anew, as Blender would then find it out for the whole scene."""
+    ob = bind(make_strip())
+    ob.animation_data.drivers[0].lock = True  # by which it is known again
+    bind(ob)
+    assert ob.animation_data.drivers[0].lock
+    left = bpy.data.objects.new("Left", None)
+    bpy.context.scene.collection.objects.link(left)
+    group(ob, 'left', range(300, 310))
+    add_handle(ob, 'left', left)
+    bind(ob)
+    (driver,) = ob.animation_data.drivers
+    assert [v.targets[0].id for v in driver.driver.variables] == [bpy.data.objects["Right"], left]
