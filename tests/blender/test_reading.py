@@ -5,7 +5,7 @@ what has become another thing."""
 import bpy
 import numpy as np
 import pytest
-from conftest import activate, add_handle, bind, group, make_strip, update
+from conftest import activate, add_handle, bind, evaluated, group, make_strip, moved, update
 
 
 def mixed():
@@ -93,6 +93,21 @@ def test_bind_reads_once(part, monkeypatch):
     read.clear()
     bind(ob)
     assert sorted(read) == ['faces', 'group_entries', 'positions', 'triangles']
+
+
+def test_bound_again_unchanged_the_result_stays():
+    """Blender need not evaluate the mesh anew. What isn't the result any more is replaced."""
+    ob = bind(make_strip())
+    ob.detail_deform.handles[0].target.location.z += 0.3
+    update()
+    written, shown = ob.data['detail_deform_written'], evaluated(ob)
+    bind(ob, keep_rest=True)
+    assert ob.data['detail_deform_written'] == written and np.array_equal(evaluated(ob), shown)
+    ob.data.attributes['detail_deform_offset'].data[7].vector = (1, 2, 3)
+    bind(ob, keep_rest=True)
+    assert ob.data['detail_deform_written'] != written and np.array_equal(evaluated(ob), shown)
+    bind(ob)
+    assert moved(ob) == 0
 
 
 def test_bound_again_unchanged_the_scene_needs_what_it_needed():
