@@ -31,8 +31,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     # What these refuse leaves the present binding.
     if not keep_rest or _has_come(settings):
         handle_matrices.check_rest(settings, places)
-    if settings.base == 'COMPUTED':
-        content.options(ob)
+    options = None if settings.base == 'OBJECT' else content.options(ob)
     if settings.base == 'COMPUTED' and keep_rest and _has_come(settings):
         if not wait and life.is_drafted(ob):
             raise MeshProblem(f"'{ob.name}' is still being bound, and the added handle starts from the result: wait "
@@ -45,13 +44,14 @@ def bind(ob, depsgraph, wait, keep_rest):
         _need_base(ob)
         depsgraph.view_layer.update()
         outside_base.store_rest(ob, depsgraph, only_new=keep_rest)
+        options = content.options(ob)
     else:
         outside_base.forget_rest(settings)
     _find_start(ob, places, keep_rest, handle_matrices.rest_places(ob, places, roles, depsgraph))
     handle_matrices.motions(settings, places)  # refuses places that can't be inverted
 
-    signature = content.signature(ob, content.shape_signature(ob), roles)
-    life.start(bound, signature, lambda: bound.begin(ob, roles))
+    signature = content.signature(content.shape_signature(ob), roles, options)
+    life.start(bound, signature, lambda: bound.begin(ob, roles, options))
     settings.signature = signature
     hints.of_region(ob, roles)  # here they are known, and the panels need not read the groups
     bound.note_handles(settings)

@@ -112,10 +112,10 @@ def is_for(ob, entry):
 
 # Made and lost
 
-def begin(ob, roles):
+def begin(ob, roles, options):
     """The job."""
-    arguments, options = content.bind_arguments(ob, roles)
-    bind, of = native.Bind(*arguments, draft=_has_draft(len(roles)), **options), ob.detail_deform
+    arguments, of = content.bind_arguments(ob, roles), ob.detail_deform
+    bind = native.Bind(*arguments, draft=_has_draft(len(roles)), **options)
     if of.base == 'OBJECT':  # whose pose is another one by then
         return bind
     return BindJob(bind, arguments[-1], look.quick(with_free(look.asked(of), of)))
@@ -135,7 +135,7 @@ def with_free(asked, of):
 
 
 def job(ob):
-    return begin(ob, content.roles(ob))
+    return begin(ob, content.roles(ob), content.options(ob))
 
 
 def refuse(ob, sentence):

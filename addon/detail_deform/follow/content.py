@@ -48,9 +48,9 @@ def shape_signature(ob):
     return [mesh_data.signature(start.shape(ob)), mesh_data.topology_signature(ob.data)]
 
 
-def signature(ob, shape, roles_of_vertices):
-    """shape: as of shape_signature."""
-    return '.'.join([*shape, mesh_data.signature(roles_of_vertices), _texts(options(ob))])
+def signature(shape, roles_of_vertices, told):
+    """shape: as of shape_signature; told: as of options."""
+    return '.'.join([*shape, mesh_data.signature(roles_of_vertices), _texts(told)])
 
 
 def _texts(values):
@@ -64,9 +64,9 @@ def _text(value):
 
 
 def bind_arguments(ob, roles_of_vertices):
-    """Positional arguments and those by name of native.Bind."""
-    return ((start.shape(ob), mesh_data.triangles(ob.data), roles_of_vertices,
-             len(handle_matrices.enabled_handles(ob.detail_deform))), options(ob))
+    """Of native.Bind, without its options."""
+    return (start.shape(ob), mesh_data.triangles(ob.data), roles_of_vertices,
+            len(handle_matrices.enabled_handles(ob.detail_deform)))
 
 
 def is_of_base(ob):
@@ -87,7 +87,7 @@ def difference(ob):
     if shape[0] != positions:
         return VERTICES_MOVED
     try:
-        current = signature(ob, shape, roles(ob)).split('.', 3)
+        current = signature(shape, roles(ob), options(ob)).split('.', 3)
     except MeshProblem as problem:
         return str(problem)
     if current[2] != bound_roles:

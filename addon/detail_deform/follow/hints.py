@@ -45,8 +45,10 @@ def _of_region(ob, roles):
 
 def _beside(edges, chosen):
     """(n,) bool: what an edge leads to from the chosen ones, and these."""
+    a, b = edges.T
+    touched = chosen[a] | chosen[b]
     found = np.zeros(len(chosen), bool)
-    found[edges[chosen[edges].any(1)]] = True
+    found[a[touched]] = found[b[touched]] = True
     return found
 
 

@@ -54,9 +54,7 @@ def _spread(mesh, count):
     mesh.polygons.foreach_get('area', areas)
     if len(mesh.vertices) <= count or not areas.sum() > 0:
         return np.arange(len(mesh.vertices))[::max(1, -(-len(mesh.vertices) // count))]
-    starts, corners = np.empty(len(areas), np.int32), np.empty(len(mesh.loops), np.int32)
-    mesh.polygons.foreach_get('loop_start', starts)
-    mesh.loops.foreach_get('vertex_index', corners)
+    corners, starts = mesh_data.faces(mesh)
     below = np.cumsum(areas, dtype=np.float64)
     chosen = np.searchsorted(below, (np.arange(count) + 0.5) / count * below[-1])
     return np.unique(corners[starts[chosen]])

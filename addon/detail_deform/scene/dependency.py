@@ -10,7 +10,10 @@ _PROPERTY = 'dependency'
 
 
 def depend_on(ob, targets):
-    """Makes the object need these objects' places, and no others as before."""
+    """Makes the object need these objects' places, and no others as before. Where it does already nothing is done, as
+    Blender would find out anew what all objects of the scene need."""
+    if _targets(ob) == targets:
+        return
     release(ob)
     driver = ob.detail_deform.driver_add(_PROPERTY).driver
     driver.type = 'SUM'
@@ -21,10 +24,21 @@ def depend_on(ob, targets):
         variable.targets[0].transform_type = 'LOC_X'
 
 
+def _find(ob):
+    animation = ob.animation_data
+    return animation and animation.drivers.find(f'detail_deform.{_PROPERTY}')
+
+
+def _targets(ob):
+    """The objects that it needs so far; None without a driver."""
+    found = _find(ob)
+    return found and [variable.targets[0].id for variable in found.driver.variables]
+
+
 def release(ob):
     """Leaves the object's animation data as it would be without the driver."""
     animation = ob.animation_data
-    if animation is None or animation.drivers.find(f'detail_deform.{_PROPERTY}') is None:
+    if _find(ob) is None:
         return
     ob.detail_deform.driver_remove(_PROPERTY)
     if not (animation.drivers or animation.action or animation.nla_tracks):

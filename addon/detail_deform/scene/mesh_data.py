@@ -2,7 +2,6 @@
 """What the library needs from a Blender mesh."""
 
 import hashlib
-import itertools
 import os
 
 import numpy as np
@@ -68,7 +67,8 @@ def check_object(ob):
 def positions(mesh):
     """(n, 3) float32"""
     values = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get('co', values)
+    if not _copied(mesh, 'position', 'vector', values):
+        mesh.vertices.foreach_get('co', values)
     return values.reshape(-1, 3)
 
 
@@ -79,8 +79,9 @@ def rest(mesh):
 
 def key_positions(key):
     """(n, 3) float32 of a shape key."""
-    values = np.empty(3 * len(key.data), np.float32)
-    key.data.foreach_get('co', values)
+    points = getattr(key, 'points', key.data)  # from 4.1 on, and copied at once, where data are asked one by one
+    values = np.empty(3 * len(points), np.float32)
+    points.foreach_get('co', values)
     return values.reshape(-1, 3)
 
 
@@ -100,8 +101,8 @@ def key_shape(mesh, key):
 
 def is_nothing(mesh, vectors):
     """Whether these (n, 3) vectors move nothing that could be seen."""
-    size = np.ptp(positions(mesh), axis=0).max() if len(mesh.vertices) else 0.0
-    return bool(np.abs(vectors).max(initial=0) <= _NOTHING * size)
+    largest = np.abs(vectors).max(initial=0)
+    return bool(not largest or largest <= _NOTHING * np.ptp(positions(mesh), axis=0).max())
 
 
 def key_mix(ob, without=()):
@@ -132,18 +133,33 @@ def unlike_levels(modifiers):
 def triangles(mesh):
     """(m, 3) int32: Blender's own triangulation of the faces."""
     mesh.calc_loop_triangles()
-    values = np.empty(3 * len(mesh.loop_triangles), np.int32)
-    mesh.loop_triangles.foreach_get('vertices', values)
-    return values.reshape(-1, 3)
+    return _indices(mesh.loop_triangles, 'vertices', 3).reshape(-1, 3)
 
 
-def _faces(mesh):
-    """The corners of all faces and where each face starts: the topology, cheaper than triangles."""
+def faces(mesh):
+    """(corners,) int32 and (faces,) int32: the vertices at the corners of all faces, and where each face starts."""
     corners = np.empty(len(mesh.loops), np.int32)
-    mesh.loops.foreach_get('vertex_index', corners)
-    starts = np.empty(len(mesh.polygons), np.int32)
-    mesh.polygons.foreach_get('loop_start', starts)
-    return corners, starts
+    if not _copied(mesh, '.corner_vert', 'value', corners):
+        corners = _indices(mesh.loops, 'vertex_index')
+    return corners, _indices(mesh.polygons, 'loop_start')
+
+
+def _indices(items, name, each=1):
+    """(each × items,) int32. Blender has them without a sign, and copies them to the same at once; to any others one by
+    one, which takes ten times as long."""
+    values = np.empty(each * len(items), np.uint32)
+    items.foreach_get(name, values)
+    return values.view(np.int32)
+
+
+def _copied(mesh, name, field, values):
+    """Whether values could be filled from an attribute, which Blender copies at once where it asks vertices and corners
+    one by one. 3.4 has none, nor has a mesh in Edit Mode."""
+    attribute = mesh.attributes.get(name)
+    if attribute is None or not len(attribute.data):
+        return False
+    attribute.data.foreach_get(field, values)
+    return True
 
 
 def group_entries(ob, names):
@@ -154,18 +170,20 @@ def group_entries(ob, names):
         places.setdefault(ob.vertex_groups[name].index, []).append(place)
     # There is no foreach_get for vertex groups in any version, so this is the slow way; it runs
     # when something is bound or edited, never in a frame.
-    entries = [(index, group, element.weight)
-               for index, vertex in enumerate(ob.data.vertices) for element in vertex.groups
-               if (group := element.group) in places]
-    numbers = np.fromiter(itertools.chain.from_iterable(entries), np.float64, 3 * len(entries)).reshape(-1, 3)
-    vertices, groups = numbers[:, :2].astype(np.intp).T
+    vertices, groups, weights = [], [], []
+    for index, vertex in enumerate(ob.data.vertices):
+        for element in vertex.groups[:]:  # in 5.2 a slice takes less than an iterator
+            if (group := element.group) in places:
+                vertices.append(index)
+                groups.append(group)
+                weights.append(element.weight)
     times = max(map(len, places.values()), default=1)
     place_of = np.full((max(places, default=0) + 1, times), -1)
     for group, of_group in places.items():
         place_of[group, :len(of_group)] = of_group
-    found = place_of[groups]
+    found = place_of[np.array(groups, np.intp)]
     entry, time = np.nonzero(found >= 0)
-    return vertices[entry], found[entry, time], numbers[entry, 2].astype(np.float32)
+    return np.array(vertices, np.intp)[entry], found[entry, time], np.array(weights, np.float32)[entry]
 
 
 def group_weights(ob, names):
@@ -205,9 +223,7 @@ def handles_of_vertices(ob, region, groups):
 
 def edges(mesh):
     """(e, 2) int32: the vertices of every edge."""
-    values = np.empty(2 * len(mesh.edges), np.int32)
-    mesh.edges.foreach_get('vertices', values)
-    return values.reshape(-1, 2)
+    return _indices(mesh.edges, 'vertices', 2).reshape(-1, 2)
 
 
 def check_groups(ob, region, handles):
@@ -265,7 +281,7 @@ def _digest(*arrays):
 
 
 def topology_signature(mesh):
-    return _digest(*_faces(mesh))
+    return _digest(*faces(mesh))
 
 
 def signature(array):

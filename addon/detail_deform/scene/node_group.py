@@ -176,6 +176,8 @@ def _set(modifier, name, value):
     if socket is None:
         return
     identifier, inputs = socket.identifier, _inputs(modifier)
+    if value == (getattr(inputs, identifier).value if inputs is not None else modifier.get(identifier)):
+        return
     if inputs is not None:
         getattr(inputs, identifier).value = value
     elif value is None:
