@@ -118,7 +118,7 @@ TEST_CASE("a surface with hubs is solved for as by a dense matrix") {
       std::iota(rows.begin(), rows.end(), 0);
       const Rows resting = Rows::Zero(region.free_count(), 4);
       Rows extended = resting;
-      HandleSolve(bending, region, &pool).add_extended(values, rows, resting, extended);
+      HandleSolve(bending, region, &pool, rows).add_extended(values, resting, extended);
       const Positions alone = test::dense_solve(energy, at_handle, one.roles, none);
       for (int r = 0; r < region.free_count(); ++r)
         CHECK((extended.row(r).head<3>() - alone.row(region.free[r])).norm() < 1e-9);

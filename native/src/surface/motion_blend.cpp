@@ -121,7 +121,9 @@ void MotionBlend::take(const std::vector<Affine>& motions, const std::vector<dou
     block.bottomLeftCorner<1, 3>() = keep * moved.transpose();
   }
   for (size_t i = 0; i < angles.size(); ++i)
-    for (size_t j = 0; j < i; ++j) farthest_ = std::max(farthest_, (angles[i] - angles[j]).norm());
+    for (size_t j = 0; j < i; ++j)
+      farthest_ = std::max(farthest_, (angles[i] - angles[j]).squaredNorm());
+  farthest_ = std::sqrt(farthest_);
 }
 
 double MotionBlend::share(BaseDeformer deformer) const {

@@ -64,53 +64,61 @@ std::vector<SparseMatrix> coupling(const SurfaceOperators& operators, const Regi
 
 }  // namespace
 
-HandleSolve::HandleSolve(const PolyharmonicSystem& bending, const Region& region, ThreadPool* pool)
+HandleSolve::HandleSolve(const PolyharmonicSystem& bending, const Region& region, ThreadPool* pool,
+                         const std::vector<int>& row_of_free)
     : factor_(bending.factor()),
       steps_(coupling(bending.operators(), region, bending.smoothness())),
-      pool_(pool) {}
-
-template <class Values>
-Values HandleSolve::force(Values values) const {
-  for (const SparseMatrix& step : steps_) values = Values(step * values);
-  return values;
+      pool_(pool) {
+  if (row_of_free.empty()) return;
+  const SymbolicCholesky& symbolic = factor_->factor().symbolic();
+  const Eigen::PermutationMatrix<Eigen::Dynamic> places(
+      Eigen::Map<const Eigen::VectorXi>(symbolic.place_of.data(), symbolic.size()));
+  last_step_ = places * steps_.back();
+  for (int free : symbolic.order) out_row_.push_back(row_of_free[size_t(free)]);
+  panel_ = Rows::Zero(symbolic.slotted_size(), 4);
 }
 
 RowMatrix HandleSolve::extend(const RowMatrix& values) const {
-  return factor_->solve(force(values), pool_);
+  RowMatrix force = values;
+  for (const SparseMatrix& step : steps_) force = RowMatrix(step * force);
+  return factor_->solve(force, pool_);
 }
 
-void HandleSolve::add_extended(const Rows& values, const std::vector<int>& row_of_free,
-                               const Rows& rest, Rows& out) {
-  const Rows force = this->force(values);
-  const auto add = [&](int free, const double* x) {
-    const Index row = row_of_free[size_t(free)];
-    for (int c = 0; c < 3; ++c) out(row, c) = rest(row, c) + x[c];
+void HandleSolve::add_extended(const Rows& values, const Rows& rest, Rows& out) {
+  Rows felt = values;
+  for (size_t k = 0; k + 1 < steps_.size(); ++k) felt = Rows(steps_[k] * felt);
+  auto force = panel_.topRows(Index(out_row_.size()));
+  force.noalias() = last_step_ * felt;
+  const auto add = [&](int begin, int end, const auto* x, int stride) {
+    for (int k = begin; k < end; ++k, x += stride) {
+      const Index row = out_row_[size_t(k)];
+      for (int c = 0; c < 3; ++c) out(row, c) = rest(row, c) + double(x[c]);
+    }
   };
-  if (!factor_->plain()) {
-    const RowMatrix moved = factor_->solve(force, pool_);
-    for (Index r = 0; r < moved.rows(); ++r) add(static_cast<int>(r), moved.row(r).data());
+  const SparseCholesky& factor = factor_->factor();
+  if (factor_->plain()) {
+    factor.solve_in_order(
+        panel_.data(), space_, pool_, [](int) {},
+        [&](int begin, int end, const auto* x) { add(begin, end, x, 4); });
     return;
   }
-  const SparseCholesky& factor = factor_->factor();
-  const std::vector<int>& order = factor.order();
-  if (panel_.rows() == 0) panel_ = Rows::Zero(factor.symbolic().slotted_size(), 4);
-  for (size_t k = 0; k < order.size(); ++k) panel_.row(Index(k)) = force.row(order[k]);
-  factor.solve_in_order(
-      panel_.data(), space_, pool_, [](int) {},
-      [&](int begin, int end, const auto* x) {
-        for (int k = begin; k < end; ++k, x += 4) {
-          const double moved[3] = {double(x[0]), double(x[1]), double(x[2])};
-          add(order[size_t(k)], moved);
-        }
-      });
+  RowMatrix right(force.rows(), 3);
+  for (Index k = 0; k < right.rows(); ++k)
+    right.row(factor.order()[size_t(k)]) = force.row(k).head<3>();
+  const RowMatrix moved = factor_->solve(right, pool_);
+  for (Index k = 0; k < right.rows(); ++k)
+    add(int(k), int(k) + 1, moved.row(factor.order()[size_t(k)]).data(), 3);
 }
 
 double HandleSolve::bytes() const {
   double sum = factor_->bytes() + static_cast<double>(panel_.size()) * sizeof(double) +
                static_cast<double>(space_.full.size()) * sizeof(double);
-  for (const SparseMatrix& step : steps_)
+  const auto add = [&](const SparseMatrix& step) {
     sum += static_cast<double>(step.nonZeros()) * (sizeof(double) + sizeof(int));
-  return sum;
+  };
+  for (const SparseMatrix& step : steps_) add(step);
+  add(last_step_);
+  return sum + static_cast<double>(out_row_.size() * sizeof(int));
 }
 
 }  // namespace dd

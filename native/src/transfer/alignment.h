@@ -18,7 +18,7 @@ struct Alignment {
   std::vector<int> centre, partner;
   /// Of that map: 0 where it keeps lengths, about 0.1 between poses.
   double stretch = 0;
-  /// So the surfaces lie on one another, except for parts: what one of them lacks, or what is posed.
+  /// So the surfaces lie on one another, except for what one of them lacks, or what is posed.
   bool lies_on = false;
   /// Another placement fits about as well, and takes places elsewhere.
   bool ambiguous = false;

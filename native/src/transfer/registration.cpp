@@ -339,13 +339,14 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
   const auto fit = [&](bool guided, const Progress& part) {
     const double first = std::max(last, guided ? kLongestAfterGuide : kLongestWave);
     const double step = 0.98 / (options.stages + 1);
+    const bool by_near = alignment.lies_on && !guided;
     if (guided)
       registration.run_guided(within(part, 0.02, 0.02 + step));
     else if (markers.size() >= kTellingMarkers)
       registration.run_marked(within(part, 0.02, 0.02 + step));
     for (int stage = 1; stage <= options.stages; ++stage) {
       const double share = options.stages > 1 ? (stage - 1.0) / (options.stages - 1) : 1;
-      registration.run(first * std::pow(last / first, share), alignment.lies_on,
+      registration.run(first * std::pow(last / first, share), by_near,
                        within(part, 0.02 + step * stage, 0.02 + step * (stage + 1)));
     }
     return registration.positions();
@@ -355,8 +356,8 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
   if (mapped) {
     registration.begin_again();
     Positions guided = fit(true, within(progress, 0.5, 0.98));
-    // Posed limbs are far from their places: nearest points heap them up, or leave them behind, which
-    // stretches nothing. On akin shapes nearest points are the better guess.
+    // Posed limbs are far from their places: nearest points heap them up, or leave them behind,
+    // which stretches nothing. On akin shapes nearest points are the better guess.
     const double worth = alignment.lies_on ? kWorthGuiding : 1;
     if (mean_stretch(start, guided) < worth * mean_stretch(start, fitted))
       fitted = std::move(guided);
