@@ -231,11 +231,11 @@ TEST_CASE("what a remesh lacks, as the inside of a mouth, leaves the rest where 
     return error(p, truth, is_outside);
   };
   const Positions found = fitted(lying, 1);
-  CHECK(error_outside(found) < 3e-3);
+  CHECK(error_outside(found) < 5e-3);
   // What has no counterpart would drag the rest along.
   Alignment by_all = lying;
   by_all.lies_on = false;
-  CHECK(error_outside(fitted(by_all, 1)) > 4 * error_outside(found));
+  CHECK(error_outside(fitted(by_all, 1)) > 2.5 * error_outside(found));
   for (const int threads : {2, 8}) {
     check_same(align(source, target, {}, threads), lying);
     CHECK(fitted(lying, threads) == found);

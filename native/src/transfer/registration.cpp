@@ -23,15 +23,16 @@ namespace dd {
 
 namespace {
 
-constexpr double kAnchoring = 1e-9;         // keeps what nothing holds in its place
-constexpr double kLongestWave = 1;          // of the box
-constexpr double kShortestWave = 4;         // edges
-constexpr double kGuided = 0.4;             // of the box: longer waves go by the alignment
-constexpr size_t kTellingMarkers = 3;       // fewer alone would only shear the whole
-constexpr double kDoubted = 3;              // times its length
-constexpr double kThin = 1e-9;              // of the largest area: that has no shape
-constexpr double kWorthGuiding = 2;         // times the stretch of what leaves limbs behind
-constexpr double kFar = 8;                  // times the median distance
+constexpr double kAnchoring = 1e-9;    // keeps what nothing holds in its place
+constexpr double kLongestWave = 1;     // of the box
+constexpr double kShortestWave = 4;    // edges
+constexpr double kGuided = 0.4;        // of the box: longer waves go by the alignment
+constexpr size_t kTellingMarkers = 3;  // fewer alone would only shear the whole
+constexpr double kDoubted = 3;         // times its length
+constexpr double kThin = 1e-9;         // of the largest area: that has no shape
+constexpr double kWorthGuiding = 2;    // times the stretch of what leaves limbs behind
+constexpr double kHeldBack = 0.05;     // of a pull: what faces nothing where other things are near
+constexpr double kFar = 8;             // times the median distance
 constexpr double kLongestAfterGuide = 0.5;  // of the box, too
 
 /// Whether a point of a triangle lies on a border.
@@ -86,8 +87,8 @@ class Registration {
     solve(now_.positions);
   }
 
-  /// One stage: waves of this length and longer follow the target. by_near: what is far from it or
-  /// faces nothing of it pulls the less, as that may have no counterpart.
+  /// One stage: waves of this length and longer follow the target. by_near: what is far from it
+  /// pulls the less, and what faces nothing of it is held the less, as that may have no counterpart.
   void run(double wave, bool by_near, const Progress& progress) {
     pulls_.setConstant(vertex_count_, pull_of(wave));
     if (by_near) pulls_.array() *= nearness().array();
@@ -211,42 +212,46 @@ class Registration {
     return result;
   }
 
+  enum class Found : char { none, border, goal };
+
   struct Goals {
-    Positions places;         // c_i of each vertex, or where it is
-    std::vector<char> found;  // whether it has one
+    Positions places;  // c_i of each vertex, or where it is
+    std::vector<Found> found;
   };
 
   Goals goals() {
-    Goals result = {now_.positions, std::vector<char>(size_t(vertex_count_), 0)};
+    Goals result = {now_.positions, std::vector<Found>(size_t(vertex_count_), Found::none)};
     const Positions normals = summed_normals(now_.positions, now_.triangles);
     pool_.parallel_for(vertex_count_, kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t v = begin; v < end; ++v) {
         const PointOnTriangle found = tree_.nearest_facing(
             now_.positions.row(v).transpose(), normals.row(v).transpose(), options_.reach);
         if (found.triangle < 0) continue;
-        if (at_border(target_borders_, found) && !source_borders_.vertices[size_t(v)]) continue;
-        result.places.row(v) = found.place.transpose();
-        result.found[size_t(v)] = 1;
+        const bool beyond =
+            at_border(target_borders_, found) && !source_borders_.vertices[size_t(v)];
+        result.found[size_t(v)] = beyond ? Found::border : Found::goal;
+        if (!beyond) result.places.row(v) = found.place.transpose();
       }
     });
     return result;
   }
 
-  /// Of each vertex 1 where it is about as near to its goal as most, falling to 0 (Geman and
-  /// McClure 1987, squared).
+  /// Of each vertex 1 where it is about as near to its goal as most, falling to 0 (Geman and McClure
+  /// 1987, squared). Where it has none it is held back, beyond a border by 1.
   Eigen::VectorXd nearness() {
     const Goals goal = goals();
     const Eigen::VectorXd distances = (goal.places - now_.positions).rowwise().norm();
     std::vector<double> known;
     for (Index v = 0; v < vertex_count_; ++v)
-      if (goal.found[size_t(v)]) known.push_back(distances[v]);
+      if (goal.found[size_t(v)] == Found::goal) known.push_back(distances[v]);
     if (known.empty()) return Eigen::VectorXd::Ones(vertex_count_);
     const auto middle = known.begin() + std::ptrdiff_t(known.size() / 2);
     std::nth_element(known.begin(), middle, known.end());
     const double far = std::max(kFar * *middle, edge_ / 2);
-    Eigen::VectorXd result = Eigen::VectorXd::Zero(vertex_count_);
+    Eigen::VectorXd result = Eigen::VectorXd::Constant(vertex_count_, kHeldBack);
     for (Index v = 0; v < vertex_count_; ++v)
-      if (goal.found[size_t(v)]) result[v] = 1 / std::pow(1 + std::pow(distances[v] / far, 2), 2);
+      if (goal.found[size_t(v)] != Found::none)
+        result[v] = 1 / std::pow(1 + std::pow(distances[v] / far, 2), 2);
     return result;
   }
 
