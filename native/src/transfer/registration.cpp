@@ -88,7 +88,7 @@ class Registration {
   }
 
   /// One stage: waves of this length and longer follow the target. by_near: what is far from it
-  /// pulls the less, and what faces nothing of it is held the less, as that may have no counterpart.
+  /// pulls the less, and what faces nothing of it is held the less: that may have no counterpart.
   void run(double wave, bool by_near, const Progress& progress) {
     pulls_.setConstant(vertex_count_, pull_of(wave));
     if (by_near) pulls_.array() *= nearness().array();
@@ -236,8 +236,8 @@ class Registration {
     return result;
   }
 
-  /// Of each vertex 1 where it is about as near to its goal as most, falling to 0 (Geman and McClure
-  /// 1987, squared). Where it has none it is held back, beyond a border by 1.
+  /// Of each vertex 1 where it is about as near to its goal as most, falling to 0 (Geman and
+  /// McClure 1987, squared). Where it has none it is held back, beyond a border by 1.
   Eigen::VectorXd nearness() {
     const Goals goal = goals();
     const Eigen::VectorXd distances = (goal.places - now_.positions).rowwise().norm();

@@ -36,8 +36,8 @@ struct RegistrationOptions {
 ///
 /// It begins where the alignment has the source. Where that lies on the target but for parts that
 /// one of them lacks, w_C falls with the distance of c_i, and is small where there is none within
-/// reach: what has no counterpart goes with what has. While waves are long, c_i is where the alignment takes the vertex that stands for i, which
-/// copes with poses; then the nearest point.
+/// reach: what has no counterpart goes with what has. While waves are long, c_i is where the
+/// alignment takes the vertex that stands for i, which copes with poses; then the nearest point.
 ///
 /// markers: any number of pairs of vertices. Throws Error(argument) for markers out of range or
 /// contradictory; Error(cancelled).
