@@ -33,7 +33,7 @@ class HandleSolve {
   // free vertices can feel it. One matrix of them all would be full around a hub.
   std::vector<SparseMatrix> steps_;
   ThreadPool* pool_;
-  // Of add_extended(): the last step with its rows, and a row of out for each, as the factor stands.
+  // Of add_extended(): the last step, its rows as the factor has them, and for each a row of out.
   SparseMatrix last_step_;
   std::vector<int> out_row_;
   Rows panel_;
