@@ -12,7 +12,7 @@ _PROPERTY = 'dependency'
 def depend_on(ob, targets):
     """Makes the object need these objects' places, and no others as before. Where it does already nothing is done, as
     Blender would find out anew what all objects of the scene need."""
-    if _targets(ob) == targets:
+    if _needed(ob) == [('TRANSFORMS', target) for target in targets]:
         return
     release(ob)
     driver = ob.detail_deform.driver_add(_PROPERTY).driver
@@ -29,10 +29,12 @@ def _find(ob):
     return animation and animation.drivers.find(f'detail_deform.{_PROPERTY}')
 
 
-def _targets(ob):
-    """The objects that it needs so far; None without a driver."""
+def _needed(ob):
+    """In which ways it needs which objects so far; None without a driver that works."""
     found = _find(ob)
-    return found and [variable.targets[0].id for variable in found.driver.variables]
+    if found is None or found.mute or found.driver.type != 'SUM':
+        return None
+    return [(variable.type, variable.targets[0].id) for variable in found.driver.variables]
 
 
 def release(ob):

@@ -69,7 +69,8 @@ HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
       (kept == KeptOfEnergy::cheaper && 2 * entries > bending.factor()->factor().entries());
   std::unique_ptr<HandleSolve> once;
   if (keep || coordinates.count() > kWorthFindingOut) {
-    once = std::make_unique<HandleSolve>(bending, region, &pool, row_of_free_);
+    once = std::make_unique<HandleSolve>(bending, region, &pool,
+                                         keep ? row_of_free_ : std::vector<int>{});
     if (kept != KeptOfEnergy::factor && !exact_enough(*once, bending, region, values_, precision))
       once.reset();
   }

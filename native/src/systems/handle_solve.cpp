@@ -85,29 +85,24 @@ RowMatrix HandleSolve::extend(const RowMatrix& values) const {
 }
 
 void HandleSolve::add_extended(const Rows& values, const Rows& rest, Rows& out) {
-  Rows felt = values;
-  for (size_t k = 0; k + 1 < steps_.size(); ++k) felt = Rows(steps_[k] * felt);
-  auto force = panel_.topRows(Index(out_row_.size()));
-  force.noalias() = last_step_ * felt;
-  const auto add = [&](int begin, int end, const auto* x, int stride) {
-    for (int k = begin; k < end; ++k, x += stride) {
-      const Index row = out_row_[size_t(k)];
-      for (int c = 0; c < 3; ++c) out(row, c) = rest(row, c) + double(x[c]);
-    }
+  const auto add = [&](int place, const auto* x) {
+    const Index row = out_row_[size_t(place)];
+    for (int c = 0; c < 3; ++c) out(row, c) = rest(row, c) + double(x[c]);
   };
   const SparseCholesky& factor = factor_->factor();
-  if (factor_->plain()) {
-    factor.solve_in_order(
-        panel_.data(), space_, pool_, [](int) {},
-        [&](int begin, int end, const auto* x) { add(begin, end, x, 4); });
+  if (!factor_->plain()) {
+    const RowMatrix moved = extend(values.leftCols<3>());
+    for (int k = 0; k < factor.size(); ++k) add(k, moved.row(factor.order()[size_t(k)]).data());
     return;
   }
-  RowMatrix right(force.rows(), 3);
-  for (Index k = 0; k < right.rows(); ++k)
-    right.row(factor.order()[size_t(k)]) = force.row(k).head<3>();
-  const RowMatrix moved = factor_->solve(right, pool_);
-  for (Index k = 0; k < right.rows(); ++k)
-    add(int(k), int(k) + 1, moved.row(factor.order()[size_t(k)]).data(), 3);
+  Rows felt = values;
+  for (size_t k = 0; k + 1 < steps_.size(); ++k) felt = Rows(steps_[k] * felt);
+  panel_.topRows(factor.size()).noalias() = last_step_ * felt;
+  factor.solve_in_order(
+      panel_.data(), space_, pool_, [](int) {},
+      [&](int begin, int end, const auto* x) {
+        for (int k = begin; k < end; ++k, x += 4) add(k, x);
+      });
 }
 
 double HandleSolve::bytes() const {

@@ -27,8 +27,6 @@ constexpr double kAlikeMaps = 0.05;   // of the box, on average: as good as one
 constexpr double kConvincing = 0.07;  // stretch of a map that needs nothing else to compare with
 constexpr double kMeaningful = 0.14;  // of one that may guide
 constexpr int kVerticesPerFunction = 6;
-constexpr double kAsTheyStand = 0.8;    // of the misfit of others: users' meshes mostly stand alike
-constexpr double kNearlyAsWell = 1.15;  // of the misfit
 constexpr double kAlikeStretch = 0.05;  // twice what rough maps of symmetries have for 0
 constexpr double kReversed = 0.3;  // of the largest share of triangles that keep their orientation
 
@@ -39,7 +37,7 @@ struct Start : Placement {
   bool by_map = false;    // the placement, too
   double stretch = 0, orientation = 0;
   double score() const { return (misfit + kExact) * (stretch + kExact); }
-  double preferred() const { return score() * (as_they_stand ? kAsTheyStand : 1); }
+  double preferred() const { return Placement::preferred() * (stretch + kExact); }
 };
 
 class Aligning {
@@ -227,7 +225,7 @@ size_t best_of(const std::vector<Start>& starts, std::vector<size_t>& rivals) {
   const std::vector<size_t> upright = upright_of(starts);
   const size_t best = upright.front();
   for (size_t i : upright)
-    if (i != best && starts[i].misfit + kExact < kNearlyAsWell * (starts[best].misfit + kExact) &&
+    if (i != best && starts[i].fits_about_as(starts[best]) &&
         starts[i].stretch < starts[best].stretch + kAlikeStretch)
       rivals.push_back(i);
   return best;
@@ -284,13 +282,11 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   }
   ThreadPool pool(threads);
   report(progress, 0.1, "Placing the source on the target");
+  const std::vector<Placement> placed =
+      places.suffice() ? std::vector<Placement>{placement_by(places, from, onto)}
+                       : placements(from, onto, places, pool);
   std::vector<Start> starts;
-  if (places.suffice())
-    starts.push_back({placement_by(places, from, onto), {}, {}, false, 0, 0});
-  else
-    for (const Placement& one : placements(from, onto, places, pool))
-      starts.push_back({one, {}, {}, false, 0, 0});
-  const std::vector<Placement> placed(starts.begin(), starts.end());
+  for (const Placement& one : placed) starts.push_back({one, {}, {}, false, 0, 0});
   Aligning aligning(from, onto, std::move(marked), pool);
   const bool mapped = aligning.find_functions(within(progress, 0.3, 0.5));
 
@@ -308,24 +304,23 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   const size_t best = best_of(starts, rivals);
   const double stretch = mapped ? starts[best].stretch : kMeaningful;
   std::optional<Lying> lying;
-  if (stretch >= kConvincing) lying = lying_on(placed, from, onto, places, pool);
+  if (!(stretch < kConvincing)) lying = lying_on(placed, from, onto, places, pool);
   result.lies_on = lying.has_value();
   const Similarity& unit = lying ? lying->similarity : starts[best].similarity;
   result.placement.rotation = unit.rotation;
   result.placement.scale = unit.scale * boxes[1].scale / boxes[0].scale;
   result.placement.shift = boxes[1].scale * unit.shift + boxes[1].centre.transpose() -
                            result.placement.scale * (unit.rotation * boxes[0].centre.transpose());
+  const bool guides = stretch < kMeaningful;
   result.ambiguous = lying ? lying->ambiguous : !mapped && !rivals.empty();
-  if (!mapped) return result;
+  if (!mapped || (lying && !guides)) return result;
   const NearestRows rows = aligning.nearest(starts[best].map);
-  if (lying) rivals.clear();
   for (size_t rival : rivals) {
     const std::vector<int>& there = starts[rival].rows;
     result.ambiguous |=
         aligning.keeps_markers(there) && aligning.apart(rows.of_first, there) > kElsewhere;
   }
-  result.stretch = stretch;
-  if (stretch >= kMeaningful) return result;
+  if (!guides) return result;
   for (int c : from.of_vertex) {
     result.centre.push_back(c < 0 ? -1 : from.vertices[size_t(c)]);
     result.partner.push_back(c < 0 ? -1 : onto.vertices[size_t(rows.of_first[size_t(c)])]);

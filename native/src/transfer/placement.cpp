@@ -20,8 +20,8 @@ struct Effort {
 constexpr Effort kQuick = {4, 60}, kWhole = {12, 300}, kNear = {40, 300, true};
 constexpr double kNearby = 3;       // times the median distance: a pull falls to a quarter
 constexpr double kNearest = 0.001;  // of the box: a median that is taken for no less
-constexpr double kLying =
-    0.006;  // the same, of what lies on another: akin heads' .004, animals' .01
+// Of the box, the larger median of what lies on another: akin heads have .004, animals .01.
+constexpr double kLying = 0.006;
 constexpr double kSettled = 0.002;  // of the misfit, that a round changes
 constexpr size_t kPromising = 8;    // after a quick look
 constexpr int kManyMarkers = 8;
@@ -131,6 +131,7 @@ void settle(Placement& start, const CoarseShape& source, const CoarseShape& targ
       if (k > 0) start.misfit += std::sqrt(misfits.bottomRows(k).rowwise().squaredNorm().mean());
     }
     if (round == effort.rounds) break;
+    // A median stands still while the rest goes on.
     if (round > 0 && !effort.by_near && std::abs(before - start.misfit) < kSettled * before) break;
     const Similarity next = fitted_similarity(pairs_from, pairs_onto, weights);
     // Else one shrinks to a point of the other where they have little in common.
@@ -160,6 +161,14 @@ std::vector<Placement> best_of(std::vector<Placement> starts, const CoarseShape&
 }
 
 }  // namespace
+
+double Placement::preferred() const {
+  return (misfit + kExact) * (as_they_stand ? kAsTheyStand : 1);
+}
+
+bool Placement::fits_about_as(const Placement& best) const {
+  return misfit + kExact < kNearlyAsWell * (best.misfit + kExact);
+}
 
 Positions Placement::samples(const CoarseShape& source, size_t count) const {
   return similarity.all(mirror(rows_of(source.mesh.positions, source.samples, count), mirrored));
@@ -218,25 +227,30 @@ std::vector<Placement> placements(const CoarseShape& source, const CoarseShape& 
 std::optional<Lying> lying_on(const std::vector<Placement>& starts, const CoarseShape& source,
                               const CoarseShape& target, const MarkedPlaces& marked,
                               ThreadPool& pool) {
-  std::vector<Placement> all;
-  for (const Placement& start : starts)
-    if (!start.mirrored) all.push_back(start);
-  pool.run(static_cast<int>(all.size()),
-           [&](int i) { settle(all[size_t(i)], source, target, marked, kNear); });
-  const auto lies = [&](const Placement& one) {
-    const Positions astray = one.similarity.all(marked.source) - marked.target;
-    return one.misfit < kLying && !(astray.rowwise().norm().array() > kElsewhere / 2).any();
-  };
-  all.erase(std::partition(all.begin(), all.end(), lies), all.end());
-  if (all.empty()) return std::nullopt;
-  const Placement& best =
-      *std::min_element(all.begin(), all.end(),
-                        [](const Placement& a, const Placement& b) { return a.misfit < b.misfit; });
-  const Positions places = best.samples(source, kQuick.samples);
-  const bool ambiguous = std::any_of(all.begin(), all.end(), [&](const Placement& one) {
-    return (one.samples(source, kQuick.samples) - places).rowwise().norm().mean() > kElsewhere;
+  std::vector<Placement> settled = starts;
+  pool.run(static_cast<int>(starts.size()), [&](int i) {
+    Placement& one = settled[size_t(i)];
+    if (!one.mirrored) settle(one, source, target, marked, kNear);
   });
-  return Lying{best.similarity, ambiguous};
+  // What fits better by all decides between them: near points have no eye for details.
+  std::vector<size_t> lying;
+  for (size_t i = 0; i < settled.size(); ++i) {
+    const Positions astray = settled[i].similarity.all(marked.source) - marked.target;
+    if (!settled[i].mirrored && settled[i].misfit < kLying &&
+        !(astray.rowwise().norm().array() > kElsewhere / 2).any())
+      lying.push_back(i);
+  }
+  if (lying.empty()) return std::nullopt;
+  const size_t best = *std::min_element(lying.begin(), lying.end(), [&](size_t a, size_t b) {
+    return starts[a].preferred() < starts[b].preferred();
+  });
+  const Positions places = settled[best].samples(source, kQuick.samples);
+  const bool ambiguous = std::any_of(lying.begin(), lying.end(), [&](size_t i) {
+    const Positions others = settled[i].samples(source, kQuick.samples);
+    return starts[i].fits_about_as(starts[best]) &&
+           (others - places).rowwise().norm().mean() > kElsewhere;
+  });
+  return Lying{settled[best].similarity, ambiguous};
 }
 
 }  // namespace dd

@@ -10,8 +10,10 @@
 
 namespace dd {
 
-constexpr double kExact = 0.005;    // of misfits and stretches: less is no difference
-constexpr double kElsewhere = 0.2;  // of the box: farther apart on average are other places
+constexpr double kExact = 0.005;        // of misfits and stretches: less is no difference
+constexpr double kElsewhere = 0.2;      // of the box: farther apart on average are other places
+constexpr double kAsTheyStand = 0.8;    // of the misfit of others: users' meshes mostly stand alike
+constexpr double kNearlyAsWell = 1.15;  // of the misfit
 
 /// One way to put a source on a target.
 struct Placement {
@@ -20,6 +22,10 @@ struct Placement {
   bool as_they_stand = false;
   double misfit = 0;  ///< of the box: distances of nearest points, both ways, and of markers
 
+  /// The misfit, less where it is as they stand: the least is preferred.
+  double preferred() const;
+  /// Whether it fits about as well as the best.
+  bool fits_about_as(const Placement& best) const;
   /// The first count of the source's samples, placed.
   Positions samples(const CoarseShape& source, size_t count) const;
 };
@@ -51,8 +57,8 @@ struct Lying {
 
 /// Where the surfaces lie on one another but for parts that one of them lacks, as a head and a
 /// remesh of it without the insides of mouth and eyes: followed from each of the starts by nearest
-/// points, which pull the less the farther they are. None where not half of either comes close to
-/// the other. Not mirrored.
+/// points, which pull the less the farther they are. None where not half of each comes close to the
+/// other. Of several the one whose start fits best by all. Not mirrored.
 std::optional<Lying> lying_on(const std::vector<Placement>& starts, const CoarseShape& source,
                               const CoarseShape& target, const MarkedPlaces& marked,
                               ThreadPool& pool);

@@ -90,12 +90,14 @@ class Registration {
   /// One stage: waves of this length and longer follow the target. by_near: what is far from it
   /// pulls the less, and what faces nothing of it is held the less: that may have no counterpart.
   void run(double wave, bool by_near, const Progress& progress) {
+    Goals found = goals();
     pulls_.setConstant(vertex_count_, pull_of(wave));
-    if (by_near) pulls_.array() *= nearness().array();
+    if (by_near) pulls_.array() *= nearness(found).array();
     factor(progress);
     for (int round = 0; round < options_.rounds; ++round) {
       report(progress, 0.5 + 0.5 * round / options_.rounds, "Fitting the source to the target");
-      solve(goals().places);
+      if (round > 0) found = goals();
+      solve(found.places);
     }
   }
 
@@ -236,10 +238,9 @@ class Registration {
     return result;
   }
 
-  /// Of each vertex 1 where it is about as near to its goal as most, falling to 0 (Geman and
-  /// McClure 1987, squared). Where it has none it is held back, beyond a border by 1.
-  Eigen::VectorXd nearness() {
-    const Goals goal = goals();
+  /// Of each vertex 1 where it is about as near to its goal as most, falling to 0 (by the
+  /// error of Geman and McClure 1987). Where it has none it is held back, beyond a border by 1.
+  Eigen::VectorXd nearness(const Goals& goal) const {
     const Eigen::VectorXd distances = (goal.places - now_.positions).rowwise().norm();
     std::vector<double> known;
     for (Index v = 0; v < vertex_count_; ++v)
