@@ -286,6 +286,7 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
       places.suffice() ? std::vector<Placement>{placement_by(places, from, onto)}
                        : placements(from, onto, places, pool);
   std::vector<Start> starts;
+  starts.reserve(placed.size());
   for (const Placement& one : placed) starts.push_back({one, {}, {}, false, 0, 0});
   Aligning aligning(from, onto, std::move(marked), pool);
   const bool mapped = aligning.find_functions(within(progress, 0.3, 0.5));
