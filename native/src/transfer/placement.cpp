@@ -7,6 +7,8 @@
 #include <cmath>
 #include <limits>
 
+#include "transfer/near_pull.h"
+
 namespace dd {
 
 namespace {
@@ -75,12 +77,10 @@ Eigen::Vector3d nearest_of(const CoarseShape& shape, const Eigen::Vector3d& poin
 /// The larger of the medians of the first n rows' lengths and of the next m.
 double larger_median(const Positions& rows, Index n, Index m) {
   const Eigen::VectorXd lengths = rows.topRows(n + m).rowwise().norm();
-  const auto median = [&](Index first, Index count) {
-    std::vector<double> some(lengths.data() + first, lengths.data() + first + count);
-    std::nth_element(some.begin(), some.begin() + count / 2, some.end());
-    return some[size_t(count) / 2];
+  const auto median_of = [&](Index first, Index count) {
+    return median({lengths.data() + first, lengths.data() + first + count});
   };
-  return std::max(median(0, n), median(n, m));
+  return std::max(median_of(0, n), median_of(n, m));
 }
 
 /// Nearest points, both ways, and the similarity that takes them onto one another, in turn.
@@ -121,10 +121,8 @@ void settle(Placement& start, const CoarseShape& source, const CoarseShape& targ
     if (effort.by_near) {
       start.misfit = larger_median(misfits, n, m);
       const double near = kNearby * std::max(kNearest, start.misfit);
-      for (Index i = 0; i < n + m; ++i) {
-        const double far = misfits.row(i).norm() / near;
-        weights[i] = 1 / double(n + m) / std::pow(1 + far * far, 2);
-      }
+      for (Index i = 0; i < n + m; ++i)
+        weights[i] = near_pull(misfits.row(i).norm() / near) / double(n + m);
     } else {
       start.misfit = std::sqrt(misfits.topRows(n).rowwise().squaredNorm().mean()) +
                      std::sqrt(misfits.middleRows(n, m).rowwise().squaredNorm().mean());

@@ -18,6 +18,7 @@
 #include "systems/free_block.h"
 #include "systems/operators.h"
 #include "systems/tets.h"
+#include "transfer/near_pull.h"
 
 namespace dd {
 
@@ -238,21 +239,18 @@ class Registration {
     return result;
   }
 
-  /// Of each vertex 1 where it is about as near to its goal as most, falling to 0 (by the
-  /// error of Geman and McClure 1987). Where it has none it is held back, beyond a border by 1.
+  /// Of each vertex 1 where it is about as near to its goal as most, falling to 0. Where it
+  /// has none it is held back, beyond a border by 1.
   Eigen::VectorXd nearness(const Goals& goal) const {
     const Eigen::VectorXd distances = (goal.places - now_.positions).rowwise().norm();
     std::vector<double> known;
     for (Index v = 0; v < vertex_count_; ++v)
       if (goal.found[size_t(v)] == Found::goal) known.push_back(distances[v]);
     if (known.empty()) return Eigen::VectorXd::Ones(vertex_count_);
-    const auto middle = known.begin() + std::ptrdiff_t(known.size() / 2);
-    std::nth_element(known.begin(), middle, known.end());
-    const double far = std::max(kFar * *middle, edge_ / 2);
+    const double far = std::max(kFar * median(std::move(known)), edge_ / 2);
     Eigen::VectorXd result = Eigen::VectorXd::Constant(vertex_count_, kHeldBack);
     for (Index v = 0; v < vertex_count_; ++v)
-      if (goal.found[size_t(v)] != Found::none)
-        result[v] = 1 / std::pow(1 + std::pow(distances[v] / far, 2), 2);
+      if (goal.found[size_t(v)] != Found::none) result[v] = near_pull(distances[v] / far);
     return result;
   }
 
