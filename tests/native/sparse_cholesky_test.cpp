@@ -8,6 +8,7 @@
 
 #include "catch.h"
 #include "meshes.h"
+#include "solver/sparse_forward.h"
 #include "systems/free_block.h"
 #include "systems/operators.h"
 
@@ -125,6 +126,46 @@ TEST_CASE("a factor in domains equals Eigen's simplicial one, by either order") 
     CHECK(error > 1e-9);  // it is single
     CHECK(single.bytes() < 0.6 * factor.bytes());
   }
+}
+
+TEST_CASE("the first half of a solve can be had from what a few entries make of it") {
+  const System system;
+  const SparseCholesky factor = system.factor(Precision::full, nullptr);
+  const SymbolicCholesky& symbolic = factor.symbolic();
+  REQUIRE(symbolic.domain_count() > 1);
+  // In domains, at the top, several in a column, and a column of nothing.
+  std::vector<Eigen::Triplet<double>> entries;
+  const int n = factor.size(), top = symbolic.section_begin(symbolic.domain_count());
+  const int rows[] = {0, 7, top - 1, top, n - 1, n / 2, n / 3};
+  for (int k = 0; k < 7; ++k) {
+    entries.emplace_back(rows[k], k, 1 + k);
+    entries.emplace_back(rows[(3 * k) % 7], k, 0.5);
+    entries.emplace_back((rows[k] + 40) % n, k, -2);
+  }
+  SparseMatrix B(n, 8);
+  B.setFromTriplets(entries.begin(), entries.end());
+  Rows coefficients(8, 4);
+  for (Index i = 0; i < coefficients.size(); ++i)
+    coefficients.data()[i] = std::sin(3.0 * double(i));
+
+  const SparseForward forward(factor, B, factor.entries());
+  REQUIRE(!forward.empty());
+  CHECK(forward.bytes() < 0.1 * factor.bytes());
+  SparseCholesky::Space space;
+  RowMatrix found(n, 4);
+  factor.solve_second_half(
+      space, nullptr, [&](int part, double* y) { forward.multiply(part, coefficients, y); },
+      [&](int begin, int end, const double* x) {
+        for (int k = begin; k < end; ++k, x += 4)
+          for (int c = 0; c < 4; ++c) found(factor.order()[size_t(k)], c) = x[c];
+      },
+      Columns::four);
+  RowMatrix right(n, 4);
+  const RowMatrix product = B * coefficients;
+  for (int k = 0; k < n; ++k) right.row(factor.order()[size_t(k)]) = product.row(k);
+  const RowMatrix expected = Eigen::SimplicialLDLT<SparseMatrix>(system.A).solve(right);
+  CHECK((found - expected).norm() < 1e-11 * expected.norm());
+  CHECK(SparseForward(factor, B, 100).empty());
 }
 
 TEST_CASE("an order and a solve are the same to the bit by any number of threads", "[threads]") {

@@ -270,6 +270,10 @@ void SparseCholesky::forward(int part, const double* right, RawArray<Real>& x,
       view<Real>(), e.first_supernode(part), e.first_supernode(part + 1), right, x.data());
 }
 
+void SparseCholesky::eliminate(int supernode, const double* right, double* x) const {
+  kernels().of<double>().forward_four(view<double>(), supernode, supernode + 1, right, x);
+}
+
 template <class Real>
 void SparseCholesky::backward(int part, RawArray<Real>& x, Columns columns) const {
   const SymbolicCholesky& e = *symbolic_;

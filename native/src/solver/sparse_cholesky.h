@@ -82,11 +82,31 @@ class SparseCholesky {
   template <class Fill, class Done>
   void solve_in_order(const double* right, Space& space, ThreadPool* pool, const Fill& fill,
                       const Done& done, Columns columns = Columns::three) const {
+    const auto solve = [&](auto& x) {
+      const auto eliminate = [&](int part) {
+        fill(part);
+        forward(part, right, x, columns);
+      };
+      solve_after(eliminate, x, pool, done, columns);
+    };
     if (precision_ == Precision::single)
-      solve_as(right, space.single, pool, fill, done, columns);
+      solve(space.single);
     else
-      solve_as(right, space.full, pool, fill, done, columns);
+      solve(space.full);
   }
+
+  /// The second half alone, Cᵀ X = Y, in full precision. fill(part, y) writes the rows of Y that
+  /// belong to a part; y is where all of them are, size()×4, row-major. done as above.
+  template <class Fill, class Done>
+  void solve_second_half(Space& space, ThreadPool* pool, const Fill& fill, const Done& done,
+                         Columns columns = Columns::three) const {
+    const auto given = [&](int part) { fill(part, space.full.data()); };
+    solve_after(given, space.full, pool, done, columns);
+  }
+
+  /// A step of the first half, in full precision: at one supernode, of rows that were zero but for
+  /// what such steps left, x and right both slotted_size()×4.
+  void eliminate(int supernode, const double* right, double* x) const;
 
   /// Solves A X = B, rows in A's own order, any number of columns.
   RowMatrix solve(const RowMatrix& B, ThreadPool* pool = nullptr) const;
@@ -106,9 +126,10 @@ class SparseCholesky {
   template <class Real>
   void backward(int part, RawArray<Real>& x, Columns columns) const;
 
-  template <class Real, class Fill, class Done>
-  void solve_as(const double* right, RawArray<Real>& x, ThreadPool* pool, const Fill& fill,
-                const Done& done, Columns columns) const {
+  /// first_half(part) leaves C⁻¹ B in the rows of that part.
+  template <class Real, class FirstHalf, class Done>
+  void solve_after(const FirstHalf& first_half, RawArray<Real>& x, ThreadPool* pool,
+                   const Done& done, Columns columns) const {
     const SymbolicCholesky& e = *symbolic_;
     const int domains = e.domain_count();
     prepare(x);
@@ -117,12 +138,8 @@ class SparseCholesky {
       const int begin = e.section_begin(part);
       done(begin, e.section_begin(part + 1), x.data() + 4 * static_cast<size_t>(begin));
     };
-    run_tasks(pool, domains, [&](int d) {
-      fill(d);
-      forward(d, right, x, columns);
-    });
-    fill(domains);
-    forward(domains, right, x, columns);
+    run_tasks(pool, domains, first_half);
+    first_half(domains);
     finish(domains);
     run_tasks(pool, domains, finish);
   }

@@ -69,13 +69,13 @@ HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
       (kept == KeptOfEnergy::cheaper && 2 * entries > bending.factor()->factor().entries());
   std::unique_ptr<HandleSolve> once;
   if (keep || coordinates.count() > kWorthFindingOut) {
-    once = std::make_unique<HandleSolve>(bending, region, &pool,
-                                         keep ? row_of_free_ : std::vector<int>{});
+    once = std::make_unique<HandleSolve>(bending, region, &pool);
     if (kept != KeptOfEnergy::factor && !exact_enough(*once, bending, region, values_, precision))
       once.reset();
   }
   if (once && keep) {
     solve_ = std::move(once);
+    solve_->prepare_frames(values_, row_of_free_);
     return;
   }
   functions_ = extended(
@@ -109,7 +109,7 @@ const RowMatrix& HandleExtension::functions(RowMatrix& space) const {
 void HandleExtension::displace(const RowMatrix& coefficients, const Rows& rest, Rows& out) const {
   const RowMatrix reduced = coordinates_.reduced(coefficients);
   if (solve_) {
-    solve_->add_extended(values_ * reduced, rest, out);
+    solve_->add_extended(reduced, rest, out);
     return;
   }
   pool_->parallel_for(functions_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {

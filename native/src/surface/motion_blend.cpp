@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "mesh/triangles.h"
 #include "support/rotations.h"
@@ -18,6 +19,22 @@ constexpr double kLeastRadius = 0.015;
 constexpr double kQuarterTurn = kPi / 2, kLinearUntil = 0.75 * kPi;
 constexpr double kUnrefined = 3.5 * kPi;  // from this turn on
 constexpr double kRefinedAtHalfTurn = 0.7;
+
+/// The largest distance between any two.
+double diameter(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& point : points) mean += point / static_cast<double>(points.size());
+  // By how far they are from the mean: no two are farther apart than both from there.
+  std::vector<std::pair<double, size_t>> from_mean;
+  for (size_t i = 0; i < points.size(); ++i) from_mean.emplace_back((points[i] - mean).norm(), i);
+  std::sort(from_mean.rbegin(), from_mean.rend());
+  double largest = 0;
+  for (size_t i = 1; i < from_mean.size() && from_mean[i].first + from_mean[0].first > largest; ++i)
+    for (size_t j = 0; j < i && from_mean[i].first + from_mean[j].first > largest; ++j)
+      largest =
+          std::max(largest, (points[from_mean[i].second] - points[from_mean[j].second]).norm());
+  return largest;
+}
 
 /// Share of the linear base in what a handle does.
 double linear_share(double angle) { return angle < kPi ? 0.5 * (1 + std::cos(angle)) : 0; }
@@ -91,7 +108,7 @@ void MotionBlend::take(const std::vector<Affine>& motions, const std::vector<dou
         motions[0].leftCols<3>() * centre(0) + motions[0].col(3) - reference_ * centre(0);
   }
   rotations_found_ = false;
-  farthest_ = largest_ = 0;
+  largest_ = 0;
   about_centres_ = 1;
   std::vector<Eigen::Vector3d> angles;
   if (fixed) angles.push_back(Eigen::Vector3d::Zero());
@@ -120,10 +137,7 @@ void MotionBlend::take(const std::vector<Affine>& motions, const std::vector<dou
     block.topLeftCorner<3, 3>() = keep * change.leftCols<3>().transpose();
     block.bottomLeftCorner<1, 3>() = keep * moved.transpose();
   }
-  for (size_t i = 0; i < angles.size(); ++i)
-    for (size_t j = 0; j < i; ++j)
-      farthest_ = std::max(farthest_, (angles[i] - angles[j]).squaredNorm());
-  farthest_ = std::sqrt(farthest_);
+  farthest_ = diameter(angles);
 }
 
 double MotionBlend::share(BaseDeformer deformer) const {

@@ -64,19 +64,10 @@ std::vector<SparseMatrix> coupling(const SurfaceOperators& operators, const Regi
 
 }  // namespace
 
-HandleSolve::HandleSolve(const PolyharmonicSystem& bending, const Region& region, ThreadPool* pool,
-                         const std::vector<int>& row_of_free)
+HandleSolve::HandleSolve(const PolyharmonicSystem& bending, const Region& region, ThreadPool* pool)
     : factor_(bending.factor()),
       steps_(coupling(bending.operators(), region, bending.smoothness())),
-      pool_(pool) {
-  if (row_of_free.empty()) return;
-  const SymbolicCholesky& symbolic = factor_->factor().symbolic();
-  const Eigen::PermutationMatrix<Eigen::Dynamic> places(
-      Eigen::Map<const Eigen::VectorXi>(symbolic.place_of.data(), symbolic.size()));
-  last_step_ = places * steps_.back();
-  for (int free : symbolic.order) out_row_.push_back(row_of_free[size_t(free)]);
-  panel_ = Rows::Zero(symbolic.slotted_size(), 4);
-}
+      pool_(pool) {}
 
 RowMatrix HandleSolve::extend(const RowMatrix& values) const {
   RowMatrix force = values;
@@ -84,35 +75,47 @@ RowMatrix HandleSolve::extend(const RowMatrix& values) const {
   return factor_->solve(force, pool_);
 }
 
-void HandleSolve::add_extended(const Rows& values, const Rows& rest, Rows& out) {
+void HandleSolve::prepare_frames(SparseMatrix at_handles, const std::vector<int>& row_of_free) {
+  at_handles_ = std::move(at_handles);
+  const SparseCholesky& factor = factor_->factor();
+  const SymbolicCholesky& symbolic = factor.symbolic();
+  out_row_.clear();
+  for (int free : symbolic.order) out_row_.push_back(row_of_free[size_t(free)]);
+  if (!factor_->plain()) return;
+  SparseMatrix force = at_handles_;
+  for (const SparseMatrix& step : steps_) force = SparseMatrix(step * force);
+  const Eigen::PermutationMatrix<Eigen::Dynamic> places(
+      Eigen::Map<const Eigen::VectorXi>(symbolic.place_of.data(), symbolic.size()));
+  // Where it pays: what a frame reads of it, it needn't of the factor.
+  forward_ = SparseForward(factor, places * force, factor.entries() / 2);
+}
+
+void HandleSolve::add_extended(const Rows& coefficients, const Rows& rest, Rows& out) {
   const auto add = [&](int place, const auto* x) {
     const Index row = out_row_[size_t(place)];
     for (int c = 0; c < 3; ++c) out(row, c) = rest(row, c) + double(x[c]);
   };
-  const SparseCholesky& factor = factor_->factor();
-  if (!factor_->plain()) {
-    const RowMatrix moved = extend(values.leftCols<3>());
-    for (int k = 0; k < factor.size(); ++k) add(k, moved.row(factor.order()[size_t(k)]).data());
+  if (forward_.empty()) {
+    const RowMatrix moved = extend(at_handles_ * coefficients.leftCols<3>());
+    const std::vector<int>& order = factor_->factor().order();
+    for (size_t k = 0; k < order.size(); ++k) add(int(k), moved.row(order[k]).data());
     return;
   }
-  Rows felt = values;
-  for (size_t k = 0; k + 1 < steps_.size(); ++k) felt = Rows(steps_[k] * felt);
-  panel_.topRows(factor.size()).noalias() = last_step_ * felt;
-  factor.solve_in_order(
-      panel_.data(), space_, pool_, [](int) {},
-      [&](int begin, int end, const auto* x) {
+  factor_->factor().solve_second_half(
+      space_, pool_, [&](int part, double* y) { forward_.multiply(part, coefficients, y); },
+      [&](int begin, int end, const double* x) {
         for (int k = begin; k < end; ++k, x += 4) add(k, x);
       });
 }
 
 double HandleSolve::bytes() const {
-  double sum = factor_->bytes() + static_cast<double>(panel_.size()) * sizeof(double) +
+  double sum = factor_->bytes() + forward_.bytes() +
                static_cast<double>(space_.full.size()) * sizeof(double);
-  const auto add = [&](const SparseMatrix& step) {
-    sum += static_cast<double>(step.nonZeros()) * (sizeof(double) + sizeof(int));
+  const auto add = [&](const SparseMatrix& matrix) {
+    sum += static_cast<double>(matrix.nonZeros()) * (sizeof(double) + sizeof(int));
   };
   for (const SparseMatrix& step : steps_) add(step);
-  add(last_step_);
+  add(at_handles_);
   return sum + static_cast<double>(out_row_.size() * sizeof(int));
 }
 

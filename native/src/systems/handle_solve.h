@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "solver/sparse_forward.h"
 #include "systems/polyharmonic_system.h"
 
 namespace dd {
@@ -13,17 +14,19 @@ namespace dd {
 /// of the geometry that K was built on.
 class HandleSolve {
  public:
-  /// pool: null, or outlives it. row_of_free: of each of Region::free, the row of what
-  /// add_extended() works on; without it there is none.
-  HandleSolve(const PolyharmonicSystem& bending, const Region& region, ThreadPool* pool,
-              const std::vector<int>& row_of_free = {});
+  /// pool: null, or outlives it.
+  HandleSolve(const PolyharmonicSystem& bending, const Region& region, ThreadPool* pool);
 
   /// values: a row for each of Region::handle_vertices. Returns F×k, rows as in Region::free.
   RowMatrix extend(const RowMatrix& values) const;
 
-  /// The same of three columns, for a frame: out = rest + what it returns, in rows of free
-  /// vertices. values: the fourth column 0.
-  void add_extended(const Rows& values, const Rows& rest, Rows& out);
+  /// Makes what add_extended() needs. at_handles: V, a row for each of Region::handle_vertices.
+  /// row_of_free: of each of Region::free, the row of what that works on.
+  void prepare_frames(SparseMatrix at_handles, const std::vector<int>& row_of_free);
+
+  /// For a frame: out = rest + the extension of V C, in rows of free vertices. coefficients: C, the
+  /// fourth column 0.
+  void add_extended(const Rows& coefficients, const Rows& rest, Rows& out);
 
   double bytes() const;
 
@@ -33,10 +36,10 @@ class HandleSolve {
   // free vertices can feel it. One matrix of them all would be full around a hub.
   std::vector<SparseMatrix> steps_;
   ThreadPool* pool_;
-  // Of add_extended(): the last step, its rows as the factor has them, and for each a row of out.
-  SparseMatrix last_step_;
-  std::vector<int> out_row_;
-  Rows panel_;
+  // Of add_extended().
+  SparseMatrix at_handles_;   // V
+  SparseForward forward_;     // of −K_FC V, where that is smaller than the factor
+  std::vector<int> out_row_;  // of each place in the factor
   SparseCholesky::Space space_;
 };
 
