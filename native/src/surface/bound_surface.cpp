@@ -14,6 +14,13 @@ namespace dd {
 
 namespace {
 
+/// How far one solve of K may be off where it stands for a refined one, of the largest value. In
+/// single precision a frame's own solve may be off by more.
+double exact_enough(Precision precision) { return precision == Precision::single ? 5e-7 : 1e-8; }
+
+/// To refine so many functions takes next to nothing.
+constexpr int kAlwaysRefined = 12;
+
 /// Runs a stage that works on another geometry than S: what fails there is not the mesh's fault.
 template <class Stage>
 auto blaming(const std::string& what, const std::string& remedy, const Stage& stage) {
@@ -89,20 +96,23 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
     how.symbolic = bending.symbolic();
     return bending;
   };
-  const auto extend_handles = [&](const PolyharmonicSystem& bending, double begin, double end) {
-    return HandleExtension(bending, coordinates, region, mesh.positions, order(), *how.pool,
-                           options.precision, KeptOfEnergy::cheaper, [&](double done) {
-                             report(progress, begin + done * (end - begin),
-                                    "Computing the handles' basis functions");
-                           });
+  const auto extend_handles = [&](const PolyharmonicSystem& bending, double one_solve_error,
+                                  double begin, double end) {
+    return HandleExtension(
+        bending, coordinates, region, mesh.positions, order(), *how.pool,
+        coordinates.count() > kAlwaysRefined && one_solve_error <= exact_enough(options.precision),
+        KeptOfEnergy::cheaper, [&](double done) {
+          report(progress, begin + done * (end - begin), "Computing the handles' basis functions");
+        });
   };
   const auto solve_on = [&](const SurfaceOperators& metric, double begin) {
     const PolyharmonicSystem bending =
         factored(metric, begin, begin + 0.2, "Factoring the base surface's energy");
     report(progress, begin + 0.2, "Computing the base surface");
-    base = base_surface(bending, region, mesh.positions);
+    double one_solve_error = 0;
+    base = base_surface(bending, region, mesh.positions, &one_solve_error);
     (options.base_metric == BaseMetric::base ? surface_extension : extension) =
-        extend_handles(bending, begin + 0.25, begin + 0.4);
+        extend_handles(bending, one_solve_error, begin + 0.25, begin + 0.4);
   };
 
   if (options.base_metric == BaseMetric::surface && options.metric_smoothing > 0) {
@@ -128,7 +138,9 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
               if (operators.flipped) how.symbolic = nullptr;
               const PolyharmonicSystem bending =
                   factored(on_base, 0.6, 0.8, "Factoring the energy on the base");
-              extension = extend_handles(bending, 0.8, 1);
+              double one_solve_error = 0;
+              base_surface(bending, region, base, &one_solve_error);
+              extension = extend_handles(bending, one_solve_error, 0.8, 1);
             });
   }
 }

@@ -2,16 +2,11 @@
 #include "surface/handle_extension.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace dd {
 
 namespace {
 
-// Of the largest value.
-constexpr double kExactEnough = 1e-8, kExactEnoughInSingle = 5e-7;
-// One solve is tried where that may save more than it takes: more columns of W than this.
-constexpr Index kWorthFindingOut = 12;
 // Of W: what all need at once would take several times its memory.
 constexpr Index kColumnsAtOnce = 16;
 
@@ -38,49 +33,32 @@ RowMatrix at_vertices(const RowMatrix& at_handles, const Region& region) {
   return result;
 }
 
-/// Whether one solve is as good as what extend() refines, for motions that are unlike each other.
-bool exact_enough(const HandleSolve& solve, const PolyharmonicSystem& bending, const Region& region,
-                  const SparseMatrix& values, Precision precision) {
-  RowMatrix motions(values.cols(), 3);
-  for (Index i = 0; i < motions.size(); ++i)
-    motions.data()[i] = std::sin(1 + 2.4 * static_cast<double>(i));
-  const RowMatrix trial = values * motions;
-  const RowMatrix exact = bending.extend(at_vertices(trial, region));
-  const double size = std::max(trial.cwiseAbs().maxCoeff(), exact.cwiseAbs().maxCoeff());
-  const double enough = precision == Precision::single ? kExactEnoughInSingle : kExactEnough;
-  return (solve.extend(trial) - exact).cwiseAbs().maxCoeff() <= enough * size;
-}
-
 }  // namespace
 
 HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
                                  const HandleCoordinates& coordinates, const Region& region,
                                  const Positions& positions, const RowOrder& order,
-                                 ThreadPool& pool, Precision precision, KeptOfEnergy kept,
+                                 ThreadPool& pool, bool one_solve, KeptOfEnergy kept,
                                  const std::function<void(double)>& progress)
     : coordinates_(coordinates),
       values_(values_at_handles(coordinates, region, positions)),
       pool_(&pool) {
   for (int v : region.free) row_of_free_.push_back(order.row_of_vertex[v]);
   const int64_t entries = int64_t{coordinates.count()} * region.free_count();
-  // A frame reads W once and the factor twice, but a bind solves for each column of W.
+  // A frame reads W once and the factor up to twice, but a bind solves for each column of W.
   const bool keep =
-      kept == KeptOfEnergy::factor ||
-      (kept == KeptOfEnergy::cheaper && 2 * entries > bending.factor()->factor().entries());
-  std::unique_ptr<HandleSolve> once;
-  if (keep || coordinates.count() > kWorthFindingOut) {
-    once = std::make_unique<HandleSolve>(bending, region, &pool);
-    if (kept != KeptOfEnergy::factor && !exact_enough(*once, bending, region, values_, precision))
-      once.reset();
-  }
-  if (once && keep) {
-    solve_ = std::move(once);
-    solve_->prepare_frames(values_, row_of_free_);
+      kept == KeptOfEnergy::factor || (kept == KeptOfEnergy::cheaper && one_solve &&
+                                       2 * entries > bending.factor()->factor().entries());
+  std::unique_ptr<HandleSolve> solve;
+  if (keep || one_solve) solve = std::make_unique<HandleSolve>(bending, region, &pool);
+  if (keep) {
+    solve->prepare_frames(values_, row_of_free_);
+    solve_ = std::move(solve);
     return;
   }
   functions_ = extended(
       [&](const RowMatrix& values) {
-        return once ? once->extend(values) : bending.extend(at_vertices(values, region));
+        return solve ? solve->extend(values) : bending.extend(at_vertices(values, region));
       },
       progress);
 }

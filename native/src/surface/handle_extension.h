@@ -27,17 +27,16 @@ enum class KeptOfEnergy {
 /// constrained vertices. With few handles W is kept, and a frame needs no solve for its base. With
 /// many, where W would be more than half as large as K's factor, that is kept: a frame solves
 /// K δq = 0 with what C gives the handles' vertices, and a bind makes no functions at all. A column
-/// takes one solve where that agrees with the refined one to 1e-8, or in single precision as well
-/// as a frame's own solve does, else as many as refining takes.
+/// takes one solve where that is exact enough, else as many as refining takes.
 class HandleExtension {
  public:
   HandleExtension() = default;  ///< of nothing
-  /// positions: of S. order: of the free vertices. pool must outlive it. precision: of frames.
+  /// positions: of S. order: of the free vertices. pool must outlive it. one_solve: whether one is
+  /// exact enough.
   /// progress is told how far it is, from 0 to 1. Throws UnsolvableSurface.
   HandleExtension(const PolyharmonicSystem& bending, const HandleCoordinates& coordinates,
                   const Region& region, const Positions& positions, const RowOrder& order,
-                  ThreadPool& pool, Precision precision = Precision::full,
-                  KeptOfEnergy kept = KeptOfEnergy::cheaper,
+                  ThreadPool& pool, bool one_solve, KeptOfEnergy kept = KeptOfEnergy::cheaper,
                   const std::function<void(double)>& progress = {});
 
   bool empty() const { return coordinates_.count() == 0; }

@@ -33,18 +33,20 @@ PolyharmonicSystem::PolyharmonicSystem(const SurfaceOperators& operators, const 
           options.pool)),
       pool_(options.pool) {}
 
-RowMatrix PolyharmonicSystem::extend(const RowMatrix& values) const {
+RowMatrix PolyharmonicSystem::extend(const RowMatrix& values, double* one_solve_error) const {
   RowMatrix x = values;
   for (int v : region_.free) x.row(v).setZero();
   // Iterative refinement: where triangles are thin or the region is long, K spans many magnitudes
   // and its factor loses digits that the product L (M⁻¹ (L x)) still has. The first correction is
   // the solution itself; what the last one still changes tells how far it can be trusted.
-  double last = 1;
+  double last = 1, corrected = 0;
   for (int round = 0;; ++round) {
     const RowMatrix correction =
         factor_->solve(free_rows(-apply_energy(operators_, x, smoothness_), region_), pool_);
     for (int r = 0; r < region_.free_count(); ++r) x.row(region_.free[r]) += correction.row(r);
     const double change = correction.cwiseAbs().maxCoeff(), size = x.cwiseAbs().maxCoeff();
+    if (round > 0) corrected += change;
+    if (one_solve_error) *one_solve_error = size > 0 ? corrected / size : 0;
     // The next would change about as much less than this one as this one less than the last.
     if (round + 1 >= kLeastRounds && change * (change / last) <= kSettled * size) break;
     const bool converges = round == 0 || change < 0.5 * last;

@@ -26,9 +26,10 @@ class PolyharmonicSystem {
   std::shared_ptr<const SymbolicCholesky> symbolic() const { return factor_->shared_symbolic(); }
 
   /// K_FF x_F = −K_FC x_C. values: n×k; only the rows of constrained vertices are read.
-  /// Returns F×k, rows as in Region::free.
+  /// Returns F×k, rows as in Region::free. one_solve_error, where not null: how far one solve alone
+  /// is off, of the largest value; of other values within the same region it is about as much.
   /// Throws UnsolvableSurface where the solution can't be had to six digits.
-  RowMatrix extend(const RowMatrix& values) const;
+  RowMatrix extend(const RowMatrix& values, double* one_solve_error = nullptr) const;
 
   const SurfaceOperators& operators() const { return operators_; }
   Smoothness smoothness() const { return smoothness_; }
