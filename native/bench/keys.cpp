@@ -2,8 +2,8 @@
 // One head's shape keys on another of another topology, where the truth is known: IDENTITY is a
 // mesh of the same topology as REST, cut anew with three times the triangles, and what a key does
 // to it is what it does to REST. Pairs are found by markers, vertices far from one another. Mean
-// error in percent of the box by gradients alone, with the places of the source, and by the
-// displacement of the nearest point of the fitted source; and of keys that close something (an eye,
+// error in percent of the box by gradients alone, with the places of the source, by displacements,
+// and by the displacement of the nearest point of the fitted source; and of keys that close something (an eye,
 // a mouth) what gap they leave, in parts of the truth's. Of the largest loose part alone.
 //
 //   keys [--markers 11] [--turned 0] REST.obj IDENTITY.obj KEY.obj...
@@ -173,11 +173,16 @@ int main(int argc, char** argv) try {
   const dd::Match match = dd::match_triangles(fitted, target, 0.1);
   dd::TransferOptions options;
   dd::MeshTransfer gradients(source, target, match.correspondence, options);
+  dd::ThreadPool pool(0);
+  options.points = dd::points_of_fit(fitted, target, match.correspondence, pool);
   options.placing = dd::Placing::vertices;
   dd::MeshTransfer places(source, target, match.correspondence, options);
+  options.placing = dd::Placing::displacements;
+  dd::MeshTransfer displacements(source, target, match.correspondence, options);
   const dd::AabbTree tree(fitted);
 
-  double sums[3] = {}, largest[3] = {}, largest_move = 0;
+  constexpr int kWays = 4;
+  double sums[kWays] = {}, largest[kWays] = {}, largest_move = 0;
   std::string what_moves;
   const size_t count = files.size() - 2;
   std::printf("%d and %d triangles, %d markers\n", source.triangle_count(), target.triangle_count(),
@@ -193,8 +198,9 @@ int main(int argc, char** argv) try {
         nearest.row(v) +=
             point.weights[k] * moves.row(source.triangles(point.triangle, k)) * turn.transpose();
     }
-    const Positions found[3] = {gradients.apply(pose, false), places.apply(pose, false), nearest};
-    for (int way = 0; way < 3; ++way) {
+    const Positions found[kWays] = {gradients.apply(pose, false), places.apply(pose, false),
+                                    displacements.apply(pose, false), nearest};
+    for (int way = 0; way < kWays; ++way) {
       const Eigen::VectorXd error = (found[way] - truth).rowwise().norm() * (100 / box);
       sums[way] += error.mean();
       largest[way] = std::max(largest[way], error.maxCoeff());
@@ -204,16 +210,20 @@ int main(int argc, char** argv) try {
     if (move > largest_move) largest_move = move, what_moves = files[i];
     const dd::Pairs pairs = closing(target.positions, truth);
     const size_t name = files[i].find_last_of('/') + 1;
-    if (pairs.size() > 50)
-      std::printf("%-24s gap, in parts of the truth's: %.2f %.2f %.2f\n", files[i].c_str() + name,
-                  mean_gap(found[0], pairs) / mean_gap(truth, pairs),
-                  mean_gap(found[1], pairs) / mean_gap(truth, pairs),
-                  mean_gap(found[2], pairs) / mean_gap(truth, pairs));
+    if (pairs.size() > 50) {
+      const double of_truth = mean_gap(truth, pairs);
+      std::printf("%-24s gap, in parts of the truth's:", files[i].c_str() + name);
+      for (const Positions& each : found) std::printf(" %.2f", mean_gap(each, pairs) / of_truth);
+      std::printf("\n");
+    }
   }
-  std::printf("%zu keys: by gradients, with places, by the nearest point\n", count);
-  std::printf("mean error, %% of the box: %.4f %.4f %.4f\n", sums[0] / double(count),
-              sums[1] / double(count), sums[2] / double(count));
-  std::printf("largest: %.2f %.2f %.2f\n", largest[0], largest[1], largest[2]);
+  std::printf("%zu keys: by gradients, with places, by displacements, by the nearest point\n",
+              count);
+  std::printf("mean error, %% of the box:");
+  for (double sum : sums) std::printf(" %.4f", sum / double(count));
+  std::printf("\nlargest:");
+  for (double each : largest) std::printf(" %.2f", each);
+  std::printf("\n");
   std::printf("no vertex moves farther than %.2f times what the source's do (%s)\n", largest_move,
               what_moves.c_str());
   return 0;

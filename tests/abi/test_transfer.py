@@ -210,6 +210,48 @@ def test_markers_tell_a_mirror_image(native):
         assert np.abs(posed - truth).max() < 0.01 * np.ptp(truth, axis=0).max()
 
 
+@pytest.mark.parametrize('mirrored', [False, True])
+def test_points_of_a_match_are_on_the_surface_and_carry_displacements(native, mirrored):
+    source, target = waved(24, 2.0), waved(47, 2.0)
+    for side in (source, target):  # unlike its image however it is turned
+        side.positions[:, 2] += 0.3 * side.positions[:, 1] * np.sin(side.positions[:, 0] / 9)
+    image = np.float32([1, -1, 1] if mirrored else [1, 1, 1])
+    there = target.positions * image, target.triangles[:, ::-1] if mirrored else target.triangles
+    markers = [[8 * column + row, 16 * column + row] for column in (0, 6, 13, 23) for row in (0, 7)]
+    match = native.Match(mesh(source), there, markers)
+    pairs, _, _ = match.finish()
+    triangles, weights = match.points
+    assert triangles.min() >= 0 and np.allclose(weights.sum(1), 1, atol=1e-6) and weights.min() >= 0
+
+    def at_points(values):
+        return (weights[:, :, None] * values[source.triangles[triangles]]).sum(1)
+
+    places, size = at_points(source.positions), np.ptp(target.positions, axis=0).max()
+    assert np.abs(places - target.positions).max() < 0.02 * size
+    pose = bent(source.positions)
+    points = dict(point_triangles=triangles, point_weights=weights)
+    displaced = native.Transfer(mesh(source), there, pairs, placing='DISPLACEMENTS', **points)
+    expected = there[0] + at_points(pose - source.positions) * image
+    assert np.abs(displaced.apply(pose, WHOLE) - expected).max() < 1e-4 * size
+    assert np.abs(displaced.apply(pose, WHOLE) - bent(target.positions) * image).max() < 0.03 * size
+
+
+def test_points_that_fit_nothing_are_refused(native, strip):
+    n, sides = len(strip.positions), (mesh(strip), mesh(strip))
+    triangles, weights = np.zeros(n, np.int32), np.full((n, 3), 1 / 3, np.float32)
+    native.Transfer(*sides, point_triangles=triangles, point_weights=weights)
+    for given, sentence in (
+            (dict(point_triangles=triangles), 'options.point_weights is for 0 vertices'),
+            (dict(point_weights=weights), 'options.point_triangles is for 0 vertices'),
+            (dict(point_triangles=triangles[1:], point_weights=weights), 'point_triangles'),
+            (dict(point_triangles=triangles, point_weights=weights[1:]), 'point_weights'),
+            (dict(point_triangles=triangles + 10**6, point_weights=weights), 'vertex 0 is in triangle 1000000'),
+            (dict(point_triangles=triangles, point_weights=weights * np.nan), "don't add up to 1"),
+            (dict(point_triangles=triangles, point_weights=weights, pairs_of='NEAREST'), 'which finds the points')):
+        with pytest.raises(native.NativeError, match=sentence):
+            native.Transfer(*sides, **given)
+
+
 def test_a_square_is_ambiguous(native):
     square = Strip(8)
     square.positions[:, 2] = 0

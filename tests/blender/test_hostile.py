@@ -246,7 +246,8 @@ def _matched(tmp_path):
     match(pairs=[-1, -1]), match(pairs='text'), match(target_triangles=[0, 1, -5] * 200),
     match(target_triangles=[0, 1, 10**8] * 200), match(source_triangles=[0, 10**9, 2] * 200),
     match(confidence=[NAN]), match(confidence=None), match(pairs_of='{0}'), match(pairs_of=4),
-    match(target_topology=3), match(source=[1])])
+    match(target_topology=3), match(source=[1]), match(point_triangles=[0], point_weights=[NAN]),
+    match(point_triangles=[10**9] * 121, point_weights=[0.5] * 363)])
 def test_a_saved_match_that_no_search_gives(opened, tmp_path, part, change):
     ob = opened(change, lambda: _matched(tmp_path))
     part('scene.correspondence').vertex_confidence(ob)  # as Show Match draws it

@@ -5,11 +5,13 @@
 
 #include "catch.h"
 #include "mesh/point_grid.h"
+#include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 #include "meshes.h"
 #include "support/rotations.h"
 #include "transfer/contacts.h"
 #include "transfer/mesh_transfer.h"
+#include "transfer/registration.h"
 
 using namespace dd;
 using test::largest_difference;
@@ -351,6 +353,154 @@ TEST_CASE(
   }
 }
 
+namespace {
+
+/// A finer mesh on the surface of another: its vertices, the middles of its edges and of its
+/// triangles.
+Mesh finer(const Mesh& mesh) {
+  const Edges edges(mesh.triangles);
+  const std::vector<int> edge_of = edges.of_half_edges();
+  const int n = mesh.vertex_count(), middles = n + edges.count();
+  Mesh result;
+  result.positions.resize(middles + mesh.triangle_count(), 3);
+  result.positions.topRows(n) = mesh.positions;
+  result.triangles.resize(6 * mesh.triangle_count(), 3);
+  for (int j = 0; j < mesh.triangle_count(); ++j) {
+    const auto corner = [&](int k) { return mesh.triangles(j, k % 3); };
+    result.positions.row(middles + j) =
+        triangle_centre(mesh.positions, mesh.triangles, j).transpose();
+    for (int k = 0; k < 3; ++k) {
+      const int middle = n + edge_of[size_t(3 * j + k)];
+      result.positions.row(middle) =
+          0.5 * (mesh.positions.row(corner(k)) + mesh.positions.row(corner(k + 1)));
+      result.triangles.row(6 * j + 2 * k) << corner(k), middle, middles + j;
+      result.triangles.row(6 * j + 2 * k + 1) << middle, corner(k + 1), middles + j;
+    }
+  }
+  return result;
+}
+
+/// By weights, of values at a mesh's vertices.
+Positions at_points(const std::vector<PointOnTriangle>& points, const Triangles& t,
+                    const Positions& values) {
+  Positions result = Positions::Zero(Index(points.size()), 3);
+  for (size_t v = 0; v < points.size(); ++v)
+    for (int k = 0; k < 3; ++k)
+      result.row(Index(v)) += points[v].weights[k] * values.row(t(points[v].triangle, k));
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("a source that was fitted tells the points that a target's vertices correspond to") {
+  const Mesh source = test::rough_sphere(3, 0.15), target = finer(source);
+  ThreadPool pool(2);
+  const Match match = match_triangles(source, target, 0.1);
+  const auto points = points_of_fit(source, target, match.correspondence, pool);
+  CHECK(largest_difference(at_points(points, source.triangles, source.positions),
+                           target.positions) < 1e-12);
+  // A triangle's centre is nearer to its pair's than a vertex is to what such pairs tell of it.
+  const SourceGradients gradients(source, target, match.correspondence, {});
+  const SourcePoints told(source, target, Fans(target.triangles, target.vertex_count()), gradients,
+                          {}, pool);
+  double off = 0;
+  for (int v = 0; v < target.vertex_count(); ++v)
+    off =
+        std::max(off, (told.at(source.positions, v) - target.positions.row(v).transpose()).norm());
+  CHECK(off > 1e-3);
+}
+
+TEST_CASE("displacements are the source's, in proportion where sizes differ") {
+  const Mesh source = test::rough_sphere(3, 0.15);
+  const Positions pose = bent(source.positions), moves = pose - source.positions;
+  Mesh shape = finer(source);
+  ThreadPool pool(1);
+  const Match match = match_triangles(source, shape, 0.1);
+  TransferOptions options;
+  options.points = points_of_fit(source, shape, match.correspondence, pool);
+  options.placing = Placing::displacements;
+  const Positions expected = at_points(options.points, source.triangles, moves);
+  // Another shape, turned and of another size.
+  shape.positions.col(1) *= 1.3;
+  const Eigen::Matrix3d turn = rotation_by(Eigen::Vector3d(0.4, -1, 2));
+  const double halfway = std::sqrt(1.1 * 1.2);  // between what doesn't count and what does
+  for (const auto& [size, share] : {std::pair(1.0, 1.0),
+                                    {1.09, 1.0},
+                                    {0.92, 1.0},
+                                    {3.0, 3.0},
+                                    {0.01, 0.01},
+                                    {halfway, std::sqrt(halfway)}}) {
+    INFO("size " << size);
+    Similarity placement;
+    placement.rotation = turn;
+    placement.scale = size;
+    options.placement = &placement;
+    const Mesh target = {size * shape.positions * turn.transpose(), shape.triangles};
+    MeshTransfer transfer(source, target, match.correspondence, options);
+    CHECK(largest_difference(transfer.apply(pose, false),
+                             target.positions + share * expected * turn.transpose()) < 1e-9 * size);
+    CHECK(largest_difference(transfer.apply(source.positions, false), target.positions) < 1e-12);
+  }
+  // Without points of their own, as pairs tell them.
+  options.points.clear();
+  options.placement = nullptr;
+  MeshTransfer by_pairs(source, shape, match.correspondence, options);
+  const double error = largest_difference(by_pairs.apply(pose, false), shape.positions + expected);
+  CHECK(error > 1e-6);
+  CHECK(error < 0.3 * moves.rowwise().norm().maxCoeff());
+}
+
+TEST_CASE("vertices without a point go with displaced ones around them") {
+  const Mesh source = test::rough_sphere(4, 0.15);
+  const Positions& p = source.positions;
+  Pairs pairs;
+  std::vector<char> known(size_t(source.vertex_count()), 0);
+  for (int j = 0; j < source.triangle_count(); ++j) {
+    if (triangle_centre(p, source.triangles, j).z() > 0.7) continue;
+    pairs.push_back({j, j});
+    for (int k = 0; k < 3; ++k) known[size_t(source.triangles(j, k))] = 1;
+  }
+  REQUIRE(std::count(known.begin(), known.end(), 0) > 20);
+  const int m = source.triangle_count();
+  TransferOptions options;
+  options.placing = Placing::displacements;
+  MeshTransfer transfer(source, source, triangle_correspondence(pairs, m, m), options);
+  const Eigen::RowVector3d shift(0.3, -1, 2);
+  const Positions shifted = p.rowwise() + shift;
+  CHECK(largest_difference(transfer.apply(shifted, false), shifted) < 1e-9);
+  // What moves around the hole is continued into it: no crease at its rim.
+  Positions wave = p;
+  for (Index v = 0; v < p.rows(); ++v) wave(v, 0) += 0.2 * p(v, 2);
+  const Positions found = transfer.apply(wave, false);
+  for (int v = 0; v < source.vertex_count(); ++v)
+    CHECK((found.row(v) - wave.row(v)).norm() < (known[size_t(v)] ? 1e-3 : 0.1));
+}
+
+TEST_CASE("points that no search gives are refused") {
+  const Mesh mesh = test::rough_sphere(2, 0.1);
+  const auto refused = [&](int triangle, const Eigen::Vector3d& weights, Index count) {
+    TransferOptions options;
+    options.points.resize(size_t(count));
+    for (PointOnTriangle& point : options.points) {
+      point.triangle = triangle;
+      point.weights = weights;
+    }
+    MeshTransfer(mesh, mesh, same_topology(mesh, mesh), options);
+  };
+  const Index n = mesh.positions.rows();
+  const Eigen::Vector3d middle = Eigen::Vector3d::Constant(1 / 3.0);
+  CHECK_NOTHROW(refused(3, middle, n));
+  CHECK_NOTHROW(refused(-1, Eigen::Vector3d::Zero(), n));
+  CHECK_THROWS_WITH(refused(3, middle, n - 1), Catch::Contains("There are points of"));
+  CHECK_THROWS_WITH(refused(mesh.triangle_count(), middle, n),
+                    Catch::Contains("point of vertex 0 is in"));
+  CHECK_THROWS_WITH(refused(-2, middle, n), Catch::Contains("triangle -2"));
+  for (const Eigen::Vector3d& weights :
+       {Eigen::Vector3d(1, 1, 0), Eigen::Vector3d(2, -1, 0),
+        Eigen::Vector3d(std::numeric_limits<double>::quiet_NaN(), 0, 1)})
+    CHECK_THROWS_WITH(refused(3, weights, n), Catch::Contains("don't add up to 1"));
+}
+
 TEST_CASE("pins and anchors hold with places of the source, too") {
   Mesh small = test::rough_sphere(3, 0.1);
   small.positions = (0.4 * small.positions).rowwise() + Eigen::RowVector3d(1.6, 0, 0);
@@ -359,18 +509,23 @@ TEST_CASE("pins and anchors hold with places of the source, too") {
   target.positions.col(1) *= 1.1;
   const Positions pose = bent(source.positions);
   TransferOptions options;
-  options.placing = Placing::vertices;
   options.anchors = {5, 11};
-  for (const Anchor anchor : {Anchor::vertices, Anchor::pinned, Anchor::centroid}) {
-    options.anchor = anchor;
-    MeshTransfer transfer(source, target, same_topology(source, target), options);
-    const Positions found = transfer.apply(pose, false);
-    REQUIRE(found.allFinite());
-    const Eigen::RowVector3d mean = 0.5 * (found.row(5) + found.row(11)),
-                             was = 0.5 * (target.positions.row(5) + target.positions.row(11));
-    if (anchor != Anchor::centroid) CHECK((mean - was).norm() < 1e-9);
-    if (anchor == Anchor::pinned) CHECK((found.row(5) - target.positions.row(5)).norm() < 1e-12);
-  }
+  const auto [placing, anchor] =
+      GENERATE(table<Placing, Anchor>({{Placing::vertices, Anchor::vertices},
+                                       {Placing::vertices, Anchor::pinned},
+                                       {Placing::vertices, Anchor::centroid},
+                                       {Placing::displacements, Anchor::vertices},
+                                       {Placing::displacements, Anchor::pinned},
+                                       {Placing::displacements, Anchor::centroid}}));
+  options.placing = placing;
+  options.anchor = anchor;
+  MeshTransfer transfer(source, target, same_topology(source, target), options);
+  const Positions found = transfer.apply(pose, false);
+  REQUIRE(found.allFinite());
+  const Eigen::RowVector3d mean = 0.5 * (found.row(5) + found.row(11)),
+                           was = 0.5 * (target.positions.row(5) + target.positions.row(11));
+  if (anchor != Anchor::centroid) CHECK((mean - was).norm() < 1e-9);
+  if (anchor == Anchor::pinned) CHECK((found.row(5) - target.positions.row(5)).norm() < 1e-12);
 }
 
 TEST_CASE("the number of threads changes no bit of places and contacts", "[threads]") {

@@ -84,6 +84,8 @@ class Preparation:
             more['gap'] = how.least_gap
             if np.linalg.det(self._spaces[0].linear) < 0:  # what is outside stays so in a mirror
                 meshes[0][1] = np.ascontiguousarray(matched.source_triangles[:, ::-1])
+        if matched.points is not None:
+            more['point_triangles'], more['point_weights'] = matched.points
         self._job = native.TransferJob(*meshes, matched.pairs, pairs_of=matched.pairs_of, anchor=how.anchor,
                                        anchors=_anchors(target, how), formulation=how.formulation,
                                        placing=how.placing, precision=precision, **more)

@@ -105,7 +105,10 @@ PLACINGS = (
      "By Nearest, what lies close keeps its place there"),
     ('COMPONENTS', "By Turns Alone",
      "Each loose part goes along as a whole; within it turns and stretches alone decide. Two to four times as fast"),
-    ('PARTS', "Rigid Parts", "Each loose part keeps its shape, as buttons, armour and glasses do"))
+    ('PARTS', "Rigid Parts", "Each loose part keeps its shape, as buttons, armour and glasses do"),
+    ('DISPLACEMENTS', "Displacements",
+     "Each vertex goes as far as the source does there and the same way: for shape keys of heads that belong to one "
+     "family. Poses that turn limbs are better carried over by As the Source"))
 BASE_DEFORMERS = (
     ('AUTOMATIC', "Automatic",
      "Linear where no handle turns by more than 135 degrees against another one or what is fixed, Motions from 180 "

@@ -170,7 +170,8 @@ TransferOptions = _sized(
     'dd_transfer_options', "What a transfer depends on beside meshes and pairs",
     'pairs_of', 'formulation', 'anchor', (Array(np.int32), 'anchors'), (_SIZE, 'anchor_count'),
     (Array(np.float64, 3, 4), 'placement'), ('dd_precision', 'precision'), (_INT, 'threads'), ('dd_placing', 'placing'),
-    (_DOUBLE, 'gap'))
+    (_DOUBLE, 'gap'), (Array(np.int32), 'point_triangles'), (_SIZE, 'point_triangle_count'),
+    (Array(np.float32, 3), 'point_weights'), (_SIZE, 'point_weight_count'))
 ApplyOptions = _sized('dd_apply_options', "What a transferred pose depends on beside the source's",
                       'gradients', ('dd_values', 'values'), (_POSITIONS, 'places'), (_SIZE, 'place_count'))
 TransferInfo = _sized(
@@ -244,6 +245,7 @@ SIGNATURES = {
     'dd_match_start': [_TO(Mesh), _TO(Mesh), INTS, _SIZE, _TO(MatchOptions), _TO(OBJECT)],
     'dd_match_get_positions': [OBJECT, FLOATS, _SIZE],
     'dd_match_get_pairs': [OBJECT, INTS, _SIZE, _TO(_SIZE)],
+    'dd_match_get_points': [OBJECT, INTS, FLOATS, _SIZE],
     'dd_match_get_confidence': [OBJECT, FLOATS, _SIZE],
     'dd_match_get_info': [OBJECT, _TO(MatchInfo)],
     'dd_match_free': [OBJECT],

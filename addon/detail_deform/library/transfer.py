@@ -68,9 +68,11 @@ class Match(Job):
     def __init__(self, source, target, markers=(), **options):
         """source, target: as for TransferJob. markers: (k, 2) vertices that fall on one another, or none. options: by
         the names of dd_match_options' fields."""
-        self.info = MatchInfo()  # once it is finished
+        # Once it is finished: facts, and of each of the target's vertices the triangle of the source in which its
+        # point is, or -1, and three weights of its corners.
+        self.info, self.points = MatchInfo(), None
         markers = _pairs(np.reshape(markers, (-1, 2)))
-        self._vertex_count, self._triangle_count = len(source[0]), len(target[1])
+        self._vertex_count, self._target_counts = len(source[0]), tuple(map(len, target))
         super().__init__('dd_match_start', _mesh(*source), _mesh(*target), markers, len(markers),
                          MatchOptions(**options))
 
@@ -81,9 +83,12 @@ class Match(Job):
         call('dd_match_get_pairs', found, None, 0, pair_count)
         pairs = np.empty((pair_count.value, 2), np.int32)
         call('dd_match_get_pairs', found, pairs, len(pairs), pair_count)
-        confidence = np.empty(self._triangle_count, np.float32)
+        vertex_count, triangle_count = self._target_counts
+        confidence = np.empty(triangle_count, np.float32)
         call('dd_match_get_confidence', found, confidence, len(confidence))
         fitted = np.empty((self._vertex_count, 3), np.float32)
         call('dd_match_get_positions', found, fitted, len(fitted))
         call('dd_match_get_info', found, self.info)
+        self.points = np.empty(vertex_count, np.int32), np.empty((vertex_count, 3), np.float32)
+        call('dd_match_get_points', found, *self.points, vertex_count)
         return pairs, confidence, fitted

@@ -19,6 +19,7 @@ class Matched:
     pairs_of says, None where the topology is the same; confidence: (m,) of the target's triangles, 0 to 1."""
 
     pairs_of = 'TRIANGLES'
+    points = None  # of each vertex of the target: the source's triangle, or -1, (n,), and weights of its corners, (n, 3)
     stance = None  # of NEAREST: (4, 4) from the source's space to the target's
     ambiguous = False  # whether the source fits about as well turned otherwise
     mirrored = False  # whether markers say that the target is the source's mirror image
@@ -104,6 +105,8 @@ def store(matched, source, target):
         kept['stance'] = matched.stance.ravel().tolist()
     else:  # Of faces with more corners Blender makes triangles by their shape, which may change.
         kept.update({name: _as_list(getattr(matched, name)) for name in _LISTS})
+        if matched.points is not None:
+            kept.update(zip(_POINTS, map(_as_list, matched.points)))
     target.data[_PROPERTY] = kept
 
 
@@ -114,6 +117,8 @@ def _as_list(values):
 
 _TEXTS = ('source', 'pairs_of', 'digest', 'source_topology', 'target_topology')
 _LISTS = {'source_triangles': 3, 'target_triangles': 3, 'pairs': 2, 'confidence': 1}  # so many numbers to each
+
+_POINTS = ('point_triangles', 'point_weights')  # where a search has found them
 
 
 def _kept(target):
@@ -132,6 +137,14 @@ def _are_pairs(kept):
             3 * len(kept['confidence']) == len(kept['target_triangles']))
 
 
+def _points_of(kept, vertex_count):
+    """None where it has none that such a mesh can have."""
+    values = [kept.get(name) for name in _POINTS]
+    if not all(hasattr(each, 'typecode') for each in values) or [vertex_count, 3 * vertex_count] != [*map(len, values)]:
+        return None
+    return np.array(values[0], np.int32), np.array(values[1], np.float32).reshape(-1, 3)
+
+
 def _is_stance(values):
     if not (hasattr(values, 'typecode') and len(values) == 16):
         return False
@@ -142,7 +155,8 @@ def _is_stance(values):
 def digest_of(matched):
     """A short text: equal texts, equal correspondences."""
     by = matched.pairs if matched.stance is None else matched.stance
-    return f"{matched.pairs_of}-{mesh_data.signature(by)}"
+    points = "" if matched.points is None else mesh_data.signature(matched.points[1])
+    return f"{matched.pairs_of}-{mesh_data.signature(by)}{points}"
 
 
 def digest(target):
@@ -189,6 +203,8 @@ def stored(source, target):
     matched = Matched(*(np.array(kept[name], np.int32).reshape(-1, _LISTS[name]) for name in (
         'source_triangles', 'target_triangles', 'pairs')), np.array(kept['confidence'], np.float32))
     matched.pairs_of = kept['pairs_of']
+    if matched.pairs_of == 'TRIANGLES':
+        matched.points = _points_of(kept, len(target.data.vertices))
     return matched
 
 

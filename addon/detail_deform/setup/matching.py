@@ -35,6 +35,7 @@ def search(source, target):
     try:
         yield from match.fractions()
         matched.pairs, matched.confidence, _ = match.finish()
+        matched.points = match.points
         matched.ambiguous, matched.mirrored = bool(match.info.ambiguous), bool(match.info.mirrored)
     finally:
         match.close()

@@ -526,8 +526,12 @@ enum dd_placing {
                                 the source: beyond the paper. With whole gradients, in parts that
                                 nothing pins; else as the next */
   DD_PLACING_COMPONENTS = 1, /* each loose part as a whole; within it the gradients alone decide */
-  DD_PLACING_PARTS = 2       /* each loose part that nothing pins as a whole, which keeps its shape,
+  DD_PLACING_PARTS = 2,      /* each loose part that nothing pins as a whole, which keeps its shape,
                                 as buttons, armour and glasses do */
+  DD_PLACING_DISPLACEMENTS = 3 /* with whole gradients, in parts that nothing pins: each vertex as
+                                far as its source, in proportion to the meshes' sizes where these
+                                differ by more than a fifth, and not where by less than a tenth:
+                                for shape keys in a family of shapes. Beyond the paper */
 };
 
 typedef struct dd_transfer_options {
@@ -550,6 +554,13 @@ typedef struct dd_transfer_options {
                               as far as it is at rest where that is less. Where most of it is inside
                               at rest, it is kept there. 0 stands for 0.005; negative: it may go
                               through */
+  const int32_t* point_triangles; /* for each vertex of the target the triangle of the source in
+                                     which its point is, or -1, as dd_match_get_points() gives
+                                     them: with them a place is told more exactly than by pairs.
+                                     Null, and so the next: as the pairs say */
+  size_t point_triangle_count;    /* vertices of the target */
+  const float* point_weights; /* three numbers for each: of the triangle's corners, 1 together */
+  size_t point_weight_count;  /* vertices of the target */
 } dd_transfer_options;
 
 /* Starts to factor the target's system: a job that makes a dd_transfer.
@@ -645,6 +656,13 @@ DD_API int32_t dd_match_get_positions(const dd_match* match, float* out, size_t 
  *   pair_count   how many there are */
 DD_API int32_t dd_match_get_pairs(const dd_match* match, int32_t* pairs, size_t capacity,
                                   size_t* pair_count);
+
+/* For each of the vertex_count vertices of the target the point of the source that it corresponds
+ * to, as dd_transfer_options takes them.
+ *   triangles   of the source; -1 where nothing corresponds
+ *   weights     three numbers for each vertex: of the triangle's corners */
+DD_API int32_t dd_match_get_points(const dd_match* match, int32_t* triangles, float* weights,
+                                   size_t vertex_count);
 
 /* How well each of the out_count triangles of the target is matched, 0 to 1: less where the source
  * lies off it or at an angle, and where it was pulled to several times its length to come there

@@ -3,17 +3,20 @@
 #include <algorithm>
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "api/arguments.h"
 #include "api/job.h"
 #include "mesh/triangles.h"
 #include "transfer/registration.h"
+#include "transfer/source_points.h"
 
 using namespace dd::api;
 
 struct dd_match {
   dd::Positions registered;
   dd::Match match;
+  std::vector<dd::PointOnTriangle> points;  // of the target's vertices
   dd_match_info facts{};
 };
 
@@ -61,6 +64,12 @@ int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32
                               dd::match_triangles({made->registered, from.triangles}, to, how.reach,
                                                   how.threads, dd::within(progress, 0.9, 1));
                           dd::doubt_stretched(made->match, from, made->registered);
+                          dd::ThreadPool pool(how.threads);
+                          made->points = dd::points_of_fit({made->registered, from.triangles}, to,
+                                                           made->match.correspondence, pool);
+                          if (mirrored)  // whose triangles go round the other way
+                            for (dd::PointOnTriangle& point : made->points)
+                              std::swap(point.weights[1], point.weights[2]);
                           made->facts.ambiguous = alignment.ambiguous;
                           made->facts.mirrored = mirrored;
                           made->facts.confidence = mean_by_area(made->match.confidence, to);
@@ -99,6 +108,20 @@ int32_t dd_match_get_pairs(const dd_match* match, int32_t* pairs, size_t capacit
         }
     }
     *pair_count = count;
+  });
+}
+
+int32_t dd_match_get_points(const dd_match* match, int32_t* triangles, float* weights,
+                            size_t vertex_count) {
+  return guarded([&] {
+    require(match, "match is null.");
+    require_count("triangles", triangles, vertex_count, match->points.size(), "vertices");
+    require(weights, "weights is null.");
+    for (const dd::PointOnTriangle& point : match->points) {
+      *triangles++ = point.triangle;
+      for (double weight : point.weights)
+        *weights++ = static_cast<float>(std::max(weight, 0.0));  // but for rounding
+    }
   });
 }
 

@@ -51,6 +51,24 @@ dd::Similarity read_placement(const double* values) {
   return placement;
 }
 
+void read_points(const dd_transfer_options& options, Given& given) {
+  if (!options.point_triangles && !options.point_weights) return;
+  require(given.pairs_of != Given::PairsOf::nearest,
+          "options.point_triangles is not null, but options.pairs_of is DD_PAIRS_OF_NEAREST, which "
+          "finds the points.");
+  const size_t count = count_of(given.target.vertex_count());
+  require_count("options.point_triangles", options.point_triangles, options.point_triangle_count,
+                count, "vertices");
+  require_count("options.point_weights", options.point_weights, options.point_weight_count, count,
+                "vertices");
+  given.options.points.resize(count);
+  for (size_t v = 0; v < count; ++v) {
+    dd::PointOnTriangle& point = given.options.points[v];
+    point.triangle = options.point_triangles[v];
+    point.weights = Eigen::Map<const Eigen::Vector3f>(options.point_weights + 3 * v).cast<double>();
+  }
+}
+
 void read_options(const dd_transfer_options& options, Given& given) {
   given.pairs_of = choice("options.pairs_of", options.pairs_of, Given::PairsOf::nearest);
   if (options.placement) given.placement = read_placement(options.placement);
@@ -66,7 +84,8 @@ void read_options(const dd_transfer_options& options, Given& given) {
   how.threads = threads(options.threads);
   require(std::isfinite(options.gap), "options.gap is not finite.");
   how.gap = options.gap;
-  how.placing = choice("options.placing", options.placing, dd::Placing::parts);
+  how.placing = choice("options.placing", options.placing, dd::Placing::displacements);
+  read_points(options, given);
 }
 
 constexpr double kUsualGap = 0.005;

@@ -22,14 +22,14 @@ constexpr int kClosings = 3;     // of closing
 }  // namespace
 
 FollowedPlaces::FollowedPlaces(const Mesh& source, const Mesh& target, const UnitBox& box,
-                               const std::vector<Component>& components,
+                               const std::vector<Component>& components, const SourcePoints& points,
                                const Similarity& placement, const SourceGradients& gradients,
                                Precision precision, ThreadPool& pool, const Progress& progress)
     : placement_(placement),
       gradients_(gradients),
       pool_(pool),
       fans_(target.triangles, target.vertex_count()),
-      points_(source, target, fans_, gradients, placement, pool),
+      points_(points),
       different_(kDifferent * box.scale) {
   std::vector<int> roles(static_cast<size_t>(target.vertex_count()), kFixed);
   const auto follows = [](const Component& component) {

@@ -39,9 +39,9 @@ class FollowedPlaces {
   /// components: of the target; those with sources that nothing holds follow. All must outlive
   /// this. Progress of two factorizations.
   FollowedPlaces(const Mesh& source, const Mesh& target, const UnitBox& box,
-                 const std::vector<Component>& components, const Similarity& placement,
-                 const SourceGradients& gradients, Precision precision, ThreadPool& pool,
-                 const Progress& progress = {});
+                 const std::vector<Component>& components, const SourcePoints& points,
+                 const Similarity& placement, const SourceGradients& gradients, Precision precision,
+                 ThreadPool& pool, const Progress& progress = {});
 
   /// pose: S', whose gradients were taken. result: T' as they make it; moved.
   void correct(const Positions& pose, Positions& result);
@@ -75,7 +75,7 @@ class FollowedPlaces {
   const SourceGradients& gradients_;
   ThreadPool& pool_;
   Fans fans_;  // of the target
-  SourcePoints points_;
+  const SourcePoints& points_;
   double different_;  // τ
 
   std::vector<int> triangles_;        // those with a source

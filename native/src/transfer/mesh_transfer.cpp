@@ -2,6 +2,7 @@
 #include "transfer/mesh_transfer.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <string>
 #include <utility>
@@ -13,6 +14,8 @@
 namespace dd {
 
 namespace {
+
+constexpr double kWeightsAddUp = 1e-3;  // to this
 
 Mesh validated(Mesh mesh, const char* which) {
   validate(mesh, which);
@@ -34,6 +37,27 @@ std::vector<int> checked_anchors(const TransferOptions& options, const Mesh& tar
                   "Vertex " + std::to_string(v) + " is named as an anchor more than once.");
   }
   return options.anchors;
+}
+
+void check_points(const std::vector<PointOnTriangle>& points, const Mesh& source,
+                  const Mesh& target) {
+  if (points.empty()) return;
+  if (points.size() != static_cast<size_t>(target.vertex_count()))
+    throw Error(Status::argument, "There are points of " + std::to_string(points.size()) +
+                                      " vertices, and the target has " +
+                                      std::to_string(target.vertex_count()) + ".");
+  for (size_t v = 0; v < points.size(); ++v) {
+    const PointOnTriangle& point = points[v];
+    if (point.triangle < -1 || point.triangle >= source.triangle_count())
+      throw Error(Status::argument, "The point of vertex " + std::to_string(v) +
+                                        " is in triangle " + std::to_string(point.triangle) +
+                                        ", and the source has " +
+                                        std::to_string(source.triangle_count()) + ".");
+    if (point.triangle >= 0 && !(std::abs(point.weights.sum() - 1) <= kWeightsAddUp &&
+                                 point.weights.minCoeff() >= -kWeightsAddUp))
+      throw Error(Status::argument, "The weights of the point of vertex " + std::to_string(v) +
+                                        " are negative or don't add up to 1.");
+  }
 }
 
 }  // namespace
@@ -89,6 +113,7 @@ MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& corre
                                       std::to_string(correspondence.target_count()) +
                                       " triangles, and the target has " +
                                       std::to_string(target_.triangle_count()) + ".");
+  check_points(options.points, source_, target_);
   report(progress, 0.02, "Looking at the meshes");
   if (options.placement)
     placement_ = *options.placement;
@@ -152,21 +177,31 @@ void MeshTransfer::factor(const TransferOptions& options, const Progress& progre
 }
 
 void MeshTransfer::prepare_places(const TransferOptions& options, const Progress& progress) {
-  if (options.placing == Placing::parts) {
-    const Fans fans(target_.triangles, target_.vertex_count());
-    points_ = options.worn ? std::make_unique<SourcePoints>(source_, options.worn->of_vertices)
-                           : std::make_unique<SourcePoints>(source_, target_, fans, *gradients_,
-                                                            placement_, pool_);
-    rigid_parts_ = std::make_unique<RigidParts>(source_, target_, components_, *points_, placement_,
-                                                *gradients_);
-  } else if (options.placing == Placing::vertices && options.worn) {
+  if (options.placing == Placing::components) return;
+  if (options.placing == Placing::vertices && options.worn) {
     worn_ =
         std::make_unique<WornPlaces>(source_, target_, box_, region_, *options.worn, placement_,
                                      *gradients_, options.gap, options.precision, pool_, progress);
-  } else if (options.placing == Placing::vertices) {
-    followed_ = std::make_unique<FollowedPlaces>(source_, target_, box_, components_, placement_,
-                                                 *gradients_, options.precision, pool_, progress);
+    return;
   }
+  if (options.worn)
+    points_ = std::make_unique<SourcePoints>(source_, options.worn->of_vertices);
+  else if (!options.points.empty())
+    points_ = std::make_unique<SourcePoints>(source_, options.points);
+  else
+    points_ = std::make_unique<SourcePoints>(source_, target_,
+                                             Fans(target_.triangles, target_.vertex_count()),
+                                             *gradients_, placement_, pool_);
+  if (options.placing == Placing::parts)
+    rigid_parts_ = std::make_unique<RigidParts>(source_, target_, components_, *points_, placement_,
+                                                *gradients_);
+  else if (options.placing == Placing::displacements)
+    displacements_ =
+        std::make_unique<Displacements>(source_, target_, components_, *points_, placement_, pool_);
+  else
+    followed_ =
+        std::make_unique<FollowedPlaces>(source_, target_, box_, components_, *points_, placement_,
+                                         *gradients_, options.precision, pool_, progress);
 }
 
 void MeshTransfer::find_components() {
@@ -211,6 +246,7 @@ const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
     worn_->correct(pose, result_);
   } else {
     if (rigid_parts_) rigid_parts_->correct(pose, result_);
+    if (displacements_ && !rotation_only) displacements_->correct(pose, result_);
     // Pins keep a pinned component away from where its source went. The others are shifted by as
     // much, so that all components keep together.
     for (const Component& component : components_)

@@ -10,6 +10,7 @@
 #include "surface/component_placement.h"
 #include "surface/corner_flux.h"
 #include "surface/reconstruction.h"
+#include "transfer/displacements.h"
 #include "transfer/followed_places.h"
 #include "transfer/rigid_parts.h"
 #include "transfer/source_gradients.h"
@@ -27,9 +28,10 @@ enum class Anchor {
 
 /// What goes where its source went. The values are those of dd_placing in the public header.
 enum class Placing {
-  vertices = 0,    ///< each component, and within it each vertex: see FollowedPlaces, WornPlaces
-  components = 1,  ///< each component as a whole, deformed by the gradients alone
-  parts = 2        ///< each component as a whole, which keeps its shape: see RigidParts
+  vertices = 0,      ///< each component, and within it each vertex: see FollowedPlaces, WornPlaces
+  components = 1,    ///< each component as a whole, deformed by the gradients alone
+  parts = 2,         ///< each component as a whole, which keeps its shape: see RigidParts
+  displacements = 3  ///< each vertex as far as its source: see Displacements
 };
 
 struct TransferOptions {
@@ -42,6 +44,9 @@ struct TransferOptions {
   /// Where the target lies over the source, and is worn by it: by that placement, or as they stand.
   const NearestPoints* worn = nullptr;
   double gap = -1;  ///< of what is worn, by vertices: see WornPlaces
+  /// The point of the source that each vertex of the target corresponds to; empty: as the
+  /// correspondences say. See SourcePoints, points_of_fit().
+  std::vector<PointOnTriangle> points = {};
   Precision precision = Precision::full;
   int threads = 0;  ///< 0: as many as the machine has, at most 8
 };
@@ -133,8 +138,9 @@ class MeshTransfer {
   std::unique_ptr<FollowedPlaces> followed_;
   std::unique_ptr<WornPlaces> worn_;
   double worn_distance_ = 0;
-  std::unique_ptr<SourcePoints> points_;  // of the next
+  std::unique_ptr<SourcePoints> points_;  // of what follows by them
   std::unique_ptr<RigidParts> rigid_parts_;
+  std::unique_ptr<Displacements> displacements_;
   int unmatched_component_count_ = 0, unmatched_component_example_ = -1;
   Rows offsets_;  // in order_, unit box
   Positions result_;
