@@ -206,7 +206,7 @@ int main(int argc, char** argv) try {
       largest[way] = std::max(largest[way], error.maxCoeff());
     }
     const double move = (found[1] - target.positions).rowwise().norm().maxCoeff() /
-                        std::max(1e-9 * box, moves.rowwise().norm().maxCoeff());
+                        std::max(1e-4 * box, moves.rowwise().norm().maxCoeff());
     if (move > largest_move) largest_move = move, what_moves = files[i];
     const dd::Pairs pairs = closing(target.positions, truth);
     const size_t name = files[i].find_last_of('/') + 1;
