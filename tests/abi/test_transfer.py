@@ -337,6 +337,8 @@ def test_what_is_worn_follows_what_it_lies_over_and_stays_outside(native, strip)
     turn = rotation(0.7, (1, 2, 3))[0]
     spun = (strip.positions @ turn[:, :3].T + turn[:, 3]).astype(np.float32)
     assert np.abs(worn.apply(spun, WHOLE) - (sheet @ turn[:, :3].T + turn[:, 3])).max() < 1e-3
+    displaced = native.Transfer(mesh(strip), (sheet, triangles), pairs_of='NEAREST', placing='DISPLACEMENTS')
+    assert np.abs(displaced.apply(strip.positions + np.float32([1, 2, 3]), WHOLE) - (sheet + [1, 2, 3])).max() < 1e-4
     rigid = native.Transfer(mesh(strip), (sheet, triangles), pairs_of='NEAREST', placing='PARTS')
     posed = rigid.apply(bent(strip.positions), WHOLE)
     lengths = [np.linalg.norm(p[triangles] - p[np.roll(triangles, 1, axis=1)], axis=2) for p in (sheet, posed)]

@@ -144,12 +144,13 @@ def test_displacements_go_by_the_points_that_are_kept_with_a_match(heads, part):
     target.modifiers.new("Decimate", 'DECIMATE').ratio = 0.5
     activate(target)
     bpy.ops.object.modifier_apply(modifier="Decimate")
+    by_displacements = dict(what='ALL_KEYS', correspondence='STORED', placing='DISPLACEMENTS')
     assert bpy.ops.object.detail_deform_transfer_match(source=source.name) == {'FINISHED'}
     matched, rest = part('scene.correspondence').stored(source, target), own(target)
     triangles, weights = matched.points
     places = (weights[:, :, None] * p[matched.source_triangles[triangles]]).sum(1) @ turn.T + (3, 0, 0)
     assert np.abs(places - rest).max() < 0.03
-    assert transfer(source=source.name, what='ALL_KEYS', correspondence='STORED', placing='DISPLACEMENTS') == {'FINISHED'}
+    assert transfer(source=source.name, **by_displacements) == {'FINISHED'}
     key = target.data.shape_keys.key_blocks["Chin"]
     moved = np.array([point.co for point in key.data]) - rest
     assert np.abs(moved[rest[:, 2] < -0.55] - turn @ (0, -0.2, -0.1)).max() < 1e-3
@@ -158,7 +159,7 @@ def test_displacements_go_by_the_points_that_are_kept_with_a_match(heads, part):
     kept = target.data['detail_deform_match']
     kept['point_weights'] = kept['point_weights'][:-1]
     assert part('scene.correspondence').stored(source, target).points is None
-    assert transfer(source=source.name, what='ALL_KEYS', correspondence='STORED', placing='DISPLACEMENTS') == {'FINISHED'}
+    assert transfer(source=source.name, **by_displacements) == {'FINISHED'}
     moved = np.array([point.co for point in target.data.shape_keys.key_blocks["Chin"].data]) - rest
     assert np.allclose(moved[rest[:, 2] < -0.55].mean(0), turn @ (0, -0.2, -0.1), atol=0.01)
 

@@ -106,27 +106,57 @@ TEST_CASE("the handles' extension is K's own solution, by functions and by a sol
   }
 }
 
+namespace {
+
+/// A strip whose handles are across it, the rest held by them alone.
+struct Strip {
+  explicit Strip(int length) {
+    mesh = test::grid(length, 5,
+                      [](double x, double y) { return 0.1 * std::sin(9 * x) + 0.2 * x * y; });
+    roles.assign(static_cast<size_t>(mesh.vertex_count()), kFree);
+    for (int h = 0; h < 4; ++h)
+      for (int v = 0; v < 10; ++v) roles[size_t(40 * h + v)] = h;
+  }
+  /// Beside it, and so much larger, a plate with two handles.
+  void add_plate(double size) {
+    Mesh plate = test::grid(20, 20, [](double x, double y) { return 0.1 * x * y; });
+    plate.positions *= size;
+    mesh.positions.rowwise() += Eigen::RowVector3d(0.5 * size, 0.4 * size, 0.03 * size);
+    mesh = test::appended(mesh, plate);
+    roles.resize(size_t(mesh.vertex_count()), kFree);
+    for (int v = 0; v < 20; ++v) {
+      roles[roles.size() - 400 + size_t(v)] = 4;
+      roles[roles.size() - 1 - size_t(v)] = 5;
+    }
+  }
+  Mesh mesh;
+  std::vector<int> roles;
+};
+
+}  // namespace
+
 TEST_CASE(
     "functions of many coordinates are K's own, where one solve is exact and where it is not") {
-  // Handles across a strip; where all of them are at one end, nothing holds the rest of it.
-  const auto length = GENERATE(40, 1200);
-  const Mesh strip =
-      test::grid(length, 5, [](double x, double y) { return 0.1 * std::sin(9 * x) + 0.2 * x * y; });
-  std::vector<int> roles(static_cast<size_t>(strip.vertex_count()), kFree);
-  for (int h = 0; h < 4; ++h)
-    for (int v = 0; v < 10; ++v) roles[size_t(40 * h + v)] = h;
-  const Region region = split_region(strip, roles, 4);
-  const HandleCoordinates coordinates(region, strip.positions);
-  REQUIRE(coordinates.count() == 16);
-  const SurfaceOperators operators = surface_operators(strip.positions, strip.triangles);
-  const PolyharmonicSystem bending(operators, region);
+  // Exactly enough by one solve or not, and where the base is too large beside it to tell.
+  const auto [length, plate, least, most] = GENERATE(table<int, double, double, double>(
+      {{40, 0, 0, 1e-10}, {300, 10, 1e-8, 5e-7}, {1200, 0, 5e-7, 1}, {1200, 100, 1e-8, 1}}));
+  Strip strip(length);
+  if (plate > 0) strip.add_plate(plate);
+  const Mesh mesh = {strip.mesh.positions / bounding_box_diagonal(strip.mesh.positions),
+                     strip.mesh.triangles};
+  const Region region = split_region(mesh, strip.roles, plate > 0 ? 6 : 4);
+  const HandleCoordinates coordinates(region, mesh.positions);
+  const Index count = coordinates.count();
+  REQUIRE(count >= 16);
   ThreadPool pool(2);
-  RowMatrix values = RowMatrix::Zero(strip.vertex_count(), 16);
+  RowMatrix values = RowMatrix::Zero(mesh.vertex_count(), count);
   for (int v : region.handle_vertices) {
-    const int h = roles[size_t(v)];
+    const int h = strip.roles[size_t(v)];
     values.row(v).segment(coordinates.begin(h), coordinates.count(h)) =
-        coordinates.at(strip.positions.row(v), h).head(coordinates.count(h));
+        coordinates.at(mesh.positions.row(v), h).head(coordinates.count(h));
   }
+  const SurfaceOperators operators = surface_operators(mesh.positions, mesh.triangles);
+  const PolyharmonicSystem bending(operators, region);
   const RowMatrix refined = bending.extend(values);
   const double size = refined.cwiseAbs().maxCoeff();
   const auto off = [&](const RowMatrix& functions) {
@@ -136,21 +166,19 @@ TEST_CASE(
     BindOptions options;
     options.precision = precision;
     options.triangulation = Triangulation::given;
-    const BoundSurface bound(strip, region, options, pool, {});
-    RowMatrix space, functions(region.free_count(), 16);
+    const BoundSurface bound(mesh, region, options, pool, {});
+    RowMatrix space, functions(region.free_count(), count);
     const RowMatrix& in_order = bound.extension.functions(space);
     for (int r = 0; r < region.free_count(); ++r)
       functions.row(r) = in_order.row(bound.order().row_of_vertex[size_t(region.free[size_t(r)])]);
-    CHECK(off(functions) < (precision == Precision::full ? 1e-8 : 5e-7));
+    // As far as one column can tell of many.
+    CHECK(off(functions) < 5 * (precision == Precision::full ? 1e-8 : 5e-7));
   }
-  // What a bind knows of one solve by its base is so of the functions, too; and both cases are met.
-  double of_base = 0;
-  base_surface(bending, region, strip.positions, &of_base);
+  // So that all cases are met.
   const RowMatrix at_handles = values(region.handle_vertices, Eigen::all);
-  const double of_functions = off(HandleSolve(bending, region, &pool).extend(at_handles));
-  CHECK(of_functions < 5 * of_base);
-  CHECK(of_base < 5 * of_functions);
-  CHECK((of_functions > 5e-7) == (length > 40));
+  const double by_one_solve = off(HandleSolve(bending, region, &pool).extend(at_handles));
+  CHECK(by_one_solve > least);
+  CHECK(by_one_solve < most);
 }
 
 TEST_CASE("a flat handle, one in a line and one of one point take fewer functions") {
@@ -204,12 +232,12 @@ TEST_CASE("a handle's functions are 1 and its coordinates when everything constr
 
 namespace {
 
-/// A handle of its own for every fifth vertex.
+/// A handle of its own for every so manieth vertex.
 struct ManyHandles {
-  explicit ManyHandles(int levels) : mesh(test::rough_sphere(levels, 0.15)) {
+  explicit ManyHandles(int levels, int step = 5) : mesh(test::rough_sphere(levels, 0.15)) {
     roles.assign(size_t(mesh.vertex_count()), kFree);
     std::srand(4);
-    for (int v = 0; v < mesh.vertex_count(); v += 5) {
+    for (int v = 0; v < mesh.vertex_count(); v += step) {
       if (mesh.positions(v, 2) < -0.6) {
         roles[size_t(v)] = kFixed;
         continue;
@@ -253,7 +281,17 @@ TEST_CASE("with a handle for every fifth vertex a frame solves for its base") {
 }
 
 TEST_CASE("many handles: the number of threads changes nothing", "[threads]") {
-  const ManyHandles many(5);
+  // A frame solves for its base wholly, or has the first half of that ready.
+  const int step = GENERATE(5, 50);
+  const ManyHandles many(5, step);
+  {
+    ThreadPool pool(2);
+    const Region region = split_region(many.mesh, many.roles, many.count());
+    const BoundSurface bound(many.mesh, region, {}, pool, {});
+    REQUIRE(bound.extension.factor_kept());
+    REQUIRE(bound.extension.first_half_is_ready() == (step == 50));
+    REQUIRE(bound.poisson->active().sections() > 2);
+  }
   BindOptions bind;
   bind.precision = Precision::single;
   bind.threads = 1;

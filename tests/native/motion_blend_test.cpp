@@ -5,6 +5,7 @@
 #include "catch.h"
 #include "deform.h"
 #include "mesh/measures.h"
+#include "support/rotations.h"
 
 using namespace dd;
 using test::Affine;
@@ -114,6 +115,45 @@ TEST_CASE("blended motions: translations and small turns move the base as the li
                                  bend(134, BaseDeformer::linear)) == 0);
   CHECK(test::largest_difference(bend(179.999, BaseDeformer::automatic),
                                  bend(179.999, BaseDeformer::motions)) < 1e-4);
+}
+
+TEST_CASE("blended motions: how far handles are turned apart is the most of any two") {
+  const Mesh mesh = test::rough_sphere(3, 0.1);
+  std::vector<int> roles(size_t(mesh.vertex_count()), kFree);
+  constexpr int kCount = 40;
+  for (int h = 0; h < kCount; ++h) roles[roles.size() / kCount * size_t(h)] = h;
+  const Region region = split_region(mesh, roles, kCount);
+  ThreadPool pool(1);
+  const BoundSurface bound(mesh, region, {}, pool, {});
+  MotionBlend blend(bound);
+  std::srand(11);
+  for (const double common : {0.0, 0.4})  // all turned alike, too
+    for (const double spread : {0.0, 0.45, 0.5, 0.55, 0.6}) {
+      std::vector<MotionBlend::Affine> motions;
+      std::vector<Eigen::Vector3d> angles;
+      for (int h = 0; h < kCount; ++h) {
+        const Eigen::Vector3d axis = Eigen::Vector3d::Random().normalized();
+        // In pairs of opposite turns, so that some are as far from the mean as others.
+        const Eigen::Vector3d angle =
+            Eigen::Vector3d(0, 0, common) + kTurn / 2 * spread * (h % 2 ? -1 : 1) * axis;
+        angles.push_back(angle);
+        MotionBlend::Affine motion = MotionBlend::Affine::Zero();
+        motion.leftCols<3>() = rotation_by(angle);
+        motions.push_back(motion);
+      }
+      blend.take(motions, {});
+      // Nothing is fixed: apart from the first.
+      double farthest = 0;
+      const auto to_first = [&](int h) -> Eigen::Vector3d {
+        return rotation_vector(rotation_by(angles[0]).transpose() * rotation_by(angles[size_t(h)]));
+      };
+      for (int i = 0; i < kCount; ++i)
+        for (int j = 0; j < i; ++j)
+          farthest = std::max(farthest, (to_first(i) - to_first(j)).norm());
+      const double half = kTurn / 2;
+      CHECK(blend.share(BaseDeformer::automatic) ==
+            Approx(std::clamp((farthest - 0.75 * half) / (0.25 * half), 0.0, 1.0)).margin(1e-9));
+    }
 }
 
 TEST_CASE("blended motions: handles have their places whatever their matrices are") {

@@ -423,7 +423,7 @@ TEST_CASE("displacements are the source's, in proportion where sizes differ") {
   // Another shape, turned and of another size.
   shape.positions.col(1) *= 1.3;
   const Eigen::Matrix3d turn = rotation_by(Eigen::Vector3d(0.4, -1, 2));
-  const double halfway = std::sqrt(1.1 * 1.2);  // between what doesn't count and what does
+  const double halfway = 1.15;  // between what doesn't count and what does
   for (const auto& [size, share] : {std::pair(1.0, 1.0),
                                     {1.09, 1.0},
                                     {0.92, 1.0},
@@ -474,6 +474,48 @@ TEST_CASE("vertices without a point go with displaced ones around them") {
   const Positions found = transfer.apply(wave, false);
   for (int v = 0; v < source.vertex_count(); ++v)
     CHECK((found.row(v) - wave.row(v)).norm() < (known[size_t(v)] ? 1e-3 : 0.1));
+}
+
+TEST_CASE("parts without a source go as displaced ones do, and pinned ones keep theirs") {
+  Mesh small = test::rough_sphere(3, 0.1);
+  small.positions = (0.4 * small.positions).rowwise() + Eigen::RowVector3d(1.6, 0, 0);
+  const Mesh source = test::appended(test::rough_sphere(3, 0.2), small);
+  const Mesh target = {1.09 * source.positions, source.triangles};
+  const int m = source.triangle_count(), of_large = m - small.triangle_count();
+  const Eigen::RowVector3d shift(0, 3, 1);
+  const Positions pose = source.positions.rowwise() + shift;
+  TransferOptions options;
+  options.placing = Placing::displacements;
+  Pairs pairs;
+  for (int j = 0; j < of_large; ++j) pairs.push_back({j, j});
+  MeshTransfer alone(source, target, triangle_correspondence(pairs, m, m), options);
+  REQUIRE(alone.unmatched_component_count() == 1);
+  CHECK(largest_difference(alone.apply(pose, false), target.positions.rowwise() + shift) < 1e-9);
+  options.anchor = Anchor::pinned;
+  options.anchors = {5, 11, 40};
+  MeshTransfer pinned(source, target, same_topology(source, target), options);
+  CHECK(largest_difference(pinned.apply(pose, false), target.positions) < 1e-9);
+}
+
+TEST_CASE("points that are given for some vertices are those of pairs for others") {
+  const Mesh source = test::rough_sphere(3, 0.15), target = finer(source);
+  ThreadPool pool(1);
+  const Match match = match_triangles(source, target, 0.1);
+  const auto all = points_of_fit(source, target, match.correspondence, pool);
+  const Positions pose = bent(source.positions);
+  for (const Placing placing : {Placing::vertices, Placing::parts, Placing::displacements}) {
+    TransferOptions options;
+    options.placing = placing;
+    const auto applied = [&](const std::vector<PointOnTriangle>& points) {
+      options.points = points;
+      return Positions(
+          MeshTransfer(source, target, match.correspondence, options).apply(pose, false));
+    };
+    std::vector<PointOnTriangle> none(all.size()), short_of_one = all;
+    for (PointOnTriangle& point : short_of_one) point.weights *= 0.9995;
+    CHECK(largest_difference(applied(none), applied({})) == 0);
+    CHECK(largest_difference(applied(short_of_one), applied(all)) < 1e-12);
+  }
 }
 
 TEST_CASE("points that no search gives are refused") {

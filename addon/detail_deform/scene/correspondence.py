@@ -19,7 +19,7 @@ class Matched:
     pairs_of says, None where the topology is the same; confidence: (m,) of the target's triangles, 0 to 1."""
 
     pairs_of = 'TRIANGLES'
-    points = None  # of each vertex of the target: the source's triangle, or -1, (n,), and weights of its corners, (n, 3)
+    points = None  # of each vertex of the target: a triangle of the source, or -1, (n,), and three weights, (n, 3)
     stance = None  # of NEAREST: (4, 4) from the source's space to the target's
     ambiguous = False  # whether the source fits about as well turned otherwise
     mirrored = False  # whether markers say that the target is the source's mirror image
@@ -155,7 +155,7 @@ def _is_stance(values):
 def digest_of(matched):
     """A short text: equal texts, equal correspondences."""
     by = matched.pairs if matched.stance is None else matched.stance
-    points = "" if matched.points is None else mesh_data.signature(matched.points[1])
+    points = ''.join(map(mesh_data.signature, matched.points or ()))
     return f"{matched.pairs_of}-{mesh_data.signature(by)}{points}"
 
 
@@ -203,8 +203,7 @@ def stored(source, target):
     matched = Matched(*(np.array(kept[name], np.int32).reshape(-1, _LISTS[name]) for name in (
         'source_triangles', 'target_triangles', 'pairs')), np.array(kept['confidence'], np.float32))
     matched.pairs_of = kept['pairs_of']
-    if matched.pairs_of == 'TRIANGLES':
-        matched.points = _points_of(kept, len(target.data.vertices))
+    matched.points = _points_of(kept, len(target.data.vertices))
     return matched
 
 

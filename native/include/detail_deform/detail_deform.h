@@ -555,9 +555,10 @@ typedef struct dd_transfer_options {
                               at rest, it is kept there. 0 stands for 0.005; negative: it may go
                               through */
   const int32_t* point_triangles; /* for each vertex of the target the triangle of the source in
-                                     which its point is, or -1, as dd_match_get_points() gives
-                                     them: with them a place is told more exactly than by pairs.
-                                     Null, and so the next: as the pairs say */
+                                     which its point is, as dd_match_get_points() gives them: they
+                                     tell places more exactly than pairs. Null, with
+                                     point_weights, or -1: as the pairs say. Not with
+                                     DD_PAIRS_OF_NEAREST */
   size_t point_triangle_count;    /* vertices of the target */
   const float* point_weights; /* three numbers for each: of the triangle's corners, 1 together */
   size_t point_weight_count;  /* vertices of the target */

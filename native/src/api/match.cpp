@@ -62,7 +62,7 @@ int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32
                                                                dd::within(progress, 0.3, 0.9));
                           made->match =
                               dd::match_triangles({made->registered, from.triangles}, to, how.reach,
-                                                  how.threads, dd::within(progress, 0.9, 1));
+                                                  how.threads, dd::within(progress, 0.9, 0.97));
                           dd::doubt_stretched(made->match, from, made->registered);
                           dd::ThreadPool pool(how.threads);
                           made->points = dd::points_of_fit({made->registered, from.triangles}, to,
@@ -70,6 +70,7 @@ int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32
                           if (mirrored)  // whose triangles go round the other way
                             for (dd::PointOnTriangle& point : made->points)
                               std::swap(point.weights[1], point.weights[2]);
+                          dd::report(progress, 1, "Done");
                           made->facts.ambiguous = alignment.ambiguous;
                           made->facts.mirrored = mirrored;
                           made->facts.confidence = mean_by_area(made->match.confidence, to);

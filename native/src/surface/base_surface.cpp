@@ -6,9 +6,9 @@
 namespace dd {
 
 Positions base_surface(const PolyharmonicSystem& bending, const Region& region,
-                       const Positions& positions, double* one_solve_error) {
+                       const Positions& positions) {
   Positions base = positions;
-  const RowMatrix free = bending.extend(positions, one_solve_error);
+  const RowMatrix free = bending.extend(positions);
   for (int r = 0; r < region.free_count(); ++r) base.row(region.free[r]) = free.row(r);
   return base;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "surface/bound_surface.h"
 
+#include <cmath>
 #include <cstdio>
 #include <future>
 #include <string>
@@ -13,6 +14,29 @@
 namespace dd {
 
 namespace {
+
+/// q of K q = 0 that takes on S at constrained vertices (see base_surface()), and how far one solve
+/// of it is off. Motions of the handles, unlike each other, are solved for beside it: they tell so
+/// of parts that are too small for the base to. Solves take four columns at once anyway.
+struct TriedBase {
+  TriedBase(const PolyharmonicSystem& bending, const HandleCoordinates& coordinates,
+            const Region& region, const Positions& positions)
+      : base(positions) {
+    RowMatrix values = RowMatrix::Zero(positions.rows(), 4);
+    values.leftCols<3>() = positions;
+    for (int v : region.handle_vertices) {
+      const int h = region.role[v];
+      const auto own = coordinates.at(positions.row(v), h);
+      for (int k = 0; k < coordinates.count(h); ++k)
+        values(v, 3) += own[k] * std::sin(1 + 2.4 * (coordinates.begin(h) + k));
+    }
+    const RowMatrix free = bending.extend(values, &one_solve_error);
+    for (int r = 0; r < region.free_count(); ++r)
+      base.row(region.free[r]) = free.row(r).leftCols<3>();
+  }
+  Positions base;
+  double one_solve_error = 0;
+};
 
 /// How far one solve of K may be off where it stands for a refined one, of the largest value. In
 /// single precision a frame's own solve may be off by more.
@@ -109,10 +133,10 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
     const PolyharmonicSystem bending =
         factored(metric, begin, begin + 0.2, "Factoring the base surface's energy");
     report(progress, begin + 0.2, "Computing the base surface");
-    double one_solve_error = 0;
-    base = base_surface(bending, region, mesh.positions, &one_solve_error);
+    TriedBase tried(bending, coordinates, region, mesh.positions);
+    base = std::move(tried.base);
     (options.base_metric == BaseMetric::base ? surface_extension : extension) =
-        extend_handles(bending, one_solve_error, begin + 0.25, begin + 0.4);
+        extend_handles(bending, tried.one_solve_error, begin + 0.25, begin + 0.4);
   };
 
   if (options.base_metric == BaseMetric::surface && options.metric_smoothing > 0) {
@@ -138,8 +162,10 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
               if (operators.flipped) how.symbolic = nullptr;
               const PolyharmonicSystem bending =
                   factored(on_base, 0.6, 0.8, "Factoring the energy on the base");
-              double one_solve_error = 0;
-              base_surface(bending, region, base, &one_solve_error);
+              const double one_solve_error =
+                  coordinates.count() > kAlwaysRefined
+                      ? TriedBase(bending, coordinates, region, base).one_solve_error
+                      : 1;
               extension = extend_handles(bending, one_solve_error, 0.8, 1);
             });
   }

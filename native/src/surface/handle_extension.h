@@ -27,12 +27,12 @@ enum class KeptOfEnergy {
 /// constrained vertices. With few handles W is kept, and a frame needs no solve for its base. With
 /// many, where W would be more than half as large as K's factor, that is kept: a frame solves
 /// K δq = 0 with what C gives the handles' vertices, and a bind makes no functions at all. A column
-/// takes one solve where that is exact enough, else as many as refining takes.
+/// takes one solve where that may stand for a refined one, else as many as refining takes.
 class HandleExtension {
  public:
   HandleExtension() = default;  ///< of nothing
-  /// positions: of S. order: of the free vertices. pool must outlive it. one_solve: whether one is
-  /// exact enough.
+  /// positions: of S. order: of the free vertices. pool must outlive it. one_solve: whether one
+  /// will do.
   /// progress is told how far it is, from 0 to 1. Throws UnsolvableSurface.
   HandleExtension(const PolyharmonicSystem& bending, const HandleCoordinates& coordinates,
                   const Region& region, const Positions& positions, const RowOrder& order,
@@ -41,6 +41,7 @@ class HandleExtension {
 
   bool empty() const { return coordinates_.count() == 0; }
   bool factor_kept() const { return solve_ != nullptr; }
+  bool first_half_is_ready() const { return solve_ && solve_->first_half_is_ready(); }
 
   /// The free rows of out become those of rest + δq, rows in order. coefficients: C of all handles,
   /// 4h×4, the last column 0. out may be rest.

@@ -95,7 +95,7 @@ void HandleSolve::add_extended(const Rows& coefficients, const Rows& rest, Rows&
     const Index row = out_row_[size_t(place)];
     for (int c = 0; c < 3; ++c) out(row, c) = rest(row, c) + double(x[c]);
   };
-  if (forward_.empty()) {
+  if (!first_half_is_ready()) {
     const RowMatrix moved = extend(at_handles_ * coefficients.leftCols<3>());
     const std::vector<int>& order = factor_->factor().order();
     for (size_t k = 0; k < order.size(); ++k) add(int(k), moved.row(order[k]).data());

@@ -28,6 +28,9 @@ class HandleSolve {
   /// fourth column 0.
   void add_extended(const Rows& coefficients, const Rows& rest, Rows& out);
 
+  /// Whether a frame needs the second half of a solve alone.
+  bool first_half_is_ready() const { return !forward_.empty(); }
+
   double bytes() const;
 
  private:
@@ -38,7 +41,7 @@ class HandleSolve {
   ThreadPool* pool_;
   // Of add_extended().
   SparseMatrix at_handles_;   // V
-  SparseForward forward_;     // of −K_FC V, where that is smaller than the factor
+  SparseForward forward_;     // of −K_FC V, where that is half the factor at most
   std::vector<int> out_row_;  // of each place in the factor
   SparseCholesky::Space space_;
 };

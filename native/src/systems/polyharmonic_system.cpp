@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "systems/polyharmonic_system.h"
 
+#include <algorithm>
+
 #include "systems/free_block.h"
 
 namespace dd {
@@ -39,14 +41,14 @@ RowMatrix PolyharmonicSystem::extend(const RowMatrix& values, double* one_solve_
   // Iterative refinement: where triangles are thin or the region is long, K spans many magnitudes
   // and its factor loses digits that the product L (M⁻¹ (L x)) still has. The first correction is
   // the solution itself; what the last one still changes tells how far it can be trusted.
-  double last = 1, corrected = 0;
+  double last = 1;
+  Eigen::RowVectorXd corrected = Eigen::RowVectorXd::Zero(x.cols());
   for (int round = 0;; ++round) {
     const RowMatrix correction =
         factor_->solve(free_rows(-apply_energy(operators_, x, smoothness_), region_), pool_);
     for (int r = 0; r < region_.free_count(); ++r) x.row(region_.free[r]) += correction.row(r);
     const double change = correction.cwiseAbs().maxCoeff(), size = x.cwiseAbs().maxCoeff();
-    if (round > 0) corrected += change;
-    if (one_solve_error) *one_solve_error = size > 0 ? corrected / size : 0;
+    if (round > 0) corrected += correction.cwiseAbs().colwise().maxCoeff();
     // The next would change about as much less than this one as this one less than the last.
     if (round + 1 >= kLeastRounds && change * (change / last) <= kSettled * size) break;
     const bool converges = round == 0 || change < 0.5 * last;
@@ -56,6 +58,13 @@ RowMatrix PolyharmonicSystem::extend(const RowMatrix& values, double* one_solve_
     Index row = 0, column = 0;
     correction.cwiseAbs().maxCoeff(&row, &column);
     throw UnsolvableSurface(region_.free[row]);
+  }
+  if (one_solve_error) {
+    *one_solve_error = 0;
+    for (Index c = 0; c < x.cols(); ++c)
+      if (corrected[c] > 0)
+        *one_solve_error =
+            std::max(*one_solve_error, corrected[c] / x.col(c).cwiseAbs().maxCoeff());
   }
   return free_rows(x, region_);
 }

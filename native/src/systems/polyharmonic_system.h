@@ -27,7 +27,7 @@ class PolyharmonicSystem {
 
   /// K_FF x_F = −K_FC x_C. values: n×k; only the rows of constrained vertices are read.
   /// Returns F×k, rows as in Region::free. one_solve_error, where not null: how far one solve alone
-  /// is off, of the largest value; of other values within the same region it is about as much.
+  /// is off in any of the columns, of the column's largest value.
   /// Throws UnsolvableSurface where the solution can't be had to six digits.
   RowMatrix extend(const RowMatrix& values, double* one_solve_error = nullptr) const;
 

@@ -16,8 +16,7 @@ constexpr double kAlike = 1.1, kOther = 1.2;  // ratios of sizes
 
 /// How many times its source's way a vertex goes.
 double proportion(double scale) {
-  const double difference = std::abs(std::log(scale));
-  const double counts = (difference - std::log(kAlike)) / (std::log(kOther) - std::log(kAlike));
+  const double counts = (std::max(scale, 1 / scale) - kAlike) / (kOther - kAlike);
   return std::pow(scale, std::clamp(counts, 0.0, 1.0));
 }
 
@@ -32,20 +31,17 @@ Displacements::Displacements(const Mesh& source, const Mesh& target,
       turn_(proportion(placement.scale) * placement.rotation),
       pool_(pool) {
   std::vector<int> roles(static_cast<size_t>(target.vertex_count()), kFixed);
-  bool all_known = true;
   for (const Component& component : components) {
     if (component.held || component.triangles.empty()) continue;
     for (int v : component.vertices) {
-      if (points.is_known(v)) {
+      if (points.is_known(v))
         known_.push_back(v);
-      } else {
+      else
         roles[size_t(v)] = kFree;
-        all_known = false;
-      }
     }
   }
   region_ = region_of(std::move(roles), 0);
-  if (all_known) return;
+  if (region_.free.empty()) return;
   const SurfaceOperators operators = surface_operators(target.positions, target.triangles);
   const SparseMatrix block = free_block(operators.laplacian, region_);
   coupling_ = SparseMatrix(free_columns(operators.laplacian, region_).transpose());
@@ -55,16 +51,17 @@ Displacements::Displacements(const Mesh& source, const Mesh& target,
 void Displacements::correct(const Positions& pose, Positions& result) const {
   RowMatrix moved;  // what known vertices lack
   if (factor_) moved = RowMatrix::Zero(result.rows(), 3);
-  pool_.parallel_for(
-      static_cast<int64_t>(known_.size()), kLeastRange, [&](int64_t begin, int64_t end) {
-        for (int64_t i = begin; i < end; ++i) {
-          const int v = known_[size_t(i)];
-          const Eigen::Vector3d way = points_.at(pose, v) - points_.at(source_.positions, v);
-          const Eigen::RowVector3d place = target_.positions.row(v) + (turn_ * way).transpose();
-          if (factor_) moved.row(v) = place - result.row(v);
-          result.row(v) = place;
-        }
-      });
+  pool_.parallel_for(static_cast<int64_t>(known_.size()), kLeastRange,
+                     [&](int64_t begin, int64_t end) {
+                       for (int64_t i = begin; i < end; ++i) {
+                         const int v = known_[size_t(i)];
+                         const Eigen::RowVector3d place =
+                             target_.positions.row(v) +
+                             way(points_.at(source_.positions, v), points_.at(pose, v)).transpose();
+                         if (factor_) moved.row(v) = place - result.row(v);
+                         result.row(v) = place;
+                       }
+                     });
   if (!factor_) return;
   const RowMatrix spread = factor_->solve(-RowMatrix(coupling_ * moved), &pool_);
   for (int r = 0; r < region_.free_count(); ++r) result.row(region_.free[r]) += spread.row(r);

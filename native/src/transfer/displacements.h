@@ -28,6 +28,11 @@ class Displacements {
   Displacements(const Mesh& source, const Mesh& target, const std::vector<Component>& components,
                 const SourcePoints& points, const Similarity& placement, ThreadPool& pool);
 
+  /// Where its source's way from one place to another takes a point of the target.
+  Eigen::Vector3d way(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const {
+    return turn_ * (to - from);
+  }
+
   /// pose: S'. result: T' as gradients make it; moved.
   void correct(const Positions& pose, Positions& result) const;
 
@@ -36,8 +41,8 @@ class Displacements {
   const SourcePoints& points_;
   Eigen::Matrix3d turn_;  // s R
   ThreadPool& pool_;
-  std::vector<int> known_;  // vertices with a point
-  Region region_;           // free: vertices of such components without one
+  std::vector<int> known_;  // vertices of such components with a point
+  Region region_;           // free: those without
   SparseMatrix coupling_;   // L of these and all
   std::unique_ptr<SparseCholesky> factor_;
 };

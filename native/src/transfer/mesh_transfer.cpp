@@ -186,12 +186,10 @@ void MeshTransfer::prepare_places(const TransferOptions& options, const Progress
   }
   if (options.worn)
     points_ = std::make_unique<SourcePoints>(source_, options.worn->of_vertices);
-  else if (!options.points.empty())
-    points_ = std::make_unique<SourcePoints>(source_, options.points);
   else
     points_ = std::make_unique<SourcePoints>(source_, target_,
                                              Fans(target_.triangles, target_.vertex_count()),
-                                             *gradients_, placement_, pool_);
+                                             *gradients_, placement_, pool_, options.points);
   if (options.placing == Placing::parts)
     rigid_parts_ = std::make_unique<RigidParts>(source_, target_, components_, *points_, placement_,
                                                 *gradients_);
@@ -240,13 +238,14 @@ const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
 
   gradients_->take(pose, rotation_only, pool_);
   solve(anchor_places);
-  const Eigen::RowVector3d of_pinned = place(pose);
+  const Displacements* displaced = rotation_only ? nullptr : displacements_.get();
+  const Eigen::RowVector3d of_pinned = place(pose, displaced);
   if (followed_ && !rotation_only) followed_->correct(pose, result_);
   if (worn_ && !rotation_only) {
     worn_->correct(pose, result_);
   } else {
     if (rigid_parts_) rigid_parts_->correct(pose, result_);
-    if (displacements_ && !rotation_only) displacements_->correct(pose, result_);
+    if (displaced) displaced->correct(pose, result_);
     // Pins keep a pinned component away from where its source went. The others are shifted by as
     // much, so that all components keep together.
     for (const Component& component : components_)
@@ -276,7 +275,7 @@ void MeshTransfer::solve(const Positions& anchor_places) {
   }
 }
 
-Eigen::RowVector3d MeshTransfer::place(const Positions& pose) {
+Eigen::RowVector3d MeshTransfer::place(const Positions& pose, const Displacements* displaced) {
   std::vector<Eigen::RowVector3d> missing;
   Misplacement of_pinned, of_matched;
   for (const Component& component : components_) {
@@ -284,9 +283,11 @@ Eigen::RowVector3d MeshTransfer::place(const Positions& pose) {
     for (int j : component.triangles) {
       const Eigen::Vector3d own = triangle_centre(target_.positions, target_.triangles, j);
       const Eigen::Matrix3d& S = gradients_->at(j);
+      const Eigen::Vector3d before = gradients_->centre_of_sources(source_.positions, j);
+      const Eigen::Vector3d now = gradients_->centre_of_sources(pose, j);
       const Eigen::Vector3d wanted =
-          placement_(gradients_->centre_of_sources(pose, j)) +
-          S * (own - placement_(gradients_->centre_of_sources(source_.positions, j)));
+          displaced ? Eigen::Vector3d(own + displaced->way(before, now))
+                    : Eigen::Vector3d(placement_(now) + S * (own - placement_(before)));
       const double weight = areas_[j] * stillness(S, Eigen::Matrix3d::Identity());
       of_component.add(weight,
                        (wanted - triangle_centre(result_, target_.triangles, j)).transpose());

@@ -44,8 +44,8 @@ struct TransferOptions {
   /// Where the target lies over the source, and is worn by it: by that placement, or as they stand.
   const NearestPoints* worn = nullptr;
   double gap = -1;  ///< of what is worn, by vertices: see WornPlaces
-  /// The point of the source that each vertex of the target corresponds to; empty: as the
-  /// correspondences say. See SourcePoints, points_of_fit().
+  /// The point of the source that each vertex of the target corresponds to, as far as that is
+  /// known; else, or where this is empty, as the correspondences say. See points_of_fit().
   std::vector<PointOnTriangle> points = {};
   Precision precision = Precision::full;
   int threads = 0;  ///< 0: as many as the machine has, at most 8
@@ -110,9 +110,9 @@ class MeshTransfer {
   void prepare_places(const TransferOptions& options, const Progress& progress);
   Positions checked_places(const Positions* places) const;
   void solve(const Positions& anchor_places);
-  /// Moves the components of result_ that nothing holds to their sources. Returns how far pins keep
-  /// the others from theirs.
-  Eigen::RowVector3d place(const Positions& pose);
+  /// Moves the components of result_ that nothing holds to their sources, or where displacements
+  /// take them if not null. Returns how far pins keep the others from theirs.
+  Eigen::RowVector3d place(const Positions& pose, const Displacements* displaced);
   void keep_anchors(const Positions& anchor_places);
   Eigen::RowVector3d shift_to_anchor(const Positions& anchor_places) const;
 
@@ -134,11 +134,11 @@ class MeshTransfer {
   int unknowns_ = 0;
   double nonzeros_ = 0;
 
-  std::vector<Component> components_;  // triangles: those with a source
+  std::vector<Component> components_;     // triangles: those with a source
+  std::unique_ptr<SourcePoints> points_;  // of what follows by them
   std::unique_ptr<FollowedPlaces> followed_;
   std::unique_ptr<WornPlaces> worn_;
   double worn_distance_ = 0;
-  std::unique_ptr<SourcePoints> points_;  // of what follows by them
   std::unique_ptr<RigidParts> rigid_parts_;
   std::unique_ptr<Displacements> displacements_;
   int unmatched_component_count_ = 0, unmatched_component_example_ = -1;

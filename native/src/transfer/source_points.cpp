@@ -42,10 +42,10 @@ class Walk {
 
 SourcePoints::SourcePoints(const Mesh& source, const Mesh& target, const Fans& fans,
                            const SourceGradients& gradients, const Similarity& placement,
-                           ThreadPool& pool)
+                           ThreadPool& pool, const std::vector<PointOnTriangle>& given)
     : triangles_(source.triangles), points_(static_cast<size_t>(target.vertex_count())) {
-  if (gradients.is_one_to_one() && source.triangle_count() == target.triangle_count() &&
-      source.triangles == target.triangles) {
+  if (given.empty() && gradients.is_one_to_one() &&
+      source.triangle_count() == target.triangle_count() && source.triangles == target.triangles) {
     for (int j = 0; j < target.triangle_count(); ++j)
       for (int k = 0; k < 3; ++k) {
         PointOnTriangle& point = points_[size_t(target.triangles(j, k))];
@@ -57,6 +57,11 @@ SourcePoints::SourcePoints(const Mesh& source, const Mesh& target, const Fans& f
   const Walk walk(source);
   pool.parallel_for(target.vertex_count(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (int v = static_cast<int>(begin); v < end; ++v) {
+      if (!given.empty() && given[size_t(v)].triangle >= 0) {
+        points_[size_t(v)] = given[size_t(v)];
+        points_[size_t(v)].weights /= given[size_t(v)].weights.sum();
+        continue;
+      }
       Eigen::Vector3d own = Eigen::Vector3d::Zero(), of_sources = own;
       int count = 0, first = -1;
       for (int j : fans.of(v)) {

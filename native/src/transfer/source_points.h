@@ -16,8 +16,10 @@ namespace dd {
 /// Of meshes of the same topology the same vertices.
 class SourcePoints {
  public:
+  /// given: points that are known better, for each vertex or none, their weights near to 1 together.
   SourcePoints(const Mesh& source, const Mesh& target, const Fans& fans,
-               const SourceGradients& gradients, const Similarity& placement, ThreadPool& pool);
+               const SourceGradients& gradients, const Similarity& placement, ThreadPool& pool,
+               const std::vector<PointOnTriangle>& given = {});
 
   /// Points that are known.
   SourcePoints(const Mesh& source, std::vector<PointOnTriangle> points)
