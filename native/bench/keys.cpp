@@ -3,8 +3,9 @@
 // mesh of the same topology as REST, cut anew with three times the triangles, and what a key does
 // to it is what it does to REST. Pairs are found by markers, vertices far from one another. Mean
 // error in percent of the box by gradients alone, with the places of the source, by displacements,
-// and by the displacement of the nearest point of the fitted source; and of keys that close something (an eye,
-// a mouth) what gap they leave, in parts of the truth's. Of the largest loose part alone.
+// and by the displacement of the nearest point of the fitted source; and of keys that close
+// something (an eye, a mouth) what gap they leave, in parts of the truth's. Of the largest loose
+// part alone.
 //
 //   keys [--markers 11] [--turned 0] REST.obj IDENTITY.obj KEY.obj...
 //   turned: degrees by which the data of IDENTITY are turned about (1, 2, 3)

@@ -9,7 +9,7 @@ namespace dd {
 
 namespace {
 
-constexpr double kFar = 4;   // reaches
+constexpr double kFarReaches = 4;
 constexpr int kRanges = 64;  // that points are shared out in, whatever the threads
 constexpr int kDense = 3;    // points in a reach
 constexpr int kCrowd = 500;  // points about one: a few sheets of them are fewer
@@ -116,7 +116,7 @@ Rows Contacts::missing(const Positions& posed, const Positions& placed) const {
     for (const Partner& partner : closing.partners)
       e -= partner.share * (posed.row(partner.point) - placed.row(partner.point));
     e /= 2;
-    const double doubt = e.squaredNorm() / (kFar * kFar * reach_ * reach_);
+    const double doubt = e.squaredNorm() / (kFarReaches * kFarReaches * reach_ * reach_);
     const double share = stands_for_[size_t(closing.point)] * closing.share / (1 + doubt * doubt);
     result.row(closing.point) << share * e, share;
   }

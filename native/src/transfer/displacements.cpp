@@ -12,11 +12,11 @@ namespace dd {
 
 namespace {
 
-constexpr double kAlike = 1.1, kOther = 1.2;  // ratios of sizes
+constexpr double kSameSize = 1.1, kOtherSize = 1.2;  // ratios of sizes
 
 /// How many times its source's way a vertex goes.
 double proportion(double scale) {
-  const double counts = (std::max(scale, 1 / scale) - kAlike) / (kOther - kAlike);
+  const double counts = (std::max(scale, 1 / scale) - kSameSize) / (kOtherSize - kSameSize);
   return std::pow(scale, std::clamp(counts, 0.0, 1.0));
 }
 

@@ -18,9 +18,9 @@ namespace dd {
 ///   p'_i = p_i + s R (b'_i − b_i),
 ///
 /// R the placement's rotation, s its scale or, where that is within a tenth of 1, 1: so much is a
-/// difference of shape, and from a fifth on it counts wholly. What turns as a whole is sheared where
-/// the shapes differ: poses are better followed by gradients. Vertices without a point go with those
-/// around them, what they lack to where they belong spread harmonically.
+/// difference of shape, and from a fifth on it counts wholly. What turns as a whole is sheared
+/// where the shapes differ: poses are better followed by gradients. Vertices without a point go
+/// with those around them, what they lack to where they belong spread harmonically.
 class Displacements {
  public:
   /// components: of the target; those with sources that nothing holds go. All must outlive this.

@@ -16,7 +16,7 @@ namespace dd {
 /// Of meshes of the same topology the same vertices.
 class SourcePoints {
  public:
-  /// given: points that are known better, for each vertex or none, their weights near to 1 together.
+  /// given: points that are known better, for each vertex or none; their weights add up to about 1.
   SourcePoints(const Mesh& source, const Mesh& target, const Fans& fans,
                const SourceGradients& gradients, const Similarity& placement, ThreadPool& pool,
                const std::vector<PointOnTriangle>& given = {});
