@@ -72,5 +72,18 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   for (float share : confidence) promise(share >= 0 && share <= 1, "confidence is from 0 to 1");
   refused(dd_match_get_confidence(match.get(), confidence.data(), confidence.size() + 1),
           "a count is checked");
+
+  std::vector<int32_t> triangles(target.vertex_count(), -7);
+  std::vector<float> weights(3 * target.vertex_count(), -7);
+  must(dd_match_get_points(match.get(), triangles.data(), weights.data(), triangles.size()),
+       "points can be asked for");
+  for (size_t v = 0; v < triangles.size(); ++v) {
+    const float* own = weights.data() + 3 * v;
+    promise(triangles[v] >= -1 && triangles[v] < int32_t(source.triangle_count()),
+            "points are in triangles that there are");
+    promise(triangles[v] < 0 || (std::min({own[0], own[1], own[2]}) >= 0 &&
+                                 std::abs(own[0] + own[1] + own[2] - 1) < 1e-3F),
+            "weights of a point are none below 0, and 1 together");
+  }
   return 0;
 }

@@ -88,8 +88,27 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     placement[10] = placement[3] < 0 ? -scale : scale;  // a reflection
     options.placement = placement;
   }
-  options.placing = bytes.choice(DD_PLACING_PARTS);
+  options.placing = bytes.choice(DD_PLACING_DISPLACEMENTS);
   options.gap = bytes.number(-0.1, 1);
+  std::vector<int32_t> point_triangles;
+  std::vector<float> point_weights;
+  // Of the nearest, none are taken.
+  if (bytes.one_in(options.pairs_of == DD_PAIRS_OF_NEAREST ? 16 : 3)) {
+    const auto m = int32_t(std::max<size_t>(1, source.triangle_count()));
+    for (size_t v = 0; v < target.vertex_count(); ++v) {
+      point_triangles.push_back(int32_t(v) % 5 == 4 ? -1 : int32_t(v) % m);
+      const float share = float(v % 7) / 6;
+      point_weights.insert(point_weights.end(), {share, 1 - share, 0});
+    }
+    if (bytes.odd(8) && !point_triangles.empty())
+      point_triangles[bytes.seed() % point_triangles.size()] =
+          bytes.beyond(source.triangle_count());
+    if (bytes.odd(8)) disturb(point_weights, bytes);
+    options.point_triangles = point_triangles.data();
+    options.point_weights = point_weights.data();
+    options.point_triangle_count = bytes.count(target.vertex_count());
+    options.point_weight_count = bytes.count(target.vertex_count());
+  }
 
   const dd_mesh from = source.mesh(), to = target.mesh();
   const Sized<dd_transfer_options> how(options, bytes);
