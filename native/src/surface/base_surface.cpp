@@ -6,10 +6,15 @@
 namespace dd {
 
 Positions base_surface(const PolyharmonicSystem& bending, const Region& region,
-                       const Positions& positions) {
+                       const Positions& positions, const Eigen::VectorXd& beside,
+                       double* one_solve_error) {
   Positions base = positions;
-  const RowMatrix free = bending.extend(positions);
-  for (int r = 0; r < region.free_count(); ++r) base.row(region.free[r]) = free.row(r);
+  RowMatrix values(positions.rows(), beside.size() > 0 ? 4 : 3);
+  values.leftCols<3>() = positions;
+  if (beside.size() > 0) values.col(3) = beside;
+  const RowMatrix free = bending.extend(values, one_solve_error);
+  for (int r = 0; r < region.free_count(); ++r)
+    base.row(region.free[r]) = free.row(r).leftCols<3>();
   return base;
 }
 

@@ -15,28 +15,19 @@ namespace dd {
 
 namespace {
 
-/// q of K q = 0 that takes on S at constrained vertices (see base_surface()), and how far one solve
-/// of it is off. Motions of the handles, unlike each other, are solved for beside it: they tell so
-/// of parts that are too small for the base to. Solves take four columns at once anyway.
-struct TriedBase {
-  TriedBase(const PolyharmonicSystem& bending, const HandleCoordinates& coordinates,
-            const Region& region, const Positions& positions)
-      : base(positions) {
-    RowMatrix values = RowMatrix::Zero(positions.rows(), 4);
-    values.leftCols<3>() = positions;
-    for (int v : region.handle_vertices) {
-      const int h = region.role[v];
-      const auto own = coordinates.at(positions.row(v), h);
-      for (int k = 0; k < coordinates.count(h); ++k)
-        values(v, 3) += own[k] * std::sin(1 + 2.4 * (coordinates.begin(h) + k));
-    }
-    const RowMatrix free = bending.extend(values, &one_solve_error);
-    for (int r = 0; r < region.free_count(); ++r)
-      base.row(region.free[r]) = free.row(r).leftCols<3>();
+/// Values at the handles' vertices by motions unlike each other, n: how far one solve of K is off
+/// shows in them where a part is too small for the base to tell.
+Eigen::VectorXd unlike_motions(const HandleCoordinates& coordinates, const Region& region,
+                               const Positions& positions) {
+  Eigen::VectorXd values = Eigen::VectorXd::Zero(positions.rows());
+  for (int v : region.handle_vertices) {
+    const int h = region.role[v];
+    const auto own = coordinates.at(positions.row(v), h);
+    for (int k = 0; k < coordinates.count(h); ++k)
+      values[v] += own[k] * std::sin(1 + 2.4 * (coordinates.begin(h) + k));
   }
-  Positions base;
-  double one_solve_error = 0;
-};
+  return values;
+}
 
 /// How far one solve of K may be off where it stands for a refined one, of the largest value. In
 /// single precision a frame's own solve may be off by more.
@@ -129,14 +120,15 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
           report(progress, begin + done * (end - begin), "Computing the handles' basis functions");
         });
   };
+  const Eigen::VectorXd motions = unlike_motions(coordinates, region, mesh.positions);
   const auto solve_on = [&](const SurfaceOperators& metric, double begin) {
     const PolyharmonicSystem bending =
         factored(metric, begin, begin + 0.2, "Factoring the base surface's energy");
     report(progress, begin + 0.2, "Computing the base surface");
-    TriedBase tried(bending, coordinates, region, mesh.positions);
-    base = std::move(tried.base);
+    double one_solve_error = 0;
+    base = base_surface(bending, region, mesh.positions, motions, &one_solve_error);
     (options.base_metric == BaseMetric::base ? surface_extension : extension) =
-        extend_handles(bending, tried.one_solve_error, begin + 0.25, begin + 0.4);
+        extend_handles(bending, one_solve_error, begin + 0.25, begin + 0.4);
   };
 
   if (options.base_metric == BaseMetric::surface && options.metric_smoothing > 0) {
@@ -162,10 +154,9 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
               if (operators.flipped) how.symbolic = nullptr;
               const PolyharmonicSystem bending =
                   factored(on_base, 0.6, 0.8, "Factoring the energy on the base");
-              const double one_solve_error =
-                  coordinates.count() > kAlwaysRefined
-                      ? TriedBase(bending, coordinates, region, base).one_solve_error
-                      : 1;
+              double one_solve_error = 1;
+              if (coordinates.count() > kAlwaysRefined)
+                base_surface(bending, region, base, motions, &one_solve_error);
               extension = extend_handles(bending, one_solve_error, 0.8, 1);
             });
   }
