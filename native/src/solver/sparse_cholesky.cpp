@@ -288,20 +288,14 @@ void SparseCholesky::backward(int part, RawArray<Real>& x, Columns columns) cons
 
 RowMatrix SparseCholesky::solve(const RowMatrix& B, ThreadPool* pool) const {
   RowMatrix X(B.rows(), B.cols());
-  Rows panel = Rows::Zero(symbolic_->slotted_size(), 4);
   Space space;
-  for (Index first = 0; first < B.cols(); first += 4) {
-    const Index width = std::min<Index>(4, B.cols() - first);
-    for (Index k = 0; k < B.rows(); ++k)
-      panel.row(k).head(width) = B.row(order()[k]).segment(first, width);
-    solve_in_order(
-        panel.data(), space, pool, [](int) {},
-        [&](int begin, int end, const auto* x) {
-          for (int k = begin; k < end; ++k, x += 4)
-            for (Index c = 0; c < width; ++c) X(order()[k], first + c) = x[c];
+  for (FourColumns some(B); some.next();)
+    solve_rows(
+        some,
+        [&](int row, const auto* x) {
+          for (Index c = 0; c < some.width(); ++c) X(row, some.first() + c) = x[c];
         },
-        width == 4 ? Columns::four : Columns::three);
-  }
+        space, pool, some.width() == 4 ? Columns::four : Columns::three);
   return X;
 }
 

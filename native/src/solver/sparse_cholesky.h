@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <vector>
 
@@ -31,6 +32,24 @@ enum class Precision { single, full };
 /// How many columns a solve is for. Rows have room for four; in single precision three take less
 /// time.
 enum class Columns { three, four };
+
+/// A matrix four columns at a time, as rows for SparseCholesky::solve_rows().
+class FourColumns {
+ public:
+  explicit FourColumns(const RowMatrix& matrix) : matrix_(matrix) {}
+  bool next() { return (first_ += 4) < matrix_.cols(); }
+  Index first() const { return first_; }
+  Index width() const { return std::min<Index>(4, matrix_.cols() - first_); }
+  Eigen::RowVector4d operator()(Index row) const {
+    Eigen::RowVector4d result = Eigen::RowVector4d::Zero();
+    for (Index c = 0; c < width(); ++c) result[c] = matrix_(row, first_ + c);
+    return result;
+  }
+
+ private:
+  const RowMatrix& matrix_;
+  Index first_ = -4;
+};
 
 struct FactorOptions {
   /// A pivot of less than this times its diagonal entry is refused: that far it cancelled. Rounding
@@ -68,10 +87,12 @@ class SparseCholesky {
   SparseMatrix in_order(const SparseMatrix& matrix) const;
   Precision precision() const { return precision_; }
 
-  /// Work space of a solve, slotted_size()×4, to be kept between solves.
+  /// Work space of a solve, slotted_size()×4, to be kept between solves: a large one's pages take
+  /// longer to get than to solve.
   struct Space {
     RawArray<float> single;
     RawArray<double> full;
+    Rows right;  // of solve_rows() alone
   };
 
   /// Solves A X = B for three or four columns, rows in the factor's order.
@@ -93,6 +114,27 @@ class SparseCholesky {
       solve(space.single);
     else
       solve(space.full);
+  }
+
+  /// Solves A X = B for three or four columns, rows in A's own order. right(r) is row r of B, of
+  /// four columns; take(r, x) is given row r of X, float or double as precision() says. Each row
+  /// once, from any thread.
+  template <class Right, class Take>
+  void solve_rows(const Right& right, const Take& take, Space& space, ThreadPool* pool,
+                  Columns columns = Columns::four) const {
+    const Index slotted = symbolic_->slotted_size();
+    if (space.right.rows() != slotted) space.right = Rows::Zero(slotted, 4);
+    solve_in_order(
+        space.right.data(), space, pool,
+        [&](int part) {
+          const int end = symbolic_->section_begin(part + 1);
+          for (int k = symbolic_->section_begin(part); k < end; ++k)
+            space.right.row(k) = right(order()[size_t(k)]);
+        },
+        [&](int begin, int end, const auto* x) {
+          for (int k = begin; k < end; ++k, x += 4) take(order()[size_t(k)], x);
+        },
+        columns);
   }
 
   /// The second half alone, Cᵀ X = Y, in full precision. fill(part, y) writes the rows of Y that

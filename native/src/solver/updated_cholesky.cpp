@@ -26,12 +26,26 @@ UpdatedCholesky::UpdatedCholesky(SparseCholesky factor, SparseMatrix vectors,
 }
 
 RowMatrix UpdatedCholesky::solve(const RowMatrix& right, ThreadPool* pool) const {
-  RowMatrix solution = factor_.solve(right, pool);
-  if (vectors_.cols() == 0) return solution;
+  RowMatrix solution(right.rows(), right.cols());
+  SparseCholesky::Space space;
+  Rows four;
+  for (FourColumns some(right); some.next();) {
+    solve_rows(some, four, space, pool);
+    solution.middleCols(some.first(), some.width()) = four.leftCols(some.width());
+  }
+  return solution;
+}
+
+void UpdatedCholesky::update(Rows& solution, SparseCholesky::Space& space,
+                             ThreadPool* pool) const {
   const Eigen::MatrixXd shares =
       small_.solve(core_ * Eigen::MatrixXd(vectors_.transpose() * solution));
-  solution -= factor_.solve(vectors_ * shares, pool);
-  return solution;
+  const Rows pulled = vectors_ * shares;
+  factor_.solve_rows([&](int row) { return pulled.row(row); },
+                     [&](int row, const auto* x) {
+                       for (int c = 0; c < 4; ++c) solution(row, c) -= x[c];
+                     },
+                     space, pool);
 }
 
 double UpdatedCholesky::bytes() const {

@@ -22,6 +22,20 @@ class UpdatedCholesky {
 
   /// Solves for any number of columns.
   RowMatrix solve(const RowMatrix& right, ThreadPool* pool) const;
+  /// Solves for four. right(r): row r of them, from any thread. solution: n×4. space: to be kept
+  /// between solves.
+  template <class Right>
+  void solve_rows(const Right& right, Rows& solution, SparseCholesky::Space& space,
+                  ThreadPool* pool) const {
+    solution.resize(factor_.size(), 4);
+    factor_.solve_rows(
+        right,
+        [&](int row, const auto* x) {
+          for (int c = 0; c < 4; ++c) solution(row, c) = x[c];
+        },
+        space, pool);
+    if (!plain()) update(solution, space, pool);
+  }
 
   std::shared_ptr<const SymbolicCholesky> shared_symbolic() const {
     return factor_.shared_symbolic();
@@ -32,6 +46,9 @@ class UpdatedCholesky {
   double bytes() const;
 
  private:
+  /// From A⁻¹ B to that of the sum.
+  void update(Rows& solution, SparseCholesky::Space& space, ThreadPool* pool) const;
+
   SparseCholesky factor_;
   SparseMatrix vectors_;
   Eigen::MatrixXd core_;

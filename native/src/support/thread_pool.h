@@ -84,4 +84,13 @@ void run_tasks(ThreadPool* pool, int count, const Task& task) {
     for (int i = 0; i < count; ++i) task(i);
 }
 
+/// As parallel_for(), shared out where there is a pool.
+template <class Body>
+void in_ranges(ThreadPool* pool, int64_t count, int64_t least, const Body& body) {
+  if (pool)
+    pool->parallel_for(count, least, body);
+  else if (count > 0)
+    body(int64_t{0}, count);
+}
+
 }  // namespace dd

@@ -38,13 +38,20 @@ Positions smoothed_surface(const Positions& positions, const SurfaceOperators& o
   for (int r = 0; r < region.free_count(); ++r)
     system.coeffRef(r, r) += operators.masses[region.free[r]];
   // Solved for the displacement, in which constrained vertices have no part.
-  const RowMatrix force =
-      -weight * free_rows(apply_energy(operators, positions, Smoothness::thin_plate), region);
+  Rows values = Rows::Zero(positions.rows(), 4);
+  values.leftCols<3>() = positions;
+  EnergyProduct::Space space;
+  const EnergyProduct product(operators, Smoothness::thin_plate, values, space, nullptr);
   const UpdatedCholesky factor(factor_free_block(system, region), energy.vectors,
                                weight * energy.core, nullptr);
-  const RowMatrix displacement = factor.solve(force, nullptr);
+  Rows displacement;
+  SparseCholesky::Space solve;
+  factor.solve_rows(
+      [&](int r) -> Eigen::RowVector4d { return -weight * product.row(region.free[size_t(r)]); },
+      displacement, solve, nullptr);
   Positions smoothed = positions;
-  for (int r = 0; r < region.free_count(); ++r) smoothed.row(region.free[r]) += displacement.row(r);
+  for (int r = 0; r < region.free_count(); ++r)
+    smoothed.row(region.free[r]) += displacement.row(r).leftCols<3>();
   return smoothed;
 }
 

@@ -7,9 +7,6 @@ namespace dd {
 
 namespace {
 
-// Of W: what all need at once would take several times its memory.
-constexpr Index kColumnsAtOnce = 16;
-
 /// m×coordinates, rows as Region::handle_vertices.
 SparseMatrix values_at_handles(const HandleCoordinates& coordinates, const Region& region,
                                const Positions& positions) {
@@ -22,14 +19,6 @@ SparseMatrix values_at_handles(const HandleCoordinates& coordinates, const Regio
   }
   SparseMatrix result(Index(region.handle_vertices.size()), coordinates.count());
   result.setFromTriplets(entries.begin(), entries.end());
-  return result;
-}
-
-/// Of all vertices, from those of the handles: zero elsewhere.
-RowMatrix at_vertices(const RowMatrix& at_handles, const Region& region) {
-  RowMatrix result = RowMatrix::Zero(Index(region.role.size()), at_handles.cols());
-  for (size_t i = 0; i < region.handle_vertices.size(); ++i)
-    result.row(region.handle_vertices[i]) = at_handles.row(Index(i));
   return result;
 }
 
@@ -56,9 +45,17 @@ HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
     solve_ = std::move(solve);
     return;
   }
+  if (solve) {
+    functions_ = extended_by(*solve, progress);
+    return;
+  }
+  PolyharmonicSystem::Space space;
+  space.values = Rows::Zero(positions.rows(), 4);
   functions_ = extended(
-      [&](const RowMatrix& values) {
-        return solve ? solve->extend(values) : bending.extend(at_vertices(values, region));
+      [&](const Rows& values) -> const Rows& {
+        for (Index i = 0; i < values.rows(); ++i)
+          space.values.row(region.handle_vertices[size_t(i)]) = values.row(i);
+        return bending.extend(space);
       },
       progress);
 }
@@ -67,20 +64,36 @@ template <class Extend>
 RowMatrix HandleExtension::extended(const Extend& extend,
                                     const std::function<void(double)>& progress) const {
   const Index count = coordinates_.count();
-  RowMatrix result(Index(row_of_free_.size()), count);
-  for (Index first = 0; first < count; first += kColumnsAtOnce) {
-    const Index width = std::min(kColumnsAtOnce, count - first);
-    const RowMatrix some = extend(RowMatrix(values_.middleCols(first, width)));
-    for (size_t r = 0; r < row_of_free_.size(); ++r)
-      result.row(row_of_free_[r]).segment(first, width) = some.row(Index(r));
+  const int free_count = static_cast<int>(row_of_free_.size());
+  RowMatrix result(free_count, count);
+  std::vector<int> free_of_row(row_of_free_.size());
+  for (int r = 0; r < free_count; ++r) free_of_row[row_of_free_[r]] = r;
+  Rows values = Rows::Zero(values_.rows(), 4);
+  for (Index first = 0; first < count; first += 4) {
+    const Index width = std::min<Index>(4, count - first);
+    values.setZero();
+    values.leftCols(width) = values_.middleCols(first, width);
+    const Rows& some = extend(values);
+    pool_->parallel_for(free_count, kLeastRange, [&](int64_t begin, int64_t end) {
+      for (int64_t row = begin; row < end; ++row)
+        for (Index c = 0; c < width; ++c)
+          result(row, first + c) = some(free_of_row[size_t(row)], c);
+    });
     if (progress) progress(static_cast<double>(first + width) / static_cast<double>(count));
   }
   return result;
 }
 
+RowMatrix HandleExtension::extended_by(const HandleSolve& solve,
+                                       const std::function<void(double)>& progress) const {
+  HandleSolve::Space space;
+  return extended(
+      [&](const Rows& values) -> const Rows& { return solve.extend(values, space); }, progress);
+}
+
 const RowMatrix& HandleExtension::functions(RowMatrix& space) const {
   if (!solve_) return functions_;
-  space = extended([&](const RowMatrix& values) { return solve_->extend(values); }, {});
+  space = extended_by(*solve_, {});
   return space;
 }
 

@@ -55,6 +55,8 @@ class HandleExtension {
  private:
   template <class Extend>
   RowMatrix extended(const Extend& extend, const std::function<void(double)>& progress) const;
+  RowMatrix extended_by(const HandleSolve& solve,
+                        const std::function<void(double)>& progress) const;
 
   HandleCoordinates coordinates_;
   SparseMatrix values_;           // of the coordinates at the handles' vertices

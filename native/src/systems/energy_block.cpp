@@ -104,12 +104,24 @@ EnergyBlock energy_block(const SurfaceOperators& operators, const Region& region
   return block;
 }
 
-RowMatrix apply_energy(const SurfaceOperators& operators, const RowMatrix& values,
-                       Smoothness smoothness) {
-  RowMatrix result = operators.laplacian * values;
-  for (int order = 1; order < static_cast<int>(smoothness); ++order)
-    result = operators.laplacian * RowMatrix(operators.masses.cwiseInverse().asDiagonal() * result);
-  return result;
+EnergyProduct::EnergyProduct(const SurfaceOperators& operators, Smoothness smoothness,
+                             const Rows& values, Space& space, ThreadPool* pool)
+    : laplacian_(operators.laplacian), last_(&values) {
+  for (int order = 1; order < static_cast<int>(smoothness); ++order) {
+    Rows& next = space[size_t(order % 2)];
+    next.resize(values.rows(), 4);
+    in_ranges(pool, values.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+      for (int64_t v = begin; v < end; ++v) next.row(v) = row(v) / operators.masses[v];
+    });
+    last_ = &next;
+  }
+}
+
+Eigen::RowVector4d EnergyProduct::row(const Rows& values, Index vertex) const {
+  Eigen::RowVector4d sum = Eigen::RowVector4d::Zero();
+  for (SparseMatrix::InnerIterator it(laplacian_, vertex); it; ++it)  // L is symmetric
+    sum += it.value() * values.row(it.row());
+  return sum;
 }
 
 }  // namespace dd

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <vector>
 
+#include "support/thread_pool.h"
 #include "systems/operators.h"
 #include "systems/region.h"
 
@@ -42,8 +44,21 @@ struct EnergyBlock {
 EnergyBlock energy_block(const SurfaceOperators& operators, const Region& region,
                          Smoothness smoothness, int most_neighbours = kMostNeighbours);
 
-/// K times the columns of values, n×k.
-RowMatrix apply_energy(const SurfaceOperators& operators, const RowMatrix& values,
-                       Smoothness smoothness);
+/// K X for four columns, row by row: K = L Y with Y = (M⁻¹ L)^(order − 1) X.
+class EnergyProduct {
+ public:
+  /// values: X, n×4. pool: null, or shares the work. space: two n×4 that may be kept, for Y. All
+  /// must outlive it.
+  using Space = std::array<Rows, 2>;
+  EnergyProduct(const SurfaceOperators& operators, Smoothness smoothness, const Rows& values,
+                Space& space, ThreadPool* pool);
+  Eigen::RowVector4d row(Index vertex) const { return row(*last_, vertex); }
+
+ private:
+  /// Of L times values.
+  Eigen::RowVector4d row(const Rows& values, Index vertex) const;
+  const SparseMatrix& laplacian_;
+  const Rows* last_;  // Y
+};
 
 }  // namespace dd

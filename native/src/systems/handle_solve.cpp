@@ -69,10 +69,15 @@ HandleSolve::HandleSolve(const PolyharmonicSystem& bending, const Region& region
       steps_(coupling(bending.operators(), region, bending.smoothness())),
       pool_(pool) {}
 
-RowMatrix HandleSolve::extend(const RowMatrix& values) const {
-  RowMatrix force = values;
-  for (const SparseMatrix& step : steps_) force = RowMatrix(step * force);
-  return factor_->solve(force, pool_);
+const Rows& HandleSolve::extend(const Rows& values, Space& space) const {
+  const Rows* force = &values;
+  space.forces.resize(steps_.size());
+  for (size_t k = 0; k < steps_.size(); ++k) {
+    space.forces[k].noalias() = steps_[k] * *force;
+    force = &space.forces[k];
+  }
+  factor_->solve_rows([&](int row) { return force->row(row); }, space.solution, space.solve, pool_);
+  return space.solution;
 }
 
 void HandleSolve::prepare_frames(SparseMatrix at_handles, const std::vector<int>& row_of_free) {
@@ -96,13 +101,13 @@ void HandleSolve::add_extended(const Rows& coefficients, const Rows& rest, Rows&
     for (int c = 0; c < 3; ++c) out(row, c) = rest(row, c) + double(x[c]);
   };
   if (!first_half_is_ready()) {
-    const RowMatrix moved = extend(at_handles_ * coefficients.leftCols<3>());
+    const Rows& moved = extend(at_handles_ * coefficients, space_);
     const std::vector<int>& order = factor_->factor().order();
     for (size_t k = 0; k < order.size(); ++k) add(int(k), moved.row(order[k]).data());
     return;
   }
   factor_->factor().solve_second_half(
-      space_, pool_, [&](int part, double* y) { forward_.multiply(part, coefficients, y); },
+      space_.solve, pool_, [&](int part, double* y) { forward_.multiply(part, coefficients, y); },
       [&](int begin, int end, const double* x) {
         for (int k = begin; k < end; ++k, x += 4) add(k, x);
       });
@@ -110,7 +115,7 @@ void HandleSolve::add_extended(const Rows& coefficients, const Rows& rest, Rows&
 
 double HandleSolve::bytes() const {
   double sum = factor_->bytes() + forward_.bytes() +
-               static_cast<double>(space_.full.size()) * sizeof(double);
+               static_cast<double>(space_.solve.full.size()) * sizeof(double);
   const auto add = [&](const SparseMatrix& matrix) {
     sum += static_cast<double>(matrix.nonZeros()) * (sizeof(double) + sizeof(int));
   };

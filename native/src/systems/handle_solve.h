@@ -17,8 +17,15 @@ class HandleSolve {
   /// pool: null, or outlives it.
   HandleSolve(const PolyharmonicSystem& bending, const Region& region, ThreadPool* pool);
 
-  /// values: a row for each of Region::handle_vertices. Returns F×k, rows as in Region::free.
-  RowMatrix extend(const RowMatrix& values) const;
+  /// What solves work in, to be kept between them.
+  struct Space {
+    std::vector<Rows> forces;  ///< after each step
+    Rows solution;
+    SparseCholesky::Space solve;
+  };
+  /// values: a row for each of Region::handle_vertices. Returns F×4, rows as in Region::free, in
+  /// space.
+  const Rows& extend(const Rows& values, Space& space) const;
 
   /// Makes what add_extended() needs. at_handles: V, a row for each of Region::handle_vertices.
   /// row_of_free: of each of Region::free, the row of what that works on.
@@ -43,7 +50,7 @@ class HandleSolve {
   SparseMatrix at_handles_;   // V
   SparseForward forward_;     // of −K_FC V, where that is half the factor at most
   std::vector<int> out_row_;  // of each place in the factor
-  SparseCholesky::Space space_;
+  Space space_;
 };
 
 }  // namespace dd

@@ -36,19 +36,37 @@ PolyharmonicSystem::PolyharmonicSystem(const SurfaceOperators& operators, const 
       pool_(options.pool) {}
 
 RowMatrix PolyharmonicSystem::extend(const RowMatrix& values, double* one_solve_error) const {
-  RowMatrix x = values;
+  RowMatrix result(region_.free_count(), values.cols());
+  Space space;
+  space.values.resize(values.rows(), 4);
+  double most = 0;
+  for (FourColumns some(values); some.next();) {
+    for (Index v = 0; v < values.rows(); ++v) space.values.row(v) = some(v);
+    double error = 0;
+    result.middleCols(some.first(), some.width()) = extend(space, &error).leftCols(some.width());
+    most = std::max(most, error);
+  }
+  if (one_solve_error) *one_solve_error = most;
+  return result;
+}
+
+const Rows& PolyharmonicSystem::extend(Space& space, double* one_solve_error) const {
+  Rows &x = space.values, &correction = space.solution;
   for (int v : region_.free) x.row(v).setZero();
   // Iterative refinement: where triangles are thin or the region is long, K spans many magnitudes
   // and its factor loses digits that the product L (M⁻¹ (L x)) still has. The first correction is
   // the solution itself; what the last one still changes tells how far it can be trusted.
   double last = 1;
-  Eigen::RowVectorXd corrected = Eigen::RowVectorXd::Zero(x.cols());
+  Eigen::RowVector4d corrected = Eigen::RowVector4d::Zero();
   for (int round = 0;; ++round) {
-    const RowMatrix correction =
-        factor_->solve(free_rows(-apply_energy(operators_, x, smoothness_), region_), pool_);
+    const EnergyProduct product(operators_, smoothness_, x, space.product, pool_);
+    factor_->solve_rows(
+        [&](int r) -> Eigen::RowVector4d { return -product.row(region_.free[size_t(r)]); },
+        correction, space.solve, pool_);
     for (int r = 0; r < region_.free_count(); ++r) x.row(region_.free[r]) += correction.row(r);
-    const double change = correction.cwiseAbs().maxCoeff(), size = x.cwiseAbs().maxCoeff();
-    if (round > 0) corrected += correction.cwiseAbs().colwise().maxCoeff();
+    const Eigen::RowVector4d changes = correction.cwiseAbs().colwise().maxCoeff();
+    const double change = changes.maxCoeff(), size = x.cwiseAbs().maxCoeff();
+    if (round > 0) corrected += changes;
     // The next would change about as much less than this one as this one less than the last.
     if (round + 1 >= kLeastRounds && change * (change / last) <= kSettled * size) break;
     const bool converges = round == 0 || change < 0.5 * last;
@@ -61,12 +79,13 @@ RowMatrix PolyharmonicSystem::extend(const RowMatrix& values, double* one_solve_
   }
   if (one_solve_error) {
     *one_solve_error = 0;
-    for (Index c = 0; c < x.cols(); ++c)
+    for (Index c = 0; c < 4; ++c)
       if (corrected[c] > 0)
         *one_solve_error =
             std::max(*one_solve_error, corrected[c] / x.col(c).cwiseAbs().maxCoeff());
   }
-  return free_rows(x, region_);
+  for (int r = 0; r < region_.free_count(); ++r) correction.row(r) = x.row(region_.free[r]);
+  return correction;
 }
 
 }  // namespace dd

@@ -25,11 +25,21 @@ class PolyharmonicSystem {
   /// For a system of the same region and smoothness.
   std::shared_ptr<const SymbolicCholesky> symbolic() const { return factor_->shared_symbolic(); }
 
+  /// What solves for four columns work in, to be kept between them.
+  struct Space {
+    Rows values;  ///< n×4: what is given, and then the extension
+    EnergyProduct::Space product;
+    Rows solution;  ///< F×4
+    SparseCholesky::Space solve;
+  };
+
   /// K_FF x_F = −K_FC x_C. values: n×k; only the rows of constrained vertices are read.
   /// Returns F×k, rows as in Region::free. one_solve_error, where not null: how far one solve alone
   /// is off in any of the columns, of the column's largest value.
   /// Throws UnsolvableSurface where the solution can't be had to six digits.
   RowMatrix extend(const RowMatrix& values, double* one_solve_error = nullptr) const;
+  /// The same of space.values. Returns F×4, in space.
+  const Rows& extend(Space& space, double* one_solve_error = nullptr) const;
 
   const SurfaceOperators& operators() const { return operators_; }
   Smoothness smoothness() const { return smoothness_; }
