@@ -62,10 +62,13 @@ def test_a_mesh_without_anything(part):
     check(bpy.data.meshes.new("Empty"), part('scene.mesh_data'))
 
 
-def test_groups(part):
+@pytest.mark.parametrize('mode', ['OBJECT', 'EDIT'])
+def test_groups(part, mode):
     ob = mixed()
+    assert [len(values) for values in part('scene.mesh_data').group_entries(ob, [])] == [0, 0, 0]
     for name, members, weight in (("A", (0, 1, 2), 1.0), ("Other", (1, 4), 0.25), ("B", (2, 3), 0.75)):
         ob.vertex_groups.new(name=name).add(members, weight, 'REPLACE')
+    bpy.ops.object.mode_set(mode=mode)
     entries = part('scene.mesh_data').group_entries(ob, ["B", "A", "B"])
     assert sorted(zip(*(values.tolist() for values in entries))) == [
         (0, 1, 1.0), (1, 1, 1.0), (2, 0, 0.75), (2, 1, 1.0), (2, 2, 0.75), (3, 0, 0.75), (3, 2, 0.75)]
