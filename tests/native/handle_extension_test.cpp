@@ -182,8 +182,7 @@ TEST_CASE(
   Rows four(at_handles.rows(), 4);
   for (FourColumns some(at_handles); some.next();) {
     for (Index i = 0; i < four.rows(); ++i) four.row(i) = some(i);
-    once.middleCols(some.first(), some.width()) =
-        solve.extend(four, space).leftCols(some.width());
+    once.middleCols(some.first(), some.width()) = solve.extend(four, space).leftCols(some.width());
   }
   const double by_one_solve = off(once);
   CHECK(by_one_solve > least);

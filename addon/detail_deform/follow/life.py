@@ -25,7 +25,7 @@ from . import bound, drag, fed, placed, problem_vertices, registry, shown, slow_
 
 KINDS = (fed, bound)
 
-_POLL_SECONDS = 0.1
+_POLL_SECONDS = 0.05
 _known = None  # the object whose content nobody needs to compare: see take_in()
 
 when_stale = []  # called where an object is found to differ from what was bound

@@ -25,19 +25,7 @@ UpdatedCholesky::UpdatedCholesky(SparseCholesky factor, SparseMatrix vectors,
   small_.compute(Eigen::MatrixXd::Identity(count, count) + core_ * inner);
 }
 
-RowMatrix UpdatedCholesky::solve(const RowMatrix& right, ThreadPool* pool) const {
-  RowMatrix solution(right.rows(), right.cols());
-  SparseCholesky::Space space;
-  Rows four;
-  for (FourColumns some(right); some.next();) {
-    solve_rows(some, four, space, pool);
-    solution.middleCols(some.first(), some.width()) = four.leftCols(some.width());
-  }
-  return solution;
-}
-
-void UpdatedCholesky::update(Rows& solution, SparseCholesky::Space& space,
-                             ThreadPool* pool) const {
+void UpdatedCholesky::update(Rows& solution, SparseCholesky::Space& space, ThreadPool* pool) const {
   const Eigen::MatrixXd shares =
       small_.solve(core_ * Eigen::MatrixXd(vectors_.transpose() * solution));
   const Rows pulled = vectors_ * shares;

@@ -20,10 +20,8 @@ class UpdatedCholesky {
   UpdatedCholesky(SparseCholesky factor, SparseMatrix vectors, const Eigen::MatrixXd& core,
                   ThreadPool* pool);
 
-  /// Solves for any number of columns.
-  RowMatrix solve(const RowMatrix& right, ThreadPool* pool) const;
-  /// Solves for four. right(r): row r of them, from any thread. solution: n×4. space: to be kept
-  /// between solves.
+  /// Solves for four columns. right(r): row r of them, from any thread. solution: becomes n×4.
+  /// space: to be kept between solves.
   template <class Right>
   void solve_rows(const Right& right, Rows& solution, SparseCholesky::Space& space,
                   ThreadPool* pool) const {

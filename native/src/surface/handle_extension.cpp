@@ -87,8 +87,8 @@ RowMatrix HandleExtension::extended(const Extend& extend,
 RowMatrix HandleExtension::extended_by(const HandleSolve& solve,
                                        const std::function<void(double)>& progress) const {
   HandleSolve::Space space;
-  return extended(
-      [&](const Rows& values) -> const Rows& { return solve.extend(values, space); }, progress);
+  return extended([&](const Rows& values) -> const Rows& { return solve.extend(values, space); },
+                  progress);
 }
 
 const RowMatrix& HandleExtension::functions(RowMatrix& space) const {

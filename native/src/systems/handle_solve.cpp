@@ -114,8 +114,10 @@ void HandleSolve::add_extended(const Rows& coefficients, const Rows& rest, Rows&
 }
 
 double HandleSolve::bytes() const {
-  double sum = factor_->bytes() + forward_.bytes() +
-               static_cast<double>(space_.solve.full.size()) * sizeof(double);
+  size_t doubles = space_.solve.full.size() + size_t(space_.solve.right.size());
+  doubles += size_t(space_.solution.size());
+  for (const Rows& force : space_.forces) doubles += size_t(force.size());
+  double sum = factor_->bytes() + forward_.bytes() + static_cast<double>(doubles * sizeof(double));
   const auto add = [&](const SparseMatrix& matrix) {
     sum += static_cast<double>(matrix.nonZeros()) * (sizeof(double) + sizeof(int));
   };
