@@ -5,14 +5,25 @@
 
 namespace dd {
 
+namespace {
+
+/// Positions, and nothing in the fourth.
+Rows four_columns(const Positions& positions) {
+  Rows rows = Rows::Zero(positions.rows(), 4);
+  rows.leftCols<3>() = positions;
+  return rows;
+}
+
+}  // namespace
+
 Positions base_surface(const PolyharmonicSystem& bending, const Region& region,
                        const Positions& positions, const Eigen::VectorXd& beside,
                        double* one_solve_error) {
   Positions base = positions;
-  RowMatrix values(positions.rows(), beside.size() > 0 ? 4 : 3);
-  values.leftCols<3>() = positions;
-  if (beside.size() > 0) values.col(3) = beside;
-  const RowMatrix free = bending.extend(values, one_solve_error);
+  PolyharmonicSystem::Space space;
+  space.values = four_columns(positions);
+  if (beside.size() > 0) space.values.col(3) = beside;
+  const Rows& free = bending.extend(space, one_solve_error);
   for (int r = 0; r < region.free_count(); ++r)
     base.row(region.free[r]) = free.row(r).leftCols<3>();
   return base;
@@ -38,8 +49,7 @@ Positions smoothed_surface(const Positions& positions, const SurfaceOperators& o
   for (int r = 0; r < region.free_count(); ++r)
     system.coeffRef(r, r) += operators.masses[region.free[r]];
   // Solved for the displacement, in which constrained vertices have no part.
-  Rows values = Rows::Zero(positions.rows(), 4);
-  values.leftCols<3>() = positions;
+  const Rows values = four_columns(positions);
   EnergyProduct::Space space;
   const EnergyProduct product(operators, Smoothness::thin_plate, values, space, nullptr);
   const UpdatedCholesky factor(factor_free_block(system, region), energy.vectors,

@@ -47,9 +47,9 @@ EnergyBlock energy_block(const SurfaceOperators& operators, const Region& region
 /// K X for four columns, row by row: K = L Y with Y = (M⁻¹ L)^(order − 1) X.
 class EnergyProduct {
  public:
-  /// values: X, n×4. pool: null, or shares the work. space: two n×4 that may be kept, for Y. All
-  /// must outlive it.
-  using Space = std::array<Rows, 2>;
+  using Space = std::array<Rows, 2>;  ///< n×4 each, which may be kept
+  /// values: X, n×4. space: for Y. These and the operators must outlive it. pool: null, or shares
+  /// the work.
   EnergyProduct(const SurfaceOperators& operators, Smoothness smoothness, const Rows& values,
                 Space& space, ThreadPool* pool);
   Eigen::RowVector4d row(Index vertex) const { return row(*last_, vertex); }
