@@ -3,8 +3,12 @@
 
 namespace dd {
 
+/// What the kernels may read behind the last value of b, y and an inverse; what stands there is of
+/// no account.
+constexpr int kReadBeyond = 3;
+
 /// Dense blocks of a factorization, compiled once for each instruction set. Matrices are stored by
-/// columns, only their lower triangles are used.
+/// columns, only their lower triangles are used; above the diagonal they may be written.
 struct DenseKernels {
   /// A = C Cᵀ in place, width×width. Returns the first column whose pivot, before the root, is not
   /// above its bound, or -1. inverse ← C⁻¹, width×width with zeros above the diagonal.

@@ -4,7 +4,7 @@
 #define Eigen DD_EIGEN_NAME
 #include <Eigen/Cholesky>
 
-#include "kernels/dense_kernels.h"
+#include "kernels/dense_blocks.h"
 
 namespace dd {
 
@@ -13,55 +13,29 @@ namespace {
 using Matrix = Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 using ConstMatrix = Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 
-/// Column by column; returns the first bad one.
-int factor_unblocked(int width, double* a, int stride, const double* bounds) {
-  for (int k = 0; k < width; ++k) {
-    double* column = a + static_cast<Eigen::Index>(k) * stride;
-    const double pivot = column[k];
-    if (!(pivot > bounds[k]) || !(pivot < 1e300)) return k;
-    const double root = Eigen::numext::sqrt(pivot), inverse_root = 1 / root;
-    column[k] = root;
-    for (int i = k + 1; i < width; ++i) column[i] *= inverse_root;
-    for (int j = k + 1; j < width; ++j) {
-      double* target = a + static_cast<Eigen::Index>(j) * stride;
-      const double factor = column[j];
-      for (int i = j; i < width; ++i) target[i] -= factor * column[i];
-    }
-  }
-  return -1;
-}
+// Up to where dense_blocks.h is the quicker: columns of a pivot, of a solve, rows of a product.
+constexpr int kSmallPivot = 64, kSmallSolve = 64, kSmallProduct = 192;
 
-int factor_pivot(int width, double* a, int stride, const double* bounds, double* inverse) {
-  constexpr int kPanel = 16;
-  Matrix A(a, width, width, Eigen::OuterStride<>(stride));
-  for (int k = 0; k < width; k += kPanel) {
-    const int panel = width - k < kPanel ? width - k : kPanel, rest = width - k - panel;
-    const int bad = factor_unblocked(panel, &A.coeffRef(k, k), stride, bounds + k);
-    if (bad >= 0) return k + bad;
-    if (rest == 0) break;
-    auto below = A.block(k + panel, k, rest, panel);
-    A.block(k, k, panel, panel)
-        .triangularView<Eigen::Lower>()
-        .transpose()
-        .solveInPlace<Eigen::OnTheRight>(below);
-    A.bottomRightCorner(rest, rest).selfadjointView<Eigen::Lower>().rankUpdate(below, -1.0);
-  }
-  Matrix C1(inverse, width, width, Eigen::OuterStride<>(width));
-  C1.setIdentity();
-  A.triangularView<Eigen::Lower>().solveInPlace(C1);
-  return -1;
-}
-
-void solve_rows(int width, int count, const double* inverse, const double* b, int b_stride,
-                double* y, int y_stride) {
-  const ConstMatrix C1(inverse, width, width, Eigen::OuterStride<>(width));
+/// Y = B C⁻ᵀ, with an inverse that is part of a larger one.
+void solve_rows_by(int width, int count, const double* inverse, int inverse_stride, const double* b,
+                   int b_stride, double* y, int y_stride) {
+  if (width <= kSmallSolve)
+    return solve_small(width, count, inverse, inverse_stride, b, b_stride, y, y_stride);
+  const ConstMatrix C1(inverse, width, width, Eigen::OuterStride<>(inverse_stride));
   const ConstMatrix B(b, count, width, Eigen::OuterStride<>(b_stride));
   Matrix Y(y, count, width, Eigen::OuterStride<>(y_stride));
   Y.noalias() = B * C1.transpose().triangularView<Eigen::Upper>();
 }
 
+void solve_rows(int width, int count, const double* inverse, const double* b, int b_stride,
+                double* y, int y_stride) {
+  solve_rows_by(width, count, inverse, width, b, b_stride, y, y_stride);
+}
+
 void subtract_products(int width, int size, int first, int last, const double* y, int y_stride,
                        double* a, int a_stride) {
+  if (size - first <= kSmallProduct)
+    return subtract_small(width, size, first, last, y, y_stride, a, a_stride);
   const ConstMatrix Y(y, size, width, Eigen::OuterStride<>(y_stride));
   Matrix A(a, size, size, Eigen::OuterStride<>(a_stride));
   const int count = last - first, below = size - last;
@@ -71,6 +45,41 @@ void subtract_products(int width, int size, int first, int last, const double* y
   if (below > 0)
     A.block(last, first, below, count).noalias() -=
         Y.bottomRows(below) * Y.middleRows(first, count).transpose();
+}
+
+/// Half and half: C₂₁ = A₂₁ C₁₁⁻ᵀ, A₂₂ −= C₂₁ C₂₁ᵀ; of the inverse −C₂₂⁻¹ C₂₁ C₁₁⁻¹.
+int factor_and_invert(int width, double* a, int stride, const double* bounds, double* inverse,
+                      int inverse_stride) {
+  if (width <= kSmallPivot) {
+    const int bad = factor_small(width, a, stride, bounds);
+    if (bad < 0) invert_small(width, a, stride, inverse, inverse_stride);
+    return bad;
+  }
+  const int upper = (width / 2 + 3) / 4 * 4, lower = width - upper;
+  int bad = factor_and_invert(upper, a, stride, bounds, inverse, inverse_stride);
+  if (bad >= 0) return bad;
+  Matrix C21(a + upper, lower, upper, Eigen::OuterStride<>(stride));
+  Matrix X21(inverse + upper, lower, upper, Eigen::OuterStride<>(inverse_stride));
+  solve_rows_by(upper, lower, inverse, inverse_stride, C21.data(), stride, X21.data(),
+                inverse_stride);
+  C21 = X21;
+  const Eigen::Index corner = upper * Eigen::Index(stride) + upper;
+  subtract_products(upper, lower, 0, lower, C21.data(), stride, a + corner, stride);
+  double* inverse_corner = inverse + upper * Eigen::Index(inverse_stride) + upper;
+  bad =
+      factor_and_invert(lower, a + corner, stride, bounds + upper, inverse_corner, inverse_stride);
+  if (bad >= 0) return upper + bad;
+  Matrix(inverse_corner - upper, upper, lower, Eigen::OuterStride<>(inverse_stride)).setZero();
+  const ConstMatrix X11(inverse, upper, upper, Eigen::OuterStride<>(inverse_stride));
+  const ConstMatrix X22(inverse_corner, lower, lower, Eigen::OuterStride<>(inverse_stride));
+  const Eigen::MatrixXd product = C21 * X11.triangularView<Eigen::Lower>();
+  X21.setZero();
+  X21.noalias() -= X22.triangularView<Eigen::Lower>() * product;
+  return -1;
+}
+
+int factor_pivot(int width, double* a, int stride, const double* bounds, double* inverse) {
+  return factor_and_invert(width, a, stride, bounds, inverse, width);
 }
 
 }  // namespace

@@ -86,6 +86,12 @@ class Fronts {
       if (e.parent[s] >= 0) children_[e.parent[s]].push_back(s);
   }
 
+  /// Rows of a front that are one after the other in its parent's, too: from first on, first + at
+  /// there.
+  struct Run {
+    int first, at;
+  };
+
   /// Scratch of one thread, for supernodes first to last − 1.
   struct Scratch {
     Scratch(const SymbolicCholesky& e, int first, int last) : place(size_t(e.size())) {
@@ -95,14 +101,14 @@ class Fronts {
         most = std::max(most, width * (width + 2 * height));
         widest = std::max(widest, width);
       }
-      panel = RawArray<double>(most);
-      inverse = RawArray<double>(widest * widest);
+      panel = RawArray<double>(most + kReadBeyond);
+      inverse = RawArray<double>(widest * widest + kReadBeyond);
       bounds.resize(widest);
     }
     RawArray<double> panel, inverse;
     std::vector<double> bounds;
     RawArray<int> place;  // in the front, of each row of it
-    std::vector<int> position;
+    std::vector<Run> runs;
   };
 
   /// Factors supernode s: its columns in scratch.panel, first C_ss⁻¹ in scratch.inverse, below it
@@ -117,11 +123,10 @@ class Fronts {
     // The pivot columns, then Y beside them; what is left for the parent apart.
     double* panel = scratch.panel.data();
     double* y = panel + static_cast<size_t>(size) * static_cast<size_t>(width);
-    std::fill(panel, y, 0.0);
     RawArray<double>& update = updates_[s];
-    const size_t update_size = static_cast<size_t>(height) * static_cast<size_t>(height);
-    update = buffers_.take(update_size);
-    std::fill_n(update.data(), update_size, 0.0);
+    update = buffers_.take(static_cast<size_t>(height) * static_cast<size_t>(height));
+    clear_lower(panel, size, width);
+    clear_lower(update.data(), height, height);
     for (int j = 0; j < width; ++j) {
       double diagonal = 0;
       for (SparseMatrix::InnerIterator it(A_, e_.order[first + j]); it; ++it) {
@@ -155,20 +160,33 @@ class Fronts {
   }
 
  private:
+  static void clear_lower(double* matrix, int rows, int columns) {
+    for (int j = 0; j < columns; ++j, matrix += rows) std::fill(matrix + j, matrix + rows, 0.0);
+  }
+
   void add(int child, Scratch& scratch, double* panel, int size, int width, double* update,
            int height) {
     const int count = e_.height(child);
     const int* rows = e_.rows.data() + e_.row_begin[child];
-    scratch.position.resize(static_cast<size_t>(count));
-    for (int i = 0; i < count; ++i) scratch.position[i] = scratch.place.data()[rows[i]];
-    const int* position = scratch.position.data();
+    std::vector<Run>& runs = scratch.runs;
+    runs.clear();
+    for (int i = 0; i < count; ++i) {
+      const int at = scratch.place.data()[rows[i]] - i;
+      if (runs.empty() || runs.back().at != at) runs.push_back({i, at});
+    }
+    runs.push_back({count, 0});
     const double* from = updates_[child].data();
-    for (int j = 0; j < count; ++j, from += count) {
-      const int column = position[j];
+    for (size_t of_column = 0, j = 0; j < size_t(count); ++j, from += count) {
+      if (int(j) == runs[of_column + 1].first) ++of_column;
+      const int column = int(j) + runs[of_column].at;
       double* target = column < width
                            ? panel + static_cast<size_t>(column) * size
                            : update + static_cast<size_t>(column - width) * height - width;
-      for (int i = j; i < count; ++i) target[position[i]] += from[i];
+      int i = int(j);
+      for (size_t r = of_column; i < count; ++r) {
+        double* shifted = target + runs[r].at;
+        for (const int end = runs[r + 1].first; i < end; ++i) shifted[i] += from[i];
+      }
     }
     buffers_.give_back(std::exchange(updates_[child], {}));
   }

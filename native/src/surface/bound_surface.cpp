@@ -29,12 +29,15 @@ Eigen::VectorXd unlike_motions(const HandleCoordinates& coordinates, const Regio
   return values;
 }
 
+/// To refine so many functions takes next to nothing.
+constexpr int kFewFunctions = 12;
+
 /// How far one solve of K may be off where it stands for a refined one, of the largest value. In
 /// single precision a frame's own solve may be off by more.
-double exact_enough(Precision precision) { return precision == Precision::single ? 5e-7 : 1e-8; }
-
-/// To refine so many functions takes next to nothing.
-constexpr int kAlwaysRefined = 12;
+double exact_enough(Precision precision, int functions) {
+  if (precision == Precision::single) return 5e-7;
+  return functions > kFewFunctions ? 1e-8 : 0;
+}
 
 /// Runs a stage that works on another geometry than S: what fails there is not the mesh's fault.
 template <class Stage>
@@ -115,7 +118,7 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
                                   double begin, double end) {
     return HandleExtension(
         bending, coordinates, region, mesh.positions, order(), *how.pool,
-        coordinates.count() > kAlwaysRefined && one_solve_error <= exact_enough(options.precision),
+        one_solve_error <= exact_enough(options.precision, coordinates.count()),
         KeptOfEnergy::cheaper, [&](double done) {
           report(progress, begin + done * (end - begin), "Computing the handles' basis functions");
         });
@@ -155,7 +158,7 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
               const PolyharmonicSystem bending =
                   factored(on_base, 0.6, 0.8, "Factoring the energy on the base");
               double one_solve_error = 1;
-              if (coordinates.count() > kAlwaysRefined)
+              if (coordinates.count() > kFewFunctions)
                 base_surface(bending, region, base, motions, &one_solve_error);
               extension = extend_handles(bending, one_solve_error, 0.8, 1);
             });

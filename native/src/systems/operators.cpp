@@ -6,11 +6,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <utility>
 #include <vector>
 
-#include "support/raw_array.h"
+#include "mesh/topology.h"
 #include "systems/intrinsic_delaunay.h"
 
 namespace dd {
@@ -84,6 +83,22 @@ void set_metric(TriangleMetric& metric, Index j, const Layout& l) {
   metric.cotangents(j, l.apex) = l.height / l.base - (l.foot / l.height) * (rest / l.base);
 }
 
+/// Most are few: std::stable_sort would ask for memory each time.
+template <class Value, class Less>
+void sort_stably(std::vector<Value>& values, const Less& less) {
+  constexpr size_t kFew = 32;
+  if (values.size() > kFew) {
+    std::stable_sort(values.begin(), values.end(), less);
+    return;
+  }
+  for (size_t i = 1; i < values.size(); ++i) {
+    const Value value = values[i];
+    size_t place = i;
+    for (; place > 0 && less(value, values[place - 1]); --place) values[place] = values[place - 1];
+    values[place] = value;
+  }
+}
+
 }  // namespace
 
 TriangleMetric triangle_metric(const Positions& p, const Triangles& t) {
@@ -104,42 +119,37 @@ SparseMatrix cotangent_laplacian(const TriangleMetric& metric, const Triangles& 
     int row;
     double value;
   };
-  std::vector<int> begin(static_cast<size_t>(n) + 1, 0);
-  for (Index i = 0; i < t.size(); ++i) begin[t.data()[i] + 1] += 2;
-  std::partial_sum(begin.begin(), begin.end(), begin.begin());
-  RawArray<Entry> as_met(static_cast<size_t>(begin[n])), sorted(as_met.size());
-  std::vector<int> next(begin.begin(), begin.end() - 1);
-  for (Index j = 0; j < t.rows(); ++j) {
-    for (int k = 0; k < 3; ++k) {
-      const int a = t(j, (k + 1) % 3), b = t(j, (k + 2) % 3);
-      const double value = -0.5 * metric.cotangents(j, k);
-      as_met.data()[next[a]++] = {b, value};
-      as_met.data()[next[b]++] = {a, value};
-    }
-  }
-  // The transpose of a symmetric matrix: the same columns, their rows in order.
-  std::copy(begin.begin(), begin.end() - 1, next.begin());
-  for (int v = 0; v < n; ++v)
-    for (int i = begin[v]; i < begin[v + 1]; ++i) {
-      const Entry& entry = as_met.data()[i];
-      sorted.data()[next[entry.row]++] = {v, entry.value};
-    }
+  constexpr auto by_row = [](const Entry& a, const Entry& b) { return a.row < b.row; };
+  const Fans fans(t, n);
   SparseMatrix laplacian(n, n);
   laplacian.reserve(t.size() + 2 * Index{n});
+  std::vector<Entry> entries;  // of a vertex, in the order of its triangles
   for (int v = 0; v < n; ++v) {
     laplacian.startVec(v);
-    const Entry *first = sorted.data() + begin[v], *last = sorted.data() + begin[v + 1];
+    entries.clear();
+    int last = -1;
+    for (int j : fans.of(v)) {
+      if (std::exchange(last, j) == j) continue;  // v is two of its corners
+      for (int k = 0; k < 3; ++k) {
+        if (t(j, k) != v) continue;
+        const int next = (k + 1) % 3, previous = (k + 2) % 3;
+        entries.push_back({t(j, next), -0.5 * metric.cotangents(j, previous)});
+        entries.push_back({t(j, previous), -0.5 * metric.cotangents(j, next)});
+      }
+    }
+    if (entries.empty()) continue;
+    sort_stably(entries, by_row);
     double diagonal = 0;
-    for (const Entry* it = first; it != last; ++it)
-      if (it->row != v) diagonal -= it->value;
-    bool has_diagonal = first == last;
+    for (const Entry& entry : entries)
+      if (entry.row != v) diagonal -= entry.value;
+    bool has_diagonal = false;
     const auto add_diagonal = [&] {
       if (!std::exchange(has_diagonal, true)) laplacian.insertBackByOuterInner(v, v) = diagonal;
     };
-    for (const Entry* it = first; it != last;) {
-      const int row = it->row;
+    for (size_t i = 0; i < entries.size();) {
+      const int row = entries[i].row;
       double sum = 0;
-      for (; it != last && it->row == row; ++it) sum += it->value;
+      for (; i < entries.size() && entries[i].row == row; ++i) sum += entries[i].value;
       if (row >= v) add_diagonal();
       if (row != v) laplacian.insertBackByOuterInner(v, row) = sum;
     }

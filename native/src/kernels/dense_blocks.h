@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Products of small matrices, included once for each instruction set: see dense_kernels_impl.h.
+// Where all that is multiplied is in the nearest caches, to gather it into panels, as a library
+// does for matrices of any size, takes as long as to multiply it.
+#pragma once
+
+#include <algorithm>
+#include <type_traits>
+
+#include "kernels/dense_kernels.h"
+
+namespace dd {
+
+namespace {
+
+using Four = Eigen::Array4d;
+
+/// Rows of four that go together: their sums, those of 4 columns, fill the registers.
+#ifdef __AVX2__
+constexpr int kFours = 3;
+#else
+constexpr int kFours = 1;
+#endif
+
+/// Part of a matrix stored by columns, or of its transpose.
+struct Part {
+  const double* values;
+  Eigen::Index row_step, column_step;
+
+  static Part of(const double* values, int stride) { return {values, 1, stride}; }
+  static Part transposed(const double* values, int stride) { return {values, stride, 1}; }
+};
+
+/// The first `columns` of 4 columns of P Qᵀ, P with 4·Fours rows from p on, Q with 4: give(sums).
+template <int Fours, class Give>
+inline void products(int count, const double* p, int stride, Part q, int columns,
+                     const Give& give) {
+  const double* row[4];
+  for (int j = 0; j < 4; ++j) row[j] = q.values + (j < columns ? j : columns - 1) * q.row_step;
+  Four sums[Fours][4];
+  for (int f = 0; f < Fours; ++f)
+    for (int j = 0; j < 4; ++j) sums[f][j].setZero();
+  for (int k = 0; k < count; ++k, p += stride) {
+    Four column[Fours];
+    for (int f = 0; f < Fours; ++f) column[f] = Eigen::Map<const Four>(p + 4 * f);
+    for (int j = 0; j < 4; ++j) {
+      const Four factor = Four::Constant(*row[j]);
+      row[j] += q.column_step;
+      for (int f = 0; f < Fours; ++f) sums[f][j] += column[f] * factor;
+    }
+  }
+  for (int f = 0; f < Fours; ++f) give(f, sums[f]);
+}
+
+/// Goes through the rows begin to end of four columns of P Qᵀ, four at a time:
+/// give(row, how many, sums). count(rows): of the products in a sum, for all rows before that one.
+/// P is read to the next multiple of four rows from begin on.
+template <class Count, class Give>
+inline void each_four(int begin, int end, const Count& count, const double* p, int stride, Part q,
+                      int columns, const Give& give) {
+  int i = begin;
+  const auto go = [&](auto fours) {
+    constexpr int kRows = 4 * decltype(fours)::value;
+    products<decltype(fours)::value>(count(i + kRows), p + i, stride, q, columns,
+                                     [&](int f, const Four* sums) {
+                                       const int row = i + 4 * f;
+                                       if (row < end)
+                                         give(row, end - row < 4 ? end - row : 4, sums);
+                                     });
+    i += kRows;
+  };
+  while (end - i > 4 * (kFours - 1)) go(std::integral_constant<int, kFours>());
+  if (kFours > 2 && end - i > 4) go(std::integral_constant<int, 2>());
+  if (end - i > 0) go(std::integral_constant<int, 1>());
+}
+
+/// write(target, value) for the first rows of a column.
+template <class Write>
+inline void write_four(double* target, const Four& values, int rows, const Write& write) {
+  if (rows == 4) {
+    Eigen::Map<Four> all(target);
+    write(all, values);
+    return;
+  }
+  for (int r = 0; r < rows; ++r) write(target[r], values[r]);
+}
+
+/// The lower triangle of 4×4 values D, with 1 in place of columns that aren't there.
+struct Corner {
+  double value[4][4];  // row, column
+  double inverse[4];   // of the diagonal
+};
+
+/// X ← R D⁻ᵀ.
+inline void solve_by_transposed(const Corner& d, Four* r) {
+  for (int j = 0; j < 4; ++j) {
+    for (int k = 0; k < j; ++k) r[j] -= r[k] * d.value[j][k];
+    r[j] *= d.inverse[j];
+  }
+}
+/// X ← R D⁻¹.
+inline void solve_by(const Corner& d, Four* r) {
+  for (int j = 3; j >= 0; --j) {
+    for (int k = j + 1; k < 4; ++k) r[j] -= r[k] * d.value[k][j];
+    r[j] *= d.inverse[j];
+  }
+}
+
+inline Corner corner_of(const double* a, int stride, int columns) {
+  Corner d = {};
+  for (int j = 0; j < 4; ++j) {
+    if (j < columns)
+      for (int i = j; i < columns; ++i) d.value[i][j] = a[Eigen::Index(j) * stride + i];
+    else
+      d.value[j][j] = 1;
+    d.inverse[j] = 1 / d.value[j][j];
+  }
+  return d;
+}
+
+/// See DenseKernels::factor_pivot. Four columns at a time, each by all before it.
+inline int factor_small(int width, double* a, int stride, const double* bounds) {
+  const auto at = [&](int row, int column) { return a + Eigen::Index(column) * stride + row; };
+  for (int j = 0; j < width; j += 4) {
+    const int columns = width - j < 4 ? width - j : 4;
+    const Part q = Part::of(a + j, stride);
+    const auto count = [j](int) { return j; };
+    each_four(j, j + columns, count, a, stride, q, columns, [&](int, int rows, const Four* sums) {
+      for (int c = 0; c < columns; ++c)
+        write_four(at(j, j + c), sums[c], rows, [](auto& t, const auto& s) { t -= s; });
+    });
+    for (int k = j; k < j + columns; ++k) {
+      const double pivot = *at(k, k);
+      if (!(pivot > bounds[k]) || !(pivot < 1e300)) return k;
+      const double root = Eigen::numext::sqrt(pivot);
+      *at(k, k) = root;
+      for (int i = k + 1; i < j + columns; ++i) *at(i, k) /= root;
+      for (int c = k + 1; c < j + columns; ++c)
+        for (int i = c; i < j + columns; ++i) *at(i, c) -= *at(c, k) * *at(i, k);
+    }
+    if (columns < 4) break;
+    const Corner d = corner_of(at(j, j), stride, columns);
+    each_four(j + 4, width, count, a, stride, q, 4, [&](int i, int rows, const Four* sums) {
+      Four r[4];
+      for (int c = 0; c < 4; ++c) r[c] = Eigen::Map<const Four>(at(i, j + c)) - sums[c];
+      solve_by_transposed(d, r);
+      for (int c = 0; c < 4; ++c)
+        write_four(at(i, j + c), r[c], rows, [](auto& t, const auto& s) { t = s; });
+    });
+  }
+  return -1;
+}
+
+/// C⁻¹ with zeros above the diagonal, four columns at a time from the last, by X C = 1.
+inline void invert_small(int width, const double* c, int stride, double* inverse,
+                         int inverse_stride) {
+  for (int k = 0; k < width; ++k)
+    std::fill_n(inverse + Eigen::Index(k) * inverse_stride, width, 0.0);
+  for (int j = (width - 1) / 4 * 4; j >= 0; j -= 4) {
+    const int columns = width - j < 4 ? width - j : 4, next = j + columns;
+    const Corner d = corner_of(c + Eigen::Index(j) * stride + j, stride, columns);
+    const auto put = [&](int i, int rows, Four* r) {
+      solve_by(d, r);
+      for (int k = 0; k < columns; ++k)
+        write_four(inverse + Eigen::Index(j + k) * inverse_stride + i, r[k], rows,
+                   [](auto& t, const auto& s) { t = s; });
+    };
+    Four one[4];
+    for (int k = 0; k < 4; ++k) {
+      one[k].setZero();
+      one[k][k] = 1;
+    }
+    put(j, columns, one);
+    each_four(
+        next, width, [&](int rows) { return (rows < width ? rows : width) - next; },
+        inverse + Eigen::Index(next) * inverse_stride, inverse_stride,
+        Part::transposed(c + Eigen::Index(j) * stride + next, stride), columns,
+        [&](int i, int rows, const Four* sums) {
+          Four r[4];
+          for (int k = 0; k < 4; ++k) r[k] = -sums[k];
+          put(i, rows, r);
+        });
+  }
+}
+
+/// See DenseKernels::solve_rows.
+inline void solve_small(int width, int count, const double* inverse, int inverse_stride,
+                        const double* b, int b_stride, double* y, int y_stride) {
+  for (int j = 0; j < width; j += 4) {
+    const int columns = width - j < 4 ? width - j : 4;
+    each_four(
+        0, count, [&](int) { return j + columns; }, b, b_stride,
+        Part::of(inverse + j, inverse_stride), columns,
+        [&](int i, int rows, const Four* sums) {
+          for (int c = 0; c < columns; ++c)
+            write_four(y + Eigen::Index(j + c) * y_stride + i, sums[c], rows,
+                       [](auto& t, const auto& s) { t = s; });
+        });
+  }
+}
+
+/// See DenseKernels::subtract_products.
+inline void subtract_small(int width, int size, int first, int last, const double* y, int y_stride,
+                           double* a, int a_stride) {
+  for (int j = first; j < last; j += 4) {
+    const int columns = last - j < 4 ? last - j : 4;
+    each_four(
+        j, size, [&](int) { return width; }, y, y_stride, Part::of(y + j, y_stride), columns,
+        [&](int i, int rows, const Four* sums) {
+          for (int c = 0; c < columns; ++c)
+            write_four(a + Eigen::Index(j + c) * a_stride + i, sums[c], rows,
+                       [](auto& t, const auto& s) { t -= s; });
+        });
+  }
+}
+
+}  // namespace
+
+}  // namespace dd
