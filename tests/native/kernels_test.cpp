@@ -122,6 +122,73 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
       CHECK(close(a, b));
     }
   }
+  SECTION("poses by example") {
+    constexpr int kBlocks = 3, kExamples = 4;
+    std::vector<ExampleBlock<Real>> blocks(kBlocks);
+    std::vector<ExampleChange<Real>> changes(kBlocks * kExamples);
+    for (auto& block : blocks) {
+      for (int lane = 0; lane < kLanes; ++lane)
+        for (int k = 0; k < 3; ++k) {
+          block.corner[k][lane] = static_cast<int>(random() % 20);
+          block.target[k][lane] = static_cast<int>(random() % 20);
+        }
+      for (auto* lanes : {&block.a, &block.b, &block.c})
+        for (Real& value : *lanes) value = static_cast<Real>(uniform(random));
+      for (auto& lanes : block.rest)
+        for (Real& value : lanes) value = static_cast<Real>(uniform(random));
+    }
+    for (auto& change : changes) {
+      for (auto& lanes : change.turn)
+        for (Real& value : lanes) value = static_cast<Real>(uniform(random));
+      for (auto& lanes : change.stretch)
+        for (Real& value : lanes) value = static_cast<Real>(uniform(random));
+    }
+    const auto offsets = numbers(4 * 20, double());
+    std::vector<std::vector<double>> followed;
+    for (int i = 0; i < kExamples; ++i) followed.push_back(numbers(4 * 20, double()));
+    const auto start = numbers(4 * 20, double());
+    for (bool rotation_only : {false, true})
+      // Turns of a few degrees and of radians: by series and by quotients.
+      for (const Real size : {Real(0.02), Real(1)}) {
+        const std::vector<Real> weights = {size, 0, -size / 2, 2 * size};
+        struct Result {
+          std::vector<double> rows;
+          double misfit;
+          std::vector<Real> sums;
+        };
+        const auto run = [&](const KernelsOf<Real>& set) {
+          std::vector<ExamplePose<Real>> poses(kBlocks);
+          std::vector<ExampleGradient<Real>> misfits(kBlocks), slopes(kBlocks * kExamples);
+          const ExampleView<Real> view = {kExamples,    blocks.data(),  changes.data(),
+                                          poses.data(), misfits.data(), slopes.data()};
+          Result result;
+          result.rows = start;
+          double* rows = result.rows.data();
+          set.example_pose(view, 0, kBlocks, weights.data(), rotation_only, rows);
+          result.misfit = set.example_misfit(view, 0, kBlocks, offsets.data());
+          set.example_misfit_divergence(view, 0, kBlocks, rows);
+          for (int i = 0; i < kExamples; ++i) set.example_slope(view, i, 0, kBlocks, rows);
+          std::vector<ExampleBend<Real>> bends(kExamples);
+          result.sums.assign(kExamples * (kExamples + 3) / 2 * kLanes, 0);
+          const double* of[kExamples];
+          for (int i = 0; i < kExamples; ++i) of[i] = followed[size_t(i)].data();
+          set.example_second_order(view, 0, kBlocks, of, bends.data(),
+                                   reinterpret_cast<Real(*)[kLanes]>(result.sums.data()));
+          return result;
+        };
+        const Result a = run(plain), b = run(wide);
+        // Sums of hundreds of products.
+        const auto alike = [&](const auto& x, const auto& y) {
+          for (size_t i = 0; i < x.size(); ++i)
+            if (!(std::abs(x[i] - y[i]) < tolerance * (10 + std::abs(x[i])))) return false;
+          return true;
+        };
+        CHECK(alike(a.rows, b.rows));
+        CHECK(a.misfit == Approx(b.misfit).epsilon(tolerance));
+        CHECK(a.misfit > 1);
+        CHECK(alike(a.sums, b.sums));
+      }
+  }
   SECTION("rotations and what they turn") {
     std::vector<RotationBlock<Real>> blocks(3);
     std::vector<TurnBlock<Real>> turns(3);

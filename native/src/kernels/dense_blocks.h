@@ -4,9 +4,6 @@
 // does for matrices of any size, takes as long as to multiply it.
 #pragma once
 
-#include <algorithm>
-#include <type_traits>
-
 #include "kernels/dense_kernels.h"
 
 namespace dd {
@@ -21,6 +18,12 @@ constexpr int kFours = 3;
 #else
 constexpr int kFours = 1;
 #endif
+
+/// A number that templates take.
+template <int Value>
+struct Constant {
+  static constexpr int value = Value;
+};
 
 /// Part of a matrix stored by columns, or of its transpose.
 struct Part {
@@ -69,9 +72,9 @@ inline void each_four(int begin, int end, const Count& count, const double* p, i
                                      });
     i += kRows;
   };
-  while (end - i > 4 * (kFours - 1)) go(std::integral_constant<int, kFours>());
-  if (kFours > 2 && end - i > 4) go(std::integral_constant<int, 2>());
-  if (end - i > 0) go(std::integral_constant<int, 1>());
+  while (end - i > 4 * (kFours - 1)) go(Constant<kFours>());
+  if (kFours > 2 && end - i > 4) go(Constant<2>());
+  if (end - i > 0) go(Constant<1>());
 }
 
 /// write(target, value) for the first rows of a column.
@@ -155,7 +158,7 @@ inline int factor_small(int width, double* a, int stride, const double* bounds) 
 inline void invert_small(int width, const double* c, int stride, double* inverse,
                          int inverse_stride) {
   for (int k = 0; k < width; ++k)
-    std::fill_n(inverse + Eigen::Index(k) * inverse_stride, width, 0.0);
+    for (int i = 0; i < width; ++i) inverse[Eigen::Index(k) * inverse_stride + i] = 0;
   for (int j = (width - 1) / 4 * 4; j >= 0; j -= 4) {
     const int columns = width - j < 4 ? width - j : 4, next = j + columns;
     const Corner d = corner_of(c + Eigen::Index(j) * stride + j, stride, columns);

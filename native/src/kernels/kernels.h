@@ -44,6 +44,49 @@ struct TurnBlock {
   Real flux[2][3][kLanes];  ///< corner_divergence of corners 0 and 1
 };
 
+/// kLanes triangles of a surface that is posed by example, structure of arrays: see ExamplePass.
+template <class Real>
+struct ExampleBlock {
+  int32_t corner[3][kLanes];  ///< rows of the offsets: the last corner's first, then 0 and 1
+  int32_t target[3][kLanes];
+  Real a[kLanes], b[kLanes], c[kLanes];  ///< g_0 = (a, 0), g_1 = (b, c)
+  Real rest[6][kLanes];                  ///< the gradient of S, two columns
+};
+/// What an example does to a block's triangles: its rotations, and (U_ij − I) on their planes.
+template <class Real>
+struct ExampleChange {
+  Real turn[3][kLanes];
+  Real stretch[6][kLanes];
+};
+/// The pose taken: r = Σ w_i r_ij, the factors of r and r² in exp r and in its derivative, (T_j − I)
+/// and T_j as gradients.
+template <class Real>
+struct ExamplePose {
+  Real turn[3][kLanes];
+  Real sine[kLanes], versine[kLanes], cubic[kLanes];
+  Real moved[6][kLanes], whole[6][kLanes];
+  bool rotation_only;
+};
+template <class Real>
+struct ExampleGradient {
+  Real value[6][kLanes];
+};
+/// What the misfit makes of an example's second derivatives: a_i, K a_i + t_i, t_i.
+template <class Real>
+struct ExampleBend {
+  Real spin[3][kLanes], pull[3][kLanes], stretch_pull[3][kLanes];
+};
+/// All that the passes of posing by example work on, by block, and then by example.
+template <class Real>
+struct ExampleView {
+  int example_count;
+  const ExampleBlock<Real>* blocks;
+  const ExampleChange<Real>* changes;
+  ExamplePose<Real>* poses;
+  ExampleGradient<Real>* misfits;
+  ExampleGradient<Real>* slopes;
+};
+
 /// The rows of a factor are stored in groups, each by columns. A group has as many rows as the
 /// largest power of two, up to most, that is left. C_ss⁻¹ begins with its last rows: a group of it
 /// is as long as its last row, filled up with zeros. So a solve reads all of a factor in one
@@ -117,11 +160,28 @@ struct KernelsOf {
   /// corners.
   void (*turn_pass)(int block_count, const TurnBlock<Real>* blocks, const Real* quaternions,
                     double* right_hand_side);
+
+  /// Of blocks begin to end, as the functions of ExamplePass with these names say. offsets, rows:
+  /// rows of 4.
+  void (*example_pose)(const ExampleView<Real>& view, int begin, int end, const Real* weights,
+                       bool rotation_only, double* rows);
+  double (*example_misfit)(const ExampleView<Real>& view, int begin, int end,
+                           const double* offsets);
+  void (*example_misfit_divergence)(const ExampleView<Real>& view, int begin, int end,
+                                    double* rows);
+  void (*example_slope)(const ExampleView<Real>& view, int example, int begin, int end,
+                        double* rows);
+  /// bends: room for one of each example. sums: of each example its row up to the diagonal, then
+  /// its gradient; added to.
+  void (*example_second_order)(const ExampleView<Real>& view, int begin, int end,
+                               const double* const* followed, ExampleBend<Real>* bends,
+                               Real (*sums)[kLanes]);
 };
 
 /// The loops of a frame, compiled once for each instruction set. Rows are of 4 doubles (x y z and
-/// one unused), all pointers to plain arrays: no Eigen or standard template may be instantiated in
-/// these files, because the linker could then keep the wide version for everyone.
+/// one unused), all pointers to plain arrays: no template of the standard library, and of Eigen only
+/// under another name, may be instantiated in these files, because the linker could then keep the
+/// wide version for everyone.
 struct Kernels {
   const char* name;
 

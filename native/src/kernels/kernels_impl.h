@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The kernels themselves, included once for each instruction set. See kernels.h for why nothing
-// here may come from Eigen or the standard library's templates.
+// The kernels themselves, included once for each instruction set, with Eigen's name changed to one
+// of that set. See kernels.h for why nothing else here may come from Eigen or the standard library's
+// templates.
+#define Eigen DD_EIGEN_NAME
+#include <Eigen/Core>
+
+#include "kernels/kernels_examples.h"
 #include "kernels/kernels_solve.h"
 #include "kernels/kernels_triangles.h"
 
@@ -22,7 +27,12 @@ constexpr KernelsOf<Real> kernels_of() {
           gradient_pass<Real>,
           rotation_pass<Real>,
           mean_rotations<Real>,
-          turn_pass<Real>};
+          turn_pass<Real>,
+          example_pose<Real>,
+          example_misfit<Real>,
+          example_misfit_divergence<Real>,
+          example_slope<Real>,
+          example_second_order<Real>};
 }
 
 }  // namespace

@@ -104,11 +104,11 @@ Eigen::VectorXd ExampleFit<Real>::guess(const Starts& starts, double at_rest,
 
 template <class Real>
 void ExampleFit<Real>::derive(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) {
+  followed_.resize(size_t(example_count_));
   for (int i = 0; i < example_count_; ++i)
-    system_.pass().project(i, system_.solve_at_rest([&](int section, double* rows) {
-      system_.pass().slope(i, section, rows);
-    }));
-  system_.pass().second_order(hessian, gradient);
+    followed_[size_t(i)] = system_.solve_at_rest(
+        [&](int section, double* rows) { system_.pass().slope(i, section, rows); });
+  system_.pass().second_order(followed_, hessian, gradient);
 }
 
 template <class Real>
@@ -172,6 +172,8 @@ Eigen::VectorXd ExampleFit<Real>::find(const Rows& offsets, bool rotation_only, 
 template <class Real>
 double ExampleFit<Real>::bytes() const {
   double bytes = system_.bytes();
+  for (const Rows& rows : followed_)
+    bytes += static_cast<double>(rows.size() * Index(sizeof(double)));
   for (const auto& starts : starts_)
     if (starts) bytes += static_cast<double>(starts->forces.size() * Index(sizeof(double)));
   return bytes;

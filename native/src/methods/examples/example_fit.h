@@ -76,6 +76,7 @@ class ExampleFit {
   Index example_count_;
   double area_;  // of the surface
   ExampleSystem<Real> system_;
+  std::vector<Rows> followed_;         // of each example, in the last derivatives
   std::unique_ptr<Starts> starts_[2];  // whole gradients, rotations
 };
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <array>
 #include <vector>
 
+#include "kernels/kernels.h"
 #include "methods/examples/example_surface.h"
 #include "surface/gradients.h"
 
@@ -36,74 +36,23 @@ class ExamplePass {
   /// The misfit (T_j − I) − G_j(offsets), kept, and its sum of squares. offsets: all rows.
   double misfit(const Rows& offsets);
   /// The divergence of the misfit by row, n×4.
-  Rows misfit_divergence(int row_count) const;
+  Rows misfit_divergence(int row_count);
 
   /// Room for the derivatives, before the first slope().
   void make_room() { slopes_.resize(changes_.size()); }
   /// Takes the pose's derivative by the weight of an example and adds its divergence to rows.
   void slope(int example, int section, double* rows);
-  /// Takes G_j(offsets) from that derivative: with the solution for its divergence, what remains is
-  /// the part of it that no positions can follow.
-  void project(int example, const Rows& offsets);
-  /// Half the energy's second and first derivatives by the weights.
-  void second_order(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient) const;
+  /// Half the energy's second and first derivatives by the weights. followed: of each example the
+  /// solution for its slope's divergence, all rows; G_j of it is taken from the slope, and what
+  /// remains is the part of it that no positions can follow.
+  void second_order(const std::vector<Rows>& followed, Eigen::MatrixXd& hessian,
+                    Eigen::VectorXd& gradient);
 
   double bytes() const;
 
  private:
-  using Lanes = Eigen::Array<Real, kLanes, 1>;
-  using Vector = std::array<Lanes, 3>;
-  using Gradient = std::array<Lanes, 6>;  // two columns
-  struct Block {
-    int32_t corner[3][kLanes];  // rows of offsets
-    int32_t target[3][kLanes];
-    Lanes a, b, c;  // g_0 = (a, 0), g_1 = (b, c)
-    Gradient rest;  // of S
-  };
-  /// What an example does to a block's triangles: its rotations, and (U_ij − I) on their planes.
-  struct Change {
-    Vector turn;
-    Gradient stretch;
-  };
-  /// The pose taken: r = Σ w_i r_ij and the factors of r and r² in exp r and in its derivative,
-  /// (T_j − I) and T_j as gradients.
-  struct Pose {
-    Vector turn;
-    Lanes sine, versine, cubic;
-    Gradient moved, whole;
-    bool rotation_only;
-  };
-
-  /// What the misfit makes of an example's second derivatives: see take_bends().
-  struct Bend {
-    Vector spin, pull, stretch_pull;  // a_i, K a_i + t_i, t_i
-  };
-
-  static Lanes dot(const Vector& u, const Vector& v) {
-    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2];
-  }
-  static Lanes dot(const Gradient& X, const Gradient& Y) {
-    return X[0] * Y[0] + X[1] * Y[1] + X[2] * Y[2] + X[3] * Y[3] + X[4] * Y[4] + X[5] * Y[5];
-  }
-  Gradient gradient(const Block& block, const Rows& x) const;
-  static void add_divergence(const Block& block, const Gradient& X, const int32_t (*to)[kLanes],
-                             double* rows);
-  static Vector cross(const Vector& u, const Lanes& x, const Lanes& y, const Lanes& z) {
-    return {u[1] * z - u[2] * y, u[2] * x - u[0] * z, u[0] * y - u[1] * x};
-  }
-  /// out += (first [r]× + second [r]×²) X.
-  static void add_turned(const Vector& turn, const Lanes& first, const Lanes& second,
-                         const Gradient& X, Gradient& out) {
-    for (size_t column = 0; column < 6; column += 3) {
-      const Vector once = cross(turn, X[column], X[column + 1], X[column + 2]);
-      const Vector twice = cross(turn, once[0], once[1], once[2]);
-      for (size_t c = 0; c < 3; ++c) out[column + c] += first * once[c] + second * twice[c];
-    }
-  }
-  /// The spin a of d exp(r) = [a]× exp(r) where r changes by that: its left Jacobian's image.
-  static Vector spin(const Pose& pose, const Vector& by);
-  void take_bends(int block, Bend* bends) const;
-  /// Calls body(block, chunk) for all blocks, in chunks whose number depends on the mesh alone, so
+  ExampleView<Real> view();
+  /// Calls body(begin, end, chunk) for chunks of blocks whose number depends on the mesh alone, so
   /// that sums do not depend on the threads.
   template <class Body>
   void by_chunks(const Body& body) const;
@@ -112,11 +61,11 @@ class ExamplePass {
   const PoissonSystem& poisson_;
   int example_count_;
   ActiveBlocks layout_;
-  std::vector<Block> blocks_;
-  std::vector<Change> changes_;  // by block, then example
-  std::vector<Pose> pose_;
-  std::vector<Gradient> misfit_;
-  std::vector<Gradient> slopes_;  // by block, then example
+  std::vector<ExampleBlock<Real>> blocks_;
+  std::vector<ExampleChange<Real>> changes_;  // by block, then example
+  std::vector<ExamplePose<Real>> pose_;
+  std::vector<ExampleGradient<Real>> misfit_;
+  std::vector<ExampleGradient<Real>> slopes_;  // by block, then example
 };
 
 }  // namespace dd

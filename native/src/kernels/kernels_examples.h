@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The passes of posing by example, included once for each instruction set: see kernels_impl.h, and
+// ExamplePass for what they are.
+#pragma once
+
+#include "kernels/kernels_triangles.h"
+
+namespace dd {
+
+namespace {
+
+/// Numbers of a block's triangles in registers. Loops over lanes as long as these compilers leave
+/// as they are.
+template <class Real>
+using InLanes = Eigen::Array<Real, kLanes, 1>;
+
+template <class Real>
+struct Three {
+  InLanes<Real> x, y, z;
+};
+template <class Real>
+inline Three<Real> operator+(const Three<Real>& u, const Three<Real>& v) {
+  return {u.x + v.x, u.y + v.y, u.z + v.z};
+}
+template <class Real>
+inline InLanes<Real> dot(const Three<Real>& u, const Three<Real>& v) {
+  return u.x * v.x + u.y * v.y + u.z * v.z;
+}
+template <class Real>
+inline Three<Real> cross(const Three<Real>& u, const Three<Real>& v) {
+  return {u.y * v.z - u.z * v.y, u.z * v.x - u.x * v.z, u.x * v.y - u.y * v.x};
+}
+/// (first [r]× + second [r]×²) v.
+template <class Real>
+inline Three<Real> turned(const Three<Real>& r, const InLanes<Real>& first,
+                          const InLanes<Real>& second, const Three<Real>& v) {
+  const Three<Real> once = cross(r, v), twice = cross(r, once);
+  return {first * once.x + second * twice.x, first * once.y + second * twice.y,
+          first * once.z + second * twice.z};
+}
+
+template <class Real>
+inline Eigen::Map<const InLanes<Real>> in_lanes(const Real (&lanes)[kLanes]) {
+  return Eigen::Map<const InLanes<Real>>(lanes);
+}
+template <class Real>
+inline Eigen::Map<InLanes<Real>> in_lanes(Real (&lanes)[kLanes]) {
+  return Eigen::Map<InLanes<Real>>(lanes);
+}
+template <class Real>
+inline Three<Real> three(const Real (*lanes)[kLanes]) {
+  return {in_lanes(lanes[0]), in_lanes(lanes[1]), in_lanes(lanes[2])};
+}
+template <class Real>
+inline void put(Real (*lanes)[kLanes], const Three<Real>& v) {
+  in_lanes(lanes[0]) = v.x, in_lanes(lanes[1]) = v.y, in_lanes(lanes[2]) = v.z;
+}
+
+/// The factors of exp r = I + sine [r]× + versine [r]×² and of its left Jacobian
+/// I + versine [r]× + cubic [r]×².
+template <class Real>
+inline void take_factors(ExamplePose<Real>& pose) {
+  constexpr double kSmall = 0.1;  // squared: below, series are better than quotients
+  const Three<Real> r = three<Real>(pose.turn);
+  const InLanes<Real> squares = dot(r, r);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const double x = static_cast<double>(squares[lane]);
+    double sine, versine, cubic;
+    if (x < kSmall) {
+      sine = 1 - x / 6 * (1 - x / 20 * (1 - x / 42 * (1 - x / 72 * (1 - x / 110))));
+      versine = 0.5 * (1 - x / 12 * (1 - x / 30 * (1 - x / 56 * (1 - x / 90 * (1 - x / 132)))));
+      cubic = 1.0 / 6 * (1 - x / 20 * (1 - x / 42 * (1 - x / 72 * (1 - x / 110 * (1 - x / 156)))));
+    } else {
+      const double angle = sqrt(x), of_sine = sin(angle);
+      sine = of_sine / angle;
+      versine = (1 - cos(angle)) / x;
+      cubic = (angle - of_sine) / (x * angle);
+    }
+    pose.sine[lane] = static_cast<Real>(sine);
+    pose.versine[lane] = static_cast<Real>(versine);
+    pose.cubic[lane] = static_cast<Real>(cubic);
+  }
+}
+
+/// A pose as the passes over examples read it.
+template <class Real>
+struct PoseInLanes {
+  explicit PoseInLanes(const ExamplePose<Real>& pose)
+      : turn(three<Real>(pose.turn)),
+        sine(in_lanes(pose.sine)),
+        versine(in_lanes(pose.versine)),
+        cubic(in_lanes(pose.cubic)) {}
+  /// (exp r − I) v.
+  Three<Real> turned(const Three<Real>& v) const { return dd::turned(turn, sine, versine, v); }
+  /// The spin a of d exp(r) = [a]× exp(r) where r changes by that: its left Jacobian's image.
+  Three<Real> spin(const Three<Real>& by) const {
+    return by + dd::turned(turn, versine, cubic, by);
+  }
+  Three<Real> turn;
+  InLanes<Real> sine, versine, cubic;
+};
+
+template <class Real>
+inline void add_divergence(const ExampleBlock<Real>& block, const Real (*gradient)[kLanes],
+                           const int32_t (&to)[3][kLanes], double* rows) {
+  Real flux[2][3][kLanes];
+  for (int c = 0; c < 3; ++c) {
+    const auto first = in_lanes(gradient[c]), second = in_lanes(gradient[3 + c]);
+    in_lanes(flux[0][c]) = in_lanes(block.a) * first;
+    in_lanes(flux[1][c]) = in_lanes(block.b) * first + in_lanes(block.c) * second;
+  }
+  scatter(to, flux, rows);
+}
+
+/// gradient −= G_j(x).
+template <class Real>
+inline void subtract_gradient(const ExampleBlock<Real>& block, const double* x,
+                              Real (*gradient)[kLanes]) {
+  Edges<Real> edges;
+  gather_edges(block.corner, x, edges);
+  for (int c = 0; c < 3; ++c) {
+    const auto first = in_lanes<Real>(edges.first[c]), second = in_lanes<Real>(edges.second[c]);
+    in_lanes(gradient[c]) -= in_lanes(block.a) * first + in_lanes(block.b) * second;
+    in_lanes(gradient[3 + c]) -= in_lanes(block.c) * second;
+  }
+}
+
+template <class Real>
+void example_pose(const ExampleView<Real>& view, int begin, int end, const Real* weights,
+                  bool rotation_only, double* rows) {
+  for (int b = begin; b < end; ++b) {
+    const ExampleBlock<Real>& block = view.blocks[b];
+    const ExampleChange<Real>* change = view.changes + int64_t{b} * view.example_count;
+    ExamplePose<Real>& pose = view.poses[b];
+    pose.rotation_only = rotation_only;
+    InLanes<Real> turn[3], stretch[6];
+    for (auto& lanes : turn) lanes.setZero();
+    for (auto& lanes : stretch) lanes.setZero();
+    for (int i = 0; i < view.example_count; ++i, ++change) {
+      const Real w = weights[i];
+      if (w == 0) continue;
+      for (int c = 0; c < 3; ++c) turn[c] += w * in_lanes(change->turn[c]);
+      if (rotation_only) continue;
+      for (int c = 0; c < 6; ++c) stretch[c] += w * in_lanes(change->stretch[c]);
+    }
+    for (int c = 0; c < 3; ++c) in_lanes(pose.turn[c]) = turn[c];
+    take_factors(pose);
+    const PoseInLanes<Real> in(pose);
+    for (int column = 0; column < 6; column += 3) {
+      const Three<Real> rest = three<Real>(block.rest + column);
+      const Three<Real> own = {stretch[column], stretch[column + 1], stretch[column + 2]};
+      const Three<Real> moved = own + in.turned(rest + own);
+      put(pose.moved + column, moved);
+      put(pose.whole + column, rest + moved);
+    }
+    add_divergence(block, pose.moved, block.target, rows);
+  }
+}
+
+template <class Real>
+double example_misfit(const ExampleView<Real>& view, int begin, int end, const double* offsets) {
+  double sum = 0;
+  for (int b = begin; b < end; ++b) {
+    Real(*misfit)[kLanes] = view.misfits[b].value;
+    memcpy(misfit, view.poses[b].moved, sizeof view.poses[b].moved);
+    subtract_gradient(view.blocks[b], offsets, misfit);
+    InLanes<Real> squares = InLanes<Real>::Zero();
+    for (int c = 0; c < 6; ++c) squares += in_lanes(misfit[c]).square();
+    sum += static_cast<double>(squares.sum());
+  }
+  return sum;
+}
+
+template <class Real>
+void example_misfit_divergence(const ExampleView<Real>& view, int begin, int end, double* rows) {
+  for (int b = begin; b < end; ++b) {
+    const ExampleBlock<Real>& block = view.blocks[b];
+    int32_t to[3][kLanes];
+    for (int k = 0; k < 3; ++k) memcpy(to[k], block.corner[(k + 1) % 3], sizeof to[k]);
+    add_divergence<Real>(block, view.misfits[b].value, to, rows);
+  }
+}
+
+template <class Real>
+void example_slope(const ExampleView<Real>& view, int example, int begin, int end, double* rows) {
+  for (int b = begin; b < end; ++b) {
+    const ExamplePose<Real>& pose = view.poses[b];
+    const PoseInLanes<Real> in(pose);
+    const int64_t place = int64_t{b} * view.example_count + example;
+    const ExampleChange<Real>& change = view.changes[place];
+    Real(*slope)[kLanes] = view.slopes[place].value;
+    const Three<Real> spin = in.spin(three<Real>(change.turn));
+    for (int column = 0; column < 6; column += 3) {
+      const Three<Real> spun = cross(spin, three<Real>(pose.whole + column));
+      if (pose.rotation_only) {
+        put(slope + column, spun);
+        continue;
+      }
+      const Three<Real> stretch = three<Real>(change.stretch + column);
+      put(slope + column, spun + (stretch + in.turned(stretch)));
+    }
+    add_divergence<Real>(view.blocks[b], slope, view.blocks[b].target, rows);
+  }
+}
+
+/// With T'' to second order in spins, and the spins' own derivative left out, which vanishes where
+/// the examples turn about one axis: r · T''_ik = a_iᵀ K a_k + a_i · t_k + t_i · a_k.
+template <class Real>
+inline void take_bends(const ExampleView<Real>& view, int b, ExampleBend<Real>* bends) {
+  const ExamplePose<Real>& pose = view.poses[b];
+  const PoseInLanes<Real> in(pose);
+  const Real(*misfit)[kLanes] = view.misfits[b].value;
+  InLanes<Real> K[3][3];
+  for (int p = 0; p < 3; ++p)
+    for (int q = 0; q < 3; ++q)
+      K[p][q] = Real(0.5) * (in_lanes(misfit[p]) * in_lanes(pose.whole[q]) +
+                             in_lanes(misfit[q]) * in_lanes(pose.whole[p]) +
+                             in_lanes(misfit[3 + p]) * in_lanes(pose.whole[3 + q]) +
+                             in_lanes(misfit[3 + q]) * in_lanes(pose.whole[3 + p]));
+  const InLanes<Real> trace = K[0][0] + K[1][1] + K[2][2];
+  for (int p = 0; p < 3; ++p) K[p][p] -= trace;
+  const ExampleChange<Real>* change = view.changes + int64_t{b} * view.example_count;
+  for (int i = 0; i < view.example_count; ++i, ++change) {
+    const Three<Real> a = in.spin(three<Real>(change->turn));
+    Three<Real> pull = {InLanes<Real>::Zero(), InLanes<Real>::Zero(), InLanes<Real>::Zero()};
+    if (!pose.rotation_only)
+      for (int column = 0; column < 6; column += 3) {
+        const Three<Real> stretch = three<Real>(change->stretch + column);
+        pull = pull + cross(stretch + in.turned(stretch), three<Real>(misfit + column));
+      }
+    put(bends[i].spin, a);
+    put(bends[i].stretch_pull, pull);
+    const auto row = [&](int p) -> InLanes<Real> {
+      return K[p][0] * a.x + K[p][1] * a.y + K[p][2] * a.z;
+    };
+    put(bends[i].pull, pull + Three<Real>{row(0), row(1), row(2)});
+  }
+}
+
+template <class Real>
+void example_second_order(const ExampleView<Real>& view, int begin, int end,
+                          const double* const* followed, ExampleBend<Real>* bends,
+                          Real (*sums)[kLanes]) {
+  const auto products = [](const ExampleGradient<Real>& x,
+                           const ExampleGradient<Real>& y) -> InLanes<Real> {
+    return dot(three<Real>(x.value), three<Real>(y.value)) +
+           dot(three<Real>(x.value + 3), three<Real>(y.value + 3));
+  };
+  for (int b = begin; b < end; ++b) {
+    take_bends(view, b, bends);
+    ExampleGradient<Real>* slopes = view.slopes + int64_t{b} * view.example_count;
+    for (int i = 0; i < view.example_count; ++i)
+      subtract_gradient(view.blocks[b], followed[i], slopes[i].value);
+    Real(*sum)[kLanes] = sums;
+    for (int i = 0; i < view.example_count; ++i) {
+      for (int k = 0; k <= i; ++k)
+        in_lanes(*sum++) += products(slopes[i], slopes[k]) +
+                            dot(three<Real>(bends[k].spin), three<Real>(bends[i].pull)) +
+                            dot(three<Real>(bends[i].spin), three<Real>(bends[k].stretch_pull));
+      in_lanes(*sum++) += products(slopes[i], view.misfits[b]);
+    }
+  }
+}
+
+}  // namespace
+
+}  // namespace dd
