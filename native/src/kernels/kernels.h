@@ -58,8 +58,8 @@ struct ExampleChange {
   Real turn[3][kLanes];
   Real stretch[6][kLanes];
 };
-/// The pose taken: r = Σ w_i r_ij, the factors of r and r² in exp r and in its derivative, (T_j − I)
-/// and T_j as gradients.
+/// The pose taken: r = Σ w_i r_ij, the factors of r and r² in exp r and in its derivative, and
+/// (T_j − I) and T_j as gradients.
 template <class Real>
 struct ExamplePose {
   Real turn[3][kLanes];
@@ -179,9 +179,9 @@ struct KernelsOf {
 };
 
 /// The loops of a frame, compiled once for each instruction set. Rows are of 4 doubles (x y z and
-/// one unused), all pointers to plain arrays: no template of the standard library, and of Eigen only
-/// under another name, may be instantiated in these files, because the linker could then keep the
-/// wide version for everyone.
+/// one unused), all pointers to plain arrays: no template of the standard library may be
+/// instantiated in these files, and of Eigen only under another name, because the linker could then
+/// keep the wide version for everyone.
 struct Kernels {
   const char* name;
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The kernels themselves, included once for each instruction set, with Eigen's name changed to one
-// of that set. See kernels.h for why nothing else here may come from Eigen or the standard library's
-// templates.
+// of that set. See kernels.h for why nothing else here may come from Eigen or from the templates of
+// the standard library.
 #define Eigen DD_EIGEN_NAME
 #include <Eigen/Core>
 

@@ -116,12 +116,12 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
   };
   const auto extend_handles = [&](const PolyharmonicSystem& bending, double one_solve_error,
                                   double begin, double end) {
-    return HandleExtension(
-        bending, coordinates, region, mesh.positions, order(), *how.pool,
-        one_solve_error <= exact_enough(options.precision, coordinates.count()),
-        KeptOfEnergy::cheaper, [&](double done) {
-          report(progress, begin + done * (end - begin), "Computing the handles' basis functions");
-        });
+    return HandleExtension(bending, coordinates, region, mesh.positions, order(), *how.pool,
+                           one_solve_error <= exact_enough(options.precision, coordinates.count()),
+                           KeptOfEnergy::cheaper, [&](double done) {
+                             report(progress, begin + done * (end - begin),
+                                    "Computing the handles' basis functions");
+                           });
   };
   const Eigen::VectorXd motions = unlike_motions(coordinates, region, mesh.positions);
   const auto solve_on = [&](const SurfaceOperators& metric, double begin) {
