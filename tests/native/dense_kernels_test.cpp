@@ -5,14 +5,13 @@
 #include <Eigen/Dense>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "catch.h"
 #include "kernels/kernels.h"
 
 namespace dd {
-
-extern const DenseKernels kBaselineDenseKernels, kAvx2DenseKernels;
 
 namespace {
 
@@ -77,6 +76,12 @@ TEST_CASE("dense kernels: a pivot block's factor and its inverse") {
       CHECK((X * C - MatrixXd::Identity(width, width)).cwiseAbs().maxCoeff() < 1e-14);
       CHECK((X - lower_of(X)).cwiseAbs().maxCoeff() == 0);
       CHECK(a.whole());
+      // Nothing of the block itself is read ahead, as nothing need be there.
+      std::vector<double> alone(A.data(), A.data() + A.size());
+      CHECK(set->factor_pivot(width, alone.data(), width, bounds.data(), inverse.data()) == -1);
+      CHECK(
+          (lower_of(Eigen::Map<MatrixXd>(alone.data(), width, width)) - C).cwiseAbs().maxCoeff() ==
+          0);
     }
 }
 
@@ -87,7 +92,8 @@ TEST_CASE("dense kernels: the first pivot that isn't above its bound is named") 
         INFO(width << ", " << bad);
         std::vector<double> inverse(size_t(width * width + kReadBeyond)),
             bounds(size_t(width), 1e-12);
-        Framed low(definite(width), width, true), negative = low, infinite = low;
+        const Framed whole(definite(width), width, true);
+        Framed low = whole, negative = whole;
         bounds[size_t(bad)] = 10;
         CHECK(set->factor_pivot(width, low.all.data(), width, bounds.data(), inverse.data()) ==
               bad);
@@ -95,9 +101,12 @@ TEST_CASE("dense kernels: the first pivot that isn't above its bound is named") 
         negative.all(bad, bad) = -5;
         CHECK(set->factor_pivot(width, negative.all.data(), width, bounds.data(), inverse.data()) ==
               bad);
-        infinite.all(bad, bad) = Framed::kNan;
-        CHECK(set->factor_pivot(width, infinite.all.data(), width, bounds.data(), inverse.data()) ==
-              bad);
+        for (const double none : {Framed::kNan, std::numeric_limits<double>::infinity()}) {
+          Framed infinite = whole;
+          infinite.all(bad, bad) = none;
+          CHECK(set->factor_pivot(width, infinite.all.data(), width, bounds.data(),
+                                  inverse.data()) == bad);
+        }
       }
 }
 

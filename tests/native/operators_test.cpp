@@ -56,6 +56,28 @@ TEST_CASE("L = GᵀDG, L 1 = 0, zᵀLz is the Dirichlet energy, masses sum to th
   CHECK(masses.minCoeff() > 0);
 }
 
+TEST_CASE("L is symmetric to the bit, with triangles that have a vertex twice or thrice, too") {
+  // As intrinsic flips may make them; and three around one edge.
+  Triangles t(7, 3);
+  t << 0, 1, 2, 0, 1, 0, 2, 2, 2, 1, 0, 3, 1, 3, 1, 0, 1, 4, 3, 0, 0;
+  TriangleMetric metric;
+  metric.areas = Eigen::VectorXd::Ones(7);
+  metric.cotangents.resize(7, 3);
+  for (Index i = 0; i < metric.cotangents.size(); ++i)
+    metric.cotangents.data()[i] = 0.1 + std::sin(double(i)) / 3;
+  const Eigen::MatrixXd L = cotangent_laplacian(metric, t, 6);
+  CHECK((L - L.transpose()).cwiseAbs().maxCoeff() == 0);
+  CHECK(L.rowwise().sum().cwiseAbs().maxCoeff() < 1e-15);
+  Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(6, 6);
+  for (Index j = 0; j < 7; ++j)
+    for (int k = 0; k < 3; ++k) {
+      const Eigen::VectorXd edge =
+          Eigen::VectorXd::Unit(6, t(j, (k + 1) % 3)) - Eigen::VectorXd::Unit(6, t(j, (k + 2) % 3));
+      dense += 0.5 * metric.cotangents(j, k) * edge * edge.transpose();
+    }
+  CHECK((L - dense).cwiseAbs().maxCoeff() < 1e-15);
+}
+
 TEST_CASE("L is positive semi-definite with one zero eigenvalue a part") {
   const Mesh mesh = test::appended(test::rough_sphere(1, 0.2), test::sphere(1));
   const Eigen::MatrixXd L = cotangent_laplacian(triangle_metric(mesh.positions, mesh.triangles),

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "kernels/dense_kernels.h"
+#include "kernels/kernels_rows.h"
 
 namespace dd {
 
@@ -18,12 +19,7 @@ constexpr int kFours = 3;
 #else
 constexpr int kFours = 1;
 #endif
-
-/// A number that templates take.
-template <int Value>
-struct Constant {
-  static constexpr int value = Value;
-};
+static_assert(kFours <= 3, "each_four() has three sizes");
 
 /// Part of a matrix stored by columns, or of its transpose.
 struct Part {
@@ -56,7 +52,7 @@ inline void products(int count, const double* p, int stride, Part q, int columns
 }
 
 /// Goes through the rows begin to end of four columns of P Qᵀ, four at a time:
-/// give(row, how many, sums). count(rows): of the products in a sum, for all rows before that one.
+/// give(row, how many, sums). count(end): how many columns of P count for the rows before that one.
 /// P is read to the next multiple of four rows from begin on.
 template <class Count, class Give>
 inline void each_four(int begin, int end, const Count& count, const double* p, int stride, Part q,

@@ -5,8 +5,6 @@
 
 namespace dd {
 
-extern const DenseKernels kBaselineDenseKernels, kAvx2DenseKernels;
-
 const DenseKernels& dense_kernels() {
 #ifdef DD_HAVE_AVX2_KERNELS
   static const bool wide = machine_has_avx2();

@@ -3,8 +3,8 @@
 
 namespace dd {
 
-/// What the kernels may read behind the last value of b, y and an inverse; what stands there is of
-/// no account.
+/// What the kernels may read behind the last value of b, y and an inverse: what stands there has no
+/// say, but nobody may write it meanwhile.
 constexpr int kReadBeyond = 3;
 
 /// Dense blocks of a factorization, compiled once for each instruction set. Matrices are stored by
@@ -23,5 +23,10 @@ struct DenseKernels {
 
 /// The widest set that this machine can run.
 const DenseKernels& dense_kernels();
+
+extern const DenseKernels kBaselineDenseKernels;
+#ifdef DD_HAVE_AVX2_KERNELS
+extern const DenseKernels kAvx2DenseKernels;
+#endif
 
 }  // namespace dd

@@ -153,7 +153,7 @@ void example_pose(const ExampleView<Real>& view, int begin, int end, const Real*
       put(pose.moved + column, moved);
       put(pose.whole + column, rest + moved);
     }
-    add_divergence(block, pose.moved, block.target, rows);
+    add_divergence<Real>(block, pose.moved, block.target, rows);
   }
 }
 

@@ -101,7 +101,7 @@ class Fronts {
         most = std::max(most, width * (width + 2 * height));
         widest = std::max(widest, width);
       }
-      panel = RawArray<double>(most + kReadBeyond);
+      panel = RawArray<double>(most + 2 * kReadBeyond);
       inverse = RawArray<double>(widest * widest + kReadBeyond);
       bounds.resize(widest);
     }
@@ -122,7 +122,8 @@ class Fronts {
 
     // The pivot columns, then Y beside them; what is left for the parent apart.
     double* panel = scratch.panel.data();
-    double* y = panel + static_cast<size_t>(size) * static_cast<size_t>(width);
+    // Read ahead from the columns, while others write Y.
+    double* y = panel + static_cast<size_t>(size) * static_cast<size_t>(width) + kReadBeyond;
     RawArray<double>& update = updates_[s];
     update = buffers_.take(static_cast<size_t>(height) * static_cast<size_t>(height));
     clear_lower(panel, size, width);

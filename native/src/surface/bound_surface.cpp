@@ -33,7 +33,7 @@ Eigen::VectorXd unlike_motions(const HandleCoordinates& coordinates, const Regio
 constexpr int kFewFunctions = 12;
 
 /// How far one solve of K may be off where it stands for a refined one, of the largest value. In
-/// single precision a frame's own solve may be off by more.
+/// single precision a frame's own solve may be off by more; in full a few functions are refined.
 double exact_enough(Precision precision, int functions) {
   if (precision == Precision::single) return 5e-7;
   return functions > kFewFunctions ? 1e-8 : 0;

@@ -129,12 +129,12 @@ SparseMatrix cotangent_laplacian(const TriangleMetric& metric, const Triangles& 
     entries.clear();
     int last = -1;
     for (int j : fans.of(v)) {
-      if (std::exchange(last, j) == j) continue;  // v is two of its corners
+      if (std::exchange(last, j) == j) continue;  // v is several of its corners
       for (int k = 0; k < 3; ++k) {
-        if (t(j, k) != v) continue;
-        const int next = (k + 1) % 3, previous = (k + 2) % 3;
-        entries.push_back({t(j, next), -0.5 * metric.cotangents(j, previous)});
-        entries.push_back({t(j, previous), -0.5 * metric.cotangents(j, next)});
+        const int a = t(j, (k + 1) % 3), b = t(j, (k + 2) % 3);
+        const double value = -0.5 * metric.cotangents(j, k);
+        if (a == v) entries.push_back({b, value});
+        if (b == v) entries.push_back({a, value});
       }
     }
     if (entries.empty()) continue;

@@ -2,6 +2,7 @@
 #include "methods/examples/example_pass.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "support/rotations.h"
@@ -95,9 +96,11 @@ template <class Real>
 double ExamplePass<Real>::size() const {
   std::vector<double> sums(size_t(chunk_count()), 0);
   by_chunks([&](int begin, int end, int chunk) {
+    double sum = 0;
     for (int b = begin; b < end; ++b)
       for (const auto& lanes : pose_[b].moved)
-        for (const Real x : lanes) sums[chunk] += static_cast<double>(x * x);
+        for (const Real x : lanes) sum += static_cast<double>(x * x);
+    sums[chunk] = sum;
   });
   return std::accumulate(sums.begin(), sums.end(), 0.0);
 }
@@ -128,13 +131,13 @@ template <class Real>
 void ExamplePass<Real>::second_order(const std::vector<Rows>& followed, Eigen::MatrixXd& hessian,
                                      Eigen::VectorXd& gradient) {
   using Lanes = Eigen::Array<Real, kLanes, 1>;
-  const size_t count = size_t(example_count_), row = count * (count + 3) / 2;
-  std::vector<Real> sums(size_t(chunk_count()) * row * kLanes, 0);
+  const size_t count = size_t(example_count_), per_chunk = count * (count + 3) / 2;
+  std::vector<Real> sums(size_t(chunk_count()) * per_chunk * kLanes, 0);
   std::vector<ExampleBend<Real>> bends(size_t(chunk_count()) * count);
   std::vector<const double*> of_example;
   for (const Rows& rows : followed) of_example.push_back(rows.data());
   const auto of_chunk = [&](int chunk) {
-    return reinterpret_cast<Real(*)[kLanes]>(sums.data() + size_t(chunk) * row * kLanes);
+    return reinterpret_cast<Real(*)[kLanes]>(sums.data() + size_t(chunk) * per_chunk * kLanes);
   };
   by_chunks([&](int begin, int end, int chunk) {
     kernels().of<Real>().example_second_order(view(), begin, end, of_example.data(),
