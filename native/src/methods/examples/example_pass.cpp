@@ -87,7 +87,8 @@ ExampleView<Real> ExamplePass<Real>::view() {
 template <class Real>
 void ExamplePass<Real>::pose(int section, const Eigen::VectorXd& weights, bool rotation_only,
                              double* rows) {
-  const Eigen::Matrix<Real, Eigen::Dynamic, 1> of_real = weights.cast<Real>();
+  std::vector<Real> of_real(size_t(weights.size()));
+  for (size_t i = 0; i < of_real.size(); ++i) of_real[i] = static_cast<Real>(weights[Index(i)]);
   kernels().of<Real>().example_pose(view(), layout_.begin[section], layout_.begin[section + 1],
                                     of_real.data(), rotation_only, rows);
 }
@@ -135,6 +136,7 @@ void ExamplePass<Real>::second_order(const std::vector<Rows>& followed, Eigen::M
   std::vector<Real> sums(size_t(chunk_count()) * per_chunk * kLanes, 0);
   std::vector<ExampleBend<Real>> bends(size_t(chunk_count()) * count);
   std::vector<const double*> of_example;
+  of_example.reserve(followed.size());
   for (const Rows& rows : followed) of_example.push_back(rows.data());
   const auto of_chunk = [&](int chunk) {
     return reinterpret_cast<Real(*)[kLanes]>(sums.data() + size_t(chunk) * per_chunk * kLanes);
