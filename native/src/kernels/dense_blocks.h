@@ -63,8 +63,7 @@ inline void each_four(int begin, int end, const Count& count, const double* p, i
     products<decltype(fours)::value>(count(i + kRows), p + i, stride, q, columns,
                                      [&](int f, const Four* sums) {
                                        const int row = i + 4 * f;
-                                       if (row < end)
-                                         give(row, end - row < 4 ? end - row : 4, sums);
+                                       give(row, end - row < 4 ? end - row : 4, sums);
                                      });
     i += kRows;
   };
@@ -73,16 +72,31 @@ inline void each_four(int begin, int end, const Count& count, const double* p, i
   if (end - i > 0) go(Constant<1>());
 }
 
-/// write(target, value) for the first rows of a column.
+/// write(target, value) for the first rows of so many columns.
 template <class Write>
-inline void write_four(double* target, const Four& values, int rows, const Write& write) {
-  if (rows == 4) {
-    Eigen::Map<Four> all(target);
-    write(all, values);
-    return;
+inline void write_fours(double* target, int stride, int columns, const Four* values, int rows,
+                        const Write& write) {
+  for (int c = 0; c < columns; ++c, target += stride) {
+    if (rows == 4) {
+      Eigen::Map<Four> all(target);
+      write(all, values[c]);
+    } else {
+      for (int r = 0; r < rows; ++r) write(target[r], values[c][r]);
+    }
   }
-  for (int r = 0; r < rows; ++r) write(target[r], values[r]);
 }
+struct Assign {
+  template <class Target, class Value>
+  void operator()(Target& target, const Value& value) const {
+    target = value;
+  }
+};
+struct Subtract {
+  template <class Target, class Value>
+  void operator()(Target& target, const Value& value) const {
+    target -= value;
+  }
+};
 
 /// The lower triangle of 4×4 values D, with 1 in place of columns that aren't there.
 struct Corner {
@@ -125,8 +139,7 @@ inline int factor_small(int width, double* a, int stride, const double* bounds) 
     const Part q = Part::of(a + j, stride);
     const auto count = [j](int) { return j; };
     each_four(j, j + columns, count, a, stride, q, columns, [&](int, int rows, const Four* sums) {
-      for (int c = 0; c < columns; ++c)
-        write_four(at(j, j + c), sums[c], rows, [](auto& t, const auto& s) { t -= s; });
+      write_fours(at(j, j), stride, columns, sums, rows, Subtract());
     });
     for (int k = j; k < j + columns; ++k) {
       const double pivot = *at(k, k);
@@ -143,8 +156,7 @@ inline int factor_small(int width, double* a, int stride, const double* bounds) 
       Four r[4];
       for (int c = 0; c < 4; ++c) r[c] = Eigen::Map<const Four>(at(i, j + c)) - sums[c];
       solve_by_transposed(d, r);
-      for (int c = 0; c < 4; ++c)
-        write_four(at(i, j + c), r[c], rows, [](auto& t, const auto& s) { t = s; });
+      write_fours(at(i, j), stride, 4, r, rows, Assign());
     });
   }
   return -1;
@@ -160,9 +172,8 @@ inline void invert_small(int width, const double* c, int stride, double* inverse
     const Corner d = corner_of(c + Eigen::Index(j) * stride + j, stride, columns);
     const auto put = [&](int i, int rows, Four* r) {
       solve_by(d, r);
-      for (int k = 0; k < columns; ++k)
-        write_four(inverse + Eigen::Index(j + k) * inverse_stride + i, r[k], rows,
-                   [](auto& t, const auto& s) { t = s; });
+      write_fours(inverse + Eigen::Index(j) * inverse_stride + i, inverse_stride, columns, r, rows,
+                  Assign());
     };
     Four one[4];
     for (int k = 0; k < 4; ++k) {
@@ -191,9 +202,7 @@ inline void solve_small(int width, int count, const double* inverse, int inverse
         0, count, [&](int) { return j + columns; }, b, b_stride,
         Part::of(inverse + j, inverse_stride), columns,
         [&](int i, int rows, const Four* sums) {
-          for (int c = 0; c < columns; ++c)
-            write_four(y + Eigen::Index(j + c) * y_stride + i, sums[c], rows,
-                       [](auto& t, const auto& s) { t = s; });
+          write_fours(y + Eigen::Index(j) * y_stride + i, y_stride, columns, sums, rows, Assign());
         });
   }
 }
@@ -206,9 +215,8 @@ inline void subtract_small(int width, int size, int first, int last, const doubl
     each_four(
         j, size, [&](int) { return width; }, y, y_stride, Part::of(y + j, y_stride), columns,
         [&](int i, int rows, const Four* sums) {
-          for (int c = 0; c < columns; ++c)
-            write_four(a + Eigen::Index(j + c) * a_stride + i, sums[c], rows,
-                       [](auto& t, const auto& s) { t -= s; });
+          write_fours(a + Eigen::Index(j) * a_stride + i, a_stride, columns, sums, rows,
+                      Subtract());
         });
   }
 }

@@ -177,13 +177,14 @@ class Fronts {
     }
     runs.push_back({count, 0});
     const double* from = updates_[child].data();
-    for (size_t of_column = 0, j = 0; j < size_t(count); ++j, from += count) {
-      if (int(j) == runs[of_column + 1].first) ++of_column;
-      const int column = int(j) + runs[of_column].at;
+    size_t of_column = 0;
+    for (int j = 0; j < count; ++j, from += count) {
+      if (j == runs[of_column + 1].first) ++of_column;
+      const int column = j + runs[of_column].at;
       double* target = column < width
                            ? panel + static_cast<size_t>(column) * size
                            : update + static_cast<size_t>(column - width) * height - width;
-      int i = int(j);
+      int i = j;
       for (size_t r = of_column; i < count; ++r) {
         double* shifted = target + runs[r].at;
         for (const int end = runs[r + 1].first; i < end; ++i) shifted[i] += from[i];
