@@ -22,9 +22,10 @@ quick=false
 passed=0 failed=0 skipped=0
 failures=() notes=()
 
-# step NAME COMMAND...: runs it, shows its output, counts it; returns whether it passed.
+# step NAME COMMAND...: runs it, shows its output and how long it took, counts it; returns whether it
+# passed.
 step() {
-    local name=$1
+    local name=$1 began=$SECONDS status=0
     shift
     dd_say "$name"
     if "$@"; then
@@ -32,8 +33,10 @@ step() {
     else
         failed=$((failed + 1))
         failures+=("$name")
-        return 1
+        status=1
     fi
+    dd_say "$((SECONDS - began)) s of $SECONDS: $name"
+    return "$status"
 }
 
 skip() {
