@@ -19,24 +19,65 @@ source tests/windows.sh
 
 quick=false
 [ "${1:-}" = --quick ] && quick=true
-passed=0 failed=0 skipped=0
+passed=0 failed=0 skipped=0 steps_beside=0
 failures=() notes=()
 
-# step NAME COMMAND...: runs it, shows its output and how long it took, counts it; returns whether it
-# passed.
+logs=$(mktemp -d)
+trap 'rm -rf "$logs"' EXIT
+trap 'trap - INT TERM; kill 0' INT TERM
+running=()
+
+# ended NAME STATUS BEGAN: counts a step and says how long it took; returns its status.
+ended() {
+    if [ "$2" = 0 ]; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        failures+=("$1")
+    fi
+    dd_say "$((SECONDS - $3)) s of $SECONDS: $1"
+    return "$2"
+}
+
+# step NAME COMMAND...: runs it, shows its output, counts it; returns whether it passed.
 step() {
     local name=$1 began=$SECONDS status=0
     shift
     dd_say "$name"
-    if "$@"; then
-        passed=$((passed + 1))
-    else
-        failed=$((failed + 1))
-        failures+=("$name")
-        status=1
-    fi
-    dd_say "$((SECONDS - began)) s of $SECONDS: $name"
-    return "$status"
+    "$@" || status=$?
+    ended "$name" "$status" "$began"
+}
+
+# beside NAME COMMAND...: a step that leaves a core free, for another such step to run at the same
+# time. What it prints is shown when it has ended.
+beside() {
+    local log began=$SECONDS
+    while [ ${#running[@]} -ge 2 ]; do wait_for_one; done
+    log=$logs/$((++steps_beside))
+    running+=("$1|$log|$began")
+    (
+        shift
+        status=0
+        "$@" >"$log" 2>&1 </dev/null || status=$?
+        echo "$status" >"$log.status"
+    ) &
+}
+
+# Until one of the steps beside has ended, and shows those that have.
+wait_for_one() {
+    local each name log began still=()
+    wait -n
+    for each in "${running[@]}"; do
+        IFS='|' read -r name log began <<<"$each"
+        if [ -f "$log.status" ]; then
+            dd_say "$name"
+            cat "$log"
+            ended "$name" "$(cat "$log.status")" "$began"
+        else
+            still+=("$each")
+        fi
+    done
+    running=("${still[@]}")
 }
 
 skip() {
@@ -55,6 +96,7 @@ step_with() {
 
 # Counting by suites hides how many tests ran: each runner prints its own line above.
 finish() {
+    while [ ${#running[@]} != 0 ]; do wait_for_one; done
     echo
     [ ${#notes[@]} = 0 ] || printf '%s\n' "${notes[@]}"
     [ ${#failures[@]} = 0 ] || printf 'FAILED: %s\n' "${failures[@]}"
@@ -96,7 +138,7 @@ blender_suite() {
 
 # in_window SCRIPT: drives Debian's Blender on a screen of its own; the screenshots are kept.
 in_window() {
-    timeout 600 xvfb-run -a -s "-screen 0 1280x800x24" blender --factory-startup \
+    timeout 1200 xvfb-run -a -s "-screen 0 1280x800x24" blender --factory-startup \
         --window-geometry 0 0 1280 800 --python "$1" -- build/gui
 }
 
@@ -119,58 +161,55 @@ for candidate in /usr/bin/python3 python3; do
     fi
 done
 
-step "build (release)" build_preset release || finish
-step "core and library (ctest)" ctest --preset release -j 2 --output-on-failure
+step "build (release)" build_preset check || finish
+step "core and library (ctest)" ctest --preset check -j 2 --output-on-failure
 step "C ABI (ctypes)" abi_tests
-step "zip" cmake --build --preset release --target addon_zip
-zip=$(ls build/release/detail_deform-*.zip)
+step "zip" cmake --build --preset check --target addon_zip
+zip=$(ls build/check/detail_deform-*.zip)
 
+# First what keeps all cores busy: the builds, and what ctest runs.
+sanitized=false windows=false
 if $quick; then
     skip "clang-tidy, fuzzing and sanitizers (--quick)"
+    skip "Windows (--quick)"
 else
     step_with clang-tidy clang-tidy "C++ (clang-tidy)" lint_tidy
     # Which also tells whether clang takes the library; and for these sanitizers it compiles in half
     # of GCC's time.
     if prepare_clang; then
-        step "build and fuzz (clang and its sanitizers)" tests/fuzz/run.sh
-        step "build (sanitize)" build_preset sanitize
+        step "build (sanitize)" build_preset sanitize && sanitized=true
         step "core under sanitizers (ctest)" ctest --preset sanitize -j 2 --output-on-failure
-        step "C ABI under sanitizers (ctypes)" sanitized_abi_tests sanitize "$(address_sanitizer)"
     else
         skip "fuzzing and sanitizers: clang could not be had"
     fi
     step "build (tsan)" build_preset tsan
-    step "threads of the core under their sanitizer" build/tsan/tests/native/core_tests "[threads]"
-    step "threads of the C ABI under their sanitizer" \
-        sanitized_abi_tests tsan "$(c++ -print-file-name=libtsan.so)" \
-        -k "(thread or once) and not refusals and not cancelled"
-fi
-
-if $quick; then
-    skip "Windows (--quick)"
-elif prepare_windows; then
-    step "build (windows)" build_preset windows
-    step "core and library under Wine (ctest)" windows_core_tests
-    step "zip (windows)" cmake --build --preset windows --target addon_zip
-    if prepare_windows_python; then
-        step "C ABI under Wine (ctypes)" windows_abi_tests
+    if prepare_windows; then
+        step "build (windows)" build_preset windows &&
+            step "zip (windows)" cmake --build --preset windows --target addon_zip && windows=true
     else
-        skip "C ABI under Wine: a Python for Windows could not be had"
+        skip "Windows: mingw-w64 or Wine could not be had"
     fi
-else
-    skip "Windows: mingw-w64 or Wine could not be had"
 fi
 
+# Then what runs two at a time, what takes longest first.
+if ! $quick; then
+    beside "threads of the core under their sanitizer" \
+        build/tsan/tests/native/core_tests "[threads]"
+    if $sanitized; then
+        beside "C ABI under sanitizers (ctypes)" sanitized_abi_tests sanitize "$(address_sanitizer)"
+        beside "fuzzing (clang and its sanitizers)" tests/fuzz/run.sh
+    fi
+fi
 # Debian's Blender runs the system's Python and finds its pytest.
 if prepare_blender && dd_need_packages python3-pytest; then
-    step "add-on in $(blender --version | head -n 1)" \
-        blender_suite blender --background --factory-startup --python tests/blender/run.py --
     if dd_need_packages xvfb xauth xdotool imagemagick; then
-        step "add-on in its window" in_window tests/blender/gui/window.py
+        beside "add-on in its window" in_window tests/blender/gui/window.py
     else
         skip "the window: Xvfb, xdotool or ImageMagick could not be had"
     fi
-    step "the paper's figures" blender --background --factory-startup --python-exit-code 1 \
+    beside "add-on in $(blender --version | head -n 1)" \
+        blender_suite blender --background --factory-startup --python tests/blender/run.py --
+    beside "the paper's figures" blender --background --factory-startup --python-exit-code 1 \
         --python tests/figures/make_figures.py -- --check
 else
     skip "Debian's Blender: it could not be had"
@@ -181,11 +220,22 @@ else
     for wheel in "3.11 4.5.15" "3.13 5.2.3"; do
         # shellcheck disable=SC2086  # two words on purpose
         if prepare_wheel $wheel; then
-            step "add-on in bpy ${wheel#* }" \
+            beside "add-on in bpy ${wheel#* }" \
                 blender_suite "build/venv-bpy-${wheel#* }/bin/python" tests/blender/run.py --
         else
             skip "bpy ${wheel#* }: Python ${wheel% *} is not on this machine"
         fi
     done
+    beside "threads of the C ABI under their sanitizer" \
+        sanitized_abi_tests tsan "$(c++ -print-file-name=libtsan.so)" \
+        -k "(thread or once) and not refusals and not cancelled"
+fi
+if $windows; then
+    beside "core and library under Wine (ctest)" windows_core_tests
+    if prepare_windows_python; then
+        beside "C ABI under Wine (ctypes)" windows_abi_tests
+    else
+        skip "C ABI under Wine: a Python for Windows could not be had"
+    fi
 fi
 finish

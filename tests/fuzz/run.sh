@@ -3,7 +3,8 @@
 #
 # Builds and runs the fuzz targets.
 #
-# tests/fuzz/run.sh                            short: each target's corpus, and a few inputs made of it
+# tests/fuzz/run.sh                            short: each target's corpus, and a few inputs made of it,
+#                                              on the library that the sanitizers' tests are run on
 # tests/fuzz/run.sh long SECONDS [TARGET...]   as much of the processor's time for each target; what
 #                                              is new is kept in build/fuzz/corpus, what fails in
 #                                              build/fuzz/found
@@ -27,7 +28,7 @@ fuzz() {
     local target=$1
     shift
     mkdir -p "$found"
-    "${binaries:-build/fuzz}/tests/fuzz/fuzz_$target" "${limits[@]}" \
+    "${binaries:-build/$preset}/tests/fuzz/fuzz_$target" "${limits[@]}" \
         -artifact_prefix="$found/$target-" "$@"
 }
 
@@ -129,9 +130,11 @@ fi
 targets=("$@")
 [ $# != 0 ] || targets=(bind update transfer match tools)
 
+preset=fuzz
+[ "$what" != short ] || preset=sanitize
 prepare_clang
 prepare_build
-build_preset fuzz
+build_preset "$preset" fuzz_targets
 case $what in
     short) short "${targets[@]}" ;;
     long) long "$seconds" "${targets[@]}" ;;

@@ -86,7 +86,7 @@ Positions aside(const Positions& p) {
 }
 
 /// Its longest limb, along x, bent upwards.
-Positions bent(const Positions& p, double curvature) {
+Positions raised(const Positions& p, double curvature) {
   Positions result = p;
   for (Index v = 0; v < p.rows(); ++v) {
     const double along = std::max(0.0, p(v, 0) - 0.8), radius = 1 / curvature - p(v, 2);
@@ -280,7 +280,7 @@ TEST_CASE("akin shapes find one another without markers", "[large]") {
 
 TEST_CASE("the result depends neither on units nor on numbering nor on where the source lies",
           "[large]") {
-  const Mesh source = beast(3), target = {bent(beast(4).positions, 0.5), beast(4).triangles};
+  const Mesh source = beast(3), target = {raised(beast(4).positions, 0.5), beast(4).triangles};
   const double box = bounding_box_diagonal(target.positions);
   const Positions fitted = register_onto(source, target, {}, {});
   CHECK(register_onto(source, target, {}, {}) == fitted);

@@ -25,8 +25,8 @@ std::unique_ptr<Draft> draft_of(const Case& one, int handles = 1, const BindOpti
   return draft;
 }
 
-Positions surface(Draft& draft, const std::vector<Affine>& handles,
-                  const UpdateOptions& options = test::usual()) {
+Positions surface_of(Draft& draft, const std::vector<Affine>& handles,
+                     const UpdateOptions& options = test::usual()) {
   return draft.rest() + draft.update(numbers(handles).data(), options);
 }
 
@@ -55,10 +55,10 @@ TEST_CASE("draft: it is near the result, by each method that a frame can show", 
     for (const auto& options : {test::usual(), test::usual(8), test::by(MethodKind::transfer),
                                 test::by(MethodKind::variational), test::by(MethodKind::gradient),
                                 test::by(MethodKind::normal), test::shown_base()}) {
-      const Eigen::VectorXd error =
-          (surface(*draft, {one.motion}, options) - test::surface(deformer, {one.motion}, options))
-              .rowwise()
-              .norm();
+      const Eigen::VectorXd error = (surface_of(*draft, {one.motion}, options) -
+                                     test::surface(deformer, {one.motion}, options))
+                                        .rowwise()
+                                        .norm();
       INFO(one.name << " method " << int(options.method) << " mean " << error.mean() / box
                     << " largest " << error.maxCoeff() / box);
       const bool default_way =
@@ -74,7 +74,7 @@ TEST_CASE("draft: rest is rest, handles are met and what is fixed stays") {
   const auto draft = draft_of(one);
   CHECK(draft->update(numbers({test::identity()}).data(), test::usual()).cwiseAbs().maxCoeff() <
         1e-12);
-  const Positions there = surface(*draft, {one.motion});
+  const Positions there = surface_of(*draft, {one.motion});
   const Positions moved = test::transformed(one.motion, one.mesh.positions);
   for (size_t v = 0; v < one.roles.size(); ++v) {
     const auto row = Index(v);
@@ -87,29 +87,29 @@ TEST_CASE("draft: what moves all handles moves the result") {
   Case one = twice_held(test::subdivided(test::subdivided(test::bent_cactus())));
   const auto draft = draft_of(one, 2);
   const Affine all = test::rotation_about(2.2, {1, 2, 3}, {0.1, 0, 0.5}, {3, -2, 1});
-  CHECK(test::largest_difference(surface(*draft, {all, all}),
+  CHECK(test::largest_difference(surface_of(*draft, {all, all}),
                                  test::transformed(all, one.mesh.positions)) < 1e-6);
   // And what another motion made before it, rotated about another point.
   Affine turned = all;
   turned.leftCols<3>() = all.leftCols<3>() * one.motion.leftCols<3>();
   turned.col(3) = all.leftCols<3>() * one.motion.col(3) + all.col(3);
-  const Positions bent = surface(*draft, {one.motion, test::identity()});
-  CHECK(test::largest_difference(surface(*draft, {turned, all}), test::transformed(all, bent)) <
+  const Positions bent = surface_of(*draft, {one.motion, test::identity()});
+  CHECK(test::largest_difference(surface_of(*draft, {turned, all}), test::transformed(all, bent)) <
         1e-5);
 }
 
 TEST_CASE("draft: units and the number of threads don't matter") {
   Case one = test::subdivided(test::subdivided(test::twisted_bar()));
   const auto draft = draft_of(one);
-  const Positions there = surface(*draft, {one.motion});
+  const Positions there = surface_of(*draft, {one.motion});
   BindOptions alone;
   alone.threads = 1;
-  CHECK(surface(*draft_of(one, 1, alone), {one.motion}) == there);
+  CHECK(surface_of(*draft_of(one, 1, alone), {one.motion}) == there);
   // Which of two vertices at the same distance one goes to, rounding decides.
   const double unit = 3000;
   one.mesh.positions *= unit;
   one.motion.col(3) *= unit;
-  CHECK(test::largest_difference(surface(*draft_of(one), {one.motion}) / unit, there) < 1e-3);
+  CHECK(test::largest_difference(surface_of(*draft_of(one), {one.motion}) / unit, there) < 1e-3);
 }
 
 TEST_CASE("draft: handles that only place turn as they do with the surface") {
@@ -120,12 +120,12 @@ TEST_CASE("draft: handles that only place turn as they do with the surface") {
   aside(0, 3) = 0.5;
   UpdateOptions options = test::usual();
   options.free = {1, 0};
-  const Positions there = surface(*draft, {aside, test::identity()}, options);
+  const Positions there = surface_of(*draft, {aside, test::identity()}, options);
   const Positions exact = test::surface(deformer, {aside, test::identity()}, options);
   const double box = bounding_box_diagonal(one.mesh.positions);
   CHECK(test::largest_difference(there, exact) < 0.02 * box);
   options.free = {0, 0};
-  CHECK(test::largest_difference(surface(*draft, {aside, test::identity()}, options), there) >
+  CHECK(test::largest_difference(surface_of(*draft, {aside, test::identity()}, options), there) >
         0.02 * box);
 }
 
@@ -140,11 +140,11 @@ TEST_CASE("draft: parts without a handle rest, handles beside nothing are no fau
   all.roles.insert(all.roles.end(), n, 1);
   const auto draft = draft_of(all, 2);
   const Affine aside = test::rotation_about(1, {0, 0, 1}, {2, 0, 0}, {0, 5, 0});
-  const Positions there = surface(*draft, {one.motion, aside});
+  const Positions there = surface_of(*draft, {one.motion, aside});
   const auto part = [&](const Positions& p, int k) {
     return Positions(p.middleRows(Index(n) * k, Index(n)));
   };
-  CHECK(test::largest_difference(part(there, 0), surface(*draft_of(one), {one.motion})) < 2e-3);
+  CHECK(test::largest_difference(part(there, 0), surface_of(*draft_of(one), {one.motion})) < 2e-3);
   CHECK(part(there, 1) == apart.positions);
   CHECK(test::largest_difference(part(there, 2), test::transformed(aside, far.positions)) < 1e-12);
 }
@@ -156,7 +156,7 @@ TEST_CASE("draft: it is near the result for energies of each order", "[large]") 
     BindOptions options;
     options.smoothness = order;
     Deformer deformer(one.mesh, one.roles, 1, options);
-    const Eigen::VectorXd error = (surface(*draft_of(one, 1, options), {one.motion}) -
+    const Eigen::VectorXd error = (surface_of(*draft_of(one, 1, options), {one.motion}) -
                                    test::surface(deformer, {one.motion}, test::usual()))
                                       .rowwise()
                                       .norm();
@@ -177,7 +177,7 @@ TEST_CASE("draft: triangles without area are no reason to have none") {
     for (int v : corners)
       one.mesh.positions.row(v).head<2>() = one.mesh.positions.row(at).head<2>();
   }
-  CHECK(surface(*draft_of(one), {one.motion}).allFinite());
+  CHECK(surface_of(*draft_of(one), {one.motion}).allFinite());
 }
 
 TEST_CASE("draft: there is none where it would save little, nor with a base from outside") {
@@ -188,5 +188,6 @@ TEST_CASE("draft: there is none where it would save little, nor with a base from
   options.base = dense.mesh.positions;
   CHECK(!Draft::make(dense.mesh, dense.roles, 1, options));
   CHECK_THROWS_AS(Draft::make(dense.mesh, dense.roles, 2, {}), Error);
-  CHECK_THROWS_AS(surface(*draft_of(dense), {one.motion}, test::by(MethodKind::examples)), Error);
+  CHECK_THROWS_AS(surface_of(*draft_of(dense), {one.motion}, test::by(MethodKind::examples)),
+                  Error);
 }

@@ -42,23 +42,23 @@ Mesh rings_about_poles(int sides, int rings, bool closed) {
   return mesh;
 }
 
-struct Case {
+struct HubCase {
   const char* name;
   Mesh mesh;
   std::vector<int> roles;
 };
 
 /// Poles of 40 neighbours; a ring is fixed in one half, a handle in the other.
-std::vector<Case> cases() {
+std::vector<HubCase> cases() {
   const int sides = 40;
   const auto held_at_ring = [&](int rings, bool closed, int ring) {
-    Case made{"", rings_about_poles(sides, rings, closed), {}};
+    HubCase made{"", rings_about_poles(sides, rings, closed), {}};
     made.roles.assign(static_cast<size_t>(made.mesh.vertex_count()), kFree);
     for (int j = 0; j < sides; ++j) made.roles[1 + ring * sides + j] = j < sides / 2 ? kFixed : 0;
     return made;
   };
-  std::vector<Case> all{held_at_ring(5, false, 4), held_at_ring(5, false, 4),
-                        held_at_ring(5, true, 2)};
+  std::vector<HubCase> all{held_at_ring(5, false, 4), held_at_ring(5, false, 4),
+                           held_at_ring(5, true, 2)};
   all[0].name = "a free pole";
   all[1].name = "a pole in a handle";
   all[1].roles[0] = 0;
@@ -72,7 +72,7 @@ constexpr int kFew = 20;  // neighbours of a vertex that is no hub
 }  // namespace
 
 TEST_CASE("the energy with hubs beside its sparse part is the same matrix") {
-  for (const Case& one : cases())
+  for (const HubCase& one : cases())
     for (Smoothness smoothness : {Smoothness::thin_plate, Smoothness::curvature_variation}) {
       INFO(one.name << ", order " << static_cast<int>(smoothness));
       const Region region = split_region(one.mesh, one.roles, 1);
@@ -92,7 +92,7 @@ TEST_CASE("the energy with hubs beside its sparse part is the same matrix") {
 }
 
 TEST_CASE("a surface with hubs is solved for as by a dense matrix") {
-  for (const Case& one : cases()) {
+  for (const HubCase& one : cases()) {
     const auto dense = test::dense_operators(one.mesh.positions, one.mesh.triangles);
     const Eigen::MatrixXd step = dense.M.inverse() * dense.L;
     const Eigen::MatrixXd none = Eigen::MatrixXd::Zero(one.mesh.vertex_count(), 3);

@@ -16,8 +16,8 @@ using test::by;
 
 namespace {
 
-Positions surface(Deformer& deformer, const Positions& deformed_base, const UpdateOptions& options,
-                  const std::vector<Affine>& handles = {}) {
+Positions surface_over(Deformer& deformer, const Positions& deformed_base,
+                       const UpdateOptions& options, const std::vector<Affine>& handles = {}) {
   std::vector<double> matrices;
   for (const Affine& matrix : handles)
     matrices.insert(matrices.end(), matrix.data(), matrix.data() + 12);
@@ -25,7 +25,7 @@ Positions surface(Deformer& deformer, const Positions& deformed_base, const Upda
 }
 
 /// A rough ball over a smooth one, nothing held.
-struct Ball {
+struct CoveredBall {
   Mesh mesh = test::rough_sphere(3, 0.1);
   Positions base = mesh.positions.rowwise().normalized() * 0.8;
   std::vector<int> roles = std::vector<int>(static_cast<size_t>(mesh.vertex_count()), kFree);
@@ -36,7 +36,7 @@ struct Ball {
   }
 };
 
-Positions bent(const Positions& p) {
+Positions warped(const Positions& p) {
   Positions result = p;
   for (Index v = 0; v < p.rows(); ++v)
     result.row(v) << p(v, 0) + 0.4 * p(v, 2) * p(v, 2), 1.2 * p(v, 1), p(v, 2) - 0.3 * p(v, 0);
@@ -50,28 +50,29 @@ const std::vector<UpdateOptions> kAll = {by(MethodKind::transfer), by(MethodKind
 }  // namespace
 
 TEST_CASE("an outside base at rest leaves the surface at rest, by every method") {
-  const Ball ball;
+  const CoveredBall ball;
   Deformer deformer(ball.mesh, ball.roles, 0, ball.options());
   CHECK(deformer.region().free_count() == ball.mesh.vertex_count());
   for (const UpdateOptions& options : kAll)
-    CHECK(test::largest_difference(surface(deformer, ball.base, options), ball.mesh.positions) <
-          1e-9);
+    CHECK(test::largest_difference(surface_over(deformer, ball.base, options),
+                                   ball.mesh.positions) < 1e-9);
 }
 
 TEST_CASE("a rigid motion of an outside base moves the surface rigidly") {
-  const Ball ball;
+  const CoveredBall ball;
   Deformer deformer(ball.mesh, ball.roles, 0, ball.options());
   const Affine motion = test::rotation_about(2.1, {1, 2, 0.5}, {0.2, 0, 0}, {0.3, -1, 2});
   const Positions expected = test::transformed(motion, ball.mesh.positions);
   for (const UpdateOptions& options : kAll) {
     if (options.method == MethodKind::variational) continue;  // its known flaw
-    CHECK(test::largest_difference(surface(deformer, test::transformed(motion, ball.base), options),
-                                   expected) < 1e-9);
+    CHECK(test::largest_difference(
+              surface_over(deformer, test::transformed(motion, ball.base), options), expected) <
+          1e-9);
   }
 }
 
 TEST_CASE("two parts that nothing holds are carried each by its own base") {
-  const Ball ball;
+  const CoveredBall ball;
   const Mesh both = test::appended(ball.mesh, ball.mesh);
   const int n = ball.mesh.vertex_count();
   Positions base(2 * n, 3), moved(2 * n, 3), expected(2 * n, 3);
@@ -84,14 +85,14 @@ TEST_CASE("two parts that nothing holds are carried each by its own base") {
   BindOptions options;
   options.base = base;
   Deformer deformer(both, std::vector<int>(size_t(2 * n), kFree), 0, options);
-  CHECK(test::largest_difference(surface(deformer, moved, by(MethodKind::transfer)), expected) <
-        1e-9);
+  CHECK(test::largest_difference(surface_over(deformer, moved, by(MethodKind::transfer)),
+                                 expected) < 1e-9);
 }
 
 TEST_CASE("with constrained vertices it is (14) with the given base's gradients: dense solve") {
-  const Ball ball;
+  const CoveredBall ball;
   auto roles = test::roles_by_height(ball.mesh, -0.6, 0.8);
-  const Positions moved = bent(ball.base);
+  const Positions moved = warped(ball.base);
   const Affine turn = test::rotation_about(0.3, {0, 1, 0}, {0, 0, 1}, {0.1, 0, 0.1});
   const Mesh& mesh = ball.mesh;
   const auto dense = test::dense_operators(mesh.positions, mesh.triangles);
@@ -111,8 +112,8 @@ TEST_CASE("with constrained vertices it is (14) with the given base's gradients:
     const Positions expected =
         test::dense_solve(dense.L, held, roles, dense.G.transpose() * dense.D * gradients);
     CHECK(test::largest_difference(
-              surface(deformer, moved, by(MethodKind::transfer, rotation_only), {turn}), expected) <
-          1e-9);
+              surface_over(deformer, moved, by(MethodKind::transfer, rotation_only), {turn}),
+              expected) < 1e-9);
   }
 }
 
@@ -124,20 +125,20 @@ TEST_CASE("the computed base given as one from outside makes no difference") {
   options.base = computed.base();
   Deformer given(plane.mesh, plane.roles, 1, options);
   CHECK(test::largest_difference(
-            surface(given, computed.deformed_base(), by(MethodKind::transfer), {plane.motion}),
+            surface_over(given, computed.deformed_base(), by(MethodKind::transfer), {plane.motion}),
             expected) < 1e-9);
 }
 
 TEST_CASE("showing an outside base, and a base that is missing or not finite") {
-  const Ball ball;
+  const CoveredBall ball;
   Deformer deformer(ball.mesh, ball.roles, 0, ball.options());
-  const Positions moved = bent(ball.base);
-  CHECK(test::largest_difference(surface(deformer, moved, test::shown_base()), moved) < 1e-12);
+  const Positions moved = warped(ball.base);
+  CHECK(test::largest_difference(surface_over(deformer, moved, test::shown_base()), moved) < 1e-12);
   CHECK_THAT(test::refusal([&] { deformer.update(nullptr, {}); }, Status::argument),
              contains("deformed base"));
   Positions bad = moved;
   bad(7, 1) = std::numeric_limits<double>::quiet_NaN();
-  CHECK_THAT(test::refusal([&] { surface(deformer, bad, {}); }, Status::argument),
+  CHECK_THAT(test::refusal([&] { surface_over(deformer, bad, {}); }, Status::argument),
              contains("not finite"));
 }
 
@@ -154,7 +155,7 @@ TEST_CASE("Fig. 4: a cylinder over a base of half its radius, bent explicitly ov
     options.base = figure.base;
     Deformer deformer(figure.mesh, roles, 0, options);
     const auto measured = [&](const UpdateOptions& update) {
-      return measure(figure.mesh, surface(deformer, figure.deformed_base, update), free);
+      return measure(figure.mesh, surface_over(deformer, figure.deformed_base, update), free);
     };
     return Found{measured(by(MethodKind::normal)), measured(by(MethodKind::transfer, false)),
                  measured(by(MethodKind::transfer, true)), measured(by(MethodKind::volumes))};
@@ -189,8 +190,8 @@ TEST_CASE("refined over an outside base that turns by more than a whole turn: no
   // Whatever a seam would do, it would do elsewhere after all is turned.
   const Affine turn = test::rotation_about(2.9, {1, 0.4, 0.2}, {0, 0, 0}, {0, 0, 0});
   const UpdateOptions refined = test::usual();
-  const Positions expected = test::transformed(turn, surface(deformer, twisted, refined));
-  const Positions result = surface(deformer, test::transformed(turn, twisted), refined);
+  const Positions expected = test::transformed(turn, surface_over(deformer, twisted, refined));
+  const Positions result = surface_over(deformer, test::transformed(turn, twisted), refined);
   CHECK(test::largest_difference(result.rowwise() - result.row(0),
                                  expected.rowwise() - expected.row(0)) < 1e-9);
 }

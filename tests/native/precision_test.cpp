@@ -60,7 +60,7 @@ std::unique_ptr<Deformer> bound(const Example& one, Precision precision, int thr
 
 }  // namespace
 
-TEST_CASE("single precision stays within 1e-5 of the box of double") {
+TEST_CASE("single precision stays within 1e-5 of the box of double", "[large]") {
   for (const Example& one : examples()) {
     const auto full = bound(one, Precision::full), single = bound(one, Precision::single);
     const double box = bounding_box_diagonal(one.mesh.positions);

@@ -66,7 +66,7 @@ double largest_distance(const Positions& points, const Mesh& mesh) {
   return std::sqrt(largest);
 }
 
-std::string refusal(const Mesh& source, const Mesh& target, const Pairs& pairs) {
+std::string refused_pairs(const Mesh& source, const Mesh& target, const Pairs& pairs) {
   try {
     register_onto(source, target, pairs, {});
   } catch (const Error& error) {
@@ -236,15 +236,16 @@ TEST_CASE(
     "markers that are contradictory or out of range are refused, and few or in a line are not") {
   const Mesh source = test::sphere(2), target = test::sphere(3);
   const Pairs good = {{0, 0}, {2, 2}, {4, 4}};
-  CHECK(refusal(source, target, good) == "accepted");
-  CHECK(refusal(source, target, {{0, 0}, {2, 2}, {4, 4}, {4, 4}}) == "accepted");
-  CHECK(refusal(source, target, {}) == "accepted");
-  CHECK(refusal(source, target, {{0, 0}, {2, 2}}) == "accepted");
-  CHECK_THAT(refusal(source, target, {{0, 0}, {2, 2}, {4, 4}, {4, 5}}), contains("contradict"));
-  CHECK_THAT(refusal(source, target, {{0, 0}, {2, 2}, {4, 9999}}),
+  CHECK(refused_pairs(source, target, good) == "accepted");
+  CHECK(refused_pairs(source, target, {{0, 0}, {2, 2}, {4, 4}, {4, 4}}) == "accepted");
+  CHECK(refused_pairs(source, target, {}) == "accepted");
+  CHECK(refused_pairs(source, target, {{0, 0}, {2, 2}}) == "accepted");
+  CHECK_THAT(refused_pairs(source, target, {{0, 0}, {2, 2}, {4, 4}, {4, 5}}),
+             contains("contradict"));
+  CHECK_THAT(refused_pairs(source, target, {{0, 0}, {2, 2}, {4, 9999}}),
              contains("vertex 9999 of the target"));
   Mesh flat = test::grid(5, 5, [](double, double) { return 0.0; });
-  CHECK(refusal(flat, target, {{0, 0}, {1, 2}, {2, 4}}) == "accepted");
+  CHECK(refused_pairs(flat, target, {{0, 0}, {1, 2}, {2, 4}}) == "accepted");
   CHECK_THROWS_WITH(
       register_onto(source, target, good, {}, [](double done, const char*) { return done < 0.3; }),
       contains("cancelled"));

@@ -86,7 +86,7 @@ TEST_CASE("one step is the plain update, resting handles give rest in any number
   CHECK(test::largest_difference(split(one, 3), one.mesh.positions) < 1e-9);
 }
 
-TEST_CASE("the result converges as steps grow") {
+TEST_CASE("the result converges as steps grow", "[large]") {
   const auto one = test::bent_cylinder(120);
   const Positions two = split(one, 2), four = split(one, 4), eight = split(one, 8),
                   sixteen = split(one, 16);
@@ -97,7 +97,8 @@ TEST_CASE("the result converges as steps grow") {
   CHECK(third < 0.7 * second);
 }
 
-TEST_CASE("120 degrees and back in 12 steps each returns to rest: the hysteresis is small") {
+TEST_CASE("120 degrees and back in 12 steps each returns to rest: the hysteresis is small",
+          "[large]") {
   auto one = test::bent_cylinder(120);
   const Mesh rest = one.mesh;
   one.mesh.positions = split(one, 12);
@@ -110,8 +111,8 @@ TEST_CASE("120 degrees and back in 12 steps each returns to rest: the hysteresis
   CHECK(missed < 1.1e-2);
 }
 
-TEST_CASE(
-    "a whole turn in steps winds a bar once around, forwards everywhere and not in one place") {
+TEST_CASE("a whole turn in steps winds a bar once around, forwards everywhere and not in one place",
+          "[large]") {
   auto bar = test::twisted_bar();
   bar.motion = test::identity();
   const Positions wound =
@@ -166,7 +167,8 @@ TEST_CASE("a split refuses with the handle or the step, and can be cancelled") {
              contains("cancelled"));
 }
 
-TEST_CASE("steps begin at the bound surface, whatever it was used for before, and let go of it") {
+TEST_CASE("steps begin at the bound surface, whatever it was used for before, and let go of it",
+          "[large]") {
   const auto one = test::bent_cactus();
   const auto volumes = by(MethodKind::volumes), refined = by(MethodKind::transfer, true, 4);
   Deformer used(one.mesh, one.roles, 1, {});

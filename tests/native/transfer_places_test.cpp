@@ -24,7 +24,7 @@ MeshTransfer onto(const Mesh& source, const Mesh& target, Placing placing) {
   return MeshTransfer(source, target, same_topology(source, target), options);
 }
 
-Positions bent(const Positions& p) {
+Positions arched(const Positions& p) {
   Positions result(p.rows(), 3);
   for (Index v = 0; v < p.rows(); ++v) {
     const double a = 0.9 * p(v, 2), r = 2 + p(v, 0);
@@ -190,7 +190,7 @@ TEST_CASE(
 TEST_CASE("places of the source change nothing where gradients tell them already") {
   const Mesh mesh = test::rough_sphere(4, 0.2);
   const double box = bounding_box_diagonal(mesh.positions);
-  const Positions pose = bent(mesh.positions);
+  const Positions pose = arched(mesh.positions);
   for (const double unit : {1e-4, 1.0, 1e4}) {
     const Mesh scaled = {unit * mesh.positions, mesh.triangles};
     MeshTransfer itself = onto(scaled, scaled, Placing::vertices);
@@ -346,10 +346,10 @@ TEST_CASE(
     MeshTransfer transfer(source, target, correspondence, options);
     CHECK(transfer.gradients().overstretched_count() == 0);
     CHECK(transfer.gradients().overstretched_example() == -1);
-    CHECK(transfer.apply(bent(source.positions), false).allFinite());
+    CHECK(transfer.apply(arched(source.positions), false).allFinite());
     // And the other way round: a part of the target that has no area.
     MeshTransfer back(target, source, correspondence, options);
-    CHECK(back.apply(bent(target.positions), false).allFinite());
+    CHECK(back.apply(arched(target.positions), false).allFinite());
   }
 }
 
@@ -412,7 +412,7 @@ TEST_CASE("a source that was fitted tells the points that a target's vertices co
 
 TEST_CASE("displacements are the source's, in proportion where sizes differ") {
   const Mesh source = test::rough_sphere(3, 0.15);
-  const Positions pose = bent(source.positions), moves = pose - source.positions;
+  const Positions pose = arched(source.positions), moves = pose - source.positions;
   Mesh shape = finer(source);
   ThreadPool pool(1);
   const Match match = match_triangles(source, shape, 0.1);
@@ -502,7 +502,7 @@ TEST_CASE("points that are given for some vertices are those of pairs for others
   ThreadPool pool(1);
   const Match match = match_triangles(source, target, 0.1);
   const auto all = points_of_fit(source, target, match.correspondence, pool);
-  const Positions pose = bent(source.positions);
+  const Positions pose = arched(source.positions);
   for (const Placing placing : {Placing::vertices, Placing::parts, Placing::displacements}) {
     TransferOptions options;
     options.placing = placing;
@@ -549,7 +549,7 @@ TEST_CASE("pins and anchors hold with places of the source, too") {
   const Mesh source = test::appended(test::rough_sphere(3, 0.2), small);
   Mesh target = source;
   target.positions.col(1) *= 1.1;
-  const Positions pose = bent(source.positions);
+  const Positions pose = arched(source.positions);
   TransferOptions options;
   options.anchors = {5, 11};
   const auto [placing, anchor] =

@@ -42,7 +42,7 @@ UpdateOptions turned_by(UpdateOptions options, BaseDeformer deformer) {
 
 }  // namespace
 
-TEST_CASE("TRIANGULATION: slivers in the flat faces of a bar change nothing") {
+TEST_CASE("TRIANGULATION: slivers in the flat faces of a bar change nothing", "[large]") {
   const test::Case bar = test::twisted_bar();
   const Mesh slivers = test::with_slivers(bar.mesh);
   for (const UpdateOptions& how :
