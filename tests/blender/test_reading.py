@@ -126,3 +126,145 @@ def test_bound_again_unchanged_the_scene_needs_what_it_needed():
     bind(ob)
     (driver,) = ob.animation_data.drivers
     assert [v.targets[0].id for v in driver.driver.variables] == [bpy.data.objects["Right"], left]
+
+
+# Whole groups at a time
+
+@pytest.fixture
+def columns(part, monkeypatch):
+    """The module, for which no mesh is too small."""
+    module = part('scene.group_columns')
+    for name in ('_VERTICES_A_GROUP', '_VERTICES_AN_OBJECT'):
+        monkeypatch.setattr(module, name, 0)
+    return module
+
+
+def grouped():
+    """Weights between 0 and 1 and at their ends, in groups of all kinds of names, one without vertices; the object
+    hidden, turned, with a modifier that makes vertices, and shape keys."""
+    ob = mixed()
+    randomness = np.random.default_rng(5)
+    for name in ("Region", "Ünïcödé", ".hidden", "with 'quotes' and\\", "position.001", "Empty"):
+        group_of = ob.vertex_groups.new(name=name)
+        for vertex in range(0 if name == "Empty" else len(ob.data.vertices)):
+            if (weight := randomness.choice([None, 0.25, 0.5, 0.5000001, 1.0, randomness.random()])) is not None:
+                group_of.add([vertex], weight, 'REPLACE')
+    ob.modifiers.new("Subdivision", 'SUBSURF')
+    ob.rotation_euler.x = 1
+    ob.hide_viewport = True
+    return ob
+
+
+def as_dictionary(entries):
+    vertices, places, weights = (values.tolist() for values in entries)
+    result = dict(zip(zip(vertices, places), weights))
+    assert len(result) == len(vertices)  # none twice
+    return result
+
+
+def data():
+    return [len(getattr(bpy.data, kind)) for kind in ('scenes', 'objects', 'meshes', 'node_groups', 'collections')]
+
+
+def test_groups_at_once_are_those_of_each_vertex(columns, part, monkeypatch):
+    ob, mesh_data = grouped(), part('scene.mesh_data')
+    names = [*(name for name in ob.vertex_groups.keys() if name != "Empty"), "Region"]
+    expected, before = as_dictionary(mesh_data.group_entries(ob, names)), data()
+    monkeypatch.setattr(mesh_data, 'group_entries', None)
+    assert as_dictionary(columns.entries(ob, names)) == expected and len(expected) > 40
+    # A group that isn't asked for, another order, weights that were changed and not looked at by Blender yet.
+    ob.vertex_groups["Region"].add([0, 3], 0.875, 'REPLACE')
+    ob.vertex_groups["Empty"].add([7], 1.0, 'REPLACE')
+    found = as_dictionary(columns.entries(ob, ["Empty", "Region"]))
+    assert found[7, 0] == 1 and found[0, 1] == found[3, 1] == 0.875 and sum(place == 0 for _, place in found) == 1
+    assert data() == before
+
+
+# Some of them mean something to Blender, some did in an earlier version.
+@pytest.mark.parametrize('name', ["position", "normal", "id", "index", "radius", "crease", "material_index", "UVMap",
+                                  "shade_smooth", "sharp_face", "sharp_edge", ".corner_vert", ".select_vert", "Own"])
+@pytest.mark.parametrize('weight', [1.0, 0.3])
+def test_groups_of_names_that_mean_something_else(columns, part, name, weight):
+    ob, mesh_data = mixed(), part('scene.mesh_data')
+    ob.data.uv_layers.new(name="UVMap")
+    ob.data.attributes.new("Own", 'FLOAT', 'POINT').data[4].value = 1
+    ob.data.materials.append(None)
+    ob.data.materials.append(None)
+    ob.data.polygons[1].material_index = 1
+    group(ob, "Before", [1, 2, 3])
+    ob.vertex_groups.new(name="Any").name = name
+    name = ob.vertex_groups[-1].name  # some versions refuse those that are there
+    ob.vertex_groups[name].add([1, 2, 3, 5, 8, 13], weight, 'REPLACE')
+    asked = ["Before", name]
+    assert as_dictionary(columns.entries(ob, asked)) == as_dictionary(mesh_data.group_entries(ob, asked))
+
+
+def test_groups_that_nodes_do_not_see(columns, part, monkeypatch):
+    ob, mesh_data = grouped(), part('scene.mesh_data')
+    asked, read = [], mesh_data.group_entries
+    monkeypatch.setattr(mesh_data, 'group_entries', lambda *of: asked.append(of) or read(*of))
+    assert [len(values) for values in columns.entries(ob, [])] == [0, 0, 0]
+    assert as_dictionary(columns.entries(ob, ["Region", "Empty"])) == as_dictionary(read(ob, ["Region", "Empty"]))
+    ob.hide_viewport = False
+    bpy.ops.object.mode_set(mode='EDIT')
+    assert as_dictionary(columns.entries(ob, ["Ünïcödé"])) == as_dictionary(read(ob, ["Ünïcödé"]))
+    assert len(asked) == 3
+
+
+def test_groups_at_once_where_it_takes_less(part, monkeypatch):
+    """Not of few vertices, in many groups, or among many objects, as each of which costs something of its own."""
+    columns, ob = part('scene.group_columns'), grouped()
+    monkeypatch.setattr(part('scene.mesh_data'), 'group_entries', lambda *_: False)
+    monkeypatch.setattr(columns, '_columns', lambda mesh, names: np.ones((len(names), len(mesh.vertices))))
+    monkeypatch.setattr(columns, '_is_of', lambda *_: True)
+
+    def is_at_once():
+        return columns.entries(ob, ob.vertex_groups.keys()) is not False
+    assert not is_at_once()
+    monkeypatch.setattr(columns, '_VERTICES_A_GROUP', 1)
+    monkeypatch.setattr(columns, '_VERTICES_AN_OBJECT', 0)
+    assert is_at_once()
+    monkeypatch.setattr(columns, '_VERTICES_AN_OBJECT', len(ob.data.vertices))
+    assert not is_at_once()
+    monkeypatch.setattr(columns, '_VERTICES_AN_OBJECT', 0)
+    for number in range(len(ob.data.vertices)):
+        ob.vertex_groups.new(name=f"One more {number}")
+    assert not is_at_once()
+
+
+def test_a_bind_by_groups_at_once(columns, part, monkeypatch):
+    """Nobody is told of the scene that it takes, nor is the mesh taken for edited; what listens does so afterwards."""
+    ob = make_strip()
+    bind(ob)
+    expected, before = ob.detail_deform.signature, data()
+    monkeypatch.setattr(part('scene.mesh_data'), 'group_entries', None)
+    listening, told = bpy.app.handlers.depsgraph_update_post, []
+    there = list(listening)
+
+    def listens(scene, depsgraph):
+        told.append(scene.name)
+        told.extend(update.id.name for update in depsgraph.updates if update.is_updated_geometry)
+    listening.append(listens)
+    try:
+        assert len(columns.entries(ob, ob.vertex_groups.keys())[0])
+        update()
+        assert set(told) <= {bpy.context.scene.name, "Scene Collection"}
+        bind(ob)
+        assert ob.detail_deform.signature == expected and data() == before and list(listening) == [*there, listens]
+        ob.detail_deform.handles[0].target.location.z += 0.5
+        update()
+        assert moved(ob) > 0.1
+    finally:
+        listening[:] = there
+
+
+@pytest.mark.parametrize('name', ['_copy', '_shown', '_nobody_told'])
+def test_groups_at_once_that_fail_leave_nothing(columns, monkeypatch, name):
+    ob, before, listening = grouped(), data(), list(bpy.app.handlers.depsgraph_update_post)
+
+    def fails(*_):
+        raise MemoryError("Unable to allocate 923. KiB for an array")
+    monkeypatch.setattr(columns, name, fails)
+    with pytest.raises(MemoryError):
+        columns.entries(ob, ["Region"])
+    assert data() == before and list(bpy.app.handlers.depsgraph_update_post) == listening

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..library import native
-from ..scene import dependency, handle_matrices, mesh_data, node_group, offset_attribute, outside_base, stack, start
+from ..scene import (dependency, group_columns, handle_matrices, mesh_data, node_group, offset_attribute, outside_base,
+                     stack, start)
 from ..scene.mesh_data import MeshProblem
 from . import bound, content, hints, life, registry
 
@@ -26,7 +27,7 @@ def bind(ob, depsgraph, wait, keep_rest):
         raise MeshProblem(f"'{ob.name}' follows '{settings.transfer.source.name if settings.transfer.source else ''}': "
                           "press Follow to stop that (Detail Deform: Transfer) before you bind it to handles.")
     offset_attribute.check_name(ob)
-    roles = content.roles(ob)
+    roles = content.roles(ob, group_columns.entries)
     places = handle_matrices.local_places(ob, depsgraph)
     # What these refuse leaves the present binding.
     if not keep_rest or _has_come(settings):

@@ -38,9 +38,10 @@ def options(ob):
     return made if poses is None else {**made, 'examples': poses}
 
 
-def roles(ob):
+def roles(ob, entries=None):
+    """entries: what reads the groups, as of mesh_data.roles."""
     settings = ob.detail_deform
-    return mesh_data.roles(ob, settings.region, handle_groups(settings), need_handles=settings.base == 'COMPUTED')
+    return mesh_data.roles(ob, settings.region, handle_groups(settings), settings.base == 'COMPUTED', entries)
 
 
 def shape_signature(ob):

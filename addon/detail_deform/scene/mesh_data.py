@@ -202,11 +202,11 @@ def members(ob, *names):
     return result
 
 
-def handles_of_vertices(ob, region, groups):
+def handles_of_vertices(ob, region, groups, entries=None):
     """Of each vertex the number of the group, among these, that it belongs to, the one with the largest weight; -1:
     none. And (n,) bool, whether it is in the region, which may be '': then all are; and of each group, whether it has
-    any vertex at all."""
-    vertices, places, weights = group_entries(ob, [*groups, *[region] * bool(region)])
+    any vertex at all. entries: what reads the groups, group_entries where it isn't given."""
+    vertices, places, weights = (entries or group_entries)(ob, [*groups, *[region] * bool(region)])
     is_member = weights > MEMBER_WEIGHT
     vertices, places, weights = vertices[is_member], places[is_member], weights[is_member]
     in_handle = places < len(groups)
@@ -240,15 +240,15 @@ def check_groups(ob, region, handles):
                               "not have: choose another group.")
 
 
-def roles(ob, region, handles, need_handles=True):
-    """(n,) int32 roles for native.Bind; region and handles as of check_groups.
+def roles(ob, region, handles, need_handles=True, entries=None):
+    """(n,) int32 roles for native.Bind; region and handles as of check_groups, entries of handles_of_vertices.
 
     A vertex is in a group when its weight is over 0.5; in two handles it belongs to the one with
     the larger weight; outside the region and every handle it is fixed.
     Raises MeshProblem naming the group or handle.
     """
     check_groups(ob, region, handles)
-    winner, inside, has_any = handles_of_vertices(ob, region, [group for _, group in handles])
+    winner, inside, has_any = handles_of_vertices(ob, region, [group for _, group in handles], entries)
     result = np.full(len(ob.data.vertices), native.ROLE_FREE, np.int32)
     if region and not inside.any():
         raise MeshProblem(f"The region group '{region}' has no vertex with a weight over "

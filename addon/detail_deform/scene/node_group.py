@@ -16,16 +16,17 @@ _INPUTS = {'Geometry': 'NodeSocketGeometry', 'Factor': 'NodeSocketFloat', 'Influ
            'Invert': 'NodeSocketBool', 'Base': 'NodeSocketObject'}
 
 
+def new_socket(group, name, kind, in_out='INPUT'):
+    if hasattr(group, 'interface'):  # 4.0 on
+        return group.interface.new_socket(name, in_out=in_out, socket_type=kind)
+    return (group.inputs if in_out == 'INPUT' else group.outputs).new(kind, name)
+
+
 def _new_interface(group):
     """Sockets of the group; returns that of Factor. Nothing uses Base: a modifier that has an object
     there needs that object's geometry, so Blender evaluates it even where it is hidden."""
-    if hasattr(group, 'interface'):  # 4.0 on
-        made = {name: group.interface.new_socket(name, in_out='INPUT', socket_type=kind)
-                for name, kind in _INPUTS.items()}
-        group.interface.new_socket('Geometry', in_out='OUTPUT', socket_type='NodeSocketGeometry')
-    else:
-        made = {name: group.inputs.new(kind, name) for name, kind in _INPUTS.items()}
-        group.outputs.new('NodeSocketGeometry', 'Geometry')
+    made = {name: new_socket(group, name, kind) for name, kind in _INPUTS.items()}
+    new_socket(group, 'Geometry', 'NodeSocketGeometry', 'OUTPUT')
     made['Influence'].description = "Vertex group by whose weights the deformation is shown; all of it when empty"
     made['Invert'].description = "Show the deformation where the group's weights are low"
     made['Base'].description = "The base object, if there is one: set by Bind"
