@@ -212,7 +212,7 @@ def test_groups_that_nodes_do_not_see(columns, part, monkeypatch):
 
 
 def test_groups_at_once_where_it_takes_less(part, monkeypatch):
-    """Not of few vertices, in many groups, or among many objects, as each of which costs something of its own."""
+    """Not of few vertices, in many groups, among many objects or of what is driven: each costs something of its own."""
     columns, ob = part('scene.group_columns'), grouped()
     monkeypatch.setattr(part('scene.mesh_data'), 'group_entries', lambda *_: False)
     monkeypatch.setattr(columns, '_columns', lambda mesh, names: np.ones((len(names), len(mesh.vertices))))
@@ -227,6 +227,10 @@ def test_groups_at_once_where_it_takes_less(part, monkeypatch):
     monkeypatch.setattr(columns, '_VERTICES_AN_OBJECT', len(ob.data.vertices))
     assert not is_at_once()
     monkeypatch.setattr(columns, '_VERTICES_AN_OBJECT', 0)
+    ob.data.shape_keys.key_blocks["Up"].driver_add('value')
+    assert not is_at_once()
+    ob.data.shape_keys.key_blocks["Up"].driver_remove('value')
+    assert is_at_once()
     for number in range(len(ob.data.vertices)):
         ob.vertex_groups.new(name=f"One more {number}")
     assert not is_at_once()
@@ -238,24 +242,45 @@ def test_a_bind_by_groups_at_once(columns, part, monkeypatch):
     bind(ob)
     expected, before = ob.detail_deform.signature, data()
     monkeypatch.setattr(part('scene.mesh_data'), 'group_entries', None)
-    listening, told = bpy.app.handlers.depsgraph_update_post, []
-    there = list(listening)
+    told, handlers = [], [bpy.app.handlers.depsgraph_update_post, bpy.app.handlers.frame_change_post]
+    there = [list(listening) for listening in handlers]
 
     def listens(scene, depsgraph):
         told.append(scene.name)
         told.extend(update.id.name for update in depsgraph.updates if update.is_updated_geometry)
-    listening.append(listens)
+    for listening in handlers:
+        listening.append(listens)
     try:
         assert len(columns.entries(ob, ob.vertex_groups.keys())[0])
         update()
         assert set(told) <= {bpy.context.scene.name, "Scene Collection"}
         bind(ob)
-        assert ob.detail_deform.signature == expected and data() == before and list(listening) == [*there, listens]
+        assert ob.detail_deform.signature == expected and data() == before
+        assert [list(listening) for listening in handlers] == [[*functions, listens] for functions in there]
         ob.detail_deform.handles[0].target.location.z += 0.5
         update()
         assert moved(ob) > 0.1
     finally:
-        listening[:] = there
+        for listening, functions in zip(handlers, there):
+            listening[:] = functions
+
+
+def test_groups_at_once_leave_what_is_animated_as_it_was_left(columns, part):
+    """What was changed by hand since the last frame, and not keyed, stays: nothing is animated anew."""
+    ob = mixed()
+    group(ob, "A", [1, 2, 3])
+    ob.data.materials.append(bpy.data.materials.new("Glass"))
+    value = ob.data.materials[0]
+    value.use_nodes = True
+    key = ob.data.shape_keys.key_blocks["Up"]
+    for frame, amount in ((1, 0.0), (20, 1.0)):
+        value.roughness = key.value = amount
+        value.keyframe_insert('roughness', frame=frame)
+        key.keyframe_insert('value', frame=frame)
+    bpy.context.scene.frame_set(10)
+    value.roughness, key.value = 0.125, 0.25
+    assert len(columns.entries(ob, ["A"])[0]) == 3
+    assert (value.roughness, key.value, bpy.context.scene.frame_current) == (0.125, 0.25, 10)
 
 
 @pytest.mark.parametrize('name', ['_copy', '_shown', '_nobody_told'])

@@ -26,7 +26,7 @@ def entries(ob, names):
         return mesh_data.group_entries(ob, names)
     distinct = list(dict.fromkeys(names))
     columns = dict(zip(distinct, _columns(ob.data, distinct)))
-    if not all(_is_of(ob.vertex_groups[name], column) for name, column in columns.items()):
+    if not all(_is_of(ob, name, column) for name, column in columns.items()):
         return mesh_data.group_entries(ob, names)
     members = [np.flatnonzero(columns[name]) for name in names]
     return (np.concatenate(members), np.repeat(np.arange(len(names)), [len(of_one) for of_one in members]),
@@ -34,25 +34,24 @@ def entries(ob, names):
 
 
 def _pays(mesh, names):
-    """Whether it can be done, and is the faster way. In Edit Mode the groups are elsewhere."""
+    """Whether it can be done, and is the faster way. In Edit Mode the groups are elsewhere; what drives the mesh or its
+    shape keys would be evaluated, too, and may be any rig."""
     least = _VERTICES_A_GROUP * (len(names) + _SCENE) + _VERTICES_AN_OBJECT * len(bpy.data.objects)
-    return bool(names) and len(mesh.vertices) >= least and not mesh.is_editmode
+    if not names or len(mesh.vertices) < least or mesh.is_editmode:
+        return False
+    blocks = [block for block in (mesh, mesh.shape_keys) if block and block.animation_data]
+    return not any(block.animation_data.drivers for block in blocks)
 
 
-def _is_of(group, column):
+def _is_of(ob, name, column):
     """Whether it is the group that was copied: nodes give something else, or nothing, for a name that means something
     to Blender, as "position" and "crease", which are others in each version. What has no member may be such a one."""
-    members = np.flatnonzero(column)
-    chosen = {*members[:: max(1, len(members) // _SAMPLES)].tolist(),
+    group, members = ob.vertex_groups[name].index, np.flatnonzero(column)
+    chosen = {*members[::max(1, len(members) // _SAMPLES)].tolist(),
               *range(0, len(column), max(1, len(column) // _SAMPLES))}
-    return bool(len(members)) and all(_weight(group, vertex) == column[vertex] for vertex in chosen)
-
-
-def _weight(group, vertex):
-    try:
-        return group.weight(vertex)
-    except RuntimeError:  # it isn't in the group
-        return 0.0
+    return bool(len(members)) and all(
+        column[vertex] == next((element.weight for element in ob.data.vertices[vertex].groups
+                                if element.group == group), 0.0) for vertex in chosen)
 
 
 def _columns(mesh, names):
@@ -65,8 +64,9 @@ def _columns(mesh, names):
         _copy(nodes, names)
         ob.modifiers.new(_NAME, 'NODES').node_group = nodes
         scene.collection.objects.link(ob)
+        # An update of its view layer would also write what is animated into the originals.
         with _nobody_told():
-            scene.view_layers[0].update()
+            scene.frame_set(scene.frame_current)
         attributes = ob.evaluated_get(scene.view_layers[0].depsgraph).data.attributes
         result = np.empty((len(names), len(mesh.vertices)), np.float32)
         for number, column in enumerate(result):
@@ -106,7 +106,8 @@ def _shown(sockets, name):
 @contextmanager
 def _nobody_told():
     """Whoever listens to Blender's updates would be shown a scene that nobody has made."""
-    lists = bpy.app.handlers.depsgraph_update_pre, bpy.app.handlers.depsgraph_update_post
+    lists = [getattr(bpy.app.handlers, f'{event}_{when}')
+             for event in ('depsgraph_update', 'frame_change') for when in ('pre', 'post')]
     kept = [list(of_one) for of_one in lists]
     for of_one in lists:
         of_one.clear()
