@@ -49,7 +49,7 @@ build_zip() {
 }
 
 prepare_build
-build_zip release linux-x64 c++
+build_zip check linux-x64 c++  # what the tests are run on
 build_zip windows windows-x64 x86_64-w64-mingw32-g++-posix
 build_zip linux-arm64 linux-arm64 aarch64-linux-gnu-g++
 [ -e "$out/detail_deform-$version-macos.zip" ] || dd_say "No zip for macOS: it is built there"

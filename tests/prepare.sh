@@ -77,7 +77,7 @@ prepare_build() {
     dd_need_packages libeigen3-dev catch2
 }
 
-# build_preset NAME [TARGET]: release and library also stage the library into addon/detail_deform/lib/.
+# build_preset NAME [TARGET]: release, library and check also stage the library into addon/detail_deform/lib/.
 build_preset() {
     dd_say "Building preset $1"
     cmake --preset "$1" >/dev/null || return

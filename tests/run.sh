@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
 # Gets what is missing, builds, and runs every check: the linters, the core and the C ABI, the same
-# under the sanitizers, and the add-on's zip in each Blender that can be had. One summary line at
-# the end.
+# under the sanitizers, and the add-on's zip in each Blender that can be had. First what keeps all
+# cores busy; then what leaves one free, two at a time, each shown when it has ended. One summary
+# line at the end.
 #
 # tests/run.sh [--quick]     --quick: no clang, no sanitizers, Debian's Blender only
 #
@@ -22,12 +23,12 @@ quick=false
 passed=0 failed=0 skipped=0 steps_beside=0
 failures=() notes=()
 
-logs=$(mktemp -d)
+logs=$(mktemp -d) || exit
 trap 'rm -rf "$logs"' EXIT
-trap 'trap - INT TERM; kill 0' INT TERM
-running=()
+trap 'stop; exit 130' INT
+declare -A running=()  # by process: its name, and behind a bar the file that it prints to
 
-# ended NAME STATUS BEGAN: counts a step and says how long it took; returns its status.
+# ended NAME STATUS: counts a step; returns its status.
 ended() {
     if [ "$2" = 0 ]; then
         passed=$((passed + 1))
@@ -35,7 +36,6 @@ ended() {
         failed=$((failed + 1))
         failures+=("$1")
     fi
-    dd_say "$((SECONDS - $3)) s of $SECONDS: $1"
     return "$2"
 }
 
@@ -45,39 +45,55 @@ step() {
     shift
     dd_say "$name"
     "$@" || status=$?
-    ended "$name" "$status" "$began"
+    dd_say "$((SECONDS - began)) s: $name"
+    ended "$name" "$status"
 }
 
 # beside NAME COMMAND...: a step that leaves a core free, for another such step to run at the same
 # time. What it prints is shown when it has ended.
 beside() {
-    local log began=$SECONDS
+    local log
     while [ ${#running[@]} -ge 2 ]; do wait_for_one; done
     log=$logs/$((++steps_beside))
-    running+=("$1|$log|$began")
+    dd_say "begins: $1"
     (
-        shift
-        status=0
-        "$@" >"$log" 2>&1 </dev/null || status=$?
-        echo "$status" >"$log.status"
-    ) &
+        SECONDS=0 status=0
+        "${@:2}" </dev/null || status=$?
+        dd_say "$SECONDS s: $1"
+        exit "$status"
+    ) >"$log" 2>&1 &
+    running[$!]="$1|$log"
 }
 
-# Until one of the steps beside has ended, and shows those that have.
+# Until one of the steps beside has ended, and shows it.
 wait_for_one() {
-    local each name log began still=()
-    wait -n
-    for each in "${running[@]}"; do
-        IFS='|' read -r name log began <<<"$each"
-        if [ -f "$log.status" ]; then
-            dd_say "$name"
-            cat "$log"
-            ended "$name" "$(cat "$log.status")" "$began"
-        else
-            still+=("$each")
-        fi
+    local process status=0 each these=("${!running[@]}")
+    wait -n -p process || status=$?
+    [ -z "${process:-}" ] || these=("$process")  # without one there is none left to wait for
+    for each in "${these[@]}"; do
+        [ -n "${running[$each]:-}" ] || continue
+        dd_say "${running[$each]%|*}"
+        cat "${running[$each]##*|}"
+        ended "${running[$each]%|*}" "$status"
+        unset "running[$each]"
     done
-    running=("${still[@]}")
+}
+
+# Ends what runs beside, which Ctrl-C doesn't reach, and shows what it has printed.
+stop() {
+    local each
+    for each in "${!running[@]}"; do
+        dd_say "not ended: ${running[$each]%|*}"
+        cat "${running[$each]##*|}"
+        end_with_children "$each"
+    done
+}
+
+# Some of them are in groups of their own.
+end_with_children() {
+    local child
+    for child in $(pgrep -P "$1"); do end_with_children "$child"; done
+    kill "$1" 2>/dev/null
 }
 
 skip() {
@@ -161,14 +177,13 @@ for candidate in /usr/bin/python3 python3; do
     fi
 done
 
-step "build (release)" build_preset check || finish
+step "build (check)" build_preset check || finish
 step "core and library (ctest)" ctest --preset check -j 2 --output-on-failure
 step "C ABI (ctypes)" abi_tests
 step "zip" cmake --build --preset check --target addon_zip
 zip=$(ls build/check/detail_deform-*.zip)
 
-# First what keeps all cores busy: the builds, and what ctest runs.
-sanitized=false windows=false
+sanitized=false threads=false windows=false
 if $quick; then
     skip "clang-tidy, fuzzing and sanitizers (--quick)"
     skip "Windows (--quick)"
@@ -176,41 +191,47 @@ else
     step_with clang-tidy clang-tidy "C++ (clang-tidy)" lint_tidy
     # Which also tells whether clang takes the library; and for these sanitizers it compiles in half
     # of GCC's time.
-    if prepare_clang; then
-        step "build (sanitize)" build_preset sanitize && sanitized=true
-        step "core under sanitizers (ctest)" ctest --preset sanitize -j 2 --output-on-failure
-    else
+    if ! prepare_clang; then
         skip "fuzzing and sanitizers: clang could not be had"
-    fi
-    step "build (tsan)" build_preset tsan
-    if prepare_windows; then
-        step "build (windows)" build_preset windows &&
-            step "zip (windows)" cmake --build --preset windows --target addon_zip && windows=true
+    elif step "build (sanitize)" build_preset sanitize; then
+        sanitized=true
+        step "core under sanitizers (ctest)" ctest --preset sanitize -j 2 --output-on-failure
+        step "build (fuzz targets)" build_preset sanitize fuzz_targets
     else
+        skip "fuzzing and sanitizers: they are not built"
+    fi
+    if step "build (tsan)" build_preset tsan; then
+        threads=true
+    else
+        skip "threads under their sanitizer: they are not built"
+    fi
+    if ! prepare_windows; then
         skip "Windows: mingw-w64 or Wine could not be had"
+    elif step "build (windows)" build_preset windows; then
+        windows=true
+        step "zip (windows)" cmake --build --preset windows --target addon_zip
+    else
+        skip "Windows: it is not built"
     fi
 fi
 
-# Then what runs two at a time, what takes longest first.
-if ! $quick; then
-    beside "threads of the core under their sanitizer" \
-        build/tsan/tests/native/core_tests "[threads]"
-    if $sanitized; then
-        beside "C ABI under sanitizers (ctypes)" sanitized_abi_tests sanitize "$(address_sanitizer)"
-        beside "fuzzing (clang and its sanitizers)" tests/fuzz/run.sh
+# All that has to be got comes before the first that runs beside: nothing is installed below them.
+windows_python=false blender=false window=false wheels=()
+if $windows; then
+    if prepare_windows_python; then
+        windows_python=true
+    else
+        skip "C ABI under Wine: a Python for Windows could not be had"
     fi
 fi
 # Debian's Blender runs the system's Python and finds its pytest.
 if prepare_blender && dd_need_packages python3-pytest; then
+    blender=true
     if dd_need_packages xvfb xauth xdotool imagemagick; then
-        beside "add-on in its window" in_window tests/blender/gui/window.py
+        window=true
     else
         skip "the window: Xvfb, xdotool or ImageMagick could not be had"
     fi
-    beside "add-on in $(blender --version | head -n 1)" \
-        blender_suite blender --background --factory-startup --python tests/blender/run.py --
-    beside "the paper's figures" blender --background --factory-startup --python-exit-code 1 \
-        --python tests/figures/make_figures.py -- --check
 else
     skip "Debian's Blender: it could not be had"
 fi
@@ -220,22 +241,44 @@ else
     for wheel in "3.11 4.5.15" "3.13 5.2.3"; do
         # shellcheck disable=SC2086  # two words on purpose
         if prepare_wheel $wheel; then
-            beside "add-on in bpy ${wheel#* }" \
-                blender_suite "build/venv-bpy-${wheel#* }/bin/python" tests/blender/run.py --
+            wheels+=("${wheel#* }")
         else
             skip "bpy ${wheel#* }: Python ${wheel% *} is not on this machine"
         fi
     done
+fi
+
+# What takes longest comes first.
+if $threads; then
+    beside "threads of the core under their sanitizer" \
+        build/tsan/tests/native/core_tests "[threads]"
+fi
+if $sanitized; then
+    beside "C ABI under sanitizers (ctypes)" sanitized_abi_tests sanitize "$(address_sanitizer)"
+    beside "fuzzing (clang and its sanitizers)" tests/fuzz/run.sh
+fi
+if $window; then
+    beside "add-on in its window" in_window tests/blender/gui/window.py
+fi
+if $blender; then
+    beside "add-on in $(blender --version | head -n 1)" \
+        blender_suite blender --background --factory-startup --python tests/blender/run.py --
+    beside "the paper's figures" blender --background --factory-startup --python-exit-code 1 \
+        --python tests/figures/make_figures.py -- --check
+fi
+for wheel in "${wheels[@]}"; do
+    beside "add-on in bpy $wheel" \
+        blender_suite "build/venv-bpy-$wheel/bin/python" tests/blender/run.py --
+done
+if $windows; then
+    beside "core and library under Wine (ctest)" windows_core_tests
+fi
+if $threads; then
     beside "threads of the C ABI under their sanitizer" \
         sanitized_abi_tests tsan "$(c++ -print-file-name=libtsan.so)" \
         -k "(thread or once) and not refusals and not cancelled"
 fi
-if $windows; then
-    beside "core and library under Wine (ctest)" windows_core_tests
-    if prepare_windows_python; then
-        beside "C ABI under Wine (ctypes)" windows_abi_tests
-    else
-        skip "C ABI under Wine: a Python for Windows could not be had"
-    fi
+if $windows_python; then
+    beside "C ABI under Wine (ctypes)" windows_abi_tests
 fi
 finish

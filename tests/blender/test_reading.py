@@ -215,7 +215,7 @@ def test_groups_at_once_where_it_takes_less(part, monkeypatch):
     """Not of few vertices, in many groups, among many objects or of what is driven: each costs something of its own."""
     columns, ob = part('scene.group_columns'), grouped()
     monkeypatch.setattr(part('scene.mesh_data'), 'group_entries', lambda *_: False)
-    monkeypatch.setattr(columns, '_columns', lambda mesh, names: np.ones((len(names), len(mesh.vertices))))
+    monkeypatch.setattr(columns, '_columns', lambda mesh, names: dict.fromkeys(names, (np.zeros(1), np.zeros(1))))
     monkeypatch.setattr(columns, '_is_of', lambda *_: True)
 
     def is_at_once():
@@ -227,12 +227,21 @@ def test_groups_at_once_where_it_takes_less(part, monkeypatch):
     monkeypatch.setattr(columns, '_VERTICES_AN_OBJECT', len(ob.data.vertices))
     assert not is_at_once()
     monkeypatch.setattr(columns, '_VERTICES_AN_OBJECT', 0)
-    ob.data.shape_keys.key_blocks["Up"].driver_add('value')
-    assert not is_at_once()
-    ob.data.shape_keys.key_blocks["Up"].driver_remove('value')
-    assert is_at_once()
+    glass = bpy.data.materials.new("Glass")
+    glass.use_nodes = True
+    ob.data.materials.append(glass)
+    for driven in ((ob.data.shape_keys.key_blocks["Up"], 'value'), (glass, 'roughness'),
+                   (glass.node_tree.nodes[0], 'location')):
+        driven[0].driver_add(driven[1])
+        assert not is_at_once()
+        driven[0].driver_remove(driven[1])
+        assert is_at_once()
     for number in range(len(ob.data.vertices)):
         ob.vertex_groups.new(name=f"One more {number}")
+    assert not is_at_once()
+    monkeypatch.setattr(columns, '_VERTICES_A_GROUP', 0)
+    assert is_at_once()
+    monkeypatch.setattr(columns, '_MOST_GROUPS', len(ob.vertex_groups) - 1)
     assert not is_at_once()
 
 
@@ -281,6 +290,15 @@ def test_groups_at_once_leave_what_is_animated_as_it_was_left(columns, part):
     value.roughness, key.value = 0.125, 0.25
     assert len(columns.entries(ob, ["A"])[0]) == 3
     assert (value.roughness, key.value, bpy.context.scene.frame_current) == (0.125, 0.25, 10)
+
+
+def test_nodes_that_give_nothing(columns, part, monkeypatch):
+    ob, mesh_data = mixed(), part('scene.mesh_data')
+    group(ob, "A", [1, 2, 3])
+    monkeypatch.setattr(columns, '_copy', lambda nodes, names: None)
+    before = data()
+    assert as_dictionary(columns.entries(ob, ["A"])) == as_dictionary(mesh_data.group_entries(ob, ["A"]))
+    assert data() == before
 
 
 @pytest.mark.parametrize('name', ['_copy', '_shown', '_nobody_told'])

@@ -8,7 +8,7 @@ from ..scene.window import redraw_panels
 from . import binding, bound, registry, words
 
 _LIMIT_SECONDS = 0.5
-_SECONDS_A_VERTEX = 1e-5  # for what Python reads of a mesh
+_SECONDS_A_VERTEX = 1e-5  # at most, for what Python reads of a mesh
 # A dragged slider changes a setting many times a second.
 _PAUSE_SECONDS = 0.2
 

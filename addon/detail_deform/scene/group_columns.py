@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Vertex groups read a whole group at a time.
 
-No version of Blender has a foreach_get for them, and Python goes through them vertex by vertex. Geometry Nodes copy a
-group into an attribute, which is read at once: of an object in a scene of its own, both gone when this is done."""
+Python goes through them vertex by vertex. Geometry Nodes copy a group into an attribute, which is read at once: of an
+object in a scene of its own, both gone when this is done."""
 
 from contextlib import contextmanager
 
@@ -15,47 +15,51 @@ from . import mesh_data, node_group
 # Of each object Blender looks anew at what it depends on, as after every object that comes or goes.
 _VERTICES_A_GROUP, _SCENE = 2000, 5
 _VERTICES_AN_OBJECT = 100
+_MOST_GROUPS = 64  # each takes memory for all vertices
 _SAMPLES = 50  # of a group's members, and of all vertices
 
 _NAME = "Detail Deform Reads Groups"
 
 
 def entries(ob, names):
-    """As mesh_data.group_entries, but for weights of 0. For operators: it makes data, and takes them away again."""
-    if not _pays(ob.data, names):
+    """As mesh_data.group_entries, but for weights of 0. For Bind: it makes data, and takes them away again."""
+    columns = _columns(ob.data, list(dict.fromkeys(names))) if _pays(ob.data, names) else {}
+    if not columns or not all(_is_of(ob, name, *column) for name, column in columns.items()):
         return mesh_data.group_entries(ob, names)
-    distinct = list(dict.fromkeys(names))
-    columns = dict(zip(distinct, _columns(ob.data, distinct)))
-    if not all(_is_of(ob, name, column) for name, column in columns.items()):
-        return mesh_data.group_entries(ob, names)
-    members = [np.flatnonzero(columns[name]) for name in names]
-    return (np.concatenate(members), np.repeat(np.arange(len(names)), [len(of_one) for of_one in members]),
-            np.concatenate([columns[name][of_one] for name, of_one in zip(names, members)]))
+    vertices, weights = zip(*(columns[name] for name in names))
+    return (np.concatenate(vertices), np.repeat(np.arange(len(names)), [len(of_one) for of_one in vertices]),
+            np.concatenate(weights))
 
 
 def _pays(mesh, names):
-    """Whether it can be done, and is the faster way. In Edit Mode the groups are elsewhere; what drives the mesh or its
-    shape keys would be evaluated, too, and may be any rig."""
+    """Whether it can be done, and is the faster way. In Edit Mode the groups are elsewhere; of a group and an attribute
+    with one name, nodes see but one; what drives the mesh, its keys or its materials would be evaluated, too, and may
+    be any rig; and a render must not find what it works on gone."""
     least = _VERTICES_A_GROUP * (len(names) + _SCENE) + _VERTICES_AN_OBJECT * len(bpy.data.objects)
-    if not names or len(mesh.vertices) < least or mesh.is_editmode:
+    if not 0 < len(names) <= _MOST_GROUPS or len(mesh.vertices) < least or mesh.is_editmode:
         return False
-    blocks = [block for block in (mesh, mesh.shape_keys) if block and block.animation_data]
-    return not any(block.animation_data.drivers for block in blocks)
+    materials = [material for material in mesh.materials if material]
+    blocks = [mesh, mesh.shape_keys, *materials, *(material.node_tree for material in materials)]
+    return not (set(names) & set(mesh.attributes.keys()) or bpy.app.is_job_running('RENDER')
+                or any(block and block.animation_data and block.animation_data.drivers for block in blocks))
 
 
-def _is_of(ob, name, column):
+def _is_of(ob, name, members, weights):
     """Whether it is the group that was copied: nodes give something else, or nothing, for a name that means something
     to Blender, as "position" and "crease", which are others in each version. What has no member may be such a one."""
-    group, members = ob.vertex_groups[name].index, np.flatnonzero(column)
-    chosen = {*members[::max(1, len(members) // _SAMPLES)].tolist(),
-              *range(0, len(column), max(1, len(column) // _SAMPLES))}
-    return bool(len(members)) and all(
-        column[vertex] == next((element.weight for element in ob.data.vertices[vertex].groups
-                                if element.group == group), 0.0) for vertex in chosen)
+    if not len(members):
+        return False
+    group, count = ob.vertex_groups[name].index, len(ob.data.vertices)
+    chosen = np.union1d(np.arange(0, count, max(1, count // _SAMPLES)), members[::max(1, len(members) // _SAMPLES)])
+    places = np.searchsorted(members, chosen).clip(max=len(members) - 1)
+    copied = np.where(members[places] == chosen, weights[places], 0)
+    return all(weight == next((element.weight for element in ob.data.vertices[vertex].groups
+                               if element.group == group), 0.0)
+               for vertex, weight in zip(chosen.tolist(), copied.tolist()))
 
 
 def _columns(mesh, names):
-    """(groups, n) float32"""
+    """By name the vertices with a weight, and their weights; {} where nodes don't give one."""
     made = []
     try:
         made.append(scene := bpy.data.scenes.new(_NAME))
@@ -64,13 +68,18 @@ def _columns(mesh, names):
         _copy(nodes, names)
         ob.modifiers.new(_NAME, 'NODES').node_group = nodes
         scene.collection.objects.link(ob)
-        # An update of its view layer would also write what is animated into the originals.
+        # An update of its view layer would also write what is animated into the originals. The frame is all scenes'.
         with _nobody_told():
-            scene.frame_set(scene.frame_current)
+            scene.frame_set(bpy.context.scene.frame_current, subframe=bpy.context.scene.frame_subframe)
         attributes = ob.evaluated_get(scene.view_layers[0].depsgraph).data.attributes
-        result = np.empty((len(names), len(mesh.vertices)), np.float32)
-        for number, column in enumerate(result):
-            attributes[_copy_of(number)].data.foreach_get('value', column)
+        result, column = {}, np.empty(len(mesh.vertices), np.float32)
+        for number, name in enumerate(names):
+            copy = attributes.get(_copy_of(number))
+            if copy is None or len(copy.data) != len(column):
+                return {}
+            copy.data.foreach_get('value', column)
+            members = np.flatnonzero(column)
+            result[name] = members, column[members]
         return result
     finally:
         for item in made:

@@ -168,8 +168,8 @@ def group_entries(ob, names):
     places = {}
     for place, name in enumerate(names):
         places.setdefault(ob.vertex_groups[name].index, []).append(place)
-    # There is no foreach_get for vertex groups in any version, so this is the slow way; it runs
-    # when something is bound or edited, never in a frame.
+    # There is no foreach_get for vertex groups in any version, so this is the slow way (group_columns.py has a faster
+    # one for Bind); it runs when something is bound or edited, never in a frame.
     vertices, groups, weights = [], [], []
     for index, vertex in enumerate(ob.data.vertices):
         for element in vertex.groups[:]:  # in 5.2 a slice takes less than an iterator
