@@ -338,7 +338,7 @@ TEST_CASE("small sheets find one another: what faces nothing fits no better for 
   }
 }
 
-TEST_CASE("the number of threads changes nothing of a match without markers", "[threads]") {
+TEST_CASE("the number of threads changes nothing of a match without markers", "[threads][large]") {
   const Mesh posed = forked(3), whole = hollow(3);
   const bool lacking = GENERATE(false, true);
   const Mesh source = lacking ? whole : posed;

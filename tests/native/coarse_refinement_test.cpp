@@ -153,7 +153,7 @@ TEST_CASE("coarse: rest, rigid motion, scale, renumbering and threads are kept")
   CHECK(surface(alone, {plane.motion}, how) == expected);
 }
 
-TEST_CASE("coarse: the pose alone decides, and a drag in small moves has no jumps") {
+TEST_CASE("coarse: the pose alone decides, and a drag in small moves has no jumps", "[large]") {
   const test::Case bar = test::subdivided(test::subdivided(test::bent_cylinder()));
   Deformer deformer(bar.mesh, bar.roles, 1, {});
   // Through 135°, from where on the unrefined result has a share.

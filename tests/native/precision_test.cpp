@@ -76,7 +76,8 @@ TEST_CASE("single precision stays within 1e-5 of the box of double", "[large]") 
   }
 }
 
-TEST_CASE("single precision at rest is exact, and so is any number of threads", "[threads]") {
+TEST_CASE("single precision at rest is exact, and so is any number of threads",
+          "[threads][large]") {
   for (const Example& one : examples()) {
     INFO(one.name);
     const auto alone = bound(one, Precision::single), three = bound(one, Precision::single, 3);
