@@ -18,8 +18,6 @@ _VERTICES_AN_OBJECT = 100
 _MOST_GROUPS = 64  # each takes memory for all vertices
 _SAMPLES = 50  # of a group's members, and of all vertices
 
-_NAME = "Detail Deform Reads Groups"
-
 
 def entries(ob, names):
     """As mesh_data.group_entries, but for weights of 0. For Bind: it makes data, and takes them away again."""
@@ -62,11 +60,11 @@ def _columns(mesh, names):
     """By name the vertices with a weight, and their weights; {} where nodes don't give one."""
     made = []
     try:
-        made.append(scene := bpy.data.scenes.new(_NAME))
-        made.append(ob := bpy.data.objects.new(_NAME, mesh))
-        made.append(nodes := bpy.data.node_groups.new(_NAME, 'GeometryNodeTree'))
+        made.append(scene := bpy.data.scenes.new(node_group.NAME))
+        made.append(ob := bpy.data.objects.new(node_group.NAME, mesh))
+        made.append(nodes := bpy.data.node_groups.new(node_group.NAME, 'GeometryNodeTree'))
         _copy(nodes, names)
-        ob.modifiers.new(_NAME, 'NODES').node_group = nodes
+        ob.modifiers.new(node_group.NAME, 'NODES').node_group = nodes
         scene.collection.objects.link(ob)
         # An update of its view layer would also write what is animated into the originals. The frame is all scenes'.
         with _nobody_told():
