@@ -249,6 +249,9 @@ else
 fi
 
 # What takes longest comes first.
+if $windows; then
+    beside "core and library under Wine (ctest)" windows_core_tests
+fi
 if $threads; then
     beside "threads of the core under their sanitizer" \
         build/tsan/tests/native/core_tests "[threads]"
@@ -270,9 +273,6 @@ for wheel in "${wheels[@]}"; do
     beside "add-on in bpy $wheel" \
         blender_suite "build/venv-bpy-$wheel/bin/python" tests/blender/run.py --
 done
-if $windows; then
-    beside "core and library under Wine (ctest)" windows_core_tests
-fi
 if $threads; then
     beside "threads of the C ABI under their sanitizer" \
         sanitized_abi_tests tsan "$(c++ -print-file-name=libtsan.so)" \
