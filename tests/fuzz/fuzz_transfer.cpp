@@ -93,7 +93,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   std::vector<int32_t> point_triangles;
   std::vector<float> point_weights;
   // Of the nearest, none are taken.
-  if (bytes.one_in(options.pairs_of == DD_PAIRS_OF_NEAREST ? 16 : 3)) {
+  if (options.pairs_of == DD_PAIRS_OF_NEAREST ? bytes.odd(16) : bytes.one_in(3)) {
     const auto m = int32_t(std::max<size_t>(1, source.triangle_count()));
     for (size_t v = 0; v < target.vertex_count(); ++v) {
       point_triangles.push_back(int32_t(v) % 5 == 4 ? -1 : int32_t(v) % m);

@@ -179,6 +179,21 @@ TEST_CASE("what was pulled to several times its length is doubted, growing and t
   CHECK(confidence_in(spiked, source.triangle_count() - 1) > 0.75);
 }
 
+TEST_CASE("what was opened is doubted, however thin it was") {
+  const double height = GENERATE(1e-3, 1e-6, 1e-8, 2e-9);
+  Mesh source{Positions(6, 3), Triangles(2, 3)};
+  source.positions << 0, 0, 0, 1, 0, 0, 0, 1, 0, 2, 0, 0, 3, 0, 0, 2.3, height, 0;
+  source.triangles << 0, 1, 2, 3, 4, 5;
+  Positions opened = source.positions;
+  opened(5, 1) = 1;
+  Match match{triangle_correspondence({{0, 0}, {1, 1}}, 2, 2), {1, 1}};
+  doubt_stretched(match, source, opened);
+  INFO(height);
+  CHECK(match.confidence[0] == 1);
+  // Opened to 1 / height times its width.
+  CHECK(match.confidence[1] == Approx(1 / (1 + std::pow((1 / height - 1) / 2, 2))).epsilon(0.5));
+}
+
 TEST_CASE("registered by markers, a mesh lies on another of different topology") {
   const Mesh source = turned_sphere(4), target = shaped_sphere(5, Eigen::Matrix3d::Identity());
   const double box = bounding_box_diagonal(target.positions);

@@ -307,12 +307,16 @@ double typical_growth(const Eigen::VectorXd& before, const Eigen::VectorXd& afte
 
 /// By how much a triangle was pulled long or squeezed, whichever is more. whole: by how much the
 /// area of all grew.
-double largest_stretch(const Mesh& rest, const Positions& now, Index j, double whole) {
-  const Eigen::Matrix2d squares = products_of_edges(rest.positions, rest.triangles, j).inverse() *
-                                  products_of_edges(now, rest.triangles, j) / whole;
-  // The squares of the singular values are the eigenvalues.
-  const double half = squares.trace() / 2;
-  const double apart = std::sqrt(std::max(0.0, half * half - squares.determinant()));
+double largest_stretch(const Mesh& rest, const Positions& now, Index j, double area,
+                       double area_now, double whole) {
+  const Eigen::Matrix2d from = products_of_edges(rest.positions, rest.triangles, j),
+                        to = products_of_edges(now, rest.triangles, j);
+  // The squares of the singular values are the eigenvalues of from⁻¹ to, whose determinants are of
+  // the areas: of the products of a sliver's edges nothing is left.
+  const double half = (from(1, 1) * to(0, 0) - 2 * from(0, 1) * to(0, 1) + from(0, 0) * to(1, 1)) /
+                      (8 * area * area * whole);
+  const double growth = area_now / (area * whole);
+  const double apart = std::sqrt(std::max(0.0, half * half - growth * growth));
   const double least = std::max(half - apart, 1e-12);
   return std::sqrt(std::max(half + apart, 1 / least));
 }
@@ -431,7 +435,7 @@ void doubt_stretched(Match& match, const Mesh& source, const Positions& register
   Eigen::VectorXd left = Eigen::VectorXd::Ones(areas[0].size());
   for (Index j = 0; j < left.size(); ++j) {
     if (!(areas[0][j] > thin)) continue;
-    const double stretch = largest_stretch(source, registered, j, whole);
+    const double stretch = largest_stretch(source, registered, j, areas[0][j], areas[1][j], whole);
     left[j] = 1 / (1 + std::pow((stretch - 1) / (kDoubted - 1), 2));
   }
   const Correspondence& sources = match.correspondence;
