@@ -6,7 +6,7 @@
 # cores busy; then what leaves one free, two at a time, each shown when it has ended. One summary
 # line at the end.
 #
-# tests/run.sh [--quick]     --quick: no clang, no sanitizers, Debian's Blender only
+# tests/run.sh [--quick]     --quick: no clang, no sanitizers, no Windows, Debian's Blender only
 #
 # shellcheck disable=SC2317  # functions that step and finish call
 set -uo pipefail

@@ -69,13 +69,12 @@ def _columns(mesh, names):
         # An update of its view layer would also write what is animated into the originals. The frame is all scenes'.
         with _nobody_told():
             scene.frame_set(bpy.context.scene.frame_current, subframe=bpy.context.scene.frame_subframe)
-        attributes = ob.evaluated_get(scene.view_layers[0].depsgraph).data.attributes
+        evaluated = ob.evaluated_get(scene.view_layers[0].depsgraph).data
         result, column = {}, np.empty(len(mesh.vertices), np.float32)
         for number, name in enumerate(names):
-            copy = attributes.get(_copy_of(number))
-            if copy is None or len(copy.data) != len(column):
+            if len(evaluated.vertices) != len(column) or not mesh_data.copied(
+                    evaluated, _copy_of(number), 'value', column):
                 return {}
-            copy.data.foreach_get('value', column)
             members = np.flatnonzero(column)
             result[name] = members, column[members]
         return result

@@ -67,7 +67,7 @@ def check_object(ob):
 def positions(mesh):
     """(n, 3) float32"""
     values = np.empty(3 * len(mesh.vertices), np.float32)
-    if not _copied(mesh, 'position', 'vector', values):
+    if not copied(mesh, 'position', 'vector', values):
         mesh.vertices.foreach_get('co', values)
     return values.reshape(-1, 3)
 
@@ -139,7 +139,7 @@ def triangles(mesh):
 def faces(mesh):
     """(corners,) int32 and (faces,) int32: the vertices at the corners of all faces, and where each face starts."""
     corners = np.empty(len(mesh.loops), np.int32)
-    if not _copied(mesh, '.corner_vert', 'value', corners):
+    if not copied(mesh, '.corner_vert', 'value', corners):
         corners = _indices(mesh.loops, 'vertex_index')
     return corners, _indices(mesh.polygons, 'loop_start')
 
@@ -152,7 +152,7 @@ def _indices(items, name, each=1):
     return values.view(np.int32)
 
 
-def _copied(mesh, name, field, values):
+def copied(mesh, name, field, values):
     """Whether values could be filled from an attribute, which Blender copies at once where it asks vertices and corners
     one by one. 3.4 has none, nor has a mesh in Edit Mode."""
     attribute = mesh.attributes.get(name)
