@@ -92,7 +92,7 @@ TEST_CASE("the handles' extension is K's own solution, by functions and by a sol
                                           {KeptOfEnergy::factor, true}}) {
       INFO("order " << static_cast<int>(smoothness) << ", kept " << static_cast<int>(kept));
       const HandleExtension extension(bending, coordinates, b.region, b.mesh.positions, order, pool,
-                                      one_solve, kept);
+                                      one_solve, Precision::full, kept);
       REQUIRE(extension.factor_kept() == (kept == KeptOfEnergy::factor));
       Rows moved = Rows::Constant(b.region.free_count(), 4, 0.5);
       for (int k = 0; k < 2; ++k) extension.displace(coefficients, moved, moved);
@@ -268,7 +268,7 @@ TEST_CASE("a handle's functions are 1 and its coordinates when everything constr
   const Positions q = base_surface(bending, b.region, b.mesh.positions);
   for (KeptOfEnergy kept : {KeptOfEnergy::functions, KeptOfEnergy::factor}) {
     const HandleExtension extension(bending, coordinates, b.region, b.mesh.positions,
-                                    plain_order(b.region), pool, true, kept);
+                                    plain_order(b.region), pool, true, Precision::full, kept);
     RowMatrix space;
     const RowMatrix& functions = extension.functions(space);
     for (int r = 0; r < b.region.free_count(); ++r) {
@@ -329,6 +329,55 @@ TEST_CASE("with a handle for every fifth vertex a frame solves for its base") {
   }
 }
 
+TEST_CASE("many handles: K's factor serves frames in single precision where that is enough") {
+  struct {
+    Mesh mesh;
+    std::vector<int> roles;
+    int handles;
+    bool enough;
+  } cases[2];
+  const ManyHandles sphere(5, 50);
+  cases[0] = {sphere.mesh, sphere.roles, sphere.count(), true};
+  // Along a strip of 2,500 rows rounding comes to a thousandth between handles.
+  cases[1] = {Strip(2500).mesh, std::vector<int>(5 * 2500, kFree), 0, false};
+  for (size_t v = 0; v < cases[1].roles.size(); v += 401) cases[1].roles[v] = cases[1].handles++;
+  ThreadPool pool(2);
+  std::srand(6);
+  for (const auto& one : cases) {
+    INFO(one.handles << " handles");
+    const Mesh mesh = {one.mesh.positions / bounding_box_diagonal(one.mesh.positions),
+                       one.mesh.triangles};
+    const Region region = split_region(mesh, one.roles, one.handles);
+    const HandleCoordinates coordinates(region, mesh.positions);
+    const SurfaceOperators operators = surface_operators(mesh.positions, mesh.triangles);
+    const PolyharmonicSystem bending(operators, region);
+    const RowMatrix C = RowMatrix::Random(4 * one.handles, 4);
+    RowMatrix values = RowMatrix::Zero(mesh.vertex_count(), 3);
+    for (int v : region.handle_vertices)  // single vertices, at their centres
+      values.row(v) = C.row(4 * one.roles[size_t(v)] + 3).head<3>();
+    const RowMatrix expected = bending.extend(values);
+    const auto error = [&](Precision precision) {
+      const HandleExtension extension(bending, coordinates, region, mesh.positions,
+                                      plain_order(region), pool, true, precision,
+                                      KeptOfEnergy::factor);
+      REQUIRE(extension.first_half_is_ready());
+      CHECK(extension.in_single() == (precision == Precision::single && one.enough));
+      Rows found = Rows::Zero(region.free_count(), 4);
+      extension.displace(C, found, found);
+      return (found.leftCols<3>() - expected).cwiseAbs().maxCoeff() /
+             expected.cwiseAbs().maxCoeff();
+    };
+    const double full = error(Precision::full), single = error(Precision::single);
+    CHECK(full < 1e-6);
+    if (one.enough) {
+      CHECK(single < 2e-6);
+      CHECK(single > 10 * full);
+    } else {
+      CHECK(single == full);
+    }
+  }
+}
+
 TEST_CASE("many handles: the number of threads changes nothing", "[threads]") {
   // A frame solves for its base wholly, or has the first half of that ready.
   const int step = GENERATE(5, 50);
@@ -336,9 +385,12 @@ TEST_CASE("many handles: the number of threads changes nothing", "[threads]") {
   {
     ThreadPool pool(2);
     const Region region = split_region(many.mesh, many.roles, many.count());
-    const BoundSurface bound(many.mesh, region, {}, pool, {});
+    BindOptions options;
+    options.precision = Precision::single;
+    const BoundSurface bound(many.mesh, region, options, pool, {});
     REQUIRE(bound.extension.factor_kept());
     REQUIRE(bound.extension.first_half_is_ready() == (step == 50));
+    REQUIRE(bound.extension.in_single() == (step == 50));
     REQUIRE(bound.poisson->active().sections() > 2);
   }
   BindOptions bind;

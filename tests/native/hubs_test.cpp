@@ -121,7 +121,7 @@ TEST_CASE("a surface with hubs is solved for as by a dense matrix") {
       HandleSolve solve(bending, region, &pool);
       SparseMatrix at_handles(values.rows(), values.rows());
       at_handles.setIdentity();
-      solve.prepare_frames(at_handles, rows);
+      solve.prepare_frames(at_handles, rows, Precision::full);
       solve.add_extended(values, resting, extended);
       const Positions alone = test::dense_solve(energy, at_handle, one.roles, none);
       for (int r = 0; r < region.free_count(); ++r)

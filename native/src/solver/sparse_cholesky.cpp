@@ -23,7 +23,13 @@ SparseCholesky::SparseCholesky(const SparseMatrix& A, const FactorOptions& optio
 SparseCholesky::SparseCholesky(const SparseMatrix& A,
                                std::shared_ptr<const SymbolicCholesky> symbolic,
                                const FactorOptions& options)
-    : symbolic_(std::move(symbolic)), precision_(options.precision) {
+    : SparseCholesky(std::move(symbolic), options.precision) {
+  factor(A, options);
+}
+
+SparseCholesky::SparseCholesky(std::shared_ptr<const SymbolicCholesky> symbolic,
+                               Precision precision)
+    : symbolic_(std::move(symbolic)), precision_(precision) {
   const SymbolicCholesky& e = *symbolic_;
   value_begin_.push_back(0);
   for (int s = 0; s < e.supernode_count(); ++s) {
@@ -36,10 +42,27 @@ SparseCholesky::SparseCholesky(const SparseMatrix& A,
     single_ = RawArray<float>(static_cast<size_t>(entries()));
   else
     full_ = RawArray<double>(static_cast<size_t>(entries()));
-  factor(A, options);
 }
 
 namespace {
+
+/// The entries of a supernode in the order in which a factor of Reals has them: inverse(i, j) is
+/// called for those of C_ss⁻¹, then below(i, j) for those of the rows below.
+template <class Real, class Inverse, class Below>
+void for_each_entry(int width, int height, const Inverse& inverse, const Below& below) {
+  const auto group = [](int first, int rows, int length, const auto& entry) {
+    for (int j = 0; j < length; ++j)
+      for (int i = first; i < first + rows; ++i) entry(i, j);
+  };
+  for (int left = width, rows = 0; left > 0; left -= rows) {
+    rows = rows_together(left, kTriangleRows<Real>);
+    group(left - rows, rows, left, inverse);
+  }
+  for (int i = 0, rows = 0; i < height; i += rows) {
+    rows = rows_together(height - i, kRowsBelow<Real>);
+    group(i, rows, width, below);
+  }
+}
 
 constexpr int kChunk = 96;  // rows or columns of a front that are computed together
 
@@ -212,20 +235,12 @@ void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options)
     const int width = e.width(s), height = e.height(s);
     const auto write = [&](auto* out) {
       using Real = std::decay_t<decltype(*out)>;
-      const auto group = [&out](const double* columns, int stride, int first, int rows,
-                                int length) {
-        for (int j = 0; j < length; ++j)
-          for (int i = first; i < first + rows; ++i)
-            *out++ = static_cast<Real>(columns[size_t(j) * stride + i]);
+      const auto from = [&out](const double* columns, int stride) {
+        return [=, &out](int i, int j) {
+          *out++ = static_cast<Real>(columns[size_t(j) * stride + i]);
+        };
       };
-      for (int left = width, rows = 0; left > 0; left -= rows) {
-        rows = rows_together(left, kTriangleRows<Real>);
-        group(scratch.inverse.data(), width, left - rows, rows, left);
-      }
-      for (int i = 0, rows = 0; i < height; i += rows) {
-        rows = rows_together(height - i, kRowsBelow<Real>);
-        group(y, height, i, rows, width);
-      }
+      for_each_entry<Real>(width, height, from(scratch.inverse.data(), width), from(y, height));
     };
     if (precision_ == Precision::single)
       write(single_.data() + value_begin_[s]);
@@ -248,6 +263,30 @@ void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options)
   run_tasks(options.pool, e.domain_count(),
             [&](int d) { run(e.domain_begin[d], e.domain_begin[d + 1], nullptr); });
   run(e.domain_begin[e.domain_count()], e.supernode_count(), options.pool);
+}
+
+SparseCholesky SparseCholesky::in_single(ThreadPool* pool) const {
+  const SymbolicCholesky& e = *symbolic_;
+  SparseCholesky result(symbolic_, Precision::single);
+  run_tasks(pool, e.domain_count() + 1, [&](int part) {
+    std::vector<double> inverse, below;  // by columns
+    for (int s = e.first_supernode(part); s < e.first_supernode(part + 1); ++s) {
+      const int width = e.width(s), height = e.height(s);
+      // Zeros, as groups of C_ss⁻¹ are of other lengths in single precision.
+      inverse.assign(size_t(width) * size_t(width), 0.0);
+      below.resize(size_t(width) * size_t(height));
+      const double* in = full_.data() + value_begin_[s];
+      for_each_entry<double>(
+          width, height, [&](int i, int j) { inverse[size_t(j) * width + i] = *in++; },
+          [&](int i, int j) { below[size_t(j) * height + i] = *in++; });
+      float* out = result.single_.data() + result.value_begin_[s];
+      const auto write = [&](double value) { *out++ = static_cast<float>(value); };
+      for_each_entry<float>(
+          width, height, [&](int i, int j) { write(inverse[size_t(j) * width + i]); },
+          [&](int i, int j) { write(below[size_t(j) * height + i]); });
+    }
+  });
+  return result;
 }
 
 template <class Real>

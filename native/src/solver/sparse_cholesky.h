@@ -86,6 +86,8 @@ class SparseCholesky {
   /// A matrix of A's size with its rows and columns in the factor's order.
   SparseMatrix in_order(const SparseMatrix& matrix) const;
   Precision precision() const { return precision_; }
+  /// The same, rounded. This one must be in full precision.
+  SparseCholesky in_single(ThreadPool* pool) const;
 
   /// Work space of a solve, slotted_size()×4, to be kept between solves: a large one's pages take
   /// longer to get than to solve.
@@ -137,13 +139,19 @@ class SparseCholesky {
         columns);
   }
 
-  /// The second half alone, Cᵀ X = Y, in full precision. fill(part, y) writes the rows of Y that
-  /// belong to a part; y is where all of them are, size()×4, row-major. done as above.
+  /// The second half alone, Cᵀ X = Y. fill(part, y) writes the rows of Y that belong to a part; y
+  /// is where all of them are, size()×4, row-major, float or double as precision() says. done as
+  /// above.
   template <class Fill, class Done>
   void solve_second_half(Space& space, ThreadPool* pool, const Fill& fill, const Done& done,
                          Columns columns = Columns::three) const {
-    const auto given = [&](int part) { fill(part, space.full.data()); };
-    solve_after(given, space.full, pool, done, columns);
+    const auto solve = [&](auto& x) {
+      solve_after([&](int part) { fill(part, x.data()); }, x, pool, done, columns);
+    };
+    if (precision_ == Precision::single)
+      solve(space.single);
+    else
+      solve(space.full);
   }
 
   /// A step of the first half, in full precision: at one supernode, of rows that were zero but for
@@ -158,6 +166,8 @@ class SparseCholesky {
   double bytes() const;
 
  private:
+  /// Of no values yet.
+  SparseCholesky(std::shared_ptr<const SymbolicCholesky> symbolic, Precision precision);
   template <class Real>
   FactorView<Real> view() const;
   void factor(const SparseMatrix& A, const FactorOptions& options);

@@ -104,22 +104,29 @@ SparseForward::SparseForward(const SparseCholesky& factor, const SparseMatrix& B
   }
 }
 
-void SparseForward::multiply(int part, const Rows& coefficients, double* y) const {
+template <class Real>
+void SparseForward::multiply(int part, const Rows& coefficients, Real* y) const {
   const SymbolicCholesky& e = *symbolic_;
   std::fill(y + 4 * std::ptrdiff_t(e.section_begin(part)),
-            y + 4 * std::ptrdiff_t(e.section_begin(part + 1)), 0.0);
-  Rows own;
+            y + 4 * std::ptrdiff_t(e.section_begin(part + 1)), Real(0));
+  Rows own, sums;
   for (int s = e.first_supernode(part); s < e.first_supernode(part + 1); ++s) {
     const int64_t begin = column_begin_[size_t(s)];
     const int count = static_cast<int>(column_begin_[size_t(s) + 1] - begin);
     if (count == 0) continue;
     if (own.rows() < count) own.resize(count, 4);
     for (int k = 0; k < count; ++k) own.row(k) = coefficients.row(columns_[size_t(begin + k)]);
-    double* rows = y + 4 * std::ptrdiff_t(e.begin[size_t(s)]);
-    kernels().blend(e.width(s), count, values_.data() + value_begin_[size_t(s)], own.data(), rows,
-                    rows);
+    sums.setZero(e.width(s), 4);
+    kernels().blend(e.width(s), count, values_.data() + value_begin_[size_t(s)], own.data(),
+                    sums.data(), sums.data());
+    std::transform(sums.data(), sums.data() + sums.size(),
+                   y + 4 * std::ptrdiff_t(e.begin[size_t(s)]),
+                   [](double value) { return static_cast<Real>(value); });
   }
 }
+
+template void SparseForward::multiply(int, const Rows&, float*) const;
+template void SparseForward::multiply(int, const Rows&, double*) const;
 
 double SparseForward::bytes() const {
   return static_cast<double>(values_.size() * sizeof(double) + columns_.size() * sizeof(int) +

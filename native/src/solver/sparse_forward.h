@@ -21,8 +21,9 @@ class SparseForward {
   bool empty() const { return values_.size() == 0; }
 
   /// The rows of Y C that belong to a part of the factor, into y, where all rows are, 4 numbers
-  /// each. coefficients: a row for each column of B.
-  void multiply(int part, const Rows& coefficients, double* y) const;
+  /// each, float or double. coefficients: a row for each column of B.
+  template <class Real>
+  void multiply(int part, const Rows& coefficients, Real* y) const;
 
   double bytes() const;
 

@@ -118,7 +118,7 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
                                   double begin, double end) {
     return HandleExtension(bending, coordinates, region, mesh.positions, order(), *how.pool,
                            one_solve_error <= exact_enough(options.precision, coordinates.count()),
-                           KeptOfEnergy::cheaper, [&](double done) {
+                           options.precision, KeptOfEnergy::cheaper, [&](double done) {
                              report(progress, begin + done * (end - begin),
                                     "Computing the handles' basis functions");
                            });

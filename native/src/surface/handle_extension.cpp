@@ -27,8 +27,8 @@ SparseMatrix values_at_handles(const HandleCoordinates& coordinates, const Regio
 HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
                                  const HandleCoordinates& coordinates, const Region& region,
                                  const Positions& positions, const RowOrder& order,
-                                 ThreadPool& pool, bool one_solve, KeptOfEnergy kept,
-                                 const std::function<void(double)>& progress)
+                                 ThreadPool& pool, bool one_solve, Precision precision,
+                                 KeptOfEnergy kept, const std::function<void(double)>& progress)
     : coordinates_(coordinates),
       values_(values_at_handles(coordinates, region, positions)),
       pool_(&pool) {
@@ -41,7 +41,7 @@ HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
   std::unique_ptr<HandleSolve> solve;
   if (keep || one_solve) solve = std::make_unique<HandleSolve>(bending, region, &pool);
   if (keep) {
-    solve->prepare_frames(values_, row_of_free_);
+    solve->prepare_frames(values_, row_of_free_, precision);
     solve_ = std::move(solve);
     return;
   }

@@ -32,16 +32,18 @@ class HandleExtension {
  public:
   HandleExtension() = default;  ///< of nothing
   /// positions: of S. order: of the free vertices. pool must outlive it. one_solve: whether one
-  /// will do.
+  /// will do. precision: that frames work in.
   /// progress is told how far it is, from 0 to 1. Throws UnsolvableSurface.
   HandleExtension(const PolyharmonicSystem& bending, const HandleCoordinates& coordinates,
                   const Region& region, const Positions& positions, const RowOrder& order,
-                  ThreadPool& pool, bool one_solve, KeptOfEnergy kept = KeptOfEnergy::cheaper,
+                  ThreadPool& pool, bool one_solve, Precision precision,
+                  KeptOfEnergy kept = KeptOfEnergy::cheaper,
                   const std::function<void(double)>& progress = {});
 
   bool empty() const { return coordinates_.count() == 0; }
   bool factor_kept() const { return solve_ != nullptr; }
   bool first_half_is_ready() const { return solve_ && solve_->first_half_is_ready(); }
+  bool in_single() const { return solve_ && solve_->in_single(); }
 
   /// The free rows of out become those of rest + δq, rows in order. coefficients: C of all handles,
   /// 4h×4, the last column 0. out may be rest.

@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "systems/handle_solve.h"
 
+#include <cmath>
 #include <utility>
 
 namespace dd {
 
 namespace {
+
+/// How far a frame's solution may be off by a rounded factor, of its largest value: less than the
+/// surface's own in single precision may.
+constexpr double kMostRounding = 2e-6;
 
 /// For each vertex whether it is in the given set or has a neighbour there.
 std::vector<char> grown(const std::vector<char>& set, const SparseMatrix& laplacian) {
@@ -80,7 +85,8 @@ const Rows& HandleSolve::extend(const Rows& values, Space& space) const {
   return space.solution;
 }
 
-void HandleSolve::prepare_frames(SparseMatrix at_handles, const std::vector<int>& row_of_free) {
+void HandleSolve::prepare_frames(SparseMatrix at_handles, const std::vector<int>& row_of_free,
+                                 Precision precision) {
   at_handles_ = std::move(at_handles);
   const SparseCholesky& factor = factor_->factor();
   const SymbolicCholesky& symbolic = factor.symbolic();
@@ -93,6 +99,43 @@ void HandleSolve::prepare_frames(SparseMatrix at_handles, const std::vector<int>
       Eigen::Map<const Eigen::VectorXi>(symbolic.place_of.data(), symbolic.size()));
   // Where it pays: what a frame reads of it, it needn't of the factor.
   forward_ = SparseForward(factor, places * force, factor.entries() / 2);
+  if (precision == Precision::full || !first_half_is_ready()) return;
+  auto single = std::make_unique<SparseCholesky>(factor.in_single(pool_));
+  if (error_of(*single) < kMostRounding) single_ = std::move(single);
+}
+
+template <class Done>
+void HandleSolve::solve_second_half(const SparseCholesky& factor, const Rows& coefficients,
+                                    SparseCholesky::Space& space, const Done& done,
+                                    Columns columns) const {
+  factor.solve_second_half(
+      space, pool_, [&](int part, auto* y) { forward_.multiply(part, coefficients, y); }, done,
+      columns);
+}
+
+/// Of motions that are as large everywhere, where rounding adds up most, and that differ from
+/// handle to handle.
+double HandleSolve::error_of(const SparseCholesky& single) const {
+  Rows coefficients(at_handles_.cols(), 4);
+  for (Index k = 0; k < coefficients.rows(); ++k)
+    coefficients.row(k) << 1, std::sin(1 + 0.07 * double(k)), std::sin(1 + 2.4 * double(k)),
+        k % 2 ? -1 : 1;
+  const auto solution = [&](const SparseCholesky& factor) {
+    SparseCholesky::Space space;
+    Rows result(factor.size(), 4);
+    solve_second_half(
+        factor, coefficients, space,
+        [&](int begin, int end, const auto* x) {
+          for (int k = begin; k < end; ++k, x += 4)
+            for (int c = 0; c < 4; ++c) result(k, c) = x[c];
+        },
+        Columns::four);
+    return result;
+  };
+  const Rows exact = solution(factor_->factor()), rounded = solution(single);
+  return ((rounded - exact).cwiseAbs().colwise().maxCoeff().array() /
+          exact.cwiseAbs().colwise().maxCoeff().array())
+      .maxCoeff();
 }
 
 void HandleSolve::add_extended(const Rows& coefficients, const Rows& rest, Rows& out) {
@@ -106,16 +149,17 @@ void HandleSolve::add_extended(const Rows& coefficients, const Rows& rest, Rows&
     for (size_t k = 0; k < order.size(); ++k) add(int(k), moved.row(order[k]).data());
     return;
   }
-  factor_->factor().solve_second_half(
-      space_.solve, pool_, [&](int part, double* y) { forward_.multiply(part, coefficients, y); },
-      [&](int begin, int end, const double* x) {
+  solve_second_half(
+      in_single() ? *single_ : factor_->factor(), coefficients, space_.solve,
+      [&](int begin, int end, const auto* x) {
         for (int k = begin; k < end; ++k, x += 4) add(k, x);
-      });
+      },
+      Columns::three);
 }
 
 double HandleSolve::bytes() const {
-  size_t doubles = space_.solve.full.size() + size_t(space_.solve.right.size());
-  doubles += size_t(space_.solution.size());
+  size_t doubles = space_.solve.full.size() + space_.solve.single.size() / 2 +
+                   size_t(space_.solve.right.size()) + size_t(space_.solution.size());
   for (const Rows& force : space_.forces) doubles += size_t(force.size());
   double sum = factor_->bytes() + forward_.bytes() + static_cast<double>(doubles * sizeof(double));
   const auto add = [&](const SparseMatrix& matrix) {
@@ -123,6 +167,7 @@ double HandleSolve::bytes() const {
   };
   for (const SparseMatrix& step : steps_) add(step);
   add(at_handles_);
+  if (in_single()) sum += single_->bytes();
   return sum + static_cast<double>(out_row_.size() * sizeof(int));
 }
 

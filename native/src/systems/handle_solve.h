@@ -28,8 +28,10 @@ class HandleSolve {
   const Rows& extend(const Rows& values, Space& space) const;
 
   /// Makes what add_extended() needs. at_handles: V, a row for each of Region::handle_vertices.
-  /// row_of_free: of each of Region::free, the row of what that works on.
-  void prepare_frames(SparseMatrix at_handles, const std::vector<int>& row_of_free);
+  /// row_of_free: of each of Region::free, the row of what that works on. precision: single where
+  /// frames may use the factor so, if it is exact enough for that.
+  void prepare_frames(SparseMatrix at_handles, const std::vector<int>& row_of_free,
+                      Precision precision);
 
   /// For a frame: out = rest + the extension of V C, in rows of free vertices. coefficients: C, the
   /// fourth column 0.
@@ -37,19 +39,28 @@ class HandleSolve {
 
   /// Whether a frame needs the second half of a solve alone.
   bool first_half_is_ready() const { return !forward_.empty(); }
+  /// Whether that is in single precision.
+  bool in_single() const { return single_ != nullptr; }
 
   double bytes() const;
 
  private:
+  /// done as of SparseCholesky.
+  template <class Done>
+  void solve_second_half(const SparseCholesky& factor, const Rows& coefficients,
+                         SparseCholesky::Space& space, const Done& done, Columns columns) const;
+  double error_of(const SparseCholesky& single) const;
+
   std::shared_ptr<const UpdatedCholesky> factor_;
   // −K_FC = −L_FT M⁻¹ L_TC and the like: from the handles' vertices outwards, an L at a time, where
   // free vertices can feel it. One matrix of them all would be full around a hub.
   std::vector<SparseMatrix> steps_;
   ThreadPool* pool_;
   // Of add_extended().
-  SparseMatrix at_handles_;   // V
-  SparseForward forward_;     // of −K_FC V, where that is half the factor at most
-  std::vector<int> out_row_;  // of each place in the factor
+  SparseMatrix at_handles_;                 // V
+  SparseForward forward_;                   // of −K_FC V, where that is half the factor at most
+  std::unique_ptr<SparseCholesky> single_;  // the factor for what comes after forward_, or null
+  std::vector<int> out_row_;                // of each place in the factor
   Space space_;
 };
 
