@@ -212,6 +212,72 @@ TEST_CASE("two legs, one of which stands where the other stood, are told apart",
   CHECK(error(register_onto(source, target, {}, placed, {}), truth, is_of_leg) > 0.1);
 }
 
+namespace {
+
+/// A body on four legs with a head and a tail, its left half like its right one.
+Mesh quadruped(int levels) {
+  const double limbs[6][4] = {{0.7, 0.35, -1, 2},   {0.7, -0.35, -1, 2}, {-0.7, 0.35, -1, 2},
+                              {-0.7, -0.35, -1, 2}, {1, 0, 0.7, 1.6},    {-1, 0, 0.5, 1.2}};
+  Mesh mesh = test::sphere(levels);
+  for (Index v = 0; v < mesh.positions.rows(); ++v) {
+    const Eigen::RowVector3d direction = mesh.positions.row(v);
+    double radius = 0.7;
+    for (const auto& [x, y, z, length] : limbs)
+      radius +=
+          length *
+          std::exp(-20 * (direction - Eigen::RowVector3d(x, y, z).normalized()).squaredNorm());
+    mesh.positions.row(v) *= radius;
+    mesh.positions(v, 0) *= 1.3;
+  }
+  return mesh;
+}
+
+/// Its legs swung about y, left and right and fore and hind the other way.
+Positions striding(const Positions& p, double angle) {
+  Positions result = p;
+  for (Index v = 0; v < p.rows(); ++v) {
+    const double share = std::clamp(-p(v, 2) - 0.5, 0.0, 0.6) / 0.6;
+    const double fore = p(v, 0) > 0 ? 1 : -1, left = p(v, 1) > 0 ? 1 : -1;
+    const double turn = fore * left * angle * share * share * (3 - 2 * share);
+    const double x = p(v, 0) - fore * 0.8, z = p(v, 2) + 0.5;
+    result(v, 0) = std::cos(turn) * x + std::sin(turn) * z + fore * 0.8;
+    result(v, 2) = -std::sin(turn) * x + std::cos(turn) * z - 0.5;
+  }
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("three markers lose nothing of what the shapes tell", "[large]") {
+  const auto farthest = [](const Mesh& mesh, const Eigen::RowVector3d& way) {
+    Index v = 0;
+    (mesh.positions * way.transpose()).maxCoeff(&v);
+    return static_cast<int>(v);
+  };
+  const auto marked = [&](const Mesh& mesh, const std::vector<Eigen::RowVector3d>& ways) {
+    Pairs markers;  // of vertices that a finer sphere has, too
+    for (const auto& way : ways) markers.push_back({farthest(mesh, way), farthest(mesh, way)});
+    return markers;
+  };
+  // On feet that a stride has turned by 57°: no turn and size takes them where they belong.
+  const Mesh rest = quadruped(4);
+  const Mesh source = {striding(quadruped(5).positions, 1), quadruped(5).triangles};
+  for (const Eigen::RowVector3d& third :
+       {Eigen::RowVector3d(0.7, -0.35, -1), Eigen::RowVector3d(1, 0, 0.7)}) {
+    const Pairs markers = marked(rest, {{0.7, 0.35, -1}, {-0.7, -0.35, -1}, third});
+    CHECK(error(register_onto(source, rest, markers, {}), quadruped(5).positions) < 0.02);
+  }
+  // On limbs of which one is bent, where no map helps: by themselves they would shear the body.
+  const Mesh straight = beast(5);
+  const Mesh bent = {raised(beast(4).positions, 0.35), beast(4).triangles};
+  const Pairs markers = marked(beast(4), {{1, 0.1, 0.3}, {-0.8, 0.5, -0.2}, {0.1, -1, 0.4}});
+  Alignment placed = align(straight, bent, markers);
+  placed.partner.clear();
+  placed.lies_on = false;
+  CHECK(error(register_onto(straight, bent, markers, placed, {}),
+              raised(straight.positions, 0.35)) < 0.01);
+}
+
 TEST_CASE("what a remesh lacks, as the inside of a mouth, leaves the rest where it belongs",
           "[large]") {
   const Mesh source = hollow(5), closed = beast(4);

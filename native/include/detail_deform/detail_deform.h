@@ -633,10 +633,11 @@ typedef struct dd_match_options {
 /* Starts to place the source on the target, to deform it onto it (Sumner and Popović 2004) and to
  * look for corresponding triangles: a job that makes a dd_match.
  *   markers   marker_count pairs of vertices, source and target, that must fall on one another: any
- *             number. Where there are fewer than three, or all on a line, the source's placement is
- *             found by shape: poses, remeshes and akin shapes need none. Turns that fit about as
- *             well are settled in favour of how the meshes stand, or by a marker or two. It is
- *             mirrored only where four or more that are not in a plane say so. */
+ *             number. The source is placed by shape, so that poses, remeshes and akin shapes need
+ *             none, and by three markers that are not on a line; what then fits better is taken.
+ *             Turns that fit about as well are settled in favour of how the meshes stand, or by a
+ *             marker or two. It is mirrored only where four or more that are not in a plane say
+ *             so. */
 DD_API int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32_t* markers,
                               size_t marker_count, const dd_match_options* options, dd_job** job);
 

@@ -22,6 +22,7 @@ constexpr int kFirst = 6, kLast = 30;  // functions
 constexpr int kSpare = 20;             // functions that make the last of them exact sooner
 constexpr size_t kRoughSamples = 250;
 constexpr int kRoughStep = 3, kFineStep = 1;  // functions that a map grows by
+constexpr size_t kCompared = 8;               // maps, left and right of which are compared
 constexpr size_t kLookedAtClosely = 6;
 constexpr double kAlikeMaps = 0.05;   // of the box, on average: as good as one
 constexpr double kConvincing = 0.07;  // stretch of a map that needs nothing else to compare with
@@ -67,19 +68,20 @@ class Aligning {
     map_from(starts, 0);
     // Of two like halves a pose often brings the left one to lie on the right: a map that takes
     // left to right keeps lengths, too. The one that doesn't differs in the signs of functions.
-    const Start best =
-        *std::min_element(starts.begin(), starts.end(),
-                          [](const Start& a, const Start& b) { return a.score() < b.score(); });
-    if (best.orientation > 0 && best.stretch < kConvincing) return;
+    std::vector<Start> ordered = starts;
+    std::stable_sort(ordered.begin(), ordered.end(),
+                     [](const Start& a, const Start& b) { return a.score() < b.score(); });
+    if (ordered[0].orientation > 0 && ordered[0].stretch < kConvincing) return;
     report(progress, 0.5, "Comparing left and right");
     const size_t known = starts.size();
-    for (int signs = 1; signs < 1 << (kFirst - 1); ++signs) {
-      starts.push_back(best);
-      Eigen::MatrixXd& matrix = starts.back().map.matrix;
-      matrix = matrix.topLeftCorner(kFirst, kFirst).eval();
-      for (int k = 1; k < kFirst; ++k)
-        if (signs >> (k - 1) & 1) matrix.col(k) *= -1;
-    }
+    for (const Start& base : differing(ordered, kCompared))
+      for (int signs = 1; signs < 1 << (kFirst - 1); ++signs) {
+        starts.push_back(base);
+        Eigen::MatrixXd& matrix = starts.back().map.matrix;
+        matrix = matrix.topLeftCorner(kFirst, kFirst).eval();
+        for (int k = 1; k < kFirst; ++k)
+          if (signs >> (k - 1) & 1) matrix.col(k) *= -1;
+      }
     map_from(starts, known);
   }
 
@@ -96,18 +98,27 @@ class Aligning {
   /// at closely. starts: upright_of() them.
   std::vector<Start> looked_at_closely(const std::vector<Start>& starts,
                                        const std::vector<size_t>& upright) {
-    std::vector<Start> few;
-    for (const size_t i : upright) {
-      const bool known = std::any_of(few.begin(), few.end(), [&](const Start& other) {
-        return apart(starts[i].rows, other.rows) < kAlikeMaps;
-      });
-      if (!known && few.size() < kLookedAtClosely) few.push_back(starts[i]);
-    }
+    std::vector<Start> ordered;
+    ordered.reserve(upright.size());
+    for (const size_t i : upright) ordered.push_back(starts[i]);
+    std::vector<Start> few = differing(ordered, kLookedAtClosely);
     pool_.run(static_cast<int>(few.size()),
               [&](int i) { look(few[size_t(i)], source_.samples.size(), kFineStep); });
     const auto astray = std::stable_partition(
         few.begin(), few.end(), [&](const Start& one) { return keeps_markers(one.rows); });
     if (astray != few.begin()) few.erase(astray, few.end());
+    return few;
+  }
+
+  /// The first ones that lead elsewhere than those before, at most so many.
+  std::vector<Start> differing(const std::vector<Start>& ordered, size_t most) const {
+    std::vector<Start> few;
+    for (const Start& start : ordered) {
+      const bool known = std::any_of(few.begin(), few.end(), [&](const Start& other) {
+        return apart(start.rows, other.rows) < kAlikeMaps;
+      });
+      if (!known && few.size() < most) few.push_back(start);
+    }
     return few;
   }
 
@@ -281,19 +292,29 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
       marked.push_back({from.of_vertex[one], onto.of_vertex[other]});
   }
   ThreadPool pool(threads);
-  report(progress, 0.1, "Placing the source on the target");
-  const std::vector<Placement> placed =
-      places.suffice() ? std::vector<Placement>{placement_by(places, from, onto)}
-                       : placements(from, onto, places, pool);
-  std::vector<Start> starts;
-  starts.reserve(placed.size());
-  for (const Placement& one : placed) starts.push_back({one, {}, {}, false, 0, 0});
   Aligning aligning(from, onto, std::move(marked), pool);
-  const bool mapped = aligning.find_functions(within(progress, 0.3, 0.5));
+  const bool mapped = aligning.find_functions(within(progress, 0.1, 0.3));
+  report(progress, 0.3, "Placing the source on the target");
+  std::vector<Placement> placed;
+  if (places.suffice()) placed.push_back(placement_by(places, from, onto));
+  const auto add_placements = [&](std::vector<Placement>& all, const MarkedPlaces& marks) {
+    const std::vector<Placement> more = placements(from, onto, marks, pool);
+    all.insert(all.end(), more.begin(), more.end());
+  };
+  if (mapped || placed.empty()) add_placements(placed, places);
+  std::vector<Placement> begun = placed;
+  if (mapped && count > 0) {
+    // Where limbs are posed no placement takes markers where they belong: maps alone are asked to.
+    add_placements(begun, {});
+    for (Placement& one : begun) measure_by_shape(one, from, onto);
+  }
+  std::vector<Start> starts;
+  starts.reserve(begun.size());
+  for (const Placement& one : begun) starts.push_back({one, {}, {}, false, 0, 0});
 
   Alignment result;
   std::vector<size_t> rivals;
-  if (mapped && !places.suffice()) aligning.map_all(starts, within(progress, 0.5, 0.8));
+  if (mapped) aligning.map_all(starts, within(progress, 0.5, 0.8));
   if (!mapped)  // nothing tells a mirror image
     starts.erase(std::remove_if(starts.begin(), starts.end(),
                                 [](const Start& start) { return start.mirrored; }),
@@ -307,11 +328,15 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   std::optional<Lying> lying;
   if (!(stretch < kConvincing)) lying = lying_on(placed, from, onto, places, pool);
   result.lies_on = lying.has_value();
-  const Similarity& unit = lying ? lying->similarity : starts[best].similarity;
-  result.placement.rotation = unit.rotation;
-  result.placement.scale = unit.scale * boxes[1].scale / boxes[0].scale;
-  result.placement.shift = boxes[1].scale * unit.shift + boxes[1].centre.transpose() -
-                           result.placement.scale * (unit.rotation * boxes[0].centre.transpose());
+  const auto in_units = [&](const Similarity& unit) {
+    Similarity placement = unit;
+    placement.scale = unit.scale * boxes[1].scale / boxes[0].scale;
+    placement.shift = boxes[1].scale * unit.shift + boxes[1].centre.transpose() -
+                      placement.scale * (unit.rotation * boxes[0].centre.transpose());
+    return placement;
+  };
+  result.placement = in_units(lying ? lying->similarity : starts[best].similarity);
+  if (places.suffice()) result.by_markers = in_units(placed.front().similarity);
   const bool guides = stretch < kMeaningful;
   result.ambiguous = lying ? lying->ambiguous : !mapped && !rivals.empty();
   if (!mapped || (lying && !guides)) return result;

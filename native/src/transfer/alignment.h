@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "mesh/correspondence.h"
@@ -11,7 +12,8 @@ namespace dd {
 
 /// How a source lies on a target, roughly: where a registration begins.
 struct Alignment {
-  Similarity placement;  ///< of the source onto the target
+  Similarity placement;                  ///< of the source onto the target
+  std::optional<Similarity> by_markers;  ///< the same by three markers or more and little else
   /// For each vertex of the source the one that stands for it, as coarsely as the surfaces were
   /// looked at, and the vertex of the target that corresponds to that; empty where they are too
   /// small or too ragged for a map, or that means little, −1 where there is none.
@@ -30,13 +32,14 @@ Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target);
 /// a plane. Throws as checked_markers().
 bool marked_as_mirror_image(const Mesh& source, const Mesh& target, const Pairs& markers);
 
-/// Placed by the markers where there are three not on a line, else by placements(). From each of
-/// these, functions of the surfaces, smooth ones first, give a map that copes with poses
-/// (zoomed_out()), at first of few samples; the most promising that differ are mapped by all. The
-/// one is taken that keeps lengths best and lies nearest and doesn't turn the surface inside out,
-/// of those that keep the markers where any does. Unless the map convinces, lying_on() has the
-/// last word. Never mirrored: what are mirror
-/// images is mirrored first.
+/// Placed by the markers where there are three not on a line, and by placements(), with the markers
+/// and without; where the surfaces are too small or ragged for a map, by the markers alone. From
+/// each of these, functions of the surfaces, smooth ones first, give a map that copes with poses
+/// (zoomed_out()), at first of few samples, and so do maps that take left and right otherwise; the
+/// most promising that differ are mapped by all. The one is taken that keeps lengths best and lies
+/// nearest and doesn't turn the surface inside out, of those that keep the markers where any does.
+/// Unless that convinces, lying_on() has the last word.
+/// Never mirrored: what are mirror images is mirrored first.
 Alignment align(const Mesh& source, const Mesh& target, const Pairs& markers, int threads = 0,
                 const Progress& progress = {});
 

@@ -19,7 +19,8 @@ struct Effort {
   size_t samples;
   bool by_near = false;
 };
-constexpr Effort kQuick = {4, 60}, kWhole = {12, 300}, kNear = {40, 300, true};
+constexpr Effort kQuick = {4, 60}, kWhole = {12, 300}, kNear = {40, 300, true},
+                 kMeasured = {0, 300};
 constexpr double kNearby = 3;       // times the median distance: a pull falls to a quarter
 constexpr double kNearest = 0.001;  // of the box: a median that is taken for no less
 // Of the box, the larger median of what lies on another: akin heads have .004, animals .01.
@@ -220,6 +221,10 @@ std::vector<Placement> placements(const CoarseShape& source, const CoarseShape& 
                            }),
             all.end());
   return all;
+}
+
+void measure_by_shape(Placement& placement, const CoarseShape& source, const CoarseShape& target) {
+  settle(placement, source, target, {}, kMeasured);
 }
 
 std::optional<Lying> lying_on(const std::vector<Placement>& starts, const CoarseShape& source,

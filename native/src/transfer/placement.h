@@ -49,6 +49,9 @@ Placement placement_by(const MarkedPlaces& marked, const CoarseShape& source,
 std::vector<Placement> placements(const CoarseShape& source, const CoarseShape& target,
                                   const MarkedPlaces& marked, ThreadPool& pool);
 
+/// Finds its misfit without markers.
+void measure_by_shape(Placement& placement, const CoarseShape& source, const CoarseShape& target);
+
 /// How a source lies on a target.
 struct Lying {
   Similarity similarity;

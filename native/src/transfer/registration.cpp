@@ -24,17 +24,19 @@ namespace dd {
 
 namespace {
 
-constexpr double kAnchoring = 1e-9;    // keeps what nothing holds in its place
-constexpr double kLongestWave = 1;     // of the box
-constexpr double kShortestWave = 4;    // edges
-constexpr double kGuided = 0.4;        // of the box: longer waves go by the alignment
-constexpr size_t kTellingMarkers = 3;  // fewer alone would only shear the whole
-constexpr double kDoubted = 3;         // times its length
-constexpr double kThin = 1e-9;         // of the largest area: that has no shape
-constexpr double kWorthGuiding = 2;    // times the stretch of what leaves limbs behind
-constexpr double kHeldBack = 0.05;     // of a pull: what faces nothing where other things are near
-constexpr double kFar = 8;             // times the median distance
+constexpr double kAnchoring = 1e-9;  // keeps what nothing holds in its place
+constexpr double kLongestWave = 1;   // of the box
+constexpr double kShortestWave = 4;  // edges
+constexpr double kGuided = 0.4;      // of the box: longer waves go by the alignment
+constexpr double kDoubted = 3;       // times its length
+constexpr double kThin = 1e-9;       // of the largest area: that has no shape
+constexpr double kWorthGuiding = 2;  // times the stretch of what leaves limbs behind
+constexpr double kHeldBack = 0.05;   // of a pull: what faces nothing where other things are near
+constexpr double kFar = 8;           // times the median distance
 constexpr double kLongestAfterGuide = 0.5;  // of the box, too
+
+/// What leads a fit before nearest points do.
+enum class Lead { nothing, markers, map };
 
 /// Whether a point of a triangle lies on a border.
 bool at_border(const Borders& borders, const PointOnTriangle& point) {
@@ -321,6 +323,17 @@ double largest_stretch(const Mesh& rest, const Positions& now, Index j, double a
   return std::sqrt(std::max(half + apart, 1 / least));
 }
 
+/// The mean confidence of what a fit makes correspond, of the target's area.
+double trust(const Mesh& source, const Positions& fitted, const Mesh& target,
+             const RegistrationOptions& options) {
+  Match match = match_triangles({fitted, source.triangles}, target, options.reach, options.threads);
+  doubt_stretched(match, source, fitted);
+  const Eigen::VectorXd areas = triangle_areas(target.positions, target.triangles);
+  return areas.dot(Eigen::Map<const Eigen::VectorXf>(match.confidence.data(), areas.size())
+                       .cast<double>()) /
+         areas.sum();
+}
+
 }  // namespace
 
 Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& given,
@@ -329,46 +342,54 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
   const Pairs markers = checked_markers(given, source, target);
   const UnitBox box(target.positions);
   const Mesh unit = {box.into(target.positions), target.triangles};
-  Mesh start = {source.positions, source.triangles};
-  for (Index v = 0; v < start.positions.rows(); ++v)
-    start.positions.row(v) =
-        (alignment.placement(source.positions.row(v).transpose()).transpose() - box.centre) /
-        box.scale;
-
+  const auto placed = [&](const Similarity& placement) {
+    return Mesh{box.into(placement.all(source.positions)), source.triangles};
+  };
+  const bool mapped = !alignment.partner.empty(), marked = alignment.by_markers.has_value();
+  const double share = 0.98 / (1 + mapped + marked);
+  const auto fit = [&](Registration& by, Lead lead, double begin) {
+    const Progress part = within(progress, begin, begin + share);
+    const double last = std::min(kLongestWave, kShortestWave * by.edge());
+    const double first = std::max(last, lead == Lead::map ? kLongestAfterGuide : kLongestWave);
+    const double step = 0.98 / (options.stages + 1);
+    const bool by_near = alignment.lies_on && lead != Lead::map;
+    if (lead == Lead::map)
+      by.run_guided(within(part, 0.02, 0.02 + step));
+    else if (lead == Lead::markers)
+      by.run_marked(within(part, 0.02, 0.02 + step));
+    for (int stage = 1; stage <= options.stages; ++stage) {
+      const double done = options.stages > 1 ? (stage - 1.0) / (options.stages - 1) : 1;
+      by.run(first * std::pow(last / first, done), by_near,
+             within(part, 0.02 + step * stage, 0.02 + step * (stage + 1)));
+    }
+    return by.positions();
+  };
+  const Mesh start = placed(alignment.placement);
   Registration registration(start, unit, markers, options);
-  if (!alignment.partner.empty()) {
+  Positions fitted = fit(registration, Lead::nothing, 0);
+  double stretch = mean_stretch(start, fitted);
+  if (marked) {
+    const Mesh there = placed(*alignment.by_markers);
+    Registration by_markers(there, unit, markers, options);
+    Positions led = fit(by_markers, Lead::markers, share);
+    // A few markers alone often shear the whole, many say more than the shape does.
+    if (trust(source, led, unit, options) > trust(source, fitted, unit, options)) {
+      stretch = mean_stretch(there, led);
+      fitted = std::move(led);
+    }
+  }
+  if (mapped) {
+    registration.begin_again();
     Positions places = start.positions;
     for (Index v = 0; v < places.rows(); ++v)
       if (const int partner = alignment.partner[size_t(v)]; partner >= 0)
         places.row(v) = unit.positions.row(partner);
     registration.guide(alignment.centre, std::move(places));
-  }
-  const double last = std::min(kLongestWave, kShortestWave * registration.edge());
-  const auto fit = [&](bool guided, const Progress& part) {
-    const double first = std::max(last, guided ? kLongestAfterGuide : kLongestWave);
-    const double step = 0.98 / (options.stages + 1);
-    const bool by_near = alignment.lies_on && !guided;
-    if (guided)
-      registration.run_guided(within(part, 0.02, 0.02 + step));
-    else if (markers.size() >= kTellingMarkers)
-      registration.run_marked(within(part, 0.02, 0.02 + step));
-    for (int stage = 1; stage <= options.stages; ++stage) {
-      const double share = options.stages > 1 ? (stage - 1.0) / (options.stages - 1) : 1;
-      registration.run(first * std::pow(last / first, share), by_near,
-                       within(part, 0.02 + step * stage, 0.02 + step * (stage + 1)));
-    }
-    return registration.positions();
-  };
-  const bool mapped = !alignment.partner.empty();
-  Positions fitted = fit(false, within(progress, 0, mapped ? 0.5 : 0.98));
-  if (mapped) {
-    registration.begin_again();
-    Positions guided = fit(true, within(progress, 0.5, 0.98));
+    Positions guided = fit(registration, Lead::map, 0.98 - share);
     // Posed limbs are far from their places: nearest points heap them up, or leave them behind,
     // which stretches nothing. On akin shapes nearest points are the better guess.
     const double worth = alignment.lies_on ? kWorthGuiding : 1;
-    if (mean_stretch(start, guided) < worth * mean_stretch(start, fitted))
-      fitted = std::move(guided);
+    if (mean_stretch(start, guided) < worth * stretch) fitted = std::move(guided);
   }
   report(progress, 1, "Done");
   return box.out_of(fitted);

@@ -34,10 +34,13 @@ struct RegistrationOptions {
 /// stage, from the size of the box down to a few edges: independent of units and of the number of
 /// triangles.
 ///
-/// It begins where the alignment has the source. Where that lies on the target but for parts that
-/// one of them lacks, w_C falls with the distance of c_i, and is small where there is none within
-/// reach: what has no counterpart goes with what has. While waves are long, c_i is where the
-/// alignment takes the vertex that stands for i, which copes with poses; then the nearest point.
+/// It begins where the alignment has the source. Where markers place it, too, another fit begins
+/// there by them alone, and the one is taken that makes more correspond with confidence. Where the
+/// alignment has a map, which copes with poses, yet another takes c_i from it while waves are long,
+/// and is taken where that stretches less.
+/// Where the source lies on the target but for parts that one of them lacks, w_C falls with the
+/// distance of c_i, and is small where there is none within reach: what has no counterpart goes
+/// with what has.
 ///
 /// markers: any number of pairs of vertices. Throws Error(argument) for markers out of range or
 /// contradictory; Error(cancelled).
