@@ -38,6 +38,7 @@ struct RegistrationOptions {
 /// there by them alone, and the one is taken that makes more correspond with confidence. Where the
 /// alignment has a map, which copes with poses, yet another takes c_i from it while waves are long,
 /// and is taken where that stretches less.
+///
 /// Where the source lies on the target but for parts that one of them lacks, w_C falls with the
 /// distance of c_i, and is small where there is none within reach: what has no counterpart goes
 /// with what has.
