@@ -142,11 +142,11 @@ address_sanitizer() {
         "$(clang++ -print-file-name=libstdc++.so.6)"
 }
 
-# blender_suite COMMAND...: tests the zip in that Blender, which gets user folders of its own.
+# blender_suite MARKS COMMAND...: tests the zip in that Blender, which gets user folders of its own.
 blender_suite() {
     local resources status
     resources=$(mktemp -d)
-    BLENDER_USER_RESOURCES=$resources "$@" "$zip"
+    BLENDER_USER_RESOURCES=$resources "${@:2}" "$zip" -m "$1"
     status=$?
     rm -rf "$resources"
     return "$status"
@@ -254,7 +254,7 @@ if $windows; then
 fi
 if $threads; then
     beside "threads of the core under their sanitizer" \
-        build/tsan/tests/native/core_tests "[threads]"
+        build/tsan/tests/native/core_tests "[threads]~[large]"
 fi
 if $sanitized; then
     beside "C ABI under sanitizers (ctypes)" sanitized_abi_tests sanitize "$(address_sanitizer)"
@@ -263,15 +263,18 @@ fi
 if $window; then
     beside "add-on in its window" in_window tests/blender/gui/window.py
 fi
+marks=  # all, in the first Blender
 if $blender; then
     beside "add-on in $(blender --version | head -n 1)" \
-        blender_suite blender --background --factory-startup --python tests/blender/run.py --
+        blender_suite "$marks" blender --background --factory-startup --python tests/blender/run.py --
     beside "the paper's figures" blender --background --factory-startup --python-exit-code 1 \
         --python tests/figures/make_figures.py -- --check
+    marks="not large"
 fi
 for wheel in "${wheels[@]}"; do
     beside "add-on in bpy $wheel" \
-        blender_suite "build/venv-bpy-$wheel/bin/python" tests/blender/run.py --
+        blender_suite "$marks" "build/venv-bpy-$wheel/bin/python" tests/blender/run.py --
+    marks="not large"
 done
 if $threads; then
     beside "threads of the C ABI under their sanitizer" \

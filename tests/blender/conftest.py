@@ -13,6 +13,10 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 FIXTURES = REPOSITORY / 'blend_fixtures'
 
 
+def pytest_configure(config):
+    config.addinivalue_line('markers', "large: takes seconds, and says no more in another Blender; one runs it")
+
+
 @pytest.fixture
 def module():
     """The add-on's package, as installed."""

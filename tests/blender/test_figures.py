@@ -54,6 +54,7 @@ def test_what_is_carved_out_is_hollow_and_both_sides_are_alike():
     assert np.abs(points[:, 1]).max() < 0.47
 
 
+@pytest.mark.large
 def test_the_animals_are_whole_and_the_horse_gallops():
     horse, camel = animals.add_horse(0.03), animals.add_camel(0.03)
     for ob in (horse, camel):
@@ -75,6 +76,7 @@ def test_the_animals_are_whole_and_the_horse_gallops():
     assert np.abs(np.array(animals.swings(0.25)[1]) - animals.swings(1.25)[1]) < 1e-9
 
 
+@pytest.mark.large
 def test_the_first_heads_keys_open_the_mouth_and_close_one_eye():
     f, ob = heads.YOUNG, heads.add_young(0.03)
     points = {key.name: np.array([v.co for v in key.data]) for key in ob.data.shape_keys.key_blocks}
@@ -89,6 +91,7 @@ def test_the_first_heads_keys_open_the_mouth_and_close_one_eye():
     assert drop[rest[lip, 2] < f.mouth[1]].min() > 0.1 > drop[rest[lip, 2] > f.mouth[1]].max()
 
 
+@pytest.mark.large
 def test_the_shirt_lies_over_the_body():
     body, shirt = clothes.figure(), clothes.add_shirt()
     points = np.array([v.co for v in shirt.data.vertices])

@@ -2,6 +2,7 @@
 """The scenes of blend_fixtures, as the demo deforms them: 33,000 to 120,000 triangles."""
 import bpy
 import numpy as np
+import pytest
 from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
@@ -127,6 +128,7 @@ def turned(before, after):
     return np.degrees(np.arccos(np.clip((before * after).sum(1), -1, 1)))
 
 
+@pytest.mark.large
 def test_the_calfs_poses_carry_over_to_the_giraffe(part):
     open_fixture('creatures')
     calf, giraffe = bpy.data.objects["Calf"], bpy.data.objects["Giraffe"]

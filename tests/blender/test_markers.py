@@ -205,6 +205,7 @@ def test_wrong_markers_are_named_before_anything_is_transferred(part):
     assert target.detail_deform.transfer.correspondence == 'STORED'
 
 
+@pytest.mark.large
 @pytest.mark.parametrize('size', [3, 4, 5])
 def test_the_wrong_one_of_a_few_markers_is_named(creatures, part, size):
     check, of = part('setup.marker_check'), part('setup.markers').of

@@ -22,6 +22,8 @@ declare -A inputs=([bind]=250 [update]=150 [transfer]=250 [match]=120 [tools]=60
 
 # Inputs longer than this are read to no end; a call of minutes or a gigabyte is a defect.
 limits=(-max_len=400 -len_control=0 -timeout=100 -rss_limit_mb=1024 -malloc_limit_mb=256)
+# What was freed is not to be counted for long.
+export ASAN_OPTIONS=quarantine_size_mb=32${ASAN_OPTIONS:+:$ASAN_OPTIONS}
 
 # fuzz TARGET OPTION...: with its artifacts in $found.
 fuzz() {
