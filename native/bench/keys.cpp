@@ -26,6 +26,7 @@
 #include "support/rotations.h"
 #include "transfer/mesh_transfer.h"
 #include "transfer/registration.h"
+#include "transfer/triangle_match.h"
 
 namespace {
 

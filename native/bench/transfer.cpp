@@ -15,6 +15,7 @@
 #include "timing.h"
 #include "transfer/mesh_transfer.h"
 #include "transfer/registration.h"
+#include "transfer/triangle_match.h"
 
 namespace {
 

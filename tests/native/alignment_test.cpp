@@ -11,6 +11,7 @@
 #include "transfer/functional_map.h"
 #include "transfer/registration.h"
 #include "transfer/spectral_basis.h"
+#include "transfer/triangle_match.h"
 
 using namespace dd;
 

@@ -8,6 +8,7 @@
 #include "deform.h"
 #include "deform/split_motion.h"
 #include "transfer/registration.h"
+#include "transfer/triangle_match.h"
 
 using namespace dd;
 using test::by;

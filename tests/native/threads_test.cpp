@@ -10,6 +10,7 @@
 #include "deform.h"
 #include "support/thread_pool.h"
 #include "transfer/registration.h"
+#include "transfer/triangle_match.h"
 
 using namespace dd;
 using test::Affine;

@@ -12,6 +12,7 @@
 #include "transfer/contacts.h"
 #include "transfer/mesh_transfer.h"
 #include "transfer/registration.h"
+#include "transfer/triangle_match.h"
 
 using namespace dd;
 using test::largest_difference;

@@ -7,9 +7,9 @@
 
 #include "api/arguments.h"
 #include "api/job.h"
-#include "mesh/triangles.h"
 #include "transfer/registration.h"
 #include "transfer/source_points.h"
+#include "transfer/triangle_match.h"
 
 using namespace dd::api;
 
@@ -31,12 +31,6 @@ dd::RegistrationOptions read_options(const dd_match_options& options) {
   how.reach = number("options.reach", options.reach, how.reach);
   how.threads = threads(options.threads);
   return how;
-}
-
-double mean_by_area(const std::vector<float>& values, const dd::Mesh& mesh) {
-  const Eigen::VectorXd areas = dd::triangle_areas(mesh.positions, mesh.triangles);
-  const Eigen::Map<const Eigen::VectorXf> each(values.data(), areas.size());
-  return areas.sum() > 0 ? areas.dot(each.cast<double>()) / areas.sum() : 0;
 }
 
 }  // namespace
@@ -73,7 +67,7 @@ int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32
                           dd::report(progress, 1, "Done");
                           made->facts.ambiguous = alignment.ambiguous;
                           made->facts.mirrored = mirrored;
-                          made->facts.confidence = mean_by_area(made->match.confidence, to);
+                          made->facts.confidence = dd::mean_confidence(made->match, to);
                           return made;
                         });
   });
