@@ -128,6 +128,7 @@ def checks():
     yield from rendering()
     yield from baking()
     yield from drafting()
+    yield from keeping_track()
 
 
 def opening():
@@ -825,6 +826,82 @@ def drafting():
     difference = np.abs(evaluated(ob) - draft).max()
     check(f"which is near ({difference:.5f})", 0 < difference < 0.02)
     screenshot('after_draft')
+
+
+def keeping_track():
+    """Copied, renamed, deleted, taken back and appended among ten thousand others, whatever is bound follows."""
+    ob, empty = heavy_plane(60)
+    pebble = bpy.data.meshes.new("Pebble")
+    pebble.from_pydata([(0, 0, 0), (0.02, 0, 0), (0, 0.02, 0)], [], [(0, 1, 2)])
+    for number in range(10000):
+        other = bpy.data.objects.new(f"Pebble {number}", pebble)
+        other.location = (number % 100 / 20 - 2.5, number // 100 / 20 - 2.5, -0.5)
+        bpy.context.scene.collection.objects.link(other)
+    yield 1.0
+    with in_view():
+        bpy.ops.view3d.view_all()
+        bpy.ops.object.detail_deform_bind()
+    yield from wait_until(lambda: ob.detail_deform.is_bound)
+    bpy.ops.ed.undo_push(message="Bound")
+
+    def bound():
+        return [o for o in bpy.data.objects if o.type == 'MESH' and o.detail_deform.handles]
+
+    def follow(count):
+        """Whether so many meshes, and no fewer, go with a handle of theirs."""
+        meshes = bound()
+        before = [evaluated(ob)[-1, 2] for ob in meshes]
+        for ob in meshes:
+            ob.detail_deform.handles[0].target.location.z += 0.1
+
+        def moved():
+            return [abs(evaluated(ob)[-1, 2] - height - 0.1) < 1e-5 for ob, height in zip(meshes, before)]
+
+        yield from wait_until(lambda: all(moved()), 5)
+        return moved() == count * [True]
+
+    def press(*keys):
+        point_at('VIEW_3D')
+        for key in keys:
+            xdotool('key', key)
+            yield 0.5
+
+    check("among ten thousand objects it follows", (yield from follow(1)))
+    screenshot('among_many')
+    ob, empty = surface()
+    activate(ob)
+    empty.select_set(True)
+    bpy.ops.ed.undo_push(message="Selected")
+    yield 0.5
+    yield from press('shift+d', 'Return')
+    check("so does a copy with a handle of its own", (yield from follow(2)) and
+          len({o.detail_deform.handles[0].target.name for o in bound()}) == 2)
+    screenshot('copied')
+    bound()[1].name = "Another name"
+    bpy.ops.ed.undo_push(message="Renamed")
+    yield 0.5
+    check("and under another name", (yield from follow(2)))
+    activate(bound()[0])
+    bpy.ops.ed.undo_push(message="Selected")
+    yield 0.5
+    yield from press('x', 'Return')
+    yield from wait_until(lambda: len(bound()) == 1, 5)
+    check("one is deleted, the other follows", (yield from follow(1)))
+    yield from press('ctrl+z')
+    yield from wait_until(lambda: len(bound()) == 2, 5)
+    check("undo brings it back, and both follow", (yield from follow(2)))
+    path = str(OUT / 'pair.blend')
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'bumpy_plane.blend'), load_ui=False)
+    yield 0.5
+    for name in [o.name for o in bound()]:
+        bpy.data.objects.remove(bpy.data.objects[name])
+    bpy.ops.wm.append(directory=path + '/Object/', filename="Another name")
+    yield 0.5
+    check("appended to another file, it follows", (yield from follow(1)))
+    activate(bound()[0])
+    yield 0.5
+    screenshot('appended')
 
 
 def main():
