@@ -7,6 +7,7 @@ import pytest
 from mathutils import Vector
 
 from conftest import FIXTURES, activate, add_empty, group, make_strip, own, refusal, update
+from test_fixtures import triangles
 from test_transfer import add_key, bent, mark, raw_strip, transfer
 
 
@@ -105,6 +106,21 @@ def test_markers_on_unlike_heads(heads, part, wrong):
 
 def test_animals_with_all_their_markers_are_in_no_doubt(creatures, part):
     assert ended(part('setup.marker_check').search(*creatures)) == ()
+
+
+@pytest.mark.large
+@pytest.mark.parametrize('count', [0, 3])
+def test_a_calf_finds_a_giraffe(creatures, part, count):
+    """Whose neck and legs are longer: the other markers end near where they belong."""
+    there, here = (np.array(vertices) for vertices in marked_animals(part, creatures))
+    calf, giraffe = ((own(ob), triangles(ob)) for ob in creatures)
+    places = calf[0][there]
+    chosen = apart(np.linalg.norm(places[:, None] - places, axis=2), count, np.random.default_rng(1)) if count else []
+    markers = np.stack([there[chosen], here[chosen]], 1) if count else ()
+    _, confidence, fitted = part('library.native').Match(calf, giraffe, markers).finish()
+    away = np.linalg.norm(fitted[there] - giraffe[0][here], axis=1) / np.linalg.norm(np.ptp(giraffe[0], axis=0))
+    assert np.delete(away, chosen).mean() < 0.055
+    assert confidence.mean() > 0.6
 
 
 TURN = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])

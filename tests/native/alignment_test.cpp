@@ -9,6 +9,7 @@
 #include "meshes.h"
 #include "support/rotations.h"
 #include "transfer/functional_map.h"
+#include "transfer/limb_tips.h"
 #include "transfer/registration.h"
 #include "transfer/spectral_basis.h"
 #include "transfer/triangle_match.h"
@@ -215,18 +216,21 @@ TEST_CASE("two legs, one of which stands where the other stood, are told apart",
 
 namespace {
 
+/// Ways in which a quadruped's legs, head and tail point.
+constexpr double kLimbs[6][3] = {{0.7, 0.35, -1},   {0.7, -0.35, -1}, {-0.7, 0.35, -1},
+                                 {-0.7, -0.35, -1}, {1, 0, 0.7},      {-1, 0, 0.5}};
+
 /// A body on four legs with a head and a tail, its left half like its right one.
-Mesh quadruped(int levels) {
-  const double limbs[6][4] = {{0.7, 0.35, -1, 2},   {0.7, -0.35, -1, 2}, {-0.7, 0.35, -1, 2},
-                              {-0.7, -0.35, -1, 2}, {1, 0, 0.7, 1.6},    {-1, 0, 0.5, 1.2}};
+Mesh quadruped(int levels, double legs = 2, double neck = 1.6) {
+  const double lengths[6] = {legs, legs, legs, legs, neck, 1.2};
   Mesh mesh = test::sphere(levels);
   for (Index v = 0; v < mesh.positions.rows(); ++v) {
     const Eigen::RowVector3d direction = mesh.positions.row(v);
     double radius = 0.7;
-    for (const auto& [x, y, z, length] : limbs)
-      radius +=
-          length *
-          std::exp(-20 * (direction - Eigen::RowVector3d(x, y, z).normalized()).squaredNorm());
+    for (int k = 0; k < 6; ++k) {
+      const Eigen::RowVector3d way(kLimbs[k][0], kLimbs[k][1], kLimbs[k][2]);
+      radius += lengths[k] * std::exp(-20 * (direction - way.normalized()).squaredNorm());
+    }
     mesh.positions.row(v) *= radius;
     mesh.positions(v, 0) *= 1.3;
   }
@@ -277,6 +281,60 @@ TEST_CASE("three markers lose nothing of what the shapes tell", "[large]") {
   placed.lies_on = false;
   CHECK(error(register_onto(straight, bent, markers, placed, {}),
               raised(straight.positions, 0.35)) < 0.01);
+}
+
+TEST_CASE("limbs end where they are farthest from the whole, and are told from one another") {
+  const int levels[2] = {5, 4};
+  const Mesh shapes[2] = {quadruped(5), quadruped(4, 3.5, 2.5)};
+  const CoarseShape coarse[2] = {CoarseShape(shapes[0]), CoarseShape(shapes[1])};
+  // The vertex at the end of each limb.
+  int ends[2][6];
+  for (int side = 0; side < 2; ++side) {
+    const Positions ways = test::sphere(levels[side]).positions;
+    for (int k = 0; k < 6; ++k) {
+      Index v = 0;
+      (ways * Eigen::Vector3d(kLimbs[k][0], kLimbs[k][1], kLimbs[k][2])).maxCoeff(&v);
+      ends[side][k] = static_cast<int>(v);
+    }
+    CHECK(limb_tips(coarse[side].mesh, coarse[side].samples).size() >= 6);
+  }
+  const auto limb_of = [&](int side, int tip) {
+    const Positions& p = shapes[side].positions;
+    const auto way = [&](int end) {
+      return (p.row(coarse[side].vertices[size_t(tip)]) - p.row(end)).norm();
+    };
+    const int* nearest =
+        std::min_element(ends[side], ends[side] + 6, [&](int a, int b) { return way(a) < way(b); });
+    CHECK(way(*nearest) < 0.6);  // of some 6 from end to end
+    return nearest - ends[side];
+  };
+  const Pairs pairs = paired_tips(coarse[0], coarse[1], {}, {});
+  CHECK(pairs.size() == 6);
+  for (const auto& [one, other] : pairs) CHECK(limb_of(0, one) == limb_of(1, other));
+  // What is marked is left out, and leaves the rest as it is.
+  const Pairs others = paired_tips(coarse[0], coarse[1], {}, {pairs[0]});
+  CHECK(others.size() == 5);
+  for (const std::array<int, 2>& pair : others)
+    CHECK(std::count(pairs.begin(), pairs.end(), pair) == 1);
+  const CoarseShape ball(test::sphere(4));
+  CHECK(limb_tips(ball.mesh, ball.samples).empty());
+  CHECK(paired_tips(ball, coarse[1], {}, {}).empty());
+}
+
+TEST_CASE("limbs of other lengths are found without markers", "[large]") {
+  const Mesh low = quadruped(5), tall = quadruped(4, 3.5, 2.5);
+  const Positions truth = quadruped(5, 3.5, 2.5).positions;
+  Alignment found = align(low, tall, {});
+  CHECK(found.tips.size() == 6);
+  const double by_tips = error(register_onto(low, tall, {}, found, {}), truth);
+  CHECK(by_tips < 0.04);
+  // Paired wrongly they lose nothing: what they lead to isn't trusted.
+  std::swap(found.tips[0][1], found.tips[1][1]);
+  const double astray = error(register_onto(low, tall, {}, found, {}), truth);
+  found.tips.clear();
+  const double without = error(register_onto(low, tall, {}, found, {}), truth);
+  CHECK(by_tips < 0.85 * without);
+  CHECK(astray <= without);
 }
 
 TEST_CASE("what a remesh lacks, as the inside of a mouth, leaves the rest where it belongs",

@@ -11,6 +11,7 @@
 #include "mesh/unit_box.h"
 #include "support/thread_pool.h"
 #include "transfer/functional_map.h"
+#include "transfer/limb_tips.h"
 #include "transfer/placement.h"
 #include "transfer/spectral_basis.h"
 
@@ -283,7 +284,7 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   const UnitBox boxes[2] = {UnitBox(source.positions), UnitBox(target.positions)};
   const Index count = static_cast<Index>(markers.size());
   MarkedPlaces places = {Positions(count, 3), Positions(count, 3)};
-  std::vector<std::array<int, 2>> marked;
+  Pairs marked;
   for (Index i = 0; i < count; ++i) {
     const auto& [one, other] = markers[size_t(i)];
     places.source.row(i) = boxes[0].into(source.positions.row(one));
@@ -292,7 +293,7 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
       marked.push_back({from.of_vertex[one], onto.of_vertex[other]});
   }
   ThreadPool pool(threads);
-  Aligning aligning(from, onto, std::move(marked), pool);
+  Aligning aligning(from, onto, marked, pool);
   const bool mapped = aligning.find_functions(within(progress, 0.1, 0.3));
   report(progress, 0.3, "Placing the source on the target");
   std::vector<Placement> placed;
@@ -346,7 +347,11 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
     result.ambiguous |=
         aligning.keeps_markers(there) && aligning.apart(rows.of_first, there) > kElsewhere;
   }
-  if (!guides) return result;
+  if (!guides) {
+    for (const auto& [one, other] : paired_tips(from, onto, starts[best].similarity, marked))
+      result.tips.push_back({from.vertices[size_t(one)], onto.vertices[size_t(other)]});
+    return result;
+  }
   for (int c : from.of_vertex) {
     result.centre.push_back(c < 0 ? -1 : from.vertices[size_t(c)]);
     result.partner.push_back(c < 0 ? -1 : onto.vertices[size_t(rows.of_first[size_t(c)])]);

@@ -18,6 +18,8 @@ struct Alignment {
   /// looked at, and the vertex of the target that corresponds to that; empty where they are too
   /// small or too ragged for a map, or that means little, −1 where there is none.
   std::vector<int> centre, partner;
+  /// Where the map means little: vertices at the ends of limbs that probably correspond.
+  Pairs tips;
   /// So the surfaces lie on one another, except for what one of them lacks, or what is posed.
   bool lies_on = false;
   /// Another placement fits about as well, and takes places elsewhere.

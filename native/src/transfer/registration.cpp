@@ -31,9 +31,10 @@ constexpr double kWorthGuiding = 2;  // times the stretch of what leaves limbs b
 constexpr double kHeldBack = 0.05;   // of a pull: what faces nothing where other things are near
 constexpr double kFar = 8;           // times the median distance
 constexpr double kLongestAfterGuide = 0.5;  // of the box, too
+constexpr double kTipsHeld = 0.1;           // of the box: longer waves take limbs to their tips
 
 /// What leads a fit before nearest points do.
-enum class Lead { nothing, markers, map };
+enum class Lead { nothing, markers, tips, map };
 
 /// Whether a point of a triangle lies on a border.
 bool at_border(const Borders& borders, const PointOnTriangle& point) {
@@ -73,18 +74,23 @@ class Registration {
     places_ = std::move(places);
   }
 
+  /// Vertices that are held on those of the target while waves are long.
+  void hold(Pairs tips) { tips_ = std::move(tips); }
+
   /// Back to where it began.
   void begin_again() {
     unknowns_ = first_;
     now_.positions = start_.positions;
   }
 
-  /// The markers alone pull.
+  /// The markers alone pull, and tips that are held.
   void run_marked(const Progress& progress) {
     pulls_.setZero(vertex_count_);
+    Positions wanted = now_.positions;
+    hold_tips(kLongestWave, wanted);
     factor(progress);
     report(progress, 0.5, "Fitting the source to the target");
-    solve(now_.positions);
+    solve(wanted);
   }
 
   /// One stage: waves of this length and longer follow the target. by_near: what is far from it
@@ -93,10 +99,12 @@ class Registration {
     Goals found = goals();
     pulls_.setConstant(vertex_count_, pull_of(wave));
     if (by_near) pulls_.array() *= nearness(found).array();
+    hold_tips(wave, found.places);
     factor(progress);
     for (int round = 0; round < options_.rounds; ++round) {
       report(progress, 0.5 + 0.5 * round / options_.rounds, "Fitting the source to the target");
       if (round > 0) found = goals();
+      hold_tips(wave, found.places);
       solve(found.places);
     }
   }
@@ -204,6 +212,14 @@ class Registration {
     return std::pow(edge_ * two_pi * two_pi / (wave * wave), 2) / (edge_ * edge_);
   }
 
+  void hold_tips(double wave, Positions& wanted) {
+    if (wave < kTipsHeld) return;
+    for (const auto& [tip, partner] : tips_) {
+      pulls_[tip] = pull_of(kShortestWave * edge_);
+      wanted.row(tip) = target_.positions.row(partner);
+    }
+  }
+
   /// What stands for a vertex takes it along.
   Positions guided_goals() const {
     Positions result = now_.positions;
@@ -262,6 +278,7 @@ class Registration {
   Mesh now_;
   TetMesh tets_;
   Positions first_, unknowns_;
+  Pairs tips_;
   std::vector<int> centres_;
   Positions places_;
   int vertex_count_ = 0;
@@ -285,8 +302,9 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
   const auto placed = [&](const Similarity& placement) {
     return Mesh{box.into(placement.all(source.positions)), source.triangles};
   };
-  const bool mapped = !alignment.partner.empty(), marked = alignment.by_markers.has_value();
-  const double share = 0.98 / (1 + mapped + marked);
+  const bool mapped = !alignment.partner.empty(), marked = alignment.by_markers.has_value(),
+             has_tips = !alignment.tips.empty();
+  const double share = 0.98 / (1 + marked + has_tips + mapped);
   const auto fit = [&](Registration& by, Lead lead, double begin) {
     const Progress part = within(progress, begin, begin + share);
     const double last = std::min(kLongestWave, kShortestWave * by.edge());
@@ -295,7 +313,7 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
     const bool by_near = alignment.lies_on && lead != Lead::map;
     if (lead == Lead::map)
       by.run_guided(within(part, 0.02, 0.02 + step));
-    else if (lead == Lead::markers)
+    else if (lead != Lead::nothing)
       by.run_marked(within(part, 0.02, 0.02 + step));
     for (int stage = 1; stage <= options.stages; ++stage) {
       const double done = options.stages > 1 ? (stage - 1.0) / (options.stages - 1) : 1;
@@ -308,25 +326,33 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
   Registration registration(start, unit, markers, options);
   Positions fitted = fit(registration, Lead::nothing, 0);
   double stretch = mean_stretch(start, fitted);
-  if (marked) {
-    const Mesh there = placed(*alignment.by_markers);
-    Registration by_markers(there, unit, markers, options);
-    Positions led = fit(by_markers, Lead::markers, share);
-    const Progress here = within(progress, 2 * share, 2 * share);
+  // A few markers alone often shear the whole, many say more than the shape does; tips may be paired
+  // wrongly, and else tell limbs of other lengths from one another.
+  const auto keep_better = [&](Positions led, const Mesh& began, double done) {
     const auto trust = [&](const Positions& positions) {
       Match match = match_triangles({positions, source.triangles}, unit, options.reach,
-                                    options.threads, here);
+                                    options.threads, within(progress, done, done));
       doubt_stretched(match, source, positions);
       return mean_confidence(match, unit);
     };
-    // A few markers alone often shear the whole, many say more than the shape does.
-    if (trust(led) > trust(fitted)) {
-      stretch = mean_stretch(there, led);
-      fitted = std::move(led);
-    }
+    if (!(trust(led) > trust(fitted))) return;
+    stretch = mean_stretch(began, led);
+    fitted = std::move(led);
+  };
+  if (marked) {
+    const Mesh there = placed(*alignment.by_markers);
+    Registration by_markers(there, unit, markers, options);
+    keep_better(fit(by_markers, Lead::markers, share), there, 2 * share);
+  }
+  if (has_tips) {
+    registration.begin_again();
+    registration.hold(alignment.tips);
+    const double begin = share * (1 + marked);
+    keep_better(fit(registration, Lead::tips, begin), start, begin + share);
   }
   if (mapped) {
     registration.begin_again();
+    registration.hold({});
     Positions places = start.positions;
     for (Index v = 0; v < places.rows(); ++v)
       if (const int partner = alignment.partner[size_t(v)]; partner >= 0)

@@ -32,7 +32,8 @@ struct RegistrationOptions {
 /// triangles.
 ///
 /// It begins where the alignment has the source. Where markers place it, too, another fit begins
-/// there by them alone, and the one is taken that makes more correspond with confidence. Where the
+/// there by them alone; where the alignment has tips of limbs, one that takes these to their
+/// partners while waves are long; and the one is taken that makes more correspond with confidence. Where the
 /// alignment has a map, which copes with poses, yet another takes c_i from it while waves are long,
 /// and is taken where that stretches less.
 ///
