@@ -28,6 +28,7 @@ std::vector<double> distances_over(const Mesh& mesh, int vertex) {
 struct TipPoints {
   TipPoints(const CoarseShape& shape, const std::vector<int>& marked) : count(0) {
     std::vector<std::vector<double>> away;
+    away.reserve(marked.size());
     for (int v : marked) away.push_back(distances_over(shape.mesh, v));
     std::vector<int> tips = limb_tips(shape.mesh, shape.samples);
     double farthest = 0;
