@@ -144,7 +144,7 @@ std::vector<int> limb_tips(const Mesh& mesh, const std::vector<int>& samples) {
   for (size_t v = 0; v < order.size(); ++v) order[v] = static_cast<int>(v);
   std::stable_sort(order.begin(), order.end(),
                    [&](int a, int b) { return sum[size_t(a)] > sum[size_t(b)]; });
-  // From the farthest on: what lies about one that was looked at before is no tip, and passes it on.
+  // From the farthest on: what lies about one that was looked at is no tip.
   std::vector<char> passed(sum.size(), 0);
   std::vector<int> tips;
   for (int v : order) {

@@ -326,8 +326,8 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
   Registration registration(start, unit, markers, options);
   Positions fitted = fit(registration, Lead::nothing, 0);
   double stretch = mean_stretch(start, fitted);
-  // A few markers alone often shear the whole, many say more than the shape does; tips may be paired
-  // wrongly, and else tell limbs of other lengths from one another.
+  // A few markers alone often shear the whole, many say more than the shape does; tips of limbs may
+  // be paired wrongly.
   const auto keep_better = [&](Positions led, const Mesh& began, double done) {
     const auto trust = [&](const Positions& positions) {
       Match match = match_triangles({positions, source.triangles}, unit, options.reach,

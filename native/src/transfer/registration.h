@@ -33,9 +33,9 @@ struct RegistrationOptions {
 ///
 /// It begins where the alignment has the source. Where markers place it, too, another fit begins
 /// there by them alone; where the alignment has tips of limbs, one that takes these to their
-/// partners while waves are long; and the one is taken that makes more correspond with confidence. Where the
-/// alignment has a map, which copes with poses, yet another takes c_i from it while waves are long,
-/// and is taken where that stretches less.
+/// partners while waves are long; and the one is taken that makes more correspond with confidence.
+/// Where the alignment has a map, which copes with poses, yet another takes c_i from it while waves
+/// are long, and is taken where that stretches less.
 ///
 /// Where the source lies on the target but for parts that one of them lacks, w_C falls with the
 /// distance of c_i, and is small where there is none within reach: what has no counterpart goes
