@@ -15,8 +15,9 @@ constexpr size_t kTipSamples = 30;
 constexpr double kTipsApart = 0.08;  // of the farthest: two tips are no nearer
 constexpr double kStandsOut = 1.25;  // times as far from the whole as what is nearest to it
 constexpr size_t kMostTips = 8;
-constexpr int kFewestPoints = 4;     // points in all that tell left from right
-constexpr double kAsNothing = 0.05;  // of the farthest two: so much is as good as nothing
+constexpr size_t kEnoughMarked = 40;  // which say more than tips
+constexpr int kFewestPoints = 4;      // points in all that tell left from right
+constexpr double kAsNothing = 0.05;   // of the farthest two: so much is as good as nothing
 
 std::vector<double> distances_over(const Mesh& mesh, int vertex) {
   std::vector<char> source(static_cast<size_t>(mesh.vertex_count()), 0);
@@ -166,6 +167,7 @@ std::vector<int> limb_tips(const Mesh& mesh, const std::vector<int>& samples) {
 
 Pairs paired_tips(const CoarseShape& source, const CoarseShape& target, const Similarity& placement,
                   const Pairs& marked) {
+  if (marked.size() > kEnoughMarked) return {};
   std::vector<int> marks[2];
   for (const auto& pair : marked)
     for (int side = 0; side < 2; ++side) marks[side].push_back(pair[size_t(side)]);
