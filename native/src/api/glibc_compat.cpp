@@ -4,7 +4,7 @@
 // The static libstdc++ and libgcc inside the library refer to functions whose newest versions
 // are younger. Most were only moved from libpthread into libc, so their first versions do; the
 // linker's --wrap sends every reference here. _dl_find_object is a faster dl_iterate_phdr, which
-// exceptions are looked up with. pow got a new version that doesn't report errors.
+// exceptions are looked up with. pow and log got new versions that don't report errors.
 #include <dlfcn.h>
 #include <elf.h>
 #include <link.h>
@@ -23,6 +23,7 @@ DD_FIRST_VERSION(pthread_join);
 DD_FIRST_VERSION(pthread_once);
 DD_FIRST_VERSION(__pthread_key_create);
 DD_FIRST_VERSION(pow);
+DD_FIRST_VERSION(log);
 #undef DD_FIRST_VERSION
 #undef DD_FIRST_GLIBC
 
@@ -31,6 +32,7 @@ int first_pthread_join(pthread_t, void**);
 int first_pthread_once(pthread_once_t*, void (*)());
 int first___pthread_key_create(pthread_key_t*, void (*)(void*));
 double first_pow(double, double);
+double first_log(double);
 
 int __wrap_pthread_create(pthread_t* thread, const pthread_attr_t* attributes,
                           void* (*start)(void*), void* argument) {
@@ -46,6 +48,7 @@ int __wrap___pthread_key_create(pthread_key_t* key, void (*destroy)(void*)) {
   return first___pthread_key_create(key, destroy);
 }
 double __wrap_pow(double base, double exponent) { return first_pow(base, exponent); }
+double __wrap_log(double value) { return first_log(value); }
 
 // libstdc++ skips atomic operations while this is not zero.
 char __libc_single_threaded = 0;
