@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "mesh/geodesic_distances.h"
@@ -19,10 +20,11 @@ constexpr size_t kEnoughMarked = 40;  // which say more than tips
 constexpr int kFewestPoints = 4;      // points in all that tell left from right
 constexpr double kAsNothing = 0.05;   // of the farthest two: so much is as good as nothing
 
-std::vector<double> distances_over(const Mesh& mesh, int vertex) {
+std::vector<double> distances_over(const Mesh& mesh, int vertex,
+                                   double farthest = std::numeric_limits<double>::infinity()) {
   std::vector<char> source(static_cast<size_t>(mesh.vertex_count()), 0);
   source[size_t(vertex)] = 1;
-  return geodesic_distances(mesh, source);
+  return geodesic_distances(mesh, source, farthest);
 }
 
 /// What is compared of a shape: its tips, then what is marked.
@@ -48,7 +50,8 @@ struct TipPoints {
     places = rows_of(shape.mesh.positions, vertices, vertices.size());
     apart.resize(all, all);
     for (Index i = 0; i < all; ++i) {
-      const std::vector<double> from = distances_over(shape.mesh, vertices[size_t(i)]);
+      const std::vector<double> from =
+          i < count ? distances_over(shape.mesh, vertices[size_t(i)]) : away[size_t(i - count)];
       for (Index j = 0; j < all; ++j) apart(i, j) = from[size_t(vertices[size_t(j)])];
     }
     // By their logarithms distances of limbs that are longer throughout are compared.
@@ -151,9 +154,7 @@ std::vector<int> limb_tips(const Mesh& mesh, const std::vector<int>& samples) {
   for (int v : order) {
     if (tips.size() == kMostTips || sum[size_t(v)] < kStandsOut * sum[size_t(order.back())]) break;
     if (passed[size_t(v)]) continue;
-    std::vector<char> here(sum.size(), 0);
-    here[size_t(v)] = 1;
-    const std::vector<double> about = geodesic_distances(mesh, here, kTipsApart * farthest);
+    const std::vector<double> about = distances_over(mesh, v, kTipsApart * farthest);
     bool highest = true;
     for (size_t w = 0; w < sum.size(); ++w) {
       if (!(about[w] < kTipsApart * farthest)) continue;
