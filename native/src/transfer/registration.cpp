@@ -5,7 +5,6 @@
 #include <cmath>
 #include <utility>
 
-#include "mesh/aabb_tree.h"
 #include "mesh/measures.h"
 #include "mesh/topology.h"
 #include "mesh/triangles.h"
@@ -16,7 +15,7 @@
 #include "systems/free_block.h"
 #include "systems/operators.h"
 #include "systems/tets.h"
-#include "transfer/near_pull.h"
+#include "transfer/fit_goals.h"
 #include "transfer/triangle_match.h"
 
 namespace dd {
@@ -28,22 +27,12 @@ constexpr double kLongestWave = 1;   // of the box
 constexpr double kShortestWave = 4;  // edges
 constexpr double kGuided = 0.4;      // of the box: longer waves go by the alignment
 constexpr double kWorthGuiding = 2;  // times the stretch of what leaves limbs behind
-constexpr double kHeldBack = 0.05;   // of a pull: what faces nothing where other things are near
-constexpr double kFar = 8;           // times the median distance
+constexpr double kBothWays = 0.1;    // of the box: longer waves go by what is nearest both ways
 constexpr double kLongestAfterGuide = 0.5;  // of the box, too
 constexpr double kTipsHeld = 0.1;           // of the box: longer waves take limbs to their tips
 
 /// What leads a fit before nearest points do.
 enum class Lead { nothing, markers, tips, map };
-
-/// Whether a point of a triangle lies on a border.
-bool at_border(const Borders& borders, const PointOnTriangle& point) {
-  for (int k = 0; k < 3; ++k)  // edge k is opposite to corner k + 2
-    if (point.weights[(k + 2) % 3] < 1e-9 &&
-        borders.half_edges[3 * static_cast<size_t>(point.triangle) + k])
-      return true;
-  return false;
-}
 
 /// The system over vertices and fourth points of the source, in a unit box.
 class Registration {
@@ -53,9 +42,7 @@ class Registration {
       : options_(options),
         pool_(options.threads),
         target_(target),
-        tree_(target_),
-        target_borders_(target_.triangles, target_.vertex_count()),
-        source_borders_(source.triangles, source.vertex_count()),
+        finder_(source, target, options.reach, pool_),
         start_(source),
         now_(source) {
     const std::vector<int> usable = usable_triangles(source);
@@ -95,10 +82,11 @@ class Registration {
 
   /// One stage: waves of this length and longer follow the target. by_near: what is far from it
   /// pulls the less, and what faces nothing of it is held the less: that may have no counterpart.
-  void run(double wave, bool by_near, const Progress& progress) {
-    Goals found = goals();
+  void run(double wave, bool by_near, bool both_ways, const Progress& progress) {
+    const auto goals = [&] { return both_ways ? finder_.both_ways(now_) : finder_.nearest(now_); };
+    FitGoals found = goals();
     pulls_.setConstant(vertex_count_, pull_of(wave));
-    if (by_near) pulls_.array() *= nearness(found).array();
+    if (by_near) pulls_.array() *= found.nearness(now_.positions, edge_ / 2).array();
     hold_tips(wave, found.places);
     factor(progress);
     for (int round = 0; round < options_.rounds; ++round) {
@@ -230,50 +218,10 @@ class Registration {
     return result;
   }
 
-  enum class Found : char { none, border, goal };
-
-  struct Goals {
-    Positions places;  // c_i of each vertex, or where it is
-    std::vector<Found> found;
-  };
-
-  Goals goals() {
-    Goals result = {now_.positions, std::vector<Found>(size_t(vertex_count_), Found::none)};
-    const Positions normals = summed_normals(now_.positions, now_.triangles);
-    pool_.parallel_for(vertex_count_, kLeastRange, [&](int64_t begin, int64_t end) {
-      for (int64_t v = begin; v < end; ++v) {
-        const PointOnTriangle found = tree_.nearest_facing(
-            now_.positions.row(v).transpose(), normals.row(v).transpose(), options_.reach);
-        if (found.triangle < 0) continue;
-        const bool beyond =
-            at_border(target_borders_, found) && !source_borders_.vertices[size_t(v)];
-        result.found[size_t(v)] = beyond ? Found::border : Found::goal;
-        if (!beyond) result.places.row(v) = found.place.transpose();
-      }
-    });
-    return result;
-  }
-
-  /// Of each vertex 1 where it is about as near to its goal as most, falling to 0. Where it
-  /// has none it is held back, beyond a border by 1.
-  Eigen::VectorXd nearness(const Goals& goal) const {
-    const Eigen::VectorXd distances = (goal.places - now_.positions).rowwise().norm();
-    std::vector<double> known;
-    for (Index v = 0; v < vertex_count_; ++v)
-      if (goal.found[size_t(v)] == Found::goal) known.push_back(distances[v]);
-    if (known.empty()) return Eigen::VectorXd::Ones(vertex_count_);
-    const double far = std::max(kFar * median(std::move(known)), edge_ / 2);
-    Eigen::VectorXd result = Eigen::VectorXd::Constant(vertex_count_, kHeldBack);
-    for (Index v = 0; v < vertex_count_; ++v)
-      if (goal.found[size_t(v)] != Found::none) result[v] = near_pull(distances[v] / far);
-    return result;
-  }
-
   const RegistrationOptions& options_;
   ThreadPool pool_;
   const Mesh& target_;
-  AabbTree tree_;
-  Borders target_borders_, source_borders_;
+  GoalFinder finder_;
   const Mesh& start_;
   Mesh now_;
   TetMesh tets_;
@@ -317,7 +265,10 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
       by.run_marked(within(part, 0.02, 0.02 + step));
     for (int stage = 1; stage <= options.stages; ++stage) {
       const double done = options.stages > 1 ? (stage - 1.0) / (options.stages - 1) : 1;
-      by.run(first * std::pow(last / first, done), by_near,
+      const double wave = first * std::pow(last / first, done);
+      // What of the target has no counterpart must draw nothing.
+      const bool both_ways = wave > kBothWays && !alignment.lies_on;
+      by.run(wave, by_near, both_ways,
              within(part, 0.02 + step * stage, 0.02 + step * (stage + 1)));
     }
     return by.positions();
@@ -325,30 +276,31 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
   const Mesh start = placed(alignment.placement);
   Registration registration(start, unit, markers, options);
   Positions fitted = fit(registration, Lead::nothing, 0);
-  double stretch = mean_stretch(start, fitted);
   // A few markers alone often shear the whole, many say more than the shape does; tips of limbs may
   // be paired wrongly.
-  const auto keep_better = [&](Positions led, const Mesh& began, double done) {
-    const auto trust = [&](const Positions& positions) {
-      Match match = match_triangles({positions, source.triangles}, unit, options.reach,
-                                    options.threads, within(progress, done, done));
-      doubt_stretched(match, source, positions);
-      return mean_confidence(match, unit);
-    };
-    if (!(trust(led) > trust(fitted))) return;
-    stretch = mean_stretch(began, led);
+  const auto trust_in = [&](const Positions& positions, double done) {
+    Match match = match_triangles({positions, source.triangles}, unit, options.reach,
+                                  options.threads, within(progress, done, done));
+    doubt_stretched(match, source, positions);
+    return mean_confidence(match, unit);
+  };
+  double trust = marked || has_tips ? trust_in(fitted, share) : 0;
+  const auto keep_better = [&](Positions led, double done) {
+    const double led_trust = trust_in(led, done);
+    if (!(led_trust > trust)) return;
+    trust = led_trust;
     fitted = std::move(led);
   };
   if (marked) {
     const Mesh there = placed(*alignment.by_markers);
     Registration by_markers(there, unit, markers, options);
-    keep_better(fit(by_markers, Lead::markers, share), there, 2 * share);
+    keep_better(fit(by_markers, Lead::markers, share), 2 * share);
   }
   if (has_tips) {
     registration.begin_again();
     registration.hold(alignment.tips);
     const double begin = share * (1 + marked);
-    keep_better(fit(registration, Lead::tips, begin), start, begin + share);
+    keep_better(fit(registration, Lead::tips, begin), begin + share);
   }
   if (mapped) {
     registration.begin_again();
@@ -362,7 +314,8 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
     // Posed limbs are far from their places: nearest points heap them up, or leave them behind,
     // which stretches nothing. On akin shapes nearest points are the better guess.
     const double worth = alignment.lies_on ? kWorthGuiding : 1;
-    if (mean_stretch(start, guided) < worth * stretch) fitted = std::move(guided);
+    if (mean_stretch(start, guided) < worth * mean_stretch(start, fitted))
+      fitted = std::move(guided);
   }
   report(progress, 1, "Done");
   return box.out_of(fitted);

@@ -29,7 +29,8 @@ struct RegistrationOptions {
 /// only on an open border while v_i is on none, v'_i is held back by its present place, so that the
 /// system stays the same. w_C is chosen by the length of the waves that follow the target in each
 /// stage, from the size of the box down to a few edges: independent of units and of the number of
-/// triangles.
+/// triangles. While waves are long c_i is drawn, too, by what of the target has its nearest point
+/// next to the vertex (GoalFinder::both_ways()).
 ///
 /// It begins where the alignment has the source. Where markers place it, too, another fit begins
 /// there by them alone; where the alignment has tips of limbs, one that takes these to their
