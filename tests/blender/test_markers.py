@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Markers: shown on both meshes, hidden behind the surface, and those that contradict the others are named."""
 
+import bmesh
 import bpy
 import numpy as np
 import pytest
@@ -158,6 +159,29 @@ def test_a_head_with_other_faces_needs_no_markers(heads, change):
     chin = rest[:, 2] < -0.55
     assert np.allclose(moved[chin].mean(0), TURN @ (0, -0.2, -0.1), atol=0.03)
     assert np.abs(moved[rest[:, 2] > 0.2]).max() < 0.03
+
+
+def test_a_part_in_an_object_of_its_own_needs_no_markers(heads):
+    """An ear that was separated, and a key of the head that lifts its tip."""
+    source, ear = heads
+    p = own(source)
+    tip = np.maximum(p[:, :1] - 1, 0)
+    add_key(source, "Lift", p + tip * (0, 0, 0.5))
+    ear.data.vertices.foreach_set('co', p.astype(np.float32).ravel())
+    kept = bmesh.new()
+    kept.from_mesh(ear.data)
+    bmesh.ops.delete(kept, geom=[vertex for vertex in kept.verts if vertex.co.x < 0.75], context='VERTS')
+    kept.to_mesh(ear.data)
+    kept.free()
+    activate(ear)
+    assert 50 < len(ear.data.vertices) < len(p) / 6
+    assert bpy.ops.object.detail_deform_transfer_match(source=source.name) == {'FINISHED'}
+    assert transfer(source=source.name, what='ALL_KEYS', correspondence='STORED') == {'FINISHED'}
+    rest, key = own(ear), ear.data.shape_keys.key_blocks["Lift"]
+    moved = np.array([point.co for point in key.data]) - rest
+    expected = np.maximum(rest[:, :1] - 1, 0) * (0, 0, 0.5)
+    assert np.ptp(expected[:, 2]) > 0.15
+    assert np.abs(moved - moved.mean(0) - (expected - expected.mean(0))).max() < 0.01
 
 
 def test_displacements_go_by_the_points_that_are_kept_with_a_match(heads, part):

@@ -5,8 +5,11 @@
 #include <cmath>
 
 #include "catch.h"
+#include "mesh/aabb_tree.h"
+#include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 #include "meshes.h"
+#include "random_meshes.h"
 #include "support/rotations.h"
 #include "transfer/functional_map.h"
 #include "transfer/limb_tips.h"
@@ -390,6 +393,33 @@ TEST_CASE("what lies on another in parts, turned too, stands as it was where it 
   const Alignment marked = align(legs, shaken(legs), {{0, legs.vertex_count() / 4}});
   CHECK(marked.lies_on);
   CHECK_FALSE(marked.placement.rotation.isIdentity(0.5));
+}
+
+TEST_CASE("a part that was cut off is found where it stands, as the whole is by the part") {
+  const Mesh whole = beast(4);
+  std::vector<char> keep;
+  for (int j = 0; j < whole.triangle_count(); ++j)
+    keep.push_back(triangle_centre(whole.positions, whole.triangles, j)[0] > 0.5);
+  const Mesh part = test::kept(whole, keep);
+  REQUIRE(part.triangle_count() < whole.triangle_count() / 4);
+  for (const auto& [source, target] : {std::pair{&whole, &part}, {&part, &whole}}) {
+    const Alignment found = align(*source, *target, {});
+    CHECK(found.lies_on);
+    CHECK_FALSE(found.ambiguous);
+    CHECK(largest_error(found.placement.all(source->positions), source->positions) < 1e-9);
+    const AabbTree there(*target);
+    const auto has_a_counterpart = [&](Index v) {
+      return there.nearest(source->positions.row(v).transpose(), 1e-6, [](int) { return true; })
+                 .triangle >= 0;
+    };
+    const Positions fitted = register_onto(*source, *target, {}, found, {});
+    CHECK(error(fitted, source->positions, has_a_counterpart) < 1e-3);
+  }
+  // By a marker at another place it doesn't stand where it belongs.
+  Index low = 0;
+  whole.positions.col(0).minCoeff(&low);
+  const Alignment marked = align(whole, part, {{static_cast<int>(low), 0}});
+  CHECK(largest_error(marked.placement.all(whole.positions), whole.positions) > 0.05);
 }
 
 TEST_CASE("akin shapes find one another without markers", "[large]") {

@@ -262,3 +262,21 @@ TEST_CASE("markers tell a mirror image, of places that are not in a plane") {
   CHECK(twice.positions == source.positions);
   CHECK(twice.triangles == source.triangles);
 }
+
+TEST_CASE("specks beside what lies on another leave the fit solvable, and the rest in its place") {
+  const Mesh target = test::rough_sphere(5, 0.02);
+  const int count = target.vertex_count();
+  Mesh source = target;
+  for (const double side : {-1.0, 1.0}) {  // facing as what is nearest to them does
+    Mesh speck = test::grid(2, 2, [](double, double) { return 0.0; });
+    speck.positions *= 2e-6;
+    speck.positions.col(2).array() += 1.28 * side;
+    if (side < 0) speck.triangles.col(1).swap(speck.triangles.col(2));
+    source = test::appended(source, speck);
+  }
+  Alignment lying;
+  lying.lies_on = true;
+  const Positions fitted = register_onto(source, target, {}, lying, {});
+  CHECK(largest_difference(fitted.topRows(count), target.positions) < 1e-3);
+  CHECK(fitted.allFinite());
+}

@@ -232,6 +232,14 @@ std::vector<size_t> upright_of(const std::vector<Start>& starts) {
   return upright;
 }
 
+/// What leaves a source where it is, from its box into the target's.
+Similarity unmoved_in(const UnitBox (&boxes)[2]) {
+  Similarity result;
+  result.scale = boxes[0].scale / boxes[1].scale;
+  result.shift = (boxes[0].centre - boxes[1].centre).transpose() / boxes[1].scale;
+  return result;
+}
+
 /// The best, and whether another is about as good.
 size_t best_of(const std::vector<Start>& starts, std::vector<size_t>& rivals) {
   const std::vector<size_t> upright = upright_of(starts);
@@ -327,7 +335,11 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   const size_t best = best_of(starts, rivals);
   const double stretch = mapped ? starts[best].stretch : kMeaningful;
   std::optional<Lying> lying;
-  if (!(stretch < kConvincing)) lying = lying_on(placed, from, onto, places, pool);
+  if (!(stretch < kConvincing)) {
+    lying = lying_on(placed, from, onto, places, pool);
+    const Similarity unmoved = unmoved_in(boxes);
+    if (!lying && stands_on(from, onto, places, unmoved)) lying = Lying{unmoved, false};
+  }
   result.lies_on = lying.has_value();
   const auto in_units = [&](const Similarity& unit) {
     Similarity placement = unit;

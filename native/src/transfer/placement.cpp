@@ -84,6 +84,27 @@ double larger_median(const Positions& rows, Index n, Index m) {
   return std::max(median_of(0, n), median_of(n, m));
 }
 
+/// Whether markers come at least roughly to their places.
+bool keeps(const Similarity& placement, const MarkedPlaces& marked) {
+  const Positions astray = placement.all(marked.source) - marked.target;
+  return !(astray.rowwise().norm().array() > kElsewhere / 2).any();
+}
+
+/// The median distance of a surface's samples, placed, from another one, in the latter's box.
+double median_distance(const CoarseShape& shape, const Similarity& placement,
+                       const CoarseShape& other) {
+  std::vector<double> distances;
+  const size_t count = std::min(kMeasured.samples, shape.samples.size());
+  distances.reserve(count);
+  for (size_t i = 0; i < count; ++i) {
+    const int v = shape.samples[i];
+    const Eigen::Vector3d point = placement(shape.mesh.positions.row(v).transpose());
+    const Eigen::Vector3d normal = placement.rotation * shape.normals.row(v).transpose();
+    distances.push_back((nearest_of(other, point, normal) - point).norm());
+  }
+  return median(std::move(distances));
+}
+
 /// Nearest points, both ways, and the similarity that takes them onto one another, in turn.
 void settle(Placement& start, const CoarseShape& source, const CoarseShape& target,
             const MarkedPlaces& marked, const Effort& effort) {
@@ -238,9 +259,7 @@ std::optional<Lying> lying_on(const std::vector<Placement>& starts, const Coarse
   // What fits better by all decides between them: near points have no eye for details.
   std::vector<size_t> lying;
   for (size_t i = 0; i < settled.size(); ++i) {
-    const Positions astray = settled[i].similarity.all(marked.source) - marked.target;
-    if (!settled[i].mirrored && settled[i].misfit < kLying &&
-        !(astray.rowwise().norm().array() > kElsewhere / 2).any())
+    if (!settled[i].mirrored && settled[i].misfit < kLying && keeps(settled[i].similarity, marked))
       lying.push_back(i);
   }
   if (lying.empty()) return std::nullopt;
@@ -254,6 +273,15 @@ std::optional<Lying> lying_on(const std::vector<Placement>& starts, const Coarse
            (others - places).rowwise().norm().mean() > kElsewhere;
   });
   return Lying{settled[best].similarity, ambiguous};
+}
+
+bool stands_on(const CoarseShape& source, const CoarseShape& target, const MarkedPlaces& marked,
+               const Similarity& unmoved) {
+  // In units of the larger box: of the smaller one what is little there is much.
+  const double whole = std::max(1.0, unmoved.scale);
+  return keeps(unmoved, marked) &&
+         (median_distance(source, unmoved, target) < kLying * whole ||
+          median_distance(target, unmoved.inverse(), source) * unmoved.scale < kLying * whole);
 }
 
 }  // namespace dd

@@ -66,4 +66,9 @@ std::optional<Lying> lying_on(const std::vector<Placement>& starts, const Coarse
                               const CoarseShape& target, const MarkedPlaces& marked,
                               ThreadPool& pool);
 
+/// Whether one of the surfaces lies on the other unmoved, as a part that was cut off does. unmoved:
+/// of the source onto the target as they stand.
+bool stands_on(const CoarseShape& source, const CoarseShape& target, const MarkedPlaces& marked,
+               const Similarity& unmoved);
+
 }  // namespace dd

@@ -22,7 +22,7 @@ namespace dd {
 
 namespace {
 
-constexpr double kAnchoring = 1e-9;  // keeps what nothing holds in its place
+constexpr double kAnchoring = 1e-9;  // of the energy: keeps what nothing holds in its place
 constexpr double kLongestWave = 1;   // of the box
 constexpr double kShortestWave = 4;  // edges
 constexpr double kGuided = 0.4;      // of the box: longer waves go by the alignment
@@ -159,14 +159,15 @@ class Registration {
     // G̃ x = I for the rest: its energy is that of the identity alone, whose pull is this.
     to_identity_ = options_.identity * (operator_.transpose() * (operator_ * tets_.positions));
     block_ = free_block(energy_, region_);
+    // Of each row's own: specks, whose energy is large beside any pull, are held as well as the rest.
+    anchoring_ = kAnchoring * block_.diagonal();
   }
 
   void factor(const Progress& progress) {
     SparseMatrix block = block_;
-    const double anchoring = kAnchoring / (edge_ * edge_);
     for (int r = 0; r < region_.free_count(); ++r) {
       const int v = region_.free[r];
-      block.coeffRef(r, r) += anchoring + (v < vertex_count_ ? pulls_[v] : 0);
+      block.coeffRef(r, r) += anchoring_[r] + (v < vertex_count_ ? pulls_[v] : 0);
     }
     BlockOptions how;
     how.pool = &pool_;
@@ -186,9 +187,9 @@ class Registration {
   void solve(const Positions& wanted) {
     Positions held = unknowns_;
     for (int v : region_.free) held.row(v).setZero();
-    const double anchoring = kAnchoring / (edge_ * edge_);
     RowMatrix right = to_identity_ - energy_ * held;
-    for (int v : region_.free) right.row(v) += anchoring * unknowns_.row(v);
+    for (int r = 0; r < region_.free_count(); ++r)
+      right.row(region_.free[r]) += anchoring_[r] * unknowns_.row(region_.free[r]);
     for (Index v = 0; v < wanted.rows(); ++v) right.row(v) += pulls_[v] * wanted.row(v);
     const RowMatrix solved = factor_->solve(free_rows(right, region_), &pool_);
     for (int r = 0; r < region_.free_count(); ++r) unknowns_.row(region_.free[r]) = solved.row(r);
@@ -235,6 +236,7 @@ class Registration {
   Region region_;
   SparseMatrix energy_, block_;
   RowMatrix to_identity_;
+  Eigen::VectorXd anchoring_;  // of each free row
   std::shared_ptr<const SymbolicCholesky> symbolic_;
   std::unique_ptr<SparseCholesky> factor_;
 };
