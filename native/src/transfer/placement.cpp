@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "mesh/topology.h"
 #include "transfer/near_pull.h"
 
 namespace dd {
@@ -25,6 +26,7 @@ constexpr double kNearby = 3;       // times the median distance: a pull falls t
 constexpr double kNearest = 0.001;  // of the box: a median that is taken for no less
 // Of the box, the larger median of what lies on another: akin heads have .004, animals .01.
 constexpr double kLying = 0.006;
+constexpr double kMost = 0.9;       // of the samples of a part
 constexpr double kSettled = 0.002;  // of the misfit, that a round changes
 constexpr size_t kPromising = 8;    // after a quick look
 constexpr int kManyMarkers = 8;
@@ -90,19 +92,24 @@ bool keeps(const Similarity& placement, const MarkedPlaces& marked) {
   return !(astray.rowwise().norm().array() > kElsewhere / 2).any();
 }
 
-/// The median distance of a surface's samples, placed, from another one, in the latter's box.
-double median_distance(const CoarseShape& shape, const Similarity& placement,
-                       const CoarseShape& other) {
-  std::vector<double> distances;
+bool is_open(const CoarseShape& shape) {
+  const Borders borders(shape.mesh.triangles, shape.mesh.vertex_count());
+  return std::find(borders.half_edges.begin(), borders.half_edges.end(), 1) !=
+         borders.half_edges.end();
+}
+
+/// Whether most samples of a surface, placed, are so near to another one. far: in the latter's box.
+bool most_are_near(const CoarseShape& shape, const Similarity& placement, const CoarseShape& other,
+                   double far) {
   const size_t count = std::min(kMeasured.samples, shape.samples.size());
-  distances.reserve(count);
+  size_t near = 0;
   for (size_t i = 0; i < count; ++i) {
     const int v = shape.samples[i];
     const Eigen::Vector3d point = placement(shape.mesh.positions.row(v).transpose());
     const Eigen::Vector3d normal = placement.rotation * shape.normals.row(v).transpose();
-    distances.push_back((nearest_of(other, point, normal) - point).norm());
+    near += (nearest_of(other, point, normal) - point).norm() < far;
   }
-  return median(std::move(distances));
+  return static_cast<double>(near) > kMost * static_cast<double>(count);
 }
 
 /// Nearest points, both ways, and the similarity that takes them onto one another, in turn.
@@ -277,11 +284,12 @@ std::optional<Lying> lying_on(const std::vector<Placement>& starts, const Coarse
 
 bool stands_on(const CoarseShape& source, const CoarseShape& target, const MarkedPlaces& marked,
                const Similarity& unmoved) {
-  // In units of the larger box: of the smaller one what is little there is much.
-  const double whole = std::max(1.0, unmoved.scale);
+  // Of the larger box: in the smaller one what is little there is much.
+  const double far = kLying * std::max(1.0, unmoved.scale);
   return keeps(unmoved, marked) &&
-         (median_distance(source, unmoved, target) < kLying * whole ||
-          median_distance(target, unmoved.inverse(), source) * unmoved.scale < kLying * whole);
+         ((is_open(source) && most_are_near(source, unmoved, target, far)) ||
+          (is_open(target) &&
+           most_are_near(target, unmoved.inverse(), source, far / unmoved.scale)));
 }
 
 }  // namespace dd
