@@ -159,7 +159,7 @@ class Registration {
     // G̃ x = I for the rest: its energy is that of the identity alone, whose pull is this.
     to_identity_ = options_.identity * (operator_.transpose() * (operator_ * tets_.positions));
     block_ = free_block(energy_, region_);
-    // Of each row's own: specks, whose energy is large beside any pull, are held as well as the rest.
+    // By each row's own: specks, whose energy is large beside any pull, are held as well.
     anchoring_ = kAnchoring * block_.diagonal();
   }
 
