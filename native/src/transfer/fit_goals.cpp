@@ -86,15 +86,15 @@ FitGoals GoalFinder::both_ways(const Mesh& now) const {
     const double area = target_normals_.row(Index(v)).norm();
     for (int k = 0; k < 3; ++k) {
       const int corner = now.triangles(there.triangle, k);
-      const double weight = area * there.weights[size_t(k)];
+      const double weight = area * std::max(there.weights[size_t(k)], 0.0);
       weights[corner] += weight;
       ways.row(corner) += weight * (target_.positions.row(Index(v)) - there.place.transpose());
     }
   }
   const Positions normals = summed_normals(now.positions, now.triangles);
   for (int v = 0; v < now.vertex_count(); ++v) {
-    if (!(weights[v] > 0)) continue;
     const double share = std::min(1.0, weights[v] / std::max(normals.row(v).norm(), 1e-300));
+    if (!(share > 0)) continue;
     const double own = result.found[size_t(v)] == FitGoals::Found::goal ? 1 : 0;
     const Eigen::RowVector3d way =
         own * (result.places.row(v) - now.positions.row(v)) + share / weights[v] * ways.row(v);
