@@ -61,8 +61,11 @@ GoalFinder::GoalFinder(const Mesh& source, const Mesh& target, double reach, Thr
       target_normals_(summed_normals(target.positions, target.triangles)) {}
 
 FitGoals GoalFinder::nearest(const Mesh& now) const {
-  const std::vector<PointOnTriangle> points =
-      nearest_points_of(now, summed_normals(now.positions, now.triangles), tree_, reach_, pool_);
+  return nearest(now, summed_normals(now.positions, now.triangles));
+}
+
+FitGoals GoalFinder::nearest(const Mesh& now, const Positions& normals) const {
+  const std::vector<PointOnTriangle> points = nearest_points_of(now, normals, tree_, reach_, pool_);
   FitGoals result = {now.positions, std::vector<FitGoals::Found>(points.size())};
   for (size_t v = 0; v < points.size(); ++v) {
     if (points[v].triangle < 0) continue;
@@ -74,7 +77,8 @@ FitGoals GoalFinder::nearest(const Mesh& now) const {
 }
 
 FitGoals GoalFinder::both_ways(const Mesh& now) const {
-  FitGoals result = nearest(now);
+  const Positions normals = summed_normals(now.positions, now.triangles);
+  FitGoals result = nearest(now, normals);
   const std::vector<PointOnTriangle> points =
       nearest_points_of(target_, target_normals_, AabbTree(now), reach_, pool_);
   Positions ways = Positions::Zero(now.vertex_count(), 3);
@@ -91,7 +95,6 @@ FitGoals GoalFinder::both_ways(const Mesh& now) const {
       ways.row(corner) += weight * (target_.positions.row(Index(v)) - there.place.transpose());
     }
   }
-  const Positions normals = summed_normals(now.positions, now.triangles);
   for (int v = 0; v < now.vertex_count(); ++v) {
     const double share = std::min(1.0, weights[v] / std::max(normals.row(v).norm(), 1e-300));
     if (!(share > 0)) continue;

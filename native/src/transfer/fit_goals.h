@@ -36,6 +36,9 @@ class GoalFinder {
   FitGoals both_ways(const Mesh& now) const;
 
  private:
+  /// normals: of the vertices of now.
+  FitGoals nearest(const Mesh& now, const Positions& normals) const;
+
   const Mesh& target_;
   ThreadPool& pool_;
   double reach_;

@@ -82,6 +82,7 @@ class Registration {
 
   /// One stage: waves of this length and longer follow the target. by_near: what is far from it
   /// pulls the less, and what faces nothing of it is held the less: that may have no counterpart.
+  /// both_ways: what of the target is near draws, too.
   void run(double wave, bool by_near, bool both_ways, const Progress& progress) {
     const auto goals = [&] { return both_ways ? finder_.both_ways(now_) : finder_.nearest(now_); };
     FitGoals found = goals();
