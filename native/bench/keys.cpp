@@ -112,20 +112,26 @@ dd::Pairs closing(const Positions& rest, const Positions& posed) {
   const double box = dd::bounding_box_diagonal(rest);
   std::vector<int> all(size_t(rest.rows()));
   for (size_t i = 0; i < all.size(); ++i) all[i] = int(i);
-  const dd::PointGrid grid(posed, all, 0.003 * box);
-  dd::Pairs pairs;
-  for (int k = 0; k < grid.count(); ++k) {
-    int nearest = -1;
-    double least = 1e300;
-    grid.near(k, 1000, [&](int l, double squared) {
-      const double apart = (rest.row(grid.point(k)) - rest.row(grid.point(l))).norm();
-      if (apart > 0.008 * box && apart > 3 * std::sqrt(squared) && squared < least) {
-        least = squared;
-        nearest = grid.point(l);
-      }
+  dd::ThreadPool pool;
+  const dd::PointGrid grid(posed, all, 0.003 * box, pool);
+  std::vector<int> nearest(all.size(), -1);
+  std::vector<double> least(all.size(), 1e300);
+  const auto offer = [&](int i, int j, double squared) {
+    if (!(squared < least[size_t(i)])) return;
+    least[size_t(i)] = squared;
+    nearest[size_t(i)] = j;
+  };
+  for (int k = 0; k < grid.count(); ++k)
+    grid.near_after(k, 1000, [&](int l, double squared) {
+      const int i = grid.point(k), j = grid.point(l);
+      const double apart = (rest.row(i) - rest.row(j)).norm();
+      if (!(apart > 0.008 * box && apart > 3 * std::sqrt(squared))) return;
+      offer(i, j, squared);
+      offer(j, i, squared);
     });
-    if (nearest >= 0) pairs.push_back({grid.point(k), nearest});
-  }
+  dd::Pairs pairs;
+  for (int i : all)
+    if (nearest[size_t(i)] >= 0) pairs.push_back({i, nearest[size_t(i)]});
   return pairs;
 }
 

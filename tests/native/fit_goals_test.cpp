@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "transfer/fit_goals.h"
 
-#include <cmath>
-#include <random>
-
 #include "catch.h"
 #include "mesh/triangles.h"
 #include "meshes.h"
@@ -30,11 +27,12 @@ PointOnTriangle nearest_of_all(const Mesh& mesh, const Eigen::RowVector3d& point
 
 /// Of what is about each vertex, as it is seen along its normal.
 Eigen::VectorXd areas_about(const Mesh& mesh) {
+  const Eigen::VectorXd areas = triangle_areas(mesh.positions, mesh.triangles);
   Positions sums = Positions::Zero(mesh.vertex_count(), 3);
   for (int j = 0; j < mesh.triangle_count(); ++j)
     for (int v : mesh.triangles.row(j))
-      sums.row(v) += edges_and_normal(mesh.positions, mesh.triangles, j).col(2).normalized() * 2 *
-                     triangle_areas(mesh.positions, mesh.triangles)[j];
+      sums.row(v) +=
+          edges_and_normal(mesh.positions, mesh.triangles, j).col(2).normalized() * 2 * areas[j];
   return sums.rowwise().norm();
 }
 

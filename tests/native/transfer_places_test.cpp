@@ -76,7 +76,7 @@ struct Lids {
 
 }  // namespace
 
-TEST_CASE("a grid finds each point within reach once, as a search through all does") {
+TEST_CASE("a grid finds each pair within reach once, as a search through all does") {
   std::mt19937 random(4);
   std::uniform_real_distribution<double> anywhere(-1, 1);
   Positions points(600, 3);
@@ -85,22 +85,20 @@ TEST_CASE("a grid finds each point within reach once, as a search through all do
   points.row(17) = points.row(18);
   std::vector<int> chosen;
   for (int i = 0; i < 600; i += 1 + i % 3) chosen.push_back(i);
+  ThreadPool pool(2);
   for (const double reach : {0.05, 0.4, 3.0}) {
-    const PointGrid grid(points, chosen, reach);
+    const PointGrid grid(points, chosen, reach, pool);
     REQUIRE(grid.count() == int(chosen.size()));
-    for (int k = 0; k < grid.count(); ++k) {
-      std::map<int, int> times;
-      grid.near(k, 1000, [&](int l, double squared) {
-        ++times[grid.point(l)];
+    std::map<std::pair<int, int>, int> times;
+    for (int k = 0; k < grid.count(); ++k)
+      grid.near_after(k, 1000, [&](int l, double squared) {
+        ++times[std::minmax(grid.point(k), grid.point(l))];
         CHECK(squared ==
               Approx((points.row(grid.point(l)) - points.row(grid.point(k))).squaredNorm()));
       });
-      for (int j : chosen) {
-        const bool is_near =
-            j != grid.point(k) && (points.row(j) - points.row(grid.point(k))).norm() < reach;
-        CHECK(times[j] == int(is_near));
-      }
-    }
+    for (int i : chosen)
+      for (int j : chosen)
+        if (i < j) CHECK(times[{i, j}] == int((points.row(i) - points.row(j)).norm() < reach));
   }
 }
 

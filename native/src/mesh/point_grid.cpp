@@ -21,28 +21,26 @@ Cell cell_at(const Eigen::RowVector3d& from_origin, double width) {
           cell_along(from_origin.z(), width)};
 }
 
-PointGrid::PointGrid(const Positions& points, const std::vector<int>& chosen, double reach)
+PointGrid::PointGrid(const Positions& points, const std::vector<int>& chosen, double reach,
+                     ThreadPool& pool)
     : reach_(reach) {
   while (slots_ < chosen.size()) slots_ *= 2;
   begin_.assign(slots_ + 1, 0);
-  std::vector<Cell> cells;
-  cells.reserve(chosen.size());
-  for (int i : chosen) {
-    cells.push_back(cell_at(points.row(i) - points.row(chosen.front()), reach));
-    ++begin_[slot_of(cells.back()) + 1];
-  }
+  std::vector<Cell> cells(chosen.size());
+  std::vector<size_t> slots(chosen.size());
+  pool.parallel_for(
+      static_cast<int64_t>(chosen.size()), kLeastRange, [&](int64_t begin, int64_t end) {
+        for (auto k = static_cast<size_t>(begin); k < static_cast<size_t>(end); ++k) {
+          cells[k] = cell_at(points.row(chosen[k]) - points.row(chosen.front()), reach);
+          slots[k] = slot_of(cells[k]);
+        }
+      });
+  for (size_t slot : slots) ++begin_[slot + 1];
   for (size_t slot = 0; slot < slots_; ++slot) begin_[slot + 1] += begin_[slot];
   entries_.resize(chosen.size());
   std::vector<int> next(begin_.begin(), begin_.end() - 1);
   for (size_t k = 0; k < chosen.size(); ++k)
-    entries_[size_t(next[slot_of(cells[k])]++)] = {cells[k], points.row(chosen[k]), chosen[k]};
-}
-
-size_t PointGrid::slot_of(const Cell& cell) const {
-  // Cells side by side along x are side by side in memory.
-  const uint64_t mixed =
-      uint64_t(cell.y) * 0xC2B2AE3D27D4EB4Fu ^ uint64_t(cell.z) * 0x165667B19E3779F9u;
-  return static_cast<size_t>(((mixed ^ mixed >> 29) + uint64_t(cell.x)) & (slots_ - 1));
+    entries_[size_t(next[slots[k]]++)] = {cells[k], points.row(chosen[k]), chosen[k]};
 }
 
 }  // namespace dd

@@ -5,10 +5,6 @@
 
 namespace dd {
 
-Eigen::Vector3d triangle_centre(const Positions& p, const Triangles& t, Index j) {
-  return (p.row(t(j, 0)) + p.row(t(j, 1)) + p.row(t(j, 2))).transpose() / 3;
-}
-
 Eigen::Matrix3d edges_and_normal(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
                                  const Eigen::Vector3d& c) {
   Eigen::Matrix3d columns;

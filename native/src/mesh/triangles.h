@@ -5,8 +5,13 @@
 
 namespace dd {
 
-Eigen::Vector3d triangle_centre(const Positions& positions, const Triangles& triangles,
-                                Index triangle);
+inline Eigen::Vector3d triangle_centre(const Positions& positions, const Triangles& triangles,
+                                       Index triangle) {
+  return (positions.row(triangles(triangle, 0)) + positions.row(triangles(triangle, 1)) +
+          positions.row(triangles(triangle, 2)))
+             .transpose() /
+         3;
+}
 
 /// The edges e1, e2 from the triangle's first corner and its unit normal, as columns: those of
 /// (15). The normal is zero where there is no area.

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "transfer/contacts.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 
 namespace dd {
 
@@ -50,75 +52,92 @@ Contacts::Contacts(Positions rest, std::vector<int> parts, const Eigen::VectorXd
   std::sort(chosen_.begin(), chosen_.end());
 }
 
-bool Contacts::take(const Positions& posed, ThreadPool& pool) {
-  closing_.clear();
-  if (chosen_.empty()) return false;
-  const PointGrid grid(posed, chosen_, reach_);
+std::vector<int> Contacts::near_what_moves(const Positions& posed, ThreadPool& pool) const {
   // Of two that come nearer by half of the reach one moves by half of that.
-  std::vector<int> asked;
-  std::vector<char> was_asked(static_cast<size_t>(posed.rows()));
-  for (int k = 0; k < grid.count(); ++k) {
-    const int i = grid.point(k);
-    if (!((posed.row(i) - rest_.row(i)).norm() > reach_ / 4)) continue;
-    was_asked[size_t(i)] = 1;
-    asked.push_back(k);
-  }
-  closing_ = closing_of(grid, asked, pool);
-
-  std::vector<char> is_partner(was_asked.size());
-  for (const Closing& closing : closing_)
-    for (const Partner& partner : closing.partners) is_partner[size_t(partner.point)] = 1;
-  asked.clear();
-  for (int k = 0; k < grid.count(); ++k)
-    if (is_partner[size_t(grid.point(k))] && !was_asked[size_t(grid.point(k))]) asked.push_back(k);
-  for (Closing& closing : closing_of(grid, asked, pool)) closing_.push_back(std::move(closing));
-  return !closing_.empty();
+  std::vector<char> moves(chosen_.size());
+  const auto count = static_cast<int64_t>(chosen_.size());
+  pool.parallel_for(count, kLeastRange, [&](int64_t begin, int64_t end) {
+    for (auto k = static_cast<size_t>(begin); k < static_cast<size_t>(end); ++k)
+      moves[k] = (posed.row(chosen_[k]) - rest_.row(chosen_[k])).norm() > reach_ / 4;
+  });
+  Eigen::AlignedBox3d box;
+  for (size_t k = 0; k < moves.size(); ++k)
+    if (moves[k]) box.extend(posed.row(chosen_[k]).transpose());
+  std::vector<int> near;
+  if (box.isEmpty()) return near;
+  const Eigen::RowVector3d low = box.min().transpose().array() - reach_,
+                           high = box.max().transpose().array() + reach_;
+  for (int i : chosen_)
+    if ((posed.row(i).array() >= low.array()).all() && (posed.row(i).array() <= high.array()).all())
+      near.push_back(i);
+  return near;
 }
 
-std::vector<Contacts::Closing> Contacts::closing_of(const PointGrid& grid,
-                                                    const std::vector<int>& asked,
-                                                    ThreadPool& pool) const {
-  std::vector<std::vector<Closing>> found(kRanges);
+std::vector<Contacts::Pair> Contacts::closing_pairs(const PointGrid& grid, ThreadPool& pool) const {
+  struct Seen {
+    Eigen::RowVector3d rest;
+    int part;
+  };
+  std::vector<Seen> seen(static_cast<size_t>(grid.count()));  // in the grid's order
+  pool.parallel_for(grid.count(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int k = static_cast<int>(begin); k < static_cast<int>(end); ++k)
+      seen[size_t(k)] = {rest_.row(grid.point(k)), parts_[size_t(grid.point(k))]};
+  });
+  std::vector<std::vector<Pair>> found(kRanges);
   pool.run(kRanges, [&](int range) {
-    const size_t begin = asked.size() * range / kRanges, end = asked.size() * (range + 1) / kRanges;
-    for (size_t number = begin; number < end; ++number) {
-      Closing closing{grid.point(asked[number]), 0, {}};
-      double sum = 0;
-      grid.near(asked[number], kCrowd, [&](int l, double squared) {
-        const int j = grid.point(l);
-        if (parts_[size_t(j)] != parts_[size_t(closing.point)]) return;
-        const double rest = (rest_.row(closing.point) - rest_.row(j)).squaredNorm();
-        if (!(4 * squared < rest)) return;
+    const auto bound = [&](int of) {
+      return static_cast<int>(int64_t{grid.count()} * of / kRanges);
+    };
+    for (int k = bound(range); k < bound(range + 1); ++k)
+      grid.near_after(k, kCrowd, [&](int l, double squared) {
+        const double rest = (seen[size_t(k)].rest - seen[size_t(l)].rest).squaredNorm();
+        if (!(4 * squared < rest) || seen[size_t(k)].part != seen[size_t(l)].part) return;
         const double a = std::sqrt(rest), b = std::sqrt(squared);
         const double share =
             risen(1 - b / reach_) * risen(1 - 2 * b / a) * risen(2 * (a - b) / reach_ - 1);
-        if (!(share > 0)) return;
-        closing.partners.push_back({j, static_cast<float>(share)});
-        closing.share = std::max(closing.share, share);
-        sum += share;
+        if (share > 0)
+          found[size_t(range)].push_back(
+              {{grid.point(k), grid.point(l)}, static_cast<float>(share)});
       });
-      if (closing.partners.empty()) continue;
-      for (Partner& partner : closing.partners)
-        partner.share = static_cast<float>(partner.share / sum);
-      found[size_t(range)].push_back(std::move(closing));
-    }
   });
-  std::vector<Closing> result;
-  for (std::vector<Closing>& of_range : found)
-    for (Closing& closing : of_range) result.push_back(std::move(closing));
+  std::vector<Pair> result;
+  for (const std::vector<Pair>& of_range : found)
+    result.insert(result.end(), of_range.begin(), of_range.end());
   return result;
+}
+
+bool Contacts::take(const Positions& posed, ThreadPool& pool) {
+  const std::vector<int> near = near_what_moves(posed, pool);
+  if (near.empty()) return false;
+  const std::vector<Pair> pairs = closing_pairs(PointGrid(posed, near, reach_, pool), pool);
+  begin_.assign(static_cast<size_t>(posed.rows()) + 1, 0);
+  for (const Pair& pair : pairs)
+    for (int i : pair.points) ++begin_[size_t(i) + 1];
+  std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
+  partners_.resize(2 * pairs.size());
+  std::vector<int> next(begin_.begin(), begin_.end() - 1);
+  for (const Pair& pair : pairs)
+    for (int side = 0; side < 2; ++side)
+      partners_[size_t(next[size_t(pair.points[side])]++)] = {pair.points[1 - side], pair.share};
+  return !pairs.empty();
 }
 
 Rows Contacts::missing(const Positions& posed, const Positions& placed) const {
   Rows result = Rows::Zero(posed.rows(), 4);
-  for (const Closing& closing : closing_) {
-    Eigen::RowVector3d e = posed.row(closing.point) - placed.row(closing.point);
-    for (const Partner& partner : closing.partners)
-      e -= partner.share * (posed.row(partner.point) - placed.row(partner.point));
-    e /= 2;
+  for (int i = 0; i < static_cast<int>(posed.rows()); ++i) {
+    Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
+    double shares = 0, most = 0;
+    for (int k = begin_[size_t(i)]; k < begin_[size_t(i) + 1]; ++k) {
+      const Partner& partner = partners_[size_t(k)];
+      sum += partner.share * (posed.row(partner.point) - placed.row(partner.point));
+      shares += partner.share;
+      most = std::max<double>(most, partner.share);
+    }
+    if (!(shares > 0)) continue;
+    const Eigen::RowVector3d e = (posed.row(i) - placed.row(i) - sum / shares) / 2;
     const double doubt = e.squaredNorm() / (kFarReaches * kFarReaches * reach_ * reach_);
-    const double share = stands_for_[size_t(closing.point)] * closing.share / (1 + doubt * doubt);
-    result.row(closing.point) << share * e, share;
+    const double share = stands_for_[size_t(i)] * most / (1 + doubt * doubt);
+    result.row(i) << share * e, share;
   }
   return result;
 }

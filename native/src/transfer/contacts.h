@@ -37,24 +37,24 @@ class Contacts {
   Rows missing(const Positions& posed, const Positions& placed) const;
 
  private:
+  struct Pair {
+    int points[2];
+    float share;  // c_ij
+  };
+  /// Of the chosen points those that may close, and whom they may close with.
+  std::vector<int> near_what_moves(const Positions& posed, ThreadPool& pool) const;
+  std::vector<Pair> closing_pairs(const PointGrid& grid, ThreadPool& pool) const;
+
   struct Partner {
     int point;
-    float share;  // c_ij, then over their sum
+    float share;  // c_ij
   };
-  struct Closing {
-    int point;
-    double share;  // c_i
-    std::vector<Partner> partners;
-  };
-  /// Those of the k-th points of the grid, and whom they close with.
-  std::vector<Closing> closing_of(const PointGrid& grid, const std::vector<int>& asked,
-                                  ThreadPool& pool) const;
-
   Positions rest_;
   std::vector<int> parts_, chosen_;
   std::vector<double> stands_for_;  // of each point; 0: another one stands for it
   double reach_;
-  std::vector<Closing> closing_;
+  std::vector<int> begin_;  // of each point's partners
+  std::vector<Partner> partners_;
 };
 
 }  // namespace dd

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "transfer/followed_places.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "mesh/triangles.h"
@@ -62,21 +63,27 @@ FollowedPlaces::FollowedPlaces(const Mesh& source, const Mesh& target, const Uni
   Smoothing smoothing(laplacian, region, unit, masses_, pool_);
 
   rest_places_ = places_of_source(source.positions);
-  std::vector<int> part_of(vertices_.size(), -1);
+  part_of_row_.resize(vertices_.size());
+  std::vector<int> known_part(vertices_.size(), -1);
   detail_ = Positions::Zero(region.free_count(), 3);
   for (size_t i = 0; i < parts_.size(); ++i)
     for (int r : parts_[i].rows) {
+      part_of_row_[size_t(r)] = static_cast<int>(i);
       const int v = vertices_[size_t(r)];
       if (!points_.is_known(v)) continue;
-      part_of[size_t(r)] = static_cast<int>(i);
+      known_part[size_t(r)] = static_cast<int>(i);
       detail_.row(r) = target.positions.row(v) - rest_places_.row(r);
     }
+  find_means();
   contacts_ =
-      std::make_unique<Contacts>(rest_places_, std::move(part_of), masses_, kReach * box.scale);
+      std::make_unique<Contacts>(rest_places_, std::move(known_part), masses_, kReach * box.scale);
   // Twice: what is left of a wave falls with the fourth power of its length.
   const std::unique_ptr<SparseCholesky> of_detail =
       smoothing.factored(kDetail, Precision::full, within(progress, 0, 0.5));
-  shape_ = smooth(*of_detail, smooth(*of_detail, detail_));
+  const auto smoothed = [&](const RowMatrix& values) {
+    return of_detail->solve(masses_.asDiagonal() * values, &pool_);
+  };
+  shape_ = smoothed(smoothed(detail_));
   detail_ -= shape_;
   factor_ = smoothing.factored(kSmooth, precision, within(progress, 0.5, 1));
 }
@@ -93,31 +100,79 @@ void FollowedPlaces::add(const Component& component, const Region& region,
   parts_.push_back(std::move(part));
 }
 
-RowMatrix FollowedPlaces::smooth(const SparseCholesky& factor, const RowMatrix& values) const {
-  return factor.solve(masses_.asDiagonal() * values, &pool_);
+void FollowedPlaces::find_means() {
+  std::vector<size_t> triangle_counts, row_counts;
+  for (Part& part : parts_) {
+    for (int i : part.triangles) part.area += areas_[i];
+    for (int r : part.rows) {
+      if (!points_.is_known(vertices_[size_t(r)])) continue;
+      part.mass += masses_[r];
+      part.before += masses_[r] * rest_places_.row(r).transpose();
+      part.between += masses_[r] * detail_.row(r).transpose();
+    }
+    if (part.mass > 0) part.before /= part.mass, part.between /= part.mass;
+    triangle_counts.push_back(part.triangles.size());
+    row_counts.push_back(part.rows.size());
+  }
+  over_triangles_ = PartSums(triangle_counts);
+  over_rows_ = PartSums(row_counts);
 }
 
-FollowedPlaces::Motion FollowedPlaces::still_motion(const Positions& places) const {
-  Eigen::Matrix3d mean = Eigen::Matrix3d::Zero();
-  for (Index i = 0; i < areas_.size(); ++i)
-    mean += areas_[i] * gradients_.at(triangles_[size_t(i)]);
-  mean /= areas_.sum();
-  Motion still{Eigen::Matrix3d::Zero(), Eigen::Vector3d::Zero()};
-  std::vector<double> weights;
-  double sum = 0;
-  for (Index i = 0; i < areas_.size(); ++i) {
-    const Eigen::Matrix3d& S = gradients_.at(triangles_[size_t(i)]);
-    weights.push_back(areas_[i] * stillness(S, mean));
-    still.linear += weights.back() * S;
-    sum += weights.back();
+FollowedPlaces::Motion FollowedPlaces::still_motion(const Positions& places,
+                                                    std::vector<PartMotion>& parts) const {
+  struct Turns {
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    void operator+=(const Turns& other) { sum += other.sum; }
+  };
+  const auto gradient = [&](int i) -> const Eigen::Matrix3d& {
+    return gradients_.at(triangles_[size_t(i)]);
+  };
+  const std::vector<Turns> turns =
+      over_triangles_.of<Turns>(pool_, [&](Turns& turn, size_t part, size_t k) {
+        const int i = parts_[part].triangles[k];
+        turn.sum += areas_[i] * gradient(i);
+      });
+  Turns all;
+  parts.clear();
+  for (size_t i = 0; i < turns.size(); ++i) {
+    all += turns[i];
+    parts.push_back({turns[i].sum, 0});
+    if (parts_[i].area > 0) parts.back().turn /= parts_[i].area;
   }
-  still.linear /= sum;
-  for (size_t i = 0; i < weights.size(); ++i) {
-    const int r = row_of_triangle_[i];
-    still.shift += weights[i] / sum *
-                   (places.row(r).transpose() - still.linear * rest_places_.row(r).transpose());
+  const Eigen::Matrix3d mean = all.sum / areas_.sum();
+
+  struct Still {
+    Eigen::Matrix3d turns = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d there = Eigen::Vector3d::Zero(), before = there;
+    double weight = 0, spread = 0;
+    void operator+=(const Still& other) {
+      turns += other.turns;
+      there += other.there;
+      before += other.before;
+      weight += other.weight;
+      spread += other.spread;
+    }
+  };
+  const std::vector<Still> stills =
+      over_triangles_.of<Still>(pool_, [&](Still& still, size_t part, size_t k) {
+        const int i = parts_[part].triangles[k], r = row_of_triangle_[size_t(i)];
+        const Eigen::Matrix3d& S = gradient(i);
+        const double weight = areas_[i] * stillness(S, mean);
+        still.turns += weight * S;
+        still.there += weight * places.row(r).transpose();
+        still.before += weight * rest_places_.row(r).transpose();
+        still.weight += weight;
+        still.spread += areas_[i] * (S - parts[part].turn).squaredNorm();
+      });
+  Still sum;
+  for (size_t i = 0; i < stills.size(); ++i) {
+    parts[i].spread = stills[i].spread;
+    sum += stills[i];
   }
-  return still;
+  Motion motion;
+  motion.linear = sum.turns / sum.weight;
+  motion.shift = (sum.there - motion.linear * sum.before) / sum.weight;
+  return motion;
 }
 
 Positions FollowedPlaces::places_of_source(const Positions& pose) const {
@@ -130,77 +185,87 @@ Positions FollowedPlaces::places_of_source(const Positions& pose) const {
   return places;
 }
 
-RowMatrix FollowedPlaces::missing(const Positions& places, const Eigen::Matrix3d& M,
-                                  const Positions& result) const {
-  RowMatrix missing = RowMatrix::Zero(places.rows(), 3);
-  pool_.parallel_for(missing.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
-    for (Index r = begin; r < end; ++r) {
-      const int v = vertices_[size_t(r)];
-      if (!points_.is_known(v)) continue;
-      const Eigen::Matrix3d S = gradients_.mean_of(fans_.of(v));
-      const Eigen::Vector3d shape = shape_.row(r).transpose();
-      const double doubt = ((S - M) * shape).squaredNorm() / (different_ * different_);
-      const Eigen::Vector3d carried = S * detail_.row(r).transpose() + M * shape;
-      missing.row(r) = (places.row(r) + carried.transpose() - result.row(v)) / (1 + doubt * doubt);
-    }
-  });
-  return missing;
+Eigen::RowVector3d FollowedPlaces::missing(Index r, const Positions& places,
+                                           const Eigen::Matrix3d& M,
+                                           const Positions& result) const {
+  const int v = vertices_[size_t(r)];
+  if (!points_.is_known(v)) return Eigen::RowVector3d::Zero();
+  const Eigen::Matrix3d S = gradients_.mean_of(fans_.of(v));
+  const Eigen::Vector3d shape = shape_.row(r).transpose();
+  const double doubt = ((S - M) * shape).squaredNorm() / (different_ * different_);
+  const Eigen::Vector3d carried = S * detail_.row(r).transpose() + M * shape;
+  return (places.row(r) + carried.transpose() - result.row(v)) / (1 + doubt * doubt);
 }
 
-void FollowedPlaces::stiffen(const Part& part, const Positions& places, const Motion& still,
-                             const Positions& result, RowMatrix& moved) const {
-  Eigen::Matrix3d S = Eigen::Matrix3d::Zero();
-  double area = 0, spread = 0, mass = 0;
-  for (int i : part.triangles) {
-    S += areas_[i] * gradients_.at(triangles_[size_t(i)]);
-    area += areas_[i];
+std::vector<FollowedPlaces::Stiffness> FollowedPlaces::stiffened(
+    const std::vector<PartMotion>& motions, const Positions& places, const Motion& still,
+    const Positions& result) const {
+  struct Places {
+    Eigen::RowVector3d there = Eigen::RowVector3d::Zero(), here = there;
+    void operator+=(const Places& other) {
+      there += other.there;
+      here += other.here;
+    }
+  };
+  const std::vector<Places> sums =
+      over_rows_.of<Places>(pool_, [&](Places& sum, size_t part, size_t k) {
+        const int r = parts_[part].rows[k], v = vertices_[size_t(r)];
+        if (!points_.is_known(v)) return;
+        sum.there += masses_[r] * places.row(r);
+        sum.here += masses_[r] * result.row(v);
+      });
+  std::vector<Stiffness> found(parts_.size());
+  for (size_t i = 0; i < parts_.size(); ++i) {
+    const Part& part = parts_[i];
+    if (!(part.area > 0 && part.mass > 0)) continue;
+    const Eigen::Vector3d there = sums[i].there.transpose() / part.mass,
+                          here = sums[i].here.transpose() / part.mass;
+    const Eigen::Vector3d swing = (motions[i].turn - still.linear) * part.between;
+    const double way = (there - still.linear * part.before - still.shift).squaredNorm();
+    double doubt = swing.squaredNorm() / (different_ * different_);
+    if (doubt > 0) doubt *= way / (way + swing.squaredNorm());
+    found[i].shift = (there + still.linear * part.between - here).transpose() / (1 + doubt * doubt);
+    found[i].share = 1 / (1 + motions[i].spread / (part.area * kStiff * kStiff));
   }
-  if (!(area > 0)) return;
-  S /= area;
-  for (int i : part.triangles)
-    spread += areas_[i] * (gradients_.at(triangles_[size_t(i)]) - S).squaredNorm();
-
-  // Means over the part: of A(b'), of A(b), of what is between the meshes, and of p'.
-  Eigen::Vector3d there = Eigen::Vector3d::Zero(), before = there, between = there, here = there;
-  for (int r : part.rows) {
-    if (!points_.is_known(vertices_[size_t(r)])) continue;
-    mass += masses_[r];
-    there += masses_[r] * places.row(r).transpose();
-    before += masses_[r] * rest_places_.row(r).transpose();
-    between += masses_[r] * (shape_.row(r) + detail_.row(r)).transpose();
-    here += masses_[r] * result.row(vertices_[size_t(r)]).transpose();
-  }
-  if (!(mass > 0)) return;
-  const Eigen::Vector3d swing = (S - still.linear) * between / mass;
-  const double way = (there / mass - still.linear * before / mass - still.shift).squaredNorm();
-  double doubt = swing.squaredNorm() / (different_ * different_);
-  if (doubt > 0) doubt *= way / (way + swing.squaredNorm());
-  const Eigen::Vector3d shift =
-      (there + still.linear * between - here) / mass / (1 + doubt * doubt);
-  const double share = 1 / (1 + spread / (area * kStiff * kStiff));
-  for (int r : part.rows) moved.row(r) += share * (shift.transpose() - moved.row(r));
+  return found;
 }
 
 void FollowedPlaces::close(const Positions& places, Positions& result) {
   if (!contacts_->take(places, pool_)) return;
   Positions placed(places.rows(), 3);
+  for (Index r = 0; r < placed.rows(); ++r) placed.row(r) = result.row(vertices_[size_t(r)]);
   for (int round = 0; round < kClosings; ++round) {
-    for (Index r = 0; r < placed.rows(); ++r) placed.row(r) = result.row(vertices_[size_t(r)]);
+    const Rows missing = contacts_->missing(places, placed);
     // Divided by the smooth part of the weights, what closes is moved wholly though it is a rim.
-    const RowMatrix smoothed = smooth(*factor_, contacts_->missing(places, placed));
-    for (Index r = 0; r < smoothed.rows(); ++r)
-      result.row(vertices_[size_t(r)]) +=
-          smoothed.row(r).head<3>() / std::max(smoothed(r, 3), kEdge);
+    factor_->solve_rows([&](int r) { return masses_[r] * missing.row(r); },
+                        [&](int r, const auto* x) {
+                          const double share = std::max(double(x[3]), kEdge);
+                          for (int c = 0; c < 3; ++c) placed(r, c) += x[c] / share;
+                        },
+                        space_, &pool_);
   }
+  for (Index r = 0; r < placed.rows(); ++r) result.row(vertices_[size_t(r)]) = placed.row(r);
 }
 
 void FollowedPlaces::correct(const Positions& pose, Positions& result) {
   if (!factor_) return;
   const Positions places = places_of_source(pose);
-  const Motion still = still_motion(places);
-  RowMatrix moved = smooth(*factor_, missing(places, still.linear, result));
-  for (const Part& part : parts_) stiffen(part, places, still, result, moved);
-  for (Index r = 0; r < moved.rows(); ++r) result.row(vertices_[size_t(r)]) += moved.row(r);
+  std::vector<PartMotion> motions;
+  const Motion still = still_motion(places, motions);
+  const std::vector<Stiffness> stiff = stiffened(motions, places, still, result);
+  factor_->solve_rows(
+      [&](int r) {
+        Eigen::RowVector4d right = Eigen::RowVector4d::Zero();
+        right.head<3>() = masses_[r] * missing(r, places, still.linear, result);
+        return right;
+      },
+      [&](int r, const auto* x) {
+        const Stiffness& of_part = stiff[size_t(part_of_row_[size_t(r)])];
+        const int v = vertices_[size_t(r)];
+        for (int c = 0; c < 3; ++c)
+          result(v, c) += x[c] + of_part.share * (of_part.shift[c] - x[c]);
+      },
+      space_, &pool_, Columns::three);
   close(places, result);
 }
 

@@ -9,6 +9,7 @@
 #include "surface/component_placement.h"
 #include "systems/region.h"
 #include "transfer/contacts.h"
+#include "transfer/part_sums.h"
 #include "transfer/source_points.h"
 
 namespace dd {
@@ -47,29 +48,42 @@ class FollowedPlaces {
   void correct(const Positions& pose, Positions& result);
 
  private:
-  struct Part {                  // a loose one
+  /// A loose part. Means are over its rows whose place on the source is known.
+  struct Part {
     std::vector<int> triangles;  // indices into triangles_
     std::vector<int> rows;
+    double area = 0, mass = 0;
+    Eigen::Vector3d before = Eigen::Vector3d::Zero();   // of A(b)
+    Eigen::Vector3d between = Eigen::Vector3d::Zero();  // of what is between the meshes
   };
-  void add(const Component& component, const Region& region, const Triangles& corners);
+  /// How one moves in a pose.
+  struct PartMotion {
+    Eigen::Matrix3d turn;  // mean of S
+    double spread;         // of the gradients
+  };
   struct Motion {
     Eigen::Matrix3d linear;
     Eigen::Vector3d shift;
   };
-  /// M, and the shift of A(b) that goes with it.
-  Motion still_motion(const Positions& places) const;
+  /// A shift, and its share of what moves a part.
+  struct Stiffness {
+    Eigen::RowVector3d shift = Eigen::RowVector3d::Zero();
+    double share = 0;
+  };
+  void add(const Component& component, const Region& region, const Triangles& corners);
+  void find_means();
+  /// M, and the shift of A(b) that goes with it. parts: gets how each moves.
+  Motion still_motion(const Positions& places, std::vector<PartMotion>& parts) const;
   /// A(b') of each row, zero where that isn't known.
   Positions places_of_source(const Positions& pose) const;
-  /// t (g − p').
-  RowMatrix missing(const Positions& places, const Eigen::Matrix3d& still,
-                    const Positions& result) const;
-  /// Makes what moves a part that hardly deforms a shift, by which its centre goes as its source's.
-  /// One that turns in its place, as an eye does, turns about its own.
-  void stiffen(const Part& part, const Positions& places, const Motion& still,
-               const Positions& result, RowMatrix& moved) const;
+  /// t (g − p') of a row.
+  Eigen::RowVector3d missing(Index row, const Positions& places, const Eigen::Matrix3d& still,
+                             const Positions& result) const;
+  /// What makes the move of a part that hardly deforms a shift, by which its centre goes as its
+  /// source's. One that turns in its place, as an eye does, turns about its own.
+  std::vector<Stiffness> stiffened(const std::vector<PartMotion>& motions, const Positions& places,
+                                   const Motion& still, const Positions& result) const;
   void close(const Positions& places, Positions& result);
-  /// The smooth part of values at the rows.
-  RowMatrix smooth(const SparseCholesky& factor, const RowMatrix& values) const;
 
   const Similarity& placement_;
   const SourceGradients& gradients_;
@@ -82,12 +96,15 @@ class FollowedPlaces {
   std::vector<int> row_of_triangle_;  // of a corner of each of these
   Eigen::VectorXd areas_;             // of these
   std::vector<Part> parts_;
+  PartSums over_triangles_, over_rows_;  // of the parts
   // Of each row of the system:
   std::vector<int> vertices_;
+  std::vector<int> part_of_row_;
   Eigen::VectorXd masses_;
   Positions rest_places_;     // A(b)
   Positions shape_, detail_;  // ō_i and d_i, in the target's units
   std::unique_ptr<SparseCholesky> factor_;
+  SparseCholesky::Space space_;
   std::unique_ptr<Contacts> contacts_;
 };
 

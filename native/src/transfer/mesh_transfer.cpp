@@ -204,6 +204,7 @@ void MeshTransfer::prepare_places(const TransferOptions& options, const Progress
 
 void MeshTransfer::find_components() {
   components_ = movable_components(target_, region_);
+  std::vector<size_t> counts;
   for (Component& component : components_) {
     std::vector<int>& of = component.triangles;
     of.erase(
@@ -211,7 +212,13 @@ void MeshTransfer::find_components() {
         of.end());
     if (of.empty() && unmatched_component_count_++ == 0)
       unmatched_component_example_ = component.vertices.front();
+    counts.push_back(of.size());
   }
+  over_triangles_ = PartSums(counts);
+  source_centres_ = Positions::Zero(target_.triangle_count(), 3);
+  for (const Component& component : components_)
+    for (int j : component.triangles)
+      source_centres_.row(j) = gradients_->centre_of_sources(source_.positions, j).transpose();
 }
 
 Positions MeshTransfer::checked_places(const Positions* places) const {
@@ -231,7 +238,7 @@ const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
     throw Error(Status::argument, "The pose has " + std::to_string(pose.rows()) +
                                       " vertices, and the source " +
                                       std::to_string(source_.vertex_count()) + ".");
-  for (Index v = 0; v < pose.rows(); ++v)
+  for (Index v = pose.allFinite() ? pose.rows() : 0; v < pose.rows(); ++v)
     if (!pose.row(v).allFinite())
       throw Error(Status::argument, "Vertex " + std::to_string(v) + " of the pose is not finite.");
   const Positions anchor_places = checked_places(places);
@@ -248,9 +255,10 @@ const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
     if (displaced) displaced->correct(pose, result_);
     // Pins keep a pinned component away from where its source went. The others are shifted by as
     // much, so that all components keep together.
-    for (const Component& component : components_)
-      if (!component.held)
-        for (int v : component.vertices) result_.row(v) -= of_pinned;
+    if (!of_pinned.isZero(0))
+      for (const Component& component : components_)
+        if (!component.held)
+          for (int v : component.vertices) result_.row(v) -= of_pinned;
   }
   keep_anchors(anchor_places);
   if (!result_.allFinite())
@@ -269,40 +277,47 @@ void MeshTransfer::solve(const Positions& anchor_places) {
     Reconstruction(*surface_).solve(*on_target_, Formulation::surface, offsets_);
   else
     fourth_points_->solve(*on_target_, order_, offsets_);
-  for (int r = 0; r < order_.count(); ++r) {
-    const int v = order_.vertex_of_row[r];
-    result_.row(v) = target_.positions.row(v) + box_.scale * offsets_.row(r).head<3>();
-  }
+  pool_.parallel_for(order_.count(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (Index r = begin; r < end; ++r) {
+      const int v = order_.vertex_of_row[size_t(r)];
+      result_.row(v) = target_.positions.row(v) + box_.scale * offsets_.row(r).head<3>();
+    }
+  });
 }
 
 Eigen::RowVector3d MeshTransfer::place(const Positions& pose, const Displacements* displaced) {
-  std::vector<Eigen::RowVector3d> missing;
-  Misplacement of_pinned, of_matched;
-  for (const Component& component : components_) {
-    Misplacement of_component, moved;
-    for (int j : component.triangles) {
-      const Eigen::Vector3d own = triangle_centre(target_.positions, target_.triangles, j);
-      const Eigen::Matrix3d& S = gradients_->at(j);
-      const Eigen::Vector3d before = gradients_->centre_of_sources(source_.positions, j);
-      const Eigen::Vector3d now = gradients_->centre_of_sources(pose, j);
-      const Eigen::Vector3d wanted =
-          displaced ? Eigen::Vector3d(own + displaced->way(before, now))
-                    : Eigen::Vector3d(placement_(now) + S * (own - placement_(before)));
-      const double weight = areas_[j] * stillness(S, Eigen::Matrix3d::Identity());
-      of_component.add(weight,
-                       (wanted - triangle_centre(result_, target_.triangles, j)).transpose());
-      moved.add(weight, (wanted - own).transpose());
+  struct Sums {
+    Misplacement missing, moved;
+    void operator+=(const Sums& other) {
+      missing.add(other.missing);
+      moved.add(other.moved);
     }
-    missing.push_back(of_component.shift());
-    if (component.held) of_pinned.add(of_component);
-    of_matched.add(moved);
+  };
+  const auto add = [&](Sums& sums, size_t component, size_t i) {
+    const int j = components_[component].triangles[i];
+    const Eigen::Vector3d own = triangle_centre(target_.positions, target_.triangles, j);
+    const Eigen::Matrix3d& S = gradients_->at(j);
+    const Eigen::Vector3d before = source_centres_.row(j).transpose();
+    const Eigen::Vector3d now = gradients_->centre_of_sources(pose, j);
+    const Eigen::Vector3d wanted =
+        displaced ? Eigen::Vector3d(own + displaced->way(before, now))
+                  : Eigen::Vector3d(placement_(now) + S * (own - placement_(before)));
+    const double weight = areas_[j] * stillness(S, Eigen::Matrix3d::Identity());
+    sums.missing.add(weight, (wanted - triangle_centre(result_, target_.triangles, j)).transpose());
+    sums.moved.add(weight, (wanted - own).transpose());
+  };
+  const std::vector<Sums> of_components = over_triangles_.of<Sums>(pool_, add);
+  Sums of_all;
+  Misplacement of_pinned;
+  for (size_t i = 0; i < components_.size(); ++i) {
+    of_all += of_components[i];
+    if (components_[i].held) of_pinned.add(of_components[i].missing);
   }
-
   for (size_t i = 0; i < components_.size(); ++i) {
     if (components_[i].held) continue;
     // A component without a source of its own goes along with the rest.
     const Eigen::RowVector3d shift =
-        components_[i].triangles.empty() ? of_matched.shift() : missing[i];
+        components_[i].triangles.empty() ? of_all.moved.shift() : of_components[i].missing.shift();
     for (int v : components_[i].vertices) result_.row(v) += shift;
   }
   return of_pinned.shift();

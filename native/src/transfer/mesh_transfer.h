@@ -12,6 +12,7 @@
 #include "surface/reconstruction.h"
 #include "transfer/displacements.h"
 #include "transfer/followed_places.h"
+#include "transfer/part_sums.h"
 #include "transfer/rigid_parts.h"
 #include "transfer/source_gradients.h"
 #include "transfer/worn_places.h"
@@ -135,6 +136,8 @@ class MeshTransfer {
   double nonzeros_ = 0;
 
   std::vector<Component> components_;     // triangles: those with a source
+  PartSums over_triangles_;               // of these
+  Positions source_centres_;              // of the sources of each of these, at rest
   std::unique_ptr<SourcePoints> points_;  // of what follows by them
   std::unique_ptr<FollowedPlaces> followed_;
   std::unique_ptr<WornPlaces> worn_;
