@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Deformation transfer between meshes: what a source and a target cost once and each pose after
-// that, by the surface formulation alone, with the places of the source, and by the original one
-// with fourth points; and how long matching two meshes by markers takes.
+// that, by the surface formulation alone, with the places of the source, by the original one with
+// fourth points, and where the target is worn by the source and kept outside of it; and how long
+// matching two meshes by markers takes.
 //
 //   transfer [side]     of square sheets of side² vertices; 159: 50,000 triangles
 #include <algorithm>
@@ -14,6 +15,7 @@
 #include "meshes.h"
 #include "timing.h"
 #include "transfer/mesh_transfer.h"
+#include "transfer/nearest_points.h"
 #include "transfer/registration.h"
 #include "transfer/triangle_match.h"
 
@@ -53,22 +55,38 @@ int main(int argc, char** argv) {
   });
   std::printf("matching by %d markers: %.1f s\n", int(markers.size()), matching / 1e3);
 
+  dd::Mesh over = target;
+  over.positions.col(2).array() += 0.15;
+  dd::ThreadPool pool;
+  const dd::Similarity as_they_stand;
+  const dd::NearestPoints nearest(source, over, as_they_stand, pool);
+
   struct Way {
     const char* name;
     dd::Formulation formulation;
     dd::Placing placing;
+    bool worn = false;
   };
   double first_pose = 0, first_once = 0;
   for (const Way& way :
        {Way{"surface", dd::Formulation::surface, dd::Placing::components},
         Way{"and places", dd::Formulation::surface, dd::Placing::vertices},
-        Way{"fourth points", dd::Formulation::fourth_points, dd::Placing::components}}) {
+        Way{"fourth points", dd::Formulation::fourth_points, dd::Placing::components},
+        Way{"worn", dd::Formulation::surface, dd::Placing::vertices, true}}) {
     dd::TransferOptions options;
     options.formulation = way.formulation;
     options.placing = way.placing;
+    if (way.worn) {
+      options.placement = &as_they_stand;
+      options.worn = &nearest;
+      options.gap = 0.01;
+    }
+    const dd::Correspondence pairs =
+        way.worn ? nearest.correspondence(source, over) : match.correspondence;
     std::unique_ptr<dd::MeshTransfer> transfer;
     const double once = dd::bench::milliseconds([&] {
-      transfer = std::make_unique<dd::MeshTransfer>(source, target, match.correspondence, options);
+      transfer =
+          std::make_unique<dd::MeshTransfer>(source, way.worn ? over : target, pairs, options);
     });
     std::vector<double> poses;
     for (int k = 1; k <= 15; ++k) {
