@@ -210,6 +210,20 @@ def test_markers_tell_a_mirror_image(native):
         assert np.abs(posed - truth).max() < 0.01 * np.ptp(truth, axis=0).max()
 
 
+def test_a_part_is_found_by_how_it_stands(native):
+    whole = waved(48, 2.0)
+    is_of_part = whole.positions[whole.triangles, 0].max(1) < 6
+    vertices, corners = np.unique(whole.triangles[is_of_part], return_inverse=True)
+    stance = 3 * rotation(0.5, (10, -20, 5))[0]
+    moved = (whole.positions @ stance[:, :3].T + stance[:, 3]).astype(np.float32)
+    part = moved[vertices], corners.reshape(-1, 3).astype(np.int32)
+    _, confidence, fitted = native.Match(mesh(whole), part, stance=stance).finish()
+    assert np.abs(fitted - moved)[vertices].mean() < 0.03 and confidence.mean() > 0.95
+    for wrong in (np.diag([1, 2, 1, 1])[:3], np.full((3, 4), np.nan)):
+        with pytest.raises(native.NativeError, match="options.stance is not a rotation"):
+            native.Match(mesh(whole), part, stance=wrong)
+
+
 @pytest.mark.parametrize('mirrored', [False, True])
 def test_points_of_a_match_are_on_the_surface_and_carry_displacements(native, mirrored):
     source, target = waved(24, 2.0), waved(47, 2.0)

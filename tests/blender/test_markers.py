@@ -5,7 +5,7 @@ import bmesh
 import bpy
 import numpy as np
 import pytest
-from mathutils import Vector
+from mathutils import Euler, Matrix, Vector
 
 from conftest import FIXTURES, activate, add_empty, group, make_strip, own, refusal, update
 from test_fixtures import triangles
@@ -161,7 +161,24 @@ def test_a_head_with_other_faces_needs_no_markers(heads, change):
     assert np.abs(moved[rest[:, 2] > 0.2]).max() < 0.03
 
 
-def test_a_part_in_an_object_of_its_own_needs_no_markers(heads):
+def _put(source, ear, stands):
+    """(4, 4): from the source's space to that of the ear, both of which stand in the scene as they did."""
+    if stands == "with an origin of its own":
+        bpy.ops.object.origin_set(type='ORIGIN_GEOMETRY')
+    elif stands == "turned, and sheared by its parent":
+        turned = Matrix.Translation((3, 0, -1)) @ Euler((0.3, 1, -0.2)).to_matrix().to_4x4()
+        ear.data.transform(turned.inverted())
+        ear.matrix_world = turned
+        parent = add_empty("Parent", (1, 2, 3))
+        parent.scale = 1, 1.5, 0.7
+        source.parent = ear.parent = parent
+    update()
+    assert (stands == "as it was") == (ear.matrix_world == source.matrix_world)
+    return np.array(ear.matrix_world.inverted() @ source.matrix_world)
+
+
+@pytest.mark.parametrize('stands', ["as it was", "with an origin of its own", "turned, and sheared by its parent"])
+def test_a_part_in_an_object_of_its_own_needs_no_markers(heads, stands):
     """An ear that was separated, and a key of the head that lifts its tip."""
     source, ear = heads
     p = own(source)
@@ -175,12 +192,14 @@ def test_a_part_in_an_object_of_its_own_needs_no_markers(heads):
     kept.free()
     activate(ear)
     assert 50 < len(ear.data.vertices) < len(p) / 6
+    to_ear = _put(source, ear, stands)
     assert bpy.ops.object.detail_deform_transfer_match(source=source.name) == {'FINISHED'}
     assert transfer(source=source.name, what='ALL_KEYS', correspondence='STORED') == {'FINISHED'}
     rest, key = own(ear), ear.data.shape_keys.key_blocks["Lift"]
     moved = np.array([point.co for point in key.data]) - rest
-    expected = np.maximum(rest[:, :1] - 1, 0) * (0, 0, 0.5)
-    assert np.ptp(expected[:, 2]) > 0.15
+    on_head = rest @ np.linalg.inv(to_ear[:3, :3]).T + np.linalg.solve(to_ear[:3, :3], -to_ear[:3, 3])
+    expected = np.maximum(on_head[:, :1] - 1, 0) * (0, 0, 0.5) @ to_ear[:3, :3].T
+    assert np.linalg.norm(expected, axis=1).max() > 0.1
     assert np.abs(moved - moved.mean(0) - (expected - expected.mean(0))).max() < 0.01
 
 

@@ -8,6 +8,7 @@
 #include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 #include "meshes.h"
+#include "random_meshes.h"
 #include "support/rotations.h"
 #include "transfer/contacts.h"
 #include "transfer/mesh_transfer.h"
@@ -321,6 +322,25 @@ TEST_CASE("a sliver of the source doesn't decide what a region of the target doe
   }
   // Where each triangle is its own source nothing is replaced.
   CHECK(onto(source, target, Placing::components).gradients().overstretched_count() == 0);
+}
+
+TEST_CASE("where the target is a small part of the source there are no slivers") {
+  const Mesh source = test::rough_sphere(4, 0.04);
+  std::vector<char> keep;
+  Pairs pairs;
+  for (int j = 0; j < source.triangle_count(); ++j) {
+    keep.push_back(triangle_centre(source.positions, source.triangles, j)[0] > 0.85);
+    if (keep.back()) pairs.push_back({j, int(pairs.size())});
+  }
+  const Mesh target = test::kept(source, keep);
+  REQUIRE(10 * target.triangle_count() < source.triangle_count());
+  const auto correspondence =
+      triangle_correspondence(pairs, source.triangle_count(), target.triangle_count());
+  for (const double size : {1.0, 0.1, 30.0}) {
+    const Mesh scaled = {size * target.positions, target.triangles};
+    const MeshTransfer transfer(source, scaled, correspondence, {});
+    CHECK(transfer.gradients().overstretched_count() == 0);
+  }
 }
 
 TEST_CASE(

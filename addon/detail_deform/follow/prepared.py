@@ -16,12 +16,20 @@ class _Space(NamedTuple):
     linear: np.ndarray  # (3, 3), in single precision where nothing is shifted
     shift: np.ndarray  # (3,)
 
+    def is_own(self):
+        """Whether it is the object's own."""
+        return not self.shift.any() and (self.linear == np.eye(3)).all()
+
     def to(self, points):
         """(n, 3) float32"""
+        if self.is_own():  # a frame's time
+            return points
         return (points @ self.linear.T + self.shift).astype(np.float32, copy=False)
 
     def back(self, points):
         """(n, 3) float32"""
+        if self.is_own():
+            return points
         return ((points - self.shift) @ np.linalg.inv(self.linear).T).astype(np.float32, copy=False)
 
 

@@ -181,7 +181,7 @@ TransferInfo = _sized(
     (_DOUBLE * 12, 'placement'), (_INT, 'overstretched_count', 'overstretched_example', 'through_count',
                                   'through_example'), (_DOUBLE, 'worn_distance'))
 MatchOptions = _sized('dd_match_options', "How correspondences are searched for", (_INT, 'stages', 'rounds', 'threads'),
-                      (_DOUBLE, 'smoothness', 'identity', 'reach'))
+                      (_DOUBLE, 'smoothness', 'identity', 'reach'), (Array(np.float64, 3, 4), 'stance'))
 MatchInfo = _sized('dd_match_info', "Facts about a correspondence that was found", (_INT, 'ambiguous'),
                    (_DOUBLE, 'confidence'), (_INT, 'mirrored'))
 MeasureOptions = _sized('dd_measure_options', "The base that normals are measured against", (_POSITIONS, 'base'),

@@ -25,6 +25,19 @@ def of(ob):
     return found.astype(np.float32) if np.round(found - one, _NOISE_DIGITS).any() else one
 
 
+def stance(source, target):
+    """(3, 4) float64: how the source stands to the target in the scene, both as they are proportioned: a rotation, scale
+    and shift. None where one of them is flat, or the mirror image of how its mesh has it."""
+    worlds = [np.array(ob.matrix_world, np.float64) for ob in (source, target)]
+    for world in worlds:
+        if not (np.isfinite(world).all() and np.linalg.det(world[:3, :3]) > 0):
+            return None
+        turn, scales, back = np.linalg.svd(world[:3, :3])
+        world[:3, :3] = scales[0] * turn @ back
+    found = (np.linalg.inv(worlds[1]) @ worlds[0])[:3]
+    return found if np.isfinite(found).all() else None
+
+
 def signature(ob):
     """A short text: equal texts, equal proportions."""
     return mesh_data.signature(np.round(of(ob), _NOISE_DIGITS) + np.float32(0))  # which has no negative zero

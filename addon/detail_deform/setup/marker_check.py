@@ -118,7 +118,7 @@ def _fitted_apart(source, target, of_source, of_target):
     """Generator of the share done; gives what doubtful_by_shape() takes."""
     there, here = proportions.shape(source), proportions.shape(target)
     match = native.Match((there, mesh_data.triangles(source.data)), (here, mesh_data.triangles(target.data)),
-                         stages=2, rounds=1)
+                         stages=2, rounds=1, stance=proportions.stance(source, target))
     try:
         running = True
         while running:

@@ -18,9 +18,10 @@ _WHERE_THEY_ARE_RIGHT = "If they are right, press Find Match, which takes them a
 
 
 def _searched_for(source, target):
+    stance = proportions.stance(source, target)
     return (*(mesh_data.signature(proportions.shape(ob)) + mesh_data.topology_signature(ob.data)
               for ob in (source, target)),
-            markers.pairs(source, target).tobytes())
+            markers.pairs(source, target).tobytes(), None if stance is None else stance.tobytes())
 
 
 def search(source, target):
@@ -31,7 +32,8 @@ def search(source, target):
         return _last[1]
     matched = correspondence.Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
     match = native.Match((proportions.shape(source), matched.source_triangles),
-                         (proportions.shape(target), matched.target_triangles), markers.pairs(source, target))
+                         (proportions.shape(target), matched.target_triangles), markers.pairs(source, target),
+                         stance=proportions.stance(source, target))
     try:
         yield from match.fractions()
         matched.pairs, matched.confidence, _ = match.finish()

@@ -628,6 +628,10 @@ typedef struct dd_match_options {
   double identity;   /* the weight of gradients near the identity; 0 stands for 0.001 */
   double reach;      /* of the target's box: what is further apart doesn't correspond; 0 stands for
                         0.1 */
+  const double* stance; /* or null: how the source stands to the target, beside how their positions
+                           have it, as in a scene, 3×4, row-major: a rotation, scale and shift.
+                           Where an open part lies on the other so, it corresponds to that. A
+                           reflection isn't looked at */
 } dd_match_options;
 
 /* Starts to place the source on the target, to deform it onto it (Sumner and Popović 2004) and to

@@ -2,6 +2,7 @@
 // Arguments of the C ABI: structs, arrays and their counts, checked and taken over.
 #pragma once
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -12,6 +13,7 @@
 #include "api/call.h"
 #include "mesh/correspondence.h"
 #include "mesh/mesh.h"
+#include "support/similarity.h"
 
 namespace dd::api {
 
@@ -99,6 +101,21 @@ inline Positions read_optional_positions(const char* name, const float* position
                                          size_t wanted, const char* kind = "vertices") {
   if (!is_given(name, positions, given, wanted, kind)) return {};
   return read_positions(positions, given);
+}
+
+/// values: 3×4, row-major.
+inline Similarity read_similarity(const char* name, const double* values) {
+  const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> matrix(values);
+  Similarity read;
+  const double volume = matrix.leftCols<3>().determinant();
+  read.mirrored = volume < 0;
+  read.scale = std::cbrt(std::abs(volume));
+  read.rotation = matrix.leftCols<3>() / read.scale;
+  read.shift = matrix.col(3);
+  const Eigen::Matrix3d product = read.rotation.transpose() * read.rotation;
+  require(matrix.allFinite() && read.scale > 0 && product.isIdentity(1e-4),
+          std::string(name) + " is not a rotation or reflection with a scale and a shift.");
+  return read;
 }
 
 inline Mesh read_mesh(const char* name, const dd_mesh* mesh) {

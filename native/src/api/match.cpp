@@ -2,6 +2,7 @@
 // The C ABI: the search for what corresponds.
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -33,6 +34,11 @@ dd::RegistrationOptions read_options(const dd_match_options& options) {
   return how;
 }
 
+std::optional<dd::Similarity> read_stance(const dd_match_options& options) {
+  if (!options.stance) return std::nullopt;
+  return read_similarity("options.stance", options.stance);
+}
+
 }  // namespace
 
 extern "C" {
@@ -41,35 +47,37 @@ int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32
                        size_t marker_count, const dd_match_options* options, dd_job** job) {
   return guarded([&] {
     require(job, "job is null.");
-    start_job<dd_match>("a match", job,
-                        [given = read_mesh("source", source), to = read_mesh("target", target),
-                         pairs = read_pairs("markers", markers, marker_count),
-                         how = read_options(read_struct(options))](const dd::Progress& progress) {
-                          auto made = std::make_unique<dd_match>();
-                          dd::validate(given, "source");
-                          dd::validate(to, "target");
-                          const bool mirrored = dd::marked_as_mirror_image(given, to, pairs);
-                          const dd::Mesh from = mirrored ? dd::mirror_image(given) : given;
-                          const dd::Alignment alignment =
-                              dd::align(from, to, pairs, how.threads, dd::within(progress, 0, 0.3));
-                          made->registered = dd::register_onto(from, to, pairs, alignment, how,
-                                                               dd::within(progress, 0.3, 0.9));
-                          made->match =
-                              dd::match_triangles({made->registered, from.triangles}, to, how.reach,
-                                                  how.threads, dd::within(progress, 0.9, 0.97));
-                          dd::doubt_stretched(made->match, from, made->registered);
-                          dd::ThreadPool pool(how.threads);
-                          made->points = dd::points_of_fit({made->registered, from.triangles}, to,
-                                                           made->match.correspondence, pool);
-                          if (mirrored)  // whose triangles go round the other way
-                            for (dd::PointOnTriangle& point : made->points)
-                              std::swap(point.weights[1], point.weights[2]);
-                          dd::report(progress, 1, "Done");
-                          made->facts.ambiguous = alignment.ambiguous;
-                          made->facts.mirrored = mirrored;
-                          made->facts.confidence = dd::mean_confidence(made->match, to);
-                          return made;
-                        });
+    const dd_match_options read = read_struct(options);
+    start_job<dd_match>(
+        "a match", job,
+        [given = read_mesh("source", source), to = read_mesh("target", target),
+         pairs = read_pairs("markers", markers, marker_count), how = read_options(read),
+         stance = read_stance(read)](const dd::Progress& progress) {
+          auto made = std::make_unique<dd_match>();
+          dd::validate(given, "source");
+          dd::validate(to, "target");
+          const bool mirrored = dd::marked_as_mirror_image(given, to, pairs);
+          const dd::Mesh from = mirrored ? dd::mirror_image(given) : given;
+          const dd::Similarity* beside = stance && !mirrored ? &*stance : nullptr;
+          const dd::Alignment alignment =
+              dd::align(from, to, pairs, how.threads, dd::within(progress, 0, 0.3), beside);
+          made->registered =
+              dd::register_onto(from, to, pairs, alignment, how, dd::within(progress, 0.3, 0.9));
+          made->match = dd::match_triangles({made->registered, from.triangles}, to, how.reach,
+                                            how.threads, dd::within(progress, 0.9, 0.97));
+          dd::doubt_stretched(made->match, from, made->registered);
+          dd::ThreadPool pool(how.threads);
+          made->points = dd::points_of_fit({made->registered, from.triangles}, to,
+                                           made->match.correspondence, pool);
+          if (mirrored)  // whose triangles go round the other way
+            for (dd::PointOnTriangle& point : made->points)
+              std::swap(point.weights[1], point.weights[2]);
+          dd::report(progress, 1, "Done");
+          made->facts.ambiguous = alignment.ambiguous;
+          made->facts.mirrored = mirrored;
+          made->facts.confidence = dd::mean_confidence(made->match, to);
+          return made;
+        });
   });
 }
 

@@ -37,20 +37,6 @@ struct Given {
   }
 };
 
-dd::Similarity read_placement(const double* values) {
-  const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> matrix(values);
-  dd::Similarity placement;
-  const double volume = matrix.leftCols<3>().determinant();
-  placement.mirrored = volume < 0;
-  placement.scale = std::cbrt(std::abs(volume));
-  placement.rotation = matrix.leftCols<3>() / placement.scale;
-  placement.shift = matrix.col(3);
-  const Eigen::Matrix3d product = placement.rotation.transpose() * placement.rotation;
-  require(matrix.allFinite() && placement.scale > 0 && product.isIdentity(1e-4),
-          "options.placement is not a rotation or reflection with a scale and a shift.");
-  return placement;
-}
-
 void read_points(const dd_transfer_options& options, Given& given) {
   if (!options.point_triangles && !options.point_weights) return;
   require(given.pairs_of != Given::PairsOf::nearest,
@@ -71,7 +57,7 @@ void read_points(const dd_transfer_options& options, Given& given) {
 
 void read_options(const dd_transfer_options& options, Given& given) {
   given.pairs_of = choice("options.pairs_of", options.pairs_of, Given::PairsOf::nearest);
-  if (options.placement) given.placement = read_placement(options.placement);
+  if (options.placement) given.placement = read_similarity("options.placement", options.placement);
   dd::TransferOptions& how = given.options;
   how.formulation =
       choice("options.formulation", options.formulation, dd::Formulation::fourth_points_unweighted);

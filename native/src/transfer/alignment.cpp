@@ -232,11 +232,12 @@ std::vector<size_t> upright_of(const std::vector<Start>& starts) {
   return upright;
 }
 
-/// What leaves a source where it is, from its box into the target's.
-Similarity unmoved_in(const UnitBox (&boxes)[2]) {
-  Similarity result;
-  result.scale = boxes[0].scale / boxes[1].scale;
-  result.shift = (boxes[0].centre - boxes[1].centre).transpose() / boxes[1].scale;
+/// A similarity of the source onto the target, from its box into the target's.
+Similarity in_boxes(const Similarity& placement, const UnitBox (&boxes)[2]) {
+  Similarity result = placement;
+  result.scale = placement.scale * boxes[0].scale / boxes[1].scale;
+  result.shift =
+      (placement(boxes[0].centre.transpose()) - boxes[1].centre.transpose()) / boxes[1].scale;
   return result;
 }
 
@@ -285,7 +286,7 @@ bool marked_as_mirror_image(const Mesh& source, const Mesh& target, const Pairs&
 }
 
 Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int threads,
-                const Progress& progress) {
+                const Progress& progress, const Similarity* stance) {
   report(progress, 0.01, "Looking at the meshes");
   const Pairs markers = checked_markers(given, source, target);
   const CoarseShape from(source), onto(target);
@@ -337,8 +338,12 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   std::optional<Lying> lying;
   if (!(stretch < kConvincing)) {
     lying = lying_on(placed, from, onto, places, pool);
-    const Similarity unmoved = unmoved_in(boxes);
-    if (!lying && stands_on(from, onto, places, unmoved)) lying = Lying{unmoved, false};
+    std::vector<Similarity> stances = {Similarity()};
+    if (stance && !stance->mirrored) stances.push_back(*stance);
+    for (const Similarity& one : stances) {
+      const Similarity standing = in_boxes(one, boxes);
+      if (!lying && stands_on(from, onto, places, standing)) lying = Lying{standing, false};
+    }
   }
   result.lies_on = lying.has_value();
   const auto in_units = [&](const Similarity& unit) {

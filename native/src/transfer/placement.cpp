@@ -283,13 +283,13 @@ std::optional<Lying> lying_on(const std::vector<Placement>& starts, const Coarse
 }
 
 bool stands_on(const CoarseShape& source, const CoarseShape& target, const MarkedPlaces& marked,
-               const Similarity& unmoved) {
+               const Similarity& stance) {
   // Of the larger box: in the smaller one what is little there is much.
-  const double far = kLying * std::max(1.0, unmoved.scale);
-  return keeps(unmoved, marked) &&
-         ((is_open(source) && most_are_near(source, unmoved, target, far)) ||
+  const double far = kLying * std::max(1.0, stance.scale);
+  return keeps(stance, marked) &&
+         ((is_open(source) && most_are_near(source, stance, target, far)) ||
           (is_open(target) &&
-           most_are_near(target, unmoved.inverse(), source, far / unmoved.scale)));
+           most_are_near(target, stance.inverse(), source, far / stance.scale)));
 }
 
 }  // namespace dd

@@ -66,10 +66,10 @@ std::optional<Lying> lying_on(const std::vector<Placement>& starts, const Coarse
                               const CoarseShape& target, const MarkedPlaces& marked,
                               ThreadPool& pool);
 
-/// Whether one of the surfaces is open and lies on the other unmoved, as a part that was cut off
-/// does; a closed one may be akin and have no more than its trunk in common. unmoved: of the source
-/// onto the target as they stand.
+/// Whether one of the surfaces is open and lies on the other as they stand, as a part that was cut
+/// off does; a closed one may be akin and have no more than its trunk in common. stance: of the
+/// source to the target.
 bool stands_on(const CoarseShape& source, const CoarseShape& target, const MarkedPlaces& marked,
-               const Similarity& unmoved);
+               const Similarity& stance);
 
 }  // namespace dd

@@ -76,7 +76,7 @@ void SourceGradients::find_overstretched(const Mesh& target) {
     for (int k = begin_[j]; k < end_[j]; ++k)
       asked[size_t(sources_[k])] += target_areas[j] / (end_[j] - begin_[j]);
 
-  // A loose part may be larger on the target as a whole.
+  // A loose part may be larger on the target as a whole, and the target a part of the source.
   const Components parts(source_.triangles, source_.vertex_count());
   const auto part_of = [&](int triangle) {
     return size_t(parts.of_vertex[size_t(source_.triangles(triangle, 0))]);
@@ -97,12 +97,13 @@ void SourceGradients::find_overstretched(const Mesh& target) {
           area += areas[side.triangle()];
         }
   };
+  const double as_placed = 1 / (placement_.scale * placement_.scale);
   double most = 0;
   for (int i = 0; i < static_cast<int>(asked.size()); ++i) {
     const size_t part = part_of(used_[i]);
     const double own = areas[used_[i]];
     if (!(own_area[part] > 0)) continue;
-    const double wanted = asked[i] * own_area[part] / asked_area[part];
+    const double wanted = asked[i] * std::min(own_area[part] / asked_area[part], as_placed);
     if (!(wanted > kTooMuch * own)) continue;
     std::vector<int> about{used_[i]};
     double area = own;

@@ -25,8 +25,8 @@ inline double stillness(const Eigen::Matrix3d& gradient, const Eigen::Matrix3d& 
 /// that has one across shared edges, or else vertices.
 ///
 /// Where a source triangle gives its gradient to far more area than its own, for how large its part
-/// is on the target, the mean over so many triangles about it stands in for it: what a sliver does
-/// is no news about a whole region.
+/// is on the target or is placed there, whichever is larger, the mean over so many triangles about
+/// it stands in for it: what a sliver does is no news about a whole region.
 class SourceGradients {
  public:
   /// placement takes the source onto the target. source must outlive this. Throws Error(argument)
