@@ -26,8 +26,8 @@ def of(ob):
 
 
 def stance(source, target):
-    """(3, 4) float64: how the source stands to the target in the scene, both as they are proportioned: a rotation, scale
-    and shift. None where one of them is flat, or the mirror image of how its mesh has it."""
+    """(3, 4) float64: how the source stands to the target in the scene, both as they are proportioned: a rotation,
+    scale and shift. None where one of them is flat, or the mirror image of how its mesh has it."""
     worlds = [np.array(ob.matrix_world, np.float64) for ob in (source, target)]
     for world in worlds:
         if not (np.isfinite(world).all() and np.linalg.det(world[:3, :3]) > 0):

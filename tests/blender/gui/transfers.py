@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One mesh follows another, and keys go to many."""
+
+import bpy
+import numpy as np
+
+from desk import ROOT, activate, area, check, coordinates, evaluated, in_view, point_at, screenshot, wait_until, xdotool
+
+HEADERS = (141, 166)  # of the two panels in the full window, pixels from its top, while the first is closed
+
+
+def transferring():
+    """A calf's motion onto a giraffe, by markers, with progress."""
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'creatures.blend'), load_ui=False)
+    yield 1.0
+    giraffe = bpy.data.objects["Giraffe"]
+    activate(giraffe)
+    with in_view():
+        bpy.ops.view3d.view_selected()
+    yield 0.5
+    screenshot('markers')
+    from detail_deform.ui import known_markers
+    calf, pair = bpy.data.objects["Calf"], ("Calf", "Giraffe")
+    yield from wait_until(lambda: pair in known_markers._doubts)
+    check("good markers are in no doubt", known_markers.doubts(calf, giraffe) == ())
+    groups = giraffe.vertex_groups
+    for name, other in (("Marker 1", "."), ("Marker 16", "Marker 1"), (".", "Marker 16")):  # muzzle and tail
+        groups[name].name = other
+    activate(calf)
+    yield from wait_until(lambda: known_markers.doubts(calf, giraffe))
+    check("exchanged ones are named, also while the source is active", known_markers.doubts(calf, giraffe) == (1, 16))
+    yield 0.3
+    screenshot('doubts')
+    for name, other in (("Marker 1", "."), ("Marker 16", "Marker 1"), (".", "Marker 16")):
+        groups[name].name = other
+    activate(giraffe)
+    with in_view():
+        bpy.ops.object.detail_deform_transfer_match('INVOKE_DEFAULT')
+    yield 0.2
+    screenshot('matching')
+    settings = giraffe.detail_deform.transfer
+    yield from wait_until(lambda: settings.correspondence == 'STORED', 60)
+    check("correspondences are found in the background", settings.correspondence == 'STORED')
+    settings.show_match = True
+    with in_view():
+        bpy.ops.view3d.view_camera()
+    yield 0.5
+    screenshot('matched')
+    settings.show_match = False
+    with in_view():
+        bpy.ops.object.detail_deform_transfer_live('INVOKE_DEFAULT')
+    rest = evaluated(giraffe)
+    with in_view():
+        bpy.ops.screen.animation_play()
+    yield 1.5
+    with in_view():
+        bpy.ops.screen.animation_cancel(restore_frame=False)
+    bpy.context.scene.frame_set(17)
+    yield 0.3
+    check("the giraffe follows the calf", np.abs(evaluated(giraffe) - rest).max() > 0.5 and not settings.problem)
+    view = {'window': bpy.context.window_manager.windows[0], 'area': area('PROPERTIES')}
+    with bpy.context.temp_override(**view):
+        bpy.ops.screen.screen_full_area()
+    yield 0.5
+    for header in HEADERS:  # the first closed, the next opened
+        xdotool('mousemove', 60, header, 'click', 1)
+        yield 0.5
+    screenshot('transfer_panel')
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area('PROPERTIES')):
+        bpy.ops.screen.back_to_previous()
+    yield 0.3
+    screenshot('following')
+
+
+def transferring_to_many():
+    """Keys of one Suzanne onto eight others, of which one can't be done: cancelled, taken back, and done."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    yield 1.0
+    with in_view():
+        bpy.ops.mesh.primitive_monkey_add()
+        source = bpy.context.object
+        source.modifiers.new("Dense", 'SUBSURF').levels = 3
+        bpy.ops.object.modifier_apply(modifier="Dense")
+    targets = []
+    for number in range(8):
+        targets.append(bpy.data.objects.new(f"Head {number + 1}", source.data.copy()))
+        bpy.context.scene.collection.objects.link(targets[-1])
+        targets[-1].location = (2.5 * (number % 3 - 1), 2.0 * (number // 3 + 1), 0)
+        points = coordinates(targets[-1].data) * (1 + 0.05 * number, 1, 1)
+        targets[-1].data.vertices.foreach_set('co', points.astype(np.float32).ravel())
+    targets[2].detail_deform.transfer.anchor = 'PINNED'
+    targets[2].detail_deform.transfer.anchor_group = "Neck"
+    rest = coordinates(source.data)
+    source.shape_key_add(name="Basis", from_mix=False)
+    for number in range(12):
+        key = source.shape_key_add(name=f"Key {number + 1}", from_mix=False)
+        key.data.foreach_set('co', (rest + np.sin(rest * number)[:, [1, 2, 0]] / 20).astype(np.float32).ravel())
+        key.value = 0
+    activate(source)
+    for target in targets:
+        target.select_set(True)
+    with in_view():
+        bpy.ops.view3d.view_all()
+        bpy.ops.ed.undo_push(message="Made")
+    yield 0.5
+    area('PROPERTIES').spaces[0].context = 'MODIFIER'
+    point_at('VIEW_3D')
+    yield 0.5
+
+    def begin():
+        with in_view():
+            bpy.ops.object.detail_deform_transfer_many('INVOKE_DEFAULT', what='ALL_KEYS')
+        yield 0.5
+        screenshot('many_dialog')
+        xdotool('key', 'Return')
+
+    def done():
+        return [ob.name for ob in bpy.data.objects if ob.name.startswith("Head") and ob.data.shape_keys]
+
+    def failed():
+        return [entry.name for entry in bpy.data.objects["Suzanne"].detail_deform.transfer.failed]
+
+    yield from begin()
+    yield from wait_until(lambda: len(done()) >= 3)
+    screenshot('many_progress')
+    xdotool('key', 'Escape')
+    yield 1.0
+    screenshot('many_cancelled')
+    check(f"Esc leaves those that are done, {done()}", 3 <= len(done()) < 7 and failed() == ["Head 3"])
+    check("which the table says", "cancelled and left as they were" in bpy.data.texts[0].as_string())
+    xdotool('key', 'ctrl+z')
+    yield 1.0
+    check("one undo takes them back", not done() and not failed() and not bpy.data.texts)
+    yield from begin()
+    yield from wait_until(lambda: failed() and bpy.data.texts)
+    yield 0.5
+    check("then all are done but one", len(done()) == 7 and failed() == ["Head 3"])
+    area('INFO').type = 'TEXT_EDITOR'
+    area('TEXT_EDITOR').spaces.active.text = bpy.data.texts[0]
+    view = {'window': bpy.context.window_manager.windows[0], 'area': area('PROPERTIES')}
+    with bpy.context.temp_override(**view):
+        bpy.ops.screen.screen_full_area()
+    yield 0.5
+    screenshot('many_panel')
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area('PROPERTIES')):
+        bpy.ops.screen.back_to_previous()
+    yield 0.5
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area('TEXT_EDITOR')):
+        bpy.ops.screen.screen_full_area()
+    yield 0.5
+    screenshot('many_table')
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area('TEXT_EDITOR')):
+        bpy.ops.screen.back_to_previous()
+    yield 0.5
+    area('TEXT_EDITOR').type = 'INFO'
+    yield 0.3
