@@ -203,6 +203,41 @@ def test_a_part_in_an_object_of_its_own_needs_no_markers(heads, stands):
     assert np.abs(moved - moved.mean(0) - (expected - expected.mean(0))).max() < 0.01
 
 
+def test_how_a_source_stands_is_told_as_far_as_it_is_a_rotation_and_a_scale(part):
+    proportions = part('scene.proportions')
+    source, target = raw_strip("Source"), raw_strip("Target")
+
+    def stance(of_source, of_target):
+        source.matrix_world, target.matrix_world = of_source, of_target
+        update()
+        return proportions.stance(source, target)
+
+    turned = Matrix.Translation((1, 2, 3)) @ Euler((0.3, 1, -0.2)).to_matrix().to_4x4()
+    apart = Matrix.Translation((-5, 0, 2)) @ Matrix.Scale(4, 4)
+    expected = np.array(apart.inverted() @ turned)[:3]
+    assert np.allclose(stance(turned, apart), expected, atol=1e-5)
+    flipped = Matrix.Diagonal((-1, 1, 1, 1))
+    assert np.allclose(stance(flipped @ turned, flipped @ apart), expected, atol=1e-5)
+    assert np.linalg.det(stance(flipped @ turned, apart)[:, :3]) < 0
+    found = stance(turned @ Matrix.Diagonal((1, 2, 5, 1)), apart)[:, :3]
+    assert np.allclose(found @ found.T, (5 / 4)**2 * np.eye(3), atol=1e-4)
+    for flat in ((1, 1, 0, 1), (0, 0, 0, 1)):
+        assert stance(Matrix.Diagonal(flat), apart) is None and stance(turned, Matrix.Diagonal(flat)) is None
+
+
+def test_a_match_that_fits_is_not_searched_again_where_an_object_was_moved(heads, part, monkeypatch):
+    matching, (source, target) = part('setup.matching'), heads
+    search, native = matching.search, matching.native
+    found = ended(search(source, target))
+    target.location.x += 5
+    update()
+    monkeypatch.setattr(native, 'Match', None)
+    assert ended(search(source, target)) is found
+    monkeypatch.undo()
+    found.confidence = 0 * found.confidence
+    assert ended(search(source, target)) is not found
+
+
 def test_displacements_go_by_the_points_that_are_kept_with_a_match(heads, part):
     give_other_faces(heads, 'decimated')
     source, target = heads

@@ -113,6 +113,19 @@ TEST_CASE("a part that was cut off is found where it stands, as the whole is by 
   // By a marker at another place it doesn't stand where it belongs.
   Index low = 0;
   whole.positions.col(0).minCoeff(&low);
+  CHECK_FALSE(align(whole, moved, {{static_cast<int>(low), 0}}, 0, {}, &own).lies_on);
   const Alignment marked = align(whole, part, {{static_cast<int>(low), 0}});
   CHECK(test::largest_error(marked.placement.all(whole.positions), whole.positions) > 0.05);
+}
+
+TEST_CASE("what is tiny lies on a surface by its own measure, not because it is near") {
+  const Mesh whole = test::beast(4);
+  Mesh crumb = test::grid(12, 12, [](double x, double y) { return 0.5 * std::cos(9 * x) * y; });
+  crumb.positions.rowwise() -= crumb.positions.colwise().mean();
+  Similarity stance;  // in the surface, a thousandth of it large
+  stance.scale = 0.001 * bounding_box_diagonal(whole.positions);
+  stance.shift = whole.positions.row(77).transpose();
+  CHECK_FALSE(align(crumb, whole, {}, 0, {}, &stance).lies_on);
+  const Similarity back = stance.inverse();
+  CHECK_FALSE(align(whole, crumb, {}, 0, {}, &back).lies_on);
 }

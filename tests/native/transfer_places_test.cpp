@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What goes where its source goes: places beside gradients, what closes, and slivers.
+#include <algorithm>
 #include <map>
+#include <numeric>
 #include <random>
 
 #include "catch.h"
@@ -103,6 +105,26 @@ TEST_CASE("a grid finds each pair within reach once, as a search through all doe
   }
 }
 
+TEST_CASE("a grid looks at a crowd evenly, across cells too") {
+  constexpr int kCount = 4000;
+  Positions points = 0.01 * Positions::Random(kCount, 3);
+  points.bottomRows(kCount / 2).col(2).array() += 0.5;
+  std::vector<int> all(kCount), times(kCount, 0);
+  std::iota(all.begin(), all.end(), 0);
+  points.row(0) << 0, 0, -0.7;  // the origin of cells of 1: the heaps are in two of them
+  ThreadPool pool(2);
+  const PointGrid grid(points, all, 1, pool);
+  int pairs = 0;
+  for (int k = 0; k < grid.count(); ++k)
+    grid.near_after(k, 40, [&](int l, double) {
+      for (int i : {k, l}) ++times[grid.point(i)];
+      ++pairs;
+    });
+  CHECK(pairs > 20 * kCount);
+  CHECK(pairs < 80 * kCount);
+  CHECK(*std::max_element(times.begin(), times.end()) < 12 * pairs / kCount);
+}
+
 TEST_CASE("contacts are what the formula says of all pairs") {
   std::mt19937 random(8);
   std::uniform_real_distribution<double> anywhere(0, 1);
@@ -111,6 +133,11 @@ TEST_CASE("contacts are what the formula says of all pairs") {
   Positions rest(kCount, 3), posed(kCount, 3), placed(kCount, 3);
   for (Positions* p : {&rest, &posed, &placed})
     for (double& value : p->reshaped()) value = anywhere(random);
+  const bool few_move = GENERATE(false, true);
+  if (few_move) {  // to others, which rest
+    posed = rest;
+    for (int i = 0; i < 12; ++i) posed.row(i) += 0.95 * (rest.row(i + 100) - rest.row(i));
+  }
   placed = posed + 0.05 * placed;
   std::vector<int> parts(kCount, 1);
   parts[3] = parts[77] = -1;
@@ -118,7 +145,7 @@ TEST_CASE("contacts are what the formula says of all pairs") {
   ThreadPool pool(2);
   Contacts contacts(rest, parts, Eigen::VectorXd::Ones(kCount), kReach);
   REQUIRE(contacts.take(posed, pool));
-  const Rows found = contacts.missing(posed, placed);
+  const Rows found = contacts.missing(posed, placed, pool);
 
   const auto risen = [](double t) { return t <= 0 ? 0 : t >= 1 ? 1 : 3 * t * t - 2 * t * t * t; };
   int closing = 0;
@@ -151,7 +178,7 @@ TEST_CASE(
     "a crowd is looked at in part, and points denser than a contact's reach stand for others") {
   std::mt19937 random(8);
   std::uniform_real_distribution<double> anywhere(0, 1);
-  constexpr int kCount = 100000;
+  constexpr int kCount = 40000;
   Positions rest(kCount, 3);
   for (double& value : rest.reshaped()) value = anywhere(random);
   ThreadPool pool(2);
@@ -161,7 +188,10 @@ TEST_CASE(
   // All within reach of all, and many in neighbouring cells but out of reach.
   for (const Positions& heap : {Positions(1e-6 * rest), Positions(0.01 * rest), two_heaps}) {
     REQUIRE(contacts.take(heap, pool));
-    CHECK(contacts.missing(heap, rest).allFinite());
+    const Rows found = contacts.missing(heap, rest, pool);
+    CHECK(found.allFinite());
+    CHECK(int((found.col(3).array() > 0).count()) >
+          int(0.995 * kCount));  // others stand for the rest
   }
 
   // Two sheets that close: with ten thousand points or with forty, the same share of the mass is
@@ -177,7 +207,7 @@ TEST_CASE(
     Contacts both(open, std::vector<int>(size_t(open.rows()), 0),
                   Eigen::VectorXd::Constant(open.rows(), 1.0 / (side * side)), 0.03);
     REQUIRE(both.take(closed, pool));
-    const Rows found = both.missing(closed, placed) / (side * side);
+    const Rows found = both.missing(closed, placed, pool) / (side * side);
     return Eigen::Vector2d(found.topRows(side * side).col(2).sum(),
                            found.topRows(side * side).col(3).sum());
   };

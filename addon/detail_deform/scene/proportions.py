@@ -27,12 +27,14 @@ def of(ob):
 
 def stance(source, target):
     """(3, 4) float64: how the source stands to the target in the scene, both as they are proportioned: a rotation,
-    scale and shift. None where one of them is flat, or the mirror image of how its mesh has it."""
+    scale and shift, with a reflection where one of them is mirrored. None where one is flat."""
     worlds = [np.array(ob.matrix_world, np.float64) for ob in (source, target)]
     for world in worlds:
-        if not (np.isfinite(world).all() and np.linalg.det(world[:3, :3]) > 0):
+        if not np.isfinite(world).all():
             return None
         turn, scales, back = np.linalg.svd(world[:3, :3])
+        if not scales[2] > _FLAT * scales[0]:
+            return None
         world[:3, :3] = scales[0] * turn @ back
     found = (np.linalg.inv(worlds[1]) @ worlds[0])[:3]
     return found if np.isfinite(found).all() else None

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What corresponds on two meshes, found in the way that is asked for."""
 
+import itertools
 import os
 
 import bpy
+import numpy as np
 
 from ..library import native
 from ..library.options import NEAREST
@@ -11,29 +13,41 @@ from ..scene import correspondence, files, mesh_data, proportions
 from ..scene.mesh_data import MeshProblem
 from . import marker_check, markers, pair_lists
 
-_last = ((), None)  # what was found last, and of what: a transfer may be repeated with other settings
+_last = ((), b'', None)  # what was found last, and of what: a transfer may be repeated with other settings
+_FITS = 0.5  # mean confidence: what fits like that doesn't hang on how the meshes stand
 
 _WHERE_IT_IS_RIGHT = "If it is right, press Find Match, which takes it as it is."
 _WHERE_THEY_ARE_RIGHT = "If they are right, press Find Match, which takes them as they are."
 
 
 def _searched_for(source, target):
-    stance = proportions.stance(source, target)
     return (*(mesh_data.signature(proportions.shape(ob)) + mesh_data.topology_signature(ob.data)
               for ob in (source, target)),
-            markers.pairs(source, target).tobytes(), None if stance is None else stance.tobytes())
+            markers.pairs(source, target).tobytes())
+
+
+def _standing(source, target, stance):
+    """How the source stands beside the target, in parts of its box and no finer than is of interest."""
+    if stance is None:
+        return b''
+    (low, high), (least, most) = ((each.min(0, initial=0), each.max(0, initial=0)) for each in map(
+        proportions.shape, (source, target)))
+    corners = np.array(list(itertools.product(*zip(low, high)))) @ stance[:, :3].T + stance[:, 3]
+    return (np.round(corners / max(np.linalg.norm(most - least), 1e-30), 4) + 0.0).tobytes()  # has no negative zero
 
 
 def search(source, target):
     """Generator: the correspondence found by the shapes of both objects and the markers on them; yields the fraction
     done. Raises MeshProblem or native.NativeError."""
     global _last
-    if _last[0] == _searched_for(source, target):
-        return _last[1]
+    searched_for, stance = _searched_for(source, target), proportions.stance(source, target)
+    standing = _standing(source, target, stance)
+    if _last[0] == searched_for and (_last[1] == standing or _last[2].confidence.mean() > _FITS):
+        return _last[2]
     matched = correspondence.Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
     match = native.Match((proportions.shape(source), matched.source_triangles),
                          (proportions.shape(target), matched.target_triangles), markers.pairs(source, target),
-                         stance=proportions.stance(source, target))
+                         stance=stance)
     try:
         yield from match.fractions()
         matched.pairs, matched.confidence, _ = match.finish()
@@ -41,7 +55,7 @@ def search(source, target):
         matched.ambiguous, matched.mirrored = bool(match.info.ambiguous), bool(match.info.mirrored)
     finally:
         match.close()
-    _last = (_searched_for(source, target), matched)
+    _last = (searched_for, standing, matched)
     return matched
 
 

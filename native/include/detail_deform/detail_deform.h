@@ -605,8 +605,8 @@ typedef struct dd_transfer_info {
   double placement[12]; /* a row-major 3x4 matrix: of the source onto the target, with a reflection
                            where that is mirrored */
   int32_t overstretched_count;   /* triangles of the source that correspond to more than eight times
-                                  their area, for how large their part is on the target, so that
-                                  the mean about them stands in for them */
+                                  their area, for how large their part is on the target or is
+                                  placed there, so that the mean about them stands in for them */
   int32_t overstretched_example; /* the one that corresponds to most */
   int32_t through_count;   /* vertices of a target that is kept outside of its source which are
                               through it at rest: they are kept from going farther */

@@ -30,7 +30,7 @@ class PointGrid {
 
   /// Calls found(l, squared distance) for the k-th point and each l-th one, l > k, that is nearer
   /// to it than the reach, in an order that depends on the points alone: from all k, each pair
-  /// once. most: of a crowd only so many are looked at, evenly.
+  /// once. most: of a crowd only about so many are looked at, evenly.
   template <class Found>
   void near_after(int k, int most, const Found& found) const {
     const Entry& own = entries_[size_t(k)];
@@ -51,7 +51,7 @@ class PointGrid {
       }
     const int step = 1 + crowd / most;
     for (const Column* column = columns; column != columns + count; ++column)
-      for (int l = column->begin; l < column->end; l += step) {
+      for (int l = column->begin + k % step; l < column->end; l += step) {
         const Entry& other = entries_[size_t(l)];
         const double squared = (other.place - own.place).squaredNorm();
         // Other cells share these slots.

@@ -338,12 +338,12 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   std::optional<Lying> lying;
   if (!(stretch < kConvincing)) {
     lying = lying_on(placed, from, onto, places, pool);
-    std::vector<Similarity> stances = {Similarity()};
-    if (stance && !stance->mirrored) stances.push_back(*stance);
-    for (const Similarity& one : stances) {
-      const Similarity standing = in_boxes(one, boxes);
+    const auto stand = [&](const Similarity& in_units_of_meshes) {
+      const Similarity standing = in_boxes(in_units_of_meshes, boxes);
       if (!lying && stands_on(from, onto, places, standing)) lying = Lying{standing, false};
-    }
+    };
+    stand(Similarity());
+    if (stance && !stance->mirrored) stand(*stance);
   }
   result.lies_on = lying.has_value();
   const auto in_units = [&](const Similarity& unit) {

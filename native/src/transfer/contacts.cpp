@@ -14,7 +14,7 @@ namespace {
 constexpr double kFarReaches = 4;
 constexpr int kRanges = 64;  // that points are shared out in, whatever the threads
 constexpr int kDense = 3;    // points in a reach
-constexpr int kCrowd = 500;  // points about one: a few sheets of them are fewer
+constexpr int kCrowd = 250;  // points after one, about it: a few sheets of them are fewer
 
 double risen(double t) {
   t = std::clamp(t, 0.0, 1.0);
@@ -73,7 +73,8 @@ std::vector<int> Contacts::near_what_moves(const Positions& posed, ThreadPool& p
   return near;
 }
 
-std::vector<Contacts::Pair> Contacts::closing_pairs(const PointGrid& grid, ThreadPool& pool) const {
+std::vector<std::vector<Contacts::Pair>> Contacts::closing_pairs(const PointGrid& grid,
+                                                                 ThreadPool& pool) const {
   struct Seen {
     Eigen::RowVector3d rest;
     int part;
@@ -100,45 +101,48 @@ std::vector<Contacts::Pair> Contacts::closing_pairs(const PointGrid& grid, Threa
               {{grid.point(k), grid.point(l)}, static_cast<float>(share)});
       });
   });
-  std::vector<Pair> result;
-  for (const std::vector<Pair>& of_range : found)
-    result.insert(result.end(), of_range.begin(), of_range.end());
-  return result;
+  return found;
 }
 
 bool Contacts::take(const Positions& posed, ThreadPool& pool) {
   const std::vector<int> near = near_what_moves(posed, pool);
   if (near.empty()) return false;
-  const std::vector<Pair> pairs = closing_pairs(PointGrid(posed, near, reach_, pool), pool);
+  const std::vector<std::vector<Pair>> found =
+      closing_pairs(PointGrid(posed, near, reach_, pool), pool);
   begin_.assign(static_cast<size_t>(posed.rows()) + 1, 0);
-  for (const Pair& pair : pairs)
-    for (int i : pair.points) ++begin_[size_t(i) + 1];
+  for (const std::vector<Pair>& of_range : found)
+    for (const Pair& pair : of_range)
+      for (int i : pair.points) ++begin_[size_t(i) + 1];
   std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
-  partners_.resize(2 * pairs.size());
-  std::vector<int> next(begin_.begin(), begin_.end() - 1);
-  for (const Pair& pair : pairs)
-    for (int side = 0; side < 2; ++side)
-      partners_[size_t(next[size_t(pair.points[side])]++)] = {pair.points[1 - side], pair.share};
-  return !pairs.empty();
+  partners_.resize(begin_.back());
+  std::vector<size_t> next(begin_.begin(), begin_.end() - 1);
+  for (const std::vector<Pair>& of_range : found)
+    for (const Pair& pair : of_range)
+      for (int side = 0; side < 2; ++side)
+        partners_[next[size_t(pair.points[side])]++] = {pair.points[1 - side], pair.share};
+  return !partners_.empty();
 }
 
-Rows Contacts::missing(const Positions& posed, const Positions& placed) const {
+Rows Contacts::missing(const Positions& posed, const Positions& placed, ThreadPool& pool) const {
   Rows result = Rows::Zero(posed.rows(), 4);
-  for (int i = 0; i < static_cast<int>(posed.rows()); ++i) {
+  const auto find = [&](Index i) {
     Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
     double shares = 0, most = 0;
-    for (int k = begin_[size_t(i)]; k < begin_[size_t(i) + 1]; ++k) {
-      const Partner& partner = partners_[size_t(k)];
+    for (size_t k = begin_[size_t(i)]; k < begin_[size_t(i) + 1]; ++k) {
+      const Partner& partner = partners_[k];
       sum += partner.share * (posed.row(partner.point) - placed.row(partner.point));
       shares += partner.share;
       most = std::max<double>(most, partner.share);
     }
-    if (!(shares > 0)) continue;
+    if (!(shares > 0)) return;
     const Eigen::RowVector3d e = (posed.row(i) - placed.row(i) - sum / shares) / 2;
     const double doubt = e.squaredNorm() / (kFarReaches * kFarReaches * reach_ * reach_);
     const double share = stands_for_[size_t(i)] * most / (1 + doubt * doubt);
     result.row(i) << share * e, share;
-  }
+  };
+  pool.parallel_for(result.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (Index i = begin; i < end; ++i) find(i);
+  });
   return result;
 }
 

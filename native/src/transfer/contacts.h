@@ -34,16 +34,17 @@ class Contacts {
   ///   e_i = ½ ((y_i − p_i) − mean_j (y_j − p_j)), weighted by c_ij;
   ///
   /// what is much farther than the reach isn't believed.
-  Rows missing(const Positions& posed, const Positions& placed) const;
+  Rows missing(const Positions& posed, const Positions& placed, ThreadPool& pool) const;
 
  private:
   struct Pair {
     int points[2];
     float share;  // c_ij
   };
-  /// Of the chosen points those that may close, and whom they may close with.
+  /// The chosen points in the box of those that move, and as far about it as they may close.
   std::vector<int> near_what_moves(const Positions& posed, ThreadPool& pool) const;
-  std::vector<Pair> closing_pairs(const PointGrid& grid, ThreadPool& pool) const;
+  /// Of the grid's points those that close, in ranges that are the same whatever the threads.
+  std::vector<std::vector<Pair>> closing_pairs(const PointGrid& grid, ThreadPool& pool) const;
 
   struct Partner {
     int point;
@@ -53,7 +54,7 @@ class Contacts {
   std::vector<int> parts_, chosen_;
   std::vector<double> stands_for_;  // of each point; 0: another one stands for it
   double reach_;
-  std::vector<int> begin_;  // of each point's partners
+  std::vector<size_t> begin_;  // of each point's partners
   std::vector<Partner> partners_;
 };
 

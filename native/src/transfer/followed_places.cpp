@@ -235,7 +235,7 @@ void FollowedPlaces::close(const Positions& places, Positions& result) {
   Positions placed(places.rows(), 3);
   for (Index r = 0; r < placed.rows(); ++r) placed.row(r) = result.row(vertices_[size_t(r)]);
   for (int round = 0; round < kClosings; ++round) {
-    const Rows missing = contacts_->missing(places, placed);
+    const Rows missing = contacts_->missing(places, placed, pool_);
     // Divided by the smooth part of the weights, what closes is moved wholly though it is a rim.
     factor_->solve_rows([&](int r) { return masses_[r] * missing.row(r); },
                         [&](int r, const auto* x) {

@@ -238,9 +238,11 @@ const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
     throw Error(Status::argument, "The pose has " + std::to_string(pose.rows()) +
                                       " vertices, and the source " +
                                       std::to_string(source_.vertex_count()) + ".");
-  for (Index v = pose.allFinite() ? pose.rows() : 0; v < pose.rows(); ++v)
-    if (!pose.row(v).allFinite())
-      throw Error(Status::argument, "Vertex " + std::to_string(v) + " of the pose is not finite.");
+  if (!pose.allFinite())
+    for (Index v = 0; v < pose.rows(); ++v)
+      if (!pose.row(v).allFinite())
+        throw Error(Status::argument,
+                    "Vertex " + std::to_string(v) + " of the pose is not finite.");
   const Positions anchor_places = checked_places(places);
 
   gradients_->take(pose, rotation_only, pool_);

@@ -27,6 +27,7 @@ constexpr double kNearest = 0.001;  // of the box: a median that is taken for no
 // Of the box, the larger median of what lies on another: akin heads have .004, animals .01.
 constexpr double kLying = 0.006;
 constexpr double kMost = 0.9;       // of the samples of a part
+constexpr double kOfPart = 0.1;     // of its own box: what is tiny is near to much
 constexpr double kSettled = 0.002;  // of the misfit, that a round changes
 constexpr size_t kPromising = 8;    // after a quick look
 constexpr int kManyMarkers = 8;
@@ -284,12 +285,14 @@ std::optional<Lying> lying_on(const std::vector<Placement>& starts, const Coarse
 
 bool stands_on(const CoarseShape& source, const CoarseShape& target, const MarkedPlaces& marked,
                const Similarity& stance) {
-  // Of the larger box: in the smaller one what is little there is much.
+  if (!keeps(stance, marked)) return false;
+  // Of the larger box, as what is little in the smaller one is much there; in the target's.
   const double far = kLying * std::max(1.0, stance.scale);
-  return keeps(stance, marked) &&
-         ((is_open(source) && most_are_near(source, stance, target, far)) ||
-          (is_open(target) &&
-           most_are_near(target, stance.inverse(), source, far / stance.scale)));
+  const double of_source = std::min(far, kOfPart * stance.scale),
+               of_target = std::min(far, kOfPart);
+  return (is_open(source) && most_are_near(source, stance, target, of_source)) ||
+         (is_open(target) &&
+          most_are_near(target, stance.inverse(), source, of_target / stance.scale));
 }
 
 }  // namespace dd
