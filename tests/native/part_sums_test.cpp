@@ -9,7 +9,7 @@
 
 using namespace dd;
 
-TEST_CASE("sums over parts have each item once, whatever the sizes and threads") {
+TEST_CASE("sums over parts have each item once, whatever the sizes and threads", "[threads]") {
   struct Sum {
     double value = 0;
     size_t count = 0;

@@ -40,9 +40,9 @@ bool marked_as_mirror_image(const Mesh& source, const Mesh& target, const Pairs&
 /// (zoomed_out()), at first of few samples, and so do maps that take left and right otherwise; the
 /// most promising that differ are mapped by all. The one is taken that keeps lengths best and lies
 /// nearest and doesn't turn the surface inside out, of those that keep the markers where any does.
-/// Unless that convinces, lying_on() has the last word, then stands_on(), as their positions have it
-/// or by a given stance of the source, of which a reflection isn't looked at. Never mirrored: what
-/// are mirror images is mirrored first.
+/// Unless that convinces, lying_on() has the last word, then stands_on(), as their positions have
+/// it or by a given stance of the source, of which a reflection isn't looked at. Never mirrored:
+/// what are mirror images is mirrored first.
 Alignment align(const Mesh& source, const Mesh& target, const Pairs& markers, int threads = 0,
                 const Progress& progress = {}, const Similarity* stance = nullptr);
 
