@@ -20,18 +20,11 @@ _WHERE_IT_IS_RIGHT = "If it is right, press Find Match, which takes it as it is.
 _WHERE_THEY_ARE_RIGHT = "If they are right, press Find Match, which takes them as they are."
 
 
-def _searched_for(source, target):
-    return (*(mesh_data.signature(proportions.shape(ob)) + mesh_data.topology_signature(ob.data)
-              for ob in (source, target)),
-            markers.pairs(source, target).tobytes())
-
-
-def _standing(source, target, stance):
+def _standing(shapes, stance):
     """How the source stands beside the target, in parts of its box and no finer than is of interest."""
     if stance is None:
         return b''
-    (low, high), (least, most) = ((each.min(0, initial=0), each.max(0, initial=0)) for each in map(
-        proportions.shape, (source, target)))
+    (low, high), (least, most) = ((each.min(0, initial=0), each.max(0, initial=0)) for each in shapes)
     corners = np.array(list(itertools.product(*zip(low, high)))) @ stance[:, :3].T + stance[:, 3]
     return (np.round(corners / max(np.linalg.norm(most - least), 1e-30), 4) + 0.0).tobytes()  # has no negative zero
 
@@ -40,13 +33,15 @@ def search(source, target):
     """Generator: the correspondence found by the shapes of both objects and the markers on them; yields the fraction
     done. Raises MeshProblem or native.NativeError."""
     global _last
-    searched_for, stance = _searched_for(source, target), proportions.stance(source, target)
-    standing = _standing(source, target, stance)
+    sides, pairs = (source, target), markers.pairs(source, target)
+    shapes, stance = [proportions.shape(ob) for ob in sides], proportions.stance(source, target)
+    searched_for = (*map(mesh_data.signature, shapes), *(mesh_data.topology_signature(ob.data) for ob in sides),
+                    pairs.tobytes())
+    standing = _standing(shapes, stance)
     if _last[0] == searched_for and (_last[1] == standing or _last[2].confidence.mean() > _FITS):
         return _last[2]
     matched = correspondence.Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
-    match = native.Match((proportions.shape(source), matched.source_triangles),
-                         (proportions.shape(target), matched.target_triangles), markers.pairs(source, target),
+    match = native.Match((shapes[0], matched.source_triangles), (shapes[1], matched.target_triangles), pairs,
                          stance=stance)
     try:
         yield from match.fractions()

@@ -72,6 +72,18 @@ def transferring():
     screenshot('following')
 
 
+def seen_alone(kind, name):
+    """A screenshot of one area in the whole window."""
+    window = bpy.context.window_manager.windows[0]
+    with bpy.context.temp_override(window=window, area=area(kind)):
+        bpy.ops.screen.screen_full_area()
+    yield 0.5
+    screenshot(name)
+    with bpy.context.temp_override(window=window, area=area(kind)):
+        bpy.ops.screen.back_to_previous()
+    yield 0.5
+
+
 def transferring_to_many():
     """Keys of one Suzanne onto eight others, of which one can't be done: cancelled, taken back, and done."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
@@ -137,20 +149,7 @@ def transferring_to_many():
     check("then all are done but one", len(done()) == 7 and failed() == ["Head 3"])
     area('INFO').type = 'TEXT_EDITOR'
     area('TEXT_EDITOR').spaces.active.text = bpy.data.texts[0]
-    view = {'window': bpy.context.window_manager.windows[0], 'area': area('PROPERTIES')}
-    with bpy.context.temp_override(**view):
-        bpy.ops.screen.screen_full_area()
-    yield 0.5
-    screenshot('many_panel')
-    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area('PROPERTIES')):
-        bpy.ops.screen.back_to_previous()
-    yield 0.5
-    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area('TEXT_EDITOR')):
-        bpy.ops.screen.screen_full_area()
-    yield 0.5
-    screenshot('many_table')
-    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area('TEXT_EDITOR')):
-        bpy.ops.screen.back_to_previous()
-    yield 0.5
+    yield from seen_alone('PROPERTIES', 'many_panel')
+    yield from seen_alone('TEXT_EDITOR', 'many_table')
     area('TEXT_EDITOR').type = 'INFO'
     yield 0.3
