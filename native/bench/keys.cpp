@@ -7,13 +7,15 @@
 // something (an eye, a mouth) what gap they leave, in parts of the truth's. Of the largest loose
 // part alone.
 //
-//   keys [--markers 11] [--turned 0] REST.obj IDENTITY.obj KEY.obj...
+//   keys [--markers 11] [--turned 0] [--whole] REST.obj IDENTITY.obj KEY.obj...
 //   turned: degrees by which the data of IDENTITY are turned about (1, 2, 3)
+//   whole: with all loose parts, eyes and teeth; also how many vertices have their point on another
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -33,6 +35,12 @@ namespace {
 using dd::Index;
 using dd::Mesh;
 using dd::Positions;
+
+std::vector<int> all_of(const Mesh& mesh) {
+  std::vector<int> all(size_t(mesh.vertex_count()));
+  std::iota(all.begin(), all.end(), 0);
+  return all;
+}
 
 /// Vertices of the largest loose part.
 std::vector<int> largest_part(const Mesh& mesh) {
@@ -93,25 +101,33 @@ dd::Triangles cut_anew(const dd::Triangles& t, int vertex_count) {
   return Eigen::Map<dd::Triangles>(corners.data(), Index(corners.size() / 3), 3);
 }
 
-/// Vertices as far from one another as can be.
-std::vector<int> far_vertices(const Positions& p, int count) {
+/// Of the mesh that was cut anew: a vertex of the loose part that vertex v is of.
+int own_vertex(const Mesh& mesh, int v) {
+  return v < mesh.vertex_count() ? v : mesh.triangles(v - mesh.vertex_count(), 0);
+}
+
+/// Of these vertices so many as far from one another as can be.
+std::vector<int> far_vertices(const Positions& positions, const std::vector<int>& of, int count) {
+  Positions p(Index(of.size()), 3);
+  for (size_t i = 0; i < of.size(); ++i) p.row(Index(i)) = positions.row(of[i]);
   std::vector<int> result;
   Eigen::VectorXd distances = (p.rowwise() - p.colwise().mean()).rowwise().norm();
   for (int i = 0; i < count; ++i) {
     Index farthest;
     distances.maxCoeff(&farthest);
     if (i == 0) distances.setConstant(1e300);
-    result.push_back(int(farthest));
+    result.push_back(of[size_t(farthest)]);
     distances = distances.cwiseMin((p.rowwise() - p.row(farthest)).rowwise().norm());
   }
   return result;
 }
 
-/// Pairs of vertices that a pose brings to a third of their distance and next to one another.
-dd::Pairs closing(const Positions& rest, const Positions& posed) {
+/// Pairs of vertices of one loose part each that a pose brings to a third of their distance and next
+/// to one another.
+dd::Pairs closing(const Positions& rest, const Positions& posed, const std::vector<int>& parts) {
   const double box = dd::bounding_box_diagonal(rest);
   std::vector<int> all(size_t(rest.rows()));
-  for (size_t i = 0; i < all.size(); ++i) all[i] = int(i);
+  std::iota(all.begin(), all.end(), 0);
   dd::ThreadPool pool;
   const dd::PointGrid grid(posed, all, 0.003 * box, pool);
   std::vector<int> nearest(all.size(), -1);
@@ -125,7 +141,9 @@ dd::Pairs closing(const Positions& rest, const Positions& posed) {
     grid.near_after(k, 1000, [&](int l, double squared) {
       const int i = grid.point(k), j = grid.point(l);
       const double apart = (rest.row(i) - rest.row(j)).norm();
-      if (!(apart > 0.008 * box && apart > 3 * std::sqrt(squared))) return;
+      if (!(apart > 0.008 * box && apart > 3 * std::sqrt(squared)) || parts[size_t(i)] != 0 ||
+          parts[size_t(j)] != 0)
+        return;
       offer(i, j, squared);
       offer(j, i, squared);
     });
@@ -146,21 +164,25 @@ double mean_gap(const Positions& p, const dd::Pairs& pairs) {
 int main(int argc, char** argv) try {
   int marker_count = 11;
   double turned = 0;
+  bool with_all = false;
   std::vector<std::string> files;
   for (int i = 1; i < argc; ++i) {
     if (!std::strcmp(argv[i], "--markers") && i + 1 < argc)
       marker_count = std::atoi(argv[++i]);
     else if (!std::strcmp(argv[i], "--turned") && i + 1 < argc)
       turned = std::atof(argv[++i]);
+    else if (!std::strcmp(argv[i], "--whole"))
+      with_all = true;
     else
       files.push_back(argv[i]);
   }
   if (files.size() < 3) {
-    std::fprintf(stderr, "keys [--markers 11] [--turned 0] REST.obj IDENTITY.obj KEY.obj...\n");
+    std::fprintf(stderr,
+                 "keys [--markers 11] [--turned 0] [--whole] REST.obj IDENTITY.obj KEY.obj...\n");
     return 2;
   }
   const Mesh whole = dd::bench::mesh_from_file(files[0]);
-  const std::vector<int> part = largest_part(whole);
+  const std::vector<int> part = with_all ? all_of(whole) : largest_part(whole);
   const Mesh source = part_of(whole, part);
   const auto read = [&](const std::string& file) {
     const Mesh mesh = dd::bench::mesh_from_file(file);
@@ -174,15 +196,25 @@ int main(int argc, char** argv) try {
   const Mesh target = {cut_anew(identity, source.triangles),
                        cut_anew(source.triangles, source.vertex_count())};
   const double box = dd::bounding_box_diagonal(target.positions);
+  const dd::Components parts_of_source(source.triangles, source.vertex_count()),
+      parts(target.triangles, target.vertex_count());
 
   dd::Pairs markers;
-  for (int v : far_vertices(source.positions, marker_count)) markers.push_back({v, v});
+  for (int v : far_vertices(source.positions, largest_part(source), marker_count))
+    markers.push_back({v, v});
   const Mesh fitted = {dd::register_onto(source, target, markers, {}), source.triangles};
   const dd::Match match = dd::match_triangles(fitted, target, 0.1);
   dd::TransferOptions options;
   dd::MeshTransfer gradients(source, target, match.correspondence, options);
   dd::ThreadPool pool(0);
   options.points = dd::points_of_fit(fitted, target, match.correspondence, pool);
+  int elsewhere = 0;
+  for (int v = 0; v < target.vertex_count(); ++v) {
+    const int there = options.points[size_t(v)].triangle;
+    if (there >= 0 && parts_of_source.of_vertex[size_t(source.triangles(there, 0))] !=
+                          parts_of_source.of_vertex[size_t(own_vertex(source, v))])
+      ++elsewhere;
+  }
   options.placing = dd::Placing::vertices;
   dd::MeshTransfer places(source, target, match.correspondence, options);
   options.placing = dd::Placing::displacements;
@@ -195,6 +227,9 @@ int main(int argc, char** argv) try {
   const size_t count = files.size() - 2;
   std::printf("%d and %d triangles, %d markers\n", source.triangle_count(), target.triangle_count(),
               int(markers.size()));
+  if (with_all)
+    std::printf("%d of %d vertices have their point on another loose part than their own\n",
+                elsewhere, target.vertex_count());
   for (size_t i = 2; i < files.size(); ++i) {
     const Positions pose = read(files[i]), moves = pose - source.positions;
     const Positions truth = target.positions + cut_anew(moves, source.triangles) * turn.transpose();
@@ -216,7 +251,7 @@ int main(int argc, char** argv) try {
     const double move = (found[1] - target.positions).rowwise().norm().maxCoeff() /
                         std::max(1e-4 * box, moves.rowwise().norm().maxCoeff());
     if (move > largest_move) largest_move = move, what_moves = files[i];
-    const dd::Pairs pairs = closing(target.positions, truth);
+    const dd::Pairs pairs = closing(target.positions, truth, parts.of_vertex);
     const size_t name = files[i].find_last_of('/') + 1;
     if (pairs.size() > 50) {
       const double of_truth = mean_gap(truth, pairs);

@@ -54,7 +54,7 @@ COLOURS = {"Young": {None: (0.50, 0.235, 0.145), 'lips': (0.36, 0.10, 0.075), 'b
 GAZE = 0.22  # to their left, in radians
 INSIDE = (0.10, 0.018, 0.016)  # of the mouth
 BROW_HAIR = ((0.055, 0.02, 0.035, -0.030), (0.050, 0, 0.045, -0.030), (0.035, -0.02, 0.050, -0.025))  # to the brow
-OVERLAP = 0.06  # of closed lids, as a share of how far they were open
+OVERLAP = (0.06, 0.3)  # of closed lids in the middle, and more at the corners, as shares of how far they were open
 KEYS = ("Jaw Open", "Smile", "Blink Left", "Brow Up")
 
 
@@ -222,9 +222,11 @@ def blink_left(points, f):
     rows = turned(corner_axis(f))
     q = (points - np.array(f.eye)) @ rows.T
     radius, theta, far = np.linalg.norm(q, axis=1), np.arctan2(q[:, 2], q[:, 0]), 1.35
-    low, high = lid_edges(q[:, 1] / f.opening[0], theta, np.abs(radius - f.eyeball - 0.6 * f.lid) < 0.4 * f.lid)
+    along = q[:, 1] / f.opening[0]
+    low, high = lid_edges(along, theta, np.abs(radius - f.eyeball - 0.6 * f.lid) < 0.4 * f.lid)
     meet, is_upper = 0.75 * low + 0.25 * high, theta > (low + high) / 2
-    edge, meet = np.where(is_upper, high, low), meet + np.where(is_upper, -OVERLAP, OVERLAP) * (high - low)
+    overlap = (OVERLAP[0] + OVERLAP[1] * np.minimum(along ** 2, 1.5)) * (high - low)
+    edge, meet = np.where(is_upper, high, low), meet + np.where(is_upper, -overlap, overlap)
     share = np.clip(np.where(is_upper, (far - theta) / (far - high), (far + theta) / (far + low)), 0, 1)
     # Steep at the lid's edge, where it has to arrive whole; level where it ends.
     turn = share ** 1.6 * (meet - edge) * smoothstep((f.eyeball + f.lid + 0.19 - radius) / 0.17) * (np.abs(theta) < far)

@@ -54,17 +54,23 @@ class AabbTree {
         point, reach, [](const Node&) { return true; }, accept);
   }
 
-  /// The nearest point of those triangles whose normals are less than a right angle off a given
-  /// one, within reach. What faces away is left aside branch by branch, so a search ends soon where
-  /// little faces, or nothing.
+  /// The nearest point of those triangles that accept(j) takes and whose normals are less than a
+  /// right angle off a given one, within reach. What faces away is left aside branch by branch, so
+  /// a search ends soon where little faces, or nothing.
+  template <class Accept>
   PointOnTriangle nearest_facing(const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
-                                 double reach) const {
+                                 double reach, const Accept& accept) const {
     const auto may_face = [&](const Node& node) {
       return normal.cwiseProduct(node.normals.min())
                  .cwiseMax(normal.cwiseProduct(node.normals.max()))
                  .sum() > 0;
     };
-    return nearest(point, reach, may_face, [&](int j) { return normals_.row(j).dot(normal) > 0; });
+    return nearest(point, reach, may_face,
+                   [&](int j) { return normals_.row(j).dot(normal) > 0 && accept(j); });
+  }
+  PointOnTriangle nearest_facing(const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
+                                 double reach) const {
+    return nearest_facing(point, normal, reach, [](int) { return true; });
   }
 
  private:

@@ -79,7 +79,8 @@ class Aligning {
       for (int signs = 1; signs < 1 << (kFirst - 1); ++signs) {
         starts.push_back(base);
         Eigen::MatrixXd& matrix = starts.back().map.matrix;
-        matrix = matrix.topLeftCorner(kFirst, kFirst).eval();
+        // Moved: where there is no memory, an assignment leaves what Eigen frees twice.
+        matrix = Eigen::MatrixXd(matrix.topLeftCorner(kFirst, kFirst));
         for (int k = 1; k < kFirst; ++k)
           if (signs >> (k - 1) & 1) matrix.col(k) *= -1;
       }

@@ -25,13 +25,14 @@ bool at_border(const Borders& borders, const PointOnTriangle& point) {
 
 /// Of each vertex of a mesh the nearest point of another one; triangle −1: none.
 std::vector<PointOnTriangle> nearest_points_of(const Mesh& mesh, const Positions& normals,
-                                               const AabbTree& other, double reach,
-                                               ThreadPool& pool) {
+                                               const AabbTree& other, const PartPairs& pairs,
+                                               double reach, ThreadPool& pool) {
   std::vector<PointOnTriangle> found(static_cast<size_t>(mesh.vertex_count()));
   pool.parallel_for(mesh.vertex_count(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (int64_t v = begin; v < end; ++v)
-      found[size_t(v)] = other.nearest_facing(mesh.positions.row(v).transpose(),
-                                              normals.row(v).transpose(), reach);
+      found[size_t(v)] =
+          pairs.nearest_facing(other, static_cast<int>(v), mesh.positions.row(v).transpose(),
+                               normals.row(v).transpose(), reach);
   });
   return found;
 }
@@ -56,6 +57,8 @@ GoalFinder::GoalFinder(const Mesh& source, const Mesh& target, double reach, Thr
       pool_(pool),
       reach_(reach),
       tree_(target),
+      source_parts_(source),
+      target_parts_(target),
       source_borders_(source.triangles, source.vertex_count()),
       target_borders_(target.triangles, target.vertex_count()),
       target_normals_(summed_normals(target.positions, target.triangles)) {}
@@ -65,7 +68,8 @@ FitGoals GoalFinder::nearest(const Mesh& now) const {
 }
 
 FitGoals GoalFinder::nearest(const Mesh& now, const Positions& normals) const {
-  const std::vector<PointOnTriangle> points = nearest_points_of(now, normals, tree_, reach_, pool_);
+  const std::vector<PointOnTriangle> points = nearest_points_of(
+      now, normals, tree_, PartPairs(now, source_parts_, target_, target_parts_), reach_, pool_);
   FitGoals result = {now.positions, std::vector<FitGoals::Found>(points.size())};
   for (size_t v = 0; v < points.size(); ++v) {
     if (points[v].triangle < 0) continue;
@@ -80,7 +84,8 @@ FitGoals GoalFinder::both_ways(const Mesh& now) const {
   const Positions normals = summed_normals(now.positions, now.triangles);
   FitGoals result = nearest(now, normals);
   const std::vector<PointOnTriangle> points =
-      nearest_points_of(target_, target_normals_, AabbTree(now), reach_, pool_);
+      nearest_points_of(target_, target_normals_, AabbTree(now),
+                        PartPairs(target_, target_parts_, now, source_parts_), reach_, pool_);
   Positions ways = Positions::Zero(now.vertex_count(), 3);
   Eigen::VectorXd weights = Eigen::VectorXd::Zero(now.vertex_count());
   for (size_t v = 0; v < points.size(); ++v) {

@@ -6,6 +6,7 @@
 #include "mesh/aabb_tree.h"
 #include "mesh/topology.h"
 #include "support/thread_pool.h"
+#include "transfer/part_pairs.h"
 
 namespace dd {
 
@@ -22,7 +23,7 @@ struct FitGoals {
 };
 
 /// Finds goals on a target: nearest points whose normals are less than a right angle off, within
-/// reach. Keeps references to the target and the pool.
+/// reach, on loose parts that may correspond (PartPairs). Keeps references to the target and the pool.
 class GoalFinder {
  public:
   GoalFinder(const Mesh& source, const Mesh& target, double reach, ThreadPool& pool);
@@ -43,6 +44,7 @@ class GoalFinder {
   ThreadPool& pool_;
   double reach_;
   AabbTree tree_;
+  LooseParts source_parts_, target_parts_;
   Borders source_borders_, target_borders_;
   Positions target_normals_;  // as long as twice the area about the vertex
 };

@@ -9,6 +9,7 @@
 #include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 #include "support/thread_pool.h"
+#include "transfer/part_pairs.h"
 
 namespace dd {
 
@@ -71,18 +72,20 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
   const Mesh* meshes[2] = {&registered, &target};
   const Positions normals[2] = {triangle_normals(registered.positions, registered.triangles),
                                 triangle_normals(target.positions, target.triangles)};
+  const LooseParts parts[2] = {LooseParts(registered), LooseParts(target)};
   std::vector<PointOnTriangle> found[2];
   ThreadPool pool(threads);
   for (const int from : {0, 1}) {
     report(progress, 0.5 * from, "Looking for corresponding triangles");
     const Mesh& mesh = *meshes[from];
     const AabbTree tree(*meshes[1 - from]);
+    const PartPairs pairs(mesh, parts[from], *meshes[1 - from], parts[1 - from]);
     found[from].resize(static_cast<size_t>(mesh.triangle_count()));
     pool.parallel_for(mesh.triangle_count(), kLeastRange, [&](int64_t begin, int64_t end) {
       for (int64_t j = begin; j < end; ++j)
-        found[from][size_t(j)] =
-            tree.nearest_facing(triangle_centre(mesh.positions, mesh.triangles, j),
-                                normals[from].row(j).transpose(), reach * box);
+        found[from][size_t(j)] = pairs.nearest_facing(
+            tree, mesh.triangles(j, 0), triangle_centre(mesh.positions, mesh.triangles, j),
+            normals[from].row(j).transpose(), reach * box);
     });
   }
   Pairs pairs;

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "transfer/part_pairs.h"
+
+#include "catch.h"
+#include "mesh/topology.h"
+#include "mesh/triangles.h"
+#include "meshes.h"
+#include "transfer/registration.h"
+#include "transfer/source_points.h"
+#include "transfer/triangle_match.h"
+
+using namespace dd;
+
+namespace {
+
+Mesh ball(int levels, const Eigen::RowVector3d& centre, double radius) {
+  Mesh mesh = test::sphere(levels);
+  mesh.positions = (radius * mesh.positions).rowwise() + centre;
+  return mesh;
+}
+
+/// A skin and two eyes that stand out of it by a part of their radius.
+Mesh face(int levels, double radius, double out, double skin = 1) {
+  Mesh mesh = ball(levels, {0, 0, 0}, skin);
+  for (int side : {-1, 1}) {
+    const Eigen::RowVector3d way = Eigen::RowVector3d(0.8, 0.45 * side, 0.4).normalized();
+    mesh = test::appended(mesh, ball(levels - 1, (skin + (out - 1) * radius) * way, radius));
+  }
+  return mesh;
+}
+
+std::vector<int> parts_of(const Mesh& mesh) {
+  return Components(mesh.triangles, mesh.vertex_count()).of_vertex;
+}
+
+/// The part of the other mesh's point that is nearest to each vertex.
+std::vector<int> nearest_parts(const Mesh& mesh, const Mesh& other) {
+  const LooseParts own(mesh), others(other);
+  const PartPairs pairs(mesh, own, other, others);
+  const Positions normals = summed_normals(mesh.positions, mesh.triangles);
+  const AabbTree tree(other);
+  const std::vector<int> of_other = parts_of(other);
+  std::vector<int> found;
+  for (int v = 0; v < mesh.vertex_count(); ++v) {
+    const PointOnTriangle point = pairs.nearest_facing(tree, v, mesh.positions.row(v).transpose(),
+                                                       normals.row(v).transpose(), 10);
+    found.push_back(of_other[size_t(other.triangles(point.triangle, 0))]);
+  }
+  return found;
+}
+
+}  // namespace
+
+TEST_CASE("loose parts take those of their own kind, though others are nearer") {
+  const Mesh source = face(4, 0.3, 0.7), target = face(4, 0.26, 0.7, 0.99);
+  CHECK(nearest_parts(target, source) == parts_of(target));
+  CHECK(nearest_parts(source, target) == parts_of(source));
+  // Which they are by far not by what is nearest.
+  const AabbTree tree(source);
+  const std::vector<int> of_source = parts_of(source), of_target = parts_of(target);
+  int others = 0;
+  for (int v = 0; v < target.vertex_count(); ++v) {
+    const PointOnTriangle any =
+        tree.nearest(target.positions.row(v).transpose(), 10, [](int) { return true; });
+    others += of_source[size_t(source.triangles(any.triangle, 0))] != of_target[size_t(v)];
+  }
+  CHECK(others > 20);
+}
+
+TEST_CASE("what is one loose part may correspond to several, and one that is missing to another") {
+  const Mesh source = face(4, 0.3, 0.7);
+  // An edge of each eye's rear grown to the skin: one part, of nearly the same shape.
+  Mesh grown = source;
+  const std::vector<int> parts = parts_of(source);
+  const Index count = grown.triangles.rows();
+  grown.triangles.conservativeResize(count + 2, 3);
+  for (int eye : {1, 2}) {
+    int first = 0;
+    while (parts[size_t(first)] != eye) ++first;
+    grown.triangles.row(count + eye - 1) << 0, first, first + 1;
+  }
+  grown.positions *= 1.001;
+  REQUIRE(Components(grown.triangles, grown.vertex_count()).count == 1);
+  const std::vector<int> nearest = nearest_parts(grown, source);
+  int others = 0;
+  for (size_t v = 0; v < parts.size(); ++v) others += nearest[v] != parts[v];
+  CHECK(others <= 3 * 2);  // what the added triangles turn
+  const Mesh skin = ball(4, {0, 0, 0}, 1);
+  CHECK(nearest_parts(source, skin) == std::vector<int>(parts.size(), 0));
+}
+
+TEST_CASE("a fit and what corresponds keep eyes and skin apart") {
+  const Mesh source = face(4, 0.3, 0.6), target = face(5, 0.24, 0.8, 1.03);
+  const Pairs markers = {
+      {0, 0}, {1, 1}, {2, 2}, {3, 3}, {4, 4}};  // balls don't tell how they stand
+  const Mesh fitted = {register_onto(source, target, markers, {}), source.triangles};
+  const Match match = match_triangles(fitted, target, 0.1);
+  const std::vector<int> of_source = parts_of(source), of_target = parts_of(target);
+  int others = 0, with_source = 0;
+  for (int j = 0; j < target.triangle_count(); ++j)
+    for (int k = match.correspondence.begin[j]; k < match.correspondence.begin[j + 1]; ++k) {
+      ++with_source;
+      others += of_source[size_t(source.triangles(match.correspondence.source[k], 0))] !=
+                of_target[size_t(target.triangles(j, 0))];
+    }
+  CHECK(with_source > target.triangle_count());
+  CHECK(others == 0);
+  for (int v = 0; v < source.vertex_count(); ++v)
+    if (of_source[size_t(v)] > 0) {
+      const double side = of_source[size_t(v)] == 1 ? -1 : 1;
+      const Eigen::RowVector3d way = Eigen::RowVector3d(0.8, 0.45 * side, 0.4).normalized();
+      const double off = (fitted.positions.row(v) - (1.03 - 0.2 * 0.24) * way).norm() - 0.24;
+      REQUIRE(std::abs(off) < 0.03);
+    }
+}
