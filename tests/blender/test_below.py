@@ -148,6 +148,31 @@ def test_what_is_left_out_is_said(pair, capfd):
     assert target.detail_deform.transfer.state == "Follows 'Source'."
 
 
+@pytest.mark.parametrize('kind', ['DECIMATE', 'BEVEL', 'MASK'])
+def test_what_is_left_out_behind_what_may_make_vertices_is_said(pair, kind):
+    source, target = pair
+    maker = source.modifiers.new("Maker", kind)
+    if kind == 'DECIMATE':
+        maker.ratio = 0.5
+    if kind == 'MASK':
+        maker.vertex_group = source.vertex_groups.new(name="Some").name
+        source.vertex_groups["Some"].add(list(range(len(source.data.vertices) // 2)), 1, 'REPLACE')
+    source.modifiers.new("Weights", 'WEIGHTED_NORMAL')
+    assert live() == {'FINISHED'}
+    assert target.detail_deform.transfer.state == "Follows 'Source'."
+    source.modifiers.new("Waves", 'WAVE')
+    update()
+    assert "What 'Waves' of 'Source' does is left out" in target.detail_deform.transfer.state
+
+
+def test_nodes_behind_what_makes_vertices_are_left_out_and_named(pair):
+    source, target = pair
+    MAKERS['SUBSURF'](source)
+    source.modifiers.new("Moved", 'NODES')
+    assert live() == {'FINISHED'}
+    assert "What 'Moved' of 'Source' does is left out" in target.detail_deform.transfer.state
+
+
 def test_a_follower_that_subdivides_is_followed_in_turn(pair):
     source, target = pair
     last = raw_strip("Last")

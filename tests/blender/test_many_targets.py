@@ -320,6 +320,14 @@ def test_one_key_that_is_no_shape_leaves_the_others(source, targets):
     source.shape_key_remove(broken)
 
 
+def test_a_mesh_without_faces_is_named(source, targets):
+    bare = bpy.data.objects.new("Bare", bpy.data.meshes.new("Bare"))
+    bpy.context.scene.collection.objects.link(bare)
+    choose(source, bare, targets[0])
+    many()
+    assert "'Bare' has no faces" in failures(source)["Bare"]
+
+
 def test_factors_are_kept_and_shared_and_memory_is_bounded(source, targets, part, monkeypatch):
     factored, prepared = part('follow.factored'), part('follow.prepared')
     made = []

@@ -82,7 +82,8 @@ def state(ob):
         return f"Preparing to follow '{source}', {100 * fraction:.0f}%."
     if settings.problem or settings.source is None:
         return settings.problem or fed.GONE
-    return f"Follows '{settings.source.name}'. {below.left_out(settings.source)}".rstrip()
+    left_out = below.left_out(settings.source, bpy.context.evaluated_depsgraph_get())
+    return f"Follows '{settings.source.name}'. {left_out}".rstrip()
 
 
 def is_preparing(ob):

@@ -103,6 +103,13 @@ def _names(names):
     return ', '.join(f"'{name}'" for name in names)
 
 
+def _plays_keys(ob):
+    """Whether baked values of examples' keys are shown in place of the result."""
+    modifier = node_group.find_modifier(ob)
+    return (ob.detail_deform.method == 'EXAMPLES' and modifier is not None and not modifier.show_viewport
+            and bool(examples.keyed(ob)))
+
+
 def _remarks(ob, info):
     """What the user may not expect of this mesh, or of this method."""
     modifier = node_group.find_modifier(ob)
@@ -111,7 +118,9 @@ def _remarks(ob, info):
     elif modifier is None:
         yield "Its modifier was removed, so nothing is shown: press Update to add it."
     elif not modifier.show_viewport:
-        yield "Its modifier is hidden, so nothing is computed: show it in the viewport."
+        yield ("The values of its examples' keys are played in its place: to follow the handles again, delete their "
+               "keyframes, set them to 0, and show the modifier in the viewport." if _plays_keys(ob) else
+               "Its modifier is hidden, so nothing is computed: show it in the viewport.")
     place = stack.why_not_here(ob)
     if place:
         yield place
@@ -170,7 +179,7 @@ def _remarks(ob, info):
             yield ("There are no examples, so the rest shape alone is pulled: press Add Shape Keys or Add Selected "
                    "Objects (Examples).")
         keys = examples.shown_keys(ob)
-        if keys:
+        if keys and not _plays_keys(ob):
             yield f"Shape keys that are examples are shown too, as {_names(keys[:3])}: set their values to 0."
         twice = posers.twice(ob)
         if twice:

@@ -98,7 +98,7 @@ def _all(context, source, target, keys, wanted):
         correspondence.store(matched, source, target)
     outcome.matched_by = _TITLES[wanted.correspondence]
     outcome.remarks += prepared.remarks(transfer)
-    left_out = below.left_out(source) if keys is None else ""
+    left_out = below.left_out(source, context.evaluated_depsgraph_get()) if keys is None else ""
     if left_out:
         outcome.remarks.append(left_out)
     outcome.seconds = time.perf_counter() - started

@@ -106,8 +106,6 @@ def _shapes(prepared, source, target, keys, places, rotation_only):
                 shape = mesh_data.key_shape(source.data, key)
                 offsets[key.name] = _offset(prepared, target, shape, rotation_only)
         except native.NativeError as error:
-            if len(keys) == 1:
-                raise
             left_out[key.name] = str(error).rstrip('.')
         yield number / len(keys)
     if not offsets:

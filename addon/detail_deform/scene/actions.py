@@ -24,6 +24,12 @@ def is_driven(owner, name):
     return bool(animation and animation.drivers.find(owner.path_from_id(name)))
 
 
+def is_keyed(owner, name):
+    """Whether keys of an action set this property."""
+    animation, path = owner.id_data.animation_data, owner.path_from_id(name)
+    return bool(animation and animation.action and any(c.data_path == path for c in curves(animation.action)))
+
+
 def times(ob):
     """The frames, not all whole, at which an object's action has keys, in order."""
     animation = ob.animation_data

@@ -14,6 +14,8 @@ MOVERS = {'ARMATURE', 'CAST', 'CLOTH', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE',
           'LAPLACIANSMOOTH', 'LATTICE', 'MESH_CACHE', 'MESH_DEFORM', 'MESH_SEQUENCE_CACHE', 'SHRINKWRAP',
           'SIMPLE_DEFORM', 'SMOOTH', 'SOFT_BODY', 'SURFACE_DEFORM', 'WARP', 'WAVE'}
 _BY_POINT = {'ARMATURE', 'CURVE', 'LATTICE'}
+_KEEPERS = {'DATA_TRANSFER', 'NORMAL_EDIT', 'TRIANGULATE', 'UV_PROJECT', 'UV_WARP', 'VERTEX_WEIGHT_EDIT',
+            'VERTEX_WEIGHT_MIX', 'VERTEX_WEIGHT_PROXIMITY', 'WEIGHTED_NORMAL'}  # of vertices, where they are
 _MAKERS = {'EXPLODE', 'MULTIRES', 'PARTICLE_INSTANCE', 'REMESH', 'SCREW', 'SKIN', 'SOLIDIFY', 'WIREFRAME'}
 
 
@@ -35,7 +37,7 @@ def _flag(depsgraph):
 def _perhaps_makes(ob, modifier):
     if modifier.type == 'MESH_SEQUENCE_CACHE':
         return True
-    return modifier.type not in MOVERS and modifier != node_group.find_modifier(ob)
+    return modifier.type not in MOVERS | _KEEPERS and modifier != node_group.find_modifier(ob)
 
 
 def _chosen(ob, flag, cut):
@@ -83,15 +85,19 @@ def _with_alone(evaluated, depsgraph, flag, chosen):
         evaluated.modifiers.foreach_set(flag, before)
 
 
-def left_out(ob):
-    """What is not followed of what moves it, for it comes behind what makes vertices: a sentence, or ''. Nodes aren't
-    asked what they make."""
-    first = _first(ob, 'show_viewport')
+def left_out(ob, depsgraph):
+    """What is not followed of what moves it, for it comes behind what makes vertices: a sentence, or ''. Nodes there
+    aren't asked whether they move any."""
+    flag = 'show_viewport'
+    first = _first(ob, flag)
+    if first is None and len(ob.evaluated_get(depsgraph).data.vertices) != len(ob.data.vertices):
+        # One of these has made them, and what comes behind the last is lost by any.
+        first = max((k for k, m in enumerate(ob.modifiers) if getattr(m, flag) and _perhaps_makes(ob, m)), default=None)
     if first is None:
         return ""
-    chosen = _chosen(ob, 'show_viewport', first)
+    chosen = _chosen(ob, flag, first)
     lost = [m.name for k, m in enumerate(ob.modifiers)
-            if k > first and m.show_viewport and m.type in MOVERS and not chosen[k]]
+            if k > first and getattr(m, flag) and m.type in MOVERS | {'NODES'} and not chosen[k]]
     if not lost:
         return ""
     return (f"What {', '.join(map(repr, lost))} of '{ob.name}' does is left out, for it comes behind "

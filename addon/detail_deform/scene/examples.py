@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from . import mesh_data
+from . import actions, mesh_data
 from .mesh_data import MeshProblem
 
 
@@ -90,6 +90,14 @@ def add_objects(ob, others):
         if other not in present:
             example = ob.detail_deform.examples.add()
             example.is_object, example.name, example.object = True, other.name, other
+
+
+def keyed(ob):
+    """Names of the examples that are shape keys whose values are keyed, as baked ones are."""
+    keys = ob.data.shape_keys
+    blocks = keys.key_blocks if keys else {}
+    return [e.name for e in enabled(ob.detail_deform)
+            if e.object is None and e.name in blocks and actions.is_keyed(blocks[e.name], 'value')]
 
 
 def shown_keys(ob):

@@ -69,6 +69,9 @@ def automatic(source, target, folder):
     """(how, path, pairs_of) as find() takes them, by what there is of these two. folder: where lists are called as
     their targets; '' for none. Raises MeshProblem where there is nothing to go by."""
     settings = target.detail_deform.transfer
+    for ob in (source, target):
+        if not ob.data.polygons:
+            raise MeshProblem(f"'{ob.name}' has no faces, and only surfaces can be matched: add faces, or leave it out.")
     if settings.correspondence == NEAREST:
         return NEAREST, "", settings.pairs_of
     if correspondence.is_same_topology(source, target):

@@ -17,6 +17,8 @@ def read_pairs(path, pairs_of):
     Numbers may be parted by spaces, commas, colons or semicolons; what follows them, comments after # and a
     first line with nothing but a count are passed over."""
     pairs = []
+    if not path:
+        raise MeshProblem("There is no list yet: choose a file in List, or another way in Match By.")
     try:
         files.check(path)
         with open(path, encoding='utf-8-sig') as file:

@@ -242,7 +242,7 @@ const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
     for (Index v = 0; v < pose.rows(); ++v)
       if (!pose.row(v).allFinite())
         throw Error(Status::argument,
-                    "Vertex " + std::to_string(v) + " of the pose is not finite.");
+                    "Vertex " + std::to_string(v) + " of the source's pose is not finite.");
   const Positions anchor_places = checked_places(places);
 
   gradients_->take(pose, rotation_only, pool_);
