@@ -9,7 +9,8 @@
 //
 //   keys [--markers 11] [--turned 0] [--whole] REST.obj IDENTITY.obj KEY.obj...
 //   turned: degrees by which the data of IDENTITY are turned about (1, 2, 3)
-//   whole: with all loose parts, eyes and teeth; also how many vertices have their point on another
+//   whole: with all loose parts, eyes and teeth, and how many vertices have their point on another;
+//   markers and gaps are of the largest alone
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -122,16 +123,13 @@ std::vector<int> far_vertices(const Positions& positions, const std::vector<int>
   return result;
 }
 
-/// Pairs of vertices of one loose part each that a pose brings to a third of their distance and next
-/// to one another.
-dd::Pairs closing(const Positions& rest, const Positions& posed, const std::vector<int>& parts) {
+/// Pairs of these vertices that a pose brings to a third of their distance and next to one another.
+dd::Pairs closing(const Positions& rest, const Positions& posed, const std::vector<int>& of) {
   const double box = dd::bounding_box_diagonal(rest);
-  std::vector<int> all(size_t(rest.rows()));
-  std::iota(all.begin(), all.end(), 0);
   dd::ThreadPool pool;
-  const dd::PointGrid grid(posed, all, 0.003 * box, pool);
-  std::vector<int> nearest(all.size(), -1);
-  std::vector<double> least(all.size(), 1e300);
+  const dd::PointGrid grid(posed, of, 0.003 * box, pool);
+  std::vector<int> nearest(size_t(rest.rows()), -1);
+  std::vector<double> least(nearest.size(), 1e300);
   const auto offer = [&](int i, int j, double squared) {
     if (!(squared < least[size_t(i)])) return;
     least[size_t(i)] = squared;
@@ -141,14 +139,12 @@ dd::Pairs closing(const Positions& rest, const Positions& posed, const std::vect
     grid.near_after(k, 1000, [&](int l, double squared) {
       const int i = grid.point(k), j = grid.point(l);
       const double apart = (rest.row(i) - rest.row(j)).norm();
-      if (!(apart > 0.008 * box && apart > 3 * std::sqrt(squared)) || parts[size_t(i)] != 0 ||
-          parts[size_t(j)] != 0)
-        return;
+      if (!(apart > 0.008 * box && apart > 3 * std::sqrt(squared))) return;
       offer(i, j, squared);
       offer(j, i, squared);
     });
   dd::Pairs pairs;
-  for (int i : all)
+  for (int i : of)
     if (nearest[size_t(i)] >= 0) pairs.push_back({i, nearest[size_t(i)]});
   return pairs;
 }
@@ -196,8 +192,8 @@ int main(int argc, char** argv) try {
   const Mesh target = {cut_anew(identity, source.triangles),
                        cut_anew(source.triangles, source.vertex_count())};
   const double box = dd::bounding_box_diagonal(target.positions);
-  const dd::Components parts_of_source(source.triangles, source.vertex_count()),
-      parts(target.triangles, target.vertex_count());
+  const dd::Components parts(source.triangles, source.vertex_count());
+  const std::vector<int> skin = largest_part(target);
 
   dd::Pairs markers;
   for (int v : far_vertices(source.positions, largest_part(source), marker_count))
@@ -211,8 +207,8 @@ int main(int argc, char** argv) try {
   int elsewhere = 0;
   for (int v = 0; v < target.vertex_count(); ++v) {
     const int there = options.points[size_t(v)].triangle;
-    if (there >= 0 && parts_of_source.of_vertex[size_t(source.triangles(there, 0))] !=
-                          parts_of_source.of_vertex[size_t(own_vertex(source, v))])
+    if (there >= 0 && parts.of_vertex[size_t(source.triangles(there, 0))] !=
+                          parts.of_vertex[size_t(own_vertex(source, v))])
       ++elsewhere;
   }
   options.placing = dd::Placing::vertices;
@@ -251,7 +247,7 @@ int main(int argc, char** argv) try {
     const double move = (found[1] - target.positions).rowwise().norm().maxCoeff() /
                         std::max(1e-4 * box, moves.rowwise().norm().maxCoeff());
     if (move > largest_move) largest_move = move, what_moves = files[i];
-    const dd::Pairs pairs = closing(target.positions, truth, parts.of_vertex);
+    const dd::Pairs pairs = closing(target.positions, truth, skin);
     const size_t name = files[i].find_last_of('/') + 1;
     if (pairs.size() > 50) {
       const double of_truth = mean_gap(truth, pairs);

@@ -71,7 +71,8 @@ def automatic(source, target, folder):
     settings = target.detail_deform.transfer
     for ob in (source, target):
         if not ob.data.polygons:
-            raise MeshProblem(f"'{ob.name}' has no faces, and only surfaces can be matched: add faces, or leave it out.")
+            raise MeshProblem(f"'{ob.name}' has no faces, and only surfaces can be matched: add faces, or leave it "
+                              "out.")
     if settings.correspondence == NEAREST:
         return NEAREST, "", settings.pairs_of
     if correspondence.is_same_topology(source, target):

@@ -23,7 +23,8 @@ struct FitGoals {
 };
 
 /// Finds goals on a target: nearest points whose normals are less than a right angle off, within
-/// reach, on loose parts that may correspond (PartPairs). Keeps references to the target and the pool.
+/// reach, on loose parts that may correspond (PartPairs). Keeps references to the target and the
+/// pool.
 class GoalFinder {
  public:
   GoalFinder(const Mesh& source, const Mesh& target, double reach, ThreadPool& pool);
