@@ -161,6 +161,27 @@ TEST_CASE("a garment is kept outside of what rises below it, and where it is far
   CHECK(largest_difference(through, outside) < 0.05 * box);
 }
 
+TEST_CASE("the sides of thick cloth are pushed out together, in their order") {
+  const Mesh body = tube(1, -3, 3, 80, 60);
+  for (const auto& [inner, thick] : {std::pair{1.06, 0.02}, {1.03, 0.01}, {1.06, 0.2}}) {
+    const Mesh outside = tube(inner + thick, -2, 2, 60, 40);
+    Mesh inside = tube(inner, -2, 2, 60, 40);
+    inside.triangles.col(1).swap(inside.triangles.col(2));
+    const Mesh cloth = test::appended(outside, inside);
+    Worn worn(body, cloth, 0.02);
+    const Positions posed = worn.at(flexed(body.positions, 0.5));
+    const Index half = outside.positions.rows();
+    double least = 1;
+    for (Index v = 0; v < half; ++v) {
+      const Eigen::RowVector3d out = (posed.row(v) - posed.row(half + v));
+      const Eigen::RowVector3d rest = cloth.positions.row(v) - cloth.positions.row(half + v);
+      least = std::min(least, out.dot(rest) / rest.squaredNorm());
+    }
+    INFO(inner << ", " << thick << ": " << least);
+    CHECK(least > 0.3);
+  }
+}
+
 TEST_CASE("what rises between the vertices of a coarse garment lifts it") {
   const Mesh body = tube(1, -4, 4, 120, 240), shirt = tube(1.05, -3, 3, 13, 17);
   Positions pose = body.positions;

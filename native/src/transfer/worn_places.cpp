@@ -66,6 +66,10 @@ void WornPlaces::prepare_outside(const NearestPoints& points, double gap) {
   const Mesh source = {placement_.all(source_.positions), source_.triangles};
   outside_ = std::make_unique<Outside>(source, seeds, pool_);
   probes_ = std::make_unique<Probes>(source, target_, kProbed * unit_, pool_);
+  Positions arms = target_.positions;
+  for (int v = 0; v < target_.vertex_count(); ++v)
+    arms.row(v) -= placement_(points_.at(source_.positions, v)).transpose();
+  layers_ = std::make_unique<Layers>(target_, arms, pool_);
   for (int v = 0; v < target_.vertex_count(); ++v)
     least_.push_back(outside_->at(v, target_.positions.row(v).transpose()).height);
   const auto inside = std::count_if(least_.begin(), least_.end(), [](double f) { return f < 0; });
@@ -80,7 +84,20 @@ void WornPlaces::prepare_outside(const NearestPoints& points, double gap) {
     if (least_[size_t(v)] < 0) through_.push_back(v);
 }
 
-bool WornPlaces::look(const Positions& result, Shifts& shifts) const {
+Positions WornPlaces::directions_of_layers() const {
+  Positions result(layers_->count(), 3);
+  pool_.parallel_for(result.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int i = static_cast<int>(begin); i < end; ++i) {
+      const Eigen::Vector3d arm =
+          gradients_.mean_of(fans_.of(layers_->vertex(i))) * layers_->arm(i);
+      const double length = arm.norm();
+      result.row(i) = (length > 0 ? Eigen::Vector3d(arm / length) : arm).transpose();
+    }
+  });
+  return result;
+}
+
+bool WornPlaces::look(const Positions& result, const Positions& raised, Shifts& shifts) const {
   const Index vertices = target_.vertex_count();
   std::atomic<bool> any{false};
   const auto set = [&](Index i, double missing, const Eigen::Vector3d& direction) {
@@ -109,6 +126,14 @@ bool WornPlaces::look(const Positions& result, Shifts& shifts) const {
       set(vertices + i, least_[size_t(vertices + i)] - side_ * probes_->height(i, result),
           probes_->direction(i));
   });
+  pool_.parallel_for(raised.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int i = static_cast<int>(begin); i < end; ++i) {
+      const Eigen::Vector3d direction = raised.row(i).transpose();
+      set(static_cast<Index>(least_.size()) + i,
+          (1 - kNearer) * layers_->arm(i).norm() - direction.dot(layers_->arm_in(i, result)),
+          side_ * direction);
+    }
+  });
   return any;
 }
 
@@ -129,6 +154,8 @@ Rows WornPlaces::gathered(const Shifts& shifts) const {
       add(v, 1);
       for (const Probes::Part& part : probes_->of(v))
         add(target_.vertex_count() + part.probe, part.shift);
+      if (const int layer = layers_->of(v); layer >= 0)
+        add(static_cast<Index>(least_.size()) + layer, 1);
       if (sum > 0) means.row(r) /= sum;
     }
   });
@@ -137,9 +164,12 @@ Rows WornPlaces::gathered(const Shifts& shifts) const {
 
 void WornPlaces::move_out(Positions& result) const {
   const Index vertices = target_.vertex_count();
-  Shifts shifts{Rows::Zero(static_cast<Index>(least_.size()), 4), Positions::Zero(vertices, 3),
+  const Positions raised = directions_of_layers();
+  Shifts shifts{Rows::Zero(static_cast<Index>(least_.size()) + raised.rows(), 4),
+                Positions::Zero(vertices, 3),
                 std::vector<double>(static_cast<size_t>(vertices), 0.0)};
-  for (int round = 0; round < kSmoothRounds + kSingleRounds && look(result, shifts); ++round) {
+  for (int round = 0; round < kSmoothRounds + kSingleRounds && look(result, raised, shifts);
+       ++round) {
     Rows wanted = gathered(shifts);
     if (round < kSmoothRounds) {
       for (Index r = 0; r < wanted.rows(); ++r) {

@@ -6,6 +6,7 @@
 #include "mesh/unit_box.h"
 #include "solver/sparse_cholesky.h"
 #include "systems/region.h"
+#include "transfer/layers.h"
 #include "transfer/nearest_points.h"
 #include "transfer/outside.h"
 #include "transfer/probes.h"
@@ -27,7 +28,8 @@ namespace dd {
 /// so that what lies close keeps its place and what hangs loosely goes as the gradients make it.
 /// Then vertices that have come nearer to the source than a gap, and by a quarter nearer than they
 /// were at rest, are moved out (Outside), and so is what the source's own vertices have come as
-/// near to (Probes): smoothly first, then each by itself. All of it is continuous in the pose, and
+/// near to (Probes): smoothly first, then each by itself. What lies over another part of the
+/// garment (Layers) is kept as far from that. All of it is continuous in the pose, and
 /// none where the source moves rigidly.
 class WornPlaces {
  public:
@@ -47,7 +49,7 @@ class WornPlaces {
  private:
   RowMatrix smooth(const RowMatrix& values) const;
   void prepare_outside(const NearestPoints& points, double gap);
-  /// How far vertices, and then what is over probes, is to be moved along which direction.
+  /// How far vertices, what is over probes, and then layers, is to be moved along which direction.
   struct Shifts {
     Rows rows;  // direction and length
     /// Where vertices were looked at, and how much higher they were than they must be; 0: not yet.
@@ -56,8 +58,10 @@ class WornPlaces {
   };
   /// Vertices that have come near since they were seen are looked at again. Returns whether
   /// anything is to be moved.
-  bool look(const Positions& result, Shifts& shifts) const;
-  /// Of the shifts of each free vertex, its own and those for probes, the mean, in which the
+  bool look(const Positions& result, const Positions& raised, Shifts& shifts) const;
+  /// Of each layer the direction from what lies below it in the pose.
+  Positions directions_of_layers() const;
+  /// Of the shifts of each free vertex, its own and those for probes and layers, the mean, in which the
   /// longest have most of a say; and the mean of their lengths.
   Rows gathered(const Shifts& shifts) const;
   void move_out(Positions& result) const;
@@ -76,6 +80,7 @@ class WornPlaces {
 
   std::unique_ptr<Outside> outside_;  // of the vertices; null: it may go through
   std::unique_ptr<Probes> probes_;
+  std::unique_ptr<Layers> layers_;
   double side_ = 1;            // on which most of it is: −1 inside
   std::vector<double> least_;  // height that each, then over each probe, it must have
   std::vector<int> through_;
