@@ -141,7 +141,7 @@ def test_refusals_of_meshes_and_poses(native, strip):
     transfer = native.Transfer(mesh(strip), mesh(strip))
     with pytest.raises(native.NativeError, match="pose is for 240 vertices, not 192"):
         transfer.apply(longer.positions)
-    with pytest.raises(native.NativeError, match="Vertex 7 of the pose"):
+    with pytest.raises(native.NativeError, match="Vertex 7 of the source's pose"):
         transfer.apply(broken)
     with pytest.raises(native.NativeError, match="options.places is for 2 anchors, not 0"):
         transfer.apply(strip.positions, places=strip.positions[:2])
