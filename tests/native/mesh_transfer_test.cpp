@@ -334,7 +334,8 @@ TEST_CASE("what can't be transferred is refused with a sentence") {
 
   MeshTransfer transfer = onto(mesh, mesh);
   CHECK_THROWS_WITH(transfer.apply(other.positions, true), contains("The pose has"));
-  CHECK_THROWS_WITH(transfer.apply(broken.positions, true), contains("Vertex 4 of the source's pose"));
+  CHECK_THROWS_WITH(transfer.apply(broken.positions, true),
+                    contains("Vertex 4 of the source's pose"));
   CHECK_THROWS_WITH(same_topology(mesh, other), contains("not of the same topology"));
   Mesh turned = mesh;
   turned.triangles.row(5) = mesh.triangles.row(5).reverse().eval();

@@ -61,8 +61,8 @@ class WornPlaces {
   bool look(const Positions& result, const Positions& raised, Shifts& shifts) const;
   /// Of each layer the direction from what lies below it in the pose.
   Positions directions_of_layers() const;
-  /// Of the shifts of each free vertex, its own and those for probes and layers, the mean, in which the
-  /// longest have most of a say; and the mean of their lengths.
+  /// Of the shifts of each free vertex, its own and those for probes and layers, the mean, in
+  /// which the longest have most of a say; and the mean of their lengths.
   Rows gathered(const Shifts& shifts) const;
   void move_out(Positions& result) const;
 
