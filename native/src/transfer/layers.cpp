@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "transfer/layers.h"
 
+#include <algorithm>
+
 namespace dd {
 
 namespace {
@@ -9,7 +11,7 @@ constexpr double kStraight = 0.8;  // cosine: below, and not beside
 
 }  // namespace
 
-Layers::Layers(const Mesh& garment, const Positions& arms, ThreadPool& pool)
+Layers::Layers(const Mesh& garment, const Positions& arms, double reach, ThreadPool& pool)
     : triangles_(garment.triangles), of_vertex_(static_cast<size_t>(garment.vertex_count()), -1) {
   const AabbTree tree(garment);
   std::vector<PointOnTriangle> below(of_vertex_.size());
@@ -19,8 +21,13 @@ Layers::Layers(const Mesh& garment, const Positions& arms, ThreadPool& pool)
                             arm = arms.row(v).transpose();
       const double length = arm.norm();
       if (!(length > 0)) continue;
-      below[size_t(v)] = tree.nearest(place, length, [&](int j) {
-        if ((triangles_.row(j).array() == int(v)).any()) return false;
+      below[size_t(v)] = tree.nearest(place, std::min(length, reach), [&](int j) {
+        double deepest = 0;
+        for (int corner : triangles_.row(j)) {
+          if (corner == v) return false;
+          deepest = std::max(deepest, (place - garment.positions.row(corner).transpose()).dot(arm));
+        }
+        if (!(deepest > 0)) return false;
         const Eigen::Vector3d way = place - nearest_on_triangle(garment, j, place).place;
         return way.dot(arm) > kStraight * length * way.norm();
       });

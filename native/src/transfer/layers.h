@@ -13,8 +13,8 @@ namespace dd {
 /// and the body another part of the garment lies at rest, which stays below them.
 class Layers {
  public:
-  /// arms: from the body's point below each vertex of the garment to it.
-  Layers(const Mesh& garment, const Positions& arms, ThreadPool& pool);
+  /// arms: from the body's point below each vertex of the garment to it. reach: how thick.
+  Layers(const Mesh& garment, const Positions& arms, double reach, ThreadPool& pool);
 
   int count() const { return static_cast<int>(layers_.size()); }
   int vertex(int layer) const { return layers_[size_t(layer)].vertex; }

@@ -17,6 +17,7 @@ namespace {
 // Of the box.
 constexpr double kLoose = 0.05;   // δ
 constexpr double kProbed = 0.1;   // reach of probes
+constexpr double kThick = 0.02;   // between layers
 constexpr double kSlight = 1e-4;  // of shifts: less has less of a say
 
 constexpr double kNearer = 0.25;  // of its distance at rest that a point may come nearer
@@ -69,7 +70,7 @@ void WornPlaces::prepare_outside(const NearestPoints& points, double gap) {
   Positions arms = target_.positions;
   for (int v = 0; v < target_.vertex_count(); ++v)
     arms.row(v) -= placement_(points_.at(source_.positions, v)).transpose();
-  layers_ = std::make_unique<Layers>(target_, arms, pool_);
+  layers_ = std::make_unique<Layers>(target_, arms, kThick * unit_, pool_);
   for (int v = 0; v < target_.vertex_count(); ++v)
     least_.push_back(outside_->at(v, target_.positions.row(v).transpose()).height);
   const auto inside = std::count_if(least_.begin(), least_.end(), [](double f) { return f < 0; });
