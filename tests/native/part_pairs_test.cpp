@@ -6,7 +6,6 @@
 #include "mesh/triangles.h"
 #include "meshes.h"
 #include "transfer/registration.h"
-#include "transfer/source_points.h"
 #include "transfer/triangle_match.h"
 
 using namespace dd;
@@ -19,13 +18,17 @@ Mesh ball(int levels, const Eigen::RowVector3d& centre, double radius) {
   return mesh;
 }
 
+/// From the middle of a skin to its eye on the side -1 or 1.
+Eigen::RowVector3d to_eye(int side) {
+  return Eigen::RowVector3d(0.8, 0.45 * side, 0.4).normalized();
+}
+
 /// A skin and two eyes that stand out of it by a part of their radius.
 Mesh face(int levels, double radius, double out, double skin = 1) {
   Mesh mesh = ball(levels, {0, 0, 0}, skin);
-  for (int side : {-1, 1}) {
-    const Eigen::RowVector3d way = Eigen::RowVector3d(0.8, 0.45 * side, 0.4).normalized();
-    mesh = test::appended(mesh, ball(levels - 1, (skin + (out - 1) * radius) * way, radius));
-  }
+  for (int side : {-1, 1})
+    mesh =
+        test::appended(mesh, ball(levels - 1, (skin + (out - 1) * radius) * to_eye(side), radius));
   return mesh;
 }
 
@@ -107,8 +110,7 @@ TEST_CASE("a fit and what corresponds keep eyes and skin apart") {
   CHECK(others == 0);
   for (int v = 0; v < source.vertex_count(); ++v)
     if (of_source[size_t(v)] > 0) {
-      const double side = of_source[size_t(v)] == 1 ? -1 : 1;
-      const Eigen::RowVector3d way = Eigen::RowVector3d(0.8, 0.45 * side, 0.4).normalized();
+      const Eigen::RowVector3d way = to_eye(of_source[size_t(v)] == 1 ? -1 : 1);
       const double off = (fitted.positions.row(v) - (1.03 - 0.2 * 0.24) * way).norm() - 0.24;
       REQUIRE(std::abs(off) < 0.03);
     }

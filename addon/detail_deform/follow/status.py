@@ -103,23 +103,18 @@ def _names(names):
     return ', '.join(f"'{name}'" for name in names)
 
 
-def _plays_keys(ob):
-    """Whether baked values of examples' keys are shown in place of the result."""
-    modifier = node_group.find_modifier(ob)
-    return (ob.detail_deform.method == 'EXAMPLES' and modifier is not None and not modifier.show_viewport
-            and bool(examples.keyed(ob)))
-
-
 def _remarks(ob, info):
     """What the user may not expect of this mesh, or of this method."""
     modifier = node_group.find_modifier(ob)
+    is_hidden = modifier is not None and not modifier.show_viewport
+    plays_keys = is_hidden and ob.detail_deform.method == 'EXAMPLES' and examples.are_keyed(ob)
     if node_group.find_cache(ob):
         yield "A baked cache is played in its place: press Go Live to follow the handles again."
     elif modifier is None:
         yield "Its modifier was removed, so nothing is shown: press Update to add it."
-    elif not modifier.show_viewport:
+    elif is_hidden:
         yield ("The values of its examples' keys are played in its place: to follow the handles again, delete their "
-               "keyframes, set them to 0, and show the modifier in the viewport." if _plays_keys(ob) else
+               "keyframes, set them to 0, and show the modifier in the viewport." if plays_keys else
                "Its modifier is hidden, so nothing is computed: show it in the viewport.")
     place = stack.why_not_here(ob)
     if place:
@@ -179,7 +174,7 @@ def _remarks(ob, info):
             yield ("There are no examples, so the rest shape alone is pulled: press Add Shape Keys or Add Selected "
                    "Objects (Examples).")
         keys = examples.shown_keys(ob)
-        if keys and not _plays_keys(ob):
+        if keys and not plays_keys:
             yield f"Shape keys that are examples are shown too, as {_names(keys[:3])}: set their values to 0."
         twice = posers.twice(ob)
         if twice:

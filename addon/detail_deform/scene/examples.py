@@ -92,17 +92,18 @@ def add_objects(ob, others):
             example.is_object, example.name, example.object = True, other.name, other
 
 
-def keyed(ob):
-    """Names of the examples that are shape keys whose values are keyed, as baked ones are."""
+def _keys(ob):
+    """Those of the examples that are shape keys."""
     keys = ob.data.shape_keys
     blocks = keys.key_blocks if keys else {}
-    return [e.name for e in enabled(ob.detail_deform)
-            if e.object is None and e.name in blocks and actions.is_keyed(blocks[e.name], 'value')]
+    return [blocks[e.name] for e in enabled(ob.detail_deform) if e.object is None and e.name in blocks]
+
+
+def are_keyed(ob):
+    """Whether values of examples' shape keys are keyed, as baked ones are."""
+    return any(actions.is_keyed(key, 'value') for key in _keys(ob))
 
 
 def shown_keys(ob):
     """Names of the examples that are shape keys with a value, which comes on top of what is found."""
-    keys = ob.data.shape_keys
-    blocks = keys.key_blocks if keys else {}
-    return [e.name for e in enabled(ob.detail_deform)
-            if e.object is None and e.name in blocks and blocks[e.name].value and not blocks[e.name].mute]
+    return [key.name for key in _keys(ob) if key.value and not key.mute]

@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "mesh/aabb_tree.h"
-#include "mesh/topology.h"
 #include "support/thread_pool.h"
 
 namespace dd {

@@ -67,9 +67,8 @@ void WornPlaces::prepare_outside(const NearestPoints& points, double gap) {
   const Mesh source = {placement_.all(source_.positions), source_.triangles};
   outside_ = std::make_unique<Outside>(source, seeds, pool_);
   probes_ = std::make_unique<Probes>(source, target_, kProbed * unit_, pool_);
-  Positions arms = target_.positions;
-  for (int v = 0; v < target_.vertex_count(); ++v)
-    arms.row(v) -= placement_(points_.at(source_.positions, v)).transpose();
+  Positions arms = Positions::Zero(target_.vertex_count(), 3);  // what is pinned isn't moved
+  for (int r = 0; r < region_.free_count(); ++r) arms.row(region_.free[size_t(r)]) = arms_.row(r);
   layers_ = std::make_unique<Layers>(target_, arms, kThick * unit_, pool_);
   for (int v = 0; v < target_.vertex_count(); ++v)
     least_.push_back(outside_->at(v, target_.positions.row(v).transpose()).height);
@@ -98,7 +97,7 @@ Positions WornPlaces::directions_of_layers() const {
   return result;
 }
 
-bool WornPlaces::look(const Positions& result, const Positions& raised, Shifts& shifts) const {
+bool WornPlaces::look(const Positions& result, const Positions& upwards, Shifts& shifts) const {
   const Index vertices = target_.vertex_count();
   std::atomic<bool> any{false};
   const auto set = [&](Index i, double missing, const Eigen::Vector3d& direction) {
@@ -127,9 +126,9 @@ bool WornPlaces::look(const Positions& result, const Positions& raised, Shifts& 
       set(vertices + i, least_[size_t(vertices + i)] - side_ * probes_->height(i, result),
           probes_->direction(i));
   });
-  pool_.parallel_for(raised.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+  pool_.parallel_for(upwards.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (int i = static_cast<int>(begin); i < end; ++i) {
-      const Eigen::Vector3d direction = raised.row(i).transpose();
+      const Eigen::Vector3d direction = upwards.row(i).transpose();
       set(static_cast<Index>(least_.size()) + i,
           (1 - kNearer) * layers_->arm(i).norm() - direction.dot(layers_->arm_in(i, result)),
           side_ * direction);
@@ -165,11 +164,11 @@ Rows WornPlaces::gathered(const Shifts& shifts) const {
 
 void WornPlaces::move_out(Positions& result) const {
   const Index vertices = target_.vertex_count();
-  const Positions raised = directions_of_layers();
-  Shifts shifts{Rows::Zero(static_cast<Index>(least_.size()) + raised.rows(), 4),
+  const Positions upwards = directions_of_layers();
+  Shifts shifts{Rows::Zero(static_cast<Index>(least_.size()) + upwards.rows(), 4),
                 Positions::Zero(vertices, 3),
                 std::vector<double>(static_cast<size_t>(vertices), 0.0)};
-  for (int round = 0; round < kSmoothRounds + kSingleRounds && look(result, raised, shifts);
+  for (int round = 0; round < kSmoothRounds + kSingleRounds && look(result, upwards, shifts);
        ++round) {
     Rows wanted = gathered(shifts);
     if (round < kSmoothRounds) {

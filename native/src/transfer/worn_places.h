@@ -58,7 +58,7 @@ class WornPlaces {
   };
   /// Vertices that have come near since they were seen are looked at again. Returns whether
   /// anything is to be moved.
-  bool look(const Positions& result, const Positions& raised, Shifts& shifts) const;
+  bool look(const Positions& result, const Positions& upwards, Shifts& shifts) const;
   /// Of each layer the direction from what lies below it in the pose.
   Positions directions_of_layers() const;
   /// Of the shifts of each free vertex, its own and those for probes and layers, the mean, in
