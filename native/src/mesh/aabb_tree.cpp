@@ -69,4 +69,56 @@ int AabbTree::build(int begin, int end) {
   return number;
 }
 
+PointOnTriangle AabbTree::exit(const Eigen::Vector3d& from,
+                               const Eigen::Vector3d& direction) const {
+  constexpr double kOver = 1e-9;  // beyond sides, so that no ray slips through between triangles
+  PointOnTriangle first;
+  if (nodes_.empty() || !(direction.squaredNorm() > 0)) return first;
+  const Eigen::Vector3d way = direction.normalized(), per_way = way.cwiseInverse();
+  double reach = std::numeric_limits<double>::infinity();
+  const auto enters = [&](const Eigen::AlignedBox3d& box) {
+    double begin = 0, end = reach;
+    for (int k = 0; k < 3; ++k) {
+      // Where it lies within a side, 0 times infinity: max and min then leave what they have.
+      const double a = (box.min()[k] - from[k]) * per_way[k],
+                   b = (box.max()[k] - from[k]) * per_way[k];
+      begin = std::max(begin, std::min(a, b));
+      end = std::min(end, std::max(a, b));
+    }
+    return begin <= end;
+  };
+  std::vector<int> open{0};
+  while (!open.empty()) {
+    const Node& node = nodes_[open.back()];
+    open.pop_back();
+    if (!enters(node.box)) continue;
+    if (node.left >= 0) {
+      const Eigen::Vector3d apart =
+          nodes_[node.right].box.center() - nodes_[node.left].box.center();
+      const bool left_first = apart.dot(way) > 0;
+      open.push_back(left_first ? node.right : node.left);
+      open.push_back(left_first ? node.left : node.right);
+      continue;
+    }
+    for (int i = node.begin; i < node.end; ++i) {
+      const int j = order_[i];
+      if (!(normals_.row(j).dot(way) > 0)) continue;
+      const Eigen::Vector3d a = mesh_.positions.row(mesh_.triangles(j, 0)),
+                            ab = mesh_.positions.row(mesh_.triangles(j, 1)).transpose() - a,
+                            ac = mesh_.positions.row(mesh_.triangles(j, 2)).transpose() - a;
+      const Eigen::Vector3d normal = ab.cross(ac), at = from - a, turned = at.cross(way);
+      const double volume = normal.dot(way), distance = -normal.dot(at) / volume;
+      const double v = -ac.dot(turned) / volume, w = ab.dot(turned) / volume;
+      if (!(distance > 0 && distance < reach && v >= -kOver && w >= -kOver && v + w <= 1 + kOver))
+        continue;
+      reach = distance;
+      first.triangle = j;
+      first.weights << 1 - v - w, v, w;
+      first.place = from + distance * way;
+      first.squared_distance = distance * distance;
+    }
+  }
+  return first;
+}
+
 }  // namespace dd

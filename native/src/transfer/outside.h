@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <memory>
 #include <vector>
 
-#include "mesh/aabb_tree.h"
-#include "support/thread_pool.h"
+#include "transfer/far_sides.h"
+#include "transfer/source_points.h"
 
 namespace dd {
 
@@ -15,14 +16,13 @@ namespace dd {
 ///   f(x) = Σ_k w_k n_kᵀ (x − a_k) / Σ_k w_k,    w_k = area_k / (d_k² + ε²)²,
 ///
 /// next to the surface the distance from its nearest triangle, and everywhere a continuous function
-/// of x and of the pose, which distances from a whole surface aren't.
+/// of x and of the pose, which distances from a whole surface aren't, as long as the patch isn't
+/// folded up (FarSides).
 class Outside {
  public:
-  /// seeds: of each point the nearest point of the surface at rest.
-  Outside(const Mesh& surface, const std::vector<PointOnTriangle>& seeds, ThreadPool& pool);
-
-  /// Takes the surface's positions in a pose.
-  void take(const Positions& posed, ThreadPool& pool);
+  /// surface: at rest; outlives this. tree: over it. seeds: of each point the nearest one of it.
+  Outside(const PosedSurface& surface, const AabbTree& tree,
+          const std::vector<PointOnTriangle>& seeds, ThreadPool& pool);
 
   struct Level {
     double height;  ///< f
@@ -32,13 +32,20 @@ class Outside {
   Level at(Index point, const Eigen::Vector3d& place) const;
   /// Quickly: side × f is no less than this, the least of what it is a mean of.
   double least(Index point, const Eigen::Vector3d& place, double side) const;
+  /// How much the patch still faces outwards.
+  double outwardness(Index point) const;
 
  private:
-  Mesh posed_;
+  Fans::Range patch(Index point) const {
+    return {patches_.data() + begin_[size_t(point)], patches_.data() + begin_[size_t(point) + 1]};
+  }
+  FarSides::About about(int point) const;
+
+  const PosedSurface& surface_;
   std::vector<int> begin_{0}, patches_;  // of point i: begin_[i] to begin_[i + 1]
-  Rows planes_;                 // in the pose: n, and −nᵀ a; zero where there is no area
-  std::vector<double> areas_;   // in the pose, doubled
-  std::vector<double> widths_;  // ε² of each triangle, at rest
+  std::vector<double> widths_;           // ε² of each triangle, at rest
+  SourcePoints seeds_;
+  std::unique_ptr<FarSides> far_sides_;
 };
 
 }  // namespace dd

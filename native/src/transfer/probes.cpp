@@ -3,9 +3,6 @@
 
 #include <cmath>
 
-#include "mesh/aabb_tree.h"
-#include "mesh/triangles.h"
-
 namespace dd {
 
 namespace {
@@ -14,23 +11,26 @@ constexpr double kUpright = 0.7;  // cosine: beyond its rim a garment is over no
 
 }  // namespace
 
-Probes::Probes(const Mesh& surface, const Mesh& target, double reach, ThreadPool& pool)
-    : surface_(surface.triangles),
+Probes::Probes(const PosedSurface& surface, const AabbTree& tree, const Mesh& target, double reach,
+               ThreadPool& pool)
+    : surface_(surface),
       target_(target.triangles),
       begin_(static_cast<size_t>(target.vertex_count()) + 1, 0) {
-  take(surface.positions);
-  const AabbTree tree(target);
-  std::vector<PointOnTriangle> over(static_cast<size_t>(surface.vertex_count()));
-  pool.parallel_for(surface.vertex_count(), kLeastRange, [&](int64_t begin, int64_t end) {
-    for (Index v = begin; v < end; ++v) {
-      const Eigen::Vector3d place = surface.positions.row(v).transpose();
+  const AabbTree over_tree(target);
+  const Positions& places = surface.mesh().positions;
+  std::vector<PointOnTriangle> over(static_cast<size_t>(places.rows()));
+  pool.parallel_for(places.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int v = static_cast<int>(begin); v < end; ++v) {
+      const Eigen::Vector3d place = places.row(v).transpose();
       PointOnTriangle& near = over[size_t(v)];
-      near = tree.nearest(place, reach, [](int) { return true; });
-      const double along = normals_.row(v).dot(near.place.transpose() - place.transpose());
+      near = over_tree.nearest(place, reach, [](int) { return true; });
+      const double along = surface.patch(surface.fan(v))
+                               .normal.normalized()
+                               .dot(near.place.transpose() - place.transpose());
       if (!(std::abs(along) >= kUpright * std::sqrt(near.squared_distance))) near.triangle = -1;
     }
   });
-  for (int v = 0; v < surface.vertex_count(); ++v) {
+  for (int v = 0; v < static_cast<int>(places.rows()); ++v) {
     const PointOnTriangle& near = over[size_t(v)];
     if (near.triangle < 0) continue;
     probes_.push_back({v, near.triangle, near.weights});
@@ -45,19 +45,25 @@ Probes::Probes(const Mesh& surface, const Mesh& target, double reach, ThreadPool
       parts_[size_t(next[size_t(target_(probe.triangle, k))]++)] = {
           i, probe.weights[k] / probe.weights.squaredNorm()};
   }
+  directions_.resize(count(), 3);
+  look(pool);
+  std::vector<FarSides::About> at_rest;
+  for (int i = 0; i < count(); ++i) at_rest.push_back(about(i));
+  far_sides_ = std::make_unique<FarSides>(surface, tree, at_rest, pool);
 }
 
-void Probes::take(const Positions& posed) {
-  posed_ = posed;
-  normals_ = summed_normals(posed, surface_);
-  normals_.rowwise().normalize();
+void Probes::look(ThreadPool& pool) {
+  pool.parallel_for(count(), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int i = static_cast<int>(begin); i < end; ++i)
+      directions_.row(i) = about(i).patch.normal.normalized();
+  });
 }
 
 double Probes::height(int i, const Positions& target) const {
   const Probe& probe = probes_[size_t(i)];
-  Eigen::RowVector3d over = -posed_.row(probe.vertex);
+  Eigen::RowVector3d over = -surface_.mesh().positions.row(probe.vertex);
   for (int k = 0; k < 3; ++k) over += probe.weights[k] * target.row(target_(probe.triangle, k));
-  return normals_.row(probe.vertex).dot(over);
+  return directions_.row(i).dot(over);
 }
 
 }  // namespace dd

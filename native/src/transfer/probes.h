@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <memory>
 #include <vector>
 
-#include "mesh/mesh.h"
-#include "support/thread_pool.h"
+#include "transfer/far_sides.h"
 
 namespace dd {
 
@@ -12,16 +12,20 @@ namespace dd {
 /// target that it was under at rest: what rises between a garment's vertices is seen by this.
 class Probes {
  public:
-  /// Vertices of the surface that are under the target, or over it, within reach.
-  Probes(const Mesh& surface, const Mesh& target, double reach, ThreadPool& pool);
+  /// Vertices of the surface that are under the target, or over it, within reach. surface: at
+  /// rest; outlives this. tree: over it.
+  Probes(const PosedSurface& surface, const AabbTree& tree, const Mesh& target, double reach,
+         ThreadPool& pool);
 
-  /// Takes the surface's positions in a pose.
-  void take(const Positions& posed);
+  /// To be called when the surface has taken a pose.
+  void look(ThreadPool& pool);
 
   int count() const { return static_cast<int>(probes_.size()); }
   double height(int probe, const Positions& target) const;
   /// The surface's normal there.
-  Eigen::Vector3d direction(int probe) const { return normals_.row(probes_[probe].vertex); }
+  Eigen::Vector3d direction(int probe) const { return directions_.row(probe).transpose(); }
+  /// How much the surface still faces outwards there.
+  double outwardness(int probe) const { return far_sides_->outwardness(probe, about(probe)); }
 
   /// The least shifts of the target's vertices that raise it by 1 over a probe: so far each of
   /// them.
@@ -44,11 +48,18 @@ class Probes {
     int vertex, triangle;  // of the surface and of the target
     Eigen::Vector3d weights;
   };
-  Triangles surface_, target_;
+  FarSides::About about(int probe) const {
+    const int vertex = probes_[size_t(probe)].vertex;
+    return {surface_.mesh().positions.row(vertex), surface_.patch(surface_.fan(vertex))};
+  }
+
+  const PosedSurface& surface_;
+  Triangles target_;
   std::vector<Probe> probes_;
   std::vector<int> begin_;  // of each vertex of the target
   std::vector<Part> parts_;
-  Positions posed_, normals_;
+  Positions directions_;
+  std::unique_ptr<FarSides> far_sides_;
 };
 
 }  // namespace dd

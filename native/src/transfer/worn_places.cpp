@@ -23,6 +23,10 @@ constexpr double kSlight = 1e-4;  // of shifts: less has less of a say
 constexpr double kNearer = 0.25;  // of its distance at rest that a point may come nearer
 constexpr int kSmoothRounds = 3, kSingleRounds = 4;
 
+/// The share of what is missing that is given in one round where the source still faces outwards
+/// by so much: all rounds together give most of it by a half, and next to nothing by a tenth.
+double share_of(double outwardness) { return outwardness * outwardness * outwardness; }
+
 }  // namespace
 
 WornPlaces::WornPlaces(const Mesh& source, const Mesh& target, const UnitBox& box,
@@ -64,9 +68,11 @@ RowMatrix WornPlaces::smooth(const RowMatrix& values) const {
 void WornPlaces::prepare_outside(const NearestPoints& points, double gap) {
   std::vector<PointOnTriangle> seeds = points.of_vertices;
   for (PointOnTriangle& seed : seeds) seed.place = placement_(seed.place);
-  const Mesh source = {placement_.all(source_.positions), source_.triangles};
-  outside_ = std::make_unique<Outside>(source, seeds, pool_);
-  probes_ = std::make_unique<Probes>(source, target_, kProbed * unit_, pool_);
+  body_ = std::make_unique<PosedSurface>(Mesh{placement_.all(source_.positions), source_.triangles},
+                                         pool_);
+  const AabbTree tree(body_->mesh());
+  outside_ = std::make_unique<Outside>(*body_, tree, seeds, pool_);
+  probes_ = std::make_unique<Probes>(*body_, tree, target_, kProbed * unit_, pool_);
   Positions arms = Positions::Zero(target_.vertex_count(), 3);  // what is pinned isn't moved
   for (int r = 0; r < region_.free_count(); ++r) arms.row(region_.free[size_t(r)]) = arms_.row(r);
   layers_ = std::make_unique<Layers>(target_, arms, kThick * unit_, pool_);
@@ -100,8 +106,9 @@ Positions WornPlaces::directions_of_layers() const {
 bool WornPlaces::look(const Positions& result, const Positions& upwards, Shifts& shifts) const {
   const Index vertices = target_.vertex_count();
   std::atomic<bool> any{false};
-  const auto set = [&](Index i, double missing, const Eigen::Vector3d& direction) {
-    if (!(missing > 0)) missing = 0;
+  const auto set = [&](Index i, double missing, const Eigen::Vector3d& direction,
+                       const auto& outwardness) {
+    missing = missing > 0 ? missing * share_of(outwardness()) : 0;
     shifts.rows.row(i) << side_ * direction.transpose(), missing;
     if (missing > 0) any = true;
   };
@@ -118,20 +125,20 @@ bool WornPlaces::look(const Positions& result, const Positions& upwards, Shifts&
         level = outside_->at(v, place);
         spare = side_ * level.height - least_[size_t(v)];
       }
-      set(v, -spare, level.direction);
+      set(v, -spare, level.direction, [&] { return outside_->outwardness(v); });
     }
   });
   pool_.parallel_for(probes_->count(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (int i = static_cast<int>(begin); i < end; ++i)
       set(vertices + i, least_[size_t(vertices + i)] - side_ * probes_->height(i, result),
-          probes_->direction(i));
+          probes_->direction(i), [&] { return probes_->outwardness(i); });
   });
   pool_.parallel_for(upwards.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (int i = static_cast<int>(begin); i < end; ++i) {
       const Eigen::Vector3d direction = upwards.row(i).transpose();
       set(static_cast<Index>(least_.size()) + i,
           (1 - kNearer) * layers_->arm(i).norm() - direction.dot(layers_->arm_in(i, result)),
-          side_ * direction);
+          side_ * direction, [&] { return outside_->outwardness(layers_->vertex(i)); });
     }
   });
   return any;
@@ -197,10 +204,9 @@ void WornPlaces::correct(const Positions& pose, Positions& result) {
   });
   const RowMatrix moved = smooth(missing);
   for (Index r = 0; r < moved.rows(); ++r) result.row(region_.free[size_t(r)]) += moved.row(r);
-  if (!outside_) return;
-  const Positions posed = placement_.all(pose);
-  outside_->take(posed, pool_);
-  probes_->take(posed);
+  if (!body_) return;
+  body_->take(placement_.all(pose), pool_);
+  probes_->look(pool_);
   move_out(result);
 }
 

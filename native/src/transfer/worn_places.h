@@ -30,7 +30,8 @@ namespace dd {
 /// were at rest, are moved out (Outside), and so is what the source's own vertices have come as
 /// near to (Probes): smoothly first, then each by itself. What lies over another part of the
 /// garment (Layers) is kept as far from that. All of it is continuous in the pose, and
-/// none where the source moves rigidly.
+/// none where the source moves rigidly. Where the source folds up and goes through itself, which has
+/// no outside, it fades away (FarSides).
 class WornPlaces {
  public:
   /// region: of the target, of which the free vertices move. gap: of the box; negative: it isn't
@@ -78,7 +79,8 @@ class WornPlaces {
   Eigen::VectorXd held_;  // W
   std::unique_ptr<SparseCholesky> factor_;
 
-  std::unique_ptr<Outside> outside_;  // of the vertices; null: it may go through
+  std::unique_ptr<PosedSurface> body_;  // null: it may go through
+  std::unique_ptr<Outside> outside_;    // of the vertices
   std::unique_ptr<Probes> probes_;
   std::unique_ptr<Layers> layers_;
   double side_ = 1;            // on which most of it is: −1 inside

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "transfer/far_sides.h"
+
+#include <algorithm>
+
+namespace dd {
+
+namespace {
+
+constexpr double kCreased = 0.3;     // at rest: such a place tells nothing
+constexpr double kCollapsed = 0.01;  // of the distance at rest: no direction
+
+}  // namespace
+
+FarSides::FarSides(const PosedSurface& surface, const AabbTree& tree,
+                   const std::vector<About>& at_rest, ThreadPool& pool)
+    : surface_(surface), far_(at_rest.size()) {
+  pool.parallel_for(static_cast<Index>(far_.size()), kLeastRange, [&](int64_t begin, int64_t end) {
+    for (int i = static_cast<int>(begin); i < end; ++i) {
+      const About& here = at_rest[size_t(i)];
+      FarSide& far = far_[size_t(i)];
+      far.point = tree.exit(here.place.transpose(), -here.patch.normal.transpose());
+      if (far.point.triangle < 0) continue;
+      far.at_rest = seen(i, here);
+      far.share = far.at_rest.area / here.patch.area;
+      if (!(far.share >= kCreased)) far.point.triangle = -1;
+    }
+  });
+}
+
+FarSides::Seen FarSides::seen(int i, const About& posed) const {
+  const FarSide& far = far_[size_t(i)];
+  const Mesh& mesh = surface_.mesh();
+  Eigen::RowVector3d outwards = posed.place;
+  for (int k = 0; k < 3; ++k)
+    outwards -= far.point.weights[k] * mesh.positions.row(mesh.triangles(far.point.triangle, k));
+  const double distance = std::max(outwards.norm(), kCollapsed * far.at_rest.distance);
+  return {posed.patch.normal.dot(outwards) / distance, distance};
+}
+
+double FarSides::outwardness(int i, const About& posed) const {
+  const FarSide& far = far_[size_t(i)];
+  if (far.point.triangle < 0) return 1;
+  const Seen now = seen(i, posed);
+  if (!(now.area > 0)) return 0;
+  const double scale = far.at_rest.distance / now.distance;
+  return std::min(1.0, std::max(now.area / (far.share * posed.patch.area),
+                                scale * scale * now.area / far.at_rest.area));
+}
+
+}  // namespace dd

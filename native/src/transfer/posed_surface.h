@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "mesh/mesh.h"
+#include "mesh/topology.h"
+#include "support/thread_pool.h"
+
+namespace dd {
+
+/// A surface that deforms, as what is kept outside of it sees it: in the pose taken last, at first
+/// at rest.
+class PosedSurface {
+ public:
+  PosedSurface(Mesh at_rest, ThreadPool& pool);
+
+  void take(const Positions& posed, ThreadPool& pool);
+
+  const Mesh& mesh() const { return mesh_; }
+  /// Of a vertex its triangles.
+  Fans::Range fan(int vertex) const { return fans_.of(vertex); }
+
+  /// The normal of triangle j, zero where it has no area.
+  Eigen::RowVector3d normal(int j) const { return planes_.row(j).head<3>(); }
+  /// How far a place is over the plane of triangle j.
+  double height(int j, const Eigen::Vector3d& place) const {
+    return planes_.row(j).head<3>().dot(place) + planes_(j, 3);
+  }
+  /// Twice the area of triangle j.
+  double area(int j) const { return areas_[size_t(j)]; }
+
+  /// Some triangles together.
+  struct Patch {
+    Eigen::RowVector3d normal = Eigen::RowVector3d::Zero();  ///< Σ area n
+    double area = 0;                                         ///< Σ area
+  };
+  template <class Range>
+  Patch patch(const Range& triangles) const {
+    Patch sum;
+    for (int j : triangles) {
+      sum.normal += area(j) * normal(j);
+      sum.area += area(j);
+    }
+    return sum;
+  }
+
+ private:
+  Mesh mesh_;
+  Fans fans_;
+  Rows planes_;  // n, and −nᵀ a
+  std::vector<double> areas_;
+};
+
+}  // namespace dd

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Which side of a body's surface is outside, in a pose.
+#include "transfer/far_sides.h"
+
+#include <random>
+
+#include "catch.h"
+#include "mesh/triangles.h"
+#include "meshes.h"
+
+using namespace dd;
+
+namespace {
+
+/// The fans of a surface's vertices, and how much they face outwards in poses.
+class Faced {
+ public:
+  explicit Faced(const Mesh& mesh)
+      : surface_(mesh, pool_), far_(surface_, AabbTree(mesh), all(), pool_) {}
+
+  Eigen::VectorXd in(const Positions& pose) {
+    surface_.take(pose, pool_);
+    const std::vector<FarSides::About> posed = all();
+    Eigen::VectorXd result(pose.rows());
+    for (int v = 0; v < static_cast<int>(posed.size()); ++v)
+      result[v] = far_.outwardness(v, posed[size_t(v)]);
+    return result;
+  }
+
+ private:
+  std::vector<FarSides::About> all() const {
+    std::vector<FarSides::About> result;
+    for (int v = 0; v < surface_.mesh().vertex_count(); ++v)
+      result.push_back({surface_.mesh().positions.row(v), surface_.patch(surface_.fan(v))});
+    return result;
+  }
+  ThreadPool pool_{2};
+  PosedSurface surface_;
+  FarSides far_;
+};
+
+}  // namespace
+
+TEST_CASE("a ray leaves a surface where linear systems of all triangles say so first") {
+  const Mesh mesh = test::rough_sphere(3, 0.3);
+  const AabbTree tree(mesh);
+  const Positions normals = triangle_normals(mesh.positions, mesh.triangles);
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> uniform(-1.5, 1.5);
+  int found_count = 0;
+  for (int i = 0; i < 300; ++i) {
+    const Eigen::Vector3d from(uniform(random), uniform(random), uniform(random));
+    Eigen::Vector3d way(uniform(random), uniform(random), uniform(random));
+    if (i % 3 == 0) way = Eigen::Vector3d::Unit(i % 9 / 3);  // along an axis
+    double first = std::numeric_limits<double>::infinity();
+    for (int j = 0; j < mesh.triangle_count(); ++j) {
+      Eigen::Matrix3d system;
+      system.col(0) =
+          (mesh.positions.row(mesh.triangles(j, 1)) - mesh.positions.row(mesh.triangles(j, 0)))
+              .transpose();
+      system.col(1) =
+          (mesh.positions.row(mesh.triangles(j, 2)) - mesh.positions.row(mesh.triangles(j, 0)))
+              .transpose();
+      system.col(2) = -way;
+      const Eigen::Vector3d solved =
+          system.fullPivLu().solve(from - mesh.positions.row(mesh.triangles(j, 0)).transpose());
+      if (normals.row(j).dot(way) > 0 && solved.minCoeff() >= 0 && solved[0] + solved[1] <= 1)
+        first = std::min(first, solved[2] * way.norm());
+    }
+    const PointOnTriangle found = tree.exit(from, way);
+    CHECK((found.triangle >= 0) == std::isfinite(first));
+    if (found.triangle < 0) continue;
+    ++found_count;
+    CHECK(std::sqrt(found.squared_distance) == Approx(first));
+    CHECK((from + first * way.normalized() - found.place).norm() < 1e-9);
+    Eigen::RowVector3d mean = Eigen::RowVector3d::Zero();
+    for (int k = 0; k < 3; ++k)
+      mean += found.weights[k] * mesh.positions.row(mesh.triangles(found.triangle, k));
+    CHECK((mean.transpose() - found.place).norm() < 1e-9);
+  }
+  CHECK(found_count > 50);
+}
+
+TEST_CASE("what moves rigidly, grows, is squashed or gets bumps faces outwards as before") {
+  const Mesh ball = test::sphere(4);
+  Faced faced(ball);
+  CHECK(faced.in(ball.positions).minCoeff() > 1 - 1e-12);
+  for (double size : {0.05, 1.0, 30.0}) {
+    Positions moved = test::transformed(test::rotation_about(2, {1, 2, 3}, {0, 0, 0}, {4, 5, 6}),
+                                        size * ball.positions);
+    CHECK(faced.in(moved).minCoeff() > 1 - 1e-9);
+  }
+  CHECK(faced.in(ball.positions * Eigen::Vector3d(1, 1, 0.3).asDiagonal()).minCoeff() > 0.5);
+  // Thorns, with flanks of some 80 degrees: seen from outside nothing is lost.
+  Positions thorny = ball.positions;
+  for (Index v = 0; v < thorny.rows(); v += 5) thorny.row(v) *= 1.3;
+  CHECK(faced.in(thorny).minCoeff() > 0.5);
+}
+
+TEST_CASE("what folds up or turns over faces outwards less and less") {
+  const Mesh ball = test::sphere(4);
+  Faced faced(ball);
+  // The cap above, pressed together towards the middle of it and through itself.
+  Eigen::VectorXd before;
+  for (double share = 1; share > -0.5; share -= 0.02) {
+    Positions pose = ball.positions;
+    for (Index v = 0; v < pose.rows(); ++v)
+      if (pose(v, 2) > 0.8) pose(v, 0) *= share;
+    const Eigen::VectorXd here = faced.in(pose);
+    for (Index v = 0; v < pose.rows(); ++v) {
+      if (ball.positions(v, 2) < 0.7) CHECK(here[v] > 1 - 1e-9);
+      if (ball.positions(v, 2) > 0.9 && share < -0.1) CHECK(here[v] < 0.01);
+    }
+    if (before.size() > 0) CHECK((here - before).cwiseAbs().maxCoeff() < 0.5);
+    before = here;
+  }
+}
+
+TEST_CASE("a sheet with nothing at its back faces outwards always") {
+  const Mesh sheet = test::grid(9, 9, [](double x, double y) { return 0.1 * x * y; });
+  Faced faced(sheet);
+  CHECK(faced.in(-sheet.positions).minCoeff() == 1);
+  CHECK(faced.in(sheet.positions * Eigen::Vector3d(0, 1, 1).asDiagonal()).minCoeff() == 1);
+}
