@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the mix of examples makes, kept as shape keys, sliders and keyed values."""
 
+import re
+
 import bpy
 import numpy as np
 import pytest
 from mathutils import Matrix
 
-from conftest import bind, evaluated, own, refusal, update
+from conftest import add_empty, add_handle, bind, evaluated, group, own, refusal, update
 from rigs import LENGTH, add_handles, at, from_poses, key
 
 
@@ -75,6 +77,31 @@ def test_found_weights_are_baked_as_values_of_keys(rigged):
 
 
 @pytest.mark.parametrize('mode', ['SLIDERS', 'KEY_VALUES'])
+def test_what_weights_alone_do_not_hold_is_said(rigged, mode, capfd):
+    """The root is held by a handle that stays, of which weights know nothing."""
+    ob, rig = rigged
+    add_handles(ob, rig)
+    ob.detail_deform.region = ''
+    group(ob, 'root', np.flatnonzero(own(ob)[:, 0] < 0.3))
+    add_handle(ob, 'root', add_empty("Root", (0, 0, 0)))
+    from_poses(frames='KEYS')
+    bind(ob)
+    shapes = []
+    for frame in range(1, 32):
+        at(frame)
+        shapes.append(evaluated(ob))
+    assert bpy.ops.object.detail_deform_bake(mode=mode) == {'FINISHED'}
+    said = re.search(r"In frame (\d+) 'Limb' is up to ([\d.]+)% of its size", capfd.readouterr().out)
+    off = []
+    for frame in range(1, 32):
+        at(frame)
+        off.append(np.linalg.norm(evaluated(ob) - shapes[frame - 1], axis=1).max())
+    size = np.linalg.norm(np.ptp(own(ob), axis=0))
+    assert int(said[1]) == 1 + np.argmax(off)
+    assert float(said[2]) == pytest.approx(100 * max(off) / size, abs=0.06)
+
+
+@pytest.mark.parametrize('mode', ['SLIDERS', 'KEY_VALUES'])
 def test_weights_that_are_driven_are_not_baked(rigged, mode):
     ob, rig = rigged
     add_handles(ob, rig)
@@ -109,7 +136,8 @@ def test_keyed_weights_take_the_place_of_what_was_keyed(rigged, mode, part, monk
     refresh = life.refresh
     monkeypatch.setattr(life, 'refresh', lambda *given: (refreshed.append(1), refresh(*given)))
     assert bpy.ops.object.detail_deform_bake(mode=mode) == {'FINISHED'}
-    assert len(refreshed) < 3 * 31  # twice a frame, and not for each key
+    # Twice a frame of each walk, of which sliders take two, and not for each key.
+    assert len(refreshed) < (5 if mode == 'SLIDERS' else 3) * 31
     animation = (ob if mode == 'SLIDERS' else ob.data.shape_keys).animation_data
     for curve in part('scene.actions').curves(animation.action):
         assert [point.co.x for point in curve.keyframe_points] == [*range(1, 32), 50]

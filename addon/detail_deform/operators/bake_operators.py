@@ -78,10 +78,12 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
         if self.mode == 'ALEMBIC':
             alembic.write(context, ob, start, end, path[:-4] + '.abc' if path.endswith('.pc2') else path)
             return None
-        within = {'SHAPE_KEYS': bake.to_shape_keys, 'SLIDERS': keyed_weights.to_sliders,
-                  'KEY_VALUES': keyed_weights.to_key_values}.get(self.mode)
-        if within:
-            work = within(context, ob, start, end)
+        by_weights = {'SLIDERS': keyed_weights.to_sliders, 'KEY_VALUES': keyed_weights.to_key_values}
+        self.keeps_part = self.mode == 'SLIDERS'  # when it is cancelled while what they make is looked at
+        if self.mode in by_weights:
+            work = by_weights[self.mode](context, ob, start, end, lambda said: self.report({'WARNING'}, said))
+        elif self.mode == 'SHAPE_KEYS':
+            work = bake.to_shape_keys(context, ob, start, end)
         else:
             whole = (self.given('cache_start', start), self.given('cache_end', end))
             work = self._cache(context, ob, start, end, path, whole)

@@ -3,10 +3,15 @@
 
 import contextlib
 
+import numpy as np
+
 from ..follow import status
-from ..scene import actions, examples
+from ..scene import actions, examples, mesh_data, offset_attribute
 from ..scene.mesh_data import MeshProblem
-from . import bake
+from . import bake, pose_samples
+
+_SAMPLES = 1000  # vertices of the mesh by which frames are compared
+_SAID = 0.01  # of the mesh's size
 
 
 def check(ob, of_keys=False):
@@ -31,22 +36,38 @@ def check(ob, of_keys=False):
                                   "delete that driver first.")
 
 
-def to_sliders(context, ob, start, end):
-    """Generator: keys the examples' sliders and has these say the weights; yields the fraction done."""
+def to_sliders(context, ob, start, end, tell):
+    """Generator: keys the examples' sliders and has these say the weights; yields the fraction done. tell: takes a
+    sentence where that isn't what handles make."""
     check(ob)
-    found = yield from _found(context, ob, start, end)
+    found, seen = [], []
+    for weights, shape in _over_frames(context, ob, start, end):
+        found.append(weights)
+        seen.append(shape)
+        yield len(found) / (2 * (end + 1 - start))
     chosen = examples.enabled(ob.detail_deform)
     ob.detail_deform.weights_by = 'SLIDERS'
     for example, weights in zip(chosen, zip(*found)):
         actions.key(example, 'weight', start, weights)
+    off = []
+    for (_, shape), before in zip(_over_frames(context, ob, start, end), seen):
+        off.append(_farthest(shape, before))
+        yield 0.5 + len(off) / (2 * (end + 1 - start))
+    _tell(ob, off, start, "weights alone hold nothing", tell)
     context.scene.frame_set(context.scene.frame_current, subframe=context.scene.frame_subframe)
 
 
-def to_key_values(context, ob, start, end):
+def to_key_values(context, ob, start, end, tell):
     """Generator: keys the values of the examples' shape keys, which then show the mix in place of the deformation, as
-    far as a mix of keys can; yields the fraction done."""
+    far as a mix of keys can; yields the fraction done. tell: as above."""
     check(ob, of_keys=True)
-    found = yield from _found(context, ob, start, end)
+    keys = [_of_samples(examples.positions_of(ob, e) - mesh_data.rest(ob.data))
+            for e in examples.enabled(ob.detail_deform)]
+    found, off = [], []
+    for weights, shape in _over_frames(context, ob, start, end):
+        found.append(weights)
+        off.append(_farthest(np.tensordot(weights, keys, 1), shape))
+        yield len(found) / (end + 1 - start)
     blocks = ob.data.shape_keys.key_blocks
     for example, weights in zip(examples.enabled(ob.detail_deform), zip(*found)):
         key = blocks[example.name]
@@ -55,13 +76,29 @@ def to_key_values(context, ob, start, end):
         actions.key(key, 'value', start, weights)
     modifier = bake.modifier_of(ob)
     modifier.show_viewport = modifier.show_render = False
+    _tell(ob, off, start, "shape keys hold nothing and mix along straight lines", tell)
     context.scene.frame_set(context.scene.frame_current, subframe=context.scene.frame_subframe)
 
 
-def _found(context, ob, start, end):
-    found = []
+def _over_frames(context, ob, start, end):
+    """Generator of each frame's weights that handles ask for, and by how much vertices are moved."""
     with contextlib.closing(bake.over_frames(context, ob, start, end)) as walk:
         for _ in walk:
-            found.append(status.example_weights(ob))
-            yield len(found) / (end + 1 - start)
-    return found
+            yield status.example_weights(ob), _of_samples(offset_attribute.read(ob.data))
+
+
+def _of_samples(values):
+    return np.array(values[::-(-len(values) // _SAMPLES)], np.float32)
+
+
+def _farthest(a, b):
+    return float(np.linalg.norm(a - b, axis=1).max())
+
+
+def _tell(ob, off, start, why, tell):
+    worst = int(np.argmax(off))
+    share = off[worst] / pose_samples.size(ob)
+    if share > _SAID:
+        tell(f"In frame {start + worst} '{ob.name}' is up to {100 * share:.1f}% of its size from where its handles had "
+             f"it, as {why}: keep out of the region what should stay, add an example near that frame, or bake a Mesh "
+             "Cache.")
