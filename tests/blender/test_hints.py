@@ -3,6 +3,7 @@
 shape."""
 
 import math
+import re
 
 import bpy
 import numpy as np
@@ -88,6 +89,25 @@ def test_a_region_that_is_only_a_tip_leaves_a_stub_of_an_example_and_says_so():
     assert thickness(tip, 27) < 0.36  # as it says
     tip.detail_deform.method = 'TRANSFER'
     assert "stub" not in tip.detail_deform.status
+
+
+@pytest.mark.parametrize('shape, said', [
+    ((-1, 1, 1), "the mirror image of the rest, inside out"), ((0, 0, 0), "a single point"),
+    ((1, 0, 1), "pressed flat"), ((0, 0, 1), "pressed into a line"),
+    ((-1, -1, 1), None), ((1, 0.1, 1), None), ((0.01, 0.01, 0.01), None), ('bent', None),
+    ('mirrored', "the mirror image of the rest, inside out")])
+def test_an_example_that_is_no_pose_is_named(shape, said):
+    ob = make_limb(first=0)
+    ob.detail_deform.region = ''
+    rest = own(ob).astype(float)
+    turn = np.array(Matrix.Rotation(1, 3, (1, 2, 3)))
+    p = {'bent': bent(bent(rest)), 'mirrored': -bent(rest)}.get(shape) if isinstance(shape, str) else rest * shape
+    key = ob.shape_key_add(name="Other")
+    key.value = 0
+    key.data.foreach_set('co', (p @ turn.T + 5).astype(np.float32).ravel())
+    bpy.ops.object.detail_deform_examples_from_keys()
+    status = bind(ob).detail_deform.status
+    assert re.findall(r"Example '(\w+)' is ([^.]*), which is no pose", status) == ([("Other", said)] if said else [])
 
 
 def test_a_region_of_a_single_row_is_said():

@@ -10,6 +10,9 @@ from . import content, registry
 
 # Of how far an example moves the region: as far may it move what lies beside.
 _BESIDE = 0.2
+_FLAT = 1e-3  # how thin, of its length
+_MIRRORED = 0.8  # how alike ridges and valleys are
+_MOST_HINGES, _BLOCK = 20_000, 64  # triangles looked at
 _MOST = 8
 _VERTEX_PARENTS = {'VERTEX', 'VERTEX_3'}
 _of_regions = {}  # by signature: the sentences, as reading groups takes a while
@@ -39,8 +42,8 @@ def _of_region(ob, roles):
     if border.any() and row[free].all():
         yield ("The region is a single row of vertices between handle and rest, which takes all of the motion: enlarge "
                "it (By Radius).")
-    if settings.method == 'EXAMPLES' and border.any():
-        yield from _cut_off(ob, ~fixed, border)
+    if settings.method == 'EXAMPLES':
+        yield from _of_examples(ob, ~fixed, border)
 
 
 def _beside(edges, chosen):
@@ -52,16 +55,57 @@ def _beside(edges, chosen):
     return found
 
 
-def _cut_off(ob, region, border):
-    """Examples that bend more of the mesh than the region holds: of a tip alone they leave a stub."""
+def _of_examples(ob, region, border):
     rest, chosen = mesh_data.rest(ob.data), examples.enabled(ob.detail_deform)
+    hinges = _hinges(mesh_data.triangles(ob.data), region)
     for example, pose in zip(chosen, examples.positions(ob) if chosen else ()):
+        title = examples.title(example)
         moved = np.linalg.norm(pose - rest, axis=1)
-        if moved[border].max() > _BESIDE * moved[region].max():
+        if border.any() and moved[border].max() > _BESIDE * moved[region].max():
+            # It bends more of the mesh than the region holds: of a tip alone it leaves a stub.
             vertex = int(np.flatnonzero(border)[moved[border].argmax()])
-            yield (f"Example '{examples.title(example)}' also moves what lies beside the region (such as vertex "
+            yield (f"Example '{title}' also moves what lies beside the region (such as vertex "
                    f"{vertex}), which stays: of the pose a flat stub may be left. Make the region larger, to where the "
                    "example begins to move.")
+        flaw = _pressed(rest[region], pose[region]) or (
+            "is the mirror image of the rest, inside out" if _mirrored(rest[hinges], pose[hinges]) else "")
+        if flaw:
+            yield f"Example '{title}' {flaw}, which is no pose to mix with others: correct its shape, or untick it."
+
+
+def _pressed(rest, pose):
+    """What is missing of an example's extents; or ''."""
+    def extents(p):
+        p = p - p.mean(axis=0, dtype=float)
+        return np.linalg.svd(p.T @ p, compute_uv=False) ** 0.5
+    before, after = extents(rest), extents(pose)
+    if after[0] < _FLAT * before[0]:
+        return "is a single point"
+    for k, shape in ((1, "into a line"), (2, "flat")):
+        if after[k] < _FLAT * after[0] and before[k] > 10 * _FLAT * before[0]:
+            return f"is pressed {shape}"
+    return ""
+
+
+def _hinges(triangles, region):
+    """(k, 4): the two ends of edges and the corners that their two triangles have besides, of some of the region."""
+    triangles = triangles[region[triangles].all(axis=1)].astype(np.int64)
+    blocks = np.arange(len(triangles)) // _BLOCK  # what comes one after the other mostly lies together
+    triangles = triangles[blocks % max(1, len(triangles) // _MOST_HINGES) == 0]
+    a, b, other = np.concatenate([np.roll(triangles, k, axis=1) for k in range(3)]).T
+    one, back = a < b, a > b
+    _, i, j = np.intersect1d(a[one] * len(region) + b[one], b[back] * len(region) + a[back], return_indices=True)
+    return np.stack([a[one][i], b[one][i], other[one][i], other[back][j]], axis=1)
+
+
+def _mirrored(rest, pose):
+    """Whether what is a ridge on one is a valley on the other. Of the places of hinges, (k, 4, 3)."""
+    def ridges(p):
+        sides = p[:, 1:].astype(float) - p[:, :1]
+        return np.linalg.det(sides) / np.maximum(np.linalg.norm(sides, axis=2).prod(axis=1), 1e-300)
+    before, after = ridges(rest), ridges(pose)
+    return len(before) > 0 and before @ after < -_MIRRORED * max(np.linalg.norm(before) * np.linalg.norm(after),
+                                                                _FLAT * len(before))
 
 
 def hangs_on_its_mesh(ob):

@@ -29,9 +29,9 @@ namespace dd {
 /// Then vertices that have come nearer to the source than a gap, and by a quarter nearer than they
 /// were at rest, are moved out (Outside), and so is what the source's own vertices have come as
 /// near to (Probes): smoothly first, then each by itself. What lies over another part of the
-/// garment (Layers) is kept as far from that. All of it is continuous in the pose, and
-/// none where the source moves rigidly. Where the source folds up and goes through itself, which has
-/// no outside, it fades away (FarSides).
+/// garment (Layers) is kept as far from that. All of it is continuous in the pose, and none where
+/// the source moves rigidly. Where the source folds up and goes through itself, which has no
+/// outside, it fades away (FarSides).
 class WornPlaces {
  public:
   /// region: of the target, of which the free vertices move. gap: of the box; negative: it isn't
