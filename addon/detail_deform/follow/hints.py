@@ -11,6 +11,7 @@ from . import content, registry
 # Of how far an example moves the region: as far may it move what lies beside.
 _BESIDE = 0.2
 _FLAT = 1e-3  # how thin, of its length
+_THIN = 0.05  # of its length
 _MIRRORED = 0.8  # how alike ridges and valleys are
 _MOST_HINGES, _BLOCK = 20_000, 64  # triangles looked at
 _MOST = 8
@@ -57,7 +58,7 @@ def _beside(edges, chosen):
 
 def _of_examples(ob, region, border):
     rest, chosen = mesh_data.rest(ob.data), examples.enabled(ob.detail_deform)
-    hinges = _hinges(mesh_data.triangles(ob.data), region)
+    before, hinges = _extents(rest[region]), _hinges(mesh_data.triangles(ob.data), region)
     for example, pose in zip(chosen, examples.positions(ob) if chosen else ()):
         title = examples.title(example)
         moved = np.linalg.norm(pose - rest, axis=1)
@@ -67,18 +68,22 @@ def _of_examples(ob, region, border):
             yield (f"Example '{title}' also moves what lies beside the region (such as vertex "
                    f"{vertex}), which stays: of the pose a flat stub may be left. Make the region larger, to where the "
                    "example begins to move.")
-        flaw = _pressed(rest[region], pose[region]) or (
-            "is the mirror image of the rest, inside out" if _mirrored(rest[hinges], pose[hinges]) else "")
+        flaw = _pressed(before, _extents(pose[region]))
+        # What is thin may bend to either side.
+        if not flaw and before[2] > _THIN * before[0] and _mirrored(rest[hinges], pose[hinges]):
+            flaw = "is the mirror image of the rest, inside out"
         if flaw:
             yield f"Example '{title}' {flaw}, which is no pose to mix with others: correct its shape, or untick it."
 
 
-def _pressed(rest, pose):
-    """What is missing of an example's extents; or ''."""
-    def extents(p):
-        p = p - p.mean(axis=0, dtype=float)
-        return np.linalg.svd(p.T @ p, compute_uv=False) ** 0.5
-    before, after = extents(rest), extents(pose)
+def _extents(p):
+    """(3,) largest first"""
+    p = p - p.mean(axis=0, dtype=float)
+    return np.linalg.svd(p.T @ p, compute_uv=False) ** 0.5
+
+
+def _pressed(before, after):
+    """What an example lacks of the extents at rest; or ''."""
     if after[0] < _FLAT * before[0]:
         return "is a single point"
     for k, shape in ((1, "into a line"), (2, "flat")):
