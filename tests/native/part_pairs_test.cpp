@@ -70,6 +70,17 @@ TEST_CASE("loose parts take those of their own kind, though others are nearer") 
   CHECK(others > 20);
 }
 
+TEST_CASE("teeth take their own of a row that is shifted by most of a tooth") {
+  Mesh row = ball(3, {0, 0, 10}, 4);
+  for (int i = 0; i < 14; ++i) row = test::appended(row, ball(2, {0.5 * i, 0.02 * i * i, 0}, 0.2));
+  Mesh other = row;
+  const std::vector<int> parts = parts_of(row);
+  for (Index v = 0; v < row.positions.rows(); ++v)
+    if (parts[size_t(v)] > 0) other.positions(v, 0) += 0.4;
+  CHECK(nearest_parts(row, other) == parts);
+  CHECK(nearest_parts(other, row) == parts);
+}
+
 TEST_CASE("what is one loose part may correspond to several, and one that is missing to another") {
   const Mesh source = face(4, 0.3, 0.7);
   // An edge of each eye's rear grown to the skin: one part, of nearly the same shape.

@@ -9,6 +9,7 @@
 #include "mesh/topology.h"
 #include "mesh/triangles.h"
 #include "mesh/unit_box.h"
+#include "support/assignment.h"
 
 namespace dd {
 
@@ -18,6 +19,7 @@ constexpr int kLargest = 128;        // parts that are told apart
 constexpr double kMuchNearer = 0.7;  // of the distance
 constexpr double kTooNear = 0.005;   // of the box: such a distance says nothing
 constexpr double kNextTo = 0.03;     // of the box
+constexpr double kUnlike = 0.3;      // of the smaller one's size
 
 /// How a part's area is spread.
 struct Spread {
@@ -70,6 +72,13 @@ double distance(const Spread& one, const Spread& other) {
   return std::sqrt(std::max(apart, 0.0));
 }
 
+/// By shape, wherever they are.
+bool are_alike(const Spread& one, Spread other) {
+  other.mean = one.mean;
+  const double size = std::sqrt(std::min(one.covariance.trace(), other.covariance.trace()));
+  return distance(one, other) < kUnlike * size;
+}
+
 }  // namespace
 
 LooseParts::LooseParts(const Mesh& mesh) {
@@ -111,6 +120,17 @@ PartPairs::PartPairs(const Mesh& mesh, const LooseParts& parts, const Mesh& othe
       may_[size_t(s * count_ + t)] =
           kMuchNearer * apart(s, t) <
           std::max({nearest[s], nearest_to_other[t], kMuchNearer * kTooNear * box});
+  // Of those that have their like each has but that.
+  const std::vector<int> likes = least_assignment(apart.cwiseAbs2());
+  std::vector<Index> alike, others_alike;
+  for (Index s = 0; s < apart.rows(); ++s) {
+    const int t = likes[size_t(s)];
+    if (t < 0 || apart(s, t) > near_ || !are_alike(spreads[size_t(s)], others[size_t(t)])) continue;
+    alike.push_back(s);
+    others_alike.push_back(t);
+  }
+  for (Index s : alike)
+    for (Index t : others_alike) may_[size_t(s * count_ + t)] = likes[size_t(s)] == t;
 }
 
 PointOnTriangle PartPairs::nearest_facing(const AabbTree& tree, int vertex,

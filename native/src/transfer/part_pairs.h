@@ -23,7 +23,9 @@ struct LooseParts {
 ///   d² = |μ − μ'|² + tr(C + C' − 2 (C^½ C' C^½)^½),
 ///
 /// and they may correspond if for either of them none is much nearer. So what is one part of one
-/// mesh and several of the other may correspond to each of these, and so may small ones to all.
+/// mesh and several of the other may correspond to each of these, and so may small ones to all. But
+/// where all parts are paired so that Σ d² is least, what is paired with its like, by shape, takes
+/// no other's: in a row of teeth the next one is often nearer.
 class PartPairs {
  public:
   /// In the space of both. All must outlive this.

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "support/assignment.h"
+
+#include <limits>
+
+namespace dd {
+
+std::vector<int> least_assignment(const Eigen::MatrixXd& costs) {
+  const size_t rows = static_cast<size_t>(costs.rows()),
+               columns = static_cast<size_t>(costs.cols());
+  std::vector<int> result(rows, -1);
+  if (rows > columns) {
+    const std::vector<int> of_columns = least_assignment(costs.transpose());
+    for (size_t c = 0; c < columns; ++c)
+      if (of_columns[c] >= 0) result[size_t(of_columns[c])] = static_cast<int>(c);
+    return result;
+  }
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  // Prices by which no row would rather have another column. The last column is where a search for
+  // a free one begins.
+  std::vector<double> row_price(rows, 0), column_price(columns + 1, 0);
+  std::vector<size_t> row_of(columns + 1, rows), before(columns + 1, columns);
+  for (size_t row = 0; row < rows; ++row) {
+    size_t column = columns;
+    row_of[column] = row;
+    std::vector<double> least(columns, kFar);
+    std::vector<char> reached(columns + 1, 0);
+    while (row_of[column] < rows) {
+      reached[column] = 1;
+      const size_t from = row_of[column];
+      double step = kFar;
+      size_t next = columns;
+      for (size_t c = 0; c < columns; ++c) {
+        if (reached[c]) continue;
+        const double over =
+            costs(Eigen::Index(from), Eigen::Index(c)) - row_price[from] - column_price[c];
+        if (over < least[c]) {
+          least[c] = over;
+          before[c] = column;
+        }
+        if (least[c] < step) {
+          step = least[c];
+          next = c;
+        }
+      }
+      if (next == columns) return result;  // only where costs aren't finite
+      for (size_t c = 0; c <= columns; ++c)
+        if (reached[c]) {
+          row_price[row_of[c]] += step;
+          column_price[c] -= step;
+        } else {
+          least[c] -= step;
+        }
+      column = next;
+    }
+    for (; column != columns; column = before[column]) row_of[column] = row_of[before[column]];
+  }
+  for (size_t c = 0; c < columns; ++c)
+    if (row_of[c] < rows) result[row_of[c]] = static_cast<int>(c);
+  return result;
+}
+
+}  // namespace dd
