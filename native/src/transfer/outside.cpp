@@ -85,6 +85,7 @@ Outside::Outside(const PosedSurface& surface, const AabbTree& tree,
                     of_ranges[size_t(range)].end());
   }
   std::vector<FarSides::About> at_rest;
+  at_rest.reserve(seeds.size());
   for (size_t i = 0; i < seeds.size(); ++i) at_rest.push_back(about(static_cast<int>(i)));
   far_sides_ = std::make_unique<FarSides>(surface, tree, at_rest, pool);
 }

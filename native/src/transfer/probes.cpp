@@ -48,6 +48,7 @@ Probes::Probes(const PosedSurface& surface, const AabbTree& tree, const Mesh& ta
   directions_.resize(count(), 3);
   look(pool);
   std::vector<FarSides::About> at_rest;
+  at_rest.reserve(probes_.size());
   for (int i = 0; i < count(); ++i) at_rest.push_back(about(i));
   far_sides_ = std::make_unique<FarSides>(surface, tree, at_rest, pool);
 }
