@@ -110,6 +110,37 @@ def test_an_example_that_is_no_pose_is_named(shape, said):
     assert re.findall(r"Example '(\w+)' is ([^.]*), which is no pose", status) == ([("Other", said)] if said else [])
 
 
+@pytest.mark.parametrize('segments', [12, 160])
+def test_a_mirror_image_is_seen_at_any_density_and_not_in_what_is_open(segments):
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=segments, ring_count=segments // 2)
+    ball = bpy.context.active_object
+    group(ball, 'end', np.flatnonzero(own(ball)[:, 2] > 0.8))
+    assert "Example 'Other' is the mirror image" in mirrored_along_z(ball)
+    n = segments // 4 + 4
+    x, y = (c.ravel() for c in np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n)))
+    faces = [(i * n + j, i * n + j + 1, (i + 1) * n + j + 1, (i + 1) * n + j) for i in range(n - 1) for j in range(n - 1)]
+    mesh = bpy.data.meshes.new("Dome")
+    mesh.from_pydata(np.stack([x, y, 0.8 - 0.4 * (x * x + y * y)], -1).tolist(), [], faces)
+    dome = bpy.data.objects.new("Dome", mesh)
+    bpy.context.scene.collection.objects.link(dome)
+    group(dome, 'end', np.flatnonzero(x > 0.8))
+    assert "Example" not in mirrored_along_z(dome)
+
+
+def mirrored_along_z(ob):
+    """What is said of that as an example."""
+    rest = own(ob)
+    activate(ob)
+    ob.shape_key_add(name="Basis")
+    key = ob.shape_key_add(name="Other")
+    key.value = 0
+    key.data.foreach_set('co', (rest * (1, 1, -1)).astype(np.float32).ravel())
+    ob.detail_deform.method = 'EXAMPLES'
+    add_handle(ob, 'end', add_empty("End", rest[members(ob, 'end')].mean(0)))
+    bpy.ops.object.detail_deform_examples_from_keys()
+    return bind(ob).detail_deform.status
+
+
 def test_a_region_of_a_single_row_is_said():
     assert "single row" in make_limb(first=29).detail_deform.status
     assert "single row" not in make_limb(first=27).detail_deform.status

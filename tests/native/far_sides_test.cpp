@@ -67,7 +67,7 @@ TEST_CASE("a ray leaves a surface where linear systems of all triangles say so f
       if (normals.row(j).dot(way) > 0 && solved.minCoeff() >= 0 && solved[0] + solved[1] <= 1)
         first = std::min(first, solved[2] * way.norm());
     }
-    const PointOnTriangle found = tree.exit(from, way);
+    const PointOnTriangle found = tree.exit(from, way, 0);
     CHECK((found.triangle >= 0) == std::isfinite(first));
     if (found.triangle < 0) continue;
     ++found_count;
@@ -95,6 +95,49 @@ TEST_CASE("what moves rigidly, grows, is squashed or gets bumps faces outwards a
   Positions thorny = ball.positions;
   for (Index v = 0; v < thorny.rows(); v += 5) thorny.row(v) *= 1.3;
   CHECK(faced.in(thorny).minCoeff() > 0.5);
+}
+
+TEST_CASE("rays along axes meet what is flush with their boxes, and begin beyond a distance") {
+  Mesh slab;
+  slab.positions.resize(8, 3);
+  slab.positions << 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1, 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0;
+  slab.triangles.resize(4, 3);
+  slab.triangles << 0, 1, 2, 0, 2, 3, 4, 6, 5, 4, 7, 6;
+  const AabbTree tree(slab);
+  for (double x : {0.0, 0.5, 1.0})
+    for (double y : {0.0, 0.5, 1.0})
+      for (double z : {0.0, -0.0}) {
+        const PointOnTriangle found = tree.exit({x, y, 1}, {z, z, -2}, 0);
+        REQUIRE(found.triangle >= 2);
+        CHECK((found.place - Eigen::Vector3d(x, y, 0)).norm() == 0);
+        CHECK(tree.exit({x, y, 1}, {z, z, -2}, 1.5).triangle < 0);
+        CHECK(tree.exit({x, y, 1}, {z, z, 2}, 0).triangle < 0);
+      }
+}
+
+TEST_CASE("an edge as of a blade faces outwards however it is turned") {
+  // Faces of unequal width that meet at 12 degrees: one is more than a right angle off their mean.
+  Mesh blade;
+  blade.positions.resize(3 * 9, 3);
+  for (int i = 0; i < 9; ++i)
+    blade.positions.middleRows(3 * i, 3) << 0, 0.1 * i, 0, 3, 0.1 * i, 0, std::cos(0.2), 0.1 * i,
+        std::sin(0.2);
+  std::vector<int> corners;
+  for (int i = 0; i < 8; ++i)
+    for (int k = 0; k < 3; ++k) {
+      const int a = 3 * i + k, b = 3 * i + (k + 1) % 3;
+      corners.insert(corners.end(), {a, a + 3, b, b, a + 3, b + 3});
+    }
+  blade.triangles = Eigen::Map<Triangles>(corners.data(), Index(corners.size() / 3), 3);
+  for (int i = 0; i < 30; ++i) {
+    const auto turned = [&](double by, double shift) {
+      return test::transformed(
+          test::rotation_about(by, {1, 2.0 + i, 3}, {0, 0, 0}, {shift, 2 * shift, 1}),
+          blade.positions);
+    };
+    Faced faced({turned(0.1 * i, 0.3), blade.triangles});
+    CHECK(faced.in(turned(1 + 0.2 * i, 5)).minCoeff() > 1 - 1e-6);
+  }
 }
 
 TEST_CASE("what folds up or turns over faces outwards less and less") {

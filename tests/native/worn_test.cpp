@@ -173,6 +173,25 @@ TEST_CASE("a garment is kept outside of what rises below it, and where it is far
   CHECK(largest_difference(through, outside) < 0.05 * box);
 }
 
+TEST_CASE("a garment is kept outside of a body that is inside out, too") {
+  // An arm beside a trunk, which is where a ray from it outwards comes to.
+  const Mesh arm = tube(1, -4, 4, 96, 180), shirt = tube(1.03, -3, 3, 19, 27);
+  Mesh trunk = tube(2, -6, 6, 48, 40);
+  trunk.positions.col(0).array() += 3.5;
+  const test::Affine raised = test::rotation_about(-2, {0, 1, 0}, {0, 0, 4}, {0, 0, 0});
+  const Mesh posed = {test::transformed(raised, flexed(arm.positions, 0.5)), arm.triangles};
+  Mesh body = test::appended(arm, trunk);
+  Positions pose = body.positions;
+  pose.topRows(posed.positions.rows()) = posed.positions;
+  const double box = UnitBox(shirt.positions).scale;
+  for (int side : {1, -1}) {
+    CHECK(depth(posed, {Worn(body, shirt, -1).at(pose), shirt.triangles}) > 1e-3 * box);
+    CHECK(depth(posed, {Worn(body, shirt, 0.005).at(pose), shirt.triangles}) < 1e-5 * box);
+    CHECK(signed_volume(body.positions, body.triangles) * side > 0);
+    body.triangles.col(1).swap(body.triangles.col(2));
+  }
+}
+
 TEST_CASE("the sides of thick cloth are pushed out together, in their order") {
   const Mesh body = tube(1, -3, 3, 80, 60);
   for (const auto& [inner, thick] : {std::pair{1.06, 0.02}, {1.03, 0.01}, {1.06, 0.2}}) {

@@ -11,8 +11,9 @@ from . import content, registry
 # Of how far an example moves the region: as far may it move what lies beside.
 _BESIDE = 0.2
 _FLAT = 1e-3  # how thin, of its length
-_THIN = 0.05  # of its length
+_OPEN = 0.3  # what its borders lack of enclosing a volume
 _MIRRORED = 0.8  # how alike ridges and valleys are
+_ROUNDING = 1e-5  # of a ridge
 _MOST_HINGES, _BLOCK = 20_000, 64  # triangles looked at
 _MOST = 8
 _VERTEX_PARENTS = {'VERTEX', 'VERTEX_3'}
@@ -58,7 +59,11 @@ def _beside(edges, chosen):
 
 def _of_examples(ob, region, border):
     rest, chosen = mesh_data.rest(ob.data), examples.enabled(ob.detail_deform)
-    before, hinges = _extents(rest[region]), _hinges(mesh_data.triangles(ob.data), region)
+    triangles = mesh_data.triangles(ob.data)
+    triangles = triangles[region[triangles].all(axis=1)].astype(np.int64)
+    # What is open may bend to either side: a dome that is pushed in is no mirror image.
+    hinges = _hinges(triangles) if _encloses(rest, triangles) else np.empty((0, 4), int)
+    before = _extents(rest[region])
     for example, pose in zip(chosen, examples.positions(ob) if chosen else ()):
         title = examples.title(example)
         moved = np.linalg.norm(pose - rest, axis=1)
@@ -68,9 +73,10 @@ def _of_examples(ob, region, border):
             yield (f"Example '{title}' also moves what lies beside the region (such as vertex "
                    f"{vertex}), which stays: of the pose a flat stub may be left. Make the region larger, to where the "
                    "example begins to move.")
+        if not np.isfinite(pose[region]).all():
+            continue  # Bind says so
         flaw = _pressed(before, _extents(pose[region]))
-        # What is thin may bend to either side.
-        if not flaw and before[2] > _THIN * before[0] and _mirrored(rest[hinges], pose[hinges]):
+        if not flaw and _mirrored(rest[hinges], pose[hinges]):
             flaw = "is the mirror image of the rest, inside out"
         if flaw:
             yield f"Example '{title}' {flaw}, which is no pose to mix with others: correct its shape, or untick it."
@@ -92,14 +98,19 @@ def _pressed(before, after):
     return ""
 
 
-def _hinges(triangles, region):
-    """(k, 4): the two ends of edges and the corners that their two triangles have besides, of some of the region."""
-    triangles = triangles[region[triangles].all(axis=1)].astype(np.int64)
+def _encloses(rest, triangles):
+    a, b, c = (rest[triangles[:, k]].astype(float) for k in range(3))
+    areas = np.cross(b - a, c - a)
+    return np.linalg.norm(areas.sum(axis=0)) < _OPEN * np.linalg.norm(areas, axis=1).sum()
+
+
+def _hinges(triangles):
+    """(k, 4): the two ends of edges and the corners that their two triangles have besides, of some."""
     blocks = np.arange(len(triangles)) // _BLOCK  # what comes one after the other mostly lies together
-    triangles = triangles[blocks % max(1, len(triangles) // _MOST_HINGES) == 0]
+    triangles = triangles[blocks % -(-len(triangles) // _MOST_HINGES) == 0]
     a, b, other = np.concatenate([np.roll(triangles, k, axis=1) for k in range(3)]).T
-    one, back = a < b, a > b
-    _, i, j = np.intersect1d(a[one] * len(region) + b[one], b[back] * len(region) + a[back], return_indices=True)
+    one, back, count = a < b, a > b, triangles.max() + 1
+    _, i, j = np.intersect1d(a[one] * count + b[one], b[back] * count + a[back], return_indices=True)
     return np.stack([a[one][i], b[one][i], other[one][i], other[back][j]], axis=1)
 
 
@@ -109,8 +120,8 @@ def _mirrored(rest, pose):
         sides = p[:, 1:].astype(float) - p[:, :1]
         return np.linalg.det(sides) / np.maximum(np.linalg.norm(sides, axis=2).prod(axis=1), 1e-300)
     before, after = ridges(rest), ridges(pose)
-    return len(before) > 0 and before @ after < -_MIRRORED * max(np.linalg.norm(before) * np.linalg.norm(after),
-                                                                _FLAT * len(before))
+    return before @ after < -_MIRRORED * max(np.linalg.norm(before) * np.linalg.norm(after),
+                                             _ROUNDING ** 2 * max(len(before), 1))
 
 
 def hangs_on_its_mesh(ob):

@@ -79,15 +79,20 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
             alembic.write(context, ob, start, end, path[:-4] + '.abc' if path.endswith('.pc2') else path)
             return None
         by_weights = {'SLIDERS': keyed_weights.to_sliders, 'KEY_VALUES': keyed_weights.to_key_values}
-        self.keeps_part = self.mode == 'SLIDERS'  # when it is cancelled while what they make is looked at
         if self.mode in by_weights:
-            work = by_weights[self.mode](context, ob, start, end, lambda said: self.report({'WARNING'}, said))
+            work = self._watched(ob, by_weights[self.mode](context, ob, start, end,
+                                                           lambda said: self.report({'WARNING'}, said)))
         elif self.mode == 'SHAPE_KEYS':
             work = bake.to_shape_keys(context, ob, start, end)
         else:
             whole = (self.given('cache_start', start), self.given('cache_end', end))
             work = self._cache(context, ob, start, end, path, whole)
         return self.start(context, work)
+
+    def _watched(self, ob, work):
+        for done in work:
+            self.keeps_part = ob.detail_deform.weights_by == 'SLIDERS'  # keyed, and now looked at
+            yield done
 
     def _cache(self, context, ob, start, end, path, whole):
         yield from bake.to_cache(context, ob, start, end, path, whole)

@@ -133,7 +133,7 @@ class LongOperator(MeshOperator):
             return self._end(context, {'FINISHED'})
         except words.TOLD as problem:
             self.report({'ERROR'}, words.sentence(problem))
-            return self._end(context, {'CANCELLED'})
+            return self._end(context, {'FINISHED'} if self.keeps_part else {'CANCELLED'})
         except Exception:
             self._end(context, None)
             raise

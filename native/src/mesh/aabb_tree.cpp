@@ -69,21 +69,23 @@ int AabbTree::build(int begin, int end) {
   return number;
 }
 
-PointOnTriangle AabbTree::exit(const Eigen::Vector3d& from,
-                               const Eigen::Vector3d& direction) const {
+PointOnTriangle AabbTree::exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
+                               double beyond) const {
   constexpr double kOver = 1e-9;  // beyond sides, so that no ray slips through between triangles
   PointOnTriangle first;
   if (nodes_.empty() || !(direction.squaredNorm() > 0)) return first;
-  const Eigen::Vector3d way = direction.normalized(), per_way = way.cwiseInverse();
+  const Eigen::Vector3d way = direction.normalized();
   double reach = std::numeric_limits<double>::infinity();
   const auto enters = [&](const Eigen::AlignedBox3d& box) {
-    double begin = 0, end = reach;
+    double begin = beyond, end = reach;
     for (int k = 0; k < 3; ++k) {
-      // Where it lies within a side, 0 times infinity: max and min then leave what they have.
-      const double a = (box.min()[k] - from[k]) * per_way[k],
-                   b = (box.max()[k] - from[k]) * per_way[k];
-      begin = std::max(begin, std::min(a, b));
-      end = std::min(end, std::max(a, b));
+      const double low = box.min()[k] - from[k], high = box.max()[k] - from[k];
+      if (way[k] == 0) {
+        if (low > 0 || high < 0) return false;
+        continue;
+      }
+      begin = std::max(begin, (way[k] > 0 ? low : high) / way[k]);
+      end = std::min(end, (way[k] > 0 ? high : low) / way[k]);
     }
     return begin <= end;
   };
@@ -109,7 +111,8 @@ PointOnTriangle AabbTree::exit(const Eigen::Vector3d& from,
       const Eigen::Vector3d normal = ab.cross(ac), at = from - a, turned = at.cross(way);
       const double volume = normal.dot(way), distance = -normal.dot(at) / volume;
       const double v = -ac.dot(turned) / volume, w = ab.dot(turned) / volume;
-      if (!(distance > 0 && distance < reach && v >= -kOver && w >= -kOver && v + w <= 1 + kOver))
+      if (!(distance > beyond && distance < reach && v >= -kOver && w >= -kOver &&
+            v + w <= 1 + kOver))
         continue;
       reach = distance;
       first.triangle = j;

@@ -73,9 +73,10 @@ class AabbTree {
     return nearest_facing(point, normal, reach, [](int) { return true; });
   }
 
-  /// The first point at which a ray leaves the surface: of a triangle whose normal is less than a
-  /// right angle off the ray's direction.
-  PointOnTriangle exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction) const;
+  /// The first point beyond a distance at which a ray leaves the surface: of a triangle whose
+  /// normal is less than a right angle off the ray's direction.
+  PointOnTriangle exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
+                       double beyond) const;
 
  private:
   static constexpr int kLeaf = 8;

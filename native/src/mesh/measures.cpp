@@ -34,15 +34,6 @@ Eigen::Vector2d stretches(const Eigen::Matrix3d& rest, const Eigen::Matrix3d& no
   return {0.5 * (sum + difference), 0.5 * (sum - difference)};
 }
 
-double signed_volume(const Positions& p, const Triangles& t) {
-  double sum = 0;
-  for (Index j = 0; j < t.rows(); ++j) {
-    const Eigen::Vector3d a = p.row(t(j, 0)), b = p.row(t(j, 1)), c = p.row(t(j, 2));
-    sum += a.dot(b.cross(c)) / 6;
-  }
-  return sum;
-}
-
 }  // namespace
 
 double mean_stretch(const Mesh& mesh, const Positions& deformed) {

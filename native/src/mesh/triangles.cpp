@@ -47,4 +47,15 @@ Positions summed_normals(const Positions& p, const Triangles& t) {
   return normals;
 }
 
+double signed_volume(const Positions& p, const Triangles& t) {
+  if (p.rows() == 0) return 0;
+  const Eigen::RowVector3d mean = p.colwise().mean();
+  double sum = 0;
+  for (Index j = 0; j < t.rows(); ++j) {
+    const auto corner = [&](int k) -> Eigen::Vector3d { return p.row(t(j, k)) - mean; };
+    sum += corner(0).dot(corner(1).cross(corner(2))) / 6;
+  }
+  return sum;
+}
+
 }  // namespace dd

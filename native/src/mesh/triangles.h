@@ -29,4 +29,8 @@ Positions triangle_normals(const Positions& positions, const Triangles& triangle
 /// n×3: the triangles' normals around each vertex, twice their areas long, summed.
 Positions summed_normals(const Positions& positions, const Triangles& triangles);
 
+/// Of a closed surface, negative where normals point inwards; of an open one that of the cone to
+/// the mean of its vertices.
+double signed_volume(const Positions& positions, const Triangles& triangles);
+
 }  // namespace dd

@@ -2,13 +2,16 @@
 #include "transfer/far_sides.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace dd {
 
 namespace {
 
 constexpr double kCreased = 0.3;     // at rest: such a place tells nothing
+constexpr double kThin = 0.01;       // of the patch's size: the patch itself, where it is creased
 constexpr double kCollapsed = 0.01;  // of the distance at rest: no direction
+constexpr double kMostShrunk = 3;
 
 }  // namespace
 
@@ -19,7 +22,8 @@ FarSides::FarSides(const PosedSurface& surface, const AabbTree& tree,
     for (int i = static_cast<int>(begin); i < end; ++i) {
       const About& here = at_rest[size_t(i)];
       FarSide& far = far_[size_t(i)];
-      far.point = tree.exit(here.place.transpose(), -here.patch.normal.transpose());
+      far.point = tree.exit(here.place.transpose(), -here.patch.normal.transpose(),
+                            kThin * std::sqrt(here.patch.area));
       if (far.point.triangle < 0) continue;
       far.at_rest = seen(i, here);
       far.share = far.at_rest.area / here.patch.area;
@@ -43,7 +47,7 @@ double FarSides::outwardness(int i, const About& posed) const {
   if (far.point.triangle < 0) return 1;
   const Seen now = seen(i, posed);
   if (!(now.area > 0)) return 0;
-  const double scale = far.at_rest.distance / now.distance;
+  const double scale = std::min(far.at_rest.distance / now.distance, kMostShrunk);
   return std::min(1.0, std::max(now.area / (far.share * posed.patch.area),
                                 scale * scale * now.area / far.at_rest.area));
 }

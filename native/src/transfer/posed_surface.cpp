@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "transfer/posed_surface.h"
 
+#include <Eigen/Geometry>
 #include <utility>
 
 namespace dd {

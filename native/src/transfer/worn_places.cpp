@@ -66,10 +66,14 @@ RowMatrix WornPlaces::smooth(const RowMatrix& values) const {
 }
 
 void WornPlaces::prepare_outside(const NearestPoints& points, double gap) {
+  Mesh body = {placement_.all(source_.positions), source_.triangles};
   std::vector<PointOnTriangle> seeds = points.of_vertices;
   for (PointOnTriangle& seed : seeds) seed.place = placement_(seed.place);
-  body_ = std::make_unique<PosedSurface>(Mesh{placement_.all(source_.positions), source_.triangles},
-                                         pool_);
+  if (signed_volume(body.positions, body.triangles) < 0) {  // inside out, or placed by a mirror
+    body.triangles.col(1).swap(body.triangles.col(2));
+    for (PointOnTriangle& seed : seeds) std::swap(seed.weights[1], seed.weights[2]);
+  }
+  body_ = std::make_unique<PosedSurface>(std::move(body), pool_);
   const AabbTree tree(body_->mesh());
   outside_ = std::make_unique<Outside>(*body_, tree, seeds, pool_);
   probes_ = std::make_unique<Probes>(*body_, tree, target_, kProbed * unit_, pool_);
