@@ -118,7 +118,8 @@ def test_a_mirror_image_is_seen_at_any_density_and_not_in_what_is_open(segments)
     assert "Example 'Other' is the mirror image" in mirrored_along_z(ball)
     n = segments // 4 + 4
     x, y = (c.ravel() for c in np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n)))
-    faces = [(i * n + j, i * n + j + 1, (i + 1) * n + j + 1, (i + 1) * n + j) for i in range(n - 1) for j in range(n - 1)]
+    corners = [i * n + j for i in range(n - 1) for j in range(n - 1)]
+    faces = [(k, k + 1, k + n + 1, k + n) for k in corners]
     mesh = bpy.data.meshes.new("Dome")
     mesh.from_pydata(np.stack([x, y, 0.8 - 0.4 * (x * x + y * y)], -1).tolist(), [], faces)
     dome = bpy.data.objects.new("Dome", mesh)
