@@ -16,23 +16,22 @@ namespace {
 class Faced {
  public:
   explicit Faced(const Mesh& mesh)
-      : surface_(mesh, pool_), far_(surface_, AabbTree(mesh), all(), pool_) {}
+      : surface_(mesh, pool_),
+        far_(
+            surface_, AabbTree(mesh), mesh.vertex_count(), [this](int v) { return about(v); },
+            pool_) {}
 
   Eigen::VectorXd in(const Positions& pose) {
     surface_.take(pose, pool_);
-    const std::vector<FarSides::About> posed = all();
     Eigen::VectorXd result(pose.rows());
-    for (int v = 0; v < static_cast<int>(posed.size()); ++v)
-      result[v] = far_.outwardness(v, posed[size_t(v)]);
+    for (int v = 0; v < surface_.mesh().vertex_count(); ++v)
+      result[v] = far_.outwardness(v, about(v));
     return result;
   }
 
  private:
-  std::vector<FarSides::About> all() const {
-    std::vector<FarSides::About> result;
-    for (int v = 0; v < surface_.mesh().vertex_count(); ++v)
-      result.push_back({surface_.mesh().positions.row(v), surface_.patch(surface_.fan(v))});
-    return result;
+  FarSides::About about(int v) const {
+    return {surface_.mesh().positions.row(v), surface_.patch(surface_.fan(v))};
   }
   ThreadPool pool_{2};
   PosedSurface surface_;

@@ -6,15 +6,10 @@ import numpy as np
 from ..library import native
 from ..scene import examples, handle_matrices, mesh_data
 from ..scene.mesh_data import MeshProblem
-from . import content, registry
+from . import content, misshapen, registry
 
 # Of how far an example moves the region: as far may it move what lies beside.
 _BESIDE = 0.2
-_FLAT = 1e-3  # how thin, of its length
-_OPEN = 0.3  # what its borders lack of enclosing a volume
-_MIRRORED = 0.8  # how alike ridges and valleys are
-_ROUNDING = 1e-5  # of a ridge
-_MOST_HINGES, _BLOCK = 20_000, 64  # triangles looked at
 _MOST = 8
 _VERTEX_PARENTS = {'VERTEX', 'VERTEX_3'}
 _of_regions = {}  # by signature: the sentences, as reading groups takes a while
@@ -59,12 +54,10 @@ def _beside(edges, chosen):
 
 def _of_examples(ob, region, border):
     rest, chosen = mesh_data.rest(ob.data), examples.enabled(ob.detail_deform)
-    triangles = mesh_data.triangles(ob.data)
-    triangles = triangles[region[triangles].all(axis=1)].astype(np.int64)
-    # What is open may bend to either side: a dome that is pushed in is no mirror image.
-    hinges = _hinges(triangles) if _encloses(rest, triangles) else np.empty((0, 4), int)
-    before = _extents(rest[region])
-    for example, pose in zip(chosen, examples.positions(ob) if chosen else ()):
+    if not chosen:
+        return
+    flaw_of = misshapen.Flaws(rest, mesh_data.triangles(ob.data), region).of
+    for example, pose in zip(chosen, examples.positions(ob)):
         title = examples.title(example)
         moved = np.linalg.norm(pose - rest, axis=1)
         if border.any() and moved[border].max() > _BESIDE * moved[region].max():
@@ -73,55 +66,9 @@ def _of_examples(ob, region, border):
             yield (f"Example '{title}' also moves what lies beside the region (such as vertex "
                    f"{vertex}), which stays: of the pose a flat stub may be left. Make the region larger, to where the "
                    "example begins to move.")
-        if not np.isfinite(pose[region]).all():
-            continue  # Bind says so
-        flaw = _pressed(before, _extents(pose[region]))
-        if not flaw and _mirrored(rest[hinges], pose[hinges]):
-            flaw = "is the mirror image of the rest, inside out"
+        flaw = flaw_of(pose)
         if flaw:
             yield f"Example '{title}' {flaw}, which is no pose to mix with others: correct its shape, or untick it."
-
-
-def _extents(p):
-    """(3,) largest first"""
-    p = p - p.mean(axis=0, dtype=float)
-    return np.linalg.svd(p.T @ p, compute_uv=False) ** 0.5
-
-
-def _pressed(before, after):
-    """What an example lacks of the extents at rest; or ''."""
-    if after[0] < _FLAT * before[0]:
-        return "is a single point"
-    for k, shape in ((1, "into a line"), (2, "flat")):
-        if after[k] < _FLAT * after[0] and before[k] > 10 * _FLAT * before[0]:
-            return f"is pressed {shape}"
-    return ""
-
-
-def _encloses(rest, triangles):
-    a, b, c = (rest[triangles[:, k]].astype(float) for k in range(3))
-    areas = np.cross(b - a, c - a)
-    return np.linalg.norm(areas.sum(axis=0)) < _OPEN * np.linalg.norm(areas, axis=1).sum()
-
-
-def _hinges(triangles):
-    """(k, 4): the two ends of edges and the corners that their two triangles have besides, of some."""
-    blocks = np.arange(len(triangles)) // _BLOCK  # what comes one after the other mostly lies together
-    triangles = triangles[blocks % -(-len(triangles) // _MOST_HINGES) == 0]
-    a, b, other = np.concatenate([np.roll(triangles, k, axis=1) for k in range(3)]).T
-    one, back, count = a < b, a > b, triangles.max() + 1
-    _, i, j = np.intersect1d(a[one] * count + b[one], b[back] * count + a[back], return_indices=True)
-    return np.stack([a[one][i], b[one][i], other[one][i], other[back][j]], axis=1)
-
-
-def _mirrored(rest, pose):
-    """Whether what is a ridge on one is a valley on the other. Of the places of hinges, (k, 4, 3)."""
-    def ridges(p):
-        sides = p[:, 1:].astype(float) - p[:, :1]
-        return np.linalg.det(sides) / np.maximum(np.linalg.norm(sides, axis=2).prod(axis=1), 1e-300)
-    before, after = ridges(rest), ridges(pose)
-    return before @ after < -_MIRRORED * max(np.linalg.norm(before) * np.linalg.norm(after),
-                                             _ROUNDING ** 2 * max(len(before), 1))
 
 
 def hangs_on_its_mesh(ob):

@@ -120,8 +120,7 @@ class LongOperator(MeshOperator):
 
     def modal(self, context, event):
         if event.type == 'ESC':
-            self._end(context, None)
-            return {'FINISHED'} if self.keeps_part else {'CANCELLED'}
+            return self._cut_short(context)
         if event.type != 'TIMER':
             return {'RUNNING_MODAL'}
         until = time.monotonic() + _TICK_SECONDS
@@ -133,7 +132,7 @@ class LongOperator(MeshOperator):
             return self._end(context, {'FINISHED'})
         except words.TOLD as problem:
             self.report({'ERROR'}, words.sentence(problem))
-            return self._end(context, {'FINISHED'} if self.keeps_part else {'CANCELLED'})
+            return self._cut_short(context)
         except Exception:
             self._end(context, None)
             raise
@@ -143,6 +142,9 @@ class LongOperator(MeshOperator):
         """Blender ends it by itself, as when its window is closed."""
         if self._work:
             self._end(context, None)
+
+    def _cut_short(self, context):
+        return self._end(context, {'FINISHED'} if self.keeps_part else {'CANCELLED'})
 
     def _end(self, context, result):
         try:

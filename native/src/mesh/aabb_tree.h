@@ -20,6 +20,14 @@ struct PointOnTriangle {
   double squared_distance = std::numeric_limits<double>::infinity();
 };
 
+/// Where such a point is, at these places of the vertices.
+inline Eigen::RowVector3d place_of(const PointOnTriangle& point, const Positions& positions,
+                                   const Triangles& triangles) {
+  Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
+  for (int k = 0; k < 3; ++k) sum += point.weights[k] * positions.row(triangles(point.triangle, k));
+  return sum;
+}
+
 /// The point of triangle j that is nearest to another point (Ericson 2004).
 PointOnTriangle nearest_on_triangle(const Mesh& mesh, int j, const Eigen::Vector3d& point);
 

@@ -43,7 +43,7 @@ std::vector<int> least_assignment(const Eigen::MatrixXd& costs) {
           next = c;
         }
       }
-      if (next == columns) return result;  // only where costs aren't finite
+      if (next == columns) return result;  // none of finite costs
       for (size_t c = 0; c <= columns; ++c)
         if (reached[c]) {
           row_price[row_of[c]] += step;

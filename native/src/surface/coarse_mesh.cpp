@@ -88,9 +88,7 @@ PointOnTriangle point_near(const Mesh& mesh, const Fans& fans, const Eigen::RowV
   if (best.triangle < 0) return best;
   best.weights = best.weights.cwiseMax(0);
   best.weights /= best.weights.sum();
-  for (int k = 0; k < 3; ++k)
-    best.place +=
-        best.weights[k] * mesh.positions.row(mesh.triangles(best.triangle, k)).transpose();
+  best.place = place_of(best, mesh.positions, mesh.triangles).transpose();
   best.squared_distance = (point.transpose() - best.place).squaredNorm();
   return best;
 }

@@ -15,12 +15,12 @@ constexpr double kMostShrunk = 3;
 
 }  // namespace
 
-FarSides::FarSides(const PosedSurface& surface, const AabbTree& tree,
-                   const std::vector<About>& at_rest, ThreadPool& pool)
-    : surface_(surface), far_(at_rest.size()) {
-  pool.parallel_for(static_cast<Index>(far_.size()), kLeastRange, [&](int64_t begin, int64_t end) {
+FarSides::FarSides(const PosedSurface& surface, const AabbTree& tree, int count,
+                   const std::function<About(int)>& at_rest, ThreadPool& pool)
+    : surface_(surface), far_(static_cast<size_t>(count)) {
+  pool.parallel_for(count, kLeastRange, [&](int64_t begin, int64_t end) {
     for (int i = static_cast<int>(begin); i < end; ++i) {
-      const About& here = at_rest[size_t(i)];
+      const About here = at_rest(i);
       FarSide& far = far_[size_t(i)];
       far.point = tree.exit(here.place.transpose(), -here.patch.normal.transpose(),
                             kThin * std::sqrt(here.patch.area));
@@ -35,9 +35,8 @@ FarSides::FarSides(const PosedSurface& surface, const AabbTree& tree,
 FarSides::Seen FarSides::seen(int i, const About& posed) const {
   const FarSide& far = far_[size_t(i)];
   const Mesh& mesh = surface_.mesh();
-  Eigen::RowVector3d outwards = posed.place;
-  for (int k = 0; k < 3; ++k)
-    outwards -= far.point.weights[k] * mesh.positions.row(mesh.triangles(far.point.triangle, k));
+  const Eigen::RowVector3d outwards =
+      posed.place - place_of(far.point, mesh.positions, mesh.triangles);
   const double distance = std::max(outwards.norm(), kCollapsed * far.at_rest.distance);
   return {posed.patch.normal.dot(outwards) / distance, distance};
 }

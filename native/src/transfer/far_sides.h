@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "mesh/aabb_tree.h"
@@ -19,9 +20,10 @@ class FarSides {
     Eigen::RowVector3d place;
     PosedSurface::Patch patch;
   };
-  /// surface: at rest; outlives this. tree: over it. at_rest: of any points.
-  FarSides(const PosedSurface& surface, const AabbTree& tree, const std::vector<About>& at_rest,
-           ThreadPool& pool);
+  /// surface: at rest; outlives this. tree: over it. at_rest: of each of so many points; called
+  /// from several threads.
+  FarSides(const PosedSurface& surface, const AabbTree& tree, int count,
+           const std::function<About(int)>& at_rest, ThreadPool& pool);
 
   /// How much patch i faces outwards in the pose: 1 as at rest, 0 where it is folded up or turned
   /// over, continuously, the larger of two measures: how much of it points outwards, which what is

@@ -43,10 +43,7 @@ Layers::Layers(const Mesh& garment, const Positions& arms, double reach, ThreadP
 
 Eigen::Vector3d Layers::arm_in(int layer, const Positions& garment) const {
   const Layer& one = layers_[size_t(layer)];
-  Eigen::RowVector3d arm = garment.row(one.vertex);
-  for (int k = 0; k < 3; ++k)
-    arm -= one.below.weights[k] * garment.row(triangles_(one.below.triangle, k));
-  return arm.transpose();
+  return (garment.row(one.vertex) - place_of(one.below, garment, triangles_)).transpose();
 }
 
 }  // namespace dd

@@ -60,12 +60,11 @@ Outside::Outside(const PosedSurface& surface, const AabbTree& tree,
                  const std::vector<PointOnTriangle>& seeds, ThreadPool& pool)
     : surface_(surface), seeds_(surface.mesh(), seeds) {
   const Mesh& mesh = surface.mesh();
-  const Eigen::VectorXd areas = triangle_areas(mesh.positions, mesh.triangles);
-  const double least_area = 1e-6 * areas.mean();
+  const double least_area = 1e-6 * surface.areas().mean();
   Positions centres(mesh.triangle_count(), 3);
   for (Index j = 0; j < centres.rows(); ++j) {
     centres.row(j) = triangle_centre(mesh.positions, mesh.triangles, j).transpose();
-    widths_.push_back(kWidth * kWidth * std::max(areas[j], least_area));
+    widths_.push_back(kWidth * kWidth * std::max(surface.areas()[j], least_area) / 2);
   }
   std::vector<std::vector<int>> of_ranges(kPatchRanges), ends(kPatchRanges);
   pool.run(kPatchRanges, [&](int range) {
@@ -84,10 +83,8 @@ Outside::Outside(const PosedSurface& surface, const AabbTree& tree,
     patches_.insert(patches_.end(), of_ranges[size_t(range)].begin(),
                     of_ranges[size_t(range)].end());
   }
-  std::vector<FarSides::About> at_rest;
-  at_rest.reserve(seeds.size());
-  for (size_t i = 0; i < seeds.size(); ++i) at_rest.push_back(about(static_cast<int>(i)));
-  far_sides_ = std::make_unique<FarSides>(surface, tree, at_rest, pool);
+  far_sides_ = std::make_unique<FarSides>(
+      surface, tree, static_cast<int>(seeds.size()), [this](int i) { return about(i); }, pool);
 }
 
 FarSides::About Outside::about(int point) const {
@@ -111,7 +108,7 @@ Outside::Level Outside::at(Index point, const Eigen::Vector3d& place) const {
   for (int j : patch(point)) {
     const double near =
         1 / (nearest_on_triangle(surface_.mesh(), j, place).squared_distance + widths_[size_t(j)]);
-    const double weight = surface_.area(j) * near * near;
+    const double weight = surface_.areas()[j] * near * near;
     height += weight * surface_.height(j, place);
     direction += weight * surface_.normal(j).transpose();
     sum += weight;

@@ -120,7 +120,7 @@ PartPairs::PartPairs(const Mesh& mesh, const LooseParts& parts, const Mesh& othe
       may_[size_t(s * count_ + t)] =
           kMuchNearer * apart(s, t) <
           std::max({nearest[s], nearest_to_other[t], kMuchNearer * kTooNear * box});
-  // Of those that have their like each has but that.
+  // Of those that have their like each goes with no other one's.
   const std::vector<int> likes = least_assignment(apart.cwiseAbs2());
   std::vector<Index> alike, others_alike;
   for (Index s = 0; s < apart.rows(); ++s) {

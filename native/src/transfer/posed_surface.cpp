@@ -9,7 +9,7 @@ namespace dd {
 PosedSurface::PosedSurface(Mesh at_rest, ThreadPool& pool)
     : mesh_(std::move(at_rest)), fans_(mesh_.triangles, mesh_.vertex_count()) {
   planes_.resize(mesh_.triangle_count(), 4);
-  areas_.resize(static_cast<size_t>(mesh_.triangle_count()));
+  areas_.resize(mesh_.triangle_count());
   take(mesh_.positions, pool);
 }
 
@@ -24,7 +24,7 @@ void PosedSurface::take(const Positions& posed, ThreadPool& pool) {
       const double doubled = normal.norm();
       if (doubled > 0) normal /= doubled;
       planes_.row(j) << normal, -normal.dot(corner(0));
-      areas_[size_t(j)] = doubled;
+      areas_[j] = doubled;
     }
   });
 }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include <vector>
-
 #include "mesh/mesh.h"
 #include "mesh/topology.h"
 #include "support/thread_pool.h"
@@ -27,8 +25,8 @@ class PosedSurface {
   double height(int j, const Eigen::Vector3d& place) const {
     return planes_.row(j).head<3>().dot(place) + planes_(j, 3);
   }
-  /// Twice the area of triangle j.
-  double area(int j) const { return areas_[size_t(j)]; }
+  /// Of each triangle, doubled.
+  const Eigen::VectorXd& areas() const { return areas_; }
 
   /// Some triangles together.
   struct Patch {
@@ -39,8 +37,8 @@ class PosedSurface {
   Patch patch(const Range& triangles) const {
     Patch sum;
     for (int j : triangles) {
-      sum.normal += area(j) * normal(j);
-      sum.area += area(j);
+      sum.normal += areas_[j] * normal(j);
+      sum.area += areas_[j];
     }
     return sum;
   }
@@ -49,7 +47,7 @@ class PosedSurface {
   Mesh mesh_;
   Fans fans_;
   Rows planes_;  // n, and −nᵀ a
-  std::vector<double> areas_;
+  Eigen::VectorXd areas_;
 };
 
 }  // namespace dd

@@ -33,7 +33,7 @@ Probes::Probes(const PosedSurface& surface, const AabbTree& tree, const Mesh& ta
   for (int v = 0; v < static_cast<int>(places.rows()); ++v) {
     const PointOnTriangle& near = over[size_t(v)];
     if (near.triangle < 0) continue;
-    probes_.push_back({v, near.triangle, near.weights});
+    probes_.push_back({v, near});
     for (int corner : target_.row(near.triangle)) ++begin_[size_t(corner) + 1];
   }
   for (size_t v = 1; v < begin_.size(); ++v) begin_[v] += begin_[v - 1];
@@ -42,15 +42,13 @@ Probes::Probes(const PosedSurface& surface, const AabbTree& tree, const Mesh& ta
   for (int i = 0; i < count(); ++i) {
     const Probe& probe = probes_[size_t(i)];
     for (int k = 0; k < 3; ++k)
-      parts_[size_t(next[size_t(target_(probe.triangle, k))]++)] = {
-          i, probe.weights[k] / probe.weights.squaredNorm()};
+      parts_[size_t(next[size_t(target_(probe.over.triangle, k))]++)] = {
+          i, probe.over.weights[k] / probe.over.weights.squaredNorm()};
   }
   directions_.resize(count(), 3);
   look(pool);
-  std::vector<FarSides::About> at_rest;
-  at_rest.reserve(probes_.size());
-  for (int i = 0; i < count(); ++i) at_rest.push_back(about(i));
-  far_sides_ = std::make_unique<FarSides>(surface, tree, at_rest, pool);
+  far_sides_ = std::make_unique<FarSides>(
+      surface, tree, count(), [this](int i) { return about(i); }, pool);
 }
 
 void Probes::look(ThreadPool& pool) {
@@ -62,9 +60,8 @@ void Probes::look(ThreadPool& pool) {
 
 double Probes::height(int i, const Positions& target) const {
   const Probe& probe = probes_[size_t(i)];
-  Eigen::RowVector3d over = -surface_.mesh().positions.row(probe.vertex);
-  for (int k = 0; k < 3; ++k) over += probe.weights[k] * target.row(target_(probe.triangle, k));
-  return directions_.row(i).dot(over);
+  return directions_.row(i).dot(place_of(probe.over, target, target_) -
+                                surface_.mesh().positions.row(probe.vertex));
 }
 
 }  // namespace dd

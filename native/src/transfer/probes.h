@@ -45,8 +45,8 @@ class Probes {
 
  private:
   struct Probe {
-    int vertex, triangle;  // of the surface and of the target
-    Eigen::Vector3d weights;
+    int vertex;            // of the surface
+    PointOnTriangle over;  // of the target
   };
   FarSides::About about(int probe) const {
     const int vertex = probes_[size_t(probe)].vertex;

@@ -29,10 +29,7 @@ class SourcePoints {
   bool is_known(int vertex) const { return points_[vertex].triangle >= 0; }
   /// Where its point is, at these places of the source's vertices.
   Eigen::Vector3d at(const Positions& places, int vertex) const {
-    const PointOnTriangle& point = points_[vertex];
-    Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
-    for (int k = 0; k < 3; ++k) sum += point.weights[k] * places.row(triangles_(point.triangle, k));
-    return sum.transpose();
+    return place_of(points_[vertex], places, triangles_).transpose();
   }
 
  private:
