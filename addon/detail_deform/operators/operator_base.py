@@ -120,7 +120,7 @@ class LongOperator(MeshOperator):
 
     def modal(self, context, event):
         if event.type == 'ESC':
-            return self._cut_short(context)
+            return self._end(context)
         if event.type != 'TIMER':
             return {'RUNNING_MODAL'}
         until = time.monotonic() + _TICK_SECONDS
@@ -132,25 +132,23 @@ class LongOperator(MeshOperator):
             return self._end(context, {'FINISHED'})
         except words.TOLD as problem:
             self.report({'ERROR'}, words.sentence(problem))
-            return self._cut_short(context)
+            return self._end(context)
         except Exception:
-            self._end(context, None)
+            self._end(context)
             raise
         return {'RUNNING_MODAL'}
 
     def cancel(self, context):
         """Blender ends it by itself, as when its window is closed."""
         if self._work:
-            self._end(context, None)
+            self._end(context)
 
-    def _cut_short(self, context):
-        return self._end(context, {'FINISHED'} if self.keeps_part else {'CANCELLED'})
-
-    def _end(self, context, result):
+    def _end(self, context, result=None):
+        """What modal() returns: result, or what is right for work that was cut short."""
         try:
             self._work.close()
         finally:
             self._progress.end(context)
             self._work = self._progress = None
         self.interactive = False  # it may be repeated without a dialog
-        return result
+        return result or ({'FINISHED'} if self.keeps_part else {'CANCELLED'})
