@@ -1,0 +1,16 @@
+# shellcheck shell=bash
+# SPDX-License-Identifier: GPL-3.0-or-later
+#
+# The add-on in the window of the Blender at hand. Sourced from the repository root, after tests/prepare.sh.
+
+prepare_window() {
+    prepare_blender || return
+    dd_need_packages xvfb xauth xdotool imagemagick
+}
+
+# in_window FOLDER: walks through the window on a screen of its own, and keeps screenshots in that folder. The
+# add-on is the source tree's, with the library that a build has staged there.
+in_window() {
+    timeout 1200 xvfb-run -a -s "-screen 0 1280x800x24" blender --factory-startup \
+        --window-geometry 0 0 1280 800 --python tests/blender/gui/window.py -- "$1"
+}
