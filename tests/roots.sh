@@ -10,12 +10,14 @@
 # tests/roots.sh window [SYSTEM...]     the walks through Blender's window; screenshots in
 #                                       build/roots/SYSTEM/detail_deform/build/gui
 # tests/roots.sh in SYSTEM COMMAND...   any command, in the root as it was left; a new one where there is none
+#
+# shellcheck disable=SC2329  # the functions that $what names
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
 # shellcheck source=tests/prepare.sh
 source tests/prepare.sh
 
-roots=$PWD/build/roots mirror=http://deb.debian.org/debian
+roots=$PWD/build/roots
 results=() failed=0
 
 # debootstrap makes a system of files alone; what runs in it needs namespaces of its own, so that nothing is
@@ -40,7 +42,7 @@ new_root() {
     if [ ! -e "$roots/$1.tar" ]; then
         dd_say "debootstrap $1"
         rm -rf "$root"
-        debootstrap --variant=minbase --cache-dir="$roots/packages" "$1" "$root" "$mirror" \
+        debootstrap --variant=minbase --cache-dir="$roots/packages" "$1" "$root" \
             >"$roots/$1-debootstrap.log" 2>&1 || {
             tail -n 20 "$roots/$1-debootstrap.log"
             dd_complain "debootstrap could not make $1."
@@ -81,19 +83,19 @@ in_root() {
         bash -c 'cd /detail_deform && exec "$@"' - "$@" </dev/null
 }
 
-# timed SYSTEM COMMAND...: runs it, keeps what it prints, and notes how it ended and how long it took.
+# timed SYSTEM NAME COMMAND...: runs it, keeps what it prints, and notes how it ended and how long it took.
 timed() {
-    local system=$1 began=$SECONDS status=0 log
-    shift
-    log=$roots/$system-$(basename "${1%.sh}").log
-    dd_say "$system: $* (what it prints: $log)"
+    local system=$1 name=$2 began=$SECONDS status=0 log
+    shift 2
+    log=$roots/$system-${name//[ \/]/-}.log
+    dd_say "$system: $name (what it prints: $log)"
     in_root "$system" "$@" >"$log" 2>&1 || status=$?
     # The last line is the command's own summary.
     if [ "$status" = 0 ]; then
-        results+=("$system: passed in $((SECONDS - began)) s: $* ($(tail -n 1 "$log"))")
+        results+=("$system: passed in $((SECONDS - began)) s: $name ($(tail -n 1 "$log"))")
     else
         tail -n 60 "$log"
-        results+=("$system: FAILED after $((SECONDS - began)) s: $* ($(tail -n 1 "$log"))")
+        results+=("$system: FAILED after $((SECONDS - began)) s: $name ($(tail -n 1 "$log"))")
         failed=1
     fi
     dd_say "${results[-1]}"
@@ -109,12 +111,12 @@ begin() {
 }
 
 readme() {
-    begin "$1" && timed "$1" addon/demo.sh
-    begin "$1" && timed "$1" tests/run.sh && timed "$1" tests/run.sh
+    begin "$1" && timed "$1" addon/demo.sh addon/demo.sh
+    begin "$1" && timed "$1" tests/run.sh tests/run.sh && timed "$1" "tests/run.sh again" tests/run.sh
 }
 
 window() {
-    begin "$1" && timed "$1" bash -c 'source tests/prepare.sh && source tests/window.sh &&
+    begin "$1" && timed "$1" window bash -c 'source tests/prepare.sh && source tests/window.sh &&
         prepare_build && build_preset library detail_deform && prepare_window && in_window build/gui'
 }
 

@@ -1,14 +1,18 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
-# Gets what is missing, builds, and runs every check: the linters, the core and the C ABI, the same
-# under the sanitizers, and the add-on's zip in each Blender that can be had. First what keeps all
-# cores busy; then what leaves one free, two at a time, each shown when it has ended. One summary
-# line at the end.
+# Gets what is missing, builds, and tests: the core, the C ABI, and the add-on's zip in this system's Blender,
+# in background and in its window. One summary line at the end.
 #
-# tests/run.sh [--quick]     --quick: no clang, no sanitizers, no Windows, Debian's Blender only
+# tests/run.sh           what somebody who has just cloned this wants to know; large cases are left out
+# tests/run.sh --all     large cases, the linters, both sanitizers, fuzzing, the benchmarks, the paper's figures,
+#                        the C++ tests against the other major version of Catch2, Blender as a Python module of two
+#                        other versions, and Windows through Wine, too: what has to pass before a commit is shared
 #
-# shellcheck disable=SC2317  # functions that step and finish call
+# First come the steps that keep all cores busy, then those that leave one free, two at a time; what they print
+# is shown when they have ended.
+#
+# shellcheck disable=SC2329  # functions that step and finish call
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
 # shellcheck source=tests/prepare.sh
@@ -17,9 +21,15 @@ source tests/prepare.sh
 source tests/lint.sh
 # shellcheck source=tests/windows.sh
 source tests/windows.sh
+# shellcheck source=tests/window.sh
+source tests/window.sh
 
-quick=false
-[ "${1:-}" = --quick ] && quick=true
+all=false
+case ${1:-} in
+    --all) all=true ;;
+    "") ;;
+    *) dd_complain "tests/run.sh [--all]"; exit 2 ;;
+esac
 passed=0 failed=0 skipped=0 steps_beside=0
 failures=() notes=()
 
@@ -101,15 +111,6 @@ skip() {
     notes+=("skipped: $1")
 }
 
-# step_with COMMAND PACKAGE NAME COMMAND...: a step that needs a command of that package.
-step_with() {
-    if dd_need "$1" "$2"; then
-        step "${@:3}"
-    else
-        skip "$3: $1 could not be had"
-    fi
-}
-
 # Counting by suites hides how many tests ran: each runner prints its own line above.
 finish() {
     while [ ${#running[@]} != 0 ]; do wait_for_one; done
@@ -152,21 +153,13 @@ blender_suite() {
     return "$status"
 }
 
-# in_window SCRIPT: drives Debian's Blender on a screen of its own; the screenshots are kept.
-in_window() {
-    timeout 1200 xvfb-run -a -s "-screen 0 1280x800x24" blender --factory-startup \
-        --window-geometry 0 0 1280 800 --python "$1" -- build/gui
+# native_tests [CTEST OPTION...]: where nothing else runs beside them, two at a time.
+native_tests() {
+    ctest --preset check --output-on-failure "$@"
 }
 
-step_with clang-format clang-format "format (clang-format)" lint_format
-step "margin" lint_margin
-step_with shellcheck shellcheck "shell (shellcheck)" lint_shell
-if prepare_ruff; then
-    step "Python (ruff)" lint_python
-else
-    skip "Python (ruff): it could not be had"
-fi
-
+# Everything that comes from packages is got here, in one go: apt works alone, and nothing is installed below
+# steps that run beside one another.
 prepare_build || { failures+=("getting what the build needs"); failed=1; finish; }
 dd_need_packages ccache python3-numpy python3-pytest || true
 python=python3
@@ -176,21 +169,40 @@ for candidate in /usr/bin/python3 python3; do
         break
     fi
 done
-
-step "build (check)" build_preset check || finish
-step "core and library (ctest)" ctest --preset check -j 2 --output-on-failure
-step "C ABI (ctypes)" abi_tests
-step "zip" cmake --build --preset check --target addon_zip
-zip=$(ls build/check/detail_deform-*.zip)
-
-sanitized=false threads=false windows=false
-if $quick; then
-    skip "clang-tidy, fuzzing and sanitizers (--quick)"
-    skip "Windows (--quick)"
+# Debian's Blender runs the system's Python and finds its pytest.
+blender=false window=false
+if prepare_blender && dd_need_packages python3-pytest; then
+    blender=true
+    if prepare_window; then
+        window=true
+    else
+        skip "the window: Xvfb, xdotool or ImageMagick could not be had"
+    fi
 else
-    step_with clang-tidy clang-tidy "C++ (clang-tidy)" lint_tidy
-    # Which also tells whether clang takes the library; and for these sanitizers it compiles in half
-    # of GCC's time.
+    skip "Debian's Blender: it could not be had"
+fi
+
+sanitized=false threads=false windows=false windows_python=false wheels=()
+marks="not large"
+if $all; then
+    marks=  # all, in the first Blender
+    step "margin" lint_margin
+    if prepare_linters; then
+        step "format (clang-format)" lint_format
+        step "shell (shellcheck)" lint_shell
+        step "Python (ruff)" lint_python
+        step "C++ (clang-tidy)" lint_tidy
+    else
+        skip "the linters: their versions could not be had from PyPI"
+    fi
+    step "build (check)" build_preset check all addon_zip || finish
+    step "core and library (ctest)" native_tests -j 2
+    if ! prepare_catch3; then
+        skip "the tests against Catch2 3: it could not be had"
+    else
+        step "the tests compile against Catch2 3" compile_with_catch3
+    fi
+    # It also tells whether clang takes the library, and compiles in half of GCC's time with these sanitizers.
     if ! prepare_clang; then
         skip "fuzzing and sanitizers: clang could not be had"
     elif step "build (sanitize)" build_preset sanitize; then
@@ -207,48 +219,31 @@ else
     fi
     if ! prepare_windows; then
         skip "Windows: mingw-w64 or Wine could not be had"
-    elif step "build (windows)" build_preset windows; then
+    elif step "build (windows)" build_preset windows all addon_zip; then
         windows=true
-        step "zip (windows)" cmake --build --preset windows --target addon_zip
+        if prepare_windows_python; then
+            windows_python=true
+        else
+            skip "C ABI under Wine: a Python for Windows could not be had"
+        fi
     else
         skip "Windows: it is not built"
     fi
-fi
-
-# All that has to be got comes before the first that runs beside: nothing is installed below them.
-windows_python=false blender=false window=false wheels=()
-if $windows; then
-    if prepare_windows_python; then
-        windows_python=true
-    else
-        skip "C ABI under Wine: a Python for Windows could not be had"
-    fi
-fi
-# Debian's Blender runs the system's Python and finds its pytest.
-if prepare_blender && dd_need_packages python3-pytest; then
-    blender=true
-    if dd_need_packages xvfb xauth xdotool imagemagick; then
-        window=true
-    else
-        skip "the window: Xvfb, xdotool or ImageMagick could not be had"
-    fi
-else
-    skip "Debian's Blender: it could not be had"
-fi
-if $quick; then
-    skip "bpy wheels (--quick)"
-else
     for wheel in "3.11 4.5.15" "3.13 5.2.3"; do
         # shellcheck disable=SC2086  # two words on purpose
         if prepare_wheel $wheel; then
             wheels+=("${wheel#* }")
         else
-            skip "bpy ${wheel#* }: Python ${wheel% *} is not on this machine"
+            skip "bpy ${wheel#* }: it, or Python ${wheel% *}, could not be had"
         fi
     done
+else
+    notes+=("left to tests/run.sh --all: large cases, linters, sanitizers, fuzzing, other Blenders, Windows")
+    step "build (check)" build_preset check checks addon_zip || finish
 fi
+zip=$(ls build/check/detail_deform-*.zip)
 
-# What takes longest comes first.
+# The longest come first.
 if $windows; then
     beside "core and library under Wine (ctest)" windows_core_tests
 fi
@@ -261,21 +256,24 @@ if $sanitized; then
     beside "fuzzing (clang and its sanitizers)" tests/fuzz/run.sh
 fi
 if $window; then
-    beside "add-on in its window" in_window tests/blender/gui/window.py
+    beside "add-on in its window" in_window build/gui
 fi
-marks=  # all, in the first Blender
 if $blender; then
     beside "add-on in $(blender --version | head -n 1)" \
         blender_suite "$marks" blender --background --factory-startup --python tests/blender/run.py --
-    beside "the paper's figures" blender --background --factory-startup --python-exit-code 1 \
-        --python tests/figures/make_figures.py -- --check
     marks="not large"
+    if $all; then
+        beside "the paper's figures" blender --background --factory-startup --python-exit-code 1 \
+            --python tests/figures/make_figures.py -- --check
+    fi
 fi
 for wheel in "${wheels[@]}"; do
     beside "add-on in bpy $wheel" \
         blender_suite "$marks" "build/venv-bpy-$wheel/bin/python" tests/blender/run.py --
-    marks="not large"
+    marks="not large"  # the first Blender has run what is large
 done
+$all || beside "core and library (ctest)" native_tests -LE "large|bench"
+beside "C ABI (ctypes)" abi_tests
 if $threads; then
     beside "threads of the C ABI under their sanitizer" \
         sanitized_abi_tests tsan "$(c++ -print-file-name=libtsan.so)" \

@@ -231,8 +231,7 @@ void frame(const Scene& scene, const Bandwidth& bandwidth, Report& report) {
   contest.enter("update_2_threads", "update by 2 threads", update(*two, 0));
   contest.enter("update_4_2_threads", "  with 4 refinements", update(*two, 4));
   contest.enter("solve", "its solve alone", [&] {
-    own.solve_in_order(
-        panel.data(), space, nullptr, [](int) {}, [](int, int, const auto*) {});
+    own.solve_in_order(panel.data(), space, nullptr, [](int) {}, [](int, int, const auto*) {});
   });
   const Eigen::MatrixXd right = Eigen::MatrixXd::Random(region.free_count(), 3);
   Eigen::MatrixXd solution;

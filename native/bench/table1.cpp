@@ -61,8 +61,7 @@ Times timed_own(const SparseMatrix& A) {
   const dd::Rows right = dd::Rows::Random(symbolic->slotted_size(), 4);
   dd::SparseCholesky::Space space;
   times.solve = median([&] {
-    factor->solve_in_order(
-        right.data(), space, nullptr, [](int) {}, [](int, int, const auto*) {});
+    factor->solve_in_order(right.data(), space, nullptr, [](int) {}, [](int, int, const auto*) {});
   });
   return times;
 }

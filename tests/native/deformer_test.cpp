@@ -261,18 +261,10 @@ TEST_CASE("matrices that are not finite are refused and named") {
   Deformer deformer(plane.mesh, roles, 2, {});
   Affine bad = test::identity();
   bad(1, 2) = std::numeric_limits<double>::quiet_NaN();
-  CHECK_THAT(refusal(
-                 [&] {
-                   surface(deformer, {test::identity(), bad});
-                 },
-                 Status::argument),
+  CHECK_THAT(refusal([&] { surface(deformer, {test::identity(), bad}); }, Status::argument),
              contains("handle 1"));
   bad(1, 2) = 1e308;
-  CHECK_THAT(refusal(
-                 [&] {
-                   surface(deformer, {bad, bad});
-                 },
-                 Status::numeric),
+  CHECK_THAT(refusal([&] { surface(deformer, {bad, bad}); }, Status::numeric),
              contains("too large"));
   CHECK(surface(deformer, {kLift, kLift}).allFinite());
 }

@@ -180,11 +180,8 @@ TEST_CASE("blended motions: handles have their places whatever their matrices ar
   const Positions base = surface(deformer, motions, shown);
   CHECK((base - test::transformed(flat, tube.mesh.positions)).rowwise().norm().minCoeff() < 1e-9);
   const double nan = std::nan("");
-  CHECK(test::refusal(
-            [&] {
-              surface(deformer, motions, blended({0, 0, 0, nan, 0, 0, 0, 0, 0}));
-            },
-            Status::argument)
+  CHECK(test::refusal([&] { surface(deformer, motions, blended({0, 0, 0, nan, 0, 0, 0, 0, 0})); },
+                      Status::argument)
             .find("handle 1") != std::string::npos);
 }
 
@@ -224,7 +221,9 @@ TEST_CASE("a cylinder bent along an arc of its own length, in one step") {
   Deformer deformer(tube.mesh, tube.roles, 1, {});
   const std::vector<char> all(tube.roles.size(), 1);  // as published figures are
   const double low = 0.16, length = 1.44 - low;
-  const struct { double degrees, stretch; } bends[] = {{150, 0.13}, {200, 0.17}, {270, 0.2}};
+  const struct {
+    double degrees, stretch;
+  } bends[] = {{150, 0.13}, {200, 0.17}, {270, 0.2}};
   for (const auto& [degrees, most] : bends) {
     INFO(degrees);
     const double angle = test::radians(degrees), radius = length / angle;

@@ -75,7 +75,7 @@ int look_into(dl_phdr_info* object, size_t, void* data) {
   const ElfW(Phdr)* covering = nullptr;
   const ElfW(Phdr)* eh_frame = nullptr;
   for (int i = 0; i < object->dlpi_phnum; ++i) {
-    const ElfW(Phdr)& part = object->dlpi_phdr[i];
+    const ElfW(Phdr) & part = object->dlpi_phdr[i];
     const ElfW(Addr) start = object->dlpi_addr + part.p_vaddr;
     if (part.p_type == PT_LOAD && search.address >= start && search.address < start + part.p_memsz)
       covering = &part;

@@ -342,7 +342,7 @@ inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const float 
                          const float* rows, float (&lanes)[4][kLanes]) {
   weighted_sums(count, index, weights, rows, lanes);
   __m256 length = _mm256_setzero_ps();
-  for (const float(&sum)[kLanes] : lanes)
+  for (const float (&sum)[kLanes] : lanes)
     length = _mm256_fmadd_ps(_mm256_loadu_ps(sum), _mm256_loadu_ps(sum), length);
   const __m256 is_short = _mm256_cmp_ps(length, _mm256_set1_ps(kShort<float>), _CMP_LT_OQ);
   if (_mm256_movemask_ps(is_short)) {
@@ -353,7 +353,7 @@ inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const float 
   }
   length = _mm256_sqrt_ps(_mm256_max_ps(length, _mm256_set1_ps(kTiny<float>)));
   const __m256 scale = _mm256_div_ps(_mm256_set1_ps(1), length);
-  for (float(&sum)[kLanes] : lanes)
+  for (float (&sum)[kLanes] : lanes)
     _mm256_storeu_ps(sum, _mm256_mul_ps(_mm256_loadu_ps(sum), scale));
 }
 #endif

@@ -58,8 +58,7 @@ class AabbTree {
   /// The nearest point of those triangles that accept(j) takes, within reach.
   template <class Accept>
   PointOnTriangle nearest(const Eigen::Vector3d& point, double reach, const Accept& accept) const {
-    return nearest(
-        point, reach, [](const Node&) { return true; }, accept);
+    return nearest(point, reach, [](const Node&) { return true; }, accept);
   }
 
   /// The nearest point of those triangles that accept(j) takes and whose normals are less than a

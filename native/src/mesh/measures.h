@@ -12,8 +12,8 @@ struct Measures {
   int intersecting_pairs = 0;      ///< of S', at least one of the two counting
   int intersecting_triangles = 0;  ///< that count and are in such a pair
   int new_intersecting_pairs = 0;  ///< of those, the pairs that don't intersect in S
-  double stretch = 0;  ///< area-weighted mean ‖S_j − R_j‖ (Frobenius), S_j (15) from S to S',
-                       ///< R_j its rotation
+  double stretch = 0;       ///< area-weighted mean ‖S_j − R_j‖ (Frobenius), S_j (15) from S to S',
+                            ///< R_j its rotation
   double normal_error = 0;  ///< mean angle, in degrees, between the normals of S' and those of S
                             ///< turned by the base's R_j; 0 without a base
   double area_ratio = 1;    ///< of all triangles

@@ -55,8 +55,8 @@ struct MethodFindings {
   /// Vertices at which S is no height field over the next smoother surface, of one level of normal
   /// displacements after the other.
   std::vector<int> unrepresented = {};
-  double volume_error = 0;  ///< of displacement volumes: Σ |W_i' − W_i| / Σ |W_i|
-  bool converged = true;    ///< whether these converged within their iterations
+  double volume_error = 0;                   ///< of displacement volumes: Σ |W_i' − W_i| / Σ |W_i|
+  bool converged = true;                     ///< whether these converged within their iterations
   std::vector<double> example_weights = {};  ///< one for each example
 };
 

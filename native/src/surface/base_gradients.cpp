@@ -123,8 +123,7 @@ class BaseGradientsOf : public BaseGradients {
 
   void add_by(const Passes& passes, int section, double* rows) const {
     passes.pass.add(section, base_->data(), rotation_only_, rows);
-    passes.collapsed.add(
-        section, [&](int, int triangle) { return of_collapsed(triangle); }, rows);
+    passes.collapsed.add(section, [&](int, int triangle) { return of_collapsed(triangle); }, rows);
   }
 
   void set(const BasePose& pose, bool rotation_only) {

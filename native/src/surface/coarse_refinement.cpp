@@ -112,8 +112,7 @@ class CoarseRefinementOf : public CoarseRefinement {
       gradients_->take(pose, true);
       start(*gradients_);
     };
-    turning.solve(
-        by_base, [&](const FluxSource& source) { start(source); }, offsets_);
+    turning.solve(by_base, [&](const FluxSource& source) { start(source); }, offsets_);
     refinement_->find(iterations, turning, offsets_);
     const Rows found = refinement_->rotations();
     given_.assign(found.data(), found.data() + found.size());

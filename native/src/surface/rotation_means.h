@@ -68,9 +68,8 @@ class RotationMeans {
  private:
   /// As the kernels take them.
   template <class Value>
-  static const Value (*rows_of(const std::vector<std::array<Value, kLanes>>& blocks))[kLanes] {
-    return reinterpret_cast<const Value(*)[kLanes]>(blocks.data());
-  }
+  static const Value (*rows_of(const std::vector<std::array<Value, kLanes>>& blocks))
+      [kLanes] { return reinterpret_cast<const Value(*)[kLanes]>(blocks.data()); }
 
   std::array<Terms, kLanes> waiting_;
   int lane_ = 0;

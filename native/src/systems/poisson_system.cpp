@@ -197,16 +197,14 @@ double PoissonSystem::solving_error(const Rows& right, const Rows& solution) {
   right_.setZero();
   for (int k = 0; k < order_.free_count; ++k) right_.row(k) = right.row(factor_->order()[k]);
   Rows solved(order_.free_count, 4);
-  factor_->solve_in_order(
-      right_.data(), space_, &pool_, [](int) {}, towards(solved, 1));
+  factor_->solve_in_order(right_.data(), space_, &pool_, [](int) {}, towards(solved, 1));
   for (int step = 0; step < correction_steps_; ++step) refine(solved);
   return (solved - solution).cwiseAbs().maxCoeff();
 }
 
 void PoissonSystem::extend(Rows& values) {
   const Rows nothing = Rows::Zero(right_.rows(), 4);
-  solve(
-      nothing, [](int, double*) {}, values);
+  solve(nothing, [](int, double*) {}, values);
 }
 
 double PoissonSystem::bytes() const {

@@ -89,8 +89,7 @@ struct MeshTransfer::OnTarget : GradientSource {
   explicit OnTarget(const SourceGradients& its_gradients) : gradients(its_gradients) {}
 
   void add(int section, double* rows) const override {
-    flux->add(
-        section, [&](int, int triangle) { return gradients.at(triangle); }, rows);
+    flux->add(section, [&](int, int triangle) { return gradients.at(triangle); }, rows);
   }
   const Rows& at_rest() const override { return poisson->rest_divergence(); }
   Eigen::Matrix3d at(int triangle) const override { return gradients.at(triangle); }

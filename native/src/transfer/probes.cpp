@@ -47,8 +47,8 @@ Probes::Probes(const PosedSurface& surface, const AabbTree& tree, const Mesh& ta
   }
   directions_.resize(count(), 3);
   look(pool);
-  far_sides_ = std::make_unique<FarSides>(
-      surface, tree, count(), [this](int i) { return about(i); }, pool);
+  far_sides_ =
+      std::make_unique<FarSides>(surface, tree, count(), [this](int i) { return about(i); }, pool);
 }
 
 void Probes::look(ThreadPool& pool) {
