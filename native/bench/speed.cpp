@@ -235,7 +235,7 @@ void frame(const Scene& scene, const Bandwidth& bandwidth, Report& report) {
   });
   const Eigen::MatrixXd right = Eigen::MatrixXd::Random(region.free_count(), 3);
   Eigen::MatrixXd solution;
-  Eigen::SimplicialLDLT<dd::SparseMatrix> eigen(poisson);
+  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> eigen(poisson);
   contest.enter("eigen_solve", "Eigen SimplicialLDLT solve",
                 [&] { solution = eigen.solve(right); });
 #ifdef DD_HAVE_CHOLMOD

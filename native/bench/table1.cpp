@@ -152,8 +152,9 @@ int main(int argc, char** argv) {
 #ifdef DD_HAVE_CHOLMOD
     print("CHOLMOD supernodal", timed<Eigen::CholmodSupernodalLLT<SparseMatrix>>(volumetric),
           timed<Eigen::CholmodSupernodalLLT<SparseMatrix>>(surface));
-    print("CHOLMOD simplicial", timed<Eigen::CholmodSimplicialLDLT<SparseMatrix>>(volumetric),
-          timed<Eigen::CholmodSimplicialLDLT<SparseMatrix>>(surface));
+    print("CHOLMOD simplicial",
+          timed<Eigen::CholmodSimplicialLDLT<Eigen::SparseMatrix<double>>>(volumetric),
+          timed<Eigen::CholmodSimplicialLDLT<Eigen::SparseMatrix<double>>>(surface));
 #endif
   }
 #ifndef DD_HAVE_CHOLMOD

@@ -53,7 +53,7 @@ Positions dense_solve(const Eigen::MatrixXd& A, const Positions& values,
                       const std::vector<int>& roles, const Eigen::MatrixXd& right) {
   std::vector<int> free, held;
   for (size_t v = 0; v < roles.size(); ++v) (roles[v] == kFree ? free : held).push_back(int(v));
-  const Eigen::MatrixXd rhs = right(free, Eigen::all) - A(free, held) * values(held, Eigen::all);
+  const Eigen::MatrixXd rhs = right(free, kAllIndices) - A(free, held) * values(held, kAllIndices);
   const Eigen::MatrixXd x = A(free, free).fullPivLu().solve(rhs);
   Positions result = values;
   for (size_t r = 0; r < free.size(); ++r) result.row(free[r]) = x.row(Index(r));

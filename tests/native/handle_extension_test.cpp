@@ -189,7 +189,7 @@ TEST_CASE(
     CHECK(off(functions_of(bound)) < 5 * (precision == Precision::full ? 1e-8 : 5e-7));
   }
   // So that all cases are met.
-  const RowMatrix at_handles = values(region.handle_vertices, Eigen::all);
+  const RowMatrix at_handles = values(region.handle_vertices, kAllIndices);
   const HandleSolve solve(bending, region, &pool);
   HandleSolve::Space space;
   RowMatrix once(region.free_count(), count);

@@ -74,11 +74,11 @@ Positions dense_refinement(const Mesh& mesh, const std::vector<int>& roles, Posi
       for (int k = 0; k < 9; ++k) row[k] = R.data()[k];
     };
     for (int v = 0; v < n; ++v) project(given.row(v));
-    const Eigen::MatrixXd right = (dense.M * given)(free, Eigen::all) -
-                                  system(free, constrained) * given(constrained, Eigen::all);
+    const Eigen::MatrixXd right = (dense.M * given)(free, kAllIndices) -
+                                  system(free, constrained) * given(constrained, kAllIndices);
     const Eigen::MatrixXd smoothed = system(free, free).fullPivLu().solve(right);
-    const Eigen::MatrixXd before = given(free, Eigen::all);
-    given(free, Eigen::all) = before + pass.smoothing * (smoothed - before);
+    const Eigen::MatrixXd before = given(free, kAllIndices);
+    given(free, kAllIndices) = before + pass.smoothing * (smoothed - before);
     Eigen::MatrixXd gradients(3 * m, 3);
     for (int j = 0; j < m; ++j) {
       const auto t = mesh.triangles.row(j);

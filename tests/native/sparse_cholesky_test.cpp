@@ -109,7 +109,8 @@ struct System {
 
 TEST_CASE("a factor in domains equals Eigen's simplicial one, by either order") {
   const System system;
-  const RowMatrix expected = Eigen::SimplicialLDLT<SparseMatrix>(system.A).solve(system.B);
+  const RowMatrix expected =
+      Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(system.A).solve(system.B);
   for (bool by_places : {true, false}) {
     const SparseCholesky factor = system.factor(Precision::full, nullptr, by_places);
     REQUIRE(factor.symbolic().domain_count() > 1);
@@ -171,7 +172,8 @@ TEST_CASE("the first half of a solve can be had from what a few entries make of 
   RowMatrix right(n, 4);
   const RowMatrix product = B * coefficients;
   for (int k = 0; k < n; ++k) right.row(factor.order()[size_t(k)]) = product.row(k);
-  const RowMatrix expected = Eigen::SimplicialLDLT<SparseMatrix>(system.A).solve(right);
+  const RowMatrix expected =
+      Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>>(system.A).solve(right);
   CHECK((solution(factor) - expected).norm() < 1e-11 * expected.norm());
   CHECK((solution(factor.in_single(nullptr)) - expected).norm() < 1e-5 * expected.norm());
   CHECK(SparseForward(factor, B, 100).empty());

@@ -4,7 +4,8 @@
 // The static libstdc++ and libgcc inside the library refer to functions whose newest versions
 // are younger. Most were only moved from libpthread into libc, so their first versions do; the
 // linker's --wrap sends every reference here. _dl_find_object is a faster dl_iterate_phdr, which
-// exceptions are looked up with. pow and log got new versions that don't report errors.
+// exceptions are looked up with. pow and log got new versions that don't report errors, and strtoul a
+// name of its own (__isoc23_strtoul, 2.38) that also reads binary numbers.
 #include <dlfcn.h>
 #include <elf.h>
 #include <link.h>
@@ -24,6 +25,7 @@ DD_FIRST_VERSION(pthread_once);
 DD_FIRST_VERSION(__pthread_key_create);
 DD_FIRST_VERSION(pow);
 DD_FIRST_VERSION(log);
+DD_FIRST_VERSION(strtoul);
 #undef DD_FIRST_VERSION
 #undef DD_FIRST_GLIBC
 
@@ -33,6 +35,7 @@ int first_pthread_once(pthread_once_t*, void (*)());
 int first___pthread_key_create(pthread_key_t*, void (*)(void*));
 double first_pow(double, double);
 double first_log(double);
+unsigned long first_strtoul(const char*, char**, int);
 
 int __wrap_pthread_create(pthread_t* thread, const pthread_attr_t* attributes,
                           void* (*start)(void*), void* argument) {
@@ -49,6 +52,9 @@ int __wrap___pthread_key_create(pthread_key_t* key, void (*destroy)(void*)) {
 }
 double __wrap_pow(double base, double exponent) { return first_pow(base, exponent); }
 double __wrap_log(double value) { return first_log(value); }
+unsigned long __wrap___isoc23_strtoul(const char* text, char** end, int base) {
+  return first_strtoul(text, end, base);
+}
 
 // libstdc++ skips atomic operations while this is not zero.
 char __libc_single_threaded = 0;

@@ -61,7 +61,7 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   // K reads as many as its order; refinement takes the handles' rotations from the second one.
   const int rings = std::max(2, static_cast<int>(options.smoothness));
   const std::vector<int> faces = faces_around(mesh, region, rings);
-  const Mesh part{draft->box_.into(mesh.positions), mesh.triangles(faces, Eigen::all)};
+  const Mesh part{draft->box_.into(mesh.positions), mesh.triangles(faces, kAllIndices)};
   const double size = std::sqrt(triangle_areas(part.positions, part.triangles).sum());
   CoarseMesh coarse(part, region, kSpacing * size);
   if (coarse.free_count > kMostLeft * region.free_count()) return nullptr;
@@ -79,7 +79,9 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   }
 
   const std::vector<int> vertices = with_all_handles(coarse, region);
-  const auto of_coarse = [&](const Positions& all) { return Positions(all(vertices, Eigen::all)); };
+  const auto of_coarse = [&](const Positions& all) {
+    return Positions(all(vertices, kAllIndices));
+  };
   std::vector<int> coarse_roles;
   coarse_roles.reserve(vertices.size());
   for (int v : vertices) coarse_roles.push_back(region.role[v]);
@@ -96,7 +98,7 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   draft->coarse_ = std::make_unique<Deformer>(
       Mesh{of_coarse(mesh.positions), coarse.mesh.triangles}, coarse_roles, handle_count, how);
   draft->carrier_ =
-      std::make_unique<BaseProxy>(Positions(part.positions(region.free, Eigen::all)), nearest,
+      std::make_unique<BaseProxy>(Positions(part.positions(region.free, kAllIndices)), nearest,
                                   Mesh{draft->coarse_rest_, std::move(coarse.mesh.triangles)});
   return draft;
 }

@@ -44,5 +44,11 @@ using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::R
 /// What a frame works on: x y z and one unused, so that a row is one or two vector registers.
 using Rows = Eigen::Matrix<double, Eigen::Dynamic, 4, Eigen::RowMajor>;
 using Eigen::Index;
+/// All rows or columns of a matrix, as an index into it.
+#if EIGEN_MAJOR_VERSION >= 5  // of 3.4 it is 4
+inline const auto& kAllIndices = Eigen::placeholders::all;
+#else
+inline const auto& kAllIndices = Eigen::all;
+#endif
 
 }  // namespace dd

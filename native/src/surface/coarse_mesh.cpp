@@ -56,7 +56,7 @@ std::vector<int> triangles_with(const std::vector<char>& marked, const Triangles
 
 CoarseMesh::CoarseMesh(const Mesh& part, const Region& region, double spacing) {
   Contraction made = contract(part, radii_of(part, region, spacing));
-  mesh = {part.positions(made.vertices, Eigen::all), std::move(made.triangles)};
+  mesh = {part.positions(made.vertices, kAllIndices), std::move(made.triangles)};
   vertices = std::move(made.vertices);
   of_vertex = std::move(made.of_vertex);
   for (int v : vertices) {

@@ -42,7 +42,7 @@ class CoarseRefinementOf : public CoarseRefinement {
                      std::unique_ptr<CoarseSurface> coarse, double length)
       : fine_(surface),
         surface_(std::move(coarse)),
-        base_(base(surface_->vertices(), Eigen::all)),
+        base_(base(surface_->vertices(), kAllIndices)),
         gradients_(make_base_gradients(surface_->surface(), base_)),
         refinement_(
             make_refinement(surface_->surface(), length, masses_on(*surface_, surface, length))),

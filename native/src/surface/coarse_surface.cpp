@@ -19,7 +19,7 @@ Mesh active_part(const FactoredSurface& fine) {
   for (int i = 0; i < fine.poisson->active_vertex_count(); ++i)
     active[fine.poisson->active_vertex(i)] = 1;
   const std::vector<int> faces = triangles_with(active, fine.mesh.triangles);
-  return {fine.mesh.positions, fine.mesh.triangles(faces, Eigen::all)};
+  return {fine.mesh.positions, fine.mesh.triangles(faces, kAllIndices)};
 }
 
 }  // namespace

@@ -256,7 +256,7 @@ void FreeTurns::gather(const std::vector<int>& cluster, int count) {
     for (int k = 0; k < coordinates.count(h); ++k) own.push_back(coordinates.begin(h) + k);
   }
   RowMatrix own_space;
-  if (Index(own.size()) < columns) own_space = functions(Eigen::all, own);
+  if (Index(own.size()) < columns) own_space = functions(kAllIndices, own);
   const RowMatrix& own_functions = own_space.size() ? own_space : functions;
   energy_ = RowMatrix::Zero(Index(own.size()), columns);
   RowMatrix left(kBlock, energy_.rows()), right(kBlock, columns);

@@ -29,7 +29,7 @@ Examples<Real>::Examples(BoundSurface& bound)
   if (!coarse_) return;
   std::vector<Positions> examples;
   for (const Positions& example : fine_.examples)
-    examples.push_back(example(coarse_->vertices(), Eigen::all));
+    examples.push_back(example(coarse_->vertices(), kAllIndices));
   coarse_examples_ = std::make_unique<ExampleSurface>(coarse_->surface(), std::move(examples));
 }
 
