@@ -23,7 +23,8 @@ ONLY_IN = {'CDLL': {'library/loading.py'}, '_ctypes': {'library/loading.py'}, 'r
            'tempfile': {'library/unlocking.py'}, 'webbrowser': {'ui/preferences.py'}, 'environ': {'library/loading.py'},
            'open': {'library/packed.py', 'results/alembic.py', 'results/key_names.py', 'scene/pc2.py',
                     'setup/pair_lists.py', 'ui/preferences.py'},
-           'write_text': {'ui/preferences.py'}, 'savetxt': {'setup/pair_lists.py'}}
+           'write_text': {'ui/preferences.py'}, 'savetxt': {'setup/pair_lists.py'},
+           'handlers': {'handlers.py', '__init__.py'}}
 SOURCES = sorted(ADDON.rglob('*.py'))
 
 

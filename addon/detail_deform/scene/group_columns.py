@@ -4,8 +4,6 @@
 Python goes through them vertex by vertex. Geometry Nodes copy a group into an attribute, which is read at once: of an
 object in a scene of its own, both gone when this is done."""
 
-from contextlib import contextmanager
-
 import bpy
 import numpy as np
 
@@ -66,10 +64,10 @@ def _columns(mesh, names):
         _copy(nodes, names)
         ob.modifiers.new(node_group.NAME, 'NODES').node_group = nodes
         scene.collection.objects.link(ob)
-        # An update of its view layer would also write what is animated into the originals. The frame is all scenes'.
-        with _nobody_told():
-            scene.frame_set(bpy.context.scene.frame_current, subframe=bpy.context.scene.frame_subframe)
-        evaluated = ob.evaluated_get(scene.view_layers[0].depsgraph).data
+        depsgraph = _depsgraph(scene)
+        if depsgraph is None:
+            return {}
+        evaluated = ob.evaluated_get(depsgraph).data
         result, column = {}, np.empty(len(mesh.vertices), np.float32)
         for number, name in enumerate(names):
             if len(evaluated.vertices) != len(column) or not mesh_data.copied(
@@ -109,16 +107,13 @@ def _shown(sockets, name):
     return next(socket for socket in sockets if socket.name == name and socket.enabled)
 
 
-@contextmanager
-def _nobody_told():
-    """Whoever listens to Blender's updates would be shown a scene that nobody has made."""
-    lists = [getattr(bpy.app.handlers, f'{event}_{when}')
-             for event in ('depsgraph_update', 'frame_change') for when in ('pre', 'post')]
-    kept = [list(of_one) for of_one in lists]
-    for of_one in lists:
-        of_one.clear()
-    try:
-        yield
-    finally:
-        for of_one, functions in zip(lists, kept):
-            of_one[:] = functions
+def _depsgraph(scene):
+    """The evaluated depsgraph of a scene that has none yet; None where Blender doesn't make one, as while its interface
+    is locked. An update of the view layer would also write what is animated into the originals, and a change of the
+    frame is told to all who listen, who would be shown a scene that nobody has made. The statistics make a depsgraph
+    that writes nothing back, and of the first evaluation of a depsgraph Blender tells nobody."""
+    layer = scene.view_layers[0]
+    scene.statistics(layer)
+    if layer.depsgraph is not None:
+        layer.depsgraph.update()
+    return layer.depsgraph
