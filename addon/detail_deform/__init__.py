@@ -13,10 +13,12 @@ bl_info = {
     'category': "Mesh",
 }
 
-# Up to 4.1, Blender loads only this file again where another version of the add-on took its place.
-for _name in [name for name in sys.modules if name.startswith(f'{__name__}.')]:
-    del sys.modules[_name]
-    globals().pop(_name[len(__name__) + 1:], None)
+if any(name.startswith(f'{__name__}.') for name in sys.modules):
+    # Blender loads this file again: the others are as they were, maybe of another version.
+    from importlib import reload
+
+    from . import reloading
+    reload(reloading).again(__name__, __path__[0])
 
 
 def _parts():

@@ -147,6 +147,26 @@ def test_a_library_in_use_stays(native, monkeypatch):
     assert native.library() is before
 
 
+def test_what_a_library_made_that_could_not_go_stays_its_own(installed):
+    """Where the add-on's modules are loaded again while a call is still under way, as by an update."""
+    lines, errors = installed("""
+import importlib
+kept, loading._LEAVE_SECONDS = bound(), .05
+with loading.staying():
+    print(loading.unload())
+    shutil.copytree(package, package + ' 2')
+    os.rename(package, package + ' 1')
+    os.rename(package + ' 2', package)
+    importlib.reload(loading)
+    native.library = loading.library
+    loading.library()
+del kept
+gc.collect()
+print(loading.unload())
+""")
+    assert lines == ['False', 'True'] and not errors
+
+
 def test_a_file_that_cannot_be_set_aside_stays(installed, tmp_path):
     lines, errors = installed("""
 from library import unlocking

@@ -9,10 +9,11 @@ from conftest import ADDON
 
 # All that the add-on imports beside its own modules. Another one is weighed here first: nothing that talks to the
 # network, starts programs, or makes objects or code of files.
-IMPORTS = {'_ctypes', 'array', 'atexit', 'blf', 'bmesh', 'bpy', 'bpy_extras', 'collections', 'colorsys', 'contextlib',
-           'copy', 'ctypes', 'dataclasses', 'fnmatch', 'glob', 'gpu', 'gpu_extras', 'hashlib', 'html', 'itertools',
-           'json', 'math', 'mathutils', 'numpy', 'os', 'pathlib', 'platform', 're', 'shlex', 'shutil', 'struct', 'sys',
-           'tempfile', 'textwrap', 'threading', 'time', 'typing', 'uuid', 'weakref', 'webbrowser'}
+IMPORTS = {'_ctypes', 'array', 'ast', 'atexit', 'blf', 'bmesh', 'bpy', 'bpy_extras', 'collections', 'colorsys',
+           'contextlib', 'copy', 'ctypes', 'dataclasses', 'fnmatch', 'glob', 'gpu', 'gpu_extras', 'hashlib', 'html',
+           'importlib', 'itertools', 'json', 'math', 'mathutils', 'numpy', 'os', 'pathlib', 'platform', 're', 'shlex',
+           'shutil', 'struct', 'sys', 'tempfile', 'textwrap', 'threading', 'time', 'typing', 'uuid', 'weakref',
+           'webbrowser'}
 OF_OS = {'O_BINARY', 'O_CREAT', 'O_RDWR', 'environ', 'fdopen', 'fstat', 'getpid', 'open', 'path', 'remove', 'rename',
          'replace', 'urandom'}
 # Names and attributes, whoever they belong to.
@@ -24,7 +25,8 @@ ONLY_IN = {'CDLL': {'library/loading.py'}, '_ctypes': {'library/loading.py'}, 'r
            'open': {'library/packed.py', 'results/alembic.py', 'results/key_names.py', 'scene/pc2.py',
                     'setup/pair_lists.py', 'ui/preferences.py'},
            'write_text': {'ui/preferences.py'}, 'savetxt': {'setup/pair_lists.py'},
-           'handlers': {'handlers.py', '__init__.py'}}
+           'handlers': {'handlers.py', '__init__.py'}, 'reload': {'__init__.py', 'reloading.py'}}
+READING = {'get', 'items', 'keys', 'values'}  # of a dictionary
 SOURCES = sorted(ADDON.rglob('*.py'))
 
 
@@ -60,6 +62,16 @@ def test_a_source_does_nothing_that_it_must_not(path):
             assert isinstance(call.func, ast.Attribute) and call.func.value.id == 're', f"{where}:{call.lineno}"
         if isinstance(call, ast.Attribute) and getattr(call.value, 'id', "") == 'os':
             assert call.attr in OF_OS, f"{where}:{call.lineno}: os.{call.attr}"
+
+
+@pytest.mark.parametrize('path', SOURCES, ids=lambda path: path.relative_to(ADDON).as_posix())
+def test_the_table_of_modules_is_only_read(path):
+    """It belongs to all add-ons, and to Blender."""
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        changed = getattr(node, 'targets', None) or [getattr(node, 'target', None)]
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr not in READING:
+            changed = [node.func.value]
+        assert not [target for target in changed if target and ast.unparse(target).startswith('sys.modules')], node.lineno
 
 
 def test_no_driver_runs_a_text():

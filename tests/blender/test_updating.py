@@ -27,7 +27,8 @@ def deforms(module):
         ob.detail_deform.handles[0].target.location.z += shift
         bpy.context.view_layer.update()
         moved.append(abs(offsets(ob) - before).max())
-    print('deforms', min(moved) > 0.01, sys.modules[module + '.handlers'].VERSION, version(module), loaded())
+    print('deforms', min(moved) > 0.01, sys.modules[module + '.handlers'].VERSION, version(module), loaded(),
+          stale(module))
 
 def version(module):
     """Of the files it was loaded from."""
@@ -39,6 +40,14 @@ def offsets(ob):
     found = np.zeros(3 * len(ob.data.vertices), np.float32)
     ob.data.attributes['detail_deform_offset'].data.foreach_get('vector', found)
     return found
+
+def stale(module):
+    """The classes and functions that a module has of another one, and that one has not any more."""
+    ours = {name: part for name, part in sys.modules.items()
+            if name.startswith(module + '.') and os.path.exists(part.__file__)}
+    return [f'{name}.{key}' for name, part in ours.items() for key, value in vars(part).items()
+            if getattr(value, '__qualname__', '').isidentifier() and getattr(value, '__module__', None) in ours
+            and getattr(ours[value.__module__], value.__name__, value) is not value]
 
 def loaded():
     """The libraries in memory, and whether their files are there."""
@@ -112,10 +121,22 @@ print('left', [path for path in left(repos[index].directory) if '.blender_ext' n
 '''
 
 
+# Modules that one version has and the other hasn't, and two that import one another the other way round.
+MODULES = {OLDER: {'scene/only_older.py': "from .made_first import VERSION, Made\n",
+                   'scene/made_first.py': "from .made_second import VERSION, Made\n",
+                   'scene/made_second.py': f"VERSION = '{OLDER}'\n\n\nclass Made:\n    pass\n",
+                   'handlers.py': "\nfrom .scene.only_older import VERSION, Made\n"},
+           NEWER: {'follow/only_newer.py': "from ..scene.made_second import VERSION, Made\n",
+                   'scene/made_second.py': "from .made_first import VERSION, Made\n",
+                   'scene/made_first.py': f"VERSION = '{NEWER}'\n\n\nclass Made:\n    pass\n",
+                   'handlers.py': "\nfrom .follow.only_newer import VERSION, Made\n"}}
+
+
 def zip_of(version, folder):
     """The tested zip as that version, which a module inside knows, too."""
     tested = os.environ['DD_TEST_ZIP']
     path = folder / re.sub(r'-[0-9.]+-', f'-{version}-', os.path.basename(tested))
+    added = {f'detail_deform/{name}': text.encode() for name, text in MODULES[version].items()}
     with zipfile.ZipFile(tested) as source, zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as target:
         for entry in source.infolist():
             content = source.read(entry)
@@ -124,9 +145,9 @@ def zip_of(version, folder):
             if entry.filename == 'detail_deform/__init__.py':
                 content = re.sub(rb"'version': \([0-9, ]+\)", b"'version': (%s)" % version.replace('.', ', ').encode(),
                                  content)
-            if entry.filename == 'detail_deform/handlers.py':
-                content += b"\nVERSION = '%s'\n" % version.encode()
-            target.writestr(entry, content)
+            target.writestr(entry, content + added.pop(entry.filename, b''))
+        for name, content in added.items():
+            target.writestr(name, content)
     return str(path)
 
 
@@ -137,13 +158,14 @@ def test_a_version_replaces_another_that_is_in_use(tmp_path, module):
     arguments = [zip_of(OLDER, tmp_path), zip_of(NEWER, tmp_path), str(FIXTURES / 'animated.blend')]
     profile = tmp_path / 'profile'
     profile.mkdir()
-    blender = [sys.executable, str(script), *arguments] if getattr(bpy.app, 'module', False) else [
+    is_module = not bpy.app.binary_path or getattr(bpy.app, 'module', False)
+    blender = [sys.executable, str(script), *arguments] if is_module else [
         bpy.app.binary_path, '--background', '--factory-startup', '--python-exit-code', '1', '--python', str(script),
         '--', *arguments]
     ended = subprocess.run(blender, capture_output=True, text=True, timeout=120,
                            env={**os.environ, 'BLENDER_USER_RESOURCES': str(profile), 'DETAIL_DEFORM_LIBRARY': ''})
     said = [line for line in ended.stdout.splitlines() if line.startswith(('deforms', 'switched', 'left', 'enabled'))]
-    wanted = [*(f"deforms True {version} {version} [True]" for version in (OLDER, NEWER)), "switched off []", "left []"]
+    wanted = [*(f"deforms True {version} {version} [True] []" for version in (OLDER, NEWER)), "switched off []", "left []"]
     if bpy.app.version >= (4, 2, 0):
         wanted.insert(3, "enabled False")
     assert said == wanted, ended.stdout[-3000:] + ended.stderr[-3000:]

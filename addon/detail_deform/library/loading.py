@@ -21,7 +21,7 @@ _WAIT_SECONDS = 0.001
 _LEAVE_SECONDS = 10  # for calls of other threads to end: an update, the bind of a render
 _library = None
 _leaving = False
-_users = 0  # calls under way, of all threads
+_users = []  # an entry for each call under way, of all threads
 _guard = threading.RLock()  # of the three; objects that are collected come back here
 _owned = weakref.WeakSet()
 
@@ -76,16 +76,15 @@ def _let_go():
 @contextlib.contextmanager
 def staying(also_leaving=False):
     """While it lasts, the library isn't unloaded. also_leaving: also where that waits already."""
-    global _users
     with _guard:
         if _leaving and not also_leaving:
             raise NativeError("Detail Deform is being switched off.")
-        _users += 1
+        users = _users  # this module may be loaded again before a long call ends
+        users.append(None)
     try:
         yield
     finally:
-        with _guard:
-            _users -= 1
+        users.pop()
 
 
 def _load(path):
@@ -164,14 +163,14 @@ class Owned:
     """An object of the library that is released with this one, or with the library. free: the function that does."""
 
     free = None
-    _handle = None
+    _handle = _made_by = None
 
     def _make(self, function, *arguments, call=call):
         """By a function that gives an object by its last parameter."""
         made = ctypes.c_void_p()
         with staying():
             call(function, *arguments, made)
-            self._handle = made
+            self._handle, self._made_by = made, _library
             _owned.add(self)
 
     @property
@@ -182,7 +181,8 @@ class Owned:
     def close(self):
         with staying(also_leaving=True):
             handle, self._handle = self._handle, None
-            if handle and _library:
+            # One that couldn't be let go before this module was loaded again keeps what it made.
+            if handle and _library and _library is self._made_by:
                 getattr(_library, self.free)(handle)
 
     def __del__(self):

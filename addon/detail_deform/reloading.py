@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The add-on's modules loaded again where Blender loads its top file alone: up to 4.1 when another version took the
+place of one that was in use, and in any Blender by Reload Scripts."""
+
+import ast
+import sys
+from importlib import reload
+from pathlib import Path
+
+
+def again(package, folder):
+    """Each module after those that it imports, as their files say now, so that what is taken from a module is of its
+    present version. What a new version brings is imported by those who use it; what it hasn't any more nobody uses."""
+    for parts in _in_order(Path(folder)):
+        module = sys.modules.get('.'.join((package, *parts)))
+        if module and module.__name__ != __name__:
+            reload(module)
+
+
+def _in_order(folder):
+    """The modules below a folder, ('scene', 'reach') for scene/reach.py, after those that they import."""
+    paths = {_parts(path.relative_to(folder)): path for path in sorted(folder.rglob('*.py'))}
+    begun, order = {()}, []
+
+    def visit(parts):
+        if parts in paths and parts not in begun:
+            begun.add(parts)
+            for other in _imports(paths[parts], parts):
+                visit(other)
+            order.append(parts)
+    for parts in paths:
+        visit(parts)
+    return order
+
+
+def _parts(path):
+    parts = path.with_suffix('').parts
+    return parts[:-1] if parts[-1] == '__init__' else parts
+
+
+def _imports(path, parts):
+    """Of a file's own package what it imports, and what may be modules of that."""
+    package = parts if path.name == '__init__.py' else parts[:-1]
+    yield package
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            start = (*package[:len(package) + 1 - node.level], *(node.module.split('.') if node.module else ()))
+            yield start
+            yield from ((*start, alias.name) for alias in node.names)
