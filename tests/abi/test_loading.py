@@ -167,6 +167,53 @@ print(loading.unload())
     assert lines == ['False', 'True'] and not errors
 
 
+def test_only_outside_of_blenders_extensions_is_a_file_set_aside(installed):
+    """Which Blender replaces in its own way."""
+    lines, errors = installed("""
+import importlib
+extension = os.path.join(os.path.dirname(package), 'bl_ext', 'user_default', 'detail_deform')
+shutil.copytree(package, extension)
+sys.path[:0] = [os.path.dirname(package)]
+for name in ('library', 'bl_ext.user_default.detail_deform.library'):
+    unlocking = importlib.import_module(f'{name}.unlocking')
+    unlocking.unlock = lambda path: print(path == native.library_path())
+    importlib.import_module(f'{name}.loading').library()
+""")
+    assert lines == ['True'] and not errors
+
+
+def test_a_library_in_a_wheel(installed):
+    """As Blender unpacks it, maybe after Python has looked into that folder."""
+    (installed.package / 'library' / 'wheel.py').write_text("PACKAGE = 'detail_deform_library_1_0_0'\n")
+    lines, errors = installed("""
+import hashlib
+site = os.path.join(package, 'site-packages')
+os.mkdir(site)
+sys.path.append(site)
+cure = "Switch the add-on off and on again"
+
+def refused(words):
+    try:
+        native.library()
+    except native.NativeError as error:
+        return words in str(error) and cure in str(error)
+
+print(refused("is missing") is None, loading.unload())  # there still is one in the folder
+os.rename(os.path.join(package, 'lib'), os.path.join(site, 'unpacked'))
+print(refused("is missing"))
+os.rename(os.path.join(site, 'unpacked'), os.path.join(site, 'detail_deform_library_1_0_0'))
+with open(os.path.join(site, 'detail_deform_library_1_0_0', '__init__.py'), 'w'):
+    pass
+path = native.library_path()
+print(os.path.dirname(os.path.dirname(path)) == site, abs(bound().offsets(IDENTITY + .1)).max() > .05)
+loading.unload()
+with open(path + '.sha256', 'w') as record:
+    print(64 * '0', file=record)
+print(refused("damaged"))
+""")
+    assert lines == ['True True', 'True', 'True True', 'True'] and not errors
+
+
 def test_a_file_that_cannot_be_set_aside_stays(installed, tmp_path):
     lines, errors = installed("""
 from library import unlocking

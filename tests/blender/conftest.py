@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import importlib
 import os
+import platform
+import subprocess
 import sys
 from pathlib import Path
 
@@ -15,6 +17,13 @@ FIXTURES = REPOSITORY / 'blend_fixtures'
 
 def pytest_configure(config):
     config.addinivalue_line('markers', "large: takes seconds, and says no more in another Blender; one runs it")
+
+
+def make_zip(library, path, *options, sources=REPOSITORY):
+    """Packs the add-on with this library, for Linux, as a build does it."""
+    processor = 'arm64' if platform.machine() == 'aarch64' else 'x64'
+    subprocess.run([sys.executable, sources / 'addon' / 'make_zip.py', library, f'linux-{processor}', path, *options],
+                   check=True)
 
 
 @pytest.fixture

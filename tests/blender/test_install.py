@@ -9,7 +9,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from conftest import FIXTURES, bind, evaluated, make_strip, own, update
+from conftest import FIXTURES, bind, evaluated, make_strip, make_zip, own, update
 
 EVENTS = ('depsgraph_update_post', 'frame_change_post', 'undo_post', 'redo_post', 'load_post')
 
@@ -73,14 +73,18 @@ def test_bindings_come_back_after_disabling_and_enabling(module):
 
 
 @pytest.mark.skipif(bpy.app.version < (4, 2, 0), reason="extensions came with 4.2")
-def test_blenders_own_validator_accepts_the_zip():
+@pytest.mark.parametrize('options', [None, (), ('--wheel',)], ids=['tested', 'folder', 'wheel'])
+def test_blenders_own_validator_accepts_the_zip(part, tmp_path, options):
+    """The tested one, and both kinds that are made of the sources."""
     scripts = glob.glob(os.path.join(bpy.utils.resource_path('LOCAL'), 'scripts', 'addons_core', 'bl_pkg',
                                      'cli', 'blender_ext.py'))
     assert scripts
+    path = os.environ['DD_TEST_ZIP']
+    if options is not None:
+        path = tmp_path / 'made.zip'
+        make_zip(part('library.native').library_path(), path, *options)
     # A module has no executable of its own; its interpreter is Python itself.
-    python = sys.executable
-    checked = subprocess.run([python, scripts[0], 'validate', os.environ['DD_TEST_ZIP']],
-                             capture_output=True, text=True)
+    checked = subprocess.run([sys.executable, scripts[0], 'validate', path], capture_output=True, text=True)
     assert checked.returncode == 0, checked.stdout + checked.stderr
 
 

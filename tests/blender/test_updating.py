@@ -2,13 +2,13 @@
 """Versions that follow one another: installed, used, updated while in use, and removed, in a profile of its own."""
 import os
 import re
+import shutil
 import subprocess
 import sys
-import zipfile
 
 import bpy
 import pytest
-from conftest import FIXTURES
+from conftest import FIXTURES, REPOSITORY, make_zip
 
 OLDER, NEWER = '98.0.0', '99.0.0'
 OF_BOTH = '''
@@ -50,15 +50,17 @@ def stale(module):
             and getattr(ours[value.__module__], value.__name__, value) is not value]
 
 def loaded():
-    """The libraries in memory, and whether their files are there."""
-    if not os.path.exists('/proc/self/maps'):
-        return [True]
+    """Where the libraries in memory are from, and whether their files are gone."""
     lines = [line.split(maxsplit=5)[5].strip() for line in open('/proc/self/maps') if 'libdetail_deform' in line]
-    return sorted({not line.endswith('(deleted)') for line in lines})
+    return sorted({'gone' if line.endswith('(deleted)') else 'wheel' if 'site-packages' in line.split('/extensions/')[-1]
+                   else 'folder' for line in lines})
 
-def left(folder):
-    files = [os.path.join(at, name) for at, _, names in os.walk(folder) for name in names]
-    return [path for path in files if 'detail_deform' in path]
+def left():
+    """Files of the add-on in the profile, but for Blender's lists of what there is to install."""
+    files = [os.path.join(at, name) for at, _, names in os.walk(os.environ['BLENDER_USER_RESOURCES'])
+             for name in names]
+    return [path for path in files if '.blender_ext' not in path and (
+        'libdetail_deform' in path or 'detail_deform_library' in path or '/detail_deform/' in path)]
 '''
 LEGACY = """
 def install(path):
@@ -76,7 +78,7 @@ addon_utils.disable('detail_deform', default_set=True)
 print('switched off', loaded())
 import shutil
 shutil.rmtree(os.path.join(bpy.utils.user_resource('SCRIPTS', path='addons'), 'detail_deform'))
-print('left', left(os.environ['BLENDER_USER_RESOURCES']))
+print('left', left())
 """
 EXTENSION = '''
 import shutil
@@ -117,7 +119,7 @@ bpy.ops.extensions.package_uninstall(repo_index=index, pkg_id='detail_deform')
 print('switched off', loaded())
 print('enabled', module in bpy.context.preferences.addons)
 shutil.rmtree(repository)
-print('left', [path for path in left(repos[index].directory) if '.blender_ext' not in path])
+print('left', left())
 '''
 
 
@@ -132,30 +134,42 @@ MODULES = {OLDER: {'scene/only_older.py': "from .made_first import VERSION, Made
                    'handlers.py': "\nfrom .follow.only_newer import VERSION, Made\n"}}
 
 
-def zip_of(version, folder):
-    """The tested zip as that version, which a module inside knows, too."""
-    tested = os.environ['DD_TEST_ZIP']
-    path = folder / re.sub(r'-[0-9.]+-', f'-{version}-', os.path.basename(tested))
-    added = {f'detail_deform/{name}': text.encode() for name, text in MODULES[version].items()}
-    with zipfile.ZipFile(tested) as source, zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as target:
-        for entry in source.infolist():
-            content = source.read(entry)
-            if entry.filename.endswith('blender_manifest.toml'):
-                content = re.sub(rb'\nversion = "[0-9.]+"', b'\nversion = "%s"' % version.encode(), content)
-            if entry.filename == 'detail_deform/__init__.py':
-                content = re.sub(rb"'version': \([0-9, ]+\)", b"'version': (%s)" % version.replace('.', ', ').encode(),
-                                 content)
-            target.writestr(entry, content + added.pop(entry.filename, b''))
-        for name, content in added.items():
-            target.writestr(name, content)
+def zip_of(version, folder, library, *options):
+    """The sources packed as that version, which a module inside knows, too."""
+    sources = folder / version
+    shutil.copytree(REPOSITORY / 'addon', sources / 'addon', ignore=shutil.ignore_patterns('lib', '__pycache__'))
+    shutil.copy(REPOSITORY / 'LICENSE', sources)
+    addon = sources / 'addon' / 'detail_deform'
+    for name, written in (('blender_manifest.toml', f'\nversion = "{version}"'),
+                          ('__init__.py', f"'version': ({version.replace('.', ', ')})")):
+        text = (addon / name).read_text(encoding='utf-8')
+        text, count = re.subn(r'\nversion = "[0-9.]+"|\'version\': \([0-9, ]+\)', written, text)
+        assert count == 1
+        (addon / name).write_text(text, encoding='utf-8')
+    for name, text in MODULES[version].items():
+        with open(addon / name, 'a', encoding='utf-8') as file:
+            file.write(text)
+    path = folder / f'detail_deform-{version}.zip'
+    make_zip(library, path, *options, sources=sources)
     return str(path)
 
 
+KINDS = [(), ('--wheel',)]
+
+
 @pytest.mark.skipif(sys.platform != 'linux', reason="reads /proc, and starts Blender as on Linux")
-def test_a_version_replaces_another_that_is_in_use(tmp_path, module):
+@pytest.mark.parametrize('older, newer', [
+    pytest.param(older, newer, id=f"{'wheel' if older else 'folder'}-{'wheel' if newer else 'folder'}",
+                 marks=pytest.mark.skipif(bool(older or newer) and bpy.app.version < (4, 2, 0),
+                                          reason="wheels came with 4.2"))
+    for older in KINDS for newer in KINDS])
+def test_a_version_replaces_another_that_is_in_use(tmp_path, part, older, newer):
+    """Also where one has its library in its folder and the other in a wheel, as from other places."""
+    library = part('library.native').library_path()
     script = tmp_path / 'script.py'
     script.write_text(OF_BOTH + (EXTENSION if bpy.app.version >= (4, 2, 0) else LEGACY))
-    arguments = [zip_of(OLDER, tmp_path), zip_of(NEWER, tmp_path), str(FIXTURES / 'animated.blend')]
+    arguments = [zip_of(OLDER, tmp_path, library, *older), zip_of(NEWER, tmp_path, library, *newer),
+                 str(FIXTURES / 'animated.blend')]
     profile = tmp_path / 'profile'
     profile.mkdir()
     is_module = not bpy.app.binary_path or getattr(bpy.app, 'module', False)
@@ -165,7 +179,8 @@ def test_a_version_replaces_another_that_is_in_use(tmp_path, module):
     ended = subprocess.run(blender, capture_output=True, text=True, timeout=120,
                            env={**os.environ, 'BLENDER_USER_RESOURCES': str(profile), 'DETAIL_DEFORM_LIBRARY': ''})
     said = [line for line in ended.stdout.splitlines() if line.startswith(('deforms', 'switched', 'left', 'enabled'))]
-    wanted = [*(f"deforms True {version} {version} [True] []" for version in (OLDER, NEWER)), "switched off []", "left []"]
+    wanted = [*(f"deforms True {version} {version} {['wheel' if options else 'folder']} []"
+                for version, options in ((OLDER, older), (NEWER, newer))), "switched off []", "left []"]
     if bpy.app.version >= (4, 2, 0):
         wanted.insert(3, "enabled False")
     assert said == wanted, ended.stdout[-3000:] + ended.stderr[-3000:]

@@ -27,13 +27,9 @@ _owned = weakref.WeakSet()
 
 
 def library_path():
-    """Where the library is looked for: beside the add-on unless the environment says otherwise."""
-    override = os.environ.get(OVERRIDE)
-    if override:
-        return override
-    name = {'win32': 'detail_deform.dll', 'darwin': 'libdetail_deform.dylib'}.get(
-        sys.platform, 'libdetail_deform.so')
-    return os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), 'lib', name)
+    """Where the library is looked for: as it was packed unless the environment says otherwise."""
+    names = {'win32': 'detail_deform.dll', 'darwin': 'libdetail_deform.dylib'}
+    return os.environ.get(OVERRIDE) or packed.place(names.get(sys.platform, 'libdetail_deform.so'))
 
 
 def library():
@@ -89,8 +85,9 @@ def staying(also_leaving=False):
 
 def _load(path):
     if not os.path.exists(path):
-        raise NativeError(f"The Detail Deform library is missing: there is no file {path}. "
-                          "Install the add-on's zip for this operating system, or build the project.")
+        cure = f"{packed.AGAIN}." if packed.PACKAGE else (
+            "Install the add-on's zip for this operating system, or build the project.")
+        raise NativeError(f"The Detail Deform library is missing: there is no file {path}. {cure}")
     try:
         packed.check(path)
         lib = ctypes.CDLL(path)
@@ -104,13 +101,14 @@ def _load(path):
         raise NativeError(f"The Detail Deform library can't be loaded: {error}. {cure}.") from error
     if version != structs.ABI_VERSION:
         raise NativeError(f"The Detail Deform library {path} is of another version (interface "
-                          f"{version}, the add-on needs {structs.ABI_VERSION}). Install the add-on's zip "
-                          "again and restart Blender.")
+                          f"{version}, the add-on needs {structs.ABI_VERSION}). {packed.AGAIN} "
+                          "and restart Blender.")
     for name, parameters in structs.SIGNATURES.items():
         function = getattr(lib, name)
         function.argtypes = parameters
         function.restype = structs.result_type(name)
-    if not os.environ.get(OVERRIDE):
+    # Blender 4.2 and later find a way for their extensions when files are locked.
+    if not os.environ.get(OVERRIDE) and not __name__.startswith('bl_ext.'):
         unlocking.unlock(path)
     return lib
 

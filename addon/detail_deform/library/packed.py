@@ -1,11 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether the library is the file that was packed. Of a damaged one, as a full disk or an update of a loaded file
-leaves behind, the system loads what there is, and Blender ends without a word when it gets to what is missing."""
+"""Where the library was packed, and whether it is the file that was. Of a damaged one, as a full disk or an update of a
+loaded file leaves behind, the system loads what there is, and Blender ends without a word when it gets to what is
+missing."""
 
 import hashlib
+import importlib.util
 import os
 
 from .structs import NativeError
+from .wheel import PACKAGE
+
+# Blender unpacks the wheel of a version once, and removes it where the add-on is switched off.
+AGAIN = "Switch the add-on off and on again" if PACKAGE else "Install the add-on's zip again"
+
+
+def place(name):
+    """The path of the library with this name, whether or not it is there."""
+    if PACKAGE:
+        importlib.invalidate_caches()  # it may have been unpacked a moment ago
+        spec = importlib.util.find_spec(PACKAGE)
+        if spec and spec.origin:
+            return os.path.join(os.path.dirname(spec.origin), name)
+    return os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), 'lib', name)
 
 
 def check(path):
@@ -20,4 +36,4 @@ def check(path):
         found = hashlib.sha256(file.read()).hexdigest()
     if found != wanted:
         raise NativeError(f"The Detail Deform library {path} is damaged or of another version: it is not the file that "
-                          "came with the add-on. Install the add-on's zip again and restart Blender.")
+                          f"came with the add-on. {AGAIN} and restart Blender.")

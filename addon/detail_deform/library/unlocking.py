@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Windows locks the file of a loaded library, so that its folder can't be removed, as by an update. But the file may be
-renamed: the loaded one goes to the folder for temporary files, and a copy takes its place. What earlier runs left there
-is removed."""
+"""Windows locks the file of a loaded library, so that its folder can't be removed, as by an update of an add-on in
+Blender up to 4.1. But the file may be renamed: the loaded one goes to the folder for temporary files, and a copy takes
+its place. What earlier runs left there is removed."""
 
 import glob
 import os
