@@ -1,5 +1,6 @@
 # Target addon_zip: the add-on as users install it, with the library of this platform inside.
 # One zip serves Blender 3.4 (legacy, by bl_info) and 4.2 on (extension, by the manifest).
+# Target extension_zip: the same with the library in a wheel, as Blender's extensions site wants it.
 file(READ ${PROJECT_SOURCE_DIR}/addon/detail_deform/blender_manifest.toml dd_manifest)
 string(REGEX MATCH "\nversion = \"([0-9.]+)\"" dd_found "${dd_manifest}")
 if(NOT CMAKE_MATCH_1 STREQUAL PROJECT_VERSION)
@@ -22,6 +23,7 @@ else()
 endif()
 set(DETAIL_DEFORM_WEBSITE "" CACHE STRING "Where the project is at home; its reports of problems go to /issues there")
 set(dd_zip ${CMAKE_BINARY_DIR}/detail_deform-${PROJECT_VERSION}-${dd_platform}.zip)
+set(dd_extension ${CMAKE_BINARY_DIR}/detail_deform_extension-${PROJECT_VERSION}-${dd_platform}.zip)
 
 find_package(Python3 COMPONENTS Interpreter)
 if(NOT Python3_FOUND)
@@ -33,4 +35,10 @@ add_custom_target(addon_zip
     $<TARGET_FILE:detail_deform> ${dd_platform} ${dd_zip} ${DETAIL_DEFORM_WEBSITE}
   DEPENDS detail_deform
   COMMENT "Packing ${dd_zip}"
+  VERBATIM)
+add_custom_target(extension_zip
+  COMMAND ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/addon/make_zip.py
+    $<TARGET_FILE:detail_deform> ${dd_platform} ${dd_extension} ${DETAIL_DEFORM_WEBSITE} --wheel
+  DEPENDS detail_deform
+  COMMENT "Packing ${dd_extension}"
   VERBATIM)

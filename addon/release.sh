@@ -3,11 +3,13 @@
 #
 # What a release consists of, in build/release-<version>/: the zips, an extension repository of them
 # (index.json and index.html, for Blender 4.2 and later; to be put on a server as it is), their
-# checksums, and the notes, which are the changelog's of this version.
+# checksums, and the notes, which are the changelog's of this version. In extensions-site/ what is
+# uploaded to Blender's own site: the same with the library in a wheel. A repository has one zip of
+# each platform, so they are in a folder of their own.
 #
 # addon/release.sh [ZIP...]
 #
-# ZIP: made elsewhere, as by a workflow on macOS. A zip is built here for each platform that none is
+# ZIP: made elsewhere, as by a workflow on macOS. Zips are built here for each platform that none is
 # given for and that there is a compiler for: the machine's own, Windows x64, 64-bit ARM Linux.
 # Names of others are printed. DETAIL_DEFORM_WEBSITE in the environment: where the project is at home.
 set -euo pipefail
@@ -31,40 +33,57 @@ if [ -n "$(git status --porcelain 2>/dev/null)" ]; then
 fi
 
 rm -rf "$out"
-mkdir -p "$out"
-[ ${#given[@]} = 0 ] || cp "${given[@]}" "$out"
+site=$out/extensions-site
+mkdir -p "$site"
 
-# build_zip PRESET PLATFORM COMPILER
-build_zip() {
-    local zip=detail_deform-$version-$2.zip
-    [ -e "$out/$zip" ] && return
+# put ZIP: where its kind belongs
+put() {
+    case ${1##*/} in
+        detail_deform_extension-*) cp "$1" "$site" ;;
+        *) cp "$1" "$out" ;;
+    esac
+}
+for zip in ${given[@]+"${given[@]}"}; do put "$zip"; done
+
+# build_zips PRESET PLATFORM COMPILER
+build_zips() {
+    local zip=detail_deform-$version-$2.zip extension=detail_deform_extension-$version-$2.zip
+    if [ -e "$out/$zip" ]; then
+        [ -e "$site/$extension" ] || dd_say "No zip for the extensions site for $2: none was given"
+        return
+    fi
     command -v "$3" >/dev/null || {
-        dd_say "No zip for $2: there is no $3"
+        dd_say "No zips for $2: there is no $3"
         return
     }
     dd_say "Building for $2"
     cmake --preset "$1" -D "DETAIL_DEFORM_WEBSITE=${DETAIL_DEFORM_WEBSITE:-}" >/dev/null
-    cmake --build --preset "$1" --target addon_zip
-    cp "build/$1/$zip" "$out"
+    cmake --build --preset "$1" --target addon_zip extension_zip
+    put "build/$1/$zip"
+    put "build/$1/$extension"
 }
 
 prepare_build
-build_zip check linux-x64 c++  # what the tests are run on
-build_zip windows windows-x64 x86_64-w64-mingw32-g++-posix
-build_zip linux-arm64 linux-arm64 aarch64-linux-gnu-g++
-[ -e "$out/detail_deform-$version-macos.zip" ] || dd_say "No zip for macOS: it is built there"
+build_zips check linux-x64 c++  # what the tests are run on
+build_zips windows windows-x64 x86_64-w64-mingw32-g++-posix
+build_zips linux-arm64 linux-arm64 aarch64-linux-gnu-g++
+[ -e "$out/detail_deform-$version-macos.zip" ] || dd_say "No zips for macOS: they are built there"
 
-# Blender's own tool, which any Python of its age runs; it comes with Blender as a module, too.
+# Blender's own tool, which comes with Blender as a module, too; that of every version that is here.
 prepare_wheel 3.13 5.2.3
-tool=$(find build/venv-bpy-5.2.3 -path '*bl_pkg/cli/blender_ext.py')
-for zip in "$out"/*.zip; do
-    build/venv-bpy-5.2.3/bin/python "$tool" validate "$zip"
+for venv in build/venv-bpy-*; do
+    tool=$(find "$venv" -path '*bl_pkg/cli/blender_ext.py')
+    for zip in "$out"/*.zip "$site"/*.zip; do
+        "$venv/bin/python" "$tool" validate "$zip"
+    done
 done
-build/venv-bpy-5.2.3/bin/python "$tool" server-generate --repo-dir "$out" --html
-(cd "$out" && sha256sum -- *.zip >SHA256SUMS)
+venv=build/venv-bpy-5.2.3
+tool=$(find "$venv" -path '*bl_pkg/cli/blender_ext.py')
+"$venv/bin/python" "$tool" server-generate --repo-dir "$out" --html
+(cd "$out" && sha256sum -- *.zip extensions-site/*.zip >SHA256SUMS)
 {
     printf '# Detail Deform %s\n%s\n\n## Checksums (SHA-256)\n\n' "$version" "$notes"
     sed 's/^/    /' "$out/SHA256SUMS"
 } >"$out/NOTES.md"
 dd_say "Made in $out:"
-ls "$out"
+ls -R "$out"

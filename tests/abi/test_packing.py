@@ -62,7 +62,8 @@ def read_all(path):
 
 def test_the_other_has_the_library_in_a_wheel_alone(native, tmp_path):
     """And else is the same, but for what says so."""
-    one, other = read_all(packed(native, tmp_path / 'one.zip')), read_all(packed(native, tmp_path / 'two.zip', '--wheel'))
+    one = read_all(packed(native, tmp_path / 'one.zip'))
+    other = read_all(packed(native, tmp_path / 'other.zip', '--wheel'))
     library = os.path.basename(native.library_path())
     name = f'wheels/detail_deform_library-{native.version()}-py3-none-manylinux_2_17_x86_64.whl'
     assert set(one) - set(other) == {f'lib/{library}', f'lib/{library}.sha256'} and set(other) - set(one) == {name}
@@ -87,9 +88,13 @@ def test_a_wheel_is_one_to_those_who_install_it(native, tmp_path):
     assert f'\nTag: py3-none-{tag}\n' in held[f'{info}/WHEEL'].decode()
     record = [line.split(',') for line in held.pop(f'{info}/RECORD').decode().splitlines()]
     assert record.pop() == [f'{info}/RECORD', '', '']
-    assert {path: (digest, int(size)) for path, digest, size in record} == {
-        path: (f"sha256={base64.urlsafe_b64encode(hashlib.sha256(content).digest()).decode().rstrip('=')}", len(content))
-        for path, content in held.items()}
+    assert {path: (of_it, int(size)) for path, of_it, size in record} == {
+        path: (f'sha256={digest(content)}', len(content)) for path, content in held.items()}
+
+
+def digest(content):
+    """As a wheel's record has it."""
+    return base64.urlsafe_b64encode(hashlib.sha256(content).digest()).decode().rstrip('=')
 
 
 @pytest.mark.parametrize('platforms, tag', [('linux-arm64', 'manylinux_2_17_aarch64'), ('windows-x64', 'win_amd64'),

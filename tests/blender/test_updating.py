@@ -51,9 +51,9 @@ def stale(module):
 
 def loaded():
     """Where the libraries in memory are from, and whether their files are gone."""
-    lines = [line.split(maxsplit=5)[5].strip() for line in open('/proc/self/maps') if 'libdetail_deform' in line]
-    return sorted({'gone' if line.endswith('(deleted)') else 'wheel' if 'site-packages' in line.split('/extensions/')[-1]
-                   else 'folder' for line in lines})
+    paths = [line.split(maxsplit=5)[5].strip() for line in open('/proc/self/maps') if 'libdetail_deform' in line]
+    return sorted({'gone' if path.endswith('(deleted)') else 'wheel' if '/.local/lib/' in path else 'folder'
+                   for path in paths})
 
 def left():
     """Files of the add-on in the profile, but for Blender's lists of what there is to install."""
