@@ -16,12 +16,13 @@ AGAIN = "Switch the add-on off and on again" if PACKAGE else "Install the add-on
 
 def place(name):
     """The path of the library with this name, whether or not it is there."""
+    folder = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), PACKAGE or 'lib')
     if PACKAGE:
         importlib.invalidate_caches()  # it may have been unpacked a moment ago
         spec = importlib.util.find_spec(PACKAGE)
         if spec and spec.origin:
-            return os.path.join(os.path.dirname(spec.origin), name)
-    return os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), 'lib', name)
+            folder = os.path.dirname(spec.origin)
+    return os.path.join(folder, name)
 
 
 def check(path):
