@@ -242,6 +242,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     compared_handles: StringProperty(options={'HIDDEN'})
     problem: StringProperty(options={'HIDDEN'})
     cache_modifier: StringProperty(options={'HIDDEN'})
+    baked_file: StringProperty(options={'HIDDEN'})
     dependency: FloatProperty(
         name="Dependency", options={'HIDDEN', 'ANIMATABLE'},
         description="Its driver keeps the empties evaluated where they are hidden; the value is of no use")

@@ -12,18 +12,17 @@ from conftest import ADDON
 IMPORTS = {'_ctypes', 'array', 'ast', 'atexit', 'blf', 'bmesh', 'bpy', 'bpy_extras', 'collections', 'colorsys',
            'contextlib', 'copy', 'ctypes', 'dataclasses', 'fnmatch', 'glob', 'gpu', 'gpu_extras', 'hashlib', 'html',
            'importlib', 'itertools', 'json', 'math', 'mathutils', 'numpy', 'os', 'pathlib', 'platform', 're', 'shlex',
-           'shutil', 'struct', 'sys', 'tempfile', 'textwrap', 'threading', 'time', 'typing', 'uuid', 'weakref',
-           'webbrowser'}
-OF_OS = {'O_BINARY', 'O_CREAT', 'O_RDWR', 'environ', 'fdopen', 'fstat', 'getpid', 'open', 'path', 'remove', 'rename',
-         'replace', 'urandom'}
+           'shutil', 'struct', 'sys', 'tempfile', 'textwrap', 'threading', 'time', 'typing', 'unicodedata', 'uuid',
+           'weakref', 'webbrowser'}
+OF_OS = {'O_BINARY', 'O_CREAT', 'O_RDWR', 'environ', 'fdopen', 'fstat', 'getpid', 'listdir', 'open', 'path', 'remove',
+         'rename', 'replace', 'urandom'}
 # Names and attributes, whoever they belong to.
 NEVER = {'__import__', 'allow_pickle', 'breakpoint', 'driver_namespace', 'eval', 'exec', 'execfile', 'exec_module',
          'fromstring', 'import_module', 'loads', 'memmap', 'use_scripts_auto_execute', 'urlopen'}
 # Where what could do harm is done, and nowhere else.
 ONLY_IN = {'CDLL': {'library/loading.py'}, '_ctypes': {'library/loading.py'}, 'rename': {'library/unlocking.py'},
            'tempfile': {'library/unlocking.py'}, 'webbrowser': {'ui/preferences.py'}, 'environ': {'library/loading.py'},
-           'open': {'library/packed.py', 'results/alembic.py', 'results/key_names.py', 'scene/pc2.py',
-                    'setup/pair_lists.py', 'ui/preferences.py'},
+           'open': {'library/packed.py', 'results/alembic.py', 'scene/files.py', 'scene/pc2.py', 'ui/preferences.py'},
            'write_text': {'ui/preferences.py'}, 'savetxt': {'setup/pair_lists.py'},
            'handlers': {'handlers.py', '__init__.py'}, 'reload': {'__init__.py', 'reloading.py'}}
 READING = {'get', 'items', 'keys', 'values'}  # of a dictionary

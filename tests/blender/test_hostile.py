@@ -109,7 +109,7 @@ CHANGES = [
                                          'volume_tolerance') for number in (NAN, 1e38)),
     *(setting('signature', text) for text in ('x', '....', 'a.b.c.d', '\n{0}%s', 'é' * 20000)),
     *(setting(name, '{0} %s %n \n\t\x1b[31m') for name in ('stale', 'problem', 'compared_handles', 'cache_modifier',
-                                                            'region', 'own_region', 'influence')),
+                                                            'baked_file', 'region', 'own_region', 'influence')),
     of_handle('rest_matrix', [NAN] * 16), of_handle('rest_matrix', [1e38] * 16), of_handle('home_matrix', [NAN] * 16),
     of_handle('rest_euler', [1e38] * 3), of_handle('turns', 77), of_handle('mirror_axis', 77),
     of_handle('mirrors', 'right'), of_handle('mirrors', '{0}%s'), of_handle('name', '{0}%s\n'),

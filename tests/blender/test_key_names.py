@@ -199,9 +199,10 @@ def test_a_pose_beside_a_key_of_the_user_s_own_is_replaced(source, targets):
     ("a,b\na,c\n", "line 2: 'a' is there twice"), ("a,b\nc,b\n", "line 2: 'b' is there twice")])
 def test_files_of_names_that_are_wrong(source, targets, tmp_path, text, sentence):
     path = tmp_path / "names.txt"
-    path.write_text(text)
+    path.write_text(text, encoding='utf-8')
     choose(source, *targets)
     assert sentence in refusal(many, what='ALL_KEYS', names_file=str(path))
-    path.write_bytes(b'\xff\xfe\x00')
-    assert "it is no text" in refusal(many, what='ALL_KEYS', names_file=str(path))
+    for encoding in ('cp1252', 'utf-16', 'utf-16-le'):
+        path.write_bytes("Bend, Öffnen\n".encode(encoding))
+        assert "it is no text in UTF-8: save it" in refusal(many, what='ALL_KEYS', names_file=str(path))
     assert not keys_of(targets[0])

@@ -321,10 +321,12 @@ def test_refusals(pair, tmp_path):
     for text, sentence in (("0 0\n1 zwei\n", "line 2"), ("# nothing\n", "has no pairs"),
                            ("0 0\n3 99999\n", "pair 2 names number 99999"),
                            ("-1 0\n", "number -1 of 'Source'"), ("0 99999999999\n", "a number over")):
-        path.write_text(text)
+        path.write_text(text, encoding='utf-8')
         assert sentence in refusal(transfer, source="Source", correspondence='LIST', filepath=str(path))
-    path.write_bytes(b'\xff\xfe\x00')
-    assert "it is no text" in refusal(transfer, source="Source", correspondence='LIST', filepath=str(path))
+    for encoding in ('cp1252', 'utf-16', 'utf-16-le'):
+        path.write_bytes("0 0\n# für die Füße\n".encode(encoding))
+        assert "it is no text in UTF-8: save it" in refusal(transfer, source="Source", correspondence='LIST',
+                                                            filepath=str(path))
     assert "can't be read" in refusal(transfer, source="Source", correspondence='LIST', filepath=str(tmp_path / "none"))
     assert "no list yet" in refusal(transfer, source="Source", correspondence='LIST', filepath="")
     add_key(source, "Broken", np.full((len(source.data.vertices), 3), np.nan))

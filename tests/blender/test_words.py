@@ -24,7 +24,7 @@ BLENDERS = {
     "X", "Y", "Z"}
 # Of data that is made, and what else has a capital.
 OTHERS = {"Detail Deform Transfer", "DOCTYPE", "I", "Marker 1", "Marker 2", "{} Pose", "… Rest", "… Mirrored",
-          "Object Mode", "Poisson", "Press", "with an Empty of Its Own"}
+          "Object Mode", "Poisson", "Press", "UTF-8", "Windows", "with an Empty of Its Own"}
 
 
 @pytest.fixture

@@ -76,7 +76,7 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
         path = self.filepath or _usual_path(ob)
         mesh_data.check_object(ob)
         if self.mode == 'ALEMBIC':
-            alembic.write(context, ob, start, end, path[:-4] + '.abc' if path.endswith('.pc2') else path)
+            alembic.write(context, ob, start, end, path[:-4] + '.abc' if path.lower().endswith('.pc2') else path)
             return None
         by_weights = {'SLIDERS': keyed_weights.to_sliders, 'KEY_VALUES': keyed_weights.to_key_values}
         if self.mode in by_weights:

@@ -22,14 +22,15 @@ def write(context, ob, start, end, path):
     for _ in bake.over_frames(context, ob, start, start):
         pass  # what is wrong is said before the export begins
     with point_cache.disk(path, "written"):  # when a disk becomes full during an export, Blender itself ends
+        unfinished = files.unfinished(path, '.abc')  # Blender would add this ending
         pc2.check_room(path, (end + 1 - start) * _bytes_a_frame(ob, context))
-    unfinished = f"{os.path.splitext(path)[0]}.unfinished.abc"
     try:
         with _Exported(context, ob), point_cache.disk(path, "written"):
             bpy.ops.wm.alembic_export(filepath=unfinished, start=start, end=end, selected=True,
                                       as_background_job=False)
             _check_complete(unfinished)
             os.replace(unfinished, path)
+        ob.detail_deform.baked_file = path
     except RuntimeError as error:
         raise MeshProblem(f"'{path}' can't be written: {str(error).strip()}") from error
     finally:

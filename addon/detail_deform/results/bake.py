@@ -63,6 +63,7 @@ def to_cache(context, ob, start, end, path, whole=None):
                           f"{other.render_levels}) than in the viewport (level {other.levels}), and a cache holds "
                           "one kind: make the levels alike.")
     yield from point_cache.write(path, _evaluated(context, ob, modifier, start, end), start, end, whole)
+    ob.detail_deform.baked_file = path
 
 
 def _evaluated(context, ob, modifier, start, end):

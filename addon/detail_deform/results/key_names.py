@@ -18,14 +18,11 @@ def read(path):
     over. Raises MeshProblem."""
     names = {}
     try:
-        files.check(path)
-        with open(path, encoding='utf-8-sig') as file:
-            for number, line in enumerate(file, 1):
-                if line.strip() and not line.lstrip().startswith('#'):
-                    _add(names, path, number, line)
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, 'strerror', None) or "it is no text"
-        raise MeshProblem(f"'{path}' can't be read: {reason}.") from error
+        for number, line in enumerate(files.read_lines(path), 1):
+            if line.strip() and not line.lstrip().startswith('#'):
+                _add(names, path, number, line)
+    except OSError as error:
+        raise MeshProblem(f"'{path}' can't be read: {files.reason(error, path)}.") from error
     if not names:
         raise MeshProblem(f"'{path}' has no names: write one pair a line, source -> target.")
     return names

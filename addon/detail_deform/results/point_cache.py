@@ -21,16 +21,32 @@ def absolute(path):
 
 
 def usual_path(ob, present):
-    """Beside the file, under a name that no other cache has; '' for a file that was never saved. present: the
-    modifier that will play it, if it is there already."""
+    """Beside the file, under a name that no other object's cache or Alembic file has; '' for a file that was never
+    saved. present: the modifier that will play it, if it is there already."""
     if not bpy.data.filepath:
         return ""
     stem = os.path.splitext(os.path.basename(bpy.data.filepath))[0]
     name = files.name_for(ob.name)
-    taken = {absolute(modifier.filepath) for other in bpy.data.objects for modifier in other.modifiers
-             if modifier.type == 'MESH_CACHE' and modifier.filepath and modifier != present}
+    taken = {_without_ending(path) for path in (*_played(present), *_baked_of_others(ob, name))}
     paths = (f"//{stem}_{name}{number}.pc2" for number in ("", *(f" {k}" for k in range(2, 10000))))
-    return next(path for path in paths if absolute(path) not in taken)
+    return next(path for path in paths if _without_ending(path) not in taken)
+
+
+def _without_ending(path):
+    return os.path.splitext(files.folded(absolute(path)))[0]
+
+
+def _played(present):
+    return [modifier.filepath for ob in bpy.data.objects for modifier in ob.modifiers
+            if modifier.type == 'MESH_CACHE' and modifier.filepath and modifier != present]
+
+
+def _baked_of_others(ob, name):
+    """What was baked of objects whose files would be called alike. (A copy, which has another name, has the path of
+    what was baked of the first.)"""
+    return [other.detail_deform.baked_file for other in bpy.data.objects
+            if other != ob and other.detail_deform.baked_file
+            and files.folded(files.name_for(other.name)) == files.folded(name)]
 
 
 @contextlib.contextmanager
@@ -39,7 +55,7 @@ def disk(path, what):
     try:
         yield
     except OSError as error:
-        raise MeshProblem(f"'{path}' can't be {what}: {error.strerror or error}.") from error
+        raise MeshProblem(f"'{path}' can't be {what}: {files.reason(error, path)}.") from error
     except pc2.NotACache as error:
         raise MeshProblem(str(error)) from error
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Geometry Nodes modifier that shows the result: position + Factor × Influence × offset attribute."""
 
+import os
+
 import bpy
 import numpy as np
 
@@ -146,7 +148,8 @@ def remove_modifier(ob):
 def set_up_cache(cache, path, start):
     """Has a Mesh Cache modifier play a point cache from this frame on."""
     cache.cache_format = 'PC2'
-    cache.filepath = path
+    # Blender and Python each have a place of their own for a path that says neither drive nor folder.
+    cache.filepath = path if path.startswith('//') else os.path.abspath(path)
     cache.frame_start = start
     cache.interpolation = 'LINEAR'
 

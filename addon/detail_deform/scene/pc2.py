@@ -60,9 +60,10 @@ class Writer:
         self._next = first
         self._part = last is not None and (first, last) != (0, frame_count)
         needed = size(point_count, frame_count)
+        unfinished = files.unfinished(path)
         if not (self._part and os.path.exists(path)):
             check_room(path, needed)
-        self._target = path if self._part else f"{path}.unfinished"
+        self._target = path if self._part else unfinished
         self._file = self._open_part() if self._part else open(self._target, 'wb')
         if not self._part:
             self._write_header()

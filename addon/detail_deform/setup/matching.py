@@ -99,6 +99,10 @@ def list_in(folder, target):
     if not folder:
         return settings.filepath, settings.pairs_of
     path = os.path.join(bpy.path.abspath(folder), files.name_for(target.name) + ".txt")
+    owner = bpy.data.objects.get(os.path.splitext(files.name_on_disk(path))[0])
+    if owner not in {None, target} and owner.type == 'MESH':  # a disk may not tell letters apart as Blender does
+        raise MeshProblem(f"'{path}' is the list of '{owner.name}', and that of '{target.name}' would be called alike: "
+                          "rename one of these objects.")
     return path, pair_lists.kind_of(path, settings.pairs_of)
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Text files of pairs of triangles or vertices that correspond."""
 
+import contextlib
 import os
 
 import numpy as np
@@ -20,23 +21,20 @@ def read_pairs(path, pairs_of):
     if not path:
         raise MeshProblem("There is no list yet: choose a file in List, or another way in Match By.")
     try:
-        files.check(path)
-        with open(path, encoding='utf-8-sig') as file:
-            for number, line in enumerate(file, 1):
-                said = next((kind for kind in _SAYS if _SAYS[kind] in line), pairs_of)
-                if said != pairs_of:
-                    raise MeshProblem(f"'{path}' says that it holds pairs of {said.lower()}: choose that (Pairs of).")
-                words = line.split('#')[0].replace(',', ' ').replace(';', ' ').replace(':', ' ').split()
-                if not words or (len(words) == 1 and not pairs and words[0].isdigit()):
-                    continue
-                try:
-                    pairs.append([int(words[0]), int(words[1])])
-                except (ValueError, IndexError) as error:
-                    raise MeshProblem(
-                        f"'{path}', line {number}: '{line.strip()[:40]}' is not a pair of numbers.") from error
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, 'strerror', None) or "it is no text"
-        raise MeshProblem(f"'{path}' can't be read: {reason}.") from error
+        for number, line in enumerate(files.read_lines(path), 1):
+            said = next((kind for kind in _SAYS if _SAYS[kind] in line), pairs_of)
+            if said != pairs_of:
+                raise MeshProblem(f"'{path}' says that it holds pairs of {said.lower()}: choose that (Pairs of).")
+            words = line.split('#')[0].replace(',', ' ').replace(';', ' ').replace(':', ' ').split()
+            if not words or (len(words) == 1 and not pairs and words[0].isdigit()):
+                continue
+            try:
+                pairs.append([int(words[0]), int(words[1])])
+            except (ValueError, IndexError) as error:
+                raise MeshProblem(
+                    f"'{path}', line {number}: '{line.strip()[:40]}' is not a pair of numbers.") from error
+    except OSError as error:
+        raise MeshProblem(f"'{path}' can't be read: {files.reason(error, path)}.") from error
     if not pairs:
         raise MeshProblem(f"'{path}' has no pairs of numbers: write one pair a line, source then target.")
     limit = np.iinfo(np.int32).max
@@ -48,10 +46,9 @@ def read_pairs(path, pairs_of):
 def kind_of(path, otherwise):
     """What a file that was written here says that it holds, as pairs_of; otherwise for any other one."""
     try:
-        files.check(path)
-        with open(path, encoding='utf-8-sig') as file:
-            first = file.readline()
-    except (OSError, UnicodeDecodeError):  # which reading it says
+        with contextlib.closing(files.read_lines(path)) as lines:
+            first = next(lines, "")
+    except OSError:  # which reading it says
         return otherwise
     return next((kind for kind in _SAYS if _SAYS[kind] in first), otherwise)
 
@@ -60,13 +57,14 @@ def write_pairs(path, matched):
     """As read_pairs() reads them. What was there stays until they are complete."""
     if matched.pairs is None:
         raise MeshProblem("A Saved Match by Nearest has no list of pairs: it is found by how the meshes stand.")
-    unfinished = f"{path}.unfinished"
+    unfinished = ""
     try:
+        unfinished = files.unfinished(path)
         np.savetxt(unfinished, matched.pairs, fmt='%d', header=f"{_SAYS[matched.pairs_of]}, source and target, from 0")
         os.replace(unfinished, path)
     except OSError as error:
         files.take_away(unfinished)
-        raise MeshProblem(f"'{path}' can't be written: {error.strerror}.") from error
+        raise MeshProblem(f"'{path}' can't be written: {files.reason(error, path)}.") from error
 
 
 def by_list(source, target, path, pairs_of):
