@@ -4,6 +4,7 @@
 import ast
 import re
 import subprocess
+import sys
 import urllib.request
 import webbrowser
 import zipfile
@@ -93,8 +94,8 @@ def test_a_report_has_what_is_needed(part, opened, monkeypatch):
 
 def test_a_zip_that_is_told_of_a_website_leads_there(part, tmp_path):
     made, website = tmp_path / 'made.zip', "https://example.org/deform"
-    subprocess.run(['python3', REPOSITORY / 'addon' / 'make_zip.py', part('library.native').library_path(), 'linux-x64',
-                    made, website], check=True)
+    subprocess.run([sys.executable, REPOSITORY / 'addon' / 'make_zip.py', part('library.native').library_path(),
+                    'linux-x64', made, website], check=True)
     with zipfile.ZipFile(made) as made:
         texts = {name: made.read(f'detail_deform/{name}').decode() for name in (
             'blender_manifest.toml', '__init__.py', 'website.py')}

@@ -9,12 +9,15 @@ import sys
 import bpy
 import pytest
 from conftest import FIXTURES, REPOSITORY, make_zip
+from test_bake import command
 
 OLDER, NEWER = '98.0.0', '99.0.0'
 OF_BOTH = '''
-import os, sys
+import os, pathlib, sys
 import bpy
 fixture = sys.argv[-1]
+sys.path.append(os.path.join(os.path.dirname(fixture), os.pardir, 'tests', 'blender'))
+from in_memory import libraries
 
 def deforms(module):
     ob = bpy.data.objects['Tentacle']
@@ -32,8 +35,8 @@ def deforms(module):
 
 def version(module):
     """Of the files it was loaded from."""
-    with open(os.path.join(os.path.dirname(sys.modules[module].__file__), 'blender_manifest.toml')) as file:
-        return next(line.split('"')[1] for line in file if line.startswith('version ='))
+    manifest = pathlib.Path(sys.modules[module].__file__).with_name('blender_manifest.toml').read_text(encoding='utf-8')
+    return next(line.split('"')[1] for line in manifest.splitlines() if line.startswith('version ='))
 
 def offsets(ob):
     import numpy as np
@@ -51,9 +54,8 @@ def stale(module):
 
 def loaded():
     """Where the libraries in memory are from, and whether their files are gone."""
-    paths = [line.split(maxsplit=5)[5].strip() for line in open('/proc/self/maps') if 'libdetail_deform' in line]
-    return sorted({'gone' if path.endswith('(deleted)') else 'wheel' if '/.local/lib/' in path else 'folder'
-                   for path in paths})
+    return sorted({'gone' if not os.path.exists(path) else 'wheel' if '.local' in pathlib.Path(path).parts else 'folder'
+                   for path in libraries('detail_deform')})
 
 def is_mended(module):
     """Whether a damaged library is whole again after what the sentence about it says; of a wheel, which isn't unpacked
@@ -75,7 +77,7 @@ def is_mended(module):
 
 def left():
     """Files of the add-on in the profile, but for Blender's lists of what there is to install."""
-    files = [os.path.join(at, name) for at, _, names in os.walk(os.environ['BLENDER_USER_RESOURCES'])
+    files = [pathlib.Path(at, name).as_posix() for at, _, names in os.walk(os.environ['BLENDER_USER_RESOURCES'])
              for name in names]
     return [path for path in files if '.blender_ext' not in path and (
         'libdetail_deform' in path or 'detail_deform_library' in path or '/detail_deform/' in path)]
@@ -117,7 +119,7 @@ def publish(path):
 publish(older)
 bpy.context.preferences.system.use_online_access = True
 bpy.ops.preferences.extension_repo_add(name='detail_deform_test', type='REMOTE',
-                                       remote_url='file://' + repository + '/index.json')
+                                       remote_url=pathlib.Path(repository, 'index.json').as_uri())
 repos = bpy.context.preferences.extensions.repos
 index = next(k for k, repo in enumerate(repos) if repo.remote_url.startswith('file://'))
 repos[index].module = 'detail_deform_test'
@@ -179,7 +181,7 @@ IN_WHEEL = ('--wheel',)
 since_4_2 = pytest.mark.skipif(bpy.app.version < (4, 2, 0), reason="wheels came with 4.2")
 
 
-@pytest.mark.skipif(sys.platform != 'linux', reason="reads /proc, and starts Blender as on Linux")
+@pytest.mark.skipif(sys.platform not in {'linux', 'win32'}, reason="starts Blender as on these systems")
 @pytest.mark.parametrize('older, newer', [pytest.param((), (), id='folder'),
                                           pytest.param(IN_WHEEL, IN_WHEEL, id='wheel', marks=since_4_2),
                                           pytest.param((), IN_WHEEL, id='folder-wheel', marks=since_4_2)])
@@ -187,16 +189,12 @@ def test_a_version_replaces_another_that_is_in_use(tmp_path, part, older, newer)
     """Also where one has its library in its folder and the other in a wheel, as from other places."""
     library = part('library.native').library_path()
     script = tmp_path / 'script.py'
-    script.write_text(OF_BOTH + (EXTENSION if bpy.app.version >= (4, 2, 0) else LEGACY))
+    script.write_text(OF_BOTH + (EXTENSION if bpy.app.version >= (4, 2, 0) else LEGACY), encoding='utf-8')
     arguments = [zip_of(OLDER, tmp_path, library, *older), zip_of(NEWER, tmp_path, library, *newer),
                  str(FIXTURES / 'animated.blend')]
     profile = tmp_path / 'profile'
     profile.mkdir()
-    is_module = not bpy.app.binary_path or getattr(bpy.app, 'module', False)
-    blender = [sys.executable, str(script), *arguments] if is_module else [
-        bpy.app.binary_path, '--background', '--factory-startup', '--python-exit-code', '1', '--python', str(script),
-        '--', *arguments]
-    ended = subprocess.run(blender, capture_output=True, text=True, timeout=300,
+    ended = subprocess.run(command(script, '--', *arguments), capture_output=True, text=True, timeout=300,
                            env={**os.environ, 'BLENDER_USER_RESOURCES': str(profile), 'DETAIL_DEFORM_LIBRARY': ''})
     said = [line for line in ended.stdout.splitlines()
             if line.startswith(('deforms', 'mended', 'switched', 'left', 'enabled'))]
