@@ -1,0 +1,100 @@
+# shellcheck shell=bash
+# SPDX-License-Identifier: GPL-3.0-or-later
+#
+# Blender for Windows, as the Python module bpy, under Wine. Sourced from the repository root, after
+# tests/prepare.sh and tests/windows.sh; used after prepare_windows and after the zip for Windows was
+# made.
+
+# prepare_windows_wheel PYTHON BPY, as in "prepare_windows_wheel 3.11 4.5.15": that Blender in
+# build/windows-bpy-BPY. From 5.1 on it needs Python 3.13.
+prepare_windows_wheel() {
+    local folder=$PWD/build/windows-bpy-$2 numpy
+    dd_need_packages xvfb xauth libgl1 libgl1-mesa-dri || return
+    dd_new_windows "$PWD/build/wine-bpy-$2" || return
+    dd_windows_wheel_runs "$2" >/dev/null 2>&1 && return 0
+    # Newer numpys call what Debian 12's Wine lacks.
+    case $1 in 3.11) numpy=1.26.4 ;; *) numpy=2.4.6 ;; esac
+    dd_get_windows_python "$folder" "$1" "bpy==$2" "numpy==$numpy" pytest==8.3.5 colorama || {
+        dd_complain "pip could not get bpy $2 for Windows."
+        return 1
+    }
+    if [ "$1" != 3.11 ] && ! { dd_mend_python "$folder" && dd_mend_numpy "$folder"; }; then
+        dd_complain "numpy $numpy for Windows could not be made to run under Wine."
+        return 1
+    fi
+    dd_windows_wheel_runs "$2" || {
+        dd_complain "bpy $2 for Windows does not run under Wine."
+        return 1
+    }
+}
+
+dd_windows_wheel_runs() {
+    in_windows_blender "$1" -c "import bpy, pytest; assert bpy.app.version_string.startswith('$1')"
+}
+
+# in_windows_blender BPY ARGUMENT...: the Python that has it. It renders by OpenGL, which wants a screen.
+in_windows_blender() {
+    [ -e "build/windows-bpy-$1/python.exe" ] || return
+    (
+        # Each has a Windows of its own, which ends with it: what was begun in one without a screen, or
+        # with one that has gone, leaves the others in it without, and holds on to the output.
+        export WINEPREFIX=$PWD/build/wine-bpy-$1
+        # Without the debugger a crash ends the program; with it, a window waits for somebody to close it.
+        WINEDLLOVERRIDES="winedbg.exe=d" \
+            xvfb-run -a timeout 3000 wine "$PWD/build/windows-bpy-$1/python.exe" "${@:2}" </dev/null 2>&1
+        status=$?
+        wineserver -k
+        exit "$status"
+    ) | cat
+    return "${PIPESTATUS[0]}"
+}
+
+# dd_mend_python FOLDER: its platform and shutil do without what is taken away here, which Debian 12's
+# Wine has names for and no code.
+dd_mend_python() {
+    rm -f "$1/DLLs/_wmi.pyd"
+    echo "import _winapi; vars(_winapi).pop('CopyFile2', None)" >"$1/Lib/site-packages/sitecustomize.py"
+}
+
+# dd_mend_numpy FOLDER: numpy 2 calls complex functions of Windows' C library that Wine has no code
+# for. They come from a library of our own, which hands all others on and has a name of that length.
+dd_mend_numpy() {
+    local core=$1/Lib/site-packages/numpy/_core
+    # shellcheck disable=SC2016  # awk's
+    x86_64-w64-mingw32-objdump -p "$core"/_multiarray_umath.*.pyd | awk '
+        BEGIN { print "LIBRARY dd-crt-math.dll\nEXPORTS" }
+        /DLL Name/ { dll = $3 }
+        /^\t[0-9a-f]/ && dll ~ /crt-math/ {
+            name = "ucrtbase." $NF
+            if (match($NF, /^c(exp|sin|cos|tan|sinh|cosh|tanh|abs|arg|real|imag|pow)/)) {
+                type = substr($NF, RLENGTH + 1)  # a long double is a double there
+                if (type ~ /^[fl]?$/) name = "dd_" substr($NF, 1, RLENGTH) (type == "f" ? "f" : "")
+            }
+            print $NF " = " name
+        }' >"$core/dd-crt-math.def" &&
+        x86_64-w64-mingw32-gcc-posix -O1 -shared -static-libgcc -o "$core/dd-crt-math.dll" \
+            tests/crt_math.c "$core/dd-crt-math.def" &&
+        python3 - "$core"/_multiarray_umath.*.pyd <<'PYTHON'
+import sys
+from pathlib import Path
+path, theirs = Path(sys.argv[1]), b'api-ms-win-crt-math-l1-1-0.dll'
+content = path.read_bytes()
+assert content.count(theirs) == 1
+path.write_bytes(content.replace(theirs, b'dd-crt-math.dll'.ljust(len(theirs), b'\0')))
+PYTHON
+}
+
+# windows_blender_suite BPY MARKS [pytest argument]...: tests the zip there, as installed into user
+# folders of its own.
+windows_blender_suite() {
+    local resources status zip quick=()
+    zip=$(ls build/windows/detail_deform-*-windows-x64.zip) || return
+    # There what is allocated looks through all free blocks, so that 10,000 objects take minutes.
+    dd_at_least "$(wine --version | sed 's/^wine-//')" 9 || quick=(-k "not does_not_go_through")
+    resources=$(mktemp -d) || return
+    BLENDER_USER_RESOURCES="Z:${resources//\//\\}" \
+        in_windows_blender "$1" tests/blender/run.py -- "$zip" -m "$2" "${quick[@]}" "${@:3}"
+    status=$?
+    rm -rf "$resources"
+    return "$status"
+}
