@@ -45,7 +45,7 @@ in_windows_blender() {
         status=$?
         wineserver -k
         exit "$status"
-    ) | cat
+    ) | sed -u '/^wine: Read access denied for device/d'  # of Z:, whose label nobody needs
     return "${PIPESTATUS[0]}"
 }
 
@@ -85,16 +85,27 @@ PYTHON
 }
 
 # windows_blender_suite BPY MARKS [pytest argument]...: tests the zip there, as installed into user
-# folders of its own.
-windows_blender_suite() {
-    local resources status zip quick=()
-    zip=$(ls build/windows/detail_deform-*-windows-x64.zip) || return
+# folders of its own. A parenthesis, so that what it makes goes however it ends.
+windows_blender_suite() (
+    zip=$(ls build/windows/detail_deform-*-windows-x64.zip) || exit
     # There what is allocated looks through all free blocks, so that 10,000 objects take minutes.
+    quick=()
     dd_at_least "$(wine --version | sed 's/^wine-//')" 9 || quick=(-k "not does_not_go_through")
-    resources=$(mktemp -d) || return
+    folder=$(mktemp -d) || exit
+    trap 'dd_forget "$folder"' EXIT
+    mkdir "$folder/resources" "$folder/drive" "$folder/read-only"
+    ln -sfn "$folder/drive" "build/wine-bpy-$1/dosdevices/t:"
+    export DD_TEST_DRIVE=T:
+    if dd_as_root mount -t tmpfs -o ro tmpfs "$folder/read-only" 2>/dev/null; then
+        ln -sfn "$folder/read-only" "build/wine-bpy-$1/dosdevices/r:"
+        export DD_TEST_READ_ONLY_DRIVE=R:
+    fi
+    resources=$folder/resources
     BLENDER_USER_RESOURCES="Z:${resources//\//\\}" \
         in_windows_blender "$1" tests/blender/run.py -- "$zip" -m "$2" "${quick[@]}" "${@:3}"
-    status=$?
-    rm -rf "$resources"
-    return "$status"
+)
+
+dd_forget() {
+    if mountpoint -q "$1/read-only"; then dd_as_root umount -l "$1/read-only"; fi
+    rm -rf "$1"
 }

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An update of the add-on while another Blender of the same user has it in use, from a folder of any name."""
+
+import os
+import subprocess
+import sys
+
+import bpy
+import pytest
+
+from conftest import FIXTURES
+from test_bake import command
+from test_updating import NEWER, OF_BOTH, OLDER, zip_of
+
+INSTALL = '''
+older, newer, role, _ = sys.argv[-4:]
+extension = bpy.app.version >= (4, 2, 0)
+module = 'bl_ext.user_default.detail_deform' if extension else 'detail_deform'
+
+def install(path):
+    if extension:
+        bpy.ops.extensions.package_install_files(filepath=path, repo='user_default', enable_on_install=True)
+    else:
+        bpy.ops.preferences.addon_install(filepath=path, overwrite=True)
+        bpy.ops.preferences.addon_enable(module=module)
+
+def wait():
+    print('waits', flush=True)
+    sys.stdin.readline()
+
+if role == 'updates':
+    install(older)
+else:
+    bpy.ops.preferences.addon_enable(module=module)
+bpy.ops.wm.open_mainfile(filepath=fixture)
+deforms(module)
+wait()
+if role == 'updates':
+    install(newer)
+deforms(module)
+wait()
+'''
+
+
+class Other:
+    """A Blender that runs the script by steps."""
+
+    def __init__(self, arguments, environment):
+        self._process = subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                         stderr=subprocess.STDOUT, text=True, encoding='utf-8', env=environment)
+
+    def step(self):
+        """What it says of the deformation until it waits."""
+        lines = []
+        for line in self._process.stdout:
+            if line.startswith('waits'):
+                return [said for said in lines if said.startswith('deforms')], lines
+            lines.append(line.strip())
+        raise AssertionError('\n'.join(lines))
+
+    def go_on(self):
+        self._process.stdin.write('\n')
+        self._process.stdin.flush()
+
+    def end(self):
+        self._process.communicate('\n')
+        return self._process.returncode
+
+
+@pytest.mark.skipif(sys.platform not in {'linux', 'win32'}, reason="starts Blender as on these systems")
+def test_an_update_while_another_blender_has_the_library(tmp_path):
+    script, profile = tmp_path / 'script.py', tmp_path / 'Größe 画像'
+    script.write_text(OF_BOTH.replace(', version(module)', '') + INSTALL, encoding='utf-8')
+    profile.mkdir()
+    environment = {**os.environ, 'BLENDER_USER_RESOURCES': str(profile), 'DETAIL_DEFORM_LIBRARY': ''}
+    others = {}
+    for role in ('updates', 'uses'):
+        arguments = [zip_of(OLDER, tmp_path), zip_of(NEWER, tmp_path), role, str(FIXTURES / 'animated.blend')]
+        separator = [] if getattr(bpy.app, 'module', False) else ['--']
+        others[role] = Other(command(script, *separator, *arguments), environment)
+        assert others[role].step()[0] == [f"deforms True {OLDER} [True]"], role
+    others['updates'].go_on()
+    said, all_of_it = others['updates'].step()
+    assert said == [f"deforms True {NEWER} [True]"], '\n'.join(all_of_it)
+    others['uses'].go_on()
+    said, all_of_it = others['uses'].step()
+    assert len(said) == 1 and said[0].startswith(f"deforms True {OLDER}"), '\n'.join(all_of_it)
+    assert [other.end() for other in others.values()] == [0, 0]
