@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
+import functools
 import importlib
 import os
 import platform
@@ -20,10 +21,20 @@ def pytest_configure(config):
 
 
 def make_zip(library, path, *options, sources=REPOSITORY):
-    """Packs the add-on with this library, for Linux, as a build does it."""
-    processor = 'arm64' if platform.machine() == 'aarch64' else 'x64'
-    subprocess.run([sys.executable, sources / 'addon' / 'make_zip.py', library, f'linux-{processor}', path, *options],
+    """Packs the add-on with this library, for this system, as a build does it."""
+    system = {'win32': 'windows', 'darwin': 'macos'}.get(sys.platform, 'linux')
+    processor = 'arm64' if platform.machine() in {'aarch64', 'arm64'} else 'x64'
+    subprocess.run([sys.executable, sources / 'addon' / 'make_zip.py', library, f'{system}-{processor}', path, *options],
                    check=True)
+
+
+@functools.lru_cache
+def can_start_programs():
+    """Of one for another processor, which runs in an emulator, the system may not know how."""
+    try:
+        return subprocess.run([sys.executable, '-c', ''], check=False).returncode == 0
+    except OSError:
+        return False
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, bind, evaluated, make_strip, refusal, update
+from conftest import activate, bind, can_start_programs, evaluated, make_strip, refusal, update
 
 FRAMES = range(1, 13)
 
@@ -106,17 +106,20 @@ print('PLAYED')
     assert 'PLAYED' in run_blender(tmp_path, code)
 
 
-def run_blender(folder, code, *more):
+def run_blender(folder, code):
     """Output of another Blender of the same kind that runs this code."""
     script = Path(folder) / f'script{len(os.listdir(folder))}.py'
     script.write_text(code, encoding='utf-8')
-    return subprocess.run(command(script, *more), capture_output=True, text=True, check=False).stdout
+    return subprocess.run(command(script), capture_output=True, text=True, check=False).stdout
 
 
-def command(script, *more):
+def command(script, *arguments):
+    """Of another Blender of the same kind that runs this script."""
+    if not can_start_programs():
+        pytest.skip("no programs like this one can be started here")
     if bpy.app.binary_path:
-        return [bpy.app.binary_path, '--background', '--factory-startup', '--python', str(script), *more]
-    return [sys.executable, str(script), *more]
+        return [bpy.app.binary_path, '--background', '--factory-startup', '--python', str(script), '--', *arguments]
+    return [sys.executable, str(script), *arguments]
 
 
 def test_halves_by_two_processes_equal_the_whole(strip, tmp_path, module):

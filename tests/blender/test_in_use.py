@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 
-import bpy
 import pytest
 
 from conftest import FIXTURES
@@ -76,8 +75,7 @@ def test_an_update_while_another_blender_has_the_library(tmp_path):
     others = {}
     for role in ('updates', 'uses'):
         arguments = [zip_of(OLDER, tmp_path), zip_of(NEWER, tmp_path), role, str(FIXTURES / 'animated.blend')]
-        separator = [] if getattr(bpy.app, 'module', False) else ['--']
-        others[role] = Other(command(script, *separator, *arguments), environment)
+        others[role] = Other(command(script, *arguments), environment)
         assert others[role].step()[0] == [f"deforms True {OLDER} [True]"], role
     others['updates'].go_on()
     said, all_of_it = others['updates'].step()
