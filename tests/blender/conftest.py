@@ -24,8 +24,8 @@ def make_zip(library, path, *options, sources=REPOSITORY):
     """Packs the add-on with this library, for this system, as a build does it."""
     system = {'win32': 'windows', 'darwin': 'macos'}.get(sys.platform, 'linux')
     processor = 'arm64' if platform.machine() in {'aarch64', 'arm64'} else 'x64'
-    subprocess.run([sys.executable, sources / 'addon' / 'make_zip.py', library, f'{system}-{processor}', path, *options],
-                   check=True)
+    script = sources / 'addon' / 'make_zip.py'
+    subprocess.run([sys.executable, script, library, f'{system}-{processor}', path, *options], check=True)
 
 
 @functools.lru_cache
