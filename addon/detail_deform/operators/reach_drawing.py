@@ -5,6 +5,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..scene import shaders
+
 _NEAR_COLOUR, _BORDER_COLOUR = (1.0, 0.55, 0.1, 0.6), (0.2, 0.75, 0.7, 0.25)
 _NEARER = 2e-4  # of the depth, so that the surface doesn't cover its own colour
 _SEGMENTS = 96
@@ -92,15 +94,10 @@ class ReachDrawing:
         if circle is None:
             return
         (x, y), radius = circle
-        turns = np.linspace(0, 2 * np.pi, _SEGMENTS, endpoint=False)
-        corners = np.stack([x + radius * np.cos(turns), y + radius * np.sin(turns)], -1).astype(np.float32)
-        shader = gpu.shader.from_builtin('UNIFORM_COLOR' if bpy.app.version >= (4, 0) else '2D_UNIFORM_COLOR')
-        batch = batch_for_shader(shader, 'LINE_LOOP', {'pos': corners})
-        shader.bind()
+        turns = np.linspace(0, 2 * np.pi, _SEGMENTS + 1)
+        corners = np.stack([x + radius * np.cos(turns), y + radius * np.sin(turns), 0 * turns], -1).astype(np.float32)
         gpu.state.blend_set('ALPHA')
         for width, colour in ((3.0, (0.0, 0.0, 0.0, 0.5)), (1.5, (1.0, 1.0, 1.0, 0.9))):  # on any ground
-            gpu.state.line_width_set(width)
-            shader.uniform_float('color', colour)
-            batch.draw(shader)
-        gpu.state.line_width_set(1.0)
+            shader = shaders.lines(width, colour)
+            batch_for_shader(shader, 'LINE_STRIP', {'pos': corners}).draw(shader)
         gpu.state.blend_set('NONE')

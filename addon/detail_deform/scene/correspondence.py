@@ -78,7 +78,7 @@ def by_nearest(source, target):
     except ValueError as error:
         raise MeshProblem(f"'{source.name}' or '{target.name}' is scaled to 0, so that none lies over the other: scale "
                           "them to a size first.") from error
-    stance, places = np.array(matrix), [mesh_data.rest(ob.data) for ob in (source, target)]
+    stance, places = np.array(matrix, np.float64), [mesh_data.rest(ob.data) for ob in (source, target)]
     if all(map(len, places)):
         (low, high), (least, most) = ((each.min(0), each.max(0)) for each in (
             places[0] @ stance[:3, :3].T + stance[:3, 3], places[1]))

@@ -306,7 +306,7 @@ def turns(settings, places, depsgraph):
         if euler == rests[number]:
             continue
         change = np.subtract(euler, rests[number])
-        basis = np.array(target.matrix_basis)[:3, :3]
+        basis = np.array(target.matrix_basis, np.float64)[:3, :3]
         if _flat(basis):
             continue  # without size there is nothing to turn
         # From the empty's parent space to the object's. Of axes of rotation, which a mirror turns round.

@@ -30,7 +30,8 @@ def _planes(ob):
             continue
         to_local = np.eye(4)
         if modifier.mirror_object:
-            to_local = np.linalg.inv(np.array(ob.matrix_world)) @ np.array(modifier.mirror_object.matrix_world)
+            worlds = np.array([ob.matrix_world, modifier.mirror_object.matrix_world], np.float64)
+            to_local = np.linalg.inv(worlds[0]) @ worlds[1]
         for axis in range(3):
             if modifier.use_axis[axis]:
                 normal = np.linalg.inv(to_local[:3, :3])[axis]  # normals go by the inverse transpose

@@ -55,7 +55,7 @@ def _draw():
     import blf
     from bpy_extras.view3d_utils import location_3d_to_region_2d
     size = int(_TEXT_SIZE * context.preferences.system.ui_scale)
-    blf.size(0, size, *(() if bpy.app.version >= (4, 0) else (72,)))
+    blf.size(0, size)
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 3, 0, 0, 0, 1)
     solid = _solid(context, ob)

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from ..results import missing_examples
-from ..scene import correspondence, handle_matrices, mesh_data
+from ..scene import correspondence, handle_matrices, mesh_data, shaders
 
 _POINT_SIZE = 4.0
 _NEARER = 0.004  # of the way to the eye, so that the surface doesn't cover its own vertices
@@ -128,7 +128,7 @@ def _draw():
              and _is_wanted(ob) and ob.mode not in {'EDIT', 'WEIGHT_PAINT'} and ob.visible_get()]
     if not shown:
         return
-    shader = gpu.shader.from_builtin('FLAT_COLOR' if bpy.app.version >= (4, 0) else '3D_FLAT_COLOR')
+    shader = shaders.points()
     gpu.state.blend_set('ALPHA')
     gpu.state.depth_test_set('LESS_EQUAL')
     gpu.state.point_size_set(_POINT_SIZE)

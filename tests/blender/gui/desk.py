@@ -3,6 +3,7 @@
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import bpy
@@ -10,6 +11,8 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[3]
 OUT = Path(sys.argv[sys.argv.index('--') + 1]).resolve()
+# The engine that came with 4.2 had another name until it was the only one.
+EEVEE = 'BLENDER_EEVEE_NEXT' if (4, 2) <= bpy.app.version < (5, 0) else 'BLENDER_EEVEE'
 failures = []
 
 
@@ -65,17 +68,63 @@ def point_at(kind):
     xdotool('mousemove', where.x + where.width // 2, window.height - where.y - where.height // 2)
 
 
-def show_sidebar():
+def arrange():
+    """The desk as the walks expect it: Blender's reports in view, and nothing in the way."""
+    preferences = bpy.context.preferences
+    preferences.view.show_splash = False
+    preferences.view.smooth_view = 0  # ms that a view takes to get where it is asked to
+    preferences.system.viewport_aa = 'OFF'  # without a graphics card smooth edges take longer than all else
+    for each in bpy.context.window_manager.windows[0].screen.areas:
+        if each.type == 'OUTLINER':
+            each.type = 'INFO'
+
+
+def new_scene():
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    arrange()  # whether this brings its own desk depends on what was opened before
+    yield from settle()
+
+
+def show_modifiers(ob):
+    activate(ob)
+    area('PROPERTIES').spaces[0].context = 'MODIFIER'
+
+
+def is_drawn(panel):
+    """Whether a panel of the add-on is seen, and open: what of another tab or closed isn't drawn."""
+    kind, drawn = getattr(bpy.types, panel), []
+    draw = kind.draw
+
+    def noted(self, context):
+        drawn.append(self)
+        draw(self, context)
+
+    kind.draw = noted
+    for each in bpy.context.window_manager.windows[0].screen.areas:
+        each.tag_redraw()
+    yield from settle()
+    kind.draw = draw
+    return bool(drawn)
+
+
+def show_sidebar(panel):
+    """The viewport's, with the tab of this panel. Blender tells nobody where a tab is, and 5.2 has one of its own, named
+    Animation, above the add-on's: each is tried in turn."""
     area('VIEW_3D').spaces.active.show_region_ui = True
+    yield from settle()
+    for y in range(80, 400, 30):
+        if (yield from is_drawn(panel)):
+            return
+        yield from click_in_view(13, y)
 
 
 def click_in_view(x, y):
     """x, y: pixels from the viewport's right upper corner."""
     where, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
     xdotool('mousemove', where.x + where.width - x, window.height - where.y - where.height + y)
-    yield 0.3
+    yield from settle()
     xdotool('click', 1)
-    yield 0.5
+    yield from settle()
 
 
 def in_view():
@@ -90,17 +139,29 @@ def activate(ob):
     bpy.context.view_layer.objects.active = ob
 
 
+def settle():
+    """Until what was sent or set is acted on and drawn: each of these takes a turn of Blender's loop, or two, and on a
+    busy machine a turn takes longer than the pause that is asked for."""
+    for _ in range(5):
+        yield 0.04
+
+
 def wait_until(condition, seconds=30):
-    for _ in range(int(10 * seconds)):
-        if condition():
-            return
-        yield 0.1
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        yield 0.05
+
+
+def expect(what, condition, seconds=30):
+    """A check of what comes about in a while."""
+    yield from wait_until(condition, seconds)
+    check(what, condition())
 
 
 def call_pull():
     with in_view():
         bpy.ops.object.detail_deform_pull('INVOKE_DEFAULT')
-    yield 0.4
+    yield from settle()
 
 
 def in_hand():

@@ -6,23 +6,21 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from desk import (OUT, ROOT, activate, area, check, held, in_view, offsets, point_at, screenshot, surface, wait_until,
-                  xdotool)
+from desk import (OUT, ROOT, activate, area, check, expect, held, in_view, is_drawn, offsets, point_at, screenshot,
+                  settle, show_modifiers, surface, wait_until, xdotool)
 
 
 def opening():
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'bumpy_plane.blend'), load_ui=False)
-    yield 1.0
-    ob, _ = surface()
-    activate(ob)
-    area('PROPERTIES').spaces[0].context = 'MODIFIER'
-    area('OUTLINER').type = 'INFO'
-    yield 0.5
+    yield from settle()
+    show_modifiers(surface()[0])
+    yield from settle()
     panel = area('PROPERTIES')
     # Its header, below the names and the menu.
     xdotool('mousemove', panel.x + 60, bpy.context.window_manager.windows[0].height - panel.y - panel.height + 118,
             'click', 1)
-    yield 0.5
+    yield from settle()
+    check("the panel is opened by a click on its header", (yield from is_drawn('OBJECT_PT_detail_deform')))
     screenshot('unbound')
 
 
@@ -36,13 +34,13 @@ def selecting_problems():
         bpy.ops.object.detail_deform_bind()
     yield from wait_until(lambda: ob.detail_deform.problem)
     check("a refusal from the background is in the panel", "Vertex 7 " in ob.detail_deform.status)
-    yield 0.5
+    yield from settle()
     screenshot('refused')
     yield from select_problems()
     check("all that it is about is selected", selected() == [7, 9])
     xdotool('key', 'ctrl+z')
-    yield 0.5
-    check("undo leaves Edit Mode again", surface()[0].mode == 'OBJECT')
+    yield from expect("undo leaves Edit Mode again", lambda: surface()[0].mode == 'OBJECT', 5)
+    yield from settle()
     ob, _ = surface()
     for vertex in (7, 9):
         ob.data.vertices[vertex].co.z = 0
@@ -59,10 +57,10 @@ def selecting_problems():
     place = area('VIEW_3D').spaces.active.region_3d.view_location
     check("and in the middle of the view", (place - surface()[0].matrix_world @ Vector((5, 5, 5))).length < 1e-3)
     bpy.ops.object.mode_set(mode='OBJECT')
-    yield 0.3
+    yield from settle()
     screenshot('warned')
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'bumpy_plane.blend'), load_ui=False)
-    yield 1.0
+    yield from settle()
     activate(surface()[0])
     with in_view():
         bpy.ops.view3d.view_all()
@@ -73,7 +71,7 @@ def select_problems():
     with in_view():
         bpy.ops.ed.undo_push(message="Before")
         bpy.ops.object.detail_deform_select_problem('INVOKE_DEFAULT', True)
-    yield 0.5
+    yield from settle()
 
 
 def selected():
@@ -84,9 +82,9 @@ def selected():
 def binding():
     with in_view():
         bpy.ops.object.detail_deform_bind()
-    yield from wait_until(lambda: surface()[0].detail_deform.is_bound)
-    check("a bind in the background ends with the surface bound", surface()[0].detail_deform.is_bound)
-    yield 0.5
+    yield from expect("a bind in the background ends with the surface bound",
+                      lambda: surface()[0].detail_deform.is_bound)
+    yield from settle()
     screenshot('bound')
 
 
@@ -102,9 +100,9 @@ def dragging():
     height, followed = empty.location.z, []
     members = held()
     point_at('VIEW_3D')
-    yield 0.3
+    yield from settle()
     xdotool('key', 'g')
-    yield 0.2
+    yield from settle()
     xdotool('key', 'z')
     for _ in range(20):
         xdotool('mousemove_relative', '--', 0, -6)
@@ -112,7 +110,7 @@ def dragging():
         _, empty = surface()
         followed.append((empty.location.z - height, offsets()[members][0, 2]))
     xdotool('key', 'Return')
-    yield 0.3
+    yield from settle()
     moved, shown = np.array(followed).T
     check("a drag moves the empty in many steps", len(set(np.round(moved, 6))) > 10 and moved[-1] > 0.05)
     check("the surface follows at every step", np.abs(moved - shown).max() < 1e-5)
@@ -121,7 +119,7 @@ def dragging():
     check("and stays when the drag ends", np.allclose(offsets()[members], (0, 0, empty.location.z - height), atol=1e-5))
     surface()[0].detail_deform.preview = True
     activate(surface()[0])
-    yield 0.5
+    yield from settle()
     screenshot('dragged')
     surface()[0].detail_deform.preview = False
 
@@ -129,18 +127,18 @@ def dragging():
 def undoing():
     before = offsets()
     point_at('VIEW_3D')
-    yield 0.2
+    yield from settle()
     activate(surface()[1])
     bpy.ops.ed.undo_push(message="Selected")
-    yield 0.2
+    yield from settle()
     for _ in range(2):  # the selection, then the drag
         xdotool('key', 'ctrl+z')
-        yield 0.5
-    check("undo takes a drag back", np.abs(offsets()).max() < 1e-6)
+        yield from settle()
+    yield from expect("undo takes a drag back", lambda: np.abs(offsets()).max() < 1e-6, 5)
     for _ in range(2):
         xdotool('key', 'ctrl+shift+z')
-        yield 0.5
-    check("redo brings it again", np.abs(offsets() - before).max() < 1e-6)
+        yield from settle()
+    yield from expect("redo brings it again", lambda: np.abs(offsets() - before).max() < 1e-6, 5)
     check("and it is bound", surface()[0].detail_deform.is_bound)
 
 
@@ -149,29 +147,28 @@ def reopening():
     before, path = offsets(), str(OUT / 'posed.blend')
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
-    yield 1.0
+    yield from settle()
     check("a reopened file shows what was saved", np.abs(offsets() - before).max() < 1e-6)
     _, empty = surface()
     empty.location.z += 0.1
     yield from wait_until(lambda: surface()[0].detail_deform.is_bound)
-    yield 0.3
+    yield from settle()
     check("binds by itself when a handle moves, and follows",
           np.allclose((offsets() - before)[held()], (0, 0, 0.1), atol=1e-5))
     ob, _ = surface()
     ob.detail_deform.auto_bind = False
     ob.data.vertices[0].co.z += 0.5
     ob.data.update()
-    yield from wait_until(lambda: "were moved since Bind" in ob.detail_deform.status)
-    check("an edit of the mesh is noticed", "were moved since Bind" in ob.detail_deform.status)
+    yield from expect("an edit of the mesh is noticed", lambda: "were moved since Bind" in ob.detail_deform.status)
     activate(ob)
-    yield 0.5
+    yield from settle()
     screenshot('stale')
     ob.detail_deform.auto_bind = True
     auto_bind._LIMIT_SECONDS = 60  # however busy the machine is
     ob.data.vertices[0].co.z -= 0.1
     ob.data.update()
     bound_to = ob.detail_deform.signature
-    yield from wait_until(lambda: ob.detail_deform.is_bound and ob.detail_deform.signature != bound_to)
-    check("and it is bound again by itself", ob.detail_deform.is_bound and ob.detail_deform.signature != bound_to)
-    yield 0.3
+    yield from expect("and it is bound again by itself",
+                      lambda: ob.detail_deform.is_bound and ob.detail_deform.signature != bound_to)
+    yield from settle()
     check("with its pose", np.allclose((offsets() - before)[held()], (0, 0, 0.1), atol=1e-5))

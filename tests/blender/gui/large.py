@@ -4,8 +4,8 @@
 import bpy
 import numpy as np
 
-from desk import (OUT, ROOT, activate, check, coordinates, evaluated, in_view, point_at, screenshot, surface,
-                  wait_until, xdotool)
+from desk import (OUT, ROOT, activate, check, coordinates, evaluated, expect, in_view, point_at, screenshot, settle,
+                  surface, wait_until, xdotool)
 
 
 def heavy_plane(side=330):
@@ -39,7 +39,7 @@ def drafting():
     ob, empty = heavy_plane()
     progress = native.Bind.progress
     native.Bind.progress = lambda bind: (True, *progress(bind)[1:])
-    yield 1.0
+    yield from settle()
     with in_view():
         bpy.ops.view3d.view_selected()
         bpy.ops.object.detail_deform_bind()
@@ -48,12 +48,12 @@ def drafting():
         record = shown.by(ob.data)
         return record is not None and record.is_draft
 
-    yield from wait_until(shows_draft)
-    check("a draft is there before a heavy mesh is bound", shows_draft() and not ob.detail_deform.is_bound)
+    yield from expect("a draft is there before a heavy mesh is bound",
+                      lambda: shows_draft() and not ob.detail_deform.is_bound)
     activate(empty)
     point_at('VIEW_3D')
     xdotool('key', 'g')
-    yield 0.1
+    yield from settle()
     xdotool('key', 'z')
     followed = []
     for _ in range(8):
@@ -61,17 +61,17 @@ def drafting():
         yield 0.02
         followed.append((empty.location.z, evaluated(ob)[-1, 2] - coordinates(ob.data)[-1, 2], shows_draft()))
     xdotool('key', 'Return')
-    yield 0.3
+    yield from settle()
     moved, seen, drafts = np.array(followed).T
     check("a drag is followed by the draft", drafts.all() and moved[-1] > 0.05 and np.abs(moved - seen).max() < 1e-5)
     draft = evaluated(ob)
     check("which is shown as one", "a draft follows" in ob.detail_deform.status)
     activate(ob)
-    yield 0.5
+    yield from settle()
     screenshot('draft')
     native.Bind.progress = progress
     yield from wait_until(lambda: ob.detail_deform.is_bound, 120)
-    yield 0.5
+    yield from settle()
     check("until the result takes its place", ob.detail_deform.is_bound and shown.by(ob.data).is_final)
     difference = np.abs(evaluated(ob) - draft).max()
     check(f"which is near ({difference:.5f})", 0 < difference < 0.02)
@@ -87,7 +87,7 @@ def keeping_track():
         other = bpy.data.objects.new(f"Pebble {number}", pebble)
         other.location = (number % 100 / 20 - 2.5, number // 100 / 20 - 2.5, -0.5)
         bpy.context.scene.collection.objects.link(other)
-    yield 1.0
+    yield from settle()
     with in_view():
         bpy.ops.view3d.view_all()
         bpy.ops.object.detail_deform_bind()
@@ -114,7 +114,7 @@ def keeping_track():
         point_at('VIEW_3D')
         for key in keys:
             xdotool('key', key)
-            yield 0.5
+            yield from settle()
 
     check("among ten thousand objects it follows", (yield from follow(1)))
     screenshot('among_many')
@@ -122,18 +122,18 @@ def keeping_track():
     activate(ob)
     empty.select_set(True)
     bpy.ops.ed.undo_push(message="Selected")
-    yield 0.5
+    yield from settle()
     yield from press('shift+d', 'Return')
     check("so does a copy with a handle of its own", (yield from follow(2)) and
           len({o.detail_deform.handles[0].target.name for o in bound()}) == 2)
     screenshot('copied')
     bound()[1].name = "Another name"
     bpy.ops.ed.undo_push(message="Renamed")
-    yield 0.5
+    yield from settle()
     check("and under another name", (yield from follow(2)))
     activate(bound()[0])
     bpy.ops.ed.undo_push(message="Selected")
-    yield 0.5
+    yield from settle()
     yield from press('x', 'Return')
     yield from wait_until(lambda: len(bound()) == 1, 5)
     check("one is deleted, the other follows", (yield from follow(1)))
@@ -143,12 +143,12 @@ def keeping_track():
     path = str(OUT / 'pair.blend')
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'bumpy_plane.blend'), load_ui=False)
-    yield 0.5
+    yield from settle()
     for name in [o.name for o in bound()]:
         bpy.data.objects.remove(bpy.data.objects[name])
     bpy.ops.wm.append(directory=path + '/Object/', filename="Another name")
-    yield 0.5
+    yield from settle()
     check("appended to another file, it follows", (yield from follow(1)))
     activate(bound()[0])
-    yield 0.5
+    yield from settle()
     screenshot('appended')

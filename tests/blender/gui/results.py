@@ -7,17 +7,19 @@ import bmesh
 import bpy
 import numpy as np
 
-from desk import (OUT, activate, area, call_pull, check, click_in_view, in_hand, in_view, point_at, screenshot,
-                  show_sidebar, surface, wait_until, xdotool)
+from desk import (EEVEE, OUT, activate, area, call_pull, check, click_in_view, coordinates, expect, in_hand, in_view,
+                  new_scene, point_at, screenshot, settle, show_sidebar, surface, wait_until, xdotool)
 
-# In the viewport's sidebar, pixels from the viewport's right upper corner.
-SIDEBAR_TAB, SAVE_BUTTON = (13, 220), (117, 360)
+SAVE_BUTTON = (117, 360)  # in the viewport's sidebar, pixels from the viewport's right upper corner
+
+
+def saved(ob):
+    return ob.data.shape_keys and ob.data.shape_keys.key_blocks.get("Expression")
 
 
 def expressing():
     """From Suzanne to a symmetric expression as a shape key, and back at rest, each action of the hand counted."""
-    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    yield 1.0
+    yield from new_scene()
     with in_view():
         bpy.ops.mesh.primitive_monkey_add()
         bpy.ops.view3d.view_selected()
@@ -25,66 +27,64 @@ def expressing():
     ob.modifiers.new("Subdivision", 'SUBSURF').levels = 2
     chosen = np.array([v.co.x > 1.2 for v in ob.data.vertices])
     point_at('VIEW_3D')
-    yield 0.5
+    yield from settle()
     actions = 0
 
     def done(count=1):
         nonlocal actions
         actions += count
-        return 0.5
+        yield from settle()
 
     xdotool('key', 'Tab')
-    yield done()
+    yield from done()
     ob.data.use_mirror_x = True  # X among the symmetry buttons in the header
-    yield done()
+    yield from done()
     mesh = bmesh.from_edit_mesh(ob.data)
     for vertex in mesh.verts:
         vertex.select_set(bool(chosen[vertex.index]))
     bmesh.update_edit_mesh(ob.data)
-    yield done()  # a click with the circle
+    yield from done()  # a click with the circle
     yield from call_pull()
-    yield done(2)  # right click, and the entry
+    yield from done(2)  # right click, and the entry
     xdotool('click', 1)  # the reach
     yield from wait_until(in_hand)
-    yield done()
+    yield from done()
     for _ in range(2):
         xdotool('mousemove_relative', '--', 25, -35)
-        yield 0.2
+        yield from settle()
     xdotool('click', 1)
-    yield done()
+    yield from done()
     ob, empty = surface()
-    seen = {tuple(np.round(v.co, 4)): v.index for v in ob.data.vertices}
-    image = [seen[tuple(np.round((-v.co.x, v.co.y, v.co.z), 4) + 0.0)] for v in ob.data.vertices]
+    places = coordinates(ob.data)
+    image = np.linalg.norm(places[:, None] * (-1, 1, 1) - places, axis=2).argmin(1)
     moved = np.array([v.vector for v in ob.data.attributes['detail_deform_offset'].data])
     check("both of her ears move", np.linalg.norm(moved[chosen], axis=1).min() > 0.05)
     check("as mirror images", np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-4)
     check("before her subdivision", ob.modifiers[0].name == "Detail Deform")
-    show_sidebar()
-    yield 0.5
-    yield from click_in_view(*SIDEBAR_TAB)
-    yield done(2)  # N, and the tab
+    yield from show_sidebar('VIEW3D_PT_detail_deform')
+    yield from done(2)  # N, and the tab
     screenshot('expression')
     yield from click_in_view(*SAVE_BUTTON)
-    yield done()
-    key = ob.data.shape_keys.key_blocks.get("Expression")
-    check("the expression is a shape key", key is not None and key.value == 0)
+    yield from done()
+    yield from expect("the expression is a shape key", lambda: saved(ob) is not None and saved(ob).value == 0, 5)
+    key = saved(ob)
     check("and the face is at rest, still bound", ob.detail_deform.is_bound and not np.abs(
         [v.vector for v in ob.data.attributes['detail_deform_offset'].data]).max() > 1e-6)
     check(f"in {actions} actions, at most 10", actions <= 10)
     key.value = 1
     xdotool('mousemove', 400, 400)
-    yield 0.5
+    yield from settle()
     screenshot('expression-saved')
     check("the empty is active", bpy.context.active_object == empty)
     xdotool('key', 'Tab')
-    yield 0.5
+    yield from settle()
     check("Tab goes from the empty to its mesh", bpy.context.active_object == ob and ob.mode == 'OBJECT')
     xdotool('key', 'Tab')
-    yield 0.5
+    yield from settle()
     check("and from there to Edit Mode", ob.mode == 'EDIT')
     xdotool('key', 'Tab')
     area('VIEW_3D').spaces.active.show_region_ui = False
-    yield 0.5
+    yield from settle()
 
 
 def rendering():
@@ -108,7 +108,7 @@ def rendering():
         scene.render.filepath = str(OUT / f'lock_{lock}_')
         with in_view():
             bpy.ops.render.render('INVOKE_DEFAULT', animation=True)
-        yield 0.5
+        yield from settle()
         yield from wait_until(lambda: not bpy.app.is_job_running('RENDER'), 60)
         pictures[lock] = [np.array(bpy.data.images.load(f'{scene.render.filepath}{frame:04d}.png').pixels[:])
                           for frame in range(1, 5)]
@@ -117,7 +117,7 @@ def rendering():
     check("with the interface locked the same", all(
         np.abs(a - b).max() < 0.02 for a, b in zip(pictures[False], pictures[True])))
     eevee = []
-    scene.render.engine, scene.eevee.taa_render_samples = 'BLENDER_EEVEE', 1
+    scene.render.engine, scene.eevee.taa_render_samples = EEVEE, 1
     scene.render.resolution_x, scene.render.resolution_y = 60, 45
     scene.render.film_transparent = True
     for frame in (1, 4):
@@ -125,7 +125,7 @@ def rendering():
         scene.render.filepath = str(OUT / f'eevee_{frame}.png')
         with in_view():
             bpy.ops.render.render(write_still=True)
-        yield 0.2
+        yield from settle()
         eevee.append(np.array(bpy.data.images.load(scene.render.filepath).pixels[:]).reshape(-1, 4)[:, 3])
     check("EEVEE shows each frame's pose", min(a.sum() for a in eevee) > 100 and np.abs(eevee[1] - eevee[0]).sum() > 5)
     empty.animation_data_clear()
@@ -138,10 +138,10 @@ def baking():
     for key, last in (('Escape', 5000), (None, 40)):
         scene.frame_end = last
         point_at('VIEW_3D')
-        yield 0.2
+        yield from settle()
         with in_view():
             bpy.ops.object.detail_deform_bake('INVOKE_DEFAULT', filepath=str(path))
-        yield 0.5
+        yield from settle()
         screenshot('bake')
         xdotool('key', 'Return')
         yield 0.15
@@ -149,11 +149,11 @@ def baking():
             xdotool('key', key)
         else:
             yield from wait_until(path.exists, 20)
-        yield 1.0
+        yield from settle()
         if not key:
             check("a bake in the window plays its cache", path.exists()
                   and 'Detail Deform Cache' in surface()[0].modifiers)
         else:
             check("Esc leaves nothing behind", not path.exists() and not Path(f'{path}.unfinished').exists())
-    yield 0.5
+    yield from settle()
     screenshot('baked')

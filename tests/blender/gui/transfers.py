@@ -4,7 +4,8 @@
 import bpy
 import numpy as np
 
-from desk import ROOT, activate, area, check, coordinates, evaluated, in_view, point_at, screenshot, wait_until, xdotool
+from desk import (ROOT, activate, area, check, coordinates, evaluated, expect, in_view, is_drawn, new_scene,
+                  point_at, screenshot, settle, show_modifiers, wait_until, xdotool)
 
 HEADERS = (141, 166)  # of the two panels in the full window, pixels from its top, while the first is closed
 
@@ -12,12 +13,12 @@ HEADERS = (141, 166)  # of the two panels in the full window, pixels from its to
 def transferring():
     """A calf's motion onto a giraffe, by markers, with progress."""
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'creatures.blend'), load_ui=False)
-    yield 1.0
+    yield from settle()
     giraffe = bpy.data.objects["Giraffe"]
-    activate(giraffe)
+    show_modifiers(giraffe)
     with in_view():
         bpy.ops.view3d.view_selected()
-    yield 0.5
+    yield from settle()
     screenshot('markers')
     from detail_deform.ui import known_markers
     calf, pair = bpy.data.objects["Calf"], ("Calf", "Giraffe")
@@ -29,22 +30,21 @@ def transferring():
     activate(calf)
     yield from wait_until(lambda: known_markers.doubts(calf, giraffe))
     check("exchanged ones are named, also while the source is active", known_markers.doubts(calf, giraffe) == (1, 16))
-    yield 0.3
+    yield from settle()
     screenshot('doubts')
     for name, other in (("Marker 1", "."), ("Marker 16", "Marker 1"), (".", "Marker 16")):
         groups[name].name = other
     activate(giraffe)
     with in_view():
         bpy.ops.object.detail_deform_transfer_match('INVOKE_DEFAULT')
-    yield 0.2
+    yield from settle()
     screenshot('matching')
     settings = giraffe.detail_deform.transfer
-    yield from wait_until(lambda: settings.correspondence == 'STORED', 60)
-    check("correspondences are found in the background", settings.correspondence == 'STORED')
+    yield from expect("correspondences are found in the background", lambda: settings.correspondence == 'STORED', 60)
     settings.show_match = True
     with in_view():
         bpy.ops.view3d.view_camera()
-    yield 0.5
+    yield from settle()
     screenshot('matched')
     settings.show_match = False
     with in_view():
@@ -56,19 +56,23 @@ def transferring():
     with in_view():
         bpy.ops.screen.animation_cancel(restore_frame=False)
     bpy.context.scene.frame_set(17)
-    yield 0.3
+    yield from settle()
     check("the giraffe follows the calf", np.abs(evaluated(giraffe) - rest).max() > 0.5 and not settings.problem)
     view = {'window': bpy.context.window_manager.windows[0], 'area': area('PROPERTIES')}
     with bpy.context.temp_override(**view):
         bpy.ops.screen.screen_full_area()
-    yield 0.5
-    for header in HEADERS:  # the first closed, the next opened
-        xdotool('mousemove', 60, header, 'click', 1)
-        yield 0.5
+    yield from settle()
+    if (yield from is_drawn('OBJECT_PT_detail_deform')):
+        xdotool('mousemove', 60, HEADERS[0], 'click', 1)
+        yield from settle()
+    xdotool('mousemove', 60, HEADERS[1], 'click', 1)
+    yield from settle()
+    check("with the first panel closed, a click opens the second", not (yield from is_drawn('OBJECT_PT_detail_deform'))
+          and (yield from is_drawn('OBJECT_PT_detail_deform_transfer')))
     screenshot('transfer_panel')
     with bpy.context.temp_override(window=bpy.context.window_manager.windows[0], area=area('PROPERTIES')):
         bpy.ops.screen.back_to_previous()
-    yield 0.3
+    yield from settle()
     screenshot('following')
 
 
@@ -77,21 +81,20 @@ def seen_alone(kind, name):
     window = bpy.context.window_manager.windows[0]
     with bpy.context.temp_override(window=window, area=area(kind)):
         bpy.ops.screen.screen_full_area()
-    yield 0.5
+    yield from settle()
     screenshot(name)
     with bpy.context.temp_override(window=window, area=area(kind)):
         bpy.ops.screen.back_to_previous()
-    yield 0.5
+    yield from settle()
 
 
 def transferring_to_many():
     """Keys of one Suzanne onto eight others, of which one can't be done: cancelled, taken back, and done."""
-    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    yield 1.0
+    yield from new_scene()
     with in_view():
         bpy.ops.mesh.primitive_monkey_add()
         source = bpy.context.object
-        source.modifiers.new("Dense", 'SUBSURF').levels = 3
+        source.modifiers.new("Dense", 'SUBSURF').levels = 2
         bpy.ops.object.modifier_apply(modifier="Dense")
     targets = []
     for number in range(8):
@@ -114,15 +117,17 @@ def transferring_to_many():
     with in_view():
         bpy.ops.view3d.view_all()
         bpy.ops.ed.undo_push(message="Made")
-    yield 0.5
-    area('PROPERTIES').spaces[0].context = 'MODIFIER'
+    yield from settle()
+    show_modifiers(source)
+    for target in targets:
+        target.select_set(True)
     point_at('VIEW_3D')
-    yield 0.5
+    yield from settle()
 
     def begin():
         with in_view():
             bpy.ops.object.detail_deform_transfer_many('INVOKE_DEFAULT', what='ALL_KEYS')
-        yield 0.5
+        yield from settle()
         screenshot('many_dialog')
         xdotool('key', 'Return')
 
@@ -133,23 +138,25 @@ def transferring_to_many():
         return [entry.name for entry in bpy.data.objects["Suzanne"].detail_deform.transfer.failed]
 
     yield from begin()
-    yield from wait_until(lambda: len(done()) >= 3)
+    yield from wait_until(lambda: len(done()) >= 1)
     screenshot('many_progress')
+    yield from wait_until(lambda: len(done()) >= 3)
     xdotool('key', 'Escape')
-    yield 1.0
+    yield from wait_until(lambda: bpy.data.texts)
+    yield from settle()
     screenshot('many_cancelled')
     check(f"Esc leaves those that are done, {done()}", 3 <= len(done()) < 7 and failed() == ["Head 3"])
     check("which the table says", "cancelled and left as they were" in bpy.data.texts[0].as_string())
     xdotool('key', 'ctrl+z')
-    yield 1.0
-    check("one undo takes them back", not done() and not failed() and not bpy.data.texts)
+    yield from expect("one undo takes them back", lambda: not done() and not failed() and not bpy.data.texts, 5)
+    yield from settle()
     yield from begin()
     yield from wait_until(lambda: failed() and bpy.data.texts)
-    yield 0.5
+    yield from settle()
     check("then all are done but one", len(done()) == 7 and failed() == ["Head 3"])
     area('INFO').type = 'TEXT_EDITOR'
     area('TEXT_EDITOR').spaces.active.text = bpy.data.texts[0]
     yield from seen_alone('PROPERTIES', 'many_panel')
     yield from seen_alone('TEXT_EDITOR', 'many_table')
     area('TEXT_EDITOR').type = 'INFO'
-    yield 0.3
+    yield from settle()

@@ -5,16 +5,20 @@
         --python tests/blender/gui/window.py -- build/gui
 
 Writes a screenshot of each state into the folder, which is emptied first, and one line a check; ends with 1
-if one failed. Needs xdotool and ImageMagick's import.
+if one failed, or if the console has an exception. Behind the folder, names of ROWS choose among them. Needs xdotool
+and ImageMagick's import.
 """
 
 import os
 import shutil
 import sys
+import time
 import traceback
+import warnings
 from pathlib import Path
 
 import bpy
+import gpu
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -23,36 +27,42 @@ import large
 import pulls
 import results
 import transfers
-from desk import OUT, ROOT, failures, screenshot
+from console import Console
+from desk import OUT, ROOT, arrange, failures, screenshot
 
 
-def checks():
+# What a walk leaves is where the next one of its row begins; each row opens or makes what it is about.
+ROWS = {
+    'handles': (handles.opening, handles.selecting_problems, handles.binding, handles.dragging, handles.undoing,
+                handles.reopening),
+    'transfers': (transfers.transferring, transfers.transferring_to_many),
+    'pulls': (pulls.pulling, pulls.by_hand),
+    'results': (results.expressing, results.rendering, results.baking),
+    'large': (large.drafting, large.keeping_track),
+}
+
+
+def checks(rows):
     """Yields the seconds to wait before going on: in between Blender handles its events."""
-    yield from handles.opening()
-    yield from handles.selecting_problems()
-    yield from handles.binding()
-    yield from handles.dragging()
-    yield from handles.undoing()
-    yield from handles.reopening()
-    yield from transfers.transferring()
-    yield from transfers.transferring_to_many()
-    yield from pulls.pulling()
-    yield from pulls.by_hand()
-    yield from results.expressing()
-    yield from results.rendering()
-    yield from results.baking()
-    yield from large.drafting()
-    yield from large.keeping_track()
+    print(f"Blender {bpy.app.version_string}, {gpu.platform.version_get()}", flush=True)
+    arrange()
+    for row in rows:
+        for walk in ROWS[row]:
+            began, worked = time.monotonic(), time.process_time()
+            yield from walk()
+            took, worked = time.monotonic() - began, time.process_time() - worked
+            print(f"{took:5.1f} s, of work {worked:5.1f} s: {row}.{walk.__name__}", flush=True)
 
 
 def main():
     sys.path.insert(0, str(ROOT / 'addon'))
-    import detail_deform
-    detail_deform.register()
-    bpy.context.preferences.view.show_splash = False
     shutil.rmtree(OUT, ignore_errors=True)
     OUT.mkdir(parents=True)
-    steps = checks()
+    console = Console(OUT / 'console.txt')
+    warnings.filterwarnings('default', category=DeprecationWarning, module='detail_deform')
+    import detail_deform
+    detail_deform.register()
+    steps = checks(sys.argv[sys.argv.index('--') + 2:] or ROWS)
 
     def go_on():
         try:
@@ -61,9 +71,9 @@ def main():
             pass
         except Exception:
             traceback.print_exc()
-            failures.append("an exception")
             screenshot('exception')
-        print(f"window: {len(failures)} failed", flush=True)
+        failures.extend(console.close())
+        print("", *failures, f"window: {len(failures)} failed", sep='\n', flush=True)
         os._exit(1 if failures else 0)
 
     bpy.app.timers.register(go_on, first_interval=1.0, persistent=True)
