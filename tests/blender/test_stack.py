@@ -146,6 +146,21 @@ def test_the_seam_of_another_objects_plane():
     assert np.abs(shown_offsets(ob)[seam, 0]).max() < 1e-5
 
 
+def test_the_seam_of_a_small_mesh_far_away(part):
+    """Blender 5.2 hands matrices to numpy in single precision, in which their inverse would lose the plane by more than
+    the distance within which Mirror merges."""
+    ob = half()
+    ob.matrix_world = (Matrix.Translation((1000, 500, 300)) @ Euler((0.4, 0.2, 0.9)).to_matrix().to_4x4()
+                       @ Matrix.Scale(0.01, 4))
+    plane = bpy.data.objects.new("Plane", None)
+    bpy.context.scene.collection.objects.link(plane)
+    plane.matrix_world = ob.matrix_world.copy()
+    ob.modifiers["Mirror"].mirror_object = plane
+    update()
+    (point, normal, distance), = part('scene.mirror_plane')._planes(ob)
+    assert abs(point @ normal) < 1e-3 * distance and np.abs(normal - (1, 0, 0)).max() < 1e-6
+
+
 # Armatures
 
 def rigged(bend=0.0):

@@ -118,6 +118,18 @@ def drag(name, place, right, down):
     yield from settle()
 
 
+def show_tool():
+    """A screenshot of the toolbar's end, which is below the window's."""
+    view, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
+    region = next(r for r in view.regions if r.type == 'TOOLS')
+    xdotool('mousemove', region.x + region.width // 3, window.height - region.y - region.height // 2)
+    for _ in range(15):
+        xdotool('click', 5)  # the wheel, down
+        yield 0.02
+    yield from settle()
+    screenshot('tool')
+
+
 def suzanne():
     return bpy.data.objects["Suzanne"]
 
@@ -133,6 +145,7 @@ def by_hand():
         bpy.ops.mesh.select_all(action='DESELECT')
         bpy.ops.wm.tool_set_by_id(name='detail_deform.pull')
     yield from settle()
+    yield from show_tool()
     ob = bpy.context.active_object
     brow = max(ob.data.vertices, key=lambda v: v.co.z - v.co.y).co.copy()
     ob.update_from_editmode()
@@ -160,6 +173,7 @@ def by_hand():
                       and np.abs(offsets()).max() > 0.1 and surface()[1].location == moved, 5)
     activate(surface()[0])
     yield from settle()
+    screenshot('dots')
     yield from drag('by_hand-dot', moved, -80, 40)
     ob, empty = surface()
     check("a dot at the handle is dragged while the mesh is active", bpy.context.active_object == empty
