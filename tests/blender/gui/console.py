@@ -10,9 +10,10 @@ import re
 import subprocess
 import sys
 
-# The last two are Blender's own words about an interface that asks for what isn't there.
+# On the second line are Blender's own words about an interface that asks for what isn't there; of these 5.2 prints no
+# more than the place.
 _FAULTS = re.compile(r'Traceback \(most recent call last\)|DeprecationWarning|Error: Python|'
-                     r'property not found|unknown operator|operator missing')
+                     r'property not found|unknown operator|operator missing|detail_deform\S+\.py:\d+$')
 _FOLLOWING = 20  # lines of context that are shown with a fault
 
 
@@ -31,7 +32,10 @@ class Console:
     def close(self):
         """Returns what was wrong, [str], each with the lines that follow it."""
         self._lead_to(self._before)
-        self._tee.wait()
+        try:
+            self._tee.wait(10)
+        except subprocess.TimeoutExpired:  # what Blender has started to compile shaders may hold the other end
+            self._tee.terminate()
         lines, found, shown = self._path.read_text(errors='replace').splitlines(), [], 0
         for number, line in enumerate(lines):
             if number >= shown and _FAULTS.search(line):

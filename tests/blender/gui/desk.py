@@ -108,7 +108,7 @@ def is_drawn(panel):
 
 
 def show_sidebar(panel):
-    """The viewport's, with the tab of this panel. Blender tells nobody where a tab is, and 5.2 has one of its own, named
+    """The viewport's, with the tab of this panel. Blender tells nobody where a tab is, and 5.2 has one more, named
     Animation, above the add-on's: each is tried in turn."""
     area('VIEW_3D').spaces.active.show_region_ui = True
     yield from settle()
