@@ -222,12 +222,11 @@ class OBJECT_PT_detail_deform_comparison(ModifierPanel, bpy.types.Panel):
         draw_options(layout, context, settings, 'COMPARISON')
 
 
-class OBJECT_PT_detail_deform_empty(bpy.types.Panel):
+class HandlePanel:
     """For a handle's empty, where the mesh's own panels don't show."""
     bl_label = "Detail Deform"
     bl_space_type = 'PROPERTIES'
     bl_region_type = 'WINDOW'
-    bl_context = 'object'
 
     @classmethod
     def poll(cls, context):
@@ -251,6 +250,15 @@ class OBJECT_PT_detail_deform_empty(bpy.types.Panel):
                                  'example_index')
 
 
+class OBJECT_PT_detail_deform_empty(HandlePanel, bpy.types.Panel):
+    bl_context = 'object'
+
+
+class OBJECT_PT_detail_deform_empty_modifiers(HandlePanel, bpy.types.Panel):
+    """Blender 5 has this tab for empties too, and stays in it when one becomes active after its mesh."""
+    bl_context = 'modifier'
+
+
 def _draw_pull_entry(self, context):
     self.layout.separator()
     self.layout.operator_context = 'INVOKE_REGION_WIN'  # a right-click menu only executes
@@ -264,7 +272,7 @@ def _draw_add_entry(self, context):
 CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_MT_detail_deform_mirror, OBJECT_MT_detail_deform_handles,
            OBJECT_PT_detail_deform, *examples_panel.CLASSES, OBJECT_PT_detail_deform_handles,
            OBJECT_PT_detail_deform_expressions, OBJECT_PT_detail_deform_base, OBJECT_PT_detail_deform_advanced,
-           OBJECT_PT_detail_deform_comparison, OBJECT_PT_detail_deform_empty)
+           OBJECT_PT_detail_deform_comparison, OBJECT_PT_detail_deform_empty, OBJECT_PT_detail_deform_empty_modifiers)
 
 
 register, unregister = registration(CLASSES, (

@@ -86,6 +86,7 @@ def new_scene():
 
 
 def show_modifiers(ob):
+    """The tab is there only once the mesh has been drawn."""
     activate(ob)
     area('PROPERTIES').spaces[0].context = 'MODIFIER'
 

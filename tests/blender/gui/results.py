@@ -8,7 +8,8 @@ import bpy
 import numpy as np
 
 from desk import (EEVEE, OUT, activate, area, call_pull, check, click_in_view, coordinates, expect, in_hand, in_view,
-                  new_scene, point_at, screenshot, settle, show_sidebar, surface, wait_until, xdotool)
+                  is_drawn, new_scene, point_at, screenshot, settle, show_modifiers, show_sidebar, surface, wait_until,
+                  xdotool)
 
 SAVE_BUTTON = (117, 360)  # in the viewport's sidebar, pixels from the viewport's right upper corner
 
@@ -28,6 +29,7 @@ def expressing():
     chosen = np.array([v.co.x > 1.2 for v in ob.data.vertices])
     point_at('VIEW_3D')
     yield from settle()
+    show_modifiers(ob)
     actions = 0
 
     def done(count=1):
@@ -61,6 +63,9 @@ def expressing():
     check("both of her ears move", np.linalg.norm(moved[chosen], axis=1).min() > 0.05)
     check("as mirror images", np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-4)
     check("before her subdivision", ob.modifiers[0].name == "Detail Deform")
+    in_object = yield from is_drawn('OBJECT_PT_detail_deform_empty')
+    in_modifiers = yield from is_drawn('OBJECT_PT_detail_deform_empty_modifiers')
+    check("the empty's panel is in the tab that Blender goes to from her modifiers", in_object != in_modifiers)
     yield from show_sidebar('VIEW3D_PT_detail_deform')
     yield from done(2)  # N, and the tab
     screenshot('expression')

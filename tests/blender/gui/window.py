@@ -44,7 +44,8 @@ ROWS = {
 
 def checks(rows):
     """Yields the seconds to wait before going on: in between Blender handles its events."""
-    print(f"Blender {bpy.app.version_string}, {gpu.platform.backend_type_get()} {gpu.platform.version_get()}", flush=True)
+    platform = gpu.platform
+    print(f"Blender {bpy.app.version_string}, {platform.backend_type_get()} {platform.version_get()}", flush=True)
     arrange()
     for row in rows:
         for walk in ROWS[row]:
