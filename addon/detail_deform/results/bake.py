@@ -94,8 +94,8 @@ def use_cache(ob, path, start):
     if cache is None:
         cache = ob.modifiers.new(node_group.CACHE_NAME, 'MESH_CACHE')
         ob.detail_deform.cache_modifier = cache.name
+    stack.move_behind(ob, cache, modifier)  # before it has a file, which doesn't fit at the end of the stack
     node_group.set_up_cache(cache, path, start)
-    stack.move_behind(ob, cache, modifier)
     # Nothing is computed any more for what is not shown.
     _show(modifier, False)
     _show(cache, True)

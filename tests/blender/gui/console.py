@@ -10,10 +10,11 @@ import re
 import subprocess
 import sys
 
-# On the second line are Blender's own words about an interface that asks for what isn't there; of these 5.2 prints no
-# more than the place.
+# On the second line are Blender's own words about an interface that asks for what isn't there, of which 5.2 prints no
+# more than the place, and on the third about a modifier that can't do its work.
 _FAULTS = re.compile(r'Traceback \(most recent call last\)|DeprecationWarning|Error: Python|'
-                     r'property not found|unknown operator|operator missing|detail_deform\S+\.py:\d+$')
+                     r'property not found|unknown operator|operator missing|detail_deform\S+\.py:\d+$|'
+                     r'bke\.modifier|object\.modifier ')
 _FOLLOWING = 20  # lines of context that are shown with a fault
 
 
