@@ -13,6 +13,7 @@ ROOT = Path(__file__).resolve().parents[3]
 OUT = Path(sys.argv[sys.argv.index('--') + 1]).resolve()
 # The engine that came with 4.2 had another name until it was the only one.
 EEVEE = 'BLENDER_EEVEE_NEXT' if (4, 2) <= bpy.app.version < (5, 0) else 'BLENDER_EEVEE'
+_LIMIT_SECONDS = 180  # for what takes a moment, on a machine that is as busy as can be
 failures = []
 
 
@@ -147,15 +148,15 @@ def settle():
         yield 0.04
 
 
-def wait_until(condition, seconds=30):
-    end = time.monotonic() + seconds
+def wait_until(condition):
+    end = time.monotonic() + _LIMIT_SECONDS
     while not condition() and time.monotonic() < end:
         yield 0.05
 
 
-def expect(what, condition, seconds=30):
+def expect(what, condition):
     """A check of what comes about in a while."""
-    yield from wait_until(condition, seconds)
+    yield from wait_until(condition)
     check(what, condition())
 
 

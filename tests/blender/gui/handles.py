@@ -39,7 +39,7 @@ def selecting_problems():
     yield from select_problems()
     check("all that it is about is selected", selected() == [7, 9])
     xdotool('key', 'ctrl+z')
-    yield from expect("undo leaves Edit Mode again", lambda: surface()[0].mode == 'OBJECT', 5)
+    yield from expect("undo leaves Edit Mode again", lambda: surface()[0].mode == 'OBJECT')
     yield from settle()
     ob, _ = surface()
     for vertex in (7, 9):
@@ -134,11 +134,11 @@ def undoing():
     for _ in range(2):  # the selection, then the drag
         xdotool('key', 'ctrl+z')
         yield from settle()
-    yield from expect("undo takes a drag back", lambda: np.abs(offsets()).max() < 1e-6, 5)
+    yield from expect("undo takes a drag back", lambda: np.abs(offsets()).max() < 1e-6)
     for _ in range(2):
         xdotool('key', 'ctrl+shift+z')
         yield from settle()
-    yield from expect("redo brings it again", lambda: np.abs(offsets() - before).max() < 1e-6, 5)
+    yield from expect("redo brings it again", lambda: np.abs(offsets() - before).max() < 1e-6)
     check("and it is bound", surface()[0].detail_deform.is_bound)
 
 

@@ -70,7 +70,7 @@ def drafting():
     yield from settle()
     screenshot('draft')
     native.Bind.progress = progress
-    yield from wait_until(lambda: ob.detail_deform.is_bound, 120)
+    yield from wait_until(lambda: ob.detail_deform.is_bound)
     yield from settle()
     check("until the result takes its place", ob.detail_deform.is_bound and shown.by(ob.data).is_final)
     difference = np.abs(evaluated(ob) - draft).max()
@@ -107,7 +107,7 @@ def keeping_track():
         def moved():
             return [abs(evaluated(ob)[-1, 2] - height - 0.1) < 1e-5 for ob, height in zip(meshes, before)]
 
-        yield from wait_until(lambda: all(moved()), 5)
+        yield from wait_until(lambda: all(moved()))
         # As every motion by hand ends. What no step has, 4.3 and 5.2 take back without evaluating it anew.
         bpy.ops.ed.undo_push(message="Moved")
         return moved() == count * [True]
@@ -137,10 +137,10 @@ def keeping_track():
     bpy.ops.ed.undo_push(message="Selected")
     yield from settle()
     yield from press('x', 'Return')
-    yield from wait_until(lambda: len(bound()) == 1, 5)
+    yield from wait_until(lambda: len(bound()) == 1)
     check("one is deleted, the other follows", (yield from follow(1)))
     yield from press('ctrl+z', 'ctrl+z')  # the motion, and that it was deleted
-    yield from wait_until(lambda: len(bound()) == 2, 5)
+    yield from wait_until(lambda: len(bound()) == 2)
     check("undo brings it back, and both follow", (yield from follow(2)))
     path = str(OUT / 'pair.blend')
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)

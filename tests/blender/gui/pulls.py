@@ -84,13 +84,13 @@ def choosing_and_cancelling(ob):
         xdotool('click', 1)
         yield from settle()
         yield from expect("it is bound, in the hand, and moves",
-                          lambda: np.linalg.norm(offsets(), axis=1).max() > 0.02, 5)
+                          lambda: np.linalg.norm(offsets(), axis=1).max() > 0.02)
         sizes.append(int(region_of(surface()[0]).sum()))
         xdotool('key', 'ctrl+z')
         yield from expect("undo takes the move back alone",
-                          lambda: surface()[0].detail_deform.is_bound and np.abs(offsets()).max() < 1e-6, 5)
+                          lambda: surface()[0].detail_deform.is_bound and np.abs(offsets()).max() < 1e-6)
         xdotool('key', 'ctrl+z')
-        yield from expect("and then Pull", lambda: was_undone(blocks), 5)
+        yield from expect("and then Pull", lambda: was_undone(blocks))
     check(f"the wheel makes the region larger, {sizes}", sizes[1] > 1.1 * sizes[0])
 
 
@@ -158,7 +158,7 @@ def by_hand():
         bpy.ops.mesh.select_all(action='DESELECT')
     yield from drag('by_hand-pull', brow, 80, -80)
     yield from expect("the tool pulls a vertex by one drag", lambda: suzanne().detail_deform.handles
-                      and surface()[1].location.z > brow.z + 0.1 and np.abs(offsets()).max() > 0.1, 5)
+                      and surface()[1].location.z > brow.z + 0.1 and np.abs(offsets()).max() > 0.1)
     check("which ends as the button is let go", bpy.context.active_object == surface()[1])
     moved = surface()[1].location.copy()
     xdotool('mousemove_relative', '--', -100, 50)
@@ -166,11 +166,11 @@ def by_hand():
     check("and follows the mouse no more", surface()[1].location == moved)
     xdotool('key', 'ctrl+z')
     yield from expect("one step of undo takes it back", lambda: not suzanne().detail_deform.handles
-                      and suzanne().mode == 'EDIT', 5)
+                      and suzanne().mode == 'EDIT')
     yield from settle()
     xdotool('key', 'ctrl+shift+z')
     yield from expect("and redo brings it again", lambda: suzanne().detail_deform.handles
-                      and np.abs(offsets()).max() > 0.1 and surface()[1].location == moved, 5)
+                      and np.abs(offsets()).max() > 0.1 and surface()[1].location == moved)
     activate(surface()[0])
     yield from settle()
     screenshot('dots')

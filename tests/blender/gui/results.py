@@ -71,7 +71,7 @@ def expressing():
     screenshot('expression')
     yield from click_in_view(*SAVE_BUTTON)
     yield from done()
-    yield from expect("the expression is a shape key", lambda: saved(ob) is not None and saved(ob).value == 0, 5)
+    yield from expect("the expression is a shape key", lambda: saved(ob) is not None and saved(ob).value == 0)
     key = saved(ob)
     check("and the face is at rest, still bound", ob.detail_deform.is_bound and not np.abs(
         [v.vector for v in ob.data.attributes['detail_deform_offset'].data]).max() > 1e-6)
@@ -114,7 +114,7 @@ def rendering():
         with in_view():
             bpy.ops.render.render('INVOKE_DEFAULT', animation=True)
         yield from settle()
-        yield from wait_until(lambda: not bpy.app.is_job_running('RENDER'), 60)
+        yield from wait_until(lambda: not bpy.app.is_job_running('RENDER'))
         pictures[lock] = [np.array(bpy.data.images.load(f'{scene.render.filepath}{frame:04d}.png').pixels[:])
                           for frame in range(1, 5)]
     changes = [np.abs(b - a).mean() for a, b in zip(pictures[False], pictures[False][1:])]
@@ -153,7 +153,7 @@ def baking():
         if key:
             xdotool('key', key)
         else:
-            yield from wait_until(path.exists, 20)
+            yield from wait_until(path.exists)
         yield from settle()
         if not key:
             check("a bake in the window plays its cache", path.exists()

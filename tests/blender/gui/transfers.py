@@ -40,7 +40,7 @@ def transferring():
     yield from settle()
     screenshot('matching')
     settings = giraffe.detail_deform.transfer
-    yield from expect("correspondences are found in the background", lambda: settings.correspondence == 'STORED', 60)
+    yield from expect("correspondences are found in the background", lambda: settings.correspondence == 'STORED')
     settings.show_match = True
     with in_view():
         bpy.ops.view3d.view_camera()
@@ -148,7 +148,7 @@ def transferring_to_many():
     check(f"Esc leaves those that are done, {done()}", 3 <= len(done()) < 7 and failed() == ["Head 3"])
     check("which the table says", "cancelled and left as they were" in bpy.data.texts[0].as_string())
     xdotool('key', 'ctrl+z')
-    yield from expect("one undo takes them back", lambda: not done() and not failed() and not bpy.data.texts, 5)
+    yield from expect("one undo takes them back", lambda: not done() and not failed() and not bpy.data.texts)
     yield from settle()
     yield from begin()
     yield from wait_until(lambda: failed() and bpy.data.texts)
