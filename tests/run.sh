@@ -7,7 +7,8 @@
 # tests/run.sh           what somebody who has just cloned this wants to know; large cases are left out
 # tests/run.sh --all     large cases, the linters, both sanitizers, fuzzing, the benchmarks, the paper's figures,
 #                        the C++ tests against the other major version of Catch2, Blender as a Python module of two
-#                        other versions, and Windows through Wine, too: what has to pass before a commit is shared
+#                        other versions, Windows and its Blender through Wine, too: what has to pass before a commit is
+#                        shared
 #
 # First come the steps that keep all cores busy, then those that leave one free, two at a time; what they print
 # is shown when they have ended.
@@ -21,6 +22,8 @@ source tests/prepare.sh
 source tests/lint.sh
 # shellcheck source=tests/windows.sh
 source tests/windows.sh
+# shellcheck source=tests/windows_blender.sh
+source tests/windows_blender.sh
 # shellcheck source=tests/window.sh
 source tests/window.sh
 
@@ -182,7 +185,7 @@ else
     skip "Debian's Blender: it could not be had"
 fi
 
-sanitized=false threads=false windows=false windows_python=false wheels=()
+sanitized=false threads=false windows=false windows_python=false windows_blender=false wheels=()
 marks="not large"
 if $all; then
     marks=  # all, in the first Blender
@@ -195,7 +198,7 @@ if $all; then
     else
         skip "the linters: their versions could not be had from PyPI"
     fi
-    step "build (check)" build_preset check all addon_zip || finish
+    step "build (check)" build_preset check all addon_zip extension_zip || finish
     step "core and library (ctest)" native_tests -j 2
     if ! prepare_catch3; then
         skip "the tests against Catch2 3: it could not be had"
@@ -226,6 +229,11 @@ if $all; then
         else
             skip "C ABI under Wine: a Python for Windows could not be had"
         fi
+        if prepare_windows_wheel 3.11 4.5.15; then
+            windows_blender=true
+        else
+            skip "bpy 4.5.15 for Windows: it could not be had, or does not run under Wine"
+        fi
     else
         skip "Windows: it is not built"
     fi
@@ -244,6 +252,9 @@ fi
 zip=$(ls build/check/detail_deform-*.zip)
 
 # The longest come first.
+if $windows_blender; then
+    beside "add-on in bpy 4.5.15 for Windows (Wine)" windows_blender_suite 4.5.15 "not large"
+fi
 if $windows; then
     beside "core and library under Wine (ctest)" windows_core_tests
 fi
