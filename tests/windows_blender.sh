@@ -87,7 +87,7 @@ PYTHON
 # windows_blender_suite BPY MARKS [pytest argument]...: tests the zip there, as installed into user
 # folders of its own. A parenthesis, so that what it makes goes however it ends.
 windows_blender_suite() (
-    zip=$(ls build/windows/detail_deform-*-windows-x64.zip) || exit
+    windows_zip=$(ls build/windows/detail_deform-*-windows-x64.zip) || exit
     # There what is allocated looks through all free blocks, so that 10,000 objects take minutes.
     quick=()
     dd_at_least "$(wine --version | sed 's/^wine-//')" 9 || quick=(-k "not does_not_go_through")
@@ -102,7 +102,7 @@ windows_blender_suite() (
     fi
     resources=$folder/resources
     BLENDER_USER_RESOURCES="Z:${resources//\//\\}" \
-        in_windows_blender "$1" tests/blender/run.py -- "$zip" -m "$2" "${quick[@]}" "${@:3}"
+        in_windows_blender "$1" tests/blender/run.py -- "$windows_zip" -m "$2" "${quick[@]}" "${@:3}"
 )
 
 dd_forget() {
