@@ -26,6 +26,7 @@ double diameter(const std::vector<Eigen::Vector3d>& points) {
   for (const Eigen::Vector3d& point : points) mean += point / static_cast<double>(points.size());
   // By how far they are from the mean: no two are farther apart than both from there.
   std::vector<std::pair<double, size_t>> from_mean;
+  from_mean.reserve(points.size());
   for (size_t i = 0; i < points.size(); ++i) from_mean.emplace_back((points[i] - mean).norm(), i);
   std::sort(from_mean.rbegin(), from_mean.rend());
   double largest = 0;

@@ -28,6 +28,7 @@ Examples<Real>::Examples(BoundSurface& bound)
   coarse_ = CoarseSurface::make(bound, kSpacing * bound.active_size);
   if (!coarse_) return;
   std::vector<Positions> examples;
+  examples.reserve(fine_.examples.size());
   for (const Positions& example : fine_.examples)
     examples.push_back(example(coarse_->vertices(), kAllIndices));
   coarse_examples_ = std::make_unique<ExampleSurface>(coarse_->surface(), std::move(examples));
