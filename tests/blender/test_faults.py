@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, bind, evaluated, make_strip, moved, refusal, update
+from conftest import activate, bind, can_start_programs, evaluated, make_strip, moved, refusal, update
 from test_bake import command
 
 HERE = Path(__file__).resolve().parent
@@ -244,7 +244,7 @@ def disk(tmp_path):
             return sorted(name for name in os.listdir(self.folder) if name != 'filler')
 
     Disk.folder.mkdir()
-    mounted = sys.platform == 'linux' and os.geteuid() == 0 and subprocess.run(
+    mounted = sys.platform == 'linux' and os.geteuid() == 0 and can_start_programs() and subprocess.run(
         ['mount', '-t', 'tmpfs', '-o', 'size=400k', 'tmpfs', str(Disk.folder)], capture_output=True).returncode == 0
     if not mounted:
         pytest.skip("a disk of its own needs root, on Linux, and the right to mount")
