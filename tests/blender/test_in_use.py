@@ -67,19 +67,23 @@ class Other:
 
 
 @pytest.mark.skipif(sys.platform not in {'linux', 'win32'}, reason="starts Blender as on these systems")
-def test_an_update_while_another_blender_has_the_library(tmp_path):
+def test_an_update_while_another_blender_has_the_library(tmp_path, part):
+    library = part('library.native').library_path()
     script, profile = tmp_path / 'script.py', tmp_path / 'Größe 画像'
     script.write_text(OF_BOTH.replace(', version(module)', '') + INSTALL, encoding='utf-8')
     profile.mkdir()
     environment = {**os.environ, 'BLENDER_USER_RESOURCES': str(profile), 'DETAIL_DEFORM_LIBRARY': ''}
     others = {}
     for role in ('updates', 'uses'):
-        arguments = [zip_of(OLDER, tmp_path), zip_of(NEWER, tmp_path), role, str(FIXTURES / 'animated.blend')]
+        folder = tmp_path / role
+        folder.mkdir()
+        arguments = [zip_of(OLDER, folder, library), zip_of(NEWER, folder, library), role,
+                     str(FIXTURES / 'animated.blend')]
         others[role] = Other(command(script, *arguments), environment)
-        assert others[role].step()[0] == [f"deforms True {OLDER} [True]"], role
+        assert others[role].step()[0] == [f"deforms True {OLDER} ['folder'] []"], role
     others['updates'].go_on()
     said, all_of_it = others['updates'].step()
-    assert said == [f"deforms True {NEWER} [True]"], '\n'.join(all_of_it)
+    assert said == [f"deforms True {NEWER} ['folder'] []"], '\n'.join(all_of_it)
     others['uses'].go_on()
     said, all_of_it = others['uses'].step()
     assert len(said) == 1 and said[0].startswith(f"deforms True {OLDER}"), '\n'.join(all_of_it)

@@ -100,8 +100,10 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     screws = screw_motions(bound, matrices, turns);
   }
 
+  const Positions& rest = bound.mesh().positions;
   Mesh surface = bound.mesh();
   SplitResult result;
+  result.offsets = Positions::Zero(rest.rows(), 3);
   for (int step = 1; step <= motion.steps; ++step) {
     const double before = double(step - 1) / motion.steps, now = double(step) / motion.steps;
     const auto tell = [&](double within_step, const char* stage) {
@@ -121,7 +123,9 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     const auto advance = [&](Deformer& deformer) {
       const std::vector<double> matrices =
           motion.steps > 1 ? between(screws, before, now) : motion.matrices;
-      surface.positions += deformer.update(matrices.data(), options, deformed_base);
+      // Offsets are summed, not taken from the positions afterwards, which would round them off.
+      result.offsets += deformer.update(matrices.data(), options, deformed_base);
+      surface.positions = rest + result.offsets;
       if (options.output == Output::base) return;  // the method had no part in it
       const MethodFindings findings = deformer.findings(options.method);
       result.volume_error = findings.volume_error;
@@ -146,7 +150,6 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     }
   }
   report(progress, 1.0, "Done");
-  result.offsets = surface.positions - bound.mesh().positions;
   return result;
 }
 
