@@ -24,7 +24,7 @@ lint_tidy() {
     build/venv-linters/bin/run-clang-tidy.py -clang-tidy-binary build/venv-linters/bin/clang-tidy \
         -quiet -p build/check -j "$(nproc)" -extra-arg=-Wno-unknown-warning-option \
         -extra-arg=-Wno-deprecated-declarations \
-        '/build/check/native/|/native/src/' 2>/dev/null | grep -v '^clang-tidy' | sed '/^$/d'
+        '/build/check/native/|/native/src/' 2>/dev/null | grep -v '^\[' | sed '/^$/d'
     [ "${PIPESTATUS[0]}" = 0 ]
 }
 

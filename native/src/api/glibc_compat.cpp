@@ -4,8 +4,8 @@
 // The static libstdc++ and libgcc inside the library refer to functions whose newest versions
 // are younger. Most were only moved from libpthread into libc, so their first versions do; the
 // linker's --wrap sends every reference here. _dl_find_object is a faster dl_iterate_phdr, which
-// exceptions are looked up with. pow and log got new versions that don't report errors, and strtoul a
-// name of its own (__isoc23_strtoul, 2.38) that also reads binary numbers.
+// exceptions are looked up with. pow and log got new versions that don't report errors, and strtoul
+// got another name (__isoc23_strtoul, 2.38), by which it also reads binary numbers.
 #include <dlfcn.h>
 #include <elf.h>
 #include <link.h>
