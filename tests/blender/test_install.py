@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What was installed is the zip, whole and by itself."""
-import glob
 import os
 import subprocess
 import sys
@@ -76,15 +75,14 @@ def test_bindings_come_back_after_disabling_and_enabling(module):
 @pytest.mark.parametrize('options', [None, (), ('--wheel',)], ids=['tested', 'folder', 'wheel'])
 def test_blenders_own_validator_accepts_the_zip(part, tmp_path, options):
     """The tested one, and both kinds that are made of the sources."""
-    scripts = glob.glob(os.path.join(bpy.utils.resource_path('LOCAL'), 'scripts', 'addons_core', 'bl_pkg',
-                                     'cli', 'blender_ext.py'))
-    assert scripts
+    tool = Path(bpy.utils.system_resource('SCRIPTS'), 'addons_core', 'bl_pkg', 'cli', 'blender_ext.py')
+    assert tool.exists()
     path = os.environ['DD_TEST_ZIP']
     if options is not None:
         path = tmp_path / 'made.zip'
         make_zip(part('library.native').library_path(), path, *options)
     # A module has no executable of its own; its interpreter is Python itself.
-    checked = subprocess.run([sys.executable, scripts[0], 'validate', path], capture_output=True, text=True)
+    checked = subprocess.run([sys.executable, tool, 'validate', path], capture_output=True, text=True)
     assert checked.returncode == 0, checked.stdout + checked.stderr
 
 

@@ -105,7 +105,7 @@ import shutil
 module = 'bl_ext.detail_deform_test.detail_deform'
 older, newer = sys.argv[-3:-1]
 repository = os.path.join(os.environ['BLENDER_USER_RESOURCES'], 'published')
-scripts = os.path.join(bpy.utils.resource_path('LOCAL'), 'scripts', 'addons_core', 'bl_pkg', 'cli', 'blender_ext.py')
+scripts = os.path.join(bpy.utils.system_resource('SCRIPTS'), 'addons_core', 'bl_pkg', 'cli', 'blender_ext.py')
 
 def publish(path):
     """As the release does it: one version, and the index by Blender's own tool."""
