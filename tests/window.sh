@@ -3,8 +3,8 @@
 #
 # The add-on in the window of the Blender at hand. Sourced from the repository root, after tests/prepare.sh.
 
+# prepare_window: what a screen and a hand are made of, after prepare_blender.
 prepare_window() {
-    prepare_blender || return
     dd_need_packages xvfb xauth xdotool imagemagick
 }
 
