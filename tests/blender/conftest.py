@@ -83,6 +83,15 @@ def nothing_printed_to_the_console(capfd):
     assert 'Traceback' not in out + err, out + err
 
 
+@pytest.fixture(autouse=True)
+def context_has_no_owner(request):
+    """Until 4.3, reading `context.tool_settings` makes that scene the owner of `bpy.context`: see
+    scene/selection.py. Later tests would read the owner after it is gone, so the run ends here."""
+    yield
+    if bpy.context.id_data is not None:
+        pytest.exit(f"{request.node.nodeid} leaves {bpy.context.id_data} as the owner of bpy.context", 1)
+
+
 def update():
     bpy.context.view_layer.update()
 

@@ -12,7 +12,7 @@ MIDDLE = 12 * 25 + 12
 
 
 def selected(ob):
-    assert ob.mode == 'EDIT' and bpy.context.tool_settings.mesh_select_mode[0]
+    assert ob.mode == 'EDIT' and bpy.context.scene.tool_settings.mesh_select_mode[0]
     ob.update_from_editmode()
     return [v.index for v in ob.data.vertices if v.select]
 
@@ -57,7 +57,7 @@ def test_also_what_is_hidden_and_whatever_was_selected():
     ob.data.vertices[7].co.y = float('nan')
     ob.data.vertices[7].hide = True
     ob.data.vertices.foreach_set('select', np.ones(625, bool))
-    bpy.context.tool_settings.mesh_select_mode = (False, False, True)
+    bpy.context.scene.tool_settings.mesh_select_mode = (False, False, True)
     refusal(bpy.ops.object.detail_deform_bind, wait=True)
     SELECT()
     assert selected(ob) == [7]

@@ -245,13 +245,6 @@ def test_a_linked_object_that_is_made_local_follows(posed, tmp_path):
     assert moves(ob)
 
 
-# With a Geometry Nodes modifier and an attribute written to, bound or not, 3.4.1 then crashes now and then in a
-# later evaluation.
-switches_scenes = pytest.mark.skipif(bpy.app.version < (4, 0),
-                                     reason="switching scenes with Geometry Nodes modifiers may crash Blender 3.4.1")
-
-
-@switches_scenes
 @pytest.mark.parametrize('kind', ['LINK_COPY', 'FULL_COPY'])
 def test_a_copy_of_the_scene(posed, kind):
     """Linked, both scenes show the same; a full copy has handles of its own."""
@@ -269,7 +262,6 @@ def test_a_copy_of_the_scene(posed, kind):
     assert moves(posed)
 
 
-@switches_scenes
 def test_several_scenes_play_each_their_own(posed):
     """An object in a scene that is not shown is left alone, and caught up with when it is."""
     other = bpy.data.scenes.new("Other")

@@ -39,7 +39,7 @@ def make(root):
     for camera in [other for other in bpy.data.objects if other.type == 'CAMERA']:
         camera.hide_set(True)
     look((-1.4, -4.2, 0.9), (-0.75, 0, 0.35), 62)
-    bpy.context.tool_settings.mesh_select_mode = (False, False, True)  # faces: no dots on them
+    bpy.context.scene.tool_settings.mesh_select_mode = (False, False, True)  # faces: no dots on them
     select(ob.data, ear)
     to_mouse(330, 700)
     yield 0.5

@@ -57,7 +57,9 @@ def select(ob, members, extend, hidden=False):
         if not mesh.verts[vertex].hide:
             mesh.verts[vertex].select = True
     mesh.select_mode |= {'VERT'}
-    bpy.context.tool_settings.mesh_select_mode[0] = True
+    # Not context.tool_settings: until 4.3, reading it makes this scene the owner of `bpy.context` itself. Once
+    # the scene is gone, a script that sets something in bpy.context.window writes into freed memory.
+    bpy.context.scene.tool_settings.mesh_select_mode[0] = True
     mesh.select_flush_mode()
     bmesh.update_edit_mesh(ob.data, loop_triangles=False, destructive=False)
 
