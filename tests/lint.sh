@@ -28,7 +28,8 @@ lint_tidy() {
     [ "${PIPESTATUS[0]}" = 0 ]
 }
 
-# What the tests are compiled from, by the build's own commands and with the headers that prepare_catch3 got.
+# What the tests are compiled from, by the build's own commands and with the headers that prepare_catch3 got. By
+# clang, which takes a quarter of GCC's time for it; after prepare_clang.
 compile_with_catch3() {
     cmake --preset check >/dev/null || return
     python3 - <<'PYTHON'
@@ -44,8 +45,9 @@ HEADERS = Path('build/catch3/usr/include').resolve()
 
 def compiles(entry):
     words = shlex.split(entry['command'])
-    words[1:1] = ['-isystem', str(HEADERS), '-DDD_CATCH2_3=1', '-fsyntax-only']
     words = [word for word in words if Path(word).name != 'ccache']
+    words[:1] = ['clang++', '-isystem', str(HEADERS), '-DDD_CATCH2_3=1', '-fsyntax-only',
+                 '-Wno-unknown-warning-option']
     return subprocess.run(words, cwd=entry['directory'], check=False).returncode == 0
 
 

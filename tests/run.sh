@@ -202,8 +202,8 @@ if $all; then
     step "core and library (ctest)" native_tests -j 2
     if [ -e /usr/include/catch2/catch_all.hpp ]; then
         notes+=("the tests were compiled against Catch2 3, which is this system's own")
-    elif ! prepare_catch3; then
-        skip "the tests against Catch2 3: it could not be had"
+    elif ! prepare_clang || ! prepare_catch3; then
+        skip "the tests against Catch2 3: it, or clang, could not be had"
     else
         step "the tests compile against Catch2 3" compile_with_catch3
     fi

@@ -71,8 +71,7 @@ TEST_CASE("what lies on another in parts, turned too, stands as it was where it 
   CHECK_FALSE(marked.placement.rotation.isIdentity(0.5));
 }
 
-TEST_CASE("a part that was cut off is found where it stands, as the whole is by the part") {
-  const Mesh whole = test::beast(4);
+static void check_a_part_cut_off(const Mesh& whole) {
   std::vector<char> keep;
   for (int j = 0; j < whole.triangle_count(); ++j)
     keep.push_back(triangle_centre(whole.positions, whole.triangles, j)[0] > 0.5);
@@ -116,6 +115,14 @@ TEST_CASE("a part that was cut off is found where it stands, as the whole is by 
   CHECK_FALSE(align(whole, moved, {{static_cast<int>(low), 0}}, 0, {}, &own).lies_on);
   const Alignment marked = align(whole, part, {{static_cast<int>(low), 0}});
   CHECK(test::largest_error(marked.placement.all(whole.positions), whole.positions) > 0.05);
+}
+
+TEST_CASE("a part that was cut off is found where it stands, as the whole is by the part") {
+  check_a_part_cut_off(test::beast(3));
+}
+
+TEST_CASE("a part that was cut off of a finer mesh is found where it stands", "[large]") {
+  check_a_part_cut_off(test::beast(4));
 }
 
 TEST_CASE("what is tiny lies on a surface by its own measure, not because it is near") {
