@@ -102,13 +102,14 @@ build_preset() {
     cmake --build --preset "$preset" ${1:+--target "$@"}
 }
 
-dd_blender_has_numpy() {
-    blender --background --factory-startup --python-exit-code 1 \
-        --python-expr 'import numpy' >/dev/null 2>&1
+dd_blender_has_its_modules() {
+    local said
+    said=$(blender --background --factory-startup --python-exit-code 1 --python-expr 'import numpy' 2>&1) &&
+        [[ $said != *ModuleNotFoundError* ]]
 }
 
 prepare_blender() {
-    local version
+    local version modules=(python3-numpy)
     dd_need blender blender || return
     version=$(blender --version 2>/dev/null | sed -n 's/^Blender \([0-9.]*\).*/\1/p')
     if ! dd_at_least "${version:-0}" 3.4; then
@@ -117,8 +118,10 @@ prepare_blender() {
     fi
     # Workbench draws without a screen or graphics card through these.
     dd_need_packages libegl1 libgl1-mesa-dri || return
-    # Debian's Blender uses the system's Python and finds only what that has.
-    dd_need dd_blender_has_numpy python3-numpy
+    # Debian's Blender uses the system's Python and finds only what that has, and its package doesn't ask for all
+    # that it imports.
+    ! dd_at_least "$version" 5.2 || modules+=(python3-cattr python3-requests python3-zstandard)
+    dd_need dd_blender_has_its_modules "${modules[@]}"
 }
 
 dd_python_is() {
