@@ -117,7 +117,7 @@ prepare_blender() {
         return 1
     fi
     # Workbench draws without a screen or graphics card through these.
-    dd_need_packages libegl1 libgl1-mesa-dri || return
+    dd_need_packages libegl1 libgl1 libgl1-mesa-dri || return
     # Debian's Blender uses the system's Python and finds only what that has, and its package doesn't ask for all
     # that it imports.
     ! dd_at_least "$version" 5.2 || modules+=(python3-cattr python3-requests python3-zstandard)
