@@ -114,11 +114,16 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
     rest_euler: FloatVectorProperty(
         name="Rest Euler", size=3, options={'HIDDEN'},
         description="The empty's own Euler rotation when it was bound: its whole turns are counted from there")
+    rest_order: StringProperty(options={'HIDDEN'}, description="Order of these angles")
     home_matrix: FloatVectorProperty(
         name="Home Matrix", size=16, options={'HIDDEN'},
         description="Where that place is on the mesh without deformation, if the handle was bound to a deformed one")
     home_euler: FloatVectorProperty(
         name="Home Euler", size=3, options={'HIDDEN'}, description="The empty's own Euler rotation there")
+    mirror_space: FloatVectorProperty(
+        name="Mirror Space", size=16, options={'HIDDEN'},
+        description="From the object's space when it was bound to the present one, across a plane of which it mirrors")
+    home_order: StringProperty(options={'HIDDEN'}, description="Order of these angles")
     earlier_name: StringProperty(options={'HIDDEN'})
     # What was made for it, and goes with it.
     own_group: StringProperty(options={'HIDDEN'})
@@ -239,6 +244,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     # what keeps the handles from being followed.
     signature: StringProperty(options={'HIDDEN'})
     stale: StringProperty(options={'HIDDEN'})
+    bound_points: StringProperty(options={'HIDDEN'})
     compared_handles: StringProperty(options={'HIDDEN'})
     problem: StringProperty(options={'HIDDEN'})
     cache_modifier: StringProperty(options={'HIDDEN'})

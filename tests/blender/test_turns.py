@@ -4,11 +4,12 @@ against each other or all together."""
 
 import math
 
+import bpy
 import numpy as np
 import pytest
-from mathutils import Matrix
+from mathutils import Euler, Matrix
 
-from conftest import add_empty, add_handle, bind, evaluated, group, members, own, update
+from conftest import activate, add_empty, add_handle, bind, evaluated, group, members, own, update
 from test_shape import FREE, HEIGHT, bar_mesh, largest_rate, make, make_bar, target_of, turn
 
 
@@ -100,6 +101,124 @@ def test_a_mirrored_handle_is_no_half_turn():
             shapes[deformer, scale] = evaluated(ob)
     for scale in (-0.99, -1.01):
         assert np.abs(shapes['AUTOMATIC', scale] - shapes['LINEAR', scale]).max() < 1e-3, scale
+
+
+# One rotation, told by other angles
+
+TILTS = [(-2, 0.9, 2.5), (2, 0.5, -2), (3, 0.3, 3), (2.5, 0.2, 0.5), (2.5, -0.7, 2.5)]
+ORDERS = ['XYZ', 'XZY', 'YXZ', 'YZX', 'ZXY', 'ZYX']
+
+
+def tilted_bar(tilt, order='XYZ'):
+    """A bar that was bound with its empty turned by these angles, and the empty."""
+    positions, triangles = bar_mesh()
+    z = positions[:, 2]
+    ob = make("Bar", positions, triangles, z > FREE[0] + 1e-6, z > FREE[1] - 1e-6, (0, 0, HEIGHT))
+    empty = target_of(ob)
+    empty.rotation_mode, empty.rotation_euler = order, tilt
+    update()
+    return bind(ob), empty
+
+
+def otherwise(empty):
+    """The same rotation by the other angles that give it."""
+    middle = 'XYZ'.index(empty.rotation_mode[1])
+    angles = [angle - math.copysign(math.pi, angle) for angle in empty.rotation_euler]
+    angles[middle] = math.copysign(math.pi, empty.rotation_euler[middle]) - empty.rotation_euler[middle]
+    empty.rotation_euler = angles
+    update()
+
+
+@pytest.mark.parametrize('order', ORDERS)
+@pytest.mark.parametrize('tilt', [(0, 0, 0), *TILTS])
+def test_the_other_angles_of_a_rotation_turn_nothing(tilt, order):
+    ob, empty = tilted_bar(tilt, order)
+    before = empty.matrix_world.copy()
+    otherwise(empty)
+    assert np.abs(np.subtract(empty.matrix_world, before)).max() < 1e-5
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-5
+
+
+@pytest.mark.parametrize('tilt', [(0, 0, 0), *TILTS])
+def test_angles_by_the_formula_turn_nothing(tilt):
+    """Beyond half a turn, too, where a matrix gives none."""
+    ob, empty = tilted_bar(tilt)
+    x, y, z = empty.rotation_euler
+    empty.rotation_euler = (x + math.pi, math.pi - y, z + math.pi)
+    update()
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-5
+
+
+@pytest.mark.parametrize('tilt', TILTS)
+def test_parented_and_freed_with_its_place_kept_nothing_moves(tilt):
+    ob, empty = tilted_bar(tilt)
+    parent = add_empty("Parent", (1, 2, 3))
+    parent.rotation_euler = (0.3, 0, 0.4)
+    update()
+    activate(parent)
+    empty.select_set(True)
+    assert bpy.ops.object.parent_set(type='OBJECT', keep_transform=True) == {'FINISHED'}
+    update()
+    assert empty.parent == parent and np.abs(evaluated(ob) - own(ob)).max() < 1e-4
+    activate(empty)
+    assert bpy.ops.object.parent_clear(type='CLEAR_KEEP_TRANSFORM') == {'FINISHED'}
+    update()
+    assert empty.parent is None and np.abs(evaluated(ob) - own(ob)).max() < 1e-4
+
+
+@pytest.mark.parametrize('tilt', TILTS)
+def test_a_matrix_turns_a_tilted_empty_as_one_that_is_not(tilt):
+    """34 degrees about the bar."""
+    shapes = []
+    for angles in ((0, 0, 0), tilt):
+        ob, empty = tilted_bar(angles)
+        turned = Matrix.Rotation(0.6, 4, 'Z') @ Euler(angles).to_matrix().to_4x4()
+        empty.matrix_world = Matrix.Translation(empty.matrix_world.translation) @ turned
+        update()
+        shapes.append(evaluated(ob))
+    assert np.abs(shapes[1] - shapes[0]).max() < 1e-4
+
+
+@pytest.mark.parametrize('degrees', [-720, -360, 340, 360, 720])
+@pytest.mark.parametrize('told_otherwise', [False, True])
+def test_whole_turns_of_a_channel_stay(degrees, told_otherwise):
+    """From either of the two triples for the rest on."""
+    ob, empty = tilted_bar((0.4, 0.2, 0.5))
+    if told_otherwise:
+        otherwise(empty)
+    empty.rotation_euler.z += math.radians(degrees)
+    empty.keyframe_insert('rotation_euler')
+    update()
+    rate, turned = largest_rate(evaluated(ob))
+    assert turned == pytest.approx(degrees, abs=1) and rate <= 1.5, (turned, rate)
+
+
+@pytest.mark.parametrize('of_rest, now', [('XYZ', 'ZXY'), ('YXZ', 'XYZ'), ('QUATERNION', 'XYZ'), ('AXIS_ANGLE', 'ZYX')])
+@pytest.mark.parametrize('tilt', TILTS)
+def test_another_rotation_mode_turns_nothing(of_rest, now, tilt):
+    ob, empty = tilted_bar((0, 0, 0))
+    empty.rotation_mode = of_rest
+    place = Matrix.Translation(empty.location) @ Euler(tilt).to_matrix().to_4x4()
+    empty.matrix_world = place
+    update()
+    bpy.ops.object.detail_deform_unbind()
+    bind(ob)
+    empty.rotation_mode = now
+    empty.matrix_world = place  # Blender keeps the angles from one order to another, and with them no rotation
+    update()
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-4
+
+
+def test_turns_by_channels_have_no_jumps(part):
+    """Any two channels, or all, up to half a turn from a rest of any angles: what counts as turned goes on as they do."""
+    rng = np.random.default_rng(7)
+    channel_turns = part('scene.handle_matrices').channel_turns
+    for _ in range(200):
+        rest, along = rng.uniform(-np.pi, np.pi, 3), rng.normal(size=3)
+        along[rng.integers(3)] *= rng.integers(2)
+        way = np.linspace(0, 0.8 * np.pi, 60)[:, None] * along / np.linalg.norm(along)
+        turned = np.array([channel_turns(rest + step, rest, 'XYZ') for step in way])
+        assert np.abs(np.diff(turned, axis=0)).max() < 0.1, (rest, along)
 
 
 def test_bend_length_without_refinement_says_why_not(part):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..library import native
-from ..scene import (dependency, group_columns, handle_matrices, mesh_data, node_group, offset_attribute, outside_base,
+from ..scene import (carried, dependency, group_columns, handle_matrices, mesh_data, node_group, offset_attribute, outside_base,
                      stack, start)
 from ..scene.mesh_data import MeshProblem
 from . import bound, content, hints, life, registry
@@ -27,6 +27,8 @@ def bind(ob, depsgraph, wait, keep_rest):
         raise MeshProblem(f"'{ob.name}' follows '{settings.transfer.source.name if settings.transfer.source else ''}': "
                           "press Follow to stop that (Detail Deform: Transfer) before you bind it to handles.")
     offset_attribute.check_name(ob)
+    if keep_rest:
+        bound.carry_along(ob, depsgraph)
     roles = content.roles(ob, group_columns.entries)
     places = handle_matrices.local_places(ob, depsgraph)
     # What these refuse leaves the present binding.
@@ -53,7 +55,7 @@ def bind(ob, depsgraph, wait, keep_rest):
 
     signature = content.signature(content.shape_signature(ob), roles, options)
     life.start(bound, signature, lambda: bound.begin(ob, roles, options))
-    settings.signature = signature
+    settings.signature, settings.bound_points = signature, carried.points(ob.data)
     hints.of_region(ob, roles)  # here they are known, and the panels need not read the groups
     bound.note_handles(settings)
     registry.forget()
@@ -125,8 +127,7 @@ def _need_base(ob):
         node_group.set_base(modifier, settings.base_object if settings.base == 'OBJECT' else None)
 
 
-_STATE = ('signature', 'stale', 'problem', 'compared_handles')
-_OF_HANDLES = ('rest_matrix', 'rest_euler', 'home_matrix', 'home_euler')
+_STATE = ('signature', 'stale', 'problem', 'bound_points', 'compared_handles')
 _OF_MESHES = (offset_attribute.KEPT, offset_attribute.KEYED)
 
 
@@ -141,7 +142,7 @@ def kept(ob):
     """What restore() brings back."""
     settings = ob.detail_deform
     return Kept([getattr(settings, name) for name in _STATE],
-                [[tuple(getattr(handle, name)) for name in _OF_HANDLES] for handle in settings.handles],
+                [[getattr(handle, name)[:] for name in handle_matrices.KEPT] for handle in settings.handles],
                 [offset_attribute.read(ob.data, name) if offset_attribute.find(ob.data, name) else None
                  for name in _OF_MESHES])
 
@@ -149,7 +150,7 @@ def kept(ob):
 def restore(ob, present):
     settings = ob.detail_deform
     for handle, places in zip(settings.handles, present.places):
-        for name, place in zip(_OF_HANDLES, places):
+        for name, place in zip(handle_matrices.KEPT, places):
             setattr(handle, name, place)
     for name, vectors in zip(_OF_MESHES, present.attributes):
         if vectors is None:
@@ -175,7 +176,7 @@ def unbind(ob, keep_rest=False):
     homes = [handle_matrices.kept_home(handle) for handle in ob.detail_deform.handles] if keep_rest else ()
     life.end(bound, ob)
     for handle, kept in zip(ob.detail_deform.handles, homes):
-        handle.rest_matrix, handle.rest_euler = kept
+        handle.rest_matrix, handle.rest_euler, handle.rest_order = kept
 
 
 def make_base_object(ob):

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from ..library import native
-from ..scene import (dependency, handle_matrices, mesh_data, mirror_plane, node_group, offset_attribute, outside_base,
+from ..scene import (carried, dependency, handle_matrices, mesh_data, mirror_plane, node_group, offset_attribute, outside_base,
                      start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
@@ -56,6 +56,8 @@ def check(ob):
     if stale in {content.TOPOLOGY_CHANGED, content.VERTICES_MOVED} and node_group.find_modifier(ob) is None:
         return ("The modifier was applied by hand, or removed and the mesh edited, so the surface is no longer bound: "
                 "press Bind to go on from here.")
+    if stale == content.VERTICES_MOVED:
+        carry_along(ob, bpy.context.evaluated_depsgraph_get())
     if of.stale != stale:
         if stale not in {content.TOPOLOGY_CHANGED, content.VERTICES_MOVED}:
             _show_whole(ob)
@@ -63,6 +65,25 @@ def check(ob):
         if stale == content.TOPOLOGY_CHANGED or not shown.is_draft(ob.data):  # whose result is still to come
             shown.forget(ob.data)  # an edit may have reached the offsets too
     return ""
+
+
+def carry_along(ob, depsgraph):
+    """What is kept in the object's space, where Set Origin or Apply has changed that space: so a new Bind keeps the
+    pose."""
+    of = ob.detail_deform
+    motion = carried.motion_since(ob.data, of.bound_points) if of.bound_points else None
+    if motion is None:
+        return
+    try:
+        now = carried.places(ob, depsgraph)
+    except MeshProblem:
+        return  # the next update says it
+    record = shown.by(ob.data)
+    before = record.places if record and record.places is not None else carried.rest_places(of)
+    if len(before) == len(now) and carried.went_along(motion, before, now):
+        carried.carry(ob, motion)
+    else:
+        of.bound_points = carried.points(ob.data)  # all vertices were moved by hand: what comes next counts from there
 
 
 def _show_whole(ob):
@@ -153,10 +174,8 @@ def forget(ob):
     of = ob.detail_deform
     _forget(of)
     for handle in of.handles:
-        handle.property_unset('rest_matrix')
-        handle.property_unset('rest_euler')
-        handle.property_unset('home_matrix')
-        handle.property_unset('home_euler')
+        for name in handle_matrices.KEPT:
+            handle.property_unset(name)
     start.forget(ob.data)
     outside_base.forget_rest(of)
     dependency.release(ob)
@@ -177,6 +196,8 @@ class Frame:
         self._handles = [handle.name for handle in handle_matrices.enabled_handles(of)]
         places = handle_matrices.local_places(ob, depsgraph)
         self._motions, self._base = handle_matrices.motions(of, places), None
+        own = [not handle.mirrors for handle in handle_matrices.enabled_handles(of)]
+        self._places = None if of.base == 'OBJECT' else places[own]
         self._asked = look.asked(of)
         self._free = handle_matrices.free(of)
         self.of = (of.signature, self._motions.tobytes(), self._asked.copy(), self._free.tobytes(),
@@ -215,6 +236,7 @@ class Frame:
     def written(self, record, wait):
         """Notes the facts of what is shown now, and sees to the slow result. wait: for it, and without a window."""
         of = self._ob.detail_deform
+        record.places = self._places
         record.only_moved = [self._handles[number] for number in
                              np.flatnonzero(handle_matrices.only_move(self._motions) & ~self._free)]
         if self.is_draft:

@@ -17,6 +17,7 @@ class Shown:
     def __init__(self, of):
         self.of = of  # whatever tells this result from all others: equal, the same
         self.moves = True  # anything, from where the mesh has it
+        self.places = None  # of the empties of enabled handles, in the object's space
         self.only_moved = ()  # names of the handles that are moved without being turned or scaled
         self.example_weights = ()  # how much of each example the pose has
         self.is_final = True  # no slow result is to take its place

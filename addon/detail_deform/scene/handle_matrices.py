@@ -2,13 +2,23 @@
 """From empties to the 3×4 matrices that the library takes."""
 
 import numpy as np
+from mathutils import Euler, Quaternion
 
 from . import mesh_data, skin
 from .mesh_data import MeshProblem
 
 
+# What a handle keeps of its binding.
+KEPT = ('rest_matrix', 'rest_euler', 'rest_order', 'home_matrix', 'home_euler', 'home_order', 'mirror_space')
+
+
 def enabled_handles(settings):
     return [handle for handle in settings.handles if handle.enabled]
+
+
+def with_empties(settings):
+    """Those of them that don't mirror another one."""
+    return [handle for handle in enabled_handles(settings) if not handle.mirrors]
 
 
 def in_scene(ob, depsgraph):
@@ -131,6 +141,15 @@ def reflection(axis):
     return np.diag([*(-1.0 if letter == axis else 1.0 for letter in 'XYZ'), 1.0])
 
 
+def _reflection_of(handle):
+    """(4, 4): that by which the handle mirrors another one's motion, across the plane as it was when it was bound."""
+    flip = reflection(handle.mirror_axis)
+    if not any(handle.mirror_space):
+        return flip
+    space = np.array(handle.mirror_space, np.float64).reshape(4, 4)
+    return space @ flip @ np.linalg.inv(space)
+
+
 def motions(settings, places):
     """(h, 3, 4) float64: rest to present of each enabled handle, in the object's own space.
 
@@ -172,7 +191,7 @@ def _mirrored_place(handle, source, place):
     """(4, 4): where the source's motion from home to this place takes, mirrored, the object's own place."""
     if not has_home(source):
         return np.eye(4)
-    flip = reflection(handle.mirror_axis)
+    flip = _reflection_of(handle)
     return flip @ place @ np.linalg.inv(home(source)) @ flip
 
 
@@ -196,7 +215,7 @@ def pivots(settings):
     handles = enabled_handles(settings)
     result = _rests(settings)[:, :3, 3].copy()
     for number, source in mirrored(handles):
-        mirror = rest(handles[number]) @ reflection(handles[number].mirror_axis)
+        mirror = rest(handles[number]) @ _reflection_of(handles[number])
         result[number] = (mirror @ home(handles[source])[:, 3])[:3]
     return result
 
@@ -220,22 +239,27 @@ def home(handle):
     return np.array(handle.home_matrix, np.float64).reshape(4, 4) if any(handle.home_matrix) else rest(handle)
 
 
-def home_euler(handle):
-    return handle.home_euler if any(handle.home_matrix) else handle.rest_euler
+def home_euler(handle, order):
+    """The empty's own rotation at home, as Euler angles of this order."""
+    if any(handle.home_matrix):
+        return _in_order(handle.home_euler, handle.home_order, order)
+    return _in_order(handle.rest_euler, handle.rest_order, order)
 
 
 def kept_home(handle):
-    """(matrix, Euler rotation) as a handle keeps its rest; a matrix of zeros where it has none."""
+    """(matrix, Euler angles, their order) as a handle keeps its rest; a matrix of zeros where it has none."""
     if handle.mirrors or not has_home(handle):
-        return [0.0] * 16, (0.0, 0.0, 0.0)
-    return home(handle).ravel().tolist(), home_euler(handle)[:]
+        return [0.0] * 16, (0.0, 0.0, 0.0), ''
+    if any(handle.home_matrix):
+        return handle.home_matrix[:], handle.home_euler[:], handle.home_order
+    return handle.rest_matrix[:], handle.rest_euler[:], handle.rest_order
 
 
 def set_home(handle, matrix):
     """Of a handle that is made where the mesh is deformed."""
     handle.home_matrix = np.asarray(matrix, np.float32).ravel().tolist()
     if handle.target:
-        handle.home_euler = handle.target.rotation_euler
+        handle.home_euler, handle.home_order = _euler(handle.target)
 
 
 def check_rest(settings, places):
@@ -252,6 +276,7 @@ def store_rest(settings, places, only_new):
     for handle, place in zip(enabled_handles(settings), places):
         if not only_new:
             handle.property_unset('home_matrix')
+            handle.property_unset('mirror_space')
         if not (only_new and has_rest(handle)):
             _set_rest(handle, place)
 
@@ -261,7 +286,7 @@ def start_here(settings, places):
     found = dict(zip((handle.name for handle in enabled_handles(settings)), _with_mirrored(settings, places)))
     for handle in settings.handles:
         if has_rest(handle) and not handle.mirrors and not any(handle.home_matrix):
-            handle.home_matrix, handle.home_euler = handle.rest_matrix, handle.rest_euler
+            handle.home_matrix, handle.home_euler, handle.home_order = kept_home(handle)
     for handle in settings.handles:
         source = next((h for h in settings.handles if h.name == handle.mirrors), None)
         if handle.enabled:
@@ -275,7 +300,7 @@ def start_here(settings, places):
 def _set_rest(handle, place):
     handle.rest_matrix = np.asarray(place).ravel().tolist()
     if handle.target:
-        handle.rest_euler = handle.target.rotation_euler
+        handle.rest_euler, handle.rest_order = _euler(handle.target)
 
 
 def go_home(settings):
@@ -284,15 +309,65 @@ def go_home(settings):
         if handle.mirrors:
             handle.property_unset('rest_matrix')
         elif any(handle.home_matrix):
-            handle.rest_matrix, handle.rest_euler = handle.home_matrix, handle.home_euler
+            handle.rest_matrix, handle.rest_euler, handle.rest_order = kept_home(handle)
             handle.property_unset('home_matrix')
+
+
+# Whole turns
+
+def _euler(target):
+    """(Euler angles, their order) of the empty's own rotation."""
+    if target.rotation_mode == 'QUATERNION':
+        return target.rotation_quaternion.to_euler()[:], 'XYZ'
+    if target.rotation_mode == 'AXIS_ANGLE':
+        angle, *axis = target.rotation_axis_angle
+        return Quaternion(axis, angle).to_euler()[:], 'XYZ'
+    return target.rotation_euler[:], target.rotation_mode
+
+
+def _in_order(euler, own, order):
+    """The same rotation by Euler angles of another order. own: '' where it was not kept, as in old files."""
+    if own in {'', order}:
+        return tuple(euler)
+    return Euler(euler, own).to_matrix().to_euler(order)[:]
+
+
+def _principal(angles):
+    """The same angles in [-π, π]."""
+    return angles - 2 * np.pi * np.round(angles / (2 * np.pi))
+
+
+def channel_turns(euler, rest, order, animated=True):
+    """(3,) float64: how far each channel of an Euler rotation of this order has turned since rest, whole turns among it.
+
+    Two triples of angles give the same rotation: (x, y, z), and (x + π, π - y, z + π) where Y is the middle channel.
+    What sets an empty by a matrix, as Blender's Keep Transform does, may change from one to the other. So the other
+    triple for rest counts where the present angles, whole turns aside, are at most half as far from it. (Where it counts
+    as soon as it is nearer, empties that turn on by two channels at once jump on their way.)
+
+    animated: False where the angles were set once, so that the other triple as it stands in the formula, where a matrix
+    gives one in [-π, π], has not turned either.
+    """
+    euler, rest = np.asarray(euler, np.float64), np.asarray(rest, np.float64)
+    middle = 'XYZ'.index(order[1])
+    other = rest + np.pi
+    other[middle] = np.pi - rest[middle]
+    if np.linalg.norm(_principal(euler - rest)) <= 2 * np.linalg.norm(_principal(euler - other)):
+        return euler - rest
+    if not animated and np.abs(euler - other).max() < 1e-4:
+        return np.zeros(3)
+    # Angles that a matrix gave are in [-π, π] and know no whole turns; what lies beyond was turned on to, from there.
+    other = _principal(other)
+    at_the_end = np.abs(other) > np.pi - 1e-4  # π and -π are the same angle: the sign of the present one
+    change = euler - np.where(at_the_end, np.copysign(np.pi, euler), other)
+    return np.where(np.abs(euler) <= np.pi + 1e-4, _principal(change), change)
 
 
 def turns(settings, places, depsgraph):
     """(h, 3) float64: how far each handle has turned since rest, whole turns among it, as a rotation vector in the
     object's space: the sum of what the channels of the empty's Euler rotation have turned, about the axes that these
-    have now. It is a continuous function of the channels, and the rotation itself where only one of them turns. Zero
-    where the rotation is told in another way: a matrix alone can't tell whole turns apart."""
+    have now. It is the rotation itself where only one of them turns. Zero where the rotation is told in another way: a
+    matrix alone can't tell whole turns apart."""
     result = np.zeros((len(places), 3))
     handles = enabled_handles(settings)
     rests = [tuple(rest) for rest in _of_enabled(settings, 'rest_euler', 3).tolist()]
@@ -300,21 +375,23 @@ def turns(settings, places, depsgraph):
         if handle.mirrors:
             continue
         target = handle.target.evaluated_get(depsgraph)
-        if target.rotation_mode in {'QUATERNION', 'AXIS_ANGLE'}:
+        order = target.rotation_mode
+        if order in {'QUATERNION', 'AXIS_ANGLE'}:
             continue
         euler = target.rotation_euler[:]
-        if euler == rests[number]:
+        if euler == rests[number] and handle.rest_order in {'', order}:
             continue
-        change = np.subtract(euler, rests[number])
+        change = channel_turns(euler, _in_order(rests[number], handle.rest_order, order), order,
+                               animated=target.animation_data is not None)
         basis = np.array(target.matrix_basis, np.float64)[:3, :3]
         if _flat(basis):
             continue  # without size there is nothing to turn
         # From the empty's parent space to the object's. Of axes of rotation, which a mirror turns round.
         space = places[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis)
-        axes = np.sign(np.linalg.det(space)) * space @ _channel_axes(euler, target.rotation_mode)
+        axes = np.sign(np.linalg.det(space)) * space @ _channel_axes(euler, order)
         result[number] = (change * axes / np.linalg.norm(axes, axis=0)).sum(axis=1)
     for number, source in mirrored(handles):
-        result[number] = -reflection(handles[number].mirror_axis)[:3, :3] @ result[source]  # as axes of rotation do
+        result[number] = -_reflection_of(handles[number])[:3, :3] @ result[source]  # as axes of rotation do
     return result
 
 

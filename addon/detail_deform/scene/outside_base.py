@@ -40,9 +40,9 @@ def rest(ob):
     return found
 
 
-def _place(ob, base, depsgraph):
+def place(ob, depsgraph):
     """(4, 4): from the base object's space to the object's, now."""
-    world = handle_matrices.evaluated_world(base, depsgraph, "Base object")
+    world = handle_matrices.evaluated_world(_base_object(ob), depsgraph, "Base object")
     return handle_matrices.world_to_local(ob, depsgraph) @ world
 
 
@@ -57,7 +57,7 @@ def deformed_positions(ob, depsgraph):
         raise MeshProblem(
             f"The modifiers of the base object '{base.name}' make {len(mesh.vertices):,} vertices, but {count:,} were "
             "there when it was bound: press Re-bind, or use only modifiers that make the same vertices in each frame.")
-    return _moved(mesh_data.positions(mesh), _place(ob, base, depsgraph))
+    return _moved(mesh_data.positions(mesh), place(ob, depsgraph))
 
 
 def store_rest(ob, depsgraph, only_new):
@@ -78,13 +78,13 @@ def store_rest(ob, depsgraph, only_new):
                 f"Modifier '{modifier.name}' of the base object '{base.name}' makes other vertices in renders "
                 f"(level {modifier.render_levels}) than in the viewport (level {modifier.levels}), and one kind "
                 "can be followed: make the levels alike.")
-    place = _place(ob, base, depsgraph)
+    present = place(ob, depsgraph)
     # As single precision, which is what is stored, on both sides.
-    settings.base_rest_matrix = place.astype(np.float32).ravel().tolist()
+    settings.base_rest_matrix = present.astype(np.float32).ravel().tolist()
     forget_kept(settings)
     if makes_vertices:
         kept = bpy.data.meshes.new(f"{base.name} Rest")
-        kept.from_pydata(_moved(mesh_data.positions(mesh), place).tolist(), [], mesh_data.triangles(mesh).tolist())
+        kept.from_pydata(_moved(mesh_data.positions(mesh), present).tolist(), [], mesh_data.triangles(mesh).tolist())
         settings.base_rest_mesh = kept
 
 

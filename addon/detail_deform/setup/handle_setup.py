@@ -378,7 +378,7 @@ def to_rest(context, ob, handles):
         handle.target.matrix_world = ob.matrix_world @ Matrix((pose @ handle_matrices.home(handle)).tolist())
         mode = handle.target.rotation_mode
         if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix can't tell whole turns apart
-            home = Euler(handle_matrices.home_euler(handle), mode)
+            home = Euler(handle_matrices.home_euler(handle, mode), mode)
             handle.target.rotation_euler = handle.target.rotation_euler.to_matrix().to_euler(mode, home)
         context.view_layer.update()
 
