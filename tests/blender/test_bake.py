@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, bind, can_start_programs, evaluated, make_strip, refusal, update
+from conftest import activate, bind, can_start_programs, evaluated, make_strip, own, refusal, update
 
 FRAMES = range(1, 13)
 
@@ -179,6 +179,28 @@ def test_alembic(strip, tmp_path):
     assert np.abs(played(imported) - live).max() < 1e-5
 
 
+@pytest.mark.skipif(not bpy.app.build_options.alembic, reason="Debian's Blender has no Alembic")
+@pytest.mark.parametrize('hidden', ['inner', 'outer', 'both', 'object'])
+def test_alembic_of_what_renders_do_not_show(strip, tmp_path, hidden):
+    """By its collection, by one around that, or by itself: it is in the file, and hidden as before."""
+    outer, inner = bpy.data.collections.new("Outer"), bpy.data.collections.new("Inner")
+    bpy.context.scene.collection.children.link(outer)
+    outer.children.link(inner)
+    inner.objects.link(strip)
+    bpy.context.scene.collection.objects.unlink(strip)
+    disabled = {'inner': [inner], 'outer': [outer], 'both': [inner, outer], 'object': [strip]}[hidden]
+    for data in disabled:
+        data.hide_render = True
+    update()
+    live = played(activate(strip))
+    path = tmp_path / 'strip.abc'
+    assert bpy.ops.object.detail_deform_bake(mode='ALEMBIC', filepath=str(path)) == {'FINISHED'}
+    assert [data for data in (inner, outer, strip) if data.hide_render] == [d for d in (inner, outer, strip) if d in disabled]
+    bpy.ops.wm.alembic_import(filepath=str(path), as_background_job=False)
+    imported = next(ob for ob in bpy.data.objects if ob.type == 'MESH' and ob != strip)
+    assert np.abs(played(imported) - live).max() < 1e-5
+
+
 def test_slow_results_are_baked_too(strip, tmp_path):
     strip.detail_deform.steps = 3
     live = played(strip)
@@ -261,9 +283,22 @@ def test_a_bake_leaves_frame_and_shape_as_they_were(strip, tmp_path):
     assert np.abs(evaluated(strip) - before).max() < 1e-6
 
 
-def test_stretched_time_is_refused(strip, tmp_path):
+@pytest.mark.parametrize('mode', ['CACHE', 'SHAPE_KEYS', 'SLIDERS', 'KEY_VALUES'])
+def test_stretched_time_is_refused(strip, tmp_path, mode):
+    """Whatever is keyed or cached would play at other times than it was taken at."""
+    if mode in {'SLIDERS', 'KEY_VALUES'}:
+        strip.shape_key_add(name="Basis", from_mix=False)
+        key = strip.shape_key_add(name="Lift", from_mix=False)
+        key.data.foreach_set('co', (own(strip) + np.outer(own(strip)[:, 0] ** 2, (0, 0, 1))).astype(np.float32).ravel())
+        key.value = 0.0
+        strip.detail_deform.method = 'EXAMPLES'
+        bpy.ops.object.detail_deform_examples_from_keys()
+        bind(strip)
     bpy.context.scene.render.frame_map_new = 200
-    assert "remaps its time" in refusal(bpy.ops.object.detail_deform_bake, filepath=str(tmp_path / 'strip.pc2'))
+    before = len(strip.data.shape_keys.key_blocks) if strip.data.shape_keys else 0
+    assert "remaps its time" in refusal(bpy.ops.object.detail_deform_bake, mode=mode,
+                                        filepath=str(tmp_path / 'strip.pc2'))
+    assert (len(strip.data.shape_keys.key_blocks) if strip.data.shape_keys else 0) == before
 
 
 def test_a_full_disk_leaves_nothing_behind(strip, tmp_path, part, monkeypatch):

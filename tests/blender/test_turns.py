@@ -212,7 +212,7 @@ def test_another_rotation_mode_turns_nothing(of_rest, now, tilt):
 def test_turns_by_channels_have_no_jumps(part):
     """Any two channels, or all, up to half a turn from a rest of any angles: what counts as turned goes on as they do."""
     rng = np.random.default_rng(7)
-    channel_turns = part('scene.handle_matrices').channel_turns
+    channel_turns = part('scene.euler_angles').channel_turns
     for _ in range(200):
         rest, along = rng.uniform(-np.pi, np.pi, 3), rng.normal(size=3)
         along[rng.integers(3)] *= rng.integers(2)

@@ -28,7 +28,7 @@ def write(context, ob, start, end, path):
         with _Exported(context, ob), point_cache.disk(path, "written"):
             bpy.ops.wm.alembic_export(filepath=unfinished, start=start, end=end, selected=True,
                                       as_background_job=False)
-            _check_complete(unfinished)
+            _check_complete(unfinished, 3 * len(ob.data.vertices))
             os.replace(unfinished, path)
         ob.detail_deform.baked_file = path
     except RuntimeError as error:
@@ -43,11 +43,33 @@ def _bytes_a_frame(ob, context):
     return 12 * (len(mesh.vertices) + len(mesh.loops))
 
 
-def _check_complete(path):
-    """Raises OSError where the exporter got stuck, as on a full disk, of which it says nothing."""
+def _check_complete(path, least):
+    """Raises OSError where the exporter got stuck, as on a full disk, or had nothing to write, of which it says nothing.
+    least: bytes, fewer than one frame takes, whatever renders leave of the mesh."""
     with open(path, 'rb') as file:
         if file.read(len(_COMPLETE)) != _COMPLETE:
             raise OSError(0, "the export has stopped before its end, as it does when the disk is full")
+    if os.path.getsize(path) < least:
+        raise OSError(0, "the export has left the object out, as where it is disabled in renders")
+
+
+def _collections_around(scene, ob):
+    """Those that are disabled in renders, and with them what is in them. Raises MeshProblem where one that can't be
+    enabled hides the object."""
+    found = [collection for collection in scene.collection.children_recursive
+             if collection.hide_render and ob in collection.all_objects[:]]
+    linked = [collection for collection in found if collection.library]
+    if linked and not _is_in(scene.collection, ob, linked):
+        raise MeshProblem(f"'{ob.name}' is in the linked collection '{linked[0].name}', which is disabled in renders, so "
+                          "that an export leaves it out: enable it in its file, or put the object into another "
+                          "collection, too.")
+    return [collection for collection in found if collection not in linked]
+
+
+def _is_in(collection, ob, without):
+    """Whether it is there by other ways than through these collections."""
+    return ob in collection.objects[:] or any(_is_in(child, ob, without) for child in collection.children
+                                              if child not in without)
 
 
 class _Exported:
@@ -55,15 +77,19 @@ class _Exported:
 
     def __init__(self, context, ob):
         self._context, self._ob, self._modifier = context, ob, node_group.find_modifier(ob)
+        self._around = _collections_around(context.scene, ob)
 
     def __enter__(self):
         ob = self._ob
         self._selected = list(self._context.selected_objects)
         self._kept = [(owner, name, getattr(owner, name)) for owner, name in (
             (ob, 'hide_select'), (ob, 'hide_viewport'), (ob, 'hide_render'), (ob.detail_deform, 'live'),
-            (self._modifier, 'show_render'), (self._modifier, 'show_viewport'))]
+            (self._modifier, 'show_render'), (self._modifier, 'show_viewport'),
+            *((collection, 'hide_render') for collection in self._around))]
         self._hidden = ob.hide_get()
         ob.hide_select = ob.hide_viewport = ob.hide_render = False
+        for collection in self._around:
+            collection.hide_render = False
         ob.hide_set(False)
         ob.detail_deform.live = self._modifier.show_render = self._modifier.show_viewport = True
         for other in self._selected:

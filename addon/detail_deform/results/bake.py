@@ -54,7 +54,7 @@ def to_cache(context, ob, start, end, path, whole=None):
     fraction done. whole: as of point_cache.write()."""
     first, last = whole or (start, end)
     frames.check_range(start, end)
-    point_cache.check_time(context)
+    frames.check_time(context.scene)
     if not first <= start <= end <= last:
         raise MeshProblem(f"Frames {start} to {end} are not within the cache's {first} to {last}: choose others.")
     modifier = modifier_of(ob)
@@ -113,6 +113,7 @@ def drop_cache(ob):
 def to_shape_keys(context, ob, start, end):
     """Generator: a shape key a frame, keyed so that they play; yields the fraction done."""
     modifier = modifier_of(ob)
+    frames.check_time(context.scene)
     earlier = next(m for m in ob.modifiers if m == modifier or m.show_viewport or m.show_render)
     if earlier != modifier:
         raise MeshProblem(f"Modifier '{earlier.name}' stands before Detail Deform, and shape keys act before both: "

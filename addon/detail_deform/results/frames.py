@@ -10,6 +10,13 @@ def check_range(start, end):
         raise MeshProblem(f"The last frame, {end}, is before the first, {start}: put them in order.")
 
 
+def check_time(scene):
+    """Raises MeshProblem where what is baked would play at other times than it was taken at."""
+    if scene.render.frame_map_old != scene.render.frame_map_new:
+        raise MeshProblem("The scene remaps its time (Output > Frame Range > Time Stretching), so what is baked would play "
+                          "at other times than it was taken at: set Old and New alike to bake.")
+
+
 def settle(context, ob):
     """Brings an object that is bound to the end of what its handles ask for, slow results included."""
     if ob.detail_deform.signature:

@@ -8,7 +8,7 @@ import numpy as np
 from ..follow import status
 from ..scene import actions, examples, mesh_data, offset_attribute
 from ..scene.mesh_data import MeshProblem
-from . import bake, pose_samples
+from . import bake, frames, pose_samples
 
 _SAMPLES = 1000  # vertices of the mesh by which frames are compared
 _SAID = 0.01  # of the mesh's size
@@ -40,6 +40,7 @@ def to_sliders(context, ob, start, end, tell):
     """Generator: keys the examples' sliders and has these say the weights; yields the fraction done. tell: takes a
     sentence where that isn't what handles make."""
     check(ob)
+    frames.check_time(context.scene)
     found, seen = [], []
     for weights, shape in _over_frames(context, ob, start, end):
         found.append(weights)
@@ -61,6 +62,7 @@ def to_key_values(context, ob, start, end, tell):
     """Generator: keys the values of the examples' shape keys, which then show the mix in place of the deformation, as
     far as a mix of keys can; yields the fraction done. tell: as above."""
     check(ob, of_keys=True)
+    frames.check_time(context.scene)
     keys = [_of_samples(examples.positions_of(ob, e) - mesh_data.rest(ob.data))
             for e in examples.enabled(ob.detail_deform)]
     found, off = [], []

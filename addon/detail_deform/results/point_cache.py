@@ -60,13 +60,6 @@ def disk(path, what):
         raise MeshProblem(str(error)) from error
 
 
-def check_time(context):
-    """Raises MeshProblem where a cache would play at other times than it was baked."""
-    if context.scene.render.frame_map_old != context.scene.render.frame_map_new:
-        raise MeshProblem("The scene remaps its time (Output > Frame Range > Time Stretching), which a cache doesn't "
-                          "follow: set Old and New alike to bake.")
-
-
 def point_count(path):
     """Of the cache there. Raises MeshProblem where it is none."""
     with disk(path, "read"):

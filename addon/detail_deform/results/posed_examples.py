@@ -63,7 +63,7 @@ def make(ob, name, positions):
     of a new one."""
     keys = ob.data.shape_keys
     key = keys and keys.key_blocks.get(name)
-    if not key or not _is_same(mesh_data.key_shape(ob.data, key), positions, _SAME * size(ob)):
+    if not key or not _is_same(mesh_data.key_shape(ob, key), positions, _SAME * size(ob)):
         key = apply_result.add_key(ob, name, positions - mesh_data.rest(ob.data))
     ob.detail_deform.examples.add().name = key.name
     posers.remember(ob)

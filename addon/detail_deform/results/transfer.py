@@ -68,12 +68,12 @@ def begin(context, source, target, wanted):
     if wanted.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
         keys = transferred_keys.chosen(source, wanted.what == 'ACTIVE_KEY', wanted.pattern)
     if wanted.what == 'ANIMATION':
+        frames.check_time(context.scene)
         if wanted.bake_as == 'SHAPE_KEYS':
             keyed_keys.check(target)
         else:
             wanted = dataclasses.replace(wanted, cache_path=wanted.cache_path or usual_path(target))
             point_cache.absolute(wanted.cache_path)
-            point_cache.check_time(context)
     else:
         transferred_keys.check(target)
     if wanted.correspondence == 'AUTOMATIC':

@@ -98,12 +98,14 @@ def _shapes(prepared, source, target, keys, places, rotation_only):
     """Generator of the fraction done; gives {key's name: offsets} and {key's name: why there are none}. places: of
     key_names.places(). Raises MeshProblem where there are none at all."""
     offsets, left_out = {}, {}
+    # Where the target has the group, its key is masked by that.
+    masks = mesh_data.key_masks(source, [key for key in keys if key.vertex_group not in target.vertex_groups])
     for number, key in enumerate(keys, 1):
         try:
             if places[key.name] is None:
                 left_out[key.name] = "another key goes to the one of that name here"
             else:
-                shape = mesh_data.key_shape(source.data, key)
+                shape = mesh_data.key_shape(source, key, masks)
                 offsets[key.name] = _offset(prepared, target, shape, rotation_only)
         except native.NativeError as error:
             left_out[key.name] = str(error).rstrip('.')

@@ -31,7 +31,10 @@ def _chosen(mesh):
 def motion_since(mesh, kept):
     """(4, 4): the affine motion that has taken the vertices from where these points were kept; None where there is
     none, as after an edit, or none is known."""
-    before = np.frombuffer(base64.b64decode(kept), np.float32).reshape(-1, 3).astype(np.float64)
+    try:
+        before = np.frombuffer(base64.b64decode(kept), np.float32).reshape(-1, 3).astype(np.float64)
+    except ValueError:  # in a file that something else has written to
+        return None
     after = _chosen(mesh).astype(np.float64)
     if len(before) != len(after) or not (np.isfinite(before).all() and np.isfinite(after).all()):
         return None

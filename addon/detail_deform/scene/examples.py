@@ -18,10 +18,12 @@ def title(example):
 def positions(ob):
     """(count, n, 3) float32 of the enabled examples, or None where there are none. Raises MeshProblem."""
     chosen = enabled(ob.detail_deform)
-    return np.stack([positions_of(ob, example) for example in chosen]) if chosen else None
+    masks = mesh_data.key_masks(ob, _keys(ob))
+    return np.stack([positions_of(ob, example, masks) for example in chosen]) if chosen else None
 
 
-def positions_of(ob, example):
+def positions_of(ob, example, masks=None):
+    """(n, 3) float32. masks: as of mesh_data.key_shape."""
     if example.object is not None:
         return _positions_of_object(ob, example.object)
     if example.is_object:
@@ -32,7 +34,7 @@ def positions_of(ob, example):
     if not key:
         raise MeshProblem(f"Example '{example.name}': '{ob.name}' has no shape key of that name. Choose another one "
                           "in Shape Key, or take the example off the list (Examples).")
-    return mesh_data.key_shape(ob.data, key)
+    return mesh_data.key_shape(ob, key, masks)
 
 
 def _positions_of_object(ob, other):

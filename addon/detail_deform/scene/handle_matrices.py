@@ -2,9 +2,8 @@
 """From empties to the 3×4 matrices that the library takes."""
 
 import numpy as np
-from mathutils import Euler, Quaternion
 
-from . import mesh_data, skin
+from . import euler_angles, mesh_data, skin
 from .mesh_data import MeshProblem
 
 
@@ -242,8 +241,8 @@ def home(handle):
 def home_euler(handle, order):
     """The empty's own rotation at home, as Euler angles of this order."""
     if any(handle.home_matrix):
-        return _in_order(handle.home_euler, handle.home_order, order)
-    return _in_order(handle.rest_euler, handle.rest_order, order)
+        return euler_angles.in_order(handle.home_euler, handle.home_order, order)
+    return euler_angles.in_order(handle.rest_euler, handle.rest_order, order)
 
 
 def kept_home(handle):
@@ -259,7 +258,7 @@ def set_home(handle, matrix):
     """Of a handle that is made where the mesh is deformed."""
     handle.home_matrix = np.asarray(matrix, np.float32).ravel().tolist()
     if handle.target:
-        handle.home_euler, handle.home_order = _euler(handle.target)
+        handle.home_euler, handle.home_order = euler_angles.told(handle.target)
 
 
 def check_rest(settings, places):
@@ -300,7 +299,7 @@ def start_here(settings, places):
 def _set_rest(handle, place):
     handle.rest_matrix = np.asarray(place).ravel().tolist()
     if handle.target:
-        handle.rest_euler, handle.rest_order = _euler(handle.target)
+        handle.rest_euler, handle.rest_order = euler_angles.told(handle.target)
 
 
 def go_home(settings):
@@ -311,56 +310,6 @@ def go_home(settings):
         elif any(handle.home_matrix):
             handle.rest_matrix, handle.rest_euler, handle.rest_order = kept_home(handle)
             handle.property_unset('home_matrix')
-
-
-# Whole turns
-
-def _euler(target):
-    """(Euler angles, their order) of the empty's own rotation."""
-    if target.rotation_mode == 'QUATERNION':
-        return target.rotation_quaternion.to_euler()[:], 'XYZ'
-    if target.rotation_mode == 'AXIS_ANGLE':
-        angle, *axis = target.rotation_axis_angle
-        return Quaternion(axis, angle).to_euler()[:], 'XYZ'
-    return target.rotation_euler[:], target.rotation_mode
-
-
-def _in_order(euler, own, order):
-    """The same rotation by Euler angles of another order. own: '' where it was not kept, as in old files."""
-    if own in {'', order}:
-        return tuple(euler)
-    return Euler(euler, own).to_matrix().to_euler(order)[:]
-
-
-def _principal(angles):
-    """The same angles in [-π, π]."""
-    return angles - 2 * np.pi * np.round(angles / (2 * np.pi))
-
-
-def channel_turns(euler, rest, order, animated=True):
-    """(3,) float64: how far each channel of an Euler rotation of this order has turned since rest, whole turns among it.
-
-    Two triples of angles give the same rotation: (x, y, z), and (x + π, π - y, z + π) where Y is the middle channel.
-    What sets an empty by a matrix, as Blender's Keep Transform does, may change from one to the other. So the other
-    triple for rest counts where the present angles, whole turns aside, are at most half as far from it. (Where it counts
-    as soon as it is nearer, empties that turn on by two channels at once jump on their way.)
-
-    animated: False where the angles were set once, so that the other triple as it stands in the formula, where a matrix
-    gives one in [-π, π], has not turned either.
-    """
-    euler, rest = np.asarray(euler, np.float64), np.asarray(rest, np.float64)
-    middle = 'XYZ'.index(order[1])
-    other = rest + np.pi
-    other[middle] = np.pi - rest[middle]
-    if np.linalg.norm(_principal(euler - rest)) <= 2 * np.linalg.norm(_principal(euler - other)):
-        return euler - rest
-    if not animated and np.abs(euler - other).max() < 1e-4:
-        return np.zeros(3)
-    # Angles that a matrix gave are in [-π, π] and know no whole turns; what lies beyond was turned on to, from there.
-    other = _principal(other)
-    at_the_end = np.abs(other) > np.pi - 1e-4  # π and -π are the same angle: the sign of the present one
-    change = euler - np.where(at_the_end, np.copysign(np.pi, euler), other)
-    return np.where(np.abs(euler) <= np.pi + 1e-4, _principal(change), change)
 
 
 def turns(settings, places, depsgraph):
@@ -381,31 +330,16 @@ def turns(settings, places, depsgraph):
         euler = target.rotation_euler[:]
         if euler == rests[number] and handle.rest_order in {'', order}:
             continue
-        change = channel_turns(euler, _in_order(rests[number], handle.rest_order, order), order,
-                               animated=target.animation_data is not None)
+        change = euler_angles.channel_turns(
+            euler, euler_angles.in_order(rests[number], handle.rest_order, order), order,
+            animated=target.animation_data is not None)
         basis = np.array(target.matrix_basis, np.float64)[:3, :3]
         if _flat(basis):
             continue  # without size there is nothing to turn
         # From the empty's parent space to the object's. Of axes of rotation, which a mirror turns round.
         space = places[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis)
-        axes = np.sign(np.linalg.det(space)) * space @ _channel_axes(euler, order)
+        axes = np.sign(np.linalg.det(space)) * space @ euler_angles.channel_axes(euler, order)
         result[number] = (change * axes / np.linalg.norm(axes, axis=0)).sum(axis=1)
     for number, source in mirrored(handles):
         result[number] = -_reflection_of(handles[number])[:3, :3] @ result[source]  # as axes of rotation do
     return result
-
-
-def _channel_axes(euler, order):
-    """(3, 3): in the columns the axes about which the channels X, Y and Z of such a rotation turn, as the later ones
-    have turned them."""
-    axes, later = np.empty((3, 3)), np.eye(3)
-    for letter in reversed(order):
-        channel = 'XYZ'.index(letter)
-        axes[:, channel] = later[:, channel]
-        turn = np.eye(3)
-        one, other = (channel + 1) % 3, (channel + 2) % 3
-        cosine, sine = np.cos(euler[channel]), np.sin(euler[channel])
-        turn[one, one] = turn[other, other] = cosine
-        turn[other, one], turn[one, other] = sine, -sine
-        later = later @ turn
-    return axes

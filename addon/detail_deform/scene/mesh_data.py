@@ -94,9 +94,25 @@ def relative_keys(ob):
     return blocks
 
 
-def key_shape(mesh, key):
-    """(n, 3) float32: the rest as this key alone deforms it, whatever it is relative to."""
-    return rest(mesh) + key_positions(key) - key_positions(key.relative_key)
+def key_masks(ob, keys):
+    """{name: (n,) float32 weights} of the vertex groups that mask some of these keys."""
+    names = list({key.vertex_group for key in keys if key.vertex_group in ob.vertex_groups})
+    return dict(zip(names, group_weights(ob, names))) if names else {}
+
+
+def key_change(key, masks):
+    """(n, 3) float32: by how much the key moves each vertex at the value 1. masks: as of key_masks, or none of them for
+    a key without its mask."""
+    change = key_positions(key) - key_positions(key.relative_key)
+    if key.vertex_group in masks:
+        change *= masks[key.vertex_group][:, None]
+    return change
+
+
+def key_shape(ob, key, masks=None):
+    """(n, 3) float32: the rest as this key alone deforms it, whatever it is relative to. masks: as of key_change, read
+    where they aren't given."""
+    return rest(ob.data) + key_change(key, key_masks(ob, [key]) if masks is None else masks)
 
 
 def is_nothing(mesh, vectors):
@@ -112,16 +128,16 @@ def key_mix(ob, without=()):
     if not keys or not keys.use_relative:
         return np.zeros((len(ob.data.vertices), 3), np.float32)
     if ob.show_only_shape_key and ob.active_shape_key and ob.active_shape_key.name not in without:
-        mix = key_positions(ob.active_shape_key)
+        pinned = ob.active_shape_key  # as it is, whatever it is relative to
+        mix = rest(ob.data)
+        mix += (key_positions(pinned) - mix) * key_masks(ob, [pinned]).get(pinned.vertex_group, np.ones(1))[:, None]
     else:
         mix = rest(ob.data)
-        for key in keys.key_blocks:
-            if key == keys.reference_key or key.mute or not key.value or key.name in without:
-                continue
-            change = key.value * (key_positions(key) - key_positions(key.relative_key))
-            if key.vertex_group in ob.vertex_groups:
-                change *= group_weights(ob, [key.vertex_group])[0][:, None]
-            mix += change
+        shown = [key for key in keys.key_blocks
+                 if key != keys.reference_key and not key.mute and key.value and key.name not in without]
+        masks = key_masks(ob, shown)
+        for key in shown:
+            mix += key.value * key_change(key, masks)
     return mix - positions(ob.data)
 
 

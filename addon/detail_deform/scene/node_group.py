@@ -166,6 +166,17 @@ def _inputs(modifier):
     return getattr(getattr(modifier, 'properties', None), 'inputs', None)
 
 
+def texts(modifier):
+    """The texts among the inputs of a modifier of any nodes: names of attributes and groups."""
+    inputs = _inputs(modifier)
+    if inputs is None:
+        found = [modifier[key] for key in modifier.keys()]
+    else:
+        parts = [getattr(inputs, prop.identifier) for prop in inputs.bl_rna.properties if prop.type == 'POINTER']
+        found = [getattr(part, name, None) for part in parts for name in ('value', 'attribute_name')]
+    return {text for text in found if isinstance(text, str)}
+
+
 def _get(modifier, name):
     usual, found = {'Factor': 1.0, 'Influence': "", 'Invert': False}[name], None
     socket, inputs = _socket(modifier.node_group, name), _inputs(modifier)

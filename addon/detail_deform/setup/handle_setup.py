@@ -8,7 +8,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector, kdtree
 
 from ..follow import binding, life
-from ..scene import handle_matrices, mesh_data, selection, skin, start
+from ..scene import handle_matrices, mesh_data, selection, skin, start, users
 from ..scene.mesh_data import MeshProblem
 
 _GROUP_NAME = "Handle"
@@ -226,15 +226,14 @@ def _append(ob, group_name, empty):
 
 
 def remove_handle(ob, index):
-    """Removes a handle with the group and the empty that were made for it."""
+    """Removes a handle with the group and the empty that were made for it, unless something else uses them now."""
     settings = ob.detail_deform
     handle = settings.handles[index]
     group, target = ob.vertex_groups.get(handle.own_group), handle.own_target
-    if group and not _shares_group(ob, handle, group.name):
+    if group and not _shares_group(ob, handle, group.name) and not users.need_group(ob, group.name):
         ob.vertex_groups.remove(group)
     settings.handles.remove(index)
-    if target and not any(h.target == target for other in bpy.data.objects if other.type == 'MESH'
-                          for h in other.detail_deform.handles):
+    if target and not any(h.target == target for h in settings.handles) and not users.need_empty(ob, target):
         for child in target.children:
             place = child.matrix_world.copy()
             child.parent = None

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..library import native
-from ..scene import handle_matrices, mesh_data, selection
+from ..scene import handle_matrices, mesh_data, selection, users
 from ..scene.mesh_data import MeshProblem
 from ..scene.start import visible
 
@@ -57,9 +57,9 @@ def restore(ob, present):
 
 
 def remove_own(ob):
-    """Takes away the group that was made for the region."""
+    """Takes away the group that was made for the region, unless something else uses it now."""
     group = ob.vertex_groups.get(ob.detail_deform.own_region)
-    if group:
+    if group and not users.need_group(ob, group.name):
         ob.vertex_groups.remove(group)
 
 
