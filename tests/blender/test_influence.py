@@ -48,10 +48,56 @@ def test_it_is_there_before_the_modifier_is(part):
     assert (moved > 0.39).sum() == 75 and (moved == 0).sum() == len(moved) - 75
 
 
-def test_a_group_that_is_gone_shows_nothing(lifted):
+@pytest.mark.parametrize('renamed', [False, True])
+def test_a_group_that_is_gone_shows_nothing_and_that_is_said(lifted, renamed):
     lifted.detail_deform.influence = 'soft'
-    lifted.vertex_groups.remove(lifted.vertex_groups['soft'])
+    assert "Influence refers" not in lifted.detail_deform.status
+    if renamed:
+        lifted.vertex_groups['soft'].name = 'Soft'
+    else:
+        lifted.vertex_groups.remove(lifted.vertex_groups['soft'])
     assert np.abs(shown(lifted)).max() == 0
+    assert "'soft', which 'Strip' does not have, so that nothing" in lifted.detail_deform.status
+    lifted.detail_deform.invert_influence = True
+    assert np.abs(shown(lifted)).max() > 0.3 and "so that all of" in lifted.detail_deform.status
+
+
+def test_a_follower_whose_group_is_gone_says_so():
+    source, target = make_strip(name="Source"), make_strip(name="Target")
+    target.detail_deform.handles.clear()
+    target.detail_deform.transfer.source = source
+    target.detail_deform.influence = 'right'
+    activate(target)
+    assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
+    assert "Influence" not in target.detail_deform.transfer.state
+    target.vertex_groups.remove(target.vertex_groups['right'])
+    assert "Influence refers to the vertex group 'right'" in target.detail_deform.transfer.state
+
+
+@pytest.mark.parametrize('bound', [False, True])
+def test_what_join_leaves_is_not_shown(bound):
+    """The offsets of an object that was joined into another come with its mesh. bound: those that a binding before had
+    made of it, too."""
+    joined, ob = bind(make_strip(name="Joined")), make_strip()
+    joined.detail_deform.handles[0].target.location.z += 0.4
+    update()
+    if bound:
+        group(joined, 'middle', np.flatnonzero(np.abs(own(joined)[:, 0] - 0.5) < 0.03))
+        empty = bpy.data.objects.new("Middle", None)
+        bpy.context.scene.collection.objects.link(empty)
+        handle = joined.detail_deform.handles.add()
+        handle.name = handle.vertex_group = 'middle'
+        handle.target = empty
+        update()
+        bind(joined, keep_rest=True)
+    activate(ob)
+    joined.select_set(True)
+    assert bpy.ops.object.join() == {'FINISHED'}
+    assert ob.data.attributes.get('detail_deform_offset')
+    bind(ob, keep_rest=True)
+    assert np.abs(shown(ob)).max() < 1e-6
+    ob.detail_deform.handles[0].target.location.z += 0.2
+    assert np.abs(shown(ob)).max() == pytest.approx(0.2, abs=1e-3)
 
 
 @pytest.mark.parametrize('mode', ['MESH', 'SHAPE_KEY'])

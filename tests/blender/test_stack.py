@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix, Vector
 
-from conftest import activate, bind, evaluated, make_strip, own, pull, refusal, select, symmetric, update
+from conftest import activate, bind, evaluated, group, make_strip, own, pull, refusal, select, symmetric, update
 
 
 def names(ob):
@@ -30,6 +30,80 @@ def test_but_behind_what_comes_from_a_file():
     ob.modifiers.new("Smooth", 'SUBSURF')
     bind(ob)
     assert names(ob) == ["Cache", "Detail Deform", "Smooth"]
+
+
+def positions_from(ob, name):
+    """Nodes that put each vertex where an attribute of this name says: as they are bound, or where they are already."""
+    ob.data.attributes.new('bound', 'FLOAT_VECTOR', 'POINT').data.foreach_set('vector', own(ob).astype(np.float32).ravel())
+    tree = bpy.data.node_groups.new("Theirs", 'GeometryNodeTree')
+    if hasattr(tree, 'interface'):
+        tree.interface.new_socket("Geometry", in_out='INPUT', socket_type='NodeSocketGeometry')
+        tree.interface.new_socket("Geometry", in_out='OUTPUT', socket_type='NodeSocketGeometry')
+    else:
+        tree.inputs.new('NodeSocketGeometry', "Geometry")
+        tree.outputs.new('NodeSocketGeometry', "Geometry")
+    begin, end = tree.nodes.new('NodeGroupInput'), tree.nodes.new('NodeGroupOutput')
+    moving, reading = tree.nodes.new('GeometryNodeSetPosition'), tree.nodes.new('GeometryNodeInputNamedAttribute')
+    reading.data_type = 'FLOAT_VECTOR'
+    reading.inputs['Name'].default_value = name
+    given = next(socket for socket in reading.outputs if socket.enabled and socket.type == 'VECTOR')
+    tree.links.new(begin.outputs[0], moving.inputs['Geometry'])
+    tree.links.new(given, moving.inputs['Position'])
+    tree.links.new(moving.outputs[0], end.inputs[0])
+    ob.modifiers.new("Theirs", 'NODES').node_group = tree
+
+
+def bound_to_a_cage(ob):
+    cage = make_strip(name="Cage")
+    cage.location.z = -0.1
+    update()
+    activate(ob)
+    ob.modifiers.new("Theirs", 'SURFACE_DEFORM').target = cage
+    assert bpy.ops.object.surfacedeform_bind(modifier="Theirs") == {'FINISHED'}
+
+
+def laplacian(ob):
+    activate(ob)
+    modifier = ob.modifiers.new("Theirs", 'LAPLACIANDEFORM')
+    group(ob, 'anchors', np.flatnonzero(own(ob)[:, 0] < 0.05))
+    modifier.vertex_group = 'anchors'
+    assert bpy.ops.object.laplaciandeform_bind(modifier="Theirs") == {'FINISHED'}
+
+
+@pytest.mark.parametrize('make', [bound_to_a_cage, laplacian, lambda ob: positions_from(ob, 'bound')])
+@pytest.mark.parametrize('earlier', [False, True])
+def test_behind_what_overwrites_positions(make, earlier):
+    """What is pulled is seen, and that is its place: nothing asks to move it elsewhere."""
+    ob = make_strip()
+    if earlier:
+        ob.modifiers.new("Bend", 'SIMPLE_DEFORM').angle = 0
+    make(ob)
+    ob.modifiers.new("Smooth", 'SUBSURF').levels = 0
+    bind(ob)
+    assert names(ob) == ["Bend"] * earlier + ["Theirs", "Detail Deform", "Smooth"]
+    before = evaluated(ob)
+    ob.detail_deform.handles[0].target.location.z += 0.3
+    update()
+    assert np.abs(evaluated(ob) - before).max() > 0.29
+    assert "modifier stack" not in ob.detail_deform.status
+    activate(ob)
+    assert not bpy.ops.object.detail_deform_place.poll()
+    # Moved in front of it by hand, that is said, and the button brings it back.
+    bpy.ops.object.modifier_move_to_index(modifier="Detail Deform", index=0)
+    update()
+    assert np.abs(evaluated(ob) - before).max() < 1e-3
+    assert "'Theirs' comes behind Detail Deform" in ob.detail_deform.status
+    assert bpy.ops.object.detail_deform_place() == {'FINISHED'}
+    update()
+    assert names(ob) == ["Bend"] * earlier + ["Theirs", "Detail Deform", "Smooth"]
+    assert np.abs(evaluated(ob) - before).max() > 0.29
+
+
+def test_nodes_that_go_by_the_positions_that_they_get_come_behind():
+    ob = make_strip()
+    positions_from(ob, 'position')
+    bind(ob)
+    assert names(ob) == ["Detail Deform", "Theirs"] and "modifier stack" not in ob.detail_deform.status
 
 
 def test_multires_stays_before_and_that_is_said():

@@ -581,3 +581,21 @@ def test_the_original_formulation_with_fourth_points(pair):
         found.append(coordinates(other.data.shape_keys.key_blocks["Bend"]))
     for original in found[1:]:
         assert 1e-5 < np.abs(original - found[0]).max() < 0.05
+
+
+def test_what_is_kept_of_many_keys_is_read_and_written_once(pair, part, monkeypatch):
+    """Whatever goes through all keys for each of them takes minutes for the thousands that some files have."""
+    source, target = pair
+    for number in range(40):
+        add_key(source, f"Key {number}", own(source) + 0.01 * number)
+    transferred, calls = part('scene.transferred'), []
+    for owner, name in ((transferred, 'made_keys'), (transferred.json, 'dumps')):
+        was = getattr(owner, name)
+        monkeypatch.setattr(owner, name, lambda *args, was=was, name=name, **kw: calls.append(name) or was(*args, **kw))
+    for _ in range(2):  # a second time each gets its shape anew
+        calls.clear()
+        activate(target)
+        assert transfer(source="Source", what='ALL_KEYS') == {'FINISHED'}
+        assert calls.count('dumps') == 1 and calls.count('made_keys') < 5
+        assert len(target.data.shape_keys.key_blocks) == len(source.data.shape_keys.key_blocks)
+    assert set(transferred.made_keys(target)) == {key.name for key in source.data.shape_keys.key_blocks[1:]}

@@ -27,6 +27,7 @@ def bind(ob, depsgraph, wait, keep_rest):
         raise MeshProblem(f"'{ob.name}' follows '{settings.transfer.source.name if settings.transfer.source else ''}': "
                           "press Follow to stop that (Detail Deform: Transfer) before you bind it to handles.")
     offset_attribute.check_name(ob)
+    start.forget_strange(ob)
     if keep_rest:
         bound.carry_along(ob, depsgraph)
     roles = content.roles(ob, group_columns.entries)

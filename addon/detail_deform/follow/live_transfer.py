@@ -4,8 +4,9 @@
 import bpy
 
 from ..library.options import NEAREST
-from ..scene import below, correspondence, node_group, offset_attribute, source_pose, stack, transferred
+from ..scene import below, correspondence, node_group, offset_attribute, reach, source_pose, stack, transferred
 from ..scene.mesh_data import MeshProblem
+from ..scene.start import forget_strange
 from . import binding, fed, life, registry
 
 
@@ -42,6 +43,7 @@ def start(context, ob, source, matched=None):
         correspondence.store(matched, source, ob)
         if matched.pairs_of != NEAREST:  # which is found again the next time
             settings.correspondence = 'STORED'
+    forget_strange(ob)
     modifier = stack.ensure_modifier(ob)
     if settings.source != source:
         settings.source = source
@@ -83,7 +85,7 @@ def state(ob):
     if settings.problem or settings.source is None:
         return settings.problem or fed.GONE
     left_out = below.left_out(settings.source, bpy.context.evaluated_depsgraph_get())
-    return f"Follows '{settings.source.name}'. {left_out}".rstrip()
+    return ' '.join(filter(None, (f"Follows '{settings.source.name}'.", left_out, reach.influence_gone(ob))))
 
 
 def is_preparing(ob):

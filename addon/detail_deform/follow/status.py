@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
 
-from ..scene import examples, handle_matrices, node_group, offset_attribute, posers, stack
+from ..scene import examples, handle_matrices, node_group, offset_attribute, posers, reach, stack
 from . import bound, hints, look, shown, slow_results, words
 
 
@@ -116,9 +116,7 @@ def _remarks(ob, info):
         yield ("The values of its examples' keys are played in its place: to follow the handles again, delete their "
                "keyframes, set them to 0, and show the modifier in the viewport." if plays_keys else
                "Its modifier is hidden, so nothing is computed: show it in the viewport.")
-    place = stack.why_not_here(ob)
-    if place:
-        yield place
+    yield from filter(None, (reach.influence_gone(ob), stack.why_not_here(ob)))
     if info.resting_count:
         yield (f"{_count(info.resting_component_count, 'loose part', 'loose parts')} of the region "
                f"({_count(info.resting_count, 'vertex', 'vertices')}, such as vertex "

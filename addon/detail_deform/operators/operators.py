@@ -33,11 +33,11 @@ class OBJECT_OT_detail_deform_place(HandOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_place'
     bl_label = "Move to Its Place"
     bl_description = ("Move Detail Deform in the modifier stack to where it gives the right result: before all that "
-                      "moves the mesh or makes vertices of it")
+                      "moves the mesh or makes vertices of it, and behind what overwrites positions")
 
     @classmethod
     def poll_object(cls, ob):
-        if not stack.before(ob):
+        if not stack.is_wrong(ob):
             cls.poll_message_set("No modifier before Detail Deform should stand behind it")
             return False
         return True

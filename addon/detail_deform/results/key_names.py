@@ -55,15 +55,17 @@ def form(name):
 def places(names, of_target, mapping, alike):
     """{source's name: target's name} of shape keys; None where the place is another key's. of_target: names there.
     mapping: as of read(). alike: whether names of the same form are the same."""
+    of_target, of_source = dict.fromkeys(of_target), set(names)
     found = {name: mapping[name] for name in names if name in mapping}
-    same_form = {}
+    taken, same_form = set(found.values()), {}
     for name in of_target if alike else ():
-        if name not in names and name not in found.values() and form(name):
+        if name not in of_source and name not in taken and form(name):
             same_form.setdefault(form(name), []).append(name)
     for name in names:
         if name in found:
             continue
         candidates = [] if name in of_target else same_form.get(form(name), [])
         place = candidates.pop() if len(candidates) == 1 else name
-        found[name] = None if place in found.values() else place
+        found[name] = None if place in taken else place
+        taken.add(place)
     return found

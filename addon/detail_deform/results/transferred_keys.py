@@ -50,15 +50,17 @@ def from_pose(context, prepared, source, target, wanted):
     yield 1.0
     name = _POSE_NAME.format(source.name)
     origin = _origin(source, None, name)
-    key, _ = transferred.put_key(target, origin, offsets, wanted.replace)
-    transferred.note(target, key, **origin)
+    of_target = transferred.Keys(target)
+    key, _ = of_target.put(origin, offsets, wanted.replace)
+    of_target.note(key, **origin)
+    of_target.finish()
     key.value = 1
     target.data.update_tag()
     return Outcome([key.name], remarks=_beside(target, {name: key.name}))
 
 
 def _origin(source, key, name):
-    """As of transferred.put_key(). key: None for a pose."""
+    """As of transferred.Keys.put(). key: None for a pose."""
     return {'source': source.name, 'key': key and key.name, 'name': name}
 
 
@@ -71,24 +73,29 @@ def from_keys(prepared, source, target, keys, wanted):
     places = key_names.places([key.name for key in keys], there, wanted.names, wanted.alike_names)
     offsets, left_out = yield from _shapes(prepared, source, target, keys, places, wanted.rotation_only)
     made, others, kept = {}, [], {'range': [], 'vertex group': []}
-    for key in keys:
-        if key.name not in offsets:
-            continue
-        name = places[key.name]
-        origin = _origin(source, key, name)
-        copy, given = transferred.put_key(target, origin, offsets[key.name], wanted.replace, made.values())
-        if given and (given.get('source'), given.get('key')) != (source.name, key.name):
-            others.append(copy.name)
-        _settle(origin, target, key, copy, given, kept)
-        if wanted.drivers:
-            _copy_drivers(source.data.shape_keys, key.name, target.data.shape_keys, copy.name, keep=given is not None)
-        made[name] = copy.name
+    of_target = transferred.Keys(target)
+    try:
+        for key in keys:
+            if key.name not in offsets:
+                continue
+            name = places[key.name]
+            origin = _origin(source, key, name)
+            copy, given = of_target.put(origin, offsets[key.name], wanted.replace)
+            if given and (given.get('source'), given.get('key')) != (source.name, key.name):
+                others.append(copy.name)
+            of_target.note(copy, **origin, **_settle(target, key, copy, given, kept))
+            if wanted.drivers:
+                _copy_drivers(source.data.shape_keys, key.name, target.data.shape_keys, copy.name,
+                              keep=given is not None)
+            made[name] = copy.name
+    finally:
+        of_target.finish()
     target.data.update_tag()
     remarks = _beside(target, made)
     if others:
         remarks.append(f"Got another shape than before, of another key or source: {listed(others)}.")
     remarks += [f"Kept as it was changed here: {what} of {listed(names)}." for what, names in kept.items() if names]
-    remarks += _elsewhere(source, target, list(offsets), made.values())
+    remarks += _elsewhere(source, target, offsets.keys(), set(made.values()))
     if wanted.what == 'ALL_KEYS':
         remarks += _gone(source, target)
     return Outcome(list(made.values()), left_out=left_out, remarks=remarks)
@@ -115,9 +122,9 @@ def _shapes(prepared, source, target, keys, places, rotation_only):
     return offsets, left_out
 
 
-def _settle(origin, target, key, copy, given, kept):
-    """Range, vertex group, and of a new key the value. given: what it was given before, None for a new key. What is
-    otherwise now, the user has changed, which is noted in kept."""
+def _settle(target, key, copy, given, kept):
+    """Range, vertex group, and of a new key the value; returns the first two. given: what it was given before, None for
+    a new key. What is otherwise now, the user has changed, which is noted in kept."""
     theirs = {'range': [key.slider_min, key.slider_max],
               'vertex group': key.vertex_group if key.vertex_group in target.vertex_groups else ""}
     ours = {'range': [copy.slider_min, copy.slider_max], 'vertex group': copy.vertex_group}
@@ -128,7 +135,7 @@ def _settle(origin, target, key, copy, given, kept):
             kept[what].append(copy.name)
     if given is None:
         copy.value, copy.mute = key.value, key.mute
-    transferred.note(target, copy, **origin, **theirs)
+    return theirs
 
 
 def _set_range(key, ends):
@@ -146,8 +153,8 @@ _FOLLOW = {'range': _set_range, 'vertex group': _set_group}
 
 def _beside(target, made):
     """made: {name that was asked for: name that the key has}"""
-    others = [f"'{made[name]}' beside '{name}'" for name in made
-              if made[name] != name and name in target.data.shape_keys.key_blocks and name not in made.values()]
+    there = set(target.data.shape_keys.key_blocks.keys()) - set(made.values())
+    others = [f"'{made[name]}' beside '{name}'" for name in made if made[name] != name and name in there]
     return [f"Made beside keys of its own, which Replace would take: {', '.join(others)}."] if others else []
 
 
@@ -165,7 +172,7 @@ def _elsewhere(source, target, keys, made):
 
 
 def _gone(source, target):
-    there = source.data.shape_keys.key_blocks.keys()
+    there = set(source.data.shape_keys.key_blocks.keys())
     gone = [name for name, key in _of_source(source, target).items() if key not in there]
     return [f"Left as they are, for '{source.name}' has them no more: {listed(gone)}."] if gone else []
 

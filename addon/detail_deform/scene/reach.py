@@ -26,6 +26,15 @@ def why_not(ob, depsgraph):
             "Detail Deform in front of it.")
 
 
+def influence_gone(ob):
+    """A sentence where the influence refers to no group of the object, or ''."""
+    name, invert = ob.detail_deform.influence, ob.detail_deform.invert_influence
+    if not name or name in ob.vertex_groups or name in ob.data.attributes:
+        return ""
+    return (f"Influence refers to the vertex group '{name}', which '{ob.name}' does not have, so that "
+            f"{'all' if invert else 'nothing'} of the deformation is shown: choose another group, or none.")
+
+
 def _may_replace(modifier, depsgraph):
     return modifier.type in _MAY_REPLACE and (
         modifier.show_render if depsgraph.mode == 'RENDER' else modifier.show_viewport)

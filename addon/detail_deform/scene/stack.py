@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where in the modifier stack the deformation belongs. It is made for the mesh's own vertices, as a shape key is: so
-before all that moves them or makes others, and behind what brings them from a file. There are modifiers that Blender
-lets no nodes stand before, which is said."""
+before all that moves them or makes others, and behind what overwrites their positions: what brings them from a file, and
+clothes that were bound to a body. There are modifiers that Blender lets no nodes stand before, which is said."""
 
 import bpy
 
@@ -17,6 +17,57 @@ _DEFORMERS = {'ARMATURE', 'CAST', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE', 'HOO
 _WRONG = {'MIRROR': "its mirrored half moves the wrong way",
           'SUBSURF': "what is pulled isn't smoothed by it",
           **dict.fromkeys(_DEFORMERS, "the shape breaks where it bends or turns the mesh")}
+
+
+def overwrites(modifier):
+    """Whether its result is the same wherever the vertices that it gets are."""
+    if modifier.type == 'SURFACE_DEFORM':
+        return modifier.is_bound and modifier.strength == 1
+    if modifier.type == 'LAPLACIANDEFORM':
+        return modifier.is_bind
+    if modifier.type == 'MESH_CACHE':
+        return bool(modifier.filepath) and modifier.deform_mode == 'OVERWRITE' and modifier.factor == 1
+    if modifier.type == 'MESH_SEQUENCE_CACHE':
+        return modifier.cache_file is not None
+    return modifier.type == 'NODES' and modifier.node_group is not None and _sets_positions(modifier.node_group, set())
+
+
+# Nodes that hand on the vertices of their first input.
+_HAND_ON = {'GeometryNodeSetPosition', 'GeometryNodeStoreNamedAttribute', 'GeometryNodeCaptureAttribute',
+            'GeometryNodeRemoveAttribute', 'GeometryNodeSetShadeSmooth', 'GeometryNodeSetMaterial', 'NodeReroute'}
+
+
+def _sets_positions(tree, seen):
+    """Whether its nodes set all positions of the geometry that they get to some that come from no positions. Found by
+    going back from Set Position; where nodes are grouped, nothing is known."""
+    seen.add(tree.name)
+    sources = {link.to_socket.as_pointer(): link.from_node for link in tree.links}
+    for node in tree.nodes:
+        inner = getattr(node, 'node_tree', None)
+        if inner is not None and inner.name not in seen and _sets_positions(inner, seen):
+            return True
+        if (node.bl_idname == 'GeometryNodeSetPosition' and not node.mute and not node.inputs['Selection'].is_linked
+                and node.inputs['Position'].is_linked and _is_of_input(node, sources)
+                and not _comes_of_positions(sources[node.inputs['Position'].as_pointer()], sources, set())):
+            return True
+    return False
+
+
+def _is_of_input(node, sources):
+    while node is not None and node.bl_idname in _HAND_ON:
+        node = sources.get(node.inputs[0].as_pointer())
+    return node is not None and node.bl_idname == 'NodeGroupInput'
+
+
+def _comes_of_positions(node, sources, seen):
+    """Whether this node, or one that it reads from, gives the vertices' own positions, or may."""
+    if node.bl_idname == 'GeometryNodeInputPosition' or getattr(node, 'node_tree', None) is not None:
+        return True
+    if node.bl_idname == 'GeometryNodeInputNamedAttribute' and node.inputs['Name'].default_value == 'position':
+        return True
+    seen.add(node.name)
+    before = (sources.get(socket.as_pointer()) for socket in node.inputs)
+    return any(node is not None and node.name not in seen and _comes_of_positions(node, sources, seen) for node in before)
 
 
 def move_to(ob, modifier, index):
@@ -35,7 +86,7 @@ def place(ob):
     """Moves the deformation's modifier to where it belongs, with the cache that plays in its stead."""
     modifier, cache = node_group.find_modifier(ob), node_group.find_cache(ob)
     others = [other for other in ob.modifiers if other not in (modifier, cache)]
-    last = max((k for k, other in enumerate(others) if other.type in _FIXED), default=-1)
+    last = max((k for k, other in enumerate(others) if other.type in _FIXED or overwrites(other)), default=-1)
     first_user = next((k for k, other in enumerate(others) if other.type not in _BRINGERS), len(others))
     move_to(ob, modifier, max(last + 1, first_user))
     if cache:
@@ -50,11 +101,31 @@ def _shown_before(ob, types):
 
 def before(ob):
     """The modifiers that should stand behind the deformation's and don't."""
-    return [] if _shown_before(ob, _FIXED) else _shown_before(ob, _WRONG)
+    if _shown_before(ob, _FIXED):
+        return []
+    found = _shown_before(ob, _WRONG)
+    modifiers = list(ob.modifiers)
+    last = max((k for k, other in enumerate(modifiers) if other.show_viewport and overwrites(other)), default=-1)
+    return [other for other in found if modifiers.index(other) > last]
+
+
+def hiding(ob):
+    """Those behind it that overwrite what it does."""
+    cache = node_group.find_cache(ob)
+    return [other for other in node_group.behind(ob) if other != cache and other.show_viewport and overwrites(other)]
+
+
+def is_wrong(ob):
+    """Whether another place would be better."""
+    return bool(before(ob) or hiding(ob))
 
 
 def why_not_here(ob):
     """What is wrong with its place: a sentence, or ''."""
+    over = hiding(ob)
+    if over:
+        return (f"'{over[-1].name}' comes behind Detail Deform in the modifier stack and sets positions whatever it gets, so "
+                "nothing is seen: press Move to Its Place.")
     fixed = _shown_before(ob, _FIXED)
     if fixed:
         return f"'{fixed[-1].name}' has to come before Detail Deform, so {_FIXED[fixed[-1].type]}."

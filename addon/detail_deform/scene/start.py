@@ -7,7 +7,7 @@ Both are attributes of the mesh, which are copied, saved and undone with it. Onl
 
 import numpy as np
 
-from . import examples, mesh_data, node_group, offset_attribute
+from . import examples, handle_matrices, mesh_data, node_group, offset_attribute
 from .offset_attribute import KEPT, KEYED
 
 
@@ -116,6 +116,14 @@ def _put(ob, name, vectors):
 def forget_deformation(mesh):
     """Whether there was one."""
     return offset_attribute.take_away(mesh, KEPT)
+
+
+def forget_strange(ob):
+    """What came with the data of another object, as by Join, to one that neither is bound nor was."""
+    settings = ob.detail_deform
+    if not settings.signature and not any(map(handle_matrices.has_home, settings.handles)):
+        forget(ob.data)
+        offset_attribute.remove(ob.data)
 
 
 def forget(mesh):

@@ -35,7 +35,7 @@ def draw_state(layout, context, ob):
     if problem_vertices.are_known(ob):
         box.operator('object.detail_deform_select_problem', icon='RESTRICT_SELECT_OFF')
 
-    if stack.before(ob):
+    if stack.is_wrong(ob):
         layout.operator('object.detail_deform_place', icon='SORT_DESC')
     if settings.signature and hints.shares_empties_with(ob):
         layout.operator('object.detail_deform_own_empties', icon='DUPLICATE')
