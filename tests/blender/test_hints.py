@@ -66,16 +66,62 @@ def to_the_bend(ob):
 
 
 
-def test_an_empty_on_vertices_that_it_moves_runs_after_itself():
+def by_vertices(empty, ob):
+    empty.parent, empty.parent_type = ob, 'VERTEX'
+    empty.parent_vertices[0] = 624
+
+
+def by_constraint(kind):
+    def make(empty, ob):
+        constraint = empty.constraints.new(kind)
+        constraint.target = ob
+        if hasattr(constraint, 'subtarget'):
+            constraint.subtarget = 'right'
+    return make
+
+
+def by_another(empty, ob):
+    other = add_empty("Other", (0, 0, 0))
+    by_vertices(other, ob)
+    empty.parent = other
+
+
+def by_a_bone(empty, ob):
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.scene.collection.objects.link(rig)
+    activate(rig)
+    bpy.ops.object.mode_set(mode='EDIT')
+    rig.data.edit_bones.new("Bone").tail = (0, 0, 1)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    constraint = rig.pose.bones[0].constraints.new('COPY_LOCATION')
+    constraint.target, constraint.subtarget = ob, 'right'
+    empty.parent, empty.parent_type, empty.parent_bone = rig, 'BONE', "Bone"
+
+
+def by_a_mesh_that_goes_by_it(empty, ob):
+    cage = make_strip(name="Cage")
+    cage.modifiers.new("Shrinkwrap", 'SHRINKWRAP').target = ob
+    by_vertices(empty, cage)
+
+
+@pytest.mark.parametrize('hold', [by_vertices, *map(by_constraint, ('COPY_LOCATION', 'CHILD_OF', 'SHRINKWRAP', 'DAMPED_TRACK')),
+                                  by_another, by_a_bone, by_a_mesh_that_goes_by_it])
+def test_an_empty_that_goes_by_vertices_that_it_moves_runs_after_itself(hold):
     ob = bind(make_strip())
-    target = ob.detail_deform.handles[0].target
-    target.parent = ob
+    empty = ob.detail_deform.handles[0].target
+    # By the object, and by what has nothing to do with its vertices, it may go.
+    empty.parent = ob
+    empty.constraints.new('COPY_ROTATION').target = ob
+    empty.constraints.new('SHRINKWRAP').target = make_strip(name="Elsewhere")
     update()
     assert "runs after itself" not in ob.detail_deform.status
-    target.parent_type = 'VERTEX'
-    target.parent_vertices[0] = 624
+    empty.constraints.clear()
+    hold(empty, ob)
     update()
-    assert "The empty of handle 'right' is parented to vertices of this mesh" in ob.detail_deform.status
+    assert "The empty of handle 'right' goes by vertices of this mesh" in ob.detail_deform.status
+    for muted in empty.constraints:
+        muted.mute = True
+    assert ("runs after itself" in ob.detail_deform.status) == (not empty.constraints)
 
 
 def test_a_region_that_is_only_a_tip_leaves_a_stub_of_an_example_and_says_so():

@@ -4,14 +4,13 @@
 import numpy as np
 
 from ..library import native
-from ..scene import examples, handle_matrices, mesh_data
+from ..scene import examples, handle_matrices, mesh_data, way_back
 from ..scene.mesh_data import MeshProblem
 from . import content, misshapen, registry
 
 # Of how far an example moves the region: as far may it move what lies beside.
 _BESIDE = 0.2
 _MOST = 8
-_VERTEX_PARENTS = {'VERTEX', 'VERTEX_3'}
 _of_regions = {}  # by signature: the sentences, as reading groups takes a while
 
 
@@ -71,10 +70,14 @@ def _of_examples(ob, region, border):
             yield f"Example '{title}' {flaw}, which is no pose to mix with others: correct its shape, or untick it."
 
 
-def hangs_on_its_mesh(ob):
-    """The name of a handle whose empty goes with vertices of the mesh that it moves; or ''."""
-    return next((handle.name for handle in handle_matrices.enabled_handles(ob.detail_deform)
-                 if handle.target and handle.target.parent == ob and handle.target.parent_type in _VERTEX_PARENTS), "")
+def goes_by_its_mesh(ob):
+    """(name, why) of a handle whose empty goes by vertices of the mesh that it moves; None where none does."""
+    search = way_back.Search(ob)
+    for handle in handle_matrices.with_empties(ob.detail_deform):
+        why = handle.target and search.of_place(handle.target)
+        if why:
+            return handle.name, why
+    return None
 
 
 def shares_empties_with(ob):

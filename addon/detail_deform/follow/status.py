@@ -148,10 +148,11 @@ def _remarks(ob, info):
         yield (f"Nothing follows {_count(info.idle_handle_count, 'handle', 'handles')} (such as '{idle}'): no vertex "
                "of the region is beside it. Make the region larger (By Radius), or choose another one.")
     yield from hints.of_region(ob)
-    hanging = hints.hangs_on_its_mesh(ob)
+    hanging = hints.goes_by_its_mesh(ob)
     if hanging:
-        yield (f"The empty of handle '{hanging}' is parented to vertices of this mesh, and runs after itself where "
-               "they follow it: parent it to the object, or to something else.")
+        yield (f"The empty of handle '{hanging[0]}' goes by vertices of this mesh ({hanging[1]}), and runs after itself where "
+               "they follow it: a frame depends on how often it was updated. Let the empty go by the object, or by "
+               "something else.")
     other = hints.shares_empties_with(ob)
     if other:
         yield (f"Its empties are those of '{other.name}' too, so it is pulled back when it is moved alone: press Own "
