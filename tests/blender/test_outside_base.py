@@ -377,13 +377,25 @@ def test_unsuitable_bases_are_refused():
     assert "Bound" in ob.detail_deform.status
 
 
-def test_the_same_counts_joined_otherwise_are_no_copy():
-    ob, base = make_pair(4)
-    mesh = bpy.data.meshes.new("Turned")
-    mesh.from_pydata(own(base).tolist(), [],
-                     [tuple(p.vertices[1:]) + (p.vertices[0],) for p in base.data.polygons])
-    base.data = mesh
+def put(ob, positions, faces):
+    mesh = bpy.data.meshes.new(ob.name)
+    mesh.from_pydata(positions.tolist(), [], faces)
+    ob.data = mesh
     update()
+
+
+def test_the_same_faces_in_another_order_are_a_copy():
+    ob, base = make_pair(4)
+    put(base, own(base), [tuple(p.vertices[1:]) + (p.vertices[0],) for p in base.data.polygons][::-1])
+    bind(ob)
+    assert "is no copy of this mesh" not in ob.detail_deform.status
+
+
+def test_the_same_counts_joined_otherwise_are_no_copy():
+    """And a grid whose vertices are numbered from its other end, where the faces join those of the same numbers."""
+    ob, base = make_pair(4)
+    faces = [tuple(p.vertices) for p in base.data.polygons]
+    put(base, own(base)[::-1], [tuple(15 - v for v in face) for face in faces])
     bind(ob)
     assert "is no copy of this mesh" in ob.detail_deform.status
 

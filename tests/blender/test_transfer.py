@@ -583,6 +583,93 @@ def test_the_original_formulation_with_fourth_points(pair):
         assert 1e-5 < np.abs(original - found[0]).max() < 0.05
 
 
+def turned(faces):
+    return [face[1:] + face[:1] for face in faces]
+
+
+def halved(faces):
+    """Triangles, by either diagonal in turns."""
+    return [part for number, f in enumerate(faces) for part in (
+        ([f[0], f[1], f[2]], [f[0], f[2], f[3]]) if number % 2 else ([f[1], f[2], f[3]], [f[1], f[3], f[0]]))]
+
+
+def joined(faces):
+    """Two quads to one face of six corners, in each second row."""
+    found, left = [], list(map(tuple, faces))
+    while left:
+        first = left.pop(0)
+        second = next((face for face in left if len(set(face) & set(first)) == 2), None) if len(left) % 3 else None
+        if second is None:
+            found.append(list(first))
+            continue
+        left.remove(second)
+        shared = set(first) & set(second)
+        at = next(k for k in range(4) if {first[k], first[(k + 1) % 4]} == shared)
+        begin = second.index(first[at])
+        inner = [second[(begin + k) % 4] for k in (1, 2)]
+        if set(inner) & shared:
+            inner = [second[(begin - k) % 4] for k in (1, 2)]
+        found.append([*first[:at + 1], *inner, *first[at + 1:]])
+    return found
+
+
+def remade(ob, faces):
+    mesh = bpy.data.meshes.new(ob.name)
+    mesh.from_pydata(own(ob).tolist(), [], faces)
+    mesh.validate()
+    assert len(mesh.polygons) == len(faces)
+    ob.data = mesh
+
+
+FACES = {
+    'another order': lambda faces: faces[::-1], 'begun elsewhere': turned,
+    'wound the other way': lambda faces: [face[::-1] for face in faces], 'triangles': halved,
+    'some of six corners': joined, 'triangles in another order': lambda faces: turned(halved(faces))[::-1],
+}
+
+
+@pytest.mark.parametrize('of_source', [False, True])
+@pytest.mark.parametrize('kind', FACES)
+def test_the_order_of_faces_says_nothing(pair, kind, of_source, part):
+    """What they join does, triangulated, too: such meshes match vertex by vertex, and are examples of one another."""
+    source, target = pair
+    faces = [list(face.vertices) for face in target.data.polygons]
+    if of_source:
+        keys = [(key.name, coordinates(key)) for key in source.data.shape_keys.key_blocks[1:]]
+        remade(source, FACES[kind](faces))
+        for name, positions in keys:
+            add_key(source, name, positions)
+    else:
+        remade(target, FACES[kind](faces))
+    activate(target)
+    assert transfer(source="Source", what='ALL_KEYS', correspondence='TOPOLOGY') == {'FINISHED'}
+    for key in source.data.shape_keys.key_blocks[1:]:
+        assert np.abs(coordinates(target.data.shape_keys.key_blocks[key.name]) - coordinates(key)).max() < 1e-5
+    target.shape_key_clear()
+    target.detail_deform.method = 'EXAMPLES'
+    source.shape_key_clear()
+    source.data.vertices[5].co.z += 1
+    source.select_set(True)
+    assert bpy.ops.object.detail_deform_examples_from_objects() == {'FINISHED'}
+    assert np.abs(part('scene.examples').positions(target)[0][5] - own(source)[5]).max() < 1e-6
+
+
+def test_faces_that_join_other_vertices_are_told(pair):
+    """One diagonal turned in a mesh of triangles, and a face that is gone."""
+    source, target = pair
+    faces = [list(face.vertices) for face in target.data.polygons]
+    triangles = [part for f in faces for part in ([f[0], f[1], f[2]], [f[0], f[2], f[3]])]
+    a, b, c, d = faces[100]
+    others = [[a, b, d], [b, c, d]]
+    for ob, made in ((source, triangles), (target, triangles[:200] + others + triangles[202:])):
+        remade(ob, made)
+    add_key(source, "Bend", bent(own(source)))
+    activate(target)
+    assert "join other vertices" in refusal(transfer, source="Source", what='ALL_KEYS', correspondence='TOPOLOGY')
+    remade(target, faces[1:])
+    assert "not of the same topology" in refusal(transfer, source="Source", what='ALL_KEYS', correspondence='TOPOLOGY')
+
+
 def test_what_is_kept_of_many_keys_is_read_and_written_once(pair, part, monkeypatch):
     """Whatever goes through all keys for each of them takes minutes for the thousands that some files have."""
     source, target = pair

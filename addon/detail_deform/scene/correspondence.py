@@ -49,19 +49,16 @@ def check_left_edit_mode(ob):
         raise MeshProblem(f"'{ob.name}' is in Edit Mode: leave it (Tab) first.")
 
 
-def is_same_topology(source, target):
-    return mesh_data.topology_signature(source.data) == mesh_data.topology_signature(target.data)
-
-
 def by_topology(source, target):
     """Each triangle is its own source."""
     counts = [(len(ob.data.vertices), len(ob.data.polygons)) for ob in (source, target)]
-    if counts[0] != counts[1]:
+    is_same = mesh_data.is_same_topology(source.data, target.data)
+    if not is_same and counts[0] != counts[1]:
         raise MeshProblem(
             f"'{source.name}' has {counts[0][0]:,} vertices and {counts[0][1]:,} faces, '{target.name}' "
             f"{counts[1][0]:,} and {counts[1][1]:,}: they are not of the same topology. Match them by Shape and "
             "Markers, or by a List.")
-    if not is_same_topology(source, target):
+    if not is_same:
         raise MeshProblem(f"'{source.name}' has as many vertices and faces as '{target.name}', but its faces join "
                           "other vertices: they are not of the same topology. Match them by Shape and Markers, or by a "
                           "List.")

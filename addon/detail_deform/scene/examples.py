@@ -42,7 +42,7 @@ def _positions_of_object(ob, other):
         count = f"{len(other.data.vertices):,} vertices" if other.type == 'MESH' else "no mesh"
         raise MeshProblem(f"Example '{other.name}' has {count}, and '{ob.name}' {len(ob.data.vertices):,}: an example "
                           "is another pose of the same vertices.")
-    if mesh_data.topology_signature(other.data) != mesh_data.topology_signature(ob.data):
+    if not mesh_data.is_same_topology(ob.data, other.data):
         raise MeshProblem(f"The faces of example '{other.name}' join other vertices than those of '{ob.name}': an "
                           "example is another pose of the same mesh.")
     return mesh_data.positions(other.data)

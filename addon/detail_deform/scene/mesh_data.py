@@ -2,6 +2,7 @@
 """What the library needs from a Blender mesh."""
 
 import hashlib
+import itertools
 import os
 
 import numpy as np
@@ -303,3 +304,63 @@ def topology_signature(mesh):
 def signature(array):
     """A short text: equal texts, equal content."""
     return _digest(array)
+
+
+# Two meshes of the same vertices
+
+_MOST_CORNERS = 12  # of a face that may be triangulated in the other mesh: it has 220 triples of corners
+
+
+def is_same_topology(mesh, other):
+    """Whether the faces of two meshes join the same vertices: in any order, begun at any corner and wound either way, and
+    triangulated in one of them."""
+    if len(mesh.vertices) != len(other.vertices):
+        return False
+    return topology_signature(mesh) == topology_signature(other) or _is_made_of(mesh, triangles(other)) or _is_made_of(
+        other, triangles(mesh))
+
+
+def is_copy(mesh, other):
+    """The same of meshes of which nobody has said so. Where faces come in another order, as of a grid whose vertices are
+    numbered from its other end, the vertices of one number have to lie about at the same places, too."""
+    if len(mesh.vertices) != len(other.vertices):
+        return False
+    return topology_signature(mesh) == topology_signature(other) or (
+        _lie_alike(rest(mesh), rest(other)) and is_same_topology(mesh, other))
+
+
+def _lie_alike(shape, other):
+    """Whether vertices of one number are nearer to one another than to the middle, at the same size."""
+    sides = [side.astype(np.float64) - side.mean(axis=0) for side in (shape, other)]
+    one, another = (side / max(np.linalg.norm(side), 1e-300) for side in sides)
+    return np.linalg.norm(one - another) < 1
+
+
+def _is_made_of(mesh, parts):
+    """Whether these (m, 3) triangles are a triangulation of the mesh's faces."""
+    corners, begins = faces(mesh)
+    sizes = np.diff(begins, append=len(corners))
+    if not len(sizes) or sizes.max() > _MOST_CORNERS or (sizes - 2).sum() != len(parts):
+        return False
+    triples, owners = [], []
+    for size in np.unique(sizes):
+        of_size = np.flatnonzero(sizes == size)
+        each = corners[begins[of_size][:, None] + np.arange(size)]
+        for chosen in itertools.combinations(range(size), 3):
+            triples.append(each[:, chosen])
+            owners.append(of_size)
+    keys = _keys_of_triples(np.concatenate([*triples, parts]), len(mesh.vertices))
+    of_faces, of_parts = keys[:-len(parts)], keys[-len(parts):]
+    order = np.argsort(of_faces, kind='stable')
+    at = np.minimum(np.searchsorted(of_faces, of_parts, sorter=order), len(of_faces) - 1)
+    if (of_faces[order[at]] != of_parts).any():
+        return False
+    found = np.bincount(np.concatenate(owners)[order[at]], minlength=len(sizes))
+    return bool((found == sizes - 2).all())
+
+
+def _keys_of_triples(triples, vertex_count):
+    """(m,) int64: equal for the same three vertices in any order."""
+    low, middle, high = np.sort(triples, axis=1).astype(np.int64).T
+    _, ranks = np.unique(low * vertex_count + middle, return_inverse=True)  # so that the next product fits
+    return ranks * vertex_count + high

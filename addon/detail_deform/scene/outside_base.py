@@ -34,8 +34,7 @@ def rest(ob):
         return {'base': mesh_data.positions(kept), 'base_triangles': mesh_data.triangles(kept)}
     matrix = np.array(ob.detail_deform.base_rest_matrix, np.float64).reshape(4, 4)
     found = {'base': _moved(mesh_data.positions(base.data), matrix)}
-    if (len(ob.data.vertices) != len(base.data.vertices)
-            or mesh_data.topology_signature(ob.data) != mesh_data.topology_signature(base.data)):
+    if not mesh_data.is_copy(ob.data, base.data):
         found['base_triangles'] = mesh_data.triangles(base.data)
     return found
 

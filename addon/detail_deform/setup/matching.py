@@ -75,7 +75,7 @@ def automatic(source, target, folder):
                               "out.")
     if settings.correspondence == NEAREST:
         return NEAREST, "", settings.pairs_of
-    if correspondence.is_same_topology(source, target):
+    if mesh_data.is_copy(source.data, target.data):
         return 'TOPOLOGY', "", settings.pairs_of
     if settings.correspondence == 'LIST' and settings.filepath:
         return 'LIST', *list_in("", target)
