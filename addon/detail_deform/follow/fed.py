@@ -2,9 +2,9 @@
 """What follows a source, as a kind of life: where its content is another one, it is prepared anew by itself."""
 
 from ..library.options import NEAREST
-from ..scene import correspondence, mesh_data, node_group, source_pose
+from ..scene import correspondence, mesh_data, mirror_plane, node_group, source_pose
 from ..scene.mesh_data import MeshProblem
-from . import made, prepared
+from . import made, placed, prepared
 
 GONE = "The source was deleted: choose another one in Source, or press Follow to stop."
 _NO_MESH = "The source is no mesh: choose another one in Source, or press Follow to stop."
@@ -157,13 +157,13 @@ class Frame:
         of = ob.detail_deform.transfer
         self._ob, self._transfer, self._rotation_only = ob, transfer, of.rotation_only
         self._pose = source_pose.evaluated_pose(of.source, depsgraph)
-        self.of = (of.prepared_for, self._pose.tobytes(), of.rotation_only)
+        self.of = (of.prepared_for, self._pose.tobytes(), of.rotation_only, mirror_plane.key(ob))
 
     is_hurried = is_draft = False
 
     def offsets(self, share):
         moved = self._transfer.apply(self._pose, self._rotation_only)
-        return (moved - mesh_data.rest(self._ob.data)).ravel()
+        return placed.followed(self._ob, self.of[0], (moved - mesh_data.rest(self._ob.data)).ravel())
 
     def written(self, record, wait):
         pass

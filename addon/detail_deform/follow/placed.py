@@ -15,23 +15,30 @@ _ways = {}  # soft_border.ways by the same
 
 def offsets(ob, computed):
     """(3 n,) float32; computed: from the start."""
-    width, key = look.soft_border(ob.detail_deform), mirror_plane.key(ob)
+    width, signature = look.soft_border(ob.detail_deform), ob.detail_deform.signature
     if width:
-        ways = _of(ob, _ways, lambda: soft_border.ways(ob, content.roles(ob)))
+        ways = _of(signature, _ways, lambda: soft_border.ways(ob, content.roles(ob)))
         computed = computed * np.repeat(soft_border.shares(ways, width), 3)
-    result = start.with_kept(ob.data, computed)
+    return _closed(ob, signature, start.with_kept(ob.data, computed), lambda: content.roles(ob))
+
+
+def followed(ob, made_for, computed):
+    """The same of what follows a source. made_for: what tells its transfer from all others."""
+    return _closed(ob, made_for, computed, lambda: None)
+
+
+def _closed(ob, made_for, result, roles):
+    key = mirror_plane.key(ob)
     if not key:
         return result
-    return _of(ob, _seams, lambda: mirror_plane.Seams(ob, content.roles(ob)), lambda seams: seams.key == key).closed(
-        result)
+    return _of(made_for, _seams, lambda: mirror_plane.Seams(ob, roles()), lambda seams: seams.key == key).closed(result)
 
 
-def _of(ob, kept, make, fits=lambda found: True):
-    signature = ob.detail_deform.signature
-    found = kept.pop(signature, None)
+def _of(made_for, kept, make, fits=lambda found: True):
+    found = kept.pop(made_for, None)
     if found is None or not fits(found):
         found = make()
-    kept[signature] = found  # as the newest
+    kept[made_for] = found  # as the newest
     for old in list(kept)[:-_SPARE]:
         del kept[old]
     return found

@@ -6,7 +6,7 @@ import time
 
 from ..follow import factored, prepared
 from ..library.options import CORRESPONDENCES
-from ..scene import below, correspondence, mesh_data, source_pose, transferred
+from ..scene import below, correspondence, mesh_data, mirror_plane, source_pose, transferred
 from ..scene.mesh_data import MeshProblem
 from ..setup import matching
 from . import frames, keyed_keys, point_cache, transferred_keys
@@ -93,7 +93,7 @@ def _all(context, source, target, keys, wanted):
     matched = yield from share(search, 0, searched)
     transfer = yield from share(factored.prepare(source, target, matched, prepared.How.of(wanted)), searched,
                                 factored_at)
-    outcome = yield from share(_carry(context, transfer, source, target, keys, wanted), factored_at, 1)
+    outcome = yield from share(_carry(context, _Closed(transfer, target), source, target, keys, wanted), factored_at, 1)
     if matching.must_be_found(wanted.correspondence):
         correspondence.store(matched, source, target)
     outcome.matched_by = _TITLES[wanted.correspondence]
@@ -103,6 +103,21 @@ def _all(context, source, target, keys, wanted):
         outcome.remarks.append(left_out)
     outcome.seconds = time.perf_counter() - started
     return outcome
+
+
+class _Closed:
+    """A transfer whose results leave the seams of the target's Mirror modifiers closed."""
+
+    def __init__(self, transfer, target):
+        self._transfer, self._rest = transfer, mesh_data.rest(target.data)
+        self._seams = mirror_plane.Seams(target) if mirror_plane.key(target) else None
+
+    def apply(self, pose, rotation_only):
+        """(n, 3): as of native.Transfer."""
+        moved = self._transfer.apply(pose, rotation_only)
+        if self._seams is None:
+            return moved
+        return self._rest + self._seams.closed(moved - self._rest).reshape(-1, 3)
 
 
 def share(work, begin, end):

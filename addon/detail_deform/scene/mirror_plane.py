@@ -99,10 +99,12 @@ class Seam:
 
 
 class Seams:
-    """Of all planes of an object."""
+    """Of all planes of an object. roles: (n,) of the binding; None where nothing is held, as of a follower."""
 
-    def __init__(self, ob, roles):
+    def __init__(self, ob, roles=None):
         self.key = key(ob)
+        if roles is None:
+            roles = np.full(len(ob.data.vertices), native.ROLE_FREE, np.int32)
         self._seams = [Seam(ob, roles, plane) for plane in _planes(ob)]
 
     def closed(self, offsets):

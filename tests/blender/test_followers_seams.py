@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A garment that is modelled as a half with Mirror: what follows, and what is transferred to it, leaves its seam closed."""
+
+import bpy
+import numpy as np
+import pytest
+
+from conftest import activate, evaluated, own, update
+from test_transfer import add_key, transfer
+
+
+def tube(name, radius, low, high, around, along):
+    t, z = np.meshgrid(np.linspace(0, 2 * np.pi, around, endpoint=False), np.linspace(low, high, along + 1))
+    p = np.stack([radius * np.cos(t), radius * np.sin(t), z], -1).reshape(-1, 3)
+    faces = [(i * around + k, i * around + (k + 1) % around, (i + 1) * around + (k + 1) % around, (i + 1) * around + k)
+             for i in range(along) for k in range(around)]
+    if name == "Shirt":  # its right half
+        kept = p[:, 0] > -1e-6
+        number = np.cumsum(kept) - 1
+        faces = [[number[v] for v in face] for face in faces if all(kept[v] for v in face)]
+        p = p[kept]
+        p[np.abs(p[:, 0]) < 1e-6, 0] = 0
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(p.tolist(), [], faces)
+    ob = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    return ob
+
+
+@pytest.fixture
+def dressed():
+    """A body whose key moves more on one side, animated, and half a shirt."""
+    body, shirt = tube("Body", 1, -4, 4, 47, 60), tube("Shirt", 1.1, -2, 2, 48, 30)
+    p = own(body)
+    belly = np.exp(-p[:, 2:] ** 2) * (0.5 * p * (1, 1, 0) + (0.1, 0, 0))
+    key = add_key(body, "belly", p + belly)
+    key.keyframe_insert('value', frame=1)
+    key.value = 1
+    key.keyframe_insert('value', frame=4)
+    bpy.context.scene.frame_set(1)
+    shirt.modifiers.new("Mirror", 'MIRROR').use_clip = True
+    shirt.detail_deform.transfer.source, shirt.detail_deform.transfer.correspondence = body, 'NEAREST'
+    update()
+    return body, activate(shirt)
+
+
+def check_closed(shirt, count, moves=True):
+    update()
+    p = evaluated(shirt)
+    assert len(p) == count
+    seam = np.abs(own(shirt)[:, 0]) == 0
+    assert np.abs(p[:len(seam)][seam, 0]).max() < 1e-6
+    if moves:
+        assert np.abs(p[:len(seam)] - own(shirt)).max() > 0.2
+
+
+def test_as_it_follows(dressed):
+    body, shirt = dressed
+    count = len(evaluated(shirt))
+    assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
+    check_closed(shirt, count, moves=False)
+    bpy.context.scene.frame_set(4)
+    check_closed(shirt, count)
+    # Where nothing is merged there is no seam to close, and with it again there is.
+    shirt.modifiers["Mirror"].use_clip = shirt.modifiers["Mirror"].use_mirror_merge = False
+    bpy.context.scene.frame_set(3)
+    bpy.context.scene.frame_set(4)
+    seam = own(shirt)[:, 0] == 0
+    assert np.abs(evaluated(shirt)[:len(seam)][seam, 0]).max() > 0.01
+    shirt.modifiers["Mirror"].use_clip = shirt.modifiers["Mirror"].use_mirror_merge = True
+    bpy.context.scene.frame_set(3)
+    bpy.context.scene.frame_set(4)
+    check_closed(shirt, count)
+
+
+@pytest.mark.parametrize('what', ['ALL_KEYS', 'POSE', 'CACHE', 'SHAPE_KEYS'])
+def test_what_is_transferred(dressed, what, tmp_path):
+    body, shirt = dressed
+    count = len(evaluated(shirt))
+    if what == 'ALL_KEYS':
+        assert transfer(source="Body", what=what, correspondence='NEAREST') == {'FINISHED'}
+        shirt.data.shape_keys.key_blocks["belly"].value = 1
+    elif what == 'POSE':
+        bpy.context.scene.frame_set(4)
+        assert transfer(source="Body", what=what, correspondence='NEAREST') == {'FINISHED'}
+    else:
+        assert transfer(source="Body", what='ANIMATION', bake_as=what, correspondence='NEAREST', frame_start=1, frame_end=4,
+                        cache_path=str(tmp_path / 'shirt.pc2')) == {'FINISHED'}
+        bpy.context.scene.frame_set(4)
+    check_closed(shirt, count)
+
+
+def test_that_mirror_stands_wrong_is_said(dressed):
+    body, shirt = dressed
+    assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
+    assert "modifier stack" not in shirt.detail_deform.transfer.state
+    bpy.ops.object.modifier_move_to_index(modifier="Mirror", index=0)
+    assert "'Mirror' comes before Detail Deform" in shirt.detail_deform.transfer.state
