@@ -33,6 +33,11 @@ def _frame_changed(scene, depsgraph):
 
 
 @persistent
+def _render_begins(*_):
+    life.render_begins(registry.members())
+
+
+@persistent
 def _before_saving(*_):
     """A file holds the whole result, also where it is saved right after a drag; of a heavy mesh that is still being
     bound its draft."""
@@ -69,7 +74,7 @@ def _file_loaded(*_):
 
 
 _HANDLERS = (('depsgraph_update_post', _depsgraph_updated), ('frame_change_post', _frame_changed),
-             ('save_pre', _before_saving),
+             ('render_init', _render_begins), ('save_pre', _before_saving),
              ('undo_pre', _data_is_replaced), ('redo_pre', _data_is_replaced), ('load_pre', _data_is_replaced),
              ('undo_post', _data_replaced), ('redo_post', _data_replaced), ('load_post', _file_loaded))
 

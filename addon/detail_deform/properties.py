@@ -247,6 +247,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     bound_points: StringProperty(options={'HIDDEN'})
     compared_handles: StringProperty(options={'HIDDEN'})
     problem: StringProperty(options={'HIDDEN'})
+    render_problem: StringProperty(options={'HIDDEN'})
     cache_modifier: StringProperty(options={'HIDDEN'})
     baked_file: StringProperty(options={'HIDDEN'})
     dependency: FloatProperty(

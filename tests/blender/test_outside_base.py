@@ -258,12 +258,10 @@ def test_a_cage_may_have_a_subdivision_and_its_shape_at_bind_is_kept():
     bpy.data.objects.remove(base)
     base = cage(4)
     smooth = base.modifiers.new("Smooth", 'SUBSURF')
-    smooth.levels, smooth.render_levels = 2, 3
+    smooth.levels = smooth.render_levels = 2
     ob.detail_deform.base_object = base
     update()
     activate(ob)
-    assert "make the levels alike" in refusal(bpy.ops.object.detail_deform_bind, wait=True)
-    smooth.render_levels = 2
     bind(ob)
     kept = ob.detail_deform.base_rest_mesh
     assert len(kept.vertices) == len(base.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.vertices) > 25
@@ -283,6 +281,112 @@ def test_a_cage_may_have_a_subdivision_and_its_shape_at_bind_is_kept():
     assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
     assert bpy.ops.object.detail_deform_unbind() == {'FINISHED'}
     assert not any(mesh.name.endswith('Rest') for mesh in bpy.data.meshes)
+
+
+def off_in(base, flag):
+    setattr(base.modifiers[0], flag, False)
+
+
+def driven(base, flag):
+    curve = base.modifiers[0].driver_add(flag)
+    curve.driver.type = 'SCRIPTED'
+    curve.driver.expression = "0"
+
+
+def simplified(base, most):
+    render = bpy.context.scene.render
+    render.use_simplify, render.simplify_subdivision = True, most
+
+
+DIFFERENT = {
+    'levels': lambda base: setattr(base.modifiers[0], 'render_levels', 3),
+    'off in the viewport': lambda base: off_in(base, 'show_viewport'),
+    'off in renders': lambda base: off_in(base, 'show_render'),
+    'driven': lambda base: driven(base, 'show_render'),
+    'simplified': lambda base: simplified(base, 1),
+    'simplified away': lambda base: simplified(base, 0),
+}
+
+
+class Probe(bpy.types.RenderEngine):
+    """Notes the surface as renders have it, frame by frame."""
+    bl_idname, bl_label = 'DD_PROBE', "Probe"
+    seen = {}
+
+    def render(self, depsgraph):
+        values = np.empty(3 * len(depsgraph.objects['Strip'].data.vertices), np.float32)
+        depsgraph.objects['Strip'].data.vertices.foreach_get('co', values)
+        Probe.seen[depsgraph.scene.frame_current] = values.reshape(-1, 3).astype(float)
+        self.end_result(self.begin_result(0, 0, 8, 8))
+
+
+@pytest.fixture
+def rendered(tmp_path):
+    """rendered(): {frame: (n, 3)} of frames 1 to 5."""
+    bpy.utils.register_class(Probe)
+
+    def run():
+        scene = bpy.context.scene
+        if not scene.camera:
+            scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+            scene.collection.objects.link(scene.camera)
+        scene.render.engine, scene.render.filepath = 'DD_PROBE', str(tmp_path / 'f')
+        scene.render.resolution_x = scene.render.resolution_y = 8
+        scene.frame_start, scene.frame_end = 1, 5
+        Probe.seen.clear()
+        bpy.ops.render.render(animation=True)
+        return dict(Probe.seen)
+
+    yield run
+    bpy.utils.unregister_class(Probe)
+
+
+def lifted_cage(copy):
+    ob, base = make_pair()
+    if not copy:
+        bpy.data.objects.remove(base)
+        base = cage(6)
+        ob.detail_deform.base_object = base
+    smooth = base.modifiers.new("Smooth", 'SUBSURF')
+    smooth.levels = smooth.render_levels = 2
+    pose_key(base, own(base) + np.outer(own(base)[:, 0] ** 2, (0, 0, 0.5)))
+    key = base.data.shape_keys.key_blocks[-1]
+    for frame, value in ((1, 0.0), (5, 1.0)):
+        key.value = value
+        key.keyframe_insert('value', frame=frame)
+    bpy.context.scene.frame_set(1)
+    return ob, base
+
+
+@pytest.mark.parametrize('copy', [False, True])
+@pytest.mark.parametrize('kind', DIFFERENT)
+def test_a_base_that_has_other_vertices_in_renders_is_followed_below_what_makes_them(rendered, kind, copy):
+    ob, base = lifted_cage(copy)
+    DIFFERENT[kind](base)
+    update()
+    bind(activate(ob))
+    seen = rendered()
+    for frame in (1, 3, 5):
+        bpy.context.scene.frame_set(frame)
+        assert np.abs(seen[frame] - evaluated(ob)).max() < 1e-5, frame
+    assert np.abs(seen[5] - own(ob)).max() > 0.3
+    assert "render" not in ob.detail_deform.status
+
+
+def test_what_a_render_could_not_follow_is_said_after_it(rendered):
+    """As where Simplify comes after Bind. The next render that can takes it back."""
+    ob, base = lifted_cage(copy=False)
+    bind(activate(ob))
+    render = bpy.context.scene.render
+    render.use_simplify, render.simplify_subdivision_render = True, 1
+    rendered()
+    bpy.context.scene.frame_set(2)
+    update()
+    assert "A render could not follow it in frame 1: The modifiers of the base object 'Cage' make" in ob.detail_deform.status
+    render.use_simplify = False
+    seen = rendered()
+    bpy.context.scene.frame_set(5)
+    assert np.abs(seen[5] - evaluated(ob)).max() < 1e-5 and "A render" not in ob.detail_deform.status
 
 
 @pytest.mark.parametrize('hide', ['hide_viewport', 'collection'])
@@ -369,9 +473,14 @@ def test_unsuitable_bases_are_refused():
     assert "no base object" in refusal(bind_op, wait=True)
     ob.detail_deform.base_object = base
     bind(ob)
-    base.modifiers.new("Thick", 'SOLIDIFY')
+    base.modifiers.new("Thick", 'SOLIDIFY')  # which it is followed below
     update()
-    assert "make 1,250 vertices, but 625 were there when it was bound" in ob.detail_deform.status
+    assert "Bound" in ob.detail_deform.status and np.abs(evaluated(ob) - own(ob)).max() < 1e-5
+    base.modifiers.clear()
+    base.modifiers.new("Fewer", 'MASK').vertex_group = base.vertex_groups[0].name
+    base.modifiers.new("Remade", 'DECIMATE').ratio = 0.5
+    update()
+    assert "Bound" in ob.detail_deform.status
     base.modifiers.clear()
     update()
     assert "Bound" in ob.detail_deform.status

@@ -166,7 +166,7 @@ def refuse(ob, sentence):
 
 
 def _forget(of):
-    of.signature = of.stale = of.problem = ""
+    of.signature = of.stale = of.problem = of.render_problem = ""
 
 
 def forget(ob):

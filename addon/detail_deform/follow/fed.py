@@ -141,7 +141,7 @@ def forget(ob):
     """All that belongs to the following."""
     of = ob.detail_deform.transfer
     of.live = False
-    of.problem = of.prepared_for = ""
+    of.problem = of.prepared_for = ob.detail_deform.render_problem = ""
 
 
 # A frame

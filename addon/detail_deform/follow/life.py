@@ -80,6 +80,16 @@ def refresh(ob, depsgraph, force=False):
         problem = words.said(ob, error)
     if kind.settings(ob).problem != problem:
         kind.settings(ob).problem = problem
+    if problem and depsgraph.mode == 'RENDER' and not ob.detail_deform.render_problem:
+        # The next update in the viewport takes the other one back.
+        ob.detail_deform.render_problem = f"A render could not follow it in frame {depsgraph.scene.frame_current}: {problem}"
+
+
+def render_begins(members):
+    """What the last one could not follow is said no more."""
+    for ob in members:
+        if ob.detail_deform.render_problem:
+            ob.detail_deform.render_problem = ""
 
 
 def _show(kind, ob, entry, depsgraph, force, wait):

@@ -116,7 +116,7 @@ def _remarks(ob, info):
         yield ("The values of its examples' keys are played in its place: to follow the handles again, delete their "
                "keyframes, set them to 0, and show the modifier in the viewport." if plays_keys else
                "Its modifier is hidden, so nothing is computed: show it in the viewport.")
-    yield from filter(None, (reach.influence_gone(ob), stack.why_not_here(ob)))
+    yield from filter(None, (ob.detail_deform.render_problem, reach.influence_gone(ob), stack.why_not_here(ob)))
     if info.resting_count:
         yield (f"{_count(info.resting_component_count, 'loose part', 'loose parts')} of the region "
                f"({_count(info.resting_count, 'vertex', 'vertices')}, such as vertex "

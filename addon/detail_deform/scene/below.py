@@ -51,6 +51,38 @@ def _first(ob, flag):
     return next((k for k, m in enumerate(ob.modifiers) if getattr(m, flag) and _makes(m, flag)), None)
 
 
+_SHOWN_IN = ('show_viewport', 'show_render', 'levels', 'render_levels')
+
+
+def differs_in_renders(ob, scene):
+    """Whether renders may show other vertices of it than the viewport: by levels, by Simplify, by what is shown in one of
+    them alone, by drivers of these, and by nodes that ask where they are."""
+    drivers = ob.animation_data.drivers if ob.animation_data else ()
+    if any(curve.data_path.startswith('modifiers[') and curve.data_path.rpartition('.')[2] in _SHOWN_IN for curve in drivers):
+        return True
+    makers = [m for m in ob.modifiers if _perhaps_makes(ob, m) and (m.show_viewport or m.show_render)]
+    return any(m.show_viewport != m.show_render or _levels(m, scene, 'show_viewport') != _levels(m, scene, 'show_render')
+               or m.type == 'NODES' and m.node_group is not None and _asks_where(m.node_group, set()) for m in makers)
+
+
+def _levels(modifier, scene, flag):
+    """As Simplify leaves them; 0 of modifiers that have none."""
+    if modifier.type not in {'SUBSURF', 'MULTIRES'}:
+        return 0
+    render, in_render = scene.render, flag == 'show_render'
+    most = render.simplify_subdivision_render if in_render else render.simplify_subdivision
+    levels = modifier.render_levels if in_render else modifier.levels
+    return min(levels, most) if render.use_simplify else levels
+
+
+def _asks_where(tree, seen):
+    """Whether nodes give something else in the viewport than in renders."""
+    seen.add(tree.name)
+    return any(node.bl_idname == 'GeometryNodeIsViewport' or (
+        getattr(node, 'node_tree', None) is not None and node.node_tree.name not in seen
+        and _asks_where(node.node_tree, seen)) for node in tree.nodes)
+
+
 @contextlib.contextmanager
 def deformed(ob, evaluated, depsgraph):
     """While it lasts, the evaluated mesh with the mesh's own vertices, and (k,) bool, which of the modifiers have made

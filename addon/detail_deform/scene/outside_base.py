@@ -5,7 +5,7 @@ vertex, another mesh by nearest points."""
 import bpy
 import numpy as np
 
-from . import handle_matrices, mesh_data, offset_attribute, start
+from . import below, handle_matrices, mesh_data, offset_attribute, start
 from .mesh_data import MeshProblem
 
 
@@ -46,37 +46,42 @@ def place(ob, depsgraph):
 
 
 def deformed_positions(ob, depsgraph):
-    """(n, 3) float32: what the base object's modifiers make of it, in the object's space, now."""
+    """(n, 3) float32: what the base object's modifiers make of it, in the object's space, now. Where nothing was kept of
+    what they made at Bind, below those that make vertices."""
     base, kept = _base_object(ob), ob.detail_deform.base_rest_mesh
-    mesh = base.evaluated_get(depsgraph).data
-    count = len((kept or base.data).vertices)
-    if len(mesh.vertices) != count:
-        if base.mode == 'EDIT' and not len(mesh.vertices):
-            raise MeshProblem(f"The base object '{base.name}' is in Edit Mode: leave it (Tab) to go on.")
+    evaluated = base.evaluated_get(depsgraph)
+    if base.mode == 'EDIT' and not len(evaluated.data.vertices):
+        raise MeshProblem(f"The base object '{base.name}' is in Edit Mode: leave it (Tab) to go on.")
+    if kept:
+        _check_count(base, len(evaluated.data.vertices), len(kept.vertices))
+        return _moved(mesh_data.positions(evaluated.data), place(ob, depsgraph))
+    with below.deformed(base, evaluated, depsgraph) as (mesh, _):
+        if mesh is None:
+            _check_count(base, len(evaluated.data.vertices), len(base.data.vertices))
+        return _moved(mesh_data.positions(mesh), place(ob, depsgraph))
+
+
+def _check_count(base, made, bound):
+    if made != bound:
         raise MeshProblem(
-            f"The modifiers of the base object '{base.name}' make {len(mesh.vertices):,} vertices, but {count:,} were "
-            "there when it was bound: press Re-bind, or use only modifiers that make the same vertices in each frame.")
-    return _moved(mesh_data.positions(mesh), place(ob, depsgraph))
+            f"The modifiers of the base object '{base.name}' make {made:,} vertices, but {bound:,} were there when it was "
+            "bound: press Re-bind, or use only modifiers that make the same vertices in each frame.")
 
 
 def store_rest(ob, depsgraph, only_new):
     """Takes the base object's present place as rest; only_new: when there is none yet. Where its modifiers make
-    vertices, what they make now is kept as its rest, for its own mesh isn't comparable."""
+    vertices, the same in renders, what they make now is kept as its rest, for its own mesh isn't comparable."""
     settings, base = ob.detail_deform, _base_object(ob)
     mesh = base.evaluated_get(depsgraph).data
-    makes_vertices = len(mesh.vertices) != len(base.data.vertices)
+    # Where renders have others, the base is followed below what makes them.
+    makes_vertices = (len(mesh.vertices) != len(base.data.vertices)
+                      and not below.differs_in_renders(base, depsgraph.scene))
     if only_new and any(settings.base_rest_matrix):
         kept = settings.base_rest_mesh
-        if len(kept.vertices) == len(mesh.vertices) if kept else not makes_vertices:
+        if makes_vertices and len(kept.vertices) == len(mesh.vertices) if kept else not makes_vertices:
             return
-    if makes_vertices:
-        if not mesh.polygons:
-            raise MeshProblem(f"The modifiers of the base object '{base.name}' leave no faces to follow.")
-        for modifier in mesh_data.unlike_levels(base.modifiers):
-            raise MeshProblem(
-                f"Modifier '{modifier.name}' of the base object '{base.name}' makes other vertices in renders "
-                f"(level {modifier.render_levels}) than in the viewport (level {modifier.levels}), and one kind "
-                "can be followed: make the levels alike.")
+    if makes_vertices and not mesh.polygons:
+        raise MeshProblem(f"The modifiers of the base object '{base.name}' leave no faces to follow.")
     present = place(ob, depsgraph)
     # As single precision, which is what is stored, on both sides.
     settings.base_rest_matrix = present.astype(np.float32).ravel().tolist()
