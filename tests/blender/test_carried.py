@@ -221,3 +221,51 @@ def test_a_flat_mesh():
     empty = ob.detail_deform.handles[0].target
     empty.location.z += 0.5
     check_nothing_moves(ob, CHANGES['apply all'], empty)
+
+
+# What is worn
+
+def tube(name, radius, low, high, around, along):
+    t, z = np.meshgrid(np.linspace(0, 2 * np.pi, around, endpoint=False), np.linspace(low, high, along + 1))
+    faces = [(i * around + k, i * around + (k + 1) % around, (i + 1) * around + (k + 1) % around, (i + 1) * around + k)
+             for i in range(along) for k in range(around)]
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(np.stack([radius * np.cos(t), radius * np.sin(t), z], -1).reshape(-1, 3).tolist(), [], faces)
+    ob = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    return ob
+
+
+@pytest.mark.parametrize('whose', ['Body', 'Shirt', 'both'])
+@pytest.mark.parametrize('name', CHANGES)
+def test_a_garment_that_follows(name, whose):
+    """How it stands to its source is kept between their own spaces."""
+    body, shirt = tube("Body", 1, -4, 4, 40, 60), tube("Shirt", 1.1, -2, 2, 32, 24)
+    for ob, place in ((body, TILTED), (shirt, Matrix.LocRotScale((-1, 2, 0), Euler((0, 0.5, 0.2)), (0.5, 0.5, 0.5)))):
+        ob.data.transform(place.inverted())
+        ob.matrix_world = place
+    update()
+    p = own(body)
+    body.shape_key_add(name="Basis", from_mix=False)
+    key = body.shape_key_add(name="belly", from_mix=False)
+    world = np.array(TILTED)
+    share = np.exp(-(p @ world[:3, :3].T + world[:3, 3])[:, 2:] ** 2)
+    middle = np.array(TILTED.inverted() @ Matrix.Translation((0, 0, 0)))[:3, 3]
+    key.data.foreach_set('co', (p + 0.4 * share * (p - middle)).astype(np.float32).ravel())
+    key.value = 0
+    shirt.detail_deform.transfer.source, shirt.detail_deform.transfer.correspondence = body, 'NEAREST'
+    update()
+    activate(shirt)
+    assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
+    key.value = 1
+    update()
+    before = seen(shirt)
+    assert np.abs(evaluated(shirt) - own(shirt)).max() > 0.1
+    for ob in (body, shirt):
+        if whose in {ob.name, 'both'}:
+            CHANGES[name](ob)
+            update()
+    update()
+    assert shirt.detail_deform.transfer.state == "Follows 'Body'."
+    # What lies over an edge may be told to lie over either face beside it.
+    assert np.abs(seen(shirt) - before).max() < 1e-3 * size(before)

@@ -80,6 +80,7 @@ def check(ob):
     """Compares the meshes with what was prepared, and notes what is needed now."""
     of = ob.detail_deform.transfer
     if of.source is not None and of.source.type == 'MESH':
+        correspondence.carry_stance(of.source, ob)
         needed = content(of.source, ob)
         if of.prepared_for != needed:
             of.prepared_for = needed

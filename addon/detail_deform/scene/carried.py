@@ -36,7 +36,7 @@ def motion_since(mesh, kept):
     except ValueError:  # in a file that something else has written to
         return None
     after = _chosen(mesh).astype(np.float64)
-    if len(before) != len(after) or not (np.isfinite(before).all() and np.isfinite(after).all()):
+    if not len(before) or len(before) != len(after) or not (np.isfinite(before).all() and np.isfinite(after).all()):
         return None
     found = _affine(before, after)
     if found is None:

@@ -6,7 +6,7 @@ import array
 import numpy as np
 
 from ..library.options import NEAREST
-from . import mesh_data
+from . import carried, mesh_data
 from .mesh_data import MeshProblem
 
 _PROPERTY = 'detail_deform_match'
@@ -99,12 +99,39 @@ def store(matched, source, target):
             'source_topology': mesh_data.topology_signature(source.data),
             'target_topology': mesh_data.topology_signature(target.data)}
     if matched.pairs_of == NEAREST:  # which is found whenever it is prepared
-        kept['stance'] = matched.stance.ravel().tolist()
+        kept.update(stance=matched.stance.ravel().tolist(), **_present_points(source, target))
     else:  # Of faces with more corners Blender makes triangles by their shape, which may change.
         kept.update({name: _as_list(getattr(matched, name)) for name in _LISTS})
         if matched.points is not None:
             kept.update(zip(_POINTS, map(_as_list, matched.points)))
     target.data[_PROPERTY] = kept
+
+
+def _present_points(source, target):
+    return {'source_points': carried.points(source.data), 'target_points': carried.points(target.data)}
+
+
+def carry_stance(source, target):
+    """How they stood is kept from the one's own space to the other's: where Set Origin or Apply has changed either, it
+    goes along."""
+    kept = _kept(target)
+    if kept is None or kept['pairs_of'] != NEAREST or source.name != kept['source']:
+        return
+    motions = [carried.motion_since(ob.data, kept.get(name, "")) for ob, name in (
+        (source, 'source_points'), (target, 'target_points'))]
+    if all(motion is None for motion in motions):
+        return
+    of_source, of_target = (np.eye(4) if motion is None else motion for motion in motions)
+    stance = np.array(kept['stance'], float).reshape(4, 4)
+    along = of_target @ stance @ np.linalg.inv(of_source)
+    now = np.array(target.matrix_world.inverted_safe() @ source.matrix_world, np.float64)
+    if np.linalg.norm(now - along) < np.linalg.norm(now - stance):
+        kept['stance'] = along.ravel().tolist()
+        matched = _nearest(source, target, along)
+        kept['digest'] = digest_of(matched)
+    # Else all vertices were moved by hand, and what comes next counts from there.
+    for name, text in _present_points(source, target).items():
+        kept[name] = text
 
 
 def _as_list(values):
