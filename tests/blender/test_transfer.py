@@ -336,6 +336,32 @@ def test_refusals(pair, tmp_path):
     assert not target.data.shape_keys and not target.modifiers and not list(tmp_path.glob("*.pc2*"))
 
 
+def test_a_key_with_a_vertex_out_of_all_bounds_is_left_out_and_named(pair, capfd):
+    """In a pose, too: one such vertex would move all of the target."""
+    source, target = pair
+    positions = own(source)
+    positions[7, 2] = 1e30
+    broken = add_key(source, "Broken", positions)
+    activate(target)
+    assert transfer(source="Source", what='ALL_KEYS') == {'FINISHED'}
+    assert [key.name for key in target.data.shape_keys.key_blocks] == ["Basis", "Bend", "Twist"]
+    assert "Vertex 7 of 'Source' is 1e+30 times" in capfd.readouterr().out
+    broken.value = 1
+    update()
+    assert "Vertex 7 of 'Source' is" in refusal(transfer, source="Source", what='POSE')
+    target.shape_key_clear()
+    broken.value = 0
+    update()
+    target.detail_deform.transfer.source = source
+    activate(target)
+    assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
+    shown = evaluated(target)
+    broken.value = 1
+    update()
+    assert "Vertex 7 of 'Source' is" in target.detail_deform.transfer.state
+    assert np.abs(evaluated(target) - shown).max() == 0
+
+
 def test_markers_that_contradict_are_refused(pair):
     source, target = pair
     for number in (1, 2, 3):

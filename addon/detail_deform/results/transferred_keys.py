@@ -113,8 +113,9 @@ def _shapes(prepared, source, target, keys, places, rotation_only):
                 left_out[key.name] = "another key goes to the one of that name here"
             else:
                 shape = mesh_data.key_shape(source, key, masks)
+                source_pose.check_extent(source, shape)
                 offsets[key.name] = _offset(prepared, target, shape, rotation_only)
-        except native.NativeError as error:
+        except (MeshProblem, native.NativeError) as error:
             left_out[key.name] = str(error).rstrip('.')
         yield number / len(keys)
     if not offsets:

@@ -7,6 +7,21 @@ from . import below, mesh_data, node_group, offset_attribute
 from .mesh_data import MeshProblem
 
 
+# Of the mesh's size: farther from rest no pose goes, and one vertex there would move all of the target.
+_FARTHEST = 1e6
+
+
+def check_extent(source, pose):
+    """pose: (n, 3) of the source's own vertices. Raises MeshProblem where one of them is out of all bounds."""
+    rest = mesh_data.rest(source.data)
+    moved = np.abs(pose - rest)
+    size = np.ptp(rest, axis=0).max(initial=0)
+    if moved.max(initial=0) > _FARTHEST * size > 0:  # what is no number is told by the library
+        vertex, axis = np.unravel_index(moved.argmax(), moved.shape)
+        raise MeshProblem(f"Vertex {vertex} of '{source.name}' is {moved[vertex, axis] / size:.0e} times the mesh's size from "
+                          "where it is at rest: correct its position.")
+
+
 def evaluated_pose(source, depsgraph):
     """(n, 3) float32: what the source's modifiers and shape keys make of its own vertices now. Raises MeshProblem."""
     evaluated = source.evaluated_get(depsgraph)
@@ -19,7 +34,9 @@ def evaluated_pose(source, depsgraph):
                 f"The modifiers of '{source.name}' make {len(evaluated.data.vertices):,} vertices of its "
                 f"{len(source.data.vertices):,} in a way that can't be followed: hide those that don't only move "
                 "vertices.")
-        return mesh_data.positions(mesh) + _not_yet_shown(source, mesh, used)
+        pose = mesh_data.positions(mesh) + _not_yet_shown(source, mesh, used)
+    check_extent(source, pose)
+    return pose
 
 
 def _not_yet_shown(source, mesh, used):
