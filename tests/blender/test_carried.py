@@ -154,7 +154,8 @@ def test_a_base_object(name, levels):
     check_nothing_moves(ob, CHANGES[name], exact=2e-5)
 
 
-@pytest.mark.parametrize('change', [Matrix.Translation((0.3, 0, 0.2)), Matrix.Scale(1.5, 4), Matrix.Rotation(0.4, 4, 'Y')])
+@pytest.mark.parametrize('change', [
+    Matrix.Translation((0.3, 0, 0.2)), Matrix.Scale(1.5, 4), Matrix.Rotation(0.4, 4, 'Y')])
 def test_all_vertices_moved_by_hand_are_an_edit(change):
     """The empties stay where they are and what they were told stays a motion in the object's space."""
     ob = bind(make_strip())
@@ -165,10 +166,7 @@ def test_all_vertices_moved_by_hand_are_an_edit(change):
     ob.data.update()
     update()
     bind(ob, keep_rest=True)
-    right = own(ob)[:, 0] > -100
-    right[:] = False
-    right[-25:] = True
-    assert np.abs(evaluated(ob)[right] - own(ob)[right] - (0, 0, 0.5)).max() < 1e-5
+    assert np.abs(evaluated(ob)[-25:] - own(ob)[-25:] - (0, 0, 0.5)).max() < 1e-5
 
 
 def test_what_a_file_holds_goes_along(tmp_path):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A garment that is modelled as a half with Mirror: what follows, and what is transferred to it, leaves its seam closed."""
+"""A garment that is modelled as a half with Mirror: following, and what is transferred to it, leave its seam closed."""
 
 import bpy
 import numpy as np
@@ -55,7 +55,7 @@ def check_closed(shirt, count, moves=True):
 
 
 def test_as_it_follows(dressed):
-    body, shirt = dressed
+    _, shirt = dressed
     count = len(evaluated(shirt))
     assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
     check_closed(shirt, count, moves=False)
@@ -75,7 +75,7 @@ def test_as_it_follows(dressed):
 
 @pytest.mark.parametrize('what', ['ALL_KEYS', 'POSE', 'CACHE', 'SHAPE_KEYS'])
 def test_what_is_transferred(dressed, what, tmp_path):
-    body, shirt = dressed
+    _, shirt = dressed
     count = len(evaluated(shirt))
     if what == 'ALL_KEYS':
         assert transfer(source="Body", what=what, correspondence='NEAREST') == {'FINISHED'}
@@ -84,14 +84,14 @@ def test_what_is_transferred(dressed, what, tmp_path):
         bpy.context.scene.frame_set(4)
         assert transfer(source="Body", what=what, correspondence='NEAREST') == {'FINISHED'}
     else:
-        assert transfer(source="Body", what='ANIMATION', bake_as=what, correspondence='NEAREST', frame_start=1, frame_end=4,
-                        cache_path=str(tmp_path / 'shirt.pc2')) == {'FINISHED'}
+        assert transfer(source="Body", what='ANIMATION', bake_as=what, correspondence='NEAREST', frame_start=1,
+                        frame_end=4, cache_path=str(tmp_path / 'shirt.pc2')) == {'FINISHED'}
         bpy.context.scene.frame_set(4)
     check_closed(shirt, count)
 
 
 def test_that_mirror_stands_wrong_is_said(dressed):
-    body, shirt = dressed
+    _, shirt = dressed
     assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
     assert "modifier stack" not in shirt.detail_deform.transfer.state
     bpy.ops.object.modifier_move_to_index(modifier="Mirror", index=0)

@@ -104,8 +104,9 @@ def by_a_mesh_that_goes_by_it(empty, ob):
     by_vertices(empty, cage)
 
 
-@pytest.mark.parametrize('hold', [by_vertices, *map(by_constraint, ('COPY_LOCATION', 'CHILD_OF', 'SHRINKWRAP', 'DAMPED_TRACK')),
-                                  by_another, by_a_bone, by_a_mesh_that_goes_by_it])
+@pytest.mark.parametrize('hold', [
+    by_vertices, *map(by_constraint, ('COPY_LOCATION', 'CHILD_OF', 'SHRINKWRAP', 'DAMPED_TRACK')), by_another,
+    by_a_bone, by_a_mesh_that_goes_by_it])
 def test_an_empty_that_goes_by_vertices_that_it_moves_runs_after_itself(hold):
     ob = bind(make_strip())
     empty = ob.detail_deform.handles[0].target

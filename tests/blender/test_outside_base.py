@@ -375,14 +375,14 @@ def test_a_base_that_has_other_vertices_in_renders_is_followed_below_what_makes_
 
 def test_what_a_render_could_not_follow_is_said_after_it(rendered):
     """As where Simplify comes after Bind. The next render that can takes it back."""
-    ob, base = lifted_cage(copy=False)
+    ob, _ = lifted_cage(copy=False)
     bind(activate(ob))
     render = bpy.context.scene.render
     render.use_simplify, render.simplify_subdivision_render = True, 1
     rendered()
     bpy.context.scene.frame_set(2)
     update()
-    assert "A render could not follow it in frame 1: The modifiers of the base object 'Cage' make" in ob.detail_deform.status
+    assert "A render could not follow it in frame 1: The modifiers of the base object" in ob.detail_deform.status
     render.use_simplify = False
     seen = rendered()
     bpy.context.scene.frame_set(5)

@@ -34,7 +34,8 @@ def test_but_behind_what_comes_from_a_file():
 
 def positions_from(ob, name):
     """Nodes that put each vertex where an attribute of this name says: as they are bound, or where they are already."""
-    ob.data.attributes.new('bound', 'FLOAT_VECTOR', 'POINT').data.foreach_set('vector', own(ob).astype(np.float32).ravel())
+    bound = ob.data.attributes.new('bound', 'FLOAT_VECTOR', 'POINT')
+    bound.data.foreach_set('vector', own(ob).astype(np.float32).ravel())
     tree = bpy.data.node_groups.new("Theirs", 'GeometryNodeTree')
     if hasattr(tree, 'interface'):
         tree.interface.new_socket("Geometry", in_out='INPUT', socket_type='NodeSocketGeometry')

@@ -210,7 +210,7 @@ def test_another_rotation_mode_turns_nothing(of_rest, now, tilt):
 
 
 def test_turns_by_channels_have_no_jumps(part):
-    """Any two channels, or all, up to half a turn from a rest of any angles: what counts as turned goes on as they do."""
+    """Any two channels, or all, up to half a turn from a rest of any angles: what has turned goes on as they do."""
     rng = np.random.default_rng(7)
     channel_turns = part('scene.euler_angles').channel_turns
     for _ in range(200):

@@ -44,7 +44,8 @@ def constrained(ob, name):
 
 GROUP_USERS = {
     'Mask': lambda ob, name: setattr(ob.modifiers.new("Mask", 'MASK'), 'vertex_group', name),
-    'second of two groups': lambda ob, name: setattr(ob.modifiers.new("Mix", 'VERTEX_WEIGHT_MIX'), 'vertex_group_b', name),
+    'second of two groups': lambda ob, name: setattr(
+        ob.modifiers.new("Mix", 'VERTEX_WEIGHT_MIX'), 'vertex_group_b', name),
     'pinned cloth': lambda ob, name: setattr(ob.modifiers.new("Cloth", 'CLOTH').settings, 'vertex_group_mass', name),
     'particles': lambda ob, name: setattr(
         ob.modifiers.new("Hair", 'PARTICLE_SYSTEM').particle_system, 'vertex_group_density', name),

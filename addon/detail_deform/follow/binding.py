@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..library import native
-from ..scene import (carried, dependency, group_columns, handle_matrices, mesh_data, node_group, offset_attribute, outside_base,
-                     stack, start)
+from ..scene import (carried, dependency, group_columns, handle_matrices, mesh_data, node_group, offset_attribute,
+                     outside_base, stack, start)
 from ..scene.mesh_data import MeshProblem
 from . import bound, content, hints, life, registry
 

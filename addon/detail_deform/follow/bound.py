@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 
 from ..library import native
-from ..scene import (carried, dependency, handle_matrices, mesh_data, mirror_plane, node_group, offset_attribute, outside_base,
-                     start)
+from ..scene import (carried, dependency, handle_matrices, mesh_data, mirror_plane, node_group, offset_attribute,
+                     outside_base, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
 from . import content, look, made, placed, shown, slow_results

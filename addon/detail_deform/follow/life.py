@@ -82,7 +82,8 @@ def refresh(ob, depsgraph, force=False):
         kind.settings(ob).problem = problem
     if problem and depsgraph.mode == 'RENDER' and not ob.detail_deform.render_problem:
         # The next update in the viewport takes the other one back.
-        ob.detail_deform.render_problem = f"A render could not follow it in frame {depsgraph.scene.frame_current}: {problem}"
+        frame = depsgraph.scene.frame_current
+        ob.detail_deform.render_problem = f"A render could not follow it in frame {frame}: {problem}"
 
 
 def render_begins(members):

@@ -59,8 +59,7 @@ class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
         correspondence.forget(ob)
         bake.drop_cache(ob)
         node_group.remove_modifier(ob)
-        for index in reversed(range(len(ob.detail_deform.handles))):
-            handle_setup.remove_handle(ob, index)
+        handle_setup.remove_handles(ob, range(len(ob.detail_deform.handles)))
         region_setup.remove_own(ob)
         ob.property_unset('detail_deform')
 

@@ -73,7 +73,7 @@ class OBJECT_OT_detail_deform_handle_remove(_HandleOperator, bpy.types.Operator)
 
     def run(self, context, ob):
         settings, index = ob.detail_deform, self.number(ob)
-        handle_setup.remove_handle(ob, index)
+        handle_setup.remove_handles(ob, [index])
         settings.handle_index = max(0, min(index, len(settings.handles) - 1))
         life.check(ob)
 

@@ -44,8 +44,8 @@ def _bytes_a_frame(ob, context):
 
 
 def _check_complete(path, least):
-    """Raises OSError where the exporter got stuck, as on a full disk, or had nothing to write, of which it says nothing.
-    least: bytes, fewer than one frame takes, whatever renders leave of the mesh."""
+    """Raises OSError where the exporter got stuck, as on a full disk, or had nothing to write, of which it says
+    nothing. least: bytes, fewer than one frame takes, whatever renders leave of the mesh."""
     with open(path, 'rb') as file:
         if file.read(len(_COMPLETE)) != _COMPLETE:
             raise OSError(0, "the export has stopped before its end, as it does when the disk is full")
@@ -60,8 +60,8 @@ def _collections_around(scene, ob):
              if collection.hide_render and ob in collection.all_objects[:]]
     linked = [collection for collection in found if collection.library]
     if linked and not _is_in(scene.collection, ob, linked):
-        raise MeshProblem(f"'{ob.name}' is in the linked collection '{linked[0].name}', which is disabled in renders, so "
-                          "that an export leaves it out: enable it in its file, or put the object into another "
+        raise MeshProblem(f"'{ob.name}' is in the linked collection '{linked[0].name}', which is disabled in renders, "
+                          "so that an export leaves it out: enable it in its file, or put the object into another "
                           "collection, too.")
     return [collection for collection in found if collection not in linked]
 

@@ -13,8 +13,8 @@ def check_range(start, end):
 def check_time(scene):
     """Raises MeshProblem where what is baked would play at other times than it was taken at."""
     if scene.render.frame_map_old != scene.render.frame_map_new:
-        raise MeshProblem("The scene remaps its time (Output > Frame Range > Time Stretching), so what is baked would play "
-                          "at other times than it was taken at: set Old and New alike to bake.")
+        raise MeshProblem("The scene remaps its time (Output > Frame Range > Time Stretching), so what is baked would "
+                          "play at other times than it was taken at: set Old and New alike to bake.")
 
 
 def settle(context, ob):

@@ -55,13 +55,15 @@ _SHOWN_IN = ('show_viewport', 'show_render', 'levels', 'render_levels')
 
 
 def differs_in_renders(ob, scene):
-    """Whether renders may show other vertices of it than the viewport: by levels, by Simplify, by what is shown in one of
-    them alone, by drivers of these, and by nodes that ask where they are."""
+    """Whether renders may show other vertices of it than the viewport: by levels, by Simplify, by what is shown in one
+    of them alone, by drivers of these, and by nodes that ask where they are."""
     drivers = ob.animation_data.drivers if ob.animation_data else ()
-    if any(curve.data_path.startswith('modifiers[') and curve.data_path.rpartition('.')[2] in _SHOWN_IN for curve in drivers):
+    paths = [curve.data_path for curve in drivers]
+    if any(path.startswith('modifiers[') and path.rpartition('.')[2] in _SHOWN_IN for path in paths):
         return True
     makers = [m for m in ob.modifiers if _perhaps_makes(ob, m) and (m.show_viewport or m.show_render)]
-    return any(m.show_viewport != m.show_render or _levels(m, scene, 'show_viewport') != _levels(m, scene, 'show_render')
+    return any(m.show_viewport != m.show_render
+               or _levels(m, scene, 'show_viewport') != _levels(m, scene, 'show_render')
                or m.type == 'NODES' and m.node_group is not None and _asks_where(m.node_group, set()) for m in makers)
 
 

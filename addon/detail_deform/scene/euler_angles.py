@@ -31,12 +31,12 @@ def _principal(angles):
 
 
 def channel_turns(euler, rest, order, animated=True):
-    """(3,) float64: how far each channel of an Euler rotation of this order has turned since rest, whole turns among it.
+    """(3,) float64: how far each channel of an Euler rotation of this order has turned since rest, with whole turns.
 
     Two triples of angles give the same rotation: (x, y, z), and (x + π, π - y, z + π) where Y is the middle channel.
     What sets an empty by a matrix, as Blender's Keep Transform does, may change from one to the other. So the other
-    triple for rest counts where the present angles, whole turns aside, are at most half as far from it. (Where it counts
-    as soon as it is nearer, empties that turn on by two channels at once jump on their way.)
+    triple for rest counts where the present angles, whole turns aside, are at most half as far from it. (Where it
+    counts as soon as it is nearer, empties that turn on by two channels at once jump on their way.)
 
     animated: False where the angles were set once, so that the other triple as it stands in the formula, where a matrix
     gives one in [-π, π], has not turned either.

@@ -312,8 +312,8 @@ _MOST_CORNERS = 12  # of a face that may be triangulated in the other mesh: it h
 
 
 def is_same_topology(mesh, other):
-    """Whether the faces of two meshes join the same vertices: in any order, begun at any corner and wound either way, and
-    triangulated in one of them."""
+    """Whether the faces of two meshes join the same vertices: in any order, begun at any corner and wound either way,
+    and triangulated in one of them."""
     if len(mesh.vertices) != len(other.vertices):
         return False
     return topology_signature(mesh) == topology_signature(other) or _is_made_of(mesh, triangles(other)) or _is_made_of(
@@ -321,8 +321,8 @@ def is_same_topology(mesh, other):
 
 
 def is_copy(mesh, other):
-    """The same of meshes of which nobody has said so. Where faces come in another order, as of a grid whose vertices are
-    numbered from its other end, the vertices of one number have to lie about at the same places, too."""
+    """The same of meshes of which nobody has said so. Where faces come in another order, as of a grid whose vertices
+    are numbered from its other end, the vertices of one number have to lie about at the same places, too."""
     if len(mesh.vertices) != len(other.vertices):
         return False
     return topology_signature(mesh) == topology_signature(other) or (

@@ -46,8 +46,8 @@ def place(ob, depsgraph):
 
 
 def deformed_positions(ob, depsgraph):
-    """(n, 3) float32: what the base object's modifiers make of it, in the object's space, now. Where nothing was kept of
-    what they made at Bind, below those that make vertices."""
+    """(n, 3) float32: what the base object's modifiers make of it, in the object's space, now. Where nothing was kept
+    of what they made at Bind, below those that make vertices."""
     base, kept = _base_object(ob), ob.detail_deform.base_rest_mesh
     evaluated = base.evaluated_get(depsgraph)
     if base.mode == 'EDIT' and not len(evaluated.data.vertices):
@@ -64,8 +64,8 @@ def deformed_positions(ob, depsgraph):
 def _check_count(base, made, bound):
     if made != bound:
         raise MeshProblem(
-            f"The modifiers of the base object '{base.name}' make {made:,} vertices, but {bound:,} were there when it was "
-            "bound: press Re-bind, or use only modifiers that make the same vertices in each frame.")
+            f"The modifiers of the base object '{base.name}' make {made:,} vertices, but {bound:,} were there when it "
+            "was bound: press Re-bind, or use only modifiers that make the same vertices in each frame.")
 
 
 def store_rest(ob, depsgraph, only_new):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Where in the modifier stack the deformation belongs. It is made for the mesh's own vertices, as a shape key is: so
-before all that moves them or makes others, and behind what overwrites their positions: what brings them from a file, and
-clothes that were bound to a body. There are modifiers that Blender lets no nodes stand before, which is said."""
+before all that moves them or makes others, and behind what overwrites their positions: what brings them from a file,
+and clothes that were bound to a body. There are modifiers that Blender lets no nodes stand before, which is said."""
 
 import bpy
 
@@ -66,8 +66,8 @@ def _comes_of_positions(node, sources, seen):
     if node.bl_idname == 'GeometryNodeInputNamedAttribute' and node.inputs['Name'].default_value == 'position':
         return True
     seen.add(node.name)
-    before = (sources.get(socket.as_pointer()) for socket in node.inputs)
-    return any(node is not None and node.name not in seen and _comes_of_positions(node, sources, seen) for node in before)
+    before = filter(None, (sources.get(socket.as_pointer()) for socket in node.inputs))
+    return any(node.name not in seen and _comes_of_positions(node, sources, seen) for node in before)
 
 
 def move_to(ob, modifier, index):
@@ -124,8 +124,8 @@ def why_not_here(ob):
     """What is wrong with its place: a sentence, or ''."""
     over = hiding(ob)
     if over:
-        return (f"'{over[-1].name}' comes behind Detail Deform in the modifier stack and sets positions whatever it gets, so "
-                "nothing is seen: press Move to Its Place.")
+        return (f"'{over[-1].name}' comes behind Detail Deform in the modifier stack and sets positions whatever it "
+                "gets, so nothing is seen: press Move to Its Place.")
     fixed = _shown_before(ob, _FIXED)
     if fixed:
         return f"'{fixed[-1].name}' has to come before Detail Deform, so {_FIXED[fixed[-1].type]}."

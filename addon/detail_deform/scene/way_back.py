@@ -19,8 +19,8 @@ class Search:
         return True
 
     def of_place(self, other):
-        """What lets an object's place go by the vertices of the mesh, in words; '' where nothing does that was not found
-        before. The mesh's own place counts for nothing, as handles are told relative to it."""
+        """What lets an object's place go by the vertices of the mesh, in words; '' where nothing does that was not
+        found before. The mesh's own place counts for nothing, as handles are told relative to it."""
         if other == self._ob or not self._is_new(other, 'place'):
             return ""
         bones = other.pose.bones if other.pose else ()
@@ -39,7 +39,8 @@ class Search:
             target = getattr(constraint, 'target', None)
             if target is None or constraint.mute or not constraint.influence:
                 continue
-            by_shape = constraint.type == 'SHRINKWRAP' or (target.type == 'MESH' and getattr(constraint, 'subtarget', ""))
+            by_shape = constraint.type == 'SHRINKWRAP' or (
+                target.type == 'MESH' and getattr(constraint, 'subtarget', ""))
             said = f"constraint '{constraint.name}' of '{owner.name}'"
             found = self._shape(target, said) if by_shape else self.of_place(target)
             if found:

@@ -225,15 +225,22 @@ def _append(ob, group_name, empty):
     return handle
 
 
-def remove_handle(ob, index):
-    """Removes a handle with the group and the empty that were made for it, unless something else uses them now."""
+def remove_handles(ob, indices):
+    """Removes handles with the groups and the empties that were made for them, unless something else uses them now."""
+    made = [ob.detail_deform.handles[index].own_target for index in indices]
+    needed = users.needed_empties(ob, filter(None, made))
+    for index in sorted(indices, reverse=True):
+        _remove_handle(ob, index, needed)
+
+
+def _remove_handle(ob, index, needed):
     settings = ob.detail_deform
     handle = settings.handles[index]
     group, target = ob.vertex_groups.get(handle.own_group), handle.own_target
     if group and not _shares_group(ob, handle, group.name) and not users.need_group(ob, group.name):
         ob.vertex_groups.remove(group)
     settings.handles.remove(index)
-    if target and not any(h.target == target for h in settings.handles) and not users.need_empty(ob, target):
+    if target and target not in needed and not any(h.target == target for h in settings.handles):
         for child in target.children:
             place = child.matrix_world.copy()
             child.parent = None

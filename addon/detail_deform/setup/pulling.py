@@ -122,8 +122,7 @@ class Pull:
             if settings.signature not in earlier.state:  # this Pull has begun to bind
                 bound.cache.let_go(settings.signature)
             settings.signature = ""  # nothing is compared with it any more
-        for number in reversed(range(self._count, len(settings.handles))):
-            handle_setup.remove_handle(ob, number)
+        handle_setup.remove_handles(ob, range(self._count, len(settings.handles)))
         if region:
             region_setup.restore(ob, region)
         if not self._had_modifier:
