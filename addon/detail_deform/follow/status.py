@@ -151,8 +151,8 @@ def _remarks(ob, info):
     hanging = hints.goes_by_its_mesh(ob)
     if hanging:
         yield (f"The empty of handle '{hanging[0]}' goes by vertices of this mesh ({hanging[1]}), and runs after "
-               "itself where they follow it: a frame depends on how often it was updated. Let the empty go by the object, "
-               "or by something else.")
+               "itself where they follow it: a frame depends on how often it was updated. Let the empty go by the "
+               "object, or by something else.")
     other = hints.shares_empties_with(ob)
     if other:
         yield (f"Its empties are those of '{other.name}' too, so it is pulled back when it is moved alone: press Own "

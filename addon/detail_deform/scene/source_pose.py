@@ -19,8 +19,8 @@ def check_extent(source, pose):
     if moved.max(initial=0) > _FARTHEST * size > 0:  # what is no number is told by the library
         vertex, axis = np.unravel_index(moved.argmax(), moved.shape)
         times = moved[vertex, axis] / size
-        raise MeshProblem(f"Vertex {vertex} of '{source.name}' is {times:.0e} times the mesh's size from where it is at "
-                          "rest: correct its position.")
+        raise MeshProblem(f"Vertex {vertex} of '{source.name}' is {times:.0e} times the mesh's size from where it is "
+                          "at rest: correct its position.")
 
 
 def evaluated_pose(source, depsgraph):
