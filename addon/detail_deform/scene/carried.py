@@ -33,7 +33,7 @@ def motion_since(mesh, kept):
     none, as after an edit, or none is known."""
     try:
         before = np.frombuffer(base64.b64decode(kept), np.float32).reshape(-1, 3).astype(np.float64)
-    except ValueError:  # in a file that something else has written to
+    except (TypeError, ValueError):  # in a file that something else has written to
         return None
     after = _chosen(mesh).astype(np.float64)
     if not len(before) or len(before) != len(after) or not (np.isfinite(before).all() and np.isfinite(after).all()):

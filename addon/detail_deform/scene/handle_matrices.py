@@ -146,6 +146,8 @@ def _reflection_of(handle):
     if not any(handle.mirror_space):
         return flip
     space = np.array(handle.mirror_space, np.float64).reshape(4, 4)
+    if not np.isfinite(space).all() or _flat(space):  # in a file that something else has written to
+        return flip
     return space @ flip @ np.linalg.inv(space)
 
 
