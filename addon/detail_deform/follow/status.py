@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
 
-from ..scene import examples, handle_matrices, node_group, offset_attribute, posers, reach, stack
+from ..scene import examples, handle_matrices, node_group, offset_attribute, posers, proportions, reach, stack
 from . import bound, hints, look, shown, slow_results, words
+
+
+_UNEVEN = 1.05  # by so much a turn by 90° stretches what it turns, at most
 
 
 def is_bound(ob):
@@ -116,6 +119,11 @@ def _remarks(ob, info):
         yield ("The values of its examples' keys are played in its place: to follow the handles again, delete their "
                "keyframes, set them to 0, and show the modifier in the viewport." if plays_keys else
                "Its modifier is hidden, so nothing is computed: show it in the viewport.")
+    uneven = proportions.unevenness(ob)
+    if uneven > _UNEVEN:
+        yield (f"'{ob.name}' is scaled {uneven:.3g} times more along one direction than along another, and what turns "
+               "is turned as if it weren't, so that details are sheared: apply its scale, that of its parents too, and "
+               "press Re-bind.")
     yield from filter(None, (ob.detail_deform.render_problem, reach.influence_gone(ob), stack.why_not_here(ob)))
     if info.resting_count:
         yield (f"{_count(info.resting_component_count, 'loose part', 'loose parts')} of the region "

@@ -25,6 +25,11 @@ def of(ob):
     return found.astype(np.float32) if np.round(found - one, _NOISE_DIGITS).any() else one
 
 
+def unevenness(ob):
+    """How much more the object is scaled along one direction than along another: 1 where it keeps its shape."""
+    return float(1 / np.linalg.eigvalsh(of(ob).astype(np.float64))[0])
+
+
 def stance(source, target):
     """(3, 4) float64: how the source stands to the target in the scene, both as they are proportioned: a rotation,
     scale and shift, with a reflection where one of them is mirrored. None where one is flat."""
