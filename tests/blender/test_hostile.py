@@ -113,7 +113,7 @@ CHANGES = [
     of_handle('rest_matrix', [NAN] * 16), of_handle('rest_matrix', [1e38] * 16), of_handle('home_matrix', [NAN] * 16),
     of_handle('rest_euler', [1e38] * 3), of_handle('rest_order', '{0}%s'), of_handle('mirror_space', [NAN] * 16),
     of_handle('mirror_space', [1.0] * 16), of_handle('home_order', 'XXX'), setting('bound_points', 'é{0}'),
-    setting('bound_points', 'AAAA'), setting('render_problem', '{0} %s'), of_handle('turns', 77),
+    setting('bound_points', 'abcd'), setting('render_problem', '{0} %s'), of_handle('turns', 77),
     of_handle('mirror_axis', 77),
     of_handle('mirrors', 'right'), of_handle('mirrors', '{0}%s'), of_handle('name', '{0}%s\n'),
     of_handle('vertex_group', '..'), of_handle('own_group', 'region'),

@@ -6,8 +6,6 @@ seen to move. The places of handles at rest, and offsets, are told in the same s
 motion, some of the vertices' positions are kept from the bind, as text that is saved and undone with the object.
 """
 
-import base64
-
 import numpy as np
 
 from . import handle_matrices, mesh_data, offset_attribute, outside_base
@@ -20,7 +18,7 @@ _FLAT = 1e-5  # of a mesh's largest extent, the smallest that tells how it was s
 
 def points(mesh):
     """Of what is bound, for motion_since."""
-    return base64.b64encode(_chosen(mesh)).decode()
+    return _chosen(mesh).tobytes().hex()
 
 
 def _chosen(mesh):
@@ -32,7 +30,7 @@ def motion_since(mesh, kept):
     """(4, 4): the affine motion that has taken the vertices from where these points were kept; None where there is
     none, as after an edit, or none is known."""
     try:
-        before = np.frombuffer(base64.b64decode(kept), np.float32).reshape(-1, 3).astype(np.float64)
+        before = np.frombuffer(bytes.fromhex(kept), np.float32).reshape(-1, 3).astype(np.float64)
     except (TypeError, ValueError):  # in a file that something else has written to
         return None
     after = _chosen(mesh).astype(np.float64)
