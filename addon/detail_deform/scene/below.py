@@ -64,7 +64,7 @@ def differs_in_renders(ob, scene):
     makers = [m for m in ob.modifiers if _perhaps_makes(ob, m) and (m.show_viewport or m.show_render)]
     return any(m.show_viewport != m.show_render
                or _levels(m, scene, 'show_viewport') != _levels(m, scene, 'show_render')
-               or m.type == 'NODES' and m.node_group is not None and _asks_where(m.node_group, set()) for m in makers)
+               or m.type == 'NODES' and _asks_where(m.node_group) for m in makers)
 
 
 def _levels(modifier, scene, flag):
@@ -77,12 +77,9 @@ def _levels(modifier, scene, flag):
     return min(levels, most) if render.use_simplify else levels
 
 
-def _asks_where(tree, seen):
+def _asks_where(tree):
     """Whether nodes give something else in the viewport than in renders."""
-    seen.add(tree.name)
-    return any(node.bl_idname == 'GeometryNodeIsViewport' or (
-        getattr(node, 'node_tree', None) is not None and node.node_tree.name not in seen
-        and _asks_where(node.node_tree, seen)) for node in tree.nodes)
+    return any(node.bl_idname == 'GeometryNodeIsViewport' for node in node_group.all_nodes(tree))
 
 
 @contextlib.contextmanager

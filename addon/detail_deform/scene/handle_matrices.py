@@ -242,18 +242,22 @@ def home(handle):
 
 def home_euler(handle, order):
     """The empty's own rotation at home, as Euler angles of this order."""
+    _, euler, own = _home(handle)
+    return euler_angles.in_order(euler, own, order)
+
+
+def _home(handle):
+    """(matrix, Euler angles, their order) as it is kept."""
     if any(handle.home_matrix):
-        return euler_angles.in_order(handle.home_euler, handle.home_order, order)
-    return euler_angles.in_order(handle.rest_euler, handle.rest_order, order)
+        return handle.home_matrix[:], handle.home_euler[:], handle.home_order
+    return handle.rest_matrix[:], handle.rest_euler[:], handle.rest_order
 
 
 def kept_home(handle):
     """(matrix, Euler angles, their order) as a handle keeps its rest; a matrix of zeros where it has none."""
     if handle.mirrors or not has_home(handle):
         return [0.0] * 16, (0.0, 0.0, 0.0), ''
-    if any(handle.home_matrix):
-        return handle.home_matrix[:], handle.home_euler[:], handle.home_order
-    return handle.rest_matrix[:], handle.rest_euler[:], handle.rest_order
+    return _home(handle)
 
 
 def set_home(handle, matrix):

@@ -316,8 +316,7 @@ def is_same_topology(mesh, other):
     and triangulated in one of them."""
     if len(mesh.vertices) != len(other.vertices):
         return False
-    return topology_signature(mesh) == topology_signature(other) or _is_made_of(mesh, triangles(other)) or _is_made_of(
-        other, triangles(mesh))
+    return topology_signature(mesh) == topology_signature(other) or _join_alike(mesh, other)
 
 
 def is_copy(mesh, other):
@@ -326,7 +325,11 @@ def is_copy(mesh, other):
     if len(mesh.vertices) != len(other.vertices):
         return False
     return topology_signature(mesh) == topology_signature(other) or (
-        _lie_alike(rest(mesh), rest(other)) and is_same_topology(mesh, other))
+        _lie_alike(rest(mesh), rest(other)) and _join_alike(mesh, other))
+
+
+def _join_alike(mesh, other):
+    return _is_made_of(mesh, triangles(other)) or _is_made_of(other, triangles(mesh))
 
 
 def _lie_alike(shape, other):

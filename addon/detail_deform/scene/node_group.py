@@ -166,6 +166,17 @@ def _inputs(modifier):
     return getattr(getattr(modifier, 'properties', None), 'inputs', None)
 
 
+def all_nodes(tree):
+    """Of any node tree, with those of the groups in it; each tree once."""
+    trees, seen = [tree] * (tree is not None), set()
+    while trees:
+        tree = trees.pop()
+        if tree.name not in seen:
+            seen.add(tree.name)
+            yield from tree.nodes
+            trees += filter(None, (getattr(node, 'node_tree', None) for node in tree.nodes))
+
+
 def texts(modifier):
     """The texts among the inputs of a modifier of any nodes: names of attributes and groups."""
     inputs = _inputs(modifier)

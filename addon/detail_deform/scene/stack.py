@@ -29,7 +29,7 @@ def overwrites(modifier):
         return bool(modifier.filepath) and modifier.deform_mode == 'OVERWRITE' and modifier.factor == 1
     if modifier.type == 'MESH_SEQUENCE_CACHE':
         return modifier.cache_file is not None
-    return modifier.type == 'NODES' and modifier.node_group is not None and _sets_positions(modifier.node_group, set())
+    return modifier.type == 'NODES' and any(map(_sets_positions, node_group.all_nodes(modifier.node_group)))
 
 
 # Nodes that hand on the vertices of their first input.
@@ -37,20 +37,15 @@ _HAND_ON = {'GeometryNodeSetPosition', 'GeometryNodeStoreNamedAttribute', 'Geome
             'GeometryNodeRemoveAttribute', 'GeometryNodeSetShadeSmooth', 'GeometryNodeSetMaterial', 'NodeReroute'}
 
 
-def _sets_positions(tree, seen):
-    """Whether its nodes set all positions of the geometry that they get to some that come from no positions. Found by
+def _sets_positions(node):
+    """Whether it sets all positions of the geometry that its nodes get to some that come from no positions. Found by
     going back from Set Position; where nodes are grouped, nothing is known."""
-    seen.add(tree.name)
-    sources = {link.to_socket.as_pointer(): link.from_node for link in tree.links}
-    for node in tree.nodes:
-        inner = getattr(node, 'node_tree', None)
-        if inner is not None and inner.name not in seen and _sets_positions(inner, seen):
-            return True
-        if (node.bl_idname == 'GeometryNodeSetPosition' and not node.mute and not node.inputs['Selection'].is_linked
-                and node.inputs['Position'].is_linked and _is_of_input(node, sources)
-                and not _comes_of_positions(sources[node.inputs['Position'].as_pointer()], sources, set())):
-            return True
-    return False
+    if (node.bl_idname != 'GeometryNodeSetPosition' or node.mute or node.inputs['Selection'].is_linked
+            or not node.inputs['Position'].is_linked):
+        return False
+    sources = {link.to_socket.as_pointer(): link.from_node for link in node.id_data.links}
+    return _is_of_input(node, sources) and not _comes_of_positions(
+        sources[node.inputs['Position'].as_pointer()], sources, set())
 
 
 def _is_of_input(node, sources):

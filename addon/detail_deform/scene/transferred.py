@@ -31,14 +31,11 @@ class Keys:
 
     def __init__(self, target):
         self._target, self._made, self._done, self._last = target, made_keys(target), set(), None
-        self._look()
+        keys = target.data.shape_keys
+        self._blocks = {key.name: key for key in keys.key_blocks if key != keys.reference_key} if keys else {}
         self._of_origin = {}
         for name, given in self._made.items():
             self._of_origin.setdefault(_told(given), []).append(name)
-
-    def _look(self):
-        keys = self._target.data.shape_keys
-        self._blocks = {key.name: key for key in keys.key_blocks if key != keys.reference_key} if keys else {}
 
     def put(self, origin, offsets, replace):
         """Gives the key of the name that is asked for this shape. One that was not made here stays as it is, unless it

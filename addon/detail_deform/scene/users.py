@@ -6,20 +6,24 @@ import bpy
 from . import node_group
 
 
-def need_group(ob, name):
-    """Whether modifiers, shape keys, particles, physics, nodes or constraints name a group of the object, beside what
-    Detail Deform does with it. Blender keeps no list of who does: all texts that may be such a name are compared."""
-    ours = node_group.find_modifier(ob)
-    keys = ob.data.shape_keys
-    structs = [*(modifier for modifier in ob.modifiers if modifier != ours), *(keys.key_blocks if keys else ()),
-               *ob.particle_systems]
-    if any(_names(struct, name) or any(_names(part, name) for part in _parts(struct)) for struct in structs):
-        return True
-    if any(modifier.type == 'NODES' and modifier != ours and _nodes_name(modifier, name) for modifier in ob.modifiers):
-        return True
-    return any(getattr(constraint, 'target', None) == ob and getattr(constraint, 'subtarget', '') == name
-               for other in bpy.data.objects
-               for owner in (other, *(other.pose.bones if other.pose else ())) for constraint in owner.constraints)
+def needed_groups(ob, names):
+    """Those of these vertex groups that modifiers, shape keys, particles, physics, nodes or constraints name, beside
+    what Detail Deform does with them. Blender keeps no list of who does: all texts that may be one are compared."""
+    ours, keys = node_group.find_modifier(ob), ob.data.shape_keys
+    modifiers = [modifier for modifier in ob.modifiers if modifier != ours]
+    found = set()
+    for struct in (*modifiers, *(keys.key_blocks if keys else ()), *ob.particle_systems):
+        found.update(_texts(struct), *map(_texts, _parts(struct)))
+    for modifier in modifiers:
+        if modifier.type == 'NODES':
+            found |= node_group.texts(modifier)
+            found.update(socket.default_value for node in node_group.all_nodes(modifier.node_group)
+                         for socket in node.inputs if socket.type == 'STRING')
+    for other in bpy.data.objects:
+        for owner in (other, *(other.pose.bones if other.pose else ())):
+            found.update(getattr(constraint, 'subtarget', "") for constraint in owner.constraints
+                         if getattr(constraint, 'target', None) == ob)
+    return found.intersection(names)
 
 
 def needed_empties(ob, empties):
@@ -56,10 +60,10 @@ def _pointers(struct):
     return [data for data in found if isinstance(data, bpy.types.Object)]
 
 
-def _names(struct, name):
-    """Whether one of its texts is this name, but what it is called itself."""
-    return any(prop.type == 'STRING' and prop.identifier != 'name' and getattr(struct, prop.identifier) == name
-               for prop in struct.bl_rna.properties)
+def _texts(struct):
+    """Its texts, but what it is called itself."""
+    return {getattr(struct, prop.identifier) for prop in struct.bl_rna.properties
+            if prop.type == 'STRING' and prop.identifier != 'name'}
 
 
 def _parts(struct):
@@ -69,16 +73,3 @@ def _parts(struct):
             part = getattr(struct, prop.identifier)
             if part is not None and not isinstance(part, bpy.types.ID):
                 yield part
-
-
-def _nodes_name(modifier, name):
-    """By an input of the modifier, or in its nodes."""
-    return name in node_group.texts(modifier) or _tree_names(modifier.node_group, name, set())
-
-
-def _tree_names(tree, name, seen):
-    if tree is None or tree.name in seen:
-        return False
-    seen.add(tree.name)
-    return any(any(getattr(socket, 'default_value', None) == name for socket in node.inputs if socket.type == 'STRING')
-               or _tree_names(getattr(node, 'node_tree', None), name, seen) for node in tree.nodes)

@@ -227,20 +227,21 @@ def _append(ob, group_name, empty):
 
 def remove_handles(ob, indices):
     """Removes handles with the groups and the empties that were made for them, unless something else uses them now."""
-    made = [ob.detail_deform.handles[index].own_target for index in indices]
-    needed = users.needed_empties(ob, filter(None, made))
+    handles = [ob.detail_deform.handles[index] for index in indices]
+    groups = users.needed_groups(ob, [handle.own_group for handle in handles])
+    empties = users.needed_empties(ob, filter(None, (handle.own_target for handle in handles)))
     for index in sorted(indices, reverse=True):
-        _remove_handle(ob, index, needed)
+        _remove_handle(ob, index, groups, empties)
 
 
-def _remove_handle(ob, index, needed):
+def _remove_handle(ob, index, needed_groups, needed_empties):
     settings = ob.detail_deform
     handle = settings.handles[index]
     group, target = ob.vertex_groups.get(handle.own_group), handle.own_target
-    if group and not _shares_group(ob, handle, group.name) and not users.need_group(ob, group.name):
+    if group and group.name not in needed_groups and not _shares_group(ob, handle, group.name):
         ob.vertex_groups.remove(group)
     settings.handles.remove(index)
-    if target and target not in needed and not any(h.target == target for h in settings.handles):
+    if target and target not in needed_empties and not any(h.target == target for h in settings.handles):
         for child in target.children:
             place = child.matrix_world.copy()
             child.parent = None

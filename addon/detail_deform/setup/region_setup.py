@@ -59,7 +59,7 @@ def restore(ob, present):
 def remove_own(ob):
     """Takes away the group that was made for the region, unless something else uses it now."""
     group = ob.vertex_groups.get(ob.detail_deform.own_region)
-    if group and not users.need_group(ob, group.name):
+    if group and not users.needed_groups(ob, [group.name]):
         ob.vertex_groups.remove(group)
 
 
