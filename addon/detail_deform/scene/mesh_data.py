@@ -78,6 +78,13 @@ def rest(mesh):
     return key_positions(mesh.shape_keys.reference_key) if mesh.shape_keys else positions(mesh)
 
 
+def some_of_rest(mesh, count=16):
+    """(k, 3) float64: a few of these, evenly through the mesh's list, without reading them all."""
+    points = mesh.shape_keys.reference_key.data if mesh.shape_keys else mesh.vertices
+    chosen = np.linspace(0, len(points) - 1, min(count, len(points))).astype(np.intp).tolist()
+    return np.array([points[k].co for k in chosen]).reshape(-1, 3)
+
+
 def key_positions(key):
     """(n, 3) float32 of a shape key."""
     points = getattr(key, 'points', key.data)  # from 4.1 on, and copied at once, where data are asked one by one
