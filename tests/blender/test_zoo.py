@@ -46,7 +46,6 @@ def test_each_kind_alone(rows, capfd):
     assert not failures, '\n'.join(failures)
 
 
-@pytest.mark.large
 def test_some_pairs(rows, capfd):
     failures = driven(kinds.pairs(PAIRS), rows, capfd)
     assert not failures, '\n'.join(failures)
