@@ -67,9 +67,10 @@ def test_a_group_that_is_used_stays(pulled, kind, removal):
 
 @pytest.mark.parametrize('removal', REMOVALS)
 def test_a_group_that_nobody_uses_goes(pulled, removal):
-    """What is only called as the group is doesn't use it."""
+    """A modifier that is only called as the group is doesn't use it, nor one of nodes that has none yet."""
     name = pulled.detail_deform.handles[0].vertex_group
     pulled.modifiers.new(name, 'MASK')
+    pulled.modifiers.new("Nodes", 'NODES')
     assert REMOVALS[removal]() == {'FINISHED'}
     assert name not in pulled.vertex_groups
 

@@ -178,7 +178,9 @@ def all_nodes(tree):
 
 
 def texts(modifier):
-    """The texts among the inputs of a modifier of any nodes: names of attributes and groups."""
+    """The texts among the inputs of a modifier of any nodes, or of none: names of attributes and groups."""
+    if modifier.node_group is None:  # 5.2 then has neither inputs nor properties to ask for
+        return set()
     inputs = _inputs(modifier)
     if inputs is None:
         found = [modifier[key] for key in modifier.keys()]
