@@ -124,6 +124,9 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
         name="Mirror Space", size=16, options={'HIDDEN'},
         description="From the object's space when it was bound to the present one, across a plane of which it mirrors")
     home_order: StringProperty(options={'HIDDEN'}, description="Order of these angles")
+    pose_matrix: FloatVectorProperty(
+        name="Pose Matrix", size=16, options={'HIDDEN'},
+        description="How modifiers had moved the vertices when the empty was placed on them, beside its bone")
     earlier_name: StringProperty(options={'HIDDEN'})
     # What was made for it, and goes with it.
     own_group: StringProperty(options={'HIDDEN'})

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..library import native
 from ..scene import (carried, dependency, group_columns, handle_matrices, mesh_data, node_group, offset_attribute,
-                     outside_base, stack, start)
+                     outside_base, seen, stack, start)
 from ..scene.mesh_data import MeshProblem
 from . import bound, content, hints, life, registry
 
@@ -31,7 +31,8 @@ def bind(ob, depsgraph, wait, keep_rest):
     if keep_rest:
         bound.carry_along(ob, depsgraph)
     roles = content.roles(ob, group_columns.entries)
-    places = handle_matrices.local_places(ob, depsgraph)
+    poses = _poses(ob, roles, depsgraph, only_new=keep_rest)
+    places = handle_matrices.local_places(ob, depsgraph, poses)
     # What these refuse leaves the present binding.
     if not keep_rest or _has_come(settings):
         handle_matrices.check_rest(settings, places)
@@ -51,6 +52,8 @@ def bind(ob, depsgraph, wait, keep_rest):
         options = content.options(ob)
     else:
         outside_base.forget_rest(settings)
+    for number, pose in poses.items():
+        handle_matrices.set_pose(handle_matrices.enabled_handles(settings)[number], pose)
     _find_start(ob, places, keep_rest, handle_matrices.rest_places(ob, places, roles, depsgraph))
     handle_matrices.motions(settings, places)  # refuses places that can't be inverted
 
@@ -68,6 +71,19 @@ def bind(ob, depsgraph, wait, keep_rest):
         life.refresh(ob, depsgraph, force=True)
         life.take_in(ob, depsgraph.view_layer)
     life.drop_unused()
+
+
+def _poses(ob, roles, depsgraph, only_new):
+    """{number: handle_matrices.pose_through()} of the handles with empties; only_new: of those without a rest."""
+    chosen = {number: handle.target for number, handle in enumerate(handle_matrices.enabled_handles(ob.detail_deform))
+              if handle.target and not handle.mirrors and not (only_new and handle_matrices.has_rest(handle))}
+    if not chosen or not seen.needs_measuring(ob) or ob.detail_deform.base == 'OBJECT':
+        return dict.fromkeys(chosen)
+    order = np.argsort(roles, kind='stable')
+    begins, ends = (np.searchsorted(roles[order], list(chosen), side) for side in ('left', 'right'))
+    motions = seen.motions(ob, [order[begin:end] for begin, end in zip(begins, ends)], depsgraph)
+    return {number: handle_matrices.pose_through(ob, empty, motion, depsgraph)
+            for (number, empty), motion in zip(chosen.items(), motions)}
 
 
 def _find_start(ob, places, keep_rest, rest_places):

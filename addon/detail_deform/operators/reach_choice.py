@@ -24,17 +24,18 @@ class View(NamedTuple):
 class ReachChoice:
     """While it goes on, hear() takes the window's events."""
 
-    def __init__(self, context, view, around, event):
+    def __init__(self, context, view, ob, around, event):
         """around: a region_setup.Around, whose distances are computed once."""
         self.around, self._view, self._units = around, view, context.scene.unit_settings
         self._guessed = self._moved = around.first_guess()
         self._typed = ""
-        chosen = around.places[around.chosen].astype(np.float64)
+        places = around.as_seen(ob, context.evaluated_depsgraph_get())
+        chosen = places[around.chosen].astype(np.float64)
         middle = chosen.mean(0)
         self._extent = float(np.linalg.norm(chosen - middle, axis=1).max())
         self._middle = Vector(middle + around.origin)
         self._mouse = self._place_of(event)
-        self._drawing = ReachDrawing(self, around)
+        self._drawing = ReachDrawing(self, around, places)
         self._show(context)
 
     @property

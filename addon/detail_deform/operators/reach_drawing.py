@@ -51,8 +51,9 @@ def _make_shader():
 class ReachDrawing:
     """In every 3D view, until it is closed. A change of the reach changes one number for the shader."""
 
-    def __init__(self, choice, around):
-        self._choice, self._around = choice, around
+    def __init__(self, choice, around, places):
+        """places: (n, 3) float32 from the object's origin, where the vertices of around are seen."""
+        self._choice, self._around, self._places = choice, around, places
         self._shader = self._batch = None
         self._handles = [bpy.types.SpaceView3D.draw_handler_add(draw, (), 'WINDOW', kind)
                          for draw, kind in ((self._draw_surface, 'POST_VIEW'), (self._draw_circle, 'POST_PIXEL'))]
@@ -70,7 +71,7 @@ class ReachDrawing:
         # What no way leads to is as good as far away, but the shader needs a number.
         away = np.where(np.isfinite(around.distances), around.distances, np.float32(1e30)).astype(np.float32)
         self._batch = batch_for_shader(
-            self._shader, 'TRIS', {'position': around.places, 'distance_over_surface': away}, indices=around.triangles)
+            self._shader, 'TRIS', {'position': self._places, 'distance_over_surface': away}, indices=around.triangles)
 
     def _draw_surface(self):
         import gpu

@@ -8,7 +8,7 @@ that is linked."""
 
 import contextlib
 
-from . import node_group
+from . import mesh_data, node_group
 
 MOVERS = {'ARMATURE', 'CAST', 'CLOTH', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE', 'HOOK', 'LAPLACIANDEFORM',
           'LAPLACIANSMOOTH', 'LATTICE', 'MESH_CACHE', 'MESH_DEFORM', 'MESH_SEQUENCE_CACHE', 'SHRINKWRAP',
@@ -88,18 +88,28 @@ def deformed(ob, evaluated, depsgraph):
     it. None, and none, where there is no such mesh."""
     flag, count = _flag(depsgraph), len(ob.data.vertices)
     first = _first(ob, flag)
-    if first is None and len(evaluated.data.vertices) == count:
+    is_edited = ob.mode == 'EDIT'  # where the evaluated mesh may be none that can be read
+    if first is None and len(evaluated.data.vertices) == count and not is_edited:
         yield evaluated.data, [getattr(m, flag) for m in ob.modifiers]
         return
     cuts = [k for k, m in enumerate(ob.modifiers)
             if getattr(m, flag) and _perhaps_makes(ob, m) and (first is None or k < first)]
-    for cut in reversed(cuts + [first] * (first is not None)):
+    if first is not None or is_edited:
+        cuts.append(len(ob.modifiers) if first is None else first)
+    for cut in reversed(cuts):
         chosen = _chosen(ob, flag, cut)
         with _with_alone(evaluated, depsgraph, flag, chosen) as mesh:
             if len(mesh.vertices) == count:
                 yield mesh, chosen
                 return
     yield None, []
+
+
+def by(ob, depsgraph, chosen):
+    """(n, 3) float32: what these of its modifiers alone make of the mesh's own vertices; None where they make others.
+    chosen: (k,) bool."""
+    with _with_alone(ob.evaluated_get(depsgraph), depsgraph, _flag(depsgraph), [bool(use) for use in chosen]) as mesh:
+        return mesh_data.positions(mesh) if len(mesh.vertices) == len(ob.data.vertices) else None
 
 
 @contextlib.contextmanager

@@ -86,6 +86,8 @@ def carry(ob, motion):
             if place.any():
                 # Of one that mirrors another, it is a motion and no place.
                 setattr(handle, name, (motion @ place @ (back if handle.mirrors else np.eye(4))).ravel().tolist())
+        if any(handle.pose_matrix):
+            handle.pose_matrix = (motion @ handle_matrices.pose_of(handle) @ back).ravel().tolist()
     if any(settings.base_rest_matrix):
         place = np.array(settings.base_rest_matrix, np.float64).reshape(4, 4)
         settings.base_rest_matrix = (motion @ place).ravel().tolist()

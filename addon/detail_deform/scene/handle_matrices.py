@@ -8,7 +8,8 @@ from .mesh_data import MeshProblem
 
 
 # What a handle keeps of its binding.
-KEPT = ('rest_matrix', 'rest_euler', 'rest_order', 'home_matrix', 'home_euler', 'home_order', 'mirror_space')
+KEPT = ('rest_matrix', 'rest_euler', 'rest_order', 'home_matrix', 'home_euler', 'home_order', 'mirror_space',
+        'pose_matrix')
 
 
 def enabled_handles(settings):
@@ -71,14 +72,16 @@ def world_to_local(ob, depsgraph):
                               f"'{ob.name}' has a scale of zero: give it a size.")
 
 
-def local_places(ob, depsgraph):
-    """(h, 4, 4) float32: the place of each enabled handle's empty in the object's own space,
-    evaluated; of a bone's, before the bone's pose. Raises MeshProblem naming the handle."""
+def local_places(ob, depsgraph, poses=None):
+    """(h, 4, 4) float32: the place of each enabled handle's empty in the object's own space, evaluated, before the pose
+    of its bone and of modifiers. poses: {number: pose_through()} of handles for which this counts in place of the one
+    that they have. Raises MeshProblem naming the handle."""
     handles = enabled_handles(ob.detail_deform)
     own = [number for number, handle in enumerate(handles) if not handle.mirrors]
     places = np.empty((len(handles), 4, 4), np.float32)
     places[:] = np.eye(4)  # of one that mirrors another: it has no place of its own
-    places[own] = places_of(ob, [handles[number] for number in own], depsgraph)
+    places[own] = places_of(ob, [handles[number] for number in own], depsgraph,
+                            [(poses or {}).get(number, _pose(handles[number])) for number in own])
     return places
 
 
@@ -87,8 +90,8 @@ def local_place(ob, handle, depsgraph):
     return places_of(ob, [handle], depsgraph)[0]
 
 
-def places_of(ob, handles, depsgraph):
-    """(k, 4, 4) float64: of some that have empties."""
+def places_of(ob, handles, depsgraph, poses=None):
+    """(k, 4, 4) float64: of some that have empties. poses: of each, in place of its own."""
     to_local = world_to_local(ob, depsgraph)
     for handle in handles:
         if handle.target is None:
@@ -101,7 +104,42 @@ def places_of(ob, handles, depsgraph):
             pose = skin.pose_of(ob, handle.target, depsgraph)
             places[number] = _inverse_or_refuse(
                 pose, f"Handle '{handle.name}': the bone of its empty has a scale of zero.") @ places[number]
+        pose = poses[number] if poses else _pose(handle)
+        if pose is not None:
+            places[number] = np.linalg.inv(pose) @ places[number]
     return places
+
+
+def _pose(handle):
+    """(4, 4), or None: pose_through() of when its empty was placed."""
+    if not any(handle.pose_matrix):
+        return None
+    pose = np.array(handle.pose_matrix, np.float64).reshape(4, 4)
+    # Anything else is in a file that something has written to.
+    return pose if np.isfinite(pose).all() and not _flat(pose) else None
+
+
+def pose_of(handle):
+    """(4, 4): by which modifiers had moved its vertices when its empty was placed, beside the pose of its bone."""
+    pose = _pose(handle)
+    return np.eye(4) if pose is None else pose
+
+
+def pose_through(ob, empty, motion, depsgraph):
+    """(4, 4): of a motion of scene/seen.py what the bone of an empty, if any, doesn't tell; None where there is no
+    motion. Raises MeshProblem."""
+    if motion is None:
+        return None
+    bone = skin.pose_of(ob, empty, depsgraph)
+    return None if _flat(bone) else np.linalg.inv(bone) @ motion
+
+
+def set_pose(handle, pose):
+    """pose: of pose_through."""
+    if pose is None:
+        handle.property_unset('pose_matrix')
+    else:
+        handle.pose_matrix = pose.ravel().tolist()
 
 
 def rest_places(ob, places, roles, depsgraph):

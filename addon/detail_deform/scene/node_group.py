@@ -130,6 +130,7 @@ def ensure_modifier(ob):
     if modifier is None:
         modifier = ob.modifiers.new(NAME, 'NODES')
         modifier.show_expanded = False
+        modifier.show_on_cage = True  # what is selected for the next pull is what is seen
     modifier.node_group = group or _make_group()
     return modifier
 

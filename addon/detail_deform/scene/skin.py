@@ -15,6 +15,13 @@ def _armatures(ob):
             and (m.show_viewport or m.show_render)]
 
 
+def is_plain(ob, modifier):
+    """Whether the modifier blends the motions of bones by their weights, and nothing else."""
+    return modifier in _armatures(ob) and not (
+        modifier.use_multi_modifier or modifier.vertex_group or modifier.use_deform_preserve_volume
+        or modifier.use_bone_envelopes)
+
+
 class Rigs:
     """Whose bones pose which vertices of an object: its groups are read once, when they are first asked for."""
 

@@ -77,13 +77,19 @@ def move_behind(ob, modifier, other):
     move_to(ob, modifier, behind + (at > behind))
 
 
+def place_of(ob):
+    """The number of other modifiers that the deformation's belongs behind."""
+    own = node_group.find_modifier(ob), node_group.find_cache(ob)
+    others = [other for other in ob.modifiers if other not in own]
+    last = max((k for k, other in enumerate(others) if other.type in _FIXED or overwrites(other)), default=-1)
+    first_user = next((k for k, other in enumerate(others) if other.type not in _BRINGERS), len(others))
+    return max(last + 1, first_user)
+
+
 def place(ob):
     """Moves the deformation's modifier to where it belongs, with the cache that plays in its stead."""
     modifier, cache = node_group.find_modifier(ob), node_group.find_cache(ob)
-    others = [other for other in ob.modifiers if other not in (modifier, cache)]
-    last = max((k for k, other in enumerate(others) if other.type in _FIXED or overwrites(other)), default=-1)
-    first_user = next((k for k, other in enumerate(others) if other.type not in _BRINGERS), len(others))
-    move_to(ob, modifier, max(last + 1, first_user))
+    move_to(ob, modifier, place_of(ob))
     if cache:
         move_behind(ob, cache, modifier)
 

@@ -11,6 +11,10 @@ from . import examples, handle_matrices, mesh_data, node_group, offset_attribute
 from .offset_attribute import KEPT, KEYED
 
 
+# Of some vertices' extent before a modifier, that behind it: what is flattened further tells no size to pull in.
+_LEAST_SIZE = 1e-3
+
+
 def shape(ob):
     """(n, 3) float32: what is bound."""
     result = shape_at_rest(ob)
@@ -70,7 +74,12 @@ def motions_to(ob, parts, positions):
     yield from _motions(ob, parts, shape(ob).astype(np.float64), positions.astype(np.float64))
 
 
-def _motions(ob, parts, before, after):
+def similarities(ob, parts, before, after):
+    """(4, 4) for each of some arrays of vertices: the similarity that takes them from one shape to another, (n, 3)."""
+    yield from _motions(ob, parts, before.astype(np.float64), after.astype(np.float64), scaled=True)
+
+
+def _motions(ob, parts, before, after, scaled=False):
     both_ways = None  # made for the first part that needs it
     for part in parts:
         if len(part) < 3:
@@ -80,16 +89,21 @@ def _motions(ob, parts, before, after):
                 both_ways = both_ways[np.argsort(both_ways[:, 0])]
             low, high = (np.searchsorted(both_ways[:, 0], part, side) for side in ('left', 'right'))
             part = np.unique(np.concatenate([part, *(both_ways[b:e, 1] for b, e in zip(low, high))]))
-        yield _rigid(before[part], after[part])
+        yield _nearest(before[part], after[part], scaled)
 
 
-def _rigid(before, after):
-    """The nearest rigid motion of some points (Kabsch)."""
+def _nearest(before, after, scaled):
+    """The nearest rigid motion of some points (Kabsch), or similarity (Umeyama)."""
     middle, there = before.mean(0), after.mean(0)
-    left, _, right = np.linalg.svd((after - there).T @ (before - middle))
-    left[:, 2] *= np.linalg.det(left @ right)
+    left, sizes, right = np.linalg.svd((after - there).T @ (before - middle))
+    handed = np.linalg.det(left @ right)
+    left[:, 2] *= handed
     result = np.eye(4)
     result[:3, :3] = left @ right
+    if scaled:
+        spread = ((before - middle) ** 2).sum()
+        size = (sizes[:2].sum() + handed * sizes[2]) / (spread or 1.0)
+        result[:3, :3] *= size if _LEAST_SIZE < size < 1 / _LEAST_SIZE else 1.0
     result[:3, 3] = there - result[:3, :3] @ middle
     return result
 

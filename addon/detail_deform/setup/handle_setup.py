@@ -8,7 +8,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector, kdtree
 
 from ..follow import binding, life
-from ..scene import handle_matrices, mesh_data, selection, skin, start, users
+from ..scene import handle_matrices, mesh_data, seen, selection, skin, start, users
 from ..scene.mesh_data import MeshProblem
 
 _GROUP_NAME = "Handle"
@@ -160,13 +160,15 @@ def add_handles(context, ob, group_name="", each='SELECTION', parented=True, ali
     # Many of them stand close to each other.
     least = max(0.05 * max(ob.dimensions) / max(1.0, len(parts) ** 0.5 / 3), 1e-3)
     rigs, made = skin.Rigs(ob), []
-    for name, part, (place, extent) in zip(names, parts, _places(ob, parts, align)):
-        made.append(_make_on_skin(context, ob, name, place, max(extent, least), rigs.of(part), parented))
+    motions = seen.motions(ob, parts, context.evaluated_depsgraph_get())
+    for name, part, motion, (place, extent) in zip(names, parts, motions, _places(ob, parts, align)):
+        made.append(_make_on_skin(context, ob, name, place, max(extent, least), rigs.of(part), motion, parented))
     _stand(context, made)
     first = len(ob.detail_deform.handles)
-    for name, (empty, _) in zip(names, made):
+    for name, motion, (empty, _) in zip(names, motions, made):
         handle = _append(ob, name, empty)
         handle.own_group = name if from_selection else ""
+        _pose(ob, handle, motion, context.evaluated_depsgraph_get())
     _note_homes(context, ob, ob.detail_deform.handles[first:], parts)
     return ob.detail_deform.handles[first]
 
@@ -184,17 +186,19 @@ def _selected_parts(ob, each):
     return parts
 
 
-def _make_on_skin(context, ob, name, place, size, posed_by, parented=True):
-    """(empty, place) as of _make_empty, on the posed skin where bones move its vertices. place: among these, in the
-    world, where no bone does. posed_by: of skin.Rigs. parented: it goes with the object, or with the bone that poses
-    most of them."""
+def _make_on_skin(context, ob, name, place, size, posed_by, motion, parented=True):
+    """(empty, place) as of _make_empty, where its vertices are seen. place: among these, in the world, where nothing
+    poses them. posed_by: of skin.Rigs. motion: of scene/seen.py. parented: it goes with the object, or with the bone
+    that poses most of them."""
     rig, means = posed_by
-    if not means:
+    if motion is None and means:
+        motion = skin.mean_motion(ob, rig, means, context.evaluated_depsgraph_get())
+    if motion is not None:
+        posed = ob.matrix_world @ Matrix(motion.tolist()) @ ob.matrix_world.inverted_safe() @ place
+        place = _without_shear(posed, place.to_scale())
+    if not (means and parented):
         return _make_empty(context, ob, name, place, size, ob if parented else None)
-    pose = Matrix(skin.mean_motion(ob, rig, means, context.evaluated_depsgraph_get()).tolist())
-    posed = ob.matrix_world @ pose @ ob.matrix_world.inverted_safe() @ place
-    return _make_empty(context, ob, name, _without_shear(posed, place.to_scale()), size, rig if parented else None,
-                       max(means, key=means.get) if parented else "")
+    return _make_empty(context, ob, name, place, size, rig, max(means, key=means.get))
 
 
 def _without_shear(place, scale=None):
@@ -213,6 +217,10 @@ def _note_homes(context, ob, handles, parts):
         home = Matrix((np.linalg.inv(motion) @ place).tolist())
         home = ob.matrix_world.inverted_safe() @ _without_shear(ob.matrix_world @ home)
         handle_matrices.set_home(handle, np.array(home))
+
+
+def _pose(ob, handle, motion, depsgraph):
+    handle_matrices.set_pose(handle, handle_matrices.pose_through(ob, handle.target, motion, depsgraph))
 
 
 def _append(ob, group_name, empty):
@@ -317,13 +325,15 @@ def _mirrored_empty(context, ob, handle, axis, name, image):
     place = ob.matrix_world @ Matrix((start.motion(ob, image) @ flip @ local @ flip).tolist())
     size = source.empty_display_size
     if source.parent_type == 'BONE' or source.parent == ob:
-        made = _make_on_skin(context, ob, name, _without_shear(place), size, skin.Rigs(ob).of(image))
+        motion = seen.motions(ob, [np.flatnonzero(image)], depsgraph)[0]
+        made = _make_on_skin(context, ob, name, _without_shear(place), size, skin.Rigs(ob).of(image), motion)
     else:
+        motion = None
         made = _make_empty(context, ob, name, place, size, source.parent if source.parent_type == 'OBJECT' else None)
     _stand(context, [made])
     empty = made[0]
     empty.empty_display_type = source.empty_display_type
-    return empty
+    return empty, motion
 
 
 def _mirror_region(ob, image, axis):
@@ -358,7 +368,7 @@ def mirror(context, ob, handle, axis, symmetric):
         raise MirrorsItself(f"Handle '{name}' lies across the object's {letter} axis: its mirror image is itself.")
     flipped = bpy.utils.flip_name(name)
     group_name = selection.new_group(ob, flipped if flipped != name else f"{name} Mirrored", image).name
-    empty = None if symmetric else _mirrored_empty(context, ob, handle, axis, group_name, image)
+    empty, motion = (None, None) if symmetric else _mirrored_empty(context, ob, handle, axis, group_name, image)
     made = _append(ob, group_name, empty)
     made.own_group = group_name
     made.turns = handle.turns
@@ -368,6 +378,7 @@ def mirror(context, ob, handle, axis, symmetric):
         if start.is_deformed(ob.data):  # where its vertices start, so that it takes the mirrored pose from there
             made.rest_matrix = start.motion(ob, image, start.KEPT).ravel().tolist()
     else:
+        _pose(ob, made, motion, context.evaluated_depsgraph_get())
         _note_homes(context, ob, [made], [np.flatnonzero(image)])
     if not missing:
         return ""
@@ -380,14 +391,24 @@ def mirror(context, ob, handle, axis, symmetric):
 def to_rest(context, ob, handles):
     """Puts the handles' empties where they are without deformation."""
     movable = [h for h in handles if h.target and handle_matrices.has_home(h)]
+    _pose_anew(context, ob, [h for h in movable if not h.target.animation_data])
     for handle in sorted(movable, key=lambda h: _depth(h.target)):  # parents first: they move their children
-        pose = skin.pose_of(ob, handle.target, context.evaluated_depsgraph_get())
-        handle.target.matrix_world = ob.matrix_world @ Matrix((pose @ handle_matrices.home(handle)).tolist())
+        pose = skin.pose_of(ob, handle.target, context.evaluated_depsgraph_get()) @ handle_matrices.pose_of(handle)
+        place = ob.matrix_world @ Matrix((pose @ handle_matrices.home(handle)).tolist())
+        handle.target.matrix_world = _without_shear(place) if any(handle.pose_matrix) else place
         mode = handle.target.rotation_mode
         if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix can't tell whole turns apart
             home = Euler(handle_matrices.home_euler(handle, mode), mode)
             handle.target.rotation_euler = handle.target.rotation_euler.to_matrix().to_euler(mode, home)
         context.view_layer.update()
+
+
+def _pose_anew(context, ob, handles):
+    """As modifiers pose their vertices now, where the empties go to these."""
+    depsgraph = context.evaluated_depsgraph_get()
+    parts = [np.flatnonzero(mesh_data.members(ob, h.vertex_group)) for h in handles] if seen.needs_measuring(ob) else []
+    for handle, motion in zip(handles, seen.motions(ob, parts, depsgraph)):
+        _pose(ob, handle, motion, depsgraph)
 
 
 def all_to_rest(context, ob):

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..library import native
-from ..scene import handle_matrices, mesh_data, selection, users
+from ..scene import handle_matrices, mesh_data, seen, selection, users
 from ..scene.mesh_data import MeshProblem
 from ..scene.start import visible
 
@@ -89,17 +89,26 @@ def usual_radius(ob):
     return _USUAL_RADIUS * float(np.linalg.norm(ob.dimensions))
 
 
+def _from_origin(ob, positions):
+    """(n, 3) float32: in the world's directions and unit, from the object's origin."""
+    return (positions @ np.array(ob.matrix_world, np.float64)[:3, :3].T).astype(np.float32)
+
+
 class Around:
     """What lies around some vertices, by distance over the surface as it is seen, in the world's unit."""
 
     def __init__(self, ob, start, chosen=None):
         """start, chosen: (n,) bool; chosen: those of the start that the first guess goes by; all of it if not given."""
-        world = np.array(ob.matrix_world, np.float64)
         self.start, self.chosen = start, start if chosen is None else chosen
-        self.origin = world[:3, 3]
-        self.places = (visible(ob) @ world[:3, :3].T).astype(np.float32)  # from the object's origin
+        self.origin = np.array(ob.matrix_world, np.float64)[:3, 3]
+        self.places = _from_origin(ob, visible(ob))
         self.triangles = mesh_data.triangles(ob.data)
         self.distances = native.distances(self.places, self.triangles, start)
+
+    def as_seen(self, ob, depsgraph):
+        """(n, 3) float32: the same places with what modifiers make of them, where that is known."""
+        posed = seen.positions(ob, depsgraph)
+        return self.places if posed is None else _from_origin(ob, posed)
 
     def within(self, radius):
         """(n,) bool: the vertices at most so far."""

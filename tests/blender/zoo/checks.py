@@ -97,8 +97,10 @@ def _roles(ob):
 
 
 def _place(ob, handle, depsgraph):
+    """Without what modifiers do to the mesh's own shape."""
     world = np.array(ob.evaluated_get(depsgraph).matrix_world, float)
-    return np.linalg.inv(world) @ np.array(handle.target.evaluated_get(depsgraph).matrix_world, float)
+    pose = np.array(handle.pose_matrix, float).reshape(4, 4) if any(handle.pose_matrix) else np.eye(4)
+    return np.linalg.inv(world @ pose) @ np.array(handle.target.evaluated_get(depsgraph).matrix_world, float)
 
 
 def motions(of):
