@@ -186,6 +186,10 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
                     "mesh stays where it is. Empty: the whole mesh may deform")
     own_region: StringProperty(options={'HIDDEN'})
     pulled_region: BoolProperty(options={'HIDDEN'})  # made by Pull, which may change it
+    join_split: BoolProperty(
+        name="Join Split Vertices", default=True, update=_input_changed,
+        description="Take vertices for one where two borders of the mesh lie on one another, as importers split it "
+                    "along seams of UVs and normals. Off: the surface may open there. Takes effect at the next Bind")
     handles: CollectionProperty(
         type=DetailDeformHandle, name="Handles",
         description="Groups of vertices that are held, each moved by an empty; the rest of the region follows them")

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..library import native
 from ..scene import (carried, dependency, group_columns, handle_matrices, mesh_data, node_group, offset_attribute,
-                     outside_base, seen, stack, start)
+                     outside_base, seen, split, stack, start)
 from ..scene.mesh_data import MeshProblem
 from . import bound, content, hints, life, registry
 
@@ -30,7 +30,9 @@ def bind(ob, depsgraph, wait, keep_rest):
     start.forget_strange(ob)
     if keep_rest:
         bound.carry_along(ob, depsgraph)
-    roles = content.roles(ob, group_columns.entries)
+    topology = mesh_data.topology_signature(ob.data)
+    joined = split.Joined(ob, topology)
+    roles = content.roles(ob, group_columns.entries, joined)
     poses = _poses(ob, roles, depsgraph, only_new=keep_rest)
     places = handle_matrices.local_places(ob, depsgraph, poses)
     # What these refuse leaves the present binding.
@@ -57,10 +59,10 @@ def bind(ob, depsgraph, wait, keep_rest):
     _find_start(ob, places, keep_rest, handle_matrices.rest_places(ob, places, roles, depsgraph))
     handle_matrices.motions(settings, places)  # refuses places that can't be inverted
 
-    signature = content.signature(content.shape_signature(ob), roles, options)
-    life.start(bound, signature, lambda: bound.begin(ob, roles, options))
+    signature = content.signature(content.shape_signature(ob, topology), roles, options)
+    life.start(bound, signature, lambda: bound.begin(ob, signature, roles, options, joined))
     settings.signature, settings.bound_points = signature, carried.points(ob.data)
-    hints.of_region(ob, roles)  # here they are known, and the panels need not read the groups
+    hints.of_region(ob, roles, joined)  # here they are known, and the panels need not read the groups
     bound.note_handles(settings)
     registry.forget()
     stack.ensure_modifier(ob)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..library import native
 from ..scene import (carried, dependency, handle_matrices, mesh_data, mirror_plane, node_group, offset_attribute,
-                     outside_base, start)
+                     outside_base, split, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
 from . import content, look, made, placed, shown, slow_results
@@ -133,9 +133,12 @@ def is_for(ob, entry):
 
 # Made and lost
 
-def begin(ob, roles, options):
-    """The job."""
-    arguments, of = content.bind_arguments(ob, roles), ob.detail_deform
+def begin(ob, signature, roles, options, joined):
+    """The job. joined: the object's split.Joined."""
+    of, triangles = ob.detail_deform, mesh_data.triangles(ob.data)
+    hung = content.hung(ob, roles, triangles)
+    placed.know(ob, signature, joined, triangles, hung)
+    arguments = content.bind_arguments(ob, roles, joined, triangles, hung)
     bind = native.Bind(*arguments, draft=_has_draft(len(roles)), **options)
     if of.base == 'OBJECT':  # whose pose is another one by then
         return bind
@@ -156,7 +159,8 @@ def with_free(asked, of):
 
 
 def job(ob):
-    return begin(ob, content.roles(ob), content.options(ob))
+    joined = split.Joined(ob)
+    return begin(ob, content_of(ob), content.roles(ob, joined=joined), content.options(ob), joined)
 
 
 def refuse(ob, sentence):

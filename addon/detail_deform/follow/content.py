@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a binding is made for, as a signature: equal signatures, equal mesh, roles and options."""
 
+import numpy as np
+
+from ..library import native
 from ..library.options import BIND, asked
 from ..library.structs import BindOptions
-from ..scene import examples, handle_matrices, mesh_data, outside_base, start
+from ..scene import examples, handle_matrices, loose, mesh_data, outside_base, split, start
 from ..scene.mesh_data import MeshProblem
 
 _EXAMPLES = 'examples-'  # before their part of a signature
@@ -38,15 +41,16 @@ def options(ob):
     return made if poses is None else {**made, 'examples': poses}
 
 
-def roles(ob, entries=None):
-    """entries: what reads the groups, as of mesh_data.roles."""
+def roles(ob, entries=None, joined=None):
+    """entries: what reads the groups, as of mesh_data.roles. joined: the object's split.Joined, if there is one."""
     settings = ob.detail_deform
-    return mesh_data.roles(ob, settings.region, handle_groups(settings), settings.base == 'COMPUTED', entries)
+    of_vertices = mesh_data.roles(ob, settings.region, handle_groups(settings), settings.base == 'COMPUTED', entries)
+    return (joined or split.Joined(ob)).roles(of_vertices)
 
 
-def shape_signature(ob):
-    """[positions, topology] of what is bound, as short texts: equal texts, equal content."""
-    return [mesh_data.signature(start.shape(ob)), mesh_data.topology_signature(ob.data)]
+def shape_signature(ob, topology=None):
+    """[positions, topology] of what is bound, as short texts: equal texts, equal content. topology: if it is known."""
+    return [mesh_data.signature(start.shape(ob)), topology or mesh_data.topology_signature(ob.data)]
 
 
 def signature(shape, roles_of_vertices, told):
@@ -64,10 +68,21 @@ def _text(value):
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def bind_arguments(ob, roles_of_vertices):
-    """Of native.Bind, without its options."""
-    return (start.shape(ob), mesh_data.triangles(ob.data), roles_of_vertices,
+def bind_arguments(ob, roles_of_vertices, joined, triangles, hung_ones):
+    """Of native.Bind, without its options. What hangs on the surface is placed when the surface is. joined: the
+    object's split.Joined. triangles: of its mesh. hung_ones: of hung()."""
+    roles_of_vertices = np.where(hung_ones, native.ROLE_FIXED, roles_of_vertices).astype(np.int32)
+    return (start.shape(ob), joined.between(triangles), roles_of_vertices,
             len(handle_matrices.enabled_handles(ob.detail_deform)))
+
+
+def hung(ob, roles_of_vertices, triangles):
+    """(n,) bool: vertices in no face that follow, or are in one handle with the vertex that they hang on by edges."""
+    on = loose.roots(len(roles_of_vertices), triangles, mesh_data.edges(ob.data))
+    is_hung = (on >= 0) & (on != np.arange(len(on)))
+    follows = (roles_of_vertices == native.ROLE_FREE) | (
+        (roles_of_vertices >= 0) & (roles_of_vertices == roles_of_vertices[on]))
+    return is_hung & follows
 
 
 def is_of_base(ob):
@@ -88,7 +103,7 @@ def difference(ob):
     if shape[0] != positions:
         return VERTICES_MOVED
     try:
-        current = signature(shape, roles(ob), options(ob)).split('.', 3)
+        current = signature(shape, roles(ob, joined=split.Joined(ob, topology)), options(ob)).split('.', 3)
     except MeshProblem as problem:
         return str(problem)
     if current[2] != bound_roles:

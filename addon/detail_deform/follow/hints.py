@@ -4,7 +4,7 @@
 import numpy as np
 
 from ..library import native
-from ..scene import examples, handle_matrices, mesh_data, way_back
+from ..scene import examples, handle_matrices, mesh_data, split, way_back
 from ..scene.mesh_data import MeshProblem
 from . import content, misshapen, registry
 
@@ -14,12 +14,14 @@ _MOST = 8
 _of_regions = {}  # by signature: the sentences, as reading groups takes a while
 
 
-def of_region(ob, roles=None):
-    """Of a bound object. roles: of its vertices, where they are known."""
+def of_region(ob, roles=None, joined=None):
+    """Of a bound object. roles, joined: of its vertices, where they are known."""
     key = (ob.detail_deform.signature, ob.detail_deform.method)
     if key not in _of_regions:
         try:
-            found = list(_of_region(ob, content.roles(ob) if roles is None else roles))
+            joined = joined or split.Joined(ob)
+            roles = content.roles(ob, joined=joined) if roles is None else roles
+            found = list(_of_region(ob, roles, joined.between(mesh_data.edges(ob.data))))
         except MeshProblem:  # it is stale, or about to be
             return ()
         while len(_of_regions) >= _MOST:
@@ -28,8 +30,8 @@ def of_region(ob, roles=None):
     return _of_regions[key]
 
 
-def _of_region(ob, roles):
-    settings, edges = ob.detail_deform, mesh_data.edges(ob.data)
+def _of_region(ob, roles, edges):
+    settings = ob.detail_deform
     if settings.base == 'OBJECT':
         return
     free, fixed = roles == native.ROLE_FREE, roles == native.ROLE_FIXED

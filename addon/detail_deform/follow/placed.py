@@ -4,13 +4,15 @@ counted from its own vertices, and with closed seams."""
 
 import numpy as np
 
-from ..scene import mirror_plane, soft_border, start
+from ..scene import loose, mesh_data, mirror_plane, soft_border, split, start
 from . import content, look
 
 _SPARE = 8
 
 _seams = {}  # mirror_plane.Seams by the content that they were made for
 _ways = {}  # soft_border.ways by the same
+_joined = {}  # split.Joined by the same
+_hanging = {}  # _Hanging by the same
 
 
 def offsets(ob, computed):
@@ -19,12 +21,14 @@ def offsets(ob, computed):
     if width:
         ways = _of(signature, _ways, lambda: soft_border.ways(ob, content.roles(ob)))
         computed = computed * np.repeat(soft_border.shares(ways, width), 3)
+    computed = _of(signature, _joined, lambda: split.Joined(ob)).copied(computed)
+    computed = _of(signature, _hanging, lambda: _find_hanging(ob)).placed(computed)
     return _closed(ob, signature, start.with_kept(ob.data, computed), lambda: content.roles(ob))
 
 
 def followed(ob, made_for, computed):
     """The same of what follows a source. made_for: what tells its transfer from all others."""
-    return _closed(ob, made_for, computed, lambda: None)
+    return _of(made_for, _joined, lambda: split.Joined(ob)).closed(_closed(ob, made_for, computed, lambda: None))
 
 
 def _closed(ob, made_for, result, roles):
@@ -44,6 +48,34 @@ def _of(made_for, kept, make, fits=lambda found: True):
     return found
 
 
+def know(ob, signature, joined, triangles, hung):
+    """What a bind has read of the mesh. hung: (n,) bool, of content.hung."""
+    _of(signature, _joined, lambda: joined)
+    _of(signature, _hanging, lambda: _Hanging(ob, triangles, hung))
+
+
+def _find_hanging(ob):
+    triangles = mesh_data.triangles(ob.data)
+    return _Hanging(ob, triangles, content.hung(ob, content.roles(ob), triangles))
+
+
+class _Hanging:
+    """A bound mesh's vertices that hang on its surface by edges."""
+
+    def __init__(self, ob, triangles, hung):
+        self._loose = hung.any() and loose.Loose(start.shape(ob), triangles, mesh_data.edges(ob.data), chosen=hung)
+        self._shape = start.shape(ob) if self._loose else None
+
+    def placed(self, offsets):
+        """(3 n,) float32 offsets from what is bound, with theirs."""
+        if not self._loose:
+            return offsets
+        return (self._loose.place(self._shape + offsets.reshape(-1, 3)) - self._shape).ravel()
+
+
 def clear():
     _seams.clear()
     _ways.clear()
+    _joined.clear()
+    _hanging.clear()
+    split.forget()

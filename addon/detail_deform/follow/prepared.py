@@ -8,6 +8,7 @@ import numpy as np
 from ..library import native
 from ..library.options import next_to_none
 from ..scene import mesh_data, proportions
+from ..scene.loose import Loose
 from ..scene.mesh_data import MeshProblem
 
 
@@ -45,15 +46,16 @@ def _spaces(source, target, stance):
 class Prepared:
     """A factored transfer between two objects, in spaces as they are proportioned in the scene."""
 
-    def __init__(self, transfer, source, target, worn):
-        """source, target: the _Space of each."""
+    def __init__(self, transfer, source, target, worn, loose):
+        """source, target: the _Space of each. loose: the target's Loose."""
         self.info, self.worn = transfer.info, worn
-        self._transfer, self._source, self._target = transfer, source, target
+        self._transfer, self._source, self._target, self._loose = transfer, source, target, loose
 
     def apply(self, pose, rotation_only):
         """(n, 3) float32 of the target, from the source's."""
         gradients = 'ROTATIONS' if rotation_only else 'WHOLE'
-        return self._target.back(self._transfer.apply(self._source.to(pose), gradients))
+        pose = self._source.to(pose)
+        return self._target.back(self._loose.place(self._transfer.apply(pose, gradients), pose))
 
 
 class How(NamedTuple):
@@ -87,6 +89,8 @@ class Preparation:
         self._spaces, self._worn = _spaces(source, target, matched.stance), matched.stance is not None
         meshes = [[space.to(mesh_data.rest(ob.data)), triangles] for ob, space, triangles in zip(
             (source, target), self._spaces, (matched.source_triangles, matched.target_triangles))]
+        self._loose = Loose(*meshes[1], mesh_data.edges(target.data),
+                            meshes[0][0] if matched.is_by_topology else None)
         more = {}
         if self._worn:
             more['gap'] = how.least_gap
@@ -109,7 +113,7 @@ class Preparation:
 
     def finish(self):
         """The Prepared, or native.NativeError."""
-        return Prepared(self._job.finish(), *self._spaces, self._worn)
+        return Prepared(self._job.finish(), *self._spaces, self._worn, self._loose)
 
 
 def content(source, target, by, how):

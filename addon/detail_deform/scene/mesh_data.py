@@ -160,6 +160,12 @@ def triangles(mesh):
     return _indices(mesh.loop_triangles, 'vertices', 3).reshape(-1, 3)
 
 
+def faces_of_triangles(mesh):
+    """(m,) int32: the number of the face that each of triangles() is of."""
+    mesh.calc_loop_triangles()
+    return _indices(mesh.loop_triangles, 'polygon_index')
+
+
 def faces(mesh):
     """(corners,) int32 and (faces,) int32: the vertices at the corners of all faces, and where each face starts."""
     corners = np.empty(len(mesh.loops), np.int32)

@@ -5,6 +5,7 @@ import bmesh
 import bpy
 import numpy as np
 
+from . import components
 from .mesh_data import MeshProblem
 
 
@@ -109,13 +110,7 @@ def new_group(ob, name, members):
 def islands(chosen, edges):
     """[vertices] of the parts that edges among the chosen vertices hold together, by their first vertices. chosen: (n,)
     bool."""
-    ends = edges[chosen[edges].all(axis=1)]
-    least = np.arange(len(chosen))  # of a part the least vertex that is known to be in it
-    while (least[ends[:, 0]] != least[ends[:, 1]]).any():
-        sides = least[ends]
-        np.minimum.at(least, sides.max(axis=1), sides.min(axis=1))
-        while (least != least[least]).any():
-            least = least[least]
+    least = components.least(len(chosen), edges[chosen[edges].all(axis=1)])
     vertices = np.flatnonzero(chosen)
     order = np.argsort(least[vertices], kind='stable')
     return np.split(vertices[order], np.flatnonzero(np.diff(least[vertices][order])) + 1)

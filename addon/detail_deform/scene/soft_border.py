@@ -4,19 +4,20 @@
 import numpy as np
 
 from ..library import native
-from . import mesh_data, start
+from . import split, start
 
 
 def ways(ob, roles):
     """(n,) float32: of the way from what is fixed to the handles, over the surface, how far each vertex is; 0 at the
     border, 1 at handles and where nothing is fixed. roles: of the binding."""
-    places, triangles = start.shape(ob), mesh_data.triangles(ob.data)
+    places = start.shape(ob)
     held = roles >= 0
     fixed = (roles == native.ROLE_FIXED) & ~held
     result = np.ones(len(roles), np.float32)
     if not (fixed.any() and held.any()):
         return result
-    to_fixed, to_held = (native.distances(places, triangles, chosen) for chosen in (fixed, held))
+    joined = split.Joined(ob)
+    to_fixed, to_held = (joined.distances(places, chosen) for chosen in (fixed, held))
     between = np.isfinite(to_fixed) & np.isfinite(to_held) & ~held
     result[between] = to_fixed[between] / np.maximum(to_fixed[between] + to_held[between], np.float32(1e-30))
     return result

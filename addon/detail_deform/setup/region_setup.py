@@ -5,8 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..library import native
-from ..scene import handle_matrices, mesh_data, seen, selection, users
+from ..scene import handle_matrices, loose, mesh_data, seen, selection, split, users
 from ..scene.mesh_data import MeshProblem
 from ..scene.start import visible
 
@@ -103,7 +102,7 @@ class Around:
         self.origin = np.array(ob.matrix_world, np.float64)[:3, 3]
         self.places = _from_origin(ob, visible(ob))
         self.triangles = mesh_data.triangles(ob.data)
-        self.distances = native.distances(self.places, self.triangles, start)
+        self.distances = _with_loose(ob, split.Joined(ob).distances(self.places, start))
 
     def as_seen(self, ob, depsgraph):
         """(n, 3) float32: the same places with what modifiers make of them, where that is known."""
@@ -127,6 +126,12 @@ class Around:
         return float(max(by_area, _LEAST_OF_SIZE * size, _LEAST_EDGES * edge))
 
 
+def _with_loose(ob, distances):
+    """(n,) float32: vertices in no face are as far as what they hang on by edges."""
+    hung = loose.roots(len(distances), mesh_data.triangles(ob.data), mesh_data.edges(ob.data))
+    return np.where(hung >= 0, np.minimum(distances, distances[hung]), distances)
+
+
 def within(ob, start, radius):
     """(n,) bool: the vertices whose distance over the surface is at most radius, in the world's unit."""
     return Around(ob, start).within(radius)
@@ -134,7 +139,7 @@ def within(ob, start, radius):
 
 def grown(ob, start, steps):
     """(n,) bool: the vertices that so many edges lead to."""
-    a, b = mesh_data.edges(ob.data).T
+    a, b = split.Joined(ob).between(mesh_data.edges(ob.data)).T
     reached = start.copy()
     for _ in range(steps):
         before = reached.copy()

@@ -134,6 +134,7 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
         border = layout.column()
         border.active = settings.base == 'COMPUTED' and bool(settings.region)
         border.prop(settings, 'soft_border')
+        layout.prop(settings, 'join_split')
 
         row = layout.row()
         row.template_list('OBJECT_UL_detail_deform_handles', "", settings, 'handles', settings,

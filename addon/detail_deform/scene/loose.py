@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Vertices of a mesh that are in no face, as those of whiskers and laces: a transfer computes deformation gradients of
+faces, so these go with faces. What hangs by edges on some of the surface's vertices goes with the surface there, and
+where on several, with each the more the nearer; what hangs on nothing, with the face that it lies over."""
+
+import numpy as np
+from mathutils.bvhtree import BVHTree
+
+from . import components
+
+_MOST_ROOTS = 16  # of one thing; with more it lies over the surface, and goes with what is nearest
+
+
+class Loose:
+    """Of a mesh at rest: its loose vertices and, for each, faces that it goes with."""
+
+    def __init__(self, rest, triangles, edges, source_rest=None, chosen=None):
+        """rest: (n, 3); triangles: (m, 3); edges: (e, 2). source_rest: (n, 3), of a source of the same topology, whose
+        loose vertices move by themselves, too. chosen: (n,) bool, those of them that count, where not all do."""
+        in_face = _in_faces(len(rest), triangles)
+        self._vertices = np.flatnonzero(~in_face if chosen is None else ~in_face & chosen)
+        if not len(triangles):
+            self._vertices = self._vertices[:0]
+        if not self:
+            return
+        rest = rest.astype(np.float64)
+        rows, faces, weights = _anchors(rest, triangles, edges, in_face, self._vertices)
+        self._rows, self._corners, self._weights = rows, triangles[faces], weights[:, None]
+        self._frames = _frames(rest, self._corners)
+        self._own = _in_frames(self._frames, rest[self._vertices[rows]])
+        self._source = None
+        if source_rest is not None:
+            source_rest = source_rest.astype(np.float64)
+            frames = _frames(source_rest, self._corners)
+            sizes = [np.linalg.norm(np.ptp(shape[in_face], axis=0)) for shape in (rest, source_rest)]
+            self._source = _in_frames(frames, source_rest[self._vertices[rows]]), sizes[0] / (sizes[1] or 1.0)
+
+    def __bool__(self):
+        return len(self._vertices) > 0
+
+    def place(self, positions, pose=None):
+        """(n, 3) float32 positions with the loose ones where they go, by those of faces. pose: (n, 3) of the source, if
+        there is one."""
+        if not self:
+            return positions
+        frames = _frames(positions.astype(np.float64), self._corners)
+        local = self._own
+        if self._source is not None:
+            source_own, size = self._source
+            now = _in_frames(_frames(pose.astype(np.float64), self._corners), pose[self._vertices[self._rows]])
+            local = local + size * (now - source_own)
+        moved = frames[0] + np.einsum('kij,kj->ki', frames[1], local)
+        sums = np.zeros((len(self._vertices), 3))
+        np.add.at(sums, self._rows, self._weights * moved)
+        positions = positions.copy()
+        positions[self._vertices] = sums
+        return positions
+
+
+def roots(count, triangles, edges):
+    """(count,) intp: for a vertex in no face one of those in faces that it hangs on by edges, -1 where it hangs on
+    none; itself for all others."""
+    in_face, result = _in_faces(count, triangles), np.arange(count)
+    if in_face.all():
+        return result
+    result[~in_face] = -1
+    at_root = in_face[edges].sum(axis=1) == 1
+    parts = components.least(count, edges[~in_face[edges].any(axis=1)])
+    ones, ends = _sides(edges[at_root], in_face)
+    of_part = np.full(count, -1)
+    of_part[parts[ends]] = ones
+    result[~in_face] = of_part[parts[~in_face]]
+    return result
+
+
+def _in_faces(count, triangles):
+    result = np.zeros(count, bool)
+    result[triangles] = True
+    return result
+
+
+def _frames(positions, corners):
+    """(middles (k, 3), (k, 3, 3) with axes as columns: along the first side, across, and the normal)."""
+    a, b, c = np.moveaxis(positions[corners], 1, 0)
+    along = _unit(b - a)
+    normal = _unit(np.cross(b - a, c - a))
+    return (a + b + c) / 3, np.stack([along, np.cross(normal, along), normal], axis=2)
+
+
+def _unit(vectors):
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)[:, None]
+
+
+def _in_frames(frames, points):
+    return np.einsum('kij,ki->kj', frames[1], points - frames[0])
+
+
+def _anchors(rest, triangles, edges, in_face, vertices):
+    """Rows among the loose vertices, faces and weights: several rows of a vertex have weights with the sum 1."""
+    number = np.full(len(rest), -1)
+    number[vertices] = np.arange(len(vertices))
+    edges = edges[(in_face[edges] | (number[edges] >= 0)).all(axis=1)]
+    parts = components.least(len(vertices), number[edges[~in_face[edges].any(axis=1)]])
+    at_root = in_face[edges].sum(axis=1) == 1
+    roots, ends = _sides(edges[at_root], in_face)
+    face_of = np.full(len(rest), -1)
+    face_of[triangles] = np.arange(len(triangles))[:, None]
+    root_parts = parts[number[ends]]
+    counts = np.bincount(np.unique(np.stack([root_parts, roots]), axis=1)[0].astype(int), minlength=len(vertices))
+    lying = (counts[parts] == 0) | (counts[parts] > _MOST_ROOTS)
+    rows, faces, weights = [np.flatnonzero(lying)], [_nearest_faces(rest, triangles, vertices[lying])], [
+        np.ones(lying.sum())]
+    hung = np.flatnonzero((counts > 0) & (counts <= _MOST_ROOTS))
+    hung_alone = counts[parts] == 1
+    if hung_alone.any():
+        only = np.full(len(vertices), -1)
+        only[root_parts] = roots
+        rows.append(np.flatnonzero(hung_alone))
+        faces.append(face_of[only[parts[hung_alone]]])
+        weights.append(np.ones(hung_alone.sum()))
+    for part in hung[counts[hung] > 1]:
+        of_part = np.flatnonzero(parts == part)
+        each = np.unique(roots[root_parts == part])
+        away = np.array([_lengths(rest, edges, np.append(vertices[of_part], root), root)[:-1] for root in each])
+        shares = 1 / np.maximum(away, 1e-12 * away.max(initial=1e-300))**2
+        shares /= shares.sum(axis=0)
+        rows.append(np.tile(of_part, len(each)))
+        faces.append(np.repeat(face_of[each], len(of_part)))
+        weights.append(shares.ravel())
+    return np.concatenate(rows), np.concatenate(faces), np.concatenate(weights)
+
+
+def _sides(edges, in_face):
+    """(vertices in faces, the loose ones at the other end)."""
+    swapped = ~in_face[edges[:, 0]]
+    return np.where(swapped, edges[:, 1], edges[:, 0]), np.where(swapped, edges[:, 0], edges[:, 1])
+
+
+def _lengths(rest, edges, chosen, root):
+    """Of the chosen vertices, how far each is from the root along edges among them."""
+    number = np.full(len(rest), -1)
+    number[chosen] = np.arange(len(chosen))
+    ends = number[edges[(number[edges] >= 0).all(axis=1)]]
+    points = rest[chosen]
+    lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
+    away = np.full(len(chosen), np.inf)
+    away[number[root]] = 0
+    while True:
+        before = away.copy()
+        np.minimum.at(away, ends[:, 1], before[ends[:, 0]] + lengths)
+        np.minimum.at(away, ends[:, 0], before[ends[:, 1]] + lengths)
+        if (away == before).all():
+            return np.where(np.isfinite(away), away, 1e300)
+
+
+def _nearest_faces(rest, triangles, vertices):
+    if not len(vertices):
+        return np.empty(0, int)
+    # In a box of unit size: the tree works in single precision.
+    shift, size = rest.min(axis=0), np.ptp(rest, axis=0).max() or 1.0
+    points = (rest - shift) / size
+    tree = BVHTree.FromPolygons(points.tolist(), triangles.tolist())
+    found = (tree.find_nearest(point)[2] for point in points[vertices].tolist())
+    return np.array([0 if face is None else face for face in found])
