@@ -28,7 +28,7 @@ def clear():
 def prepare(source, target, matched, how):
     """Generator of the fraction done; gives the Prepared of these objects. Raises MeshProblem or native.NativeError."""
     by = 'TOPOLOGY' if matched.is_by_topology else correspondence.digest_of(matched)
-    content = prepared.content(source, target, by, how)
+    content = prepared.content(source, target, by, how, matched.stance is not None)
     if content not in _kept:
         job = prepared.Preparation(source, target, matched, how)
         try:

@@ -63,11 +63,11 @@ def content(source, ob, to_keep=None):
     """What a prepared transfer depends on: equal texts, equal content. Cheap beside preparing it, too dear for every
     frame. to_keep: the correspondence that is going to be kept."""
     of = ob.detail_deform.transfer
-    how, kept = of.correspondence, correspondence.digest(ob)
+    how, kept, worn = of.correspondence, correspondence.digest(ob), correspondence.is_by_nearest(ob)
     if to_keep:
-        how, kept = 'STORED', correspondence.digest_of(to_keep)
+        how, kept, worn = 'STORED', correspondence.digest_of(to_keep), to_keep.stance is not None
     by = 'TOPOLOGY' if how == 'TOPOLOGY' else f"STORED.{kept}"
-    return prepared.content(source, ob, by, prepared.How.of(of))
+    return prepared.content(source, ob, by, prepared.How.of(of), worn)
 
 
 def _owner(ob):
@@ -157,7 +157,7 @@ class Frame:
     def __init__(self, ob, transfer, depsgraph):
         of = ob.detail_deform.transfer
         self._ob, self._transfer, self._rotation_only = ob, transfer, of.rotation_only
-        self._pose = source_pose.evaluated_pose(of.source, depsgraph)
+        self._pose = source_pose.evaluated_pose(of.source, depsgraph, transfer.wide)
         self.of = (of.prepared_for, self._pose.tobytes(), of.rotation_only, mirror_plane.key(ob))
 
     is_hurried = is_draft = False

@@ -85,8 +85,10 @@ def state(ob):
     if settings.problem or settings.source is None:
         return settings.problem or fed.GONE
     left_out = below.left_out(settings.source, bpy.context.evaluated_depsgraph_get())
-    return ' '.join(filter(None, (f"Follows '{settings.source.name}'.", left_out, ob.detail_deform.render_problem,
-                                   reach.influence_gone(ob), stack.why_not_here(ob))))
+    entry = fed.cache.find(settings.prepared_for)
+    unfollowed = entry.made.unfollowed if entry else ""
+    return ' '.join(filter(None, (f"Follows '{settings.source.name}'.", left_out, unfollowed,
+                                  ob.detail_deform.render_problem, reach.influence_gone(ob), stack.why_not_here(ob))))
 
 
 def is_preparing(ob):

@@ -3,11 +3,12 @@
 
 from typing import NamedTuple
 
+import bpy
 import numpy as np
 
 from ..library import native
 from ..library.options import next_to_none
-from ..scene import mesh_data, proportions
+from ..scene import mesh_data, proportions, wider
 from ..scene.loose import Loose
 from ..scene.mesh_data import MeshProblem
 
@@ -46,15 +47,16 @@ def _spaces(source, target, stance):
 class Prepared:
     """A factored transfer between two objects, in spaces as they are proportioned in the scene."""
 
-    def __init__(self, transfer, source, target, worn, loose):
-        """source, target: the _Space of each. loose: the target's Loose."""
-        self.info, self.worn = transfer.info, worn
+    def __init__(self, transfer, source, target, worn, loose, wide, unfollowed):
+        """source, target: the _Space of each. loose: the target's Loose. wide: the source's wider.Wider, or None.
+        unfollowed: as of wider.unfollowed."""
+        self.info, self.worn, self.wide, self.unfollowed = transfer.info, worn, wide, unfollowed
         self._transfer, self._source, self._target, self._loose = transfer, source, target, loose
 
     def apply(self, pose, rotation_only):
-        """(n, 3) float32 of the target, from the source's."""
+        """(n, 3) float32 of the target, from the source's; of its own vertices, or of all that are followed."""
         gradients = 'ROTATIONS' if rotation_only else 'WHOLE'
-        pose = self._source.to(pose)
+        pose = self._source.to(pose if self.wide is None else self.wide.of(pose))
         return self._target.back(self._loose.place(self._transfer.apply(pose, gradients), pose))
 
 
@@ -87,15 +89,21 @@ class Preparation:
     def __init__(self, source, target, matched, how, precision='DOUBLE'):
         """how: a How. Raises MeshProblem or native.NativeError."""
         self._spaces, self._worn = _spaces(source, target, matched.stance), matched.stance is not None
-        meshes = [[space.to(mesh_data.rest(ob.data)), triangles] for ob, space, triangles in zip(
-            (source, target), self._spaces, (matched.source_triangles, matched.target_triangles))]
+        shapes = [mesh_data.rest(ob.data) for ob in (source, target)]
+        sides = [matched.source_triangles, matched.target_triangles]
+        self._wide, self._unfollowed = wider.find(source) if self._worn else None, ""
+        if self._wide:
+            shapes[0], sides[0] = self._wide.of(shapes[0]), self._wide.triangles
+        if self._worn:
+            self._unfollowed = _unfollowed(source, shapes[1], matched.stance)
+        meshes = [[space.to(shape), triangles] for space, shape, triangles in zip(self._spaces, shapes, sides)]
         self._loose = Loose(*meshes[1], mesh_data.edges(target.data),
                             meshes[0][0] if matched.is_by_topology else None)
         more = {}
         if self._worn:
             more['gap'] = how.least_gap
             if np.linalg.det(self._spaces[0].linear) < 0:  # what is outside stays so in a mirror
-                meshes[0][1] = np.ascontiguousarray(matched.source_triangles[:, ::-1])
+                meshes[0][1] = np.ascontiguousarray(sides[0][:, ::-1])
         if matched.points is not None:
             more['point_triangles'], more['point_weights'] = matched.points
         self._job = native.TransferJob(*meshes, matched.pairs, pairs_of=matched.pairs_of, anchor=how.anchor,
@@ -113,11 +121,17 @@ class Preparation:
 
     def finish(self):
         """The Prepared, or native.NativeError."""
-        return Prepared(self._job.finish(), *self._spaces, self._worn, self._loose)
+        return Prepared(self._job.finish(), *self._spaces, self._worn, self._loose, self._wide, self._unfollowed)
 
 
-def content(source, target, by, how):
-    """What a prepared transfer depends on: equal texts, equal content. by: the same of what corresponds."""
+def _unfollowed(source, shape, stance):
+    back = np.linalg.inv(stance)
+    return wider.unfollowed(source, shape @ back[:3, :3].T + back[:3, 3], bpy.context.evaluated_depsgraph_get())
+
+
+def content(source, target, by, how, worn):
+    """What a prepared transfer depends on: equal texts, equal content. by: the same of what corresponds. worn: whether
+    that is what is nearest."""
     anchors = ""
     if how.anchor_group in target.vertex_groups and how.anchor in {'VERTICES', 'PINNED'}:
         anchors = mesh_data.signature(mesh_data.members(target, how.anchor_group))
@@ -125,7 +139,7 @@ def content(source, target, by, how):
               for side in (source, target)]
     scales = [proportions.signature(side) for side in (source, target)]
     return '.'.join([*meshes, by, how.anchor, anchors, how.formulation, how.placing, f"{how.least_gap:.5g}",
-                     *scales])
+                     *scales, wider.key(source) if worn else ""])
 
 
 def _anchors(target, how):
@@ -144,6 +158,8 @@ def _anchors(target, how):
 def remarks(transfer):
     """What the user may not expect of these meshes, in sentences."""
     info = transfer.info
+    if transfer.unfollowed:
+        yield transfer.unfollowed
     if info.unmatched_component_count:
         yield (f"{info.unmatched_component_count:,} loose part(s) of this mesh (such as that of vertex "
                f"{info.unmatched_component_example}) correspond to nothing and go with the rest.")

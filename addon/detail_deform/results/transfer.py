@@ -111,7 +111,7 @@ class _Closed:
     def __init__(self, transfer, target):
         self._transfer, self._rest = transfer, mesh_data.rest(target.data)
         self._seams = mirror_plane.Seams(target) if mirror_plane.key(target) else None
-        self._joined = split.Joined(target)
+        self._joined, self.wide = split.Joined(target), transfer.wide
 
     def apply(self, pose, rotation_only):
         """(n, 3): as of native.Transfer."""
@@ -161,5 +161,5 @@ def _carry_animation(context, transfer, source, target, wanted):
 def _poses(context, transfer, source, wanted):
     """Generator of (n, 3): the target in each frame."""
     for _ in frames.walk(context, source, wanted.start, wanted.end):
-        pose = source_pose.evaluated_pose(source, context.evaluated_depsgraph_get())
+        pose = source_pose.evaluated_pose(source, context.evaluated_depsgraph_get(), transfer.wide)
         yield transfer.apply(pose, wanted.rotation_only)

@@ -45,7 +45,7 @@ def from_pose(context, prepared, source, target, wanted):
     """Generator: the source's present pose as a shape key that is shown; yields the fraction done and returns the
     Outcome."""
     frames.settle(context, source)
-    pose = source_pose.evaluated_pose(source, context.evaluated_depsgraph_get())
+    pose = source_pose.evaluated_pose(source, context.evaluated_depsgraph_get(), prepared.wide)
     offsets = _offset(prepared, target, pose, wanted.rotation_only)
     yield 1.0
     name = _POSE_NAME.format(source.name)

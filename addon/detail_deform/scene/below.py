@@ -105,11 +105,21 @@ def deformed(ob, evaluated, depsgraph):
     yield None, []
 
 
-def by(ob, depsgraph, chosen):
-    """(n, 3) float32: what these of its modifiers alone make of the mesh's own vertices; None where they make others.
-    chosen: (k,) bool."""
-    with _with_alone(ob.evaluated_get(depsgraph), depsgraph, _flag(depsgraph), [bool(use) for use in chosen]) as mesh:
-        return mesh_data.positions(mesh) if len(mesh.vertices) == len(ob.data.vertices) else None
+def by(ob, depsgraph, chosen, count=None):
+    """(n, 3) float32: what these of its modifiers alone make of the mesh's own vertices, or of so many; None where they
+    make others. chosen: (k,) bool."""
+    with _alone(ob, depsgraph, chosen) as mesh:
+        return mesh_data.positions(mesh) if len(mesh.vertices) == (count or len(ob.data.vertices)) else None
+
+
+def surface(ob, depsgraph, chosen):
+    """((n, 3) float32, (m, 3) int32): vertices and triangles that these modifiers alone make."""
+    with _alone(ob, depsgraph, chosen) as mesh:
+        return mesh_data.positions(mesh), mesh_data.triangles(mesh)
+
+
+def _alone(ob, depsgraph, chosen):
+    return _with_alone(ob.evaluated_get(depsgraph), depsgraph, _flag(depsgraph), [bool(use) for use in chosen])
 
 
 @contextlib.contextmanager

@@ -29,8 +29,9 @@ def check_extent(source, pose):
                           "at rest: correct its position.")
 
 
-def evaluated_pose(source, depsgraph):
-    """(n, 3) float32: what the source's modifiers and shape keys make of its own vertices now. Raises MeshProblem."""
+def evaluated_pose(source, depsgraph, wide=None):
+    """(n, 3) float32: what the source's modifiers and shape keys make of its own vertices now. wide: its wider.Wider,
+    of all of whose vertices then. Raises MeshProblem."""
     evaluated = source.evaluated_get(depsgraph)
     if not evaluated.is_evaluated or evaluated == source:
         raise MeshProblem(f"'{source.name}' is hidden by its monitor icon, or in an excluded collection, so that its "
@@ -43,7 +44,7 @@ def evaluated_pose(source, depsgraph):
                 "vertices.")
         pose = mesh_data.positions(mesh) + _not_yet_shown(source, mesh, used)
     check_extent(source, pose)
-    return pose
+    return pose if wide is None else wide.posed(source, pose, used, depsgraph)
 
 
 def _not_yet_shown(source, mesh, used):

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A whole garment over a body that is modelled as a half with Mirror goes with both halves."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from conftest import activate, evaluated, own, update
+from test_transfer import add_key, coordinates, transfer
+
+
+def tube(name, radius, low, high, around, along, keep=None):
+    t, z = np.meshgrid(np.linspace(0, 2 * np.pi, around, endpoint=False), np.linspace(low, high, along + 1))
+    p = np.stack([radius * np.cos(t), radius * np.sin(t), z], -1).reshape(-1, 3)
+    faces = [[i * around + k, i * around + (k + 1) % around, (i + 1) * around + (k + 1) % around, (i + 1) * around + k]
+             for i in range(along) for k in range(around)]
+    if keep is not None:
+        kept = keep(p)
+        number = np.cumsum(kept) - 1
+        faces = [[number[v] for v in face] for face in faces if all(kept[v] for v in face)]
+        p = p[kept]
+        p[np.abs(p) < 1e-6] = 0
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(p.tolist(), [], faces)
+    ob = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(ob)
+    return ob
+
+
+def belly(p):
+    """Alike on both sides."""
+    return p + np.exp(-p[:, 2:] ** 2) * (0.5 * p * (1, 1, 0) + (0, 0.2, 0))
+
+
+def half(p):
+    return p[:, 0] > -1e-6
+
+
+def quarter(p):
+    return (p[:, 0] > -1e-6) & (p[:, 1] > -1e-6)
+
+
+AXES = {'one axis': (half, (True, False)), 'two axes': (quarter, (True, True))}
+
+
+def dress(keep, axes, place=None):
+    """A whole body and a part with Mirror, a shirt for each, all of it elsewhere."""
+    bodies = tube("Whole", 1, -4, 4, 48, 60), tube("Part", 1, -4, 4, 48, 60, keep)
+    shirts = [tube(name, 1.1, -2, 2, 37, 30) for name in ("Of Whole", "Of Part")]
+    mirror = bodies[1].modifiers.new("Mirror", 'MIRROR')
+    mirror.use_axis[:2] = axes
+    for ob in (*bodies, *shirts):
+        ob.matrix_world = place or Matrix()
+    for body, shirt in zip(bodies, shirts):
+        shirt.detail_deform.transfer.source, shirt.detail_deform.transfer.correspondence = body, 'NEAREST'
+    update()
+    return bodies, shirts
+
+
+@pytest.mark.parametrize('merged', [True, False])
+@pytest.mark.parametrize('kind', AXES)
+def test_keys_and_followers_are_those_of_a_whole_body(kind, merged):
+    def pose(p):
+        return belly(p) * (1, 1, 1) if kind == 'one axis' else p * (1 + 0.5 * np.exp(-p[:, 2:]**2) * (1, 1, 0))
+    bodies, shirts = dress(*AXES[kind], Matrix.Translation((1, 2, 3)) @ Matrix.Rotation(0.5, 4, (1, 2, 3)))
+    bodies[1].modifiers["Mirror"].use_mirror_merge = merged
+    for body in bodies:
+        add_key(body, "Pose", pose(own(body)))
+    keys = []
+    for body, shirt in zip(bodies, shirts):
+        activate(shirt)
+        assert transfer(source=body.name, what='ALL_KEYS', correspondence='NEAREST') == {'FINISHED'}
+        keys.append(coordinates(shirt.data.shape_keys.key_blocks["Pose"]))
+        shirt.shape_key_clear()
+        assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
+        body.data.shape_keys.key_blocks["Pose"].value = 1
+    update()
+    size = np.linalg.norm(np.ptp(keys[0], axis=0))
+    assert np.abs(keys[0] - own(shirts[0])).max() > 0.3
+    assert np.abs(keys[1] - keys[0]).max() < 5e-3 * size
+    assert np.abs(evaluated(shirts[1]) - evaluated(shirts[0])).max() < 5e-3 * size
+
+
+@pytest.mark.parametrize('what', ['POSE', 'FOLLOW'])
+def test_an_armature_behind_mirror_poses_each_half_its_own_way(what):
+    bodies, shirts = dress(half, (True, False))
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.scene.collection.objects.link(rig)
+    activate(rig)
+    bpy.ops.object.mode_set(mode='EDIT')
+    for name, x in (("Side.L", 0.5), ("Side.R", -0.5)):
+        bone = rig.data.edit_bones.new(name)
+        bone.head, bone.tail = (x, 0, 0), (x, 0, 1)
+    bpy.ops.object.mode_set(mode='OBJECT')
+    for body in bodies:
+        p = own(body)
+        weights = np.clip(0.5 + 0.5 * p[:, 0], 0, 1)
+        for name, of_group in (("Side.L", weights), ("Side.R", 1 - weights)):
+            made = body.vertex_groups.new(name=name)
+            for vertex, weight in enumerate(of_group.tolist()):
+                made.add([vertex], weight, 'REPLACE')
+        body.modifiers.new("Armature", 'ARMATURE').object = rig
+    for shirt in shirts:
+        activate(shirt)
+        if what == 'FOLLOW':
+            assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
+    rig.pose.bones["Side.R"].location = (0, 0.5, 0)
+    update()
+    for body, shirt in zip(bodies, shirts):
+        if what == 'POSE':
+            activate(shirt)
+            assert transfer(source=body.name, what='POSE', correspondence='NEAREST') == {'FINISHED'}
+    update()
+    one, other = (evaluated(shirt) for shirt in shirts)
+    assert np.abs(one - own(shirts[0])).max() > 0.3
+    assert np.abs(one - other).max() < 0.01
+
+
+def test_a_mirror_that_is_added_while_it_follows_counts():
+    bodies, shirts = dress(half, (True, False))
+    body, shirt = bodies[1], shirts[1]
+    body.modifiers.clear()
+    add_key(body, "Pose", belly(own(body)), value=1)
+    activate(shirt)
+    assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
+    update()
+    before = evaluated(shirt)
+    body.modifiers.new("Mirror", 'MIRROR')
+    update()
+    bpy.context.scene.frame_set(2)
+    update()
+    moved = evaluated(shirt) - own(shirt)
+    left = own(shirt)[:, 0] < -0.5
+    assert np.abs(evaluated(shirt) - before).max() > 0.05
+    assert np.allclose(moved[left, 0].min(), -moved[own(shirt)[:, 0] > 0.5, 0].max(), atol=0.02)
+
+
+def test_what_an_array_adds_is_not_followed_and_said_where_it_matters():
+    body = tube("Body", 1, -2, 2, 48, 30)
+    array = body.modifiers.new("Rows", 'ARRAY')
+    array.use_relative_offset, array.use_constant_offset, array.constant_offset_displace = False, True, (2.5, 0, 0)
+    here, there = tube("Here", 1.1, -1, 1, 37, 10), tube("There", 1.1, -1, 1, 37, 10)
+    there.data.transform(Matrix.Translation((2.5, 0, 0)))
+    update()
+    for shirt, is_said in ((here, False), (there, True)):
+        shirt.detail_deform.transfer.source, shirt.detail_deform.transfer.correspondence = body, 'NEAREST'
+        activate(shirt)
+        assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
+        assert ("'Rows' of 'Body' adds" in shirt.detail_deform.transfer.state) == is_said
