@@ -252,6 +252,10 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     signature: StringProperty(options={'HIDDEN'})
     stale: StringProperty(options={'HIDDEN'})
     bound_points: StringProperty(options={'HIDDEN'})
+    proportions: FloatVectorProperty(
+        name="Proportions", size=9, options={'HIDDEN'},
+        description="How the object was scaled in the scene when it was bound, row by row: its surface is deformed as "
+                    "it was seen")
     compared_handles: StringProperty(options={'HIDDEN'})
     problem: StringProperty(options={'HIDDEN'})
     render_problem: StringProperty(options={'HIDDEN'})

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, add_empty, bind, evaluated, group, make_strip, own, update
+from conftest import activate, add_empty, evaluated, group, own, update
 from test_mirror_images import glove, set_own, twisted
 from test_transfer import add_key, coordinates
 
@@ -125,25 +125,3 @@ def test_proportions_have_an_inverse(part, scale):
         if np.isfinite(scale).all():
             assert np.allclose(proportions.of(ob), found, atol=1e-5)
     assert scale != (7, 7, 7) or np.array_equal(proportions.of(ob), np.eye(3))
-
-
-@pytest.mark.parametrize('scale, parent, said', [
-    ((1, 1, 1), None, None), ((2, 2, 2), None, None), ((-1, 1, 1), None, None), ((1, 1, 1.02), None, None),
-    ((1, 1, 0.25), None, "4 times"), ((3, 1, 1), None, "3 times"), ((1, 1, 1), (1, 1, 2), "times more")])
-def test_uneven_scale_is_said_by_handles(scale, parent, said):
-    """Until the scale is applied, which moves nothing."""
-    ob = make_strip()
-    if parent:
-        ob.parent = add_empty("Parent", (0, 0, 0))
-        ob.parent.scale, ob.rotation_euler = parent, (0.5, 0, 0)
-    ob.scale = scale
-    update()
-    bind(ob)
-    status = ob.detail_deform.status
-    assert ("is scaled" in status) == bool(said) and (not said or said in status)
-    if said and not parent:
-        activate(ob)
-        bpy.ops.object.transform_apply(location=False, rotation=False, scale=True)
-        update()
-        bind(ob, keep_rest=True)
-        assert "is scaled" not in ob.detail_deform.status

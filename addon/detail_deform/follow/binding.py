@@ -7,7 +7,7 @@ import numpy as np
 
 from ..library import native
 from ..scene import (carried, dependency, group_columns, handle_matrices, mesh_data, node_group, offset_attribute,
-                     outside_base, seen, split, stack, start)
+                     outside_base, proportions, seen, split, stack, start)
 from ..scene.mesh_data import MeshProblem
 from . import bound, content, hints, life, registry
 
@@ -54,6 +54,7 @@ def bind(ob, depsgraph, wait, keep_rest):
         options = content.options(ob)
     else:
         outside_base.forget_rest(settings)
+    settings.proportions = proportions.of(ob).ravel().tolist()
     for number, pose in poses.items():
         handle_matrices.set_pose(handle_matrices.enabled_handles(settings)[number], pose)
     _find_start(ob, places, keep_rest, handle_matrices.rest_places(ob, places, roles, depsgraph))
@@ -146,7 +147,7 @@ def _need_base(ob):
         node_group.set_base(modifier, settings.base_object if settings.base == 'OBJECT' else None)
 
 
-_STATE = ('signature', 'stale', 'problem', 'bound_points', 'compared_handles')
+_STATE = ('signature', 'stale', 'problem', 'bound_points', 'compared_handles', 'proportions')
 _OF_MESHES = (offset_attribute.KEPT, offset_attribute.KEYED)
 
 
@@ -208,6 +209,6 @@ def make_base_object(ob):
         raise MeshProblem("A handle was added to the deformed surface, and a base is made of the mesh without "
                           "deformation: put all handles back to rest first (All Back to Rest).")
     rest = np.repeat(np.eye(4)[None, :3], entry.made.info.handle_count, axis=0)
-    offsets = entry.made.offsets(rest, output='BASE').reshape(-1, 3)
+    offsets = proportions.bound(settings).back(entry.made.offsets(rest, output='BASE').reshape(-1, 3))
     settings.base_object = outside_base.make(ob, mesh_data.positions(ob.data) + offsets)
     settings.base = 'OBJECT'

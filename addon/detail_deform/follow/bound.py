@@ -8,7 +8,7 @@ import numpy as np
 
 from ..library import native
 from ..scene import (carried, dependency, handle_matrices, mesh_data, mirror_plane, node_group, offset_attribute,
-                     outside_base, split, start)
+                     outside_base, proportions, split, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
 from . import content, look, made, placed, shown, slow_results
@@ -139,7 +139,9 @@ def begin(ob, signature, roles, options, joined):
     hung = content.hung(ob, roles, triangles)
     placed.know(ob, signature, joined, triangles, hung)
     arguments = content.bind_arguments(ob, roles, joined, triangles, hung)
-    bind = native.Bind(*arguments, draft=_has_draft(len(roles)), **options)
+    space = proportions.bound(of)
+    proportioned = {name: space.to(options[name]) for name in ('examples', 'base') if name in options}
+    bind = native.Bind(*arguments, draft=_has_draft(len(roles)), **options | proportioned)
     if of.base == 'OBJECT':  # whose pose is another one by then
         return bind
     return BindJob(bind, arguments[-1], look.quick(with_free(look.asked(of), of)))
@@ -155,7 +157,8 @@ def with_free(asked, of):
     free = handle_matrices.free(of)
     if not free.any():
         return asked
-    return asked | {'handle_turns': free.astype(np.int32), 'pivots': handle_matrices.pivots(of)}
+    pivots = proportions.bound(of).to(handle_matrices.pivots(of))
+    return asked | {'handle_turns': free.astype(np.int32), 'pivots': pivots}
 
 
 def job(ob):
@@ -182,6 +185,7 @@ def forget(ob):
             handle.property_unset(name)
     start.forget(ob.data)
     outside_base.forget_rest(of)
+    of.property_unset('proportions')
     dependency.release(ob)
 
 
@@ -199,7 +203,9 @@ class Frame:
         self._ob, self._deformer, self.is_draft = ob, deformer, isinstance(deformer, native.Draft)
         self._handles = [handle.name for handle in handle_matrices.enabled_handles(of)]
         places = handle_matrices.local_places(ob, depsgraph)
-        self._motions, self._base = handle_matrices.motions(of, places), None
+        motions, space = handle_matrices.motions(of, places), proportions.bound(of)
+        self._only_moved = handle_matrices.only_move(motions)
+        self._motions, self._base = space.motions(motions), None
         own = [not handle.mirrors for handle in handle_matrices.enabled_handles(of)]
         self._places = None if of.base == 'OBJECT' else places[own]
         self._asked = look.asked(of)
@@ -209,10 +215,10 @@ class Frame:
         self._asked = with_free(self._asked, of)
         self._turns = np.zeros((len(self._motions), 3))
         if of.base == 'OBJECT':
-            self._base = outside_base.deformed_positions(ob, depsgraph)
+            self._base = space.to(outside_base.deformed_positions(ob, depsgraph))
             self.of += (self._base.tobytes(),)
         elif look.knows_whole_turns(of):
-            self._turns = handle_matrices.turns(of, places, depsgraph)
+            self._turns = handle_matrices.turns(of, places, depsgraph, space.linear)
             self.of += (self._turns.tobytes(),)
 
     def by(self, deformer):
@@ -242,7 +248,7 @@ class Frame:
         of = self._ob.detail_deform
         record.places = self._places
         record.only_moved = [self._handles[number] for number in
-                             np.flatnonzero(handle_matrices.only_move(self._motions) & ~self._free)]
+                             np.flatnonzero(self._only_moved & ~self._free)]
         if self.is_draft:
             record.draft, record.is_final = self, False
             return

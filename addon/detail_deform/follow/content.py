@@ -6,7 +6,7 @@ import numpy as np
 from ..library import native
 from ..library.options import BIND, asked
 from ..library.structs import BindOptions
-from ..scene import examples, handle_matrices, loose, mesh_data, outside_base, split, start
+from ..scene import examples, handle_matrices, loose, mesh_data, outside_base, proportions, split, start
 from ..scene.mesh_data import MeshProblem
 
 _EXAMPLES = 'examples-'  # before their part of a signature
@@ -49,8 +49,10 @@ def roles(ob, entries=None, joined=None):
 
 
 def shape_signature(ob, topology=None):
-    """[positions, topology] of what is bound, as short texts: equal texts, equal content. topology: if it is known."""
-    return [mesh_data.signature(start.shape(ob)), topology or mesh_data.topology_signature(ob.data)]
+    """[positions, topology] of what is bound, as it was proportioned in the scene, as short texts: equal texts, equal
+    content. topology: if it is known."""
+    shape = proportions.bound(ob.detail_deform).to(start.shape(ob))
+    return [mesh_data.signature(shape), topology or mesh_data.topology_signature(ob.data)]
 
 
 def signature(shape, roles_of_vertices, told):
@@ -69,10 +71,10 @@ def _text(value):
 
 
 def bind_arguments(ob, roles_of_vertices, joined, triangles, hung_ones):
-    """Of native.Bind, without its options. What hangs on the surface is placed when the surface is. joined: the
-    object's split.Joined. triangles: of its mesh. hung_ones: of hung()."""
+    """Of native.Bind, without its options, in proportions.bound(). What hangs on the surface is placed when the surface
+    is. joined: the object's split.Joined. triangles: of its mesh. hung_ones: of hung()."""
     roles_of_vertices = np.where(hung_ones, native.ROLE_FIXED, roles_of_vertices).astype(np.int32)
-    return (start.shape(ob), joined.between(triangles), roles_of_vertices,
+    return (proportions.bound(ob.detail_deform).to(start.shape(ob)), joined.between(triangles), roles_of_vertices,
             len(handle_matrices.enabled_handles(ob.detail_deform)))
 
 

@@ -4,7 +4,7 @@ counted from its own vertices, and with closed seams."""
 
 import numpy as np
 
-from ..scene import loose, mesh_data, mirror_plane, soft_border, split, start
+from ..scene import loose, mesh_data, mirror_plane, proportions, soft_border, split, start
 from . import content, look
 
 _SPARE = 8
@@ -16,13 +16,15 @@ _hanging = {}  # _Hanging by the same
 
 
 def offsets(ob, computed):
-    """(3 n,) float32; computed: from the start."""
+    """(3 n,) float32; computed: from the start, in proportions.bound()."""
     width, signature = look.soft_border(ob.detail_deform), ob.detail_deform.signature
     if width:
         ways = _of(signature, _ways, lambda: soft_border.ways(ob, content.roles(ob)))
         computed = computed * np.repeat(soft_border.shares(ways, width), 3)
+    space = proportions.bound(ob.detail_deform)
     computed = _of(signature, _joined, lambda: split.Joined(ob)).copied(computed)
     computed = _of(signature, _hanging, lambda: _find_hanging(ob)).placed(computed)
+    computed = space.back(computed.reshape(-1, 3)).ravel()
     return _closed(ob, signature, start.with_kept(ob.data, computed), lambda: content.roles(ob))
 
 
@@ -63,8 +65,8 @@ class _Hanging:
     """A bound mesh's vertices that hang on its surface by edges."""
 
     def __init__(self, ob, triangles, hung):
-        self._loose = hung.any() and loose.Loose(start.shape(ob), triangles, mesh_data.edges(ob.data), chosen=hung)
-        self._shape = start.shape(ob) if self._loose else None
+        self._shape = proportions.bound(ob.detail_deform).to(start.shape(ob)) if hung.any() else None
+        self._loose = hung.any() and loose.Loose(self._shape, triangles, mesh_data.edges(ob.data), chosen=hung)
 
     def placed(self, offsets):
         """(3 n,) float32 offsets from what is bound, with theirs."""

@@ -13,43 +13,21 @@ from ..scene.loose import Loose
 from ..scene.mesh_data import MeshProblem
 
 
-class _Space(NamedTuple):
-    """From an object's own space to the one that both meshes are taken in."""
-    linear: np.ndarray  # (3, 3), in single precision where nothing is shifted
-    shift: np.ndarray  # (3,)
-
-    def is_own(self):
-        """Whether it is the object's own."""
-        return not self.shift.any() and (self.linear == np.eye(3)).all()
-
-    def to(self, points):
-        """(n, 3) float32"""
-        if self.is_own():  # a frame's time
-            return points
-        return (points @ self.linear.T + self.shift).astype(np.float32, copy=False)
-
-    def back(self, points):
-        """(n, 3) float32"""
-        if self.is_own():
-            return points
-        return ((points - self.shift) @ np.linalg.inv(self.linear).T).astype(np.float32, copy=False)
-
-
 def _spaces(source, target, stance):
     """Each as it is proportioned in the scene; the source of a stance as it stands to the target."""
-    own = [_Space(proportions.of(ob), np.zeros(3, np.float32)) for ob in (source, target)]
+    own = [proportions.Space(proportions.of(ob)) for ob in (source, target)]
     if stance is None:
         return own
     linear = own[1].linear
-    return [_Space(linear @ stance[:3, :3], linear @ stance[:3, 3]), own[1]]
+    return [proportions.Space(linear @ stance[:3, :3], linear @ stance[:3, 3]), own[1]]
 
 
 class Prepared:
     """A factored transfer between two objects, in spaces as they are proportioned in the scene."""
 
     def __init__(self, transfer, source, target, worn, loose, wide, unfollowed):
-        """source, target: the _Space of each. loose: the target's Loose. wide: the source's wider.Wider, or None.
-        unfollowed: as of wider.unfollowed."""
+        """source, target: the proportions.Space of each. loose: the target's Loose. wide: the source's wider.Wider, or
+        None. unfollowed: as of wider.unfollowed."""
         self.info, self.worn, self.wide, self.unfollowed = transfer.info, worn, wide, unfollowed
         self._transfer, self._source, self._target, self._loose = transfer, source, target, loose
 

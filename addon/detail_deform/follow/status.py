@@ -119,11 +119,9 @@ def _remarks(ob, info):
         yield ("The values of its examples' keys are played in its place: to follow the handles again, delete their "
                "keyframes, set them to 0, and show the modifier in the viewport." if plays_keys else
                "Its modifier is hidden, so nothing is computed: show it in the viewport.")
-    uneven = proportions.unevenness(ob)
-    if uneven > _UNEVEN:
-        yield (f"'{ob.name}' is scaled {uneven:.3g} times more along one direction than along another, and what turns "
-               "is turned as if it weren't, so that details are sheared: apply its scale, that of its parents too, and "
-               "press Re-bind.")
+    if proportions.changed_since(ob) > _UNEVEN:
+        yield (f"'{ob.name}' is scaled along other directions than when it was bound, so that details that turn are "
+               "sheared: press Re-bind.")
     yield from filter(None, (ob.detail_deform.render_problem, reach.influence_gone(ob), stack.why_not_here(ob)))
     if info.resting_count:
         yield (f"{_count(info.resting_component_count, 'loose part', 'loose parts')} of the region "

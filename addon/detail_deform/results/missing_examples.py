@@ -11,7 +11,7 @@ import numpy as np
 
 from ..follow import binding, bound, content, life, look, placed
 from ..library import native
-from ..scene import handle_matrices, posers, start
+from ..scene import handle_matrices, posers, proportions, start
 from ..scene.mesh_data import MeshProblem
 from . import pose_frames, posed_examples
 from .pose_samples import Samples, size
@@ -98,6 +98,7 @@ class _ByHandles:
             part = self._parts[number]
             motions[number] = np.eye(4)[:3]
             motions[number, :, 3] = positions[part].mean(axis=0) - self._bound[part].mean(axis=0)
+        motions = proportions.bound(self._ob.detail_deform).motions(motions)
         found = placed.offsets(self._ob, self._deformer.offsets(motions, **self._asked)).reshape(-1, 3)
         return np.linalg.norm(self._rest + found - positions, axis=1)[self._is_free]
 

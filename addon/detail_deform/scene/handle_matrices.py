@@ -356,11 +356,11 @@ def go_home(settings):
             handle.property_unset('home_matrix')
 
 
-def turns(settings, places, depsgraph):
+def turns(settings, places, depsgraph, proportions):
     """(h, 3) float64: how far each handle has turned since rest, whole turns among it, as a rotation vector in the
-    object's space: the sum of what the channels of the empty's Euler rotation have turned, about the axes that these
-    have now. It is the rotation itself where only one of them turns. Zero where the rotation is told in another way: a
-    matrix alone can't tell whole turns apart."""
+    space to which proportions, (3, 3), take the object's: the sum of what the channels of the empty's Euler rotation
+    have turned, about the axes that these have now. It is the rotation itself where only one of them turns. Zero where
+    the rotation is told in another way: a matrix alone can't tell whole turns apart."""
     result = np.zeros((len(places), 3))
     handles = enabled_handles(settings)
     rests = [tuple(rest) for rest in _of_enabled(settings, 'rest_euler', 3).tolist()]
@@ -381,9 +381,10 @@ def turns(settings, places, depsgraph):
         if _flat(basis):
             continue  # without size there is nothing to turn
         # From the empty's parent space to the object's. Of axes of rotation, which a mirror turns round.
-        space = places[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis)
+        space = proportions @ places[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis)
         axes = np.sign(np.linalg.det(space)) * space @ euler_angles.channel_axes(euler, order)
         result[number] = (change * axes / np.linalg.norm(axes, axis=0)).sum(axis=1)
     for number, source in mirrored(handles):
-        result[number] = -_reflection_of(handles[number])[:3, :3] @ result[source]  # as axes of rotation do
+        flip = proportions @ _reflection_of(handles[number])[:3, :3] @ np.linalg.inv(proportions)
+        result[number] = -flip @ result[source]  # as axes of rotation do
     return result

@@ -2,6 +2,8 @@
 """The shape that a mesh has in the scene, however it is turned: its object's scale, and the shear that a turned object
 has of a parent whose scale differs from axis to axis."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from . import mesh_data
@@ -25,9 +27,49 @@ def of(ob):
     return found.astype(np.float32) if np.round(found - one, _NOISE_DIGITS).any() else one
 
 
-def unevenness(ob):
-    """How much more the object is scaled along one direction than along another: 1 where it keeps its shape."""
-    return float(1 / np.linalg.eigvalsh(of(ob).astype(np.float64))[0])
+class Space(NamedTuple):
+    """From an object's own space to one that is proportioned as the scene is."""
+    linear: np.ndarray  # (3, 3), in single precision where nothing is shifted
+    shift: np.ndarray = np.zeros(3, np.float32)  # (3,)
+
+    def is_own(self):
+        """Whether it is the object's own."""
+        return not self.shift.any() and (self.linear == np.eye(3)).all()
+
+    def to(self, points):
+        """(n, 3) float32"""
+        if self.is_own():  # a frame's time
+            return points
+        return (points @ self.linear.T + self.shift).astype(np.float32, copy=False)
+
+    def back(self, points):
+        """(n, 3) float32"""
+        if self.is_own():
+            return points
+        return ((points - self.shift) @ np.linalg.inv(self.linear).T).astype(np.float32, copy=False)
+
+    def motions(self, motions):
+        """(k, 3, 4) or (k, 4, 4) float64 motions of the object's own space, told in this one."""
+        if self.is_own():
+            return motions
+        into = np.eye(4)
+        into[:3, :3], into[:3, 3] = self.linear, self.shift
+        return into[:motions.shape[1], :motions.shape[1]] @ motions @ np.linalg.inv(into)
+
+
+def bound(settings):
+    """The Space in which an object's surface is bound: as it was proportioned then."""
+    linear = np.array(settings.proportions, np.float32).reshape(3, 3)
+    if not linear.any() or not np.isfinite(linear).all() or abs(np.linalg.det(linear)) < _FLAT**3:
+        linear = np.eye(3, dtype=np.float32)  # of an earlier version, or in a file that something has written to
+    return Space(linear)
+
+
+def changed_since(ob):
+    """How much more the object has come to be scaled along one direction than along another since it was bound: 1 where
+    it keeps its shape."""
+    sizes = np.linalg.svd(of(ob).astype(np.float64) @ np.linalg.inv(bound(ob.detail_deform).linear), compute_uv=False)
+    return float(sizes[0] / sizes[2])
 
 
 def stance(source, target):

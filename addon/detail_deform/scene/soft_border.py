@@ -4,13 +4,13 @@
 import numpy as np
 
 from ..library import native
-from . import split, start
+from . import proportions, split, start
 
 
 def ways(ob, roles):
     """(n,) float32: of the way from what is fixed to the handles, over the surface, how far each vertex is; 0 at the
     border, 1 at handles and where nothing is fixed. roles: of the binding."""
-    places = start.shape(ob)
+    places = proportions.bound(ob.detail_deform).to(start.shape(ob))
     held = roles >= 0
     fixed = (roles == native.ROLE_FIXED) & ~held
     result = np.ones(len(roles), np.float32)

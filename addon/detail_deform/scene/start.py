@@ -7,7 +7,7 @@ Both are attributes of the mesh, which are copied, saved and undone with it. Onl
 
 import numpy as np
 
-from . import examples, handle_matrices, mesh_data, node_group, offset_attribute
+from . import examples, handle_matrices, mesh_data, node_group, offset_attribute, proportions
 from .offset_attribute import KEPT, KEYED
 
 
@@ -81,6 +81,9 @@ def similarities(ob, parts, before, after):
 
 def _motions(ob, parts, before, after, scaled=False):
     both_ways = None  # made for the first part that needs it
+    # A motion is rigid as it is seen.
+    linear = proportions.of(ob).astype(np.float64)
+    before, after, space = before @ linear, after @ linear, proportions.Space(np.linalg.inv(linear))
     for part in parts:
         if len(part) < 3:
             if both_ways is None:
@@ -89,7 +92,7 @@ def _motions(ob, parts, before, after, scaled=False):
                 both_ways = both_ways[np.argsort(both_ways[:, 0])]
             low, high = (np.searchsorted(both_ways[:, 0], part, side) for side in ('left', 'right'))
             part = np.unique(np.concatenate([part, *(both_ways[b:e, 1] for b, e in zip(low, high))]))
-        yield _nearest(before[part], after[part], scaled)
+        yield space.motions(_nearest(before[part], after[part], scaled)[None])[0]
 
 
 def _nearest(before, after, scaled):
