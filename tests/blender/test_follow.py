@@ -319,8 +319,8 @@ def test_several_objects_each_follow_their_own_empties():
 
 WORLDS = {
     'turned': Matrix.Translation((3, -2, 1)) @ Matrix.Rotation(0.8, 4, 'X'),
-    'uneven scale': Matrix.Diagonal((2, 0.5, 3, 1)),
-    'all': Matrix.Translation((30, 10, -5)) @ Matrix.Rotation(1.1, 4, 'Z') @ Matrix.Diagonal((0.1, 0.4, -2, 1)),
+    'larger': Matrix.Scale(2.5, 4),
+    'all': Matrix.Translation((30, 10, -5)) @ Matrix.Rotation(1.1, 4, 'Z') @ Matrix.Diagonal((0.4, 0.4, -0.4, 1)),
 }
 
 

@@ -24,6 +24,27 @@ def test_a_range_by_a_step(rigged):
     assert all(block.value == 0 for block in ob.data.shape_keys.key_blocks[1:])
 
 
+@pytest.mark.parametrize('scale, reverse, expected', [
+    (1.0, False, ["Frame 20", "Frame 40"]), (2.0, False, ["Frame 30", "Frame 70"]),
+    (1.0, True, ["Frame 10", "Frame 30"])])
+def test_keys_that_strips_play(rigged, scale, reverse, expected):
+    """When they play them; those of a muted track don't count."""
+    ob, rig = rigged
+    shapes = [posed(ob, frame) for frame in (11, 31)]
+    action = rig.animation_data.action
+    rig.animation_data.action = None
+    for name, begin in (("Played", 10), ("Muted", 100)):
+        track = rig.animation_data.nla_tracks.new()
+        strip = track.strips.new(name, begin, action)
+        strip.scale, strip.use_reverse = scale, reverse
+        track.mute = name == "Muted"
+    bpy.context.scene.frame_end = 200
+    from_poses(frames='KEYS')
+    assert names(ob) == expected
+    for name, shape in zip(expected, reversed(shapes) if reverse else shapes):
+        assert np.abs(key(ob, name) - shape).max() < 1e-5
+
+
 def test_keys_markers_and_poses_of_a_library(rigged):
     ob, rig = rigged
     from_poses(frames='KEYS')

@@ -202,6 +202,35 @@ def test_many_garments_each_by_its_own_panel(dressed):
     assert np.abs(coordinates(twin.data.shape_keys.key_blocks["Bend"]) - bent(own(twin))).max() < 1e-4
 
 
+def test_what_many_garments_go_by_is_evaluated_once_a_frame(dressed, part, monkeypatch):
+    """A subdivided body is evaluated once more below its subdivision, which takes as long as that."""
+    arm, sleeve = dressed
+    arm.modifiers.new("Subdivision", 'SUBSURF')
+    other = sleeve.copy()
+    other.data = sleeve.data.copy()
+    bpy.context.scene.collection.objects.link(other)
+    for garment in (sleeve, other):
+        activate(garment)
+        assert live() == {'FINISHED'}
+    source_pose, asked = part('scene.source_pose'), []
+    evaluated_pose = source_pose.evaluated_pose
+    monkeypatch.setattr(source_pose, 'evaluated_pose', lambda *of: asked.append(of[0].name) or evaluated_pose(*of))
+    for value in (0.5, 1.0):
+        asked.clear()
+        arm.data.shape_keys.key_blocks["Bend"].value = value
+        update()
+        assert set(asked) == {"Arm"}
+        shown = [evaluated(garment) for garment in (sleeve, other)]
+        assert np.array_equal(*shown) and np.abs(shown[0] - own(sleeve)).max() > 0.1
+        updates = len(asked)
+        other.detail_deform.transfer.live = False
+        asked.clear()
+        arm.data.shape_keys.key_blocks["Bend"].value = value - 0.2
+        update()
+        assert len(asked) == updates  # no more for two than for one
+        other.detail_deform.transfer.live = True
+
+
 def test_what_can_not_be_worn_is_said(dressed, tmp_path):
     arm, sleeve = dressed
     live()

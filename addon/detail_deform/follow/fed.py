@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What follows a source, as a kind of life: where its content is another one, it is prepared anew by itself."""
 
+import contextlib
+
 from ..library.options import NEAREST
 from ..scene import correspondence, mesh_data, mirror_plane, node_group, source_pose
 from ..scene.mesh_data import MeshProblem
@@ -151,13 +153,37 @@ def check_frame(ob):
     pass
 
 
+_shared = None  # {source's pointer and what is followed of it: its pose}, while many followers are brought up to date
+
+
+@contextlib.contextmanager
+def shared_poses():
+    """While it lasts, sources that nothing here moves keep their pose: what is evaluated of them once serves all."""
+    global _shared
+    _shared = {}
+    try:
+        yield
+    finally:
+        _shared = None
+
+
+def _pose(source, depsgraph, wide):
+    of = source.detail_deform
+    if _shared is None or of.signature or of.transfer.live:
+        return source_pose.evaluated_pose(source, depsgraph, wide)
+    key = source.as_pointer(), wide is not None
+    if key not in _shared:
+        _shared[key] = source_pose.evaluated_pose(source, depsgraph, wide)
+    return _shared[key]
+
+
 class Frame:
     """What the source's pose asks for."""
 
     def __init__(self, ob, transfer, depsgraph):
         of = ob.detail_deform.transfer
         self._ob, self._transfer, self._rotation_only = ob, transfer, of.rotation_only
-        self._pose = source_pose.evaluated_pose(of.source, depsgraph, transfer.wide)
+        self._pose = _pose(of.source, depsgraph, transfer.wide)
         self.of = (of.prepared_for, self._pose.tobytes(), of.rotation_only, mirror_plane.key(ob))
 
     is_hurried = is_draft = False

@@ -47,10 +47,11 @@ def must_wait(depsgraph):
 
 def refresh_all(members, depsgraph):
     """All of these but those that are updated by hand, each after whom it follows."""
-    for ob in sorted(members, key=fed.depth) if len(members) > 1 else members:
-        kind = kind_of(ob)
-        if kind and kind.is_live(ob):
-            refresh(ob, depsgraph)
+    with fed.shared_poses():
+        for ob in sorted(members, key=fed.depth) if len(members) > 1 else members:
+            kind = kind_of(ob)
+            if kind and kind.is_live(ob):
+                refresh(ob, depsgraph)
 
 
 def refresh(ob, depsgraph, force=False):

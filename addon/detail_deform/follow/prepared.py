@@ -75,7 +75,7 @@ class Preparation:
         if self._worn:
             self._unfollowed = _unfollowed(source, shapes[1], matched.stance)
         meshes = [[space.to(shape), triangles] for space, shape, triangles in zip(self._spaces, shapes, sides)]
-        self._loose = Loose(*meshes[1], mesh_data.edges(target.data),
+        self._loose = Loose(meshes[1][0], mesh_data.triangles(target.data), mesh_data.edges(target.data),
                             meshes[0][0] if matched.is_by_topology else None)
         more = {}
         if self._worn:

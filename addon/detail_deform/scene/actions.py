@@ -4,6 +4,7 @@
 from typing import NamedTuple
 
 import bpy
+import numpy as np
 from bpy.utils import unescape_identifier
 
 _CHANNELS = ('location', 'rotation_euler', 'rotation_quaternion', 'rotation_axis_angle', 'scale')
@@ -25,18 +26,46 @@ def is_driven(owner, name):
 
 
 def is_keyed(owner, name):
-    """Whether keys of an action set this property."""
+    """Whether keys of an action, or of one that is played by a strip, set this property."""
     animation, path = owner.id_data.animation_data, owner.path_from_id(name)
-    return bool(animation and animation.action and any(c.data_path == path for c in curves(animation.action)))
+    found = [animation.action, *(strip.action for strip in _strips(animation))] if animation else ()
+    return any(curve.data_path == path for action in found if action for curve in curves(action))
 
 
 def times(ob):
-    """The frames, not all whole, at which an object's action has keys, in order."""
+    """The frames, not all whole, at which an object's action has keys, or those that its strips play, in order."""
     animation = ob.animation_data
-    if not (animation and animation.action):
+    if not animation:
         return []
-    keyed = curves(animation.action, getattr(animation, 'action_slot', None))
-    return sorted({round(float(key.co.x), 3) for curve in keyed for key in curve.keyframe_points})
+    found = set()
+    if animation.action:
+        found.update(_times(animation.action, getattr(animation, 'action_slot', None)))
+    for strip in _strips(animation):
+        found.update(_times_in(strip, _times(strip.action, getattr(strip, 'action_slot', None))))
+    return sorted(found)
+
+
+def _times(action, slot):
+    return {round(float(key.co.x), 3) for curve in curves(action, slot) for key in curve.keyframe_points}
+
+
+def _strips(animation):
+    """Of the nonlinear animation, those that count: of all tracks but muted ones, or of the one that is alone."""
+    tracks = [track for track in animation.nla_tracks if track.is_solo] or [
+        track for track in animation.nla_tracks if not track.mute]
+    return [strip for track in tracks for strip in track.strips if strip.action and not strip.mute]
+
+
+def _times_in(strip, of_action):
+    """When a strip plays these times of its action."""
+    begin, end = strip.action_frame_start, strip.action_frame_end
+    inside = [end + begin - time if strip.use_reverse else time for time in of_action if begin <= time <= end]
+    length = (end - begin) * strip.scale
+    for turn in range(int(np.ceil(strip.repeat))):
+        for time in inside:
+            at = strip.frame_start + turn * length + (time - begin) * strip.scale
+            if at <= strip.frame_end + 1e-3:
+                yield round(float(at), 3)
 
 
 def key(owner, name, start, values):

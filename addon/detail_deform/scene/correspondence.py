@@ -81,7 +81,8 @@ def by_nearest(source, target):
             places[0] @ stance[:3, :3].T + stance[:3, 3], places[1]))
         if np.linalg.norm(np.maximum(0, np.maximum(least - high, low - most))) > np.linalg.norm(most - least):
             raise MeshProblem(f"'{target.name}' stands farther from '{source.name}' than it is large: put it where it "
-                              "is worn, as both are without their modifiers and shape keys.")
+                              "is worn, as both are without their modifiers and shape keys. What hovers on purpose: "
+                              "make it a child of that object or of a bone.")
     return _nearest(source, target, stance)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from mathutils import kdtree
 
 from ..library import native
-from . import node_group, split, start
+from . import mesh_data, node_group, split, start
 
 _NEAREST = 4  # vertices of the seam that a vertex goes by
 
@@ -59,11 +59,11 @@ class Seam:
         # A handle on the plane is held by it, all others and what is fixed hold against it.
         across = np.unique(roles[on_plane & (roles >= 0)])
         held = ~on_plane & (roles != native.ROLE_FREE) & ~np.isin(roles, across)
-        places, joined = shape.astype(np.float32), split.Joined(ob)
-        to_plane = joined.distances(places, on_plane).astype(np.float64)
+        places, triangles, joined = shape.astype(np.float32), mesh_data.triangles(ob.data), split.Joined(ob)
+        to_plane = joined.distances(places, triangles, on_plane).astype(np.float64)
         share = np.ones(len(shape))
         if held.any():
-            to_held = joined.distances(places, held).astype(np.float64)
+            to_held = joined.distances(places, triangles, held).astype(np.float64)
             with np.errstate(invalid='ignore', divide='ignore'):
                 share = np.where(np.isfinite(to_held), to_held / (to_held + to_plane), 1.0)
         share[~np.isfinite(to_plane)] = 0

@@ -4,7 +4,7 @@
 import numpy as np
 
 from ..library import native
-from . import proportions, split, start
+from . import mesh_data, proportions, split, start
 
 
 def ways(ob, roles):
@@ -16,8 +16,8 @@ def ways(ob, roles):
     result = np.ones(len(roles), np.float32)
     if not (fixed.any() and held.any()):
         return result
-    joined = split.Joined(ob)
-    to_fixed, to_held = (joined.distances(places, chosen) for chosen in (fixed, held))
+    joined, triangles = split.Joined(ob), mesh_data.triangles(ob.data)
+    to_fixed, to_held = (joined.distances(places, triangles, chosen) for chosen in (fixed, held))
     between = np.isfinite(to_fixed) & np.isfinite(to_held) & ~held
     result[between] = to_fixed[between] / np.maximum(to_fixed[between] + to_held[between], np.float32(1e-30))
     return result

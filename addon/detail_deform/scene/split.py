@@ -123,7 +123,6 @@ class Joined:
 
     def __init__(self, ob, topology=None):
         """topology: mesh_data.topology_signature, if it is known."""
-        self._ob = ob
         self._first = _find(ob, topology) if ob.detail_deform.join_split else None
         if self._first is not None:
             self._split = np.flatnonzero(np.bincount(self._first, minlength=len(self._first))[self._first] > 1)
@@ -133,9 +132,8 @@ class Joined:
         """int32: these numbers of vertices, as of triangles or edges, by those that stand for them."""
         return vertices if self._first is None else self._first.astype(np.int32)[vertices]
 
-    def distances(self, places, chosen):
-        """(n,) float32: native.distances over the joined surface. chosen: (n,) bool."""
-        triangles = mesh_data.triangles(self._ob.data)
+    def distances(self, places, triangles, chosen):
+        """(n,) float32: native.distances over the joined surface. triangles: of the mesh. chosen: (n,) bool."""
         if self._first is None:
             return native.distances(places, triangles, chosen)
         start = np.zeros(len(chosen), bool)

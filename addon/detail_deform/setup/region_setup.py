@@ -102,7 +102,7 @@ class Around:
         self.origin = np.array(ob.matrix_world, np.float64)[:3, 3]
         self.places = _from_origin(ob, visible(ob))
         self.triangles = mesh_data.triangles(ob.data)
-        self.distances = _with_loose(ob, split.Joined(ob).distances(self.places, start))
+        self.distances = _with_loose(ob, self.triangles, split.Joined(ob).distances(self.places, self.triangles, start))
 
     def as_seen(self, ob, depsgraph):
         """(n, 3) float32: the same places with what modifiers make of them, where that is known."""
@@ -126,9 +126,9 @@ class Around:
         return float(max(by_area, _LEAST_OF_SIZE * size, _LEAST_EDGES * edge))
 
 
-def _with_loose(ob, distances):
+def _with_loose(ob, triangles, distances):
     """(n,) float32: vertices in no face are as far as what they hang on by edges."""
-    hung = loose.roots(len(distances), mesh_data.triangles(ob.data), mesh_data.edges(ob.data))
+    hung = loose.roots(len(distances), triangles, mesh_data.edges(ob.data))
     return np.where(hung >= 0, np.minimum(distances, distances[hung]), distances)
 
 
