@@ -252,6 +252,8 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     signature: StringProperty(options={'HIDDEN'})
     stale: StringProperty(options={'HIDDEN'})
     bound_points: StringProperty(options={'HIDDEN'})
+    known_groups: StringProperty(options={'HIDDEN'})  # names of its vertex groups, line by line, as they were last
+    begun_as: StringProperty(options={'HIDDEN'})  # its name when it was bound or began to follow: a copy has another
     proportions: FloatVectorProperty(
         name="Proportions", size=9, options={'HIDDEN'},
         description="How the object was scaled in the scene when it was bound, row by row: its surface is deformed as "

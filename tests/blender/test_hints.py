@@ -224,7 +224,14 @@ def test_a_copy_that_follows_the_firsts_empties_says_so_and_gets_its_own(pulled)
     copy = duplicated(pulled)
     assert "Its empties are those of 'Strip' too" in copy.detail_deform.status
     assert "Its empties" not in pulled.detail_deform.status
-    assert np.abs(evaluated(copy) - shape).max() > 1  # it is pulled back
+    assert "posed alike" in copy.detail_deform.status
+    assert np.abs(evaluated(copy) - shape).max() < 1e-5  # wherever it stands
+    theirs = pulled.detail_deform.handles[0].target
+    theirs.location.z += 0.1
+    update()
+    assert np.abs(evaluated(copy) - evaluated(pulled)).max() < 1e-5 < np.abs(evaluated(copy) - shape).max()
+    theirs.location.z -= 0.1
+    update()
     activate(copy)
     assert bpy.ops.object.detail_deform_own_empties() == {'FINISHED'}
     update()
@@ -268,7 +275,7 @@ def test_empties_without_a_parent_are_copied_to_where_the_copy_is(pulled):
     update()
     shape = evaluated(pulled)
     copy = duplicated(pulled)
-    assert "Its empties" in copy.detail_deform.status
+    assert "Its empties" in copy.detail_deform.status and "pulled back" in copy.detail_deform.status
     activate(copy)
     bpy.ops.object.detail_deform_own_empties()
     update()

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..library import native
 from ..scene import (carried, dependency, group_columns, handle_matrices, mesh_data, node_group, offset_attribute,
-                     outside_base, proportions, seen, split, stack, start)
+                     outside_base, proportions, renamed, seen, split, stack, start)
 from ..scene.mesh_data import MeshProblem
 from . import bound, content, hints, life, registry
 
@@ -20,7 +20,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     (scene/start.py).
     Raises MeshProblem or native.NativeError; the object then has no binding.
     """
-    mesh_data.check_object(ob)
+    registry.check_mesh(ob)
     native.library()
     settings = ob.detail_deform
     if settings.transfer.live:
@@ -32,6 +32,8 @@ def bind(ob, depsgraph, wait, keep_rest):
         bound.carry_along(ob, depsgraph)
     topology = mesh_data.topology_signature(ob.data)
     joined = split.Joined(ob, topology)
+    renamed.follow(ob)
+    renamed.note(ob)
     roles = content.roles(ob, group_columns.entries, joined)
     poses = _poses(ob, roles, depsgraph, only_new=keep_rest)
     places = handle_matrices.local_places(ob, depsgraph, poses)
@@ -65,6 +67,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     settings.signature, settings.bound_points = signature, carried.points(ob.data)
     hints.of_region(ob, roles, joined)  # here they are known, and the panels need not read the groups
     bound.note_handles(settings)
+    settings.begun_as = ob.name
     registry.forget()
     stack.ensure_modifier(ob)
     influence_changed(ob)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..library import native
 from ..scene import (carried, dependency, handle_matrices, mesh_data, mirror_plane, node_group, offset_attribute,
-                     outside_base, proportions, split, start)
+                     outside_base, proportions, renamed, split, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
 from . import content, look, made, placed, shown, slow_results
@@ -192,7 +192,12 @@ def forget(ob):
 # A frame
 
 def check_frame(ob):
-    mesh_data.check_groups(ob, ob.detail_deform.region, content.handle_groups(ob.detail_deform))
+    try:
+        mesh_data.check_groups(ob, ob.detail_deform.region, content.handle_groups(ob.detail_deform))
+    except MeshProblem:
+        if not renamed.follow(ob):
+            raise
+        check_frame(ob)  # one more may be gone
 
 
 class Frame:

@@ -82,6 +82,18 @@ def goes_by_its_mesh(ob):
     return None
 
 
+def gone_empties(ob, depsgraph):
+    """Names of handles whose empties were deleted."""
+    return [handle.name for handle in handle_matrices.with_empties(ob.detail_deform)
+            if handle_matrices.is_gone(handle.target, depsgraph)]
+
+
+def is_posed_alike(ob, other):
+    """Whether a copy of a mesh goes on with empties that are children of the first: then they count in its space."""
+    return all(handle.target.parent == other for handle in handle_matrices.enabled_handles(ob.detail_deform)
+               if handle.target and handle.target == handle.own_target and handle.target.parent != ob)
+
+
 def shares_empties_with(ob):
     """The mesh that this one was copied from, or its copy, where the copy goes on with the empties of the first; None
     where its empties are its own."""

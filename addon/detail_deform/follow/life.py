@@ -19,7 +19,7 @@ import time
 import bpy
 
 from ..library import native
-from ..scene import mesh_data, node_group, offset_attribute, reach
+from ..scene import node_group, offset_attribute, reach, renamed
 from ..scene.window import redraw_panels
 from . import bound, drag, fed, placed, problem_vertices, registry, shown, slow_results, words
 
@@ -69,7 +69,7 @@ def refresh(ob, depsgraph, force=False):
         return
     wait, problem = must_wait(depsgraph), ""
     try:
-        mesh_data.check_object(ob)
+        registry.check_mesh(ob)
         offset_attribute.check_name(ob)
         kind.check_frame(ob)
         entry = _made(kind, ob, depsgraph, wait)
@@ -187,6 +187,8 @@ def check(ob):
     """Compares the object with the content that it was made for, and notes what differs."""
     kind = kind_of(ob)
     try:
+        renamed.follow(ob)
+        renamed.note(ob)
         lost = kind and kind.check(ob)
     except MemoryError:
         return  # the next update says it

@@ -48,7 +48,7 @@ def start(context, ob, source, matched=None):
     if settings.source != source:
         settings.source = source
     settings.prepared_for = content
-    settings.live = True
+    settings.live, ob.detail_deform.begun_as = True, ob.name
     registry.forget()
     node_group.set_base(modifier, source)  # evaluated where it is hidden, too
     binding.influence_changed(ob)

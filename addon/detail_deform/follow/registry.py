@@ -8,7 +8,8 @@ are looked at once. Objects are let go of before undo and loading, which replace
 
 import bpy
 
-from ..scene import handle_matrices, node_group
+from ..scene import handle_matrices, mesh_data, node_group
+from ..scene.mesh_data import MeshProblem
 from . import shown
 
 _members = None  # None: to be looked for
@@ -40,6 +41,30 @@ def members():
 def of_scene(depsgraph):
     """Those in the scene that this depsgraph evaluates."""
     return [ob for ob in members() if handle_matrices.in_scene(ob, depsgraph)]
+
+
+def check_mesh(ob):
+    """As mesh_data.check_object, but for objects that have one mesh, as linked copies have: that which was bound, or
+    began to follow, moves it for all. Raises MeshProblem."""
+    if not (mesh_data.is_shared(ob.data) and _is_member(ob)):
+        mesh_data.check_object(ob)
+        return
+    owner = _owner(ob)
+    if owner != ob:
+        raise MeshProblem(f"'{ob.name}' has the same mesh as '{owner.name}', which moves it for both: make it "
+                          "single-user (Object > Relations > Make Single User > Object & Data) to move it alone.")
+    mesh_data.check_editable(ob)
+    mesh_data.check_left_edit_mode(ob)
+
+
+def _owner(ob):
+    """Of the objects with one mesh the one that began: a copy has the same settings, among them the first one's
+    name."""
+    same = sorted((other for other in members() if other.data == ob.data), key=lambda other: other.name)
+    named = [other for other in same if other.detail_deform.begun_as == other.name]
+    children = [other for other in same if any(handle.own_target and handle.own_target.parent == other
+                                               for handle in other.detail_deform.handles)]
+    return (children or named or same or [ob])[0]
 
 
 def forget():

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
 
+import bpy
+
 from ..scene import examples, handle_matrices, node_group, offset_attribute, posers, proportions, reach, stack
 from . import bound, hints, look, shown, slow_results, words
 
@@ -159,8 +161,15 @@ def _remarks(ob, info):
         yield (f"The empty of handle '{hanging[0]}' goes by vertices of this mesh ({hanging[1]}), and runs after "
                "itself where they follow it: a frame depends on how often it was updated. Let the empty go by the "
                "object, or by something else.")
+    gone = hints.gone_empties(ob, bpy.context.view_layer.depsgraph)
+    if gone:
+        yield (f"The empties of these handles were deleted, so what they hold stays where it is: {_names(gone)}. Press "
+               "Bring Back Empties, or remove the handles.")
     other = hints.shares_empties_with(ob)
-    if other:
+    if other and hints.is_posed_alike(ob, other):
+        yield (f"Its empties are those of '{other.name}' too, so the two are posed alike: press Own Empties to pose it "
+               "alone.")
+    elif other:
         yield (f"Its empties are those of '{other.name}' too, so it is pulled back when it is moved alone: press Own "
                "Empties.")
     if settings.influence and settings.influence in {*ob.data.attributes.keys(), 'position', 'normal', 'index', 'id'}:

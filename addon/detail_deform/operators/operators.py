@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from ..follow import binding, life, live_transfer, slow_results, status
+from ..follow import binding, life, live_transfer, registry, slow_results, status
 from ..library.options import SETTINGS
 from ..results import bake
 from ..scene import apply_result, correspondence, mesh_data, node_group, offset_attribute, selection, stack
@@ -53,7 +53,7 @@ class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
                       "all settings, and the vertex groups and empties that were made here")
 
     def run(self, context, ob):
-        mesh_data.check_object(ob)
+        registry.check_mesh(ob)
         binding.unbind(ob)
         live_transfer.stop(ob)
         correspondence.forget(ob)
@@ -102,7 +102,7 @@ class OBJECT_OT_detail_deform_unbind(HandOperator, bpy.types.Operator):
                       "Bind the handles can go back to rest")
 
     def run(self, context, ob):
-        mesh_data.check_object(ob)
+        registry.check_mesh(ob)
         binding.unbind(ob, keep_rest=True)
         live_transfer.stop(ob)
 

@@ -153,6 +153,22 @@ class OBJECT_OT_detail_deform_handle_activate(HandOperator, _HandleOperator, bpy
         go_to(context, ob, handle_setup.empty_of(ob, self.number(ob)))
 
 
+class OBJECT_OT_detail_deform_bring_back(MeshOperator, bpy.types.Operator):
+    bl_idname = 'object.detail_deform_bring_back'
+    bl_label = "Bring Back Empties"
+    bl_description = "Put empties of handles that were deleted where they were last, or make new ones at rest"
+
+    @classmethod
+    def poll_object(cls, ob):
+        if not hints.gone_empties(ob, bpy.context.view_layer.depsgraph):
+            cls.poll_message_set("No handle has lost its empty")
+            return False
+        return True
+
+    def run(self, context, ob):
+        handle_setup.bring_back(context, ob)
+
+
 class OBJECT_OT_detail_deform_own_empties(MeshOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_own_empties'
     bl_label = "Own Empties"
@@ -241,6 +257,7 @@ CLASSES = (OBJECT_OT_detail_deform_handle_add, OBJECT_OT_detail_deform_handle_re
            OBJECT_OT_detail_deform_handle_select, OBJECT_OT_detail_deform_handle_assign,
            OBJECT_OT_detail_deform_handle_mirror, OBJECT_OT_detail_deform_handle_reset,
            OBJECT_OT_detail_deform_handle_activate, OBJECT_OT_detail_deform_own_empties,
+           OBJECT_OT_detail_deform_bring_back,
            OBJECT_OT_detail_deform_mesh_activate,
            OBJECT_OT_detail_deform_region_set, OBJECT_OT_detail_deform_region_around)
 

@@ -9,7 +9,7 @@ from bpy.props import CollectionProperty, EnumProperty, StringProperty
 from ..library.options import CORRESPONDENCES, TRANSFER_SETTINGS
 from ..results import point_cache, transfer, transfer_many, transfer_table
 from ..results.transfer_table import Row
-from ..scene import correspondence
+from ..scene import mesh_data
 from ..scene.mesh_data import MeshProblem
 from .operator_base import PATH_OPTIONS, MeshOperator
 from .transfer_choices import WHAT, TransferChoices
@@ -58,7 +58,7 @@ class OBJECT_OT_detail_deform_transfer_many(TransferChoices, bpy.types.Operator)
             column.prop(self, 'lists')
 
     def run(self, context, source):
-        correspondence.check_left_edit_mode(source)
+        mesh_data.check_left_edit_mode(source)
         rows = self._targets(context, source)
         common = self.wanted(context, source, **dict.fromkeys(_OF_TARGET), correspondence=self.correspondence,
                              lists=self.lists, cache_path="")

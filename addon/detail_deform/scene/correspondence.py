@@ -41,12 +41,7 @@ def check_source(source, target):
     if source == target:
         raise MeshProblem(f"'{target.name}' is both source and target: choose another source.")
     for ob in (source, target):
-        check_left_edit_mode(ob)
-
-
-def check_left_edit_mode(ob):
-    if ob.mode == 'EDIT':
-        raise MeshProblem(f"'{ob.name}' is in Edit Mode: leave it (Tab) first.")
+        mesh_data.check_left_edit_mode(ob)
 
 
 def by_topology(source, target):

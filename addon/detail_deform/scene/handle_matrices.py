@@ -91,15 +91,31 @@ def local_place(ob, handle, depsgraph):
 
 
 def places_of(ob, handles, depsgraph, poses=None):
-    """(k, 4, 4) float64: of some that have empties. poses: of each, in place of its own."""
-    to_local = world_to_local(ob, depsgraph)
+    """(k, 4, 4) float64: of some that have empties. poses: of each, in place of its own. One whose empty was deleted
+    stays where that was last, or at rest where nothing is left of it."""
+    places, gone = np.empty((len(handles), 4, 4)), [is_gone(handle.target, depsgraph) for handle in handles]
     for handle in handles:
-        if handle.target is None:
+        if handle.target is None and not has_rest(handle):
             raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
                               "one in Empty (Handles).")
-    places = to_local @ _evaluated_worlds([(handle.target, f"Handle '{handle.name}': empty") for handle in handles],
-                                          depsgraph)
-    for number, handle in enumerate(handles):
+    there = [number for number, is_out in enumerate(gone) if not is_out]
+    owners = _owners(ob, [handles[number] for number in there])
+    to_local = {owner: world_to_local(owner, depsgraph) for owner in {ob, *owners}}
+    worlds = _evaluated_worlds([(handles[number].target, f"Handle '{handles[number].name}': empty")
+                                for number in there], depsgraph)
+    if any(owner != ob for owner in owners):
+        places[there] = np.array([to_local[owner] for owner in owners]) @ worlds
+    else:
+        places[there] = to_local[ob] @ worlds
+    for number in np.flatnonzero(gone):
+        target = handles[number].target
+        if target is None or target.parent_type == 'BONE':
+            places[number] = rest(handles[number])
+            continue
+        there.append(number)
+        places[number] = to_local[ob] @ np.array(target.matrix_world, np.float64)
+    for number in there:
+        handle = handles[number]
         if handle.target.parent_type == 'BONE':
             pose = skin.pose_of(ob, handle.target, depsgraph)
             places[number] = _inverse_or_refuse(
@@ -108,6 +124,26 @@ def places_of(ob, handles, depsgraph, poses=None):
         if pose is not None:
             places[number] = np.linalg.inv(pose) @ places[number]
     return places
+
+
+def is_gone(empty, depsgraph):
+    """Whether an empty was deleted: from the file, or from all scenes, where what refers to it still keeps it."""
+    return empty is None or not (in_scene(empty, depsgraph) or empty.users_collection or empty.users_scene)
+
+
+def _owners(ob, handles):
+    """Of each handle the object in whose space its empty moves it: the object, but for a copy of a mesh that goes on
+    with the empties that were made for the first and are its children. So it is posed alike wherever it stands."""
+    owners, kept = [ob] * len(handles), {}
+    for number, handle in enumerate(handles):
+        parent = handle.target.parent
+        if parent is None or parent == ob or parent.type != 'MESH' or handle.own_target != handle.target:
+            continue
+        if parent not in kept:
+            kept[parent] = {h.target for h in parent.detail_deform.handles if h.target == h.own_target}
+        if handle.target in kept[parent]:
+            owners[number] = parent
+    return owners
 
 
 def _pose(handle):
@@ -148,7 +184,7 @@ def rest_places(ob, places, roles, depsgraph):
     the one nearer to the handle's vertices. roles: of the binding."""
     result, rest = places.copy(), None
     for number, handle in enumerate(enabled_handles(ob.detail_deform)):
-        if handle.mirrors or handle.target.parent_type != 'BONE':
+        if handle.mirrors or handle.target is None or handle.target.parent_type != 'BONE':
             continue
         pose = skin.pose_that_was(ob, handle.target, depsgraph)
         if _flat(pose) or np.array_equal(pose, np.eye(4)):
@@ -340,6 +376,14 @@ def start_here(settings, places):
             _set_rest(handle, _mirrored_place(handle, source, found[source.name]))
 
 
+def start_from(ob, handle, depsgraph):
+    """Of a handle with a new empty, whose place stands for the rest of the one before."""
+    before, place = rest(handle), local_place(ob, handle, depsgraph)
+    if any(handle.home_matrix):
+        set_home(handle, place @ np.linalg.inv(before) @ home(handle))
+    _set_rest(handle, place.astype(np.float32))
+
+
 def _set_rest(handle, place):
     handle.rest_matrix = np.asarray(place).ravel().tolist()
     if handle.target:
@@ -365,7 +409,7 @@ def turns(settings, places, depsgraph, proportions):
     handles = enabled_handles(settings)
     rests = [tuple(rest) for rest in _of_enabled(settings, 'rest_euler', 3).tolist()]
     for number, handle in enumerate(handles):
-        if handle.mirrors:
+        if handle.mirrors or handle.target is None:  # which is at rest
             continue
         target = handle.target.evaluated_get(depsgraph)
         order = target.rotation_mode

@@ -53,14 +53,22 @@ def check_editable(ob):
         raise MeshProblem(problem)
 
 
+def is_shared(mesh):
+    return mesh.users > 1 + bool(mesh.use_fake_user)
+
+
 def check_object(ob):
     """Raises MeshProblem when the object's mesh must not or can't be written to."""
     check_editable(ob)
     mesh = ob.data
-    if mesh.users > 1 + bool(mesh.use_fake_user):
+    if is_shared(mesh):
         raise MeshProblem(f"Mesh '{mesh.name}' is used by {mesh.users - bool(mesh.use_fake_user)} "
                           "objects, which would all be deformed: make it single-user (Object > "
                           "Relations > Make Single User > Object & Data).")
+    check_left_edit_mode(ob)
+
+
+def check_left_edit_mode(ob):
     if ob.mode == 'EDIT':
         raise MeshProblem(f"'{ob.name}' is in Edit Mode: leave it (Tab) first.")
 

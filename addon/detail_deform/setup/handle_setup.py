@@ -386,6 +386,36 @@ def mirror(context, ob, handle, axis, symmetric):
             f"counterpart across the object's {letter} axis and were left out.")
 
 
+# Empties that were deleted
+
+def bring_back(context, ob):
+    """Puts those of its handles that something still keeps back into the scene, and makes new ones for the others."""
+    depsgraph = context.evaluated_depsgraph_get()
+    lost = [handle for handle in handle_matrices.with_empties(ob.detail_deform)
+            if handle_matrices.is_gone(handle.target, depsgraph)]
+    for handle in lost:
+        if handle.target is None:
+            _make_anew(context, ob, handle)
+        else:
+            collection_of(context, ob).objects.link(handle.target)
+    context.view_layer.update()
+    binding.targets_changed(ob)
+    life.refresh(ob, context.evaluated_depsgraph_get(), force=True)
+
+
+def _make_anew(context, ob, handle):
+    """At rest, where its motion is counted from."""
+    place = ob.matrix_world @ Matrix((handle_matrices.pose_of(handle) @ handle_matrices.rest(handle)).tolist())
+    part = np.flatnonzero(mesh_data.members(ob, handle.vertex_group))
+    size = max(0.5 * max(ob.dimensions) * 0.1, 1e-3)
+    if len(part):
+        size = max(next(_places(ob, [part], align=False))[1], 1e-3)
+    empty, _ = _make_empty(context, ob, handle.name, _without_shear(place, Vector((1, 1, 1))), size, ob)
+    handle.target = handle.own_target = empty
+    context.view_layer.update()
+    handle_matrices.start_from(ob, handle, context.evaluated_depsgraph_get())
+
+
 # Back to rest
 
 def to_rest(context, ob, handles):

@@ -185,7 +185,7 @@ def _follows(of, roles, wanted, rest, found, amplitude, tolerance, status):
         if len(free) and moved[free].max() < 1e-3 * amplitude:
             raise Failure(f"it stays at rest beside handle {k} and says nothing")
     if of.ob.detail_deform.method == 'TRANSFER' and not of.shows_base:  # others may tear what stands off the base
-        _is_whole(of.ob.data, roles, rest, found, amplitude)
+        _is_whole(of.ob, roles, rest, found)
 
 
 def _corners(mesh):
@@ -204,9 +204,11 @@ def _of_needles(mesh, rest):
     return np.unique(corners[np.linalg.norm(np.cross(sides[0], sides[1]), axis=1) <= 1e-3 * longest ** 2])
 
 
-def _is_whole(mesh, roles, rest, found, amplitude):
-    """No edge of a face takes all of the motion, and is half as long again by it."""
-    corners = _corners(mesh)
+def _is_whole(ob, roles, rest, found):
+    """No edge of a face, as it is seen, takes all of the motion, and is half as long again by it."""
+    corners, world = _corners(ob.data), np.array(ob.matrix_world, float)[:3, :3]
+    rest, found = rest @ world.T, found @ world.T
+    amplitude = np.abs(found[roles >= 0]).max(initial=0)
     ends = np.concatenate([corners[:, [k, (k + 1) % 3]] for k in range(3)])
     before, now = (np.linalg.norm(shape[ends[:, 0]] - shape[ends[:, 1]], axis=1) for shape in (rest, rest + found))
     growth, held = now - before, (roles[ends] != -1).all(1)

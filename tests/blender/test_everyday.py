@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What users do beside deforming: empties are deleted, groups renamed, meshes copied. What was right stays right."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from conftest import activate, bind, evaluated, group, make_strip, own, pull, refusal, update
+
+BRING_BACK = bpy.ops.object.detail_deform_bring_back
+
+
+@pytest.fixture
+def pulled():
+    """A strip with two handles whose empties Pull has made, each led away."""
+    ob = make_strip()
+    ob.detail_deform.handles.clear()
+    ob.vertex_groups.clear()
+    ob.detail_deform.region = ""
+    for low, high, up in ((0.8, 1.1, 0.3), (0.3, 0.4, -0.1)):
+        x = own(ob)[:, 0]
+        empty = pull(ob, (x > low) & (x < high), radius=0.3)
+        empty.location.z += up
+        update()
+    return activate(ob)
+
+
+def right(ob):
+    """What the first handle has made of its vertices."""
+    return (evaluated(ob) - own(ob))[own(ob)[:, 0] > 0.8]
+
+
+# Deleted empties
+
+def delete(empty):
+    activate(empty)
+    bpy.ops.object.delete()
+    update()
+
+
+def remove(empty):
+    bpy.data.objects.remove(empty)
+    update()
+
+
+@pytest.mark.parametrize('way', [delete, remove])
+def test_where_an_empty_was_deleted_the_other_handles_go_on(pulled, way):
+    before = right(pulled)
+    way(pulled.detail_deform.handles[0].target)
+    other = pulled.detail_deform.handles[1].target
+    other.location.z -= 0.2
+    update()
+    middle = np.abs(own(pulled)[:, 0] - 0.35) < 0.04
+    assert np.allclose((evaluated(pulled) - own(pulled))[middle, 2].mean(), -0.3, atol=0.02)
+    if way is delete:
+        assert np.abs(right(pulled) - before).max() < 1e-5
+    assert "were deleted, so what they hold stays" in pulled.detail_deform.status
+    assert pulled.detail_deform.is_bound and not pulled.detail_deform.problem
+
+
+@pytest.mark.parametrize('saved', [False, True])
+def test_an_empty_comes_back_where_it_was(pulled, saved, tmp_path):
+    before, empty = evaluated(pulled), pulled.detail_deform.handles[0].target
+    place, name = empty.matrix_world.copy(), empty.name
+    delete(empty)
+    if saved:
+        bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / 'deleted.blend'))
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / 'deleted.blend'))
+        pulled = bpy.data.objects["Strip"]
+    activate(pulled)
+    assert BRING_BACK() == {'FINISHED'}
+    update()
+    found = pulled.detail_deform.handles[0].target
+    assert found.name == name and found.name in bpy.context.view_layer.objects
+    assert np.allclose(found.matrix_world, place, atol=1e-6)
+    assert np.abs(evaluated(pulled) - before).max() < 1e-5
+    assert "deleted" not in pulled.detail_deform.status
+    found.location.z += 0.1
+    update()
+    assert np.allclose(right(pulled)[:, 2].mean(), 0.4, atol=0.02)
+    assert "lost its empty" in refusal(BRING_BACK)
+
+
+def test_one_that_is_gone_for_good_begins_anew_at_rest(pulled):
+    remove(pulled.detail_deform.handles[0].target)
+    activate(pulled)
+    assert BRING_BACK() == {'FINISHED'}
+    update()
+    empty = pulled.detail_deform.handles[0].target
+    # Where the second handle was added, the surface began anew.
+    assert np.allclose(right(pulled), (0, 0, 0.3), atol=1e-5)
+    middle = evaluated(pulled)[own(pulled)[:, 0] > 0.8].mean(axis=0)
+    assert np.linalg.norm(np.array(empty.matrix_world.translation) - middle) < 0.02
+    empty.matrix_world = Matrix.Translation((0, 0, 0.25)) @ empty.matrix_world
+    update()
+    assert np.allclose(right(pulled)[:, 2].mean(), 0.55, atol=0.02)
+    activate(pulled)
+    assert bpy.ops.object.detail_deform_handle_reset(everything=True) == {'FINISHED'}
+    assert np.abs(evaluated(pulled) - own(pulled)).max() < 1e-4
+
+
+def test_the_handle_of_a_deleted_empty_can_be_removed(pulled):
+    delete(pulled.detail_deform.handles[0].target)
+    activate(pulled)
+    pulled.detail_deform.handle_index = 0
+    assert bpy.ops.object.detail_deform_handle_remove() == {'FINISHED'}
+    update()
+    bind(pulled, keep_rest=True)
+    assert "deleted" not in pulled.detail_deform.status
+
+
+def test_one_in_a_collection_that_is_excluded_is_not_deleted(pulled):
+    """Where it is is not known, but it is there."""
+    collection = pulled.detail_deform.handle_collection
+    layer = next(layer for layer in bpy.context.view_layer.layer_collection.children if layer.collection == collection)
+    layer.exclude = True
+    update()
+    pulled.detail_deform.handles[1].target.location.z += 0.1
+    update()
+    assert "deleted" not in pulled.detail_deform.status
+
+
+# Renamed groups
+
+@pytest.mark.parametrize('which', ['handle', 'region', 'influence', 'all'])
+def test_a_group_that_is_renamed_stays_what_it_was(pulled, which):
+    of = pulled.detail_deform
+    group(pulled, "Seen", range(len(pulled.data.vertices)))
+    of.influence = "Seen"
+    update()
+    before = evaluated(pulled)
+    names = {'handle': [of.handles[0].vertex_group], 'region': [of.region], 'influence': ["Seen"],
+             'all': [g.name for g in pulled.vertex_groups]}[which]
+    for number, name in enumerate(names):
+        pulled.vertex_groups[name].name = f"Other {number}"
+    pulled.data.update_tag()
+    update()
+    of.handles[1].target.location.z += 0.0
+    bpy.context.scene.frame_set(2)
+    assert np.abs(evaluated(pulled) - before).max() < 1e-6
+    assert of.is_bound and not of.stale and not of.problem, of.status
+    assert all(name in pulled.vertex_groups for name in (of.region, of.influence, of.handles[0].vertex_group))
+    of.handles[0].target.location.z += 0.1
+    update()
+    assert np.allclose(right(pulled)[:, 2].mean(), 0.4, atol=0.02)
+    assert of.pulled_region  # which Pull may still change
+
+
+def test_a_group_that_is_deleted_is_said(pulled):
+    pulled.vertex_groups.remove(pulled.vertex_groups[pulled.detail_deform.handles[0].vertex_group])
+    pulled.data.update_tag()
+    update()
+    assert "does not have" in pulled.detail_deform.status
+
+
+def test_a_group_that_was_moved_in_the_list_is_no_other_one(pulled):
+    names = [handle.vertex_group for handle in pulled.detail_deform.handles]
+    before = evaluated(pulled)
+    pulled.vertex_groups.active_index = 0
+    bpy.ops.object.vertex_group_move(direction='DOWN')
+    update()
+    bpy.context.scene.frame_set(2)
+    assert [handle.vertex_group for handle in pulled.detail_deform.handles] == names
+    assert np.abs(evaluated(pulled) - before).max() < 1e-6
+
+
+# Copies
+
+def linked_copy(ob, along=(3, 0, 0)):
+    activate(ob)
+    bpy.ops.object.duplicate(linked=True)
+    copy = bpy.context.view_layer.objects.active
+    copy.location = along
+    update()
+    return copy
+
+
+@pytest.mark.parametrize('renamed', [False, True])
+@pytest.mark.parametrize('by_pull', [True, False])
+def test_the_first_of_linked_copies_moves_their_mesh(pulled, by_pull, renamed):
+    if by_pull:
+        ob = pulled
+        empty = ob.detail_deform.handles[0].target
+    else:
+        ob = bind(make_strip(name="Other"))
+        empty = ob.detail_deform.handles[0].target
+    copy = linked_copy(ob)
+    if renamed and by_pull:
+        ob.name = "Z"
+    empty.location.z += 0.2
+    update()
+    shown = evaluated(ob)
+    assert shown[own(ob)[:, 0] > 0.9, 2].mean() > 0.15
+    assert np.array_equal(evaluated(copy), shown)
+    assert ob.detail_deform.is_bound and not ob.detail_deform.problem
+    assert f"has the same mesh as '{ob.name}'" in copy.detail_deform.status
+    ob.data.vertices[0].co.z += 0.1  # an edit, and the new bind after it
+    ob.data.update()
+    update()
+    bind(ob, keep_rest=True)
+    bpy.data.objects.remove(copy)
+    update()
+    assert ob.detail_deform.is_bound
+
+
+def test_a_linked_copy_can_not_be_unbound_alone(pulled):
+    copy = linked_copy(pulled)
+    activate(copy)
+    assert "has the same mesh as" in refusal(bpy.ops.object.detail_deform_unbind)
+    before = evaluated(pulled)
+    bpy.ops.object.make_single_user(object=True, obdata=True)
+    update()
+    assert np.abs(evaluated(copy) - before).max() < 1e-5
+    assert "posed alike" in copy.detail_deform.status
+
+
+def test_a_copy_of_the_mesh_alone_is_posed_as_the_first_wherever_it_stands(pulled):
+    activate(pulled)
+    bpy.ops.object.duplicate()
+    copy = bpy.context.view_layer.objects.active
+    copy.matrix_world = Matrix.Translation((5, 1, 2)) @ Matrix.Rotation(1, 4, 'Z') @ Matrix.Scale(2, 4)
+    update()
+    pulled.detail_deform.handles[0].target.location.z += 0.1
+    update()
+    assert np.abs(evaluated(copy) - evaluated(pulled)).max() < 1e-5
+    assert copy.data != pulled.data
+
+
+def test_empties_of_one_by_intention_still_pull_from_where_each_stands():
+    one, two = make_strip(name="One"), make_strip(name="Two")
+    two.detail_deform.handles[0].target = one.detail_deform.handles[0].target
+    bind(one)
+    bind(two)
+    two.location.z += 1
+    update()
+    assert np.abs(evaluated(two) - own(two)).max() > 0.9
