@@ -111,7 +111,18 @@ def test_where_no_message_is_about_vertices():
     assert not SELECT.poll()
     ob.detail_deform.handles[0].target = None
     update()
-    assert "has no empty" in ob.detail_deform.status and not SELECT.poll()
+    assert "were deleted" in ob.detail_deform.status and not SELECT.poll()
+
+
+def test_below_a_problem_that_names_none():
+    """What else is known of the mesh is no matter then."""
+    ob = extended([(0, 0, 3), own(make_strip())[MIDDLE]], [(MIDDLE, MIDDLE + 1, 626)])
+    bind(activate(ob))
+    assert SELECT.poll()
+    ob.vertex_groups.remove(ob.vertex_groups['right'])
+    ob.detail_deform.handles[0].target.location.z += 0.1
+    update()
+    assert "does not have" in ob.detail_deform.status and not SELECT.poll()
 
 
 def test_of_another_mesh_it_selects_nothing():

@@ -27,10 +27,10 @@ def _of_refusal(ob):
 
 
 def _findings(ob):
-    """The deformer and what it found that the status speaks of."""
+    """The deformer and what it found that the status speaks of, which is nothing where it has a problem to tell."""
     settings = ob.detail_deform
     entry = bound.cache.find(settings.signature)
-    if entry is None or settings.stale or not bound.is_for(ob, entry):
+    if entry is None or settings.stale or settings.problem or not bound.is_for(ob, entry):
         return None, ()
     info = entry.made.info
     return entry.made, [finding for finding in _FINDINGS if getattr(info, f'{finding.lower()}_count')

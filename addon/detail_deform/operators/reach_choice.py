@@ -34,7 +34,7 @@ class ReachChoice:
         middle = chosen.mean(0)
         self._extent = float(np.linalg.norm(chosen - middle, axis=1).max())
         self._middle = Vector(middle + around.origin)
-        self._mouse = self._place_of(event)
+        self._mouse, self._is_near = self._place_of(event), False
         self._drawing = ReachDrawing(self, around, places)
         self._show(context)
 
@@ -89,12 +89,16 @@ class ReachChoice:
         return middle, max((ends[1] - ends[0]).length / 100, 1e-30)
 
     def _move(self, event):
-        """As much as the mouse goes away from the middle, so does the circle."""
+        """As much as the mouse goes away from the middle, so does the circle; as it comes nearer, too, once it has been
+        within the circle: before, it is on its way back from the menu or the panel that was clicked."""
         before, self._mouse = self._mouse, self._place_of(event)
         middle, unit = self._on_screen()
         if self._typed or middle is None:
             return
         away = (self._mouse - middle).length - (before - middle).length
+        self._is_near |= (self._mouse - middle).length <= (self._extent + self.radius) / unit
+        if away < 0 and not self._is_near:
+            return
         self._moved = max(self._moved + unit * away * (_FINE if event.shift else 1), _LEAST * self._guessed)
 
     def _type(self, event):

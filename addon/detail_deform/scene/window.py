@@ -4,6 +4,13 @@
 import bpy
 
 
+def local_views(ob):
+    """The 3D views that show this object and few others alone."""
+    spaces = (area.spaces.active for window in bpy.context.window_manager.windows for area in window.screen.areas
+              if area.type == 'VIEW_3D')
+    return [space for space in spaces if space.local_view and ob.local_view_get(space)]
+
+
 def redraw_panels():
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:

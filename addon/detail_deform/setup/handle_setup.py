@@ -8,7 +8,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector, kdtree
 
 from ..follow import binding, life
-from ..scene import handle_matrices, mesh_data, seen, selection, skin, start, users
+from ..scene import handle_matrices, mesh_data, seen, selection, skin, start, users, window
 from ..scene.mesh_data import MeshProblem
 
 _GROUP_NAME = "Handle"
@@ -132,13 +132,17 @@ def _make_empty(context, ob, name, place, size, parent, bone=""):
     return empty, None
 
 
-def _stand(context, made):
-    """Puts the empties that go with bones to their places, which are known now."""
-    waiting = [(empty, place) for empty, place in made if place is not None]
-    if waiting:
+def _stand(context, ob, made):
+    """Puts the empties that go with bones to their places, which are known now, and all of them into views that show
+    the object alone."""
+    waiting, views = [(empty, place) for empty, place in made if place is not None], window.local_views(ob)
+    if waiting or views:
         context.view_layer.update()
     for empty, place in waiting:
         empty.matrix_world = place
+    for view in views:
+        for empty, _ in made:
+            empty.local_view_set(view, True)
 
 
 def add_handles(context, ob, group_name="", each='SELECTION', parented=True, align=True):
@@ -163,7 +167,7 @@ def add_handles(context, ob, group_name="", each='SELECTION', parented=True, ali
     motions = seen.motions(ob, parts, context.evaluated_depsgraph_get())
     for name, part, motion, (place, extent) in zip(names, parts, motions, _places(ob, parts, align)):
         made.append(_make_on_skin(context, ob, name, place, max(extent, least), rigs.of(part), motion, parented))
-    _stand(context, made)
+    _stand(context, ob, made)
     first = len(ob.detail_deform.handles)
     for name, motion, (empty, _) in zip(names, motions, made):
         handle = _append(ob, name, empty)
@@ -330,7 +334,7 @@ def _mirrored_empty(context, ob, handle, axis, name, image):
     else:
         motion = None
         made = _make_empty(context, ob, name, place, size, source.parent if source.parent_type == 'OBJECT' else None)
-    _stand(context, [made])
+    _stand(context, ob, [made])
     empty = made[0]
     empty.empty_display_type = source.empty_display_type
     return empty, motion
@@ -399,6 +403,7 @@ def bring_back(context, ob):
         else:
             collection_of(context, ob).objects.link(handle.target)
     context.view_layer.update()
+    _stand(context, ob, [(handle.target, None) for handle in lost])
     binding.targets_changed(ob)
     life.refresh(ob, context.evaluated_depsgraph_get(), force=True)
 

@@ -71,12 +71,18 @@ def choosing_and_cancelling(ob):
     check("Esc while choosing leaves nothing behind", ob.mode == 'EDIT' and not ob.vertex_groups
           and (len(bpy.data.objects), len(bpy.data.collections), len(bpy.data.node_groups)) == blocks)
     sizes = []
-    for clicks in (0, 4):
+    view, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
+    middle = view.x + view.width // 2, window.height - view.y - view.height // 2
+    for clicks, from_a_menu in ((0, False), (4, False), (0, True)):
+        start = (yield from mouse_in_corner()) if from_a_menu else middle
         yield from call_pull()
+        for k in range(1, 21 if from_a_menu else 1):
+            xdotool('mousemove', *(int(a + (b - a) * k / 20) for a, b in zip(start, middle)))
+            yield 0.02
         for _ in range(clicks):
             xdotool('click', 4)
             yield 0.05
-        xdotool('click', 1)
+        xdotool('key', 'Return')
         yield from wait_until(in_hand)
         yield from settle()
         xdotool('mousemove_relative', '--', 40, 0)
@@ -92,6 +98,17 @@ def choosing_and_cancelling(ob):
         xdotool('key', 'ctrl+z')
         yield from expect("and then Pull", lambda: was_undone(blocks))
     check(f"the wheel makes the region larger, {sizes}", sizes[1] > 1.1 * sizes[0])
+    check("the reach is not spent on the way back from a menu", sizes[2] > 0.5 * sizes[0])
+
+
+def mouse_in_corner():
+    """Of the view, where a menu could have been. Where it is then."""
+    view, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
+    region = next(r for r in view.regions if r.type == 'WINDOW')
+    at = region.x + region.width - 60, window.height - region.y - 60
+    xdotool('mousemove', *at)
+    yield from settle()
+    return at
 
 
 def was_undone(blocks):
