@@ -135,7 +135,8 @@ def _make_empty(context, ob, name, place, size, parent, bone=""):
 def _stand(context, ob, made):
     """Puts the empties that go with bones to their places, which are known now, and all of them into views that show
     the object alone."""
-    waiting, views = [(empty, place) for empty, place in made if place is not None], window.local_views(ob)
+    waiting = [(empty, place) for empty, place in made if place is not None]
+    views = window.local_views(ob, context.evaluated_depsgraph_get())
     if waiting or views:
         context.view_layer.update()
     for empty, place in waiting:

@@ -22,6 +22,7 @@ import gpu
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import everyday
 import handles
 import large
 import pulls
@@ -37,6 +38,7 @@ ROWS = {
                 handles.reopening),
     'transfers': (transfers.transferring, transfers.transferring_to_many),
     'pulls': (pulls.pulling, pulls.by_hand),
+    'everyday': (everyday.pulling_what_is_posed, everyday.deleting_an_empty),
     'results': (results.expressing, results.rendering, results.baking),
     'large': (large.drafting, large.keeping_track),
 }
