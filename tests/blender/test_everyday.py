@@ -235,3 +235,40 @@ def test_empties_of_one_by_intention_still_pull_from_where_each_stands():
     two.location.z += 1
     update()
     assert np.abs(evaluated(two) - own(two)).max() > 0.9
+
+
+# What a reach holds
+
+def parts():
+    """Two bumpy strips side by side, the second narrower."""
+    ob = make_strip()
+    points, faces = own(ob), [list(face.vertices) for face in ob.data.polygons]
+    mesh = bpy.data.meshes.new("Parts")
+    mesh.from_pydata([*points.tolist(), *(points * (1, 0.3, 1) + (0, 2, 0)).tolist()], [],
+                     [*faces, *([v + len(points) for v in face] for face in faces)])
+    ob.data = mesh
+    ob.detail_deform.handles.clear()
+    ob.vertex_groups.clear()
+    ob.detail_deform.region = ""
+    update()
+    return activate(ob)
+
+
+@pytest.mark.parametrize('radius, is_said', [(0.3, False), (5.0, True)])
+def test_a_reach_that_holds_a_whole_loose_part_is_said(radius, is_said):
+    ob = parts()
+    chosen = (own(ob)[:, 1] > 1.9) & (own(ob)[:, 0] > 0.9)
+    empty = pull(ob, chosen, radius=radius)
+    assert ("moves as a whole" in ob.detail_deform.status) == is_said
+    empty.location.z += 0.2
+    update()
+    moved = (evaluated(ob) - own(ob))[own(ob)[:, 1] > 1.9, 2]
+    assert (moved.min() > 0.19) == is_said
+
+
+def test_a_part_with_two_handles_bends_and_nothing_is_said():
+    ob = parts()
+    for low, high in ((0.9, 2), (-1, 0.1)):
+        x = own(ob)[:, 0]
+        pull(ob, (own(ob)[:, 1] > 1.9) & (x > low) & (x < high), radius=5.0)
+    assert "moves as a whole" not in ob.detail_deform.status

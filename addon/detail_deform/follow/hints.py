@@ -4,7 +4,7 @@
 import numpy as np
 
 from ..library import native
-from ..scene import examples, handle_matrices, mesh_data, split, way_back
+from ..scene import components, examples, handle_matrices, mesh_data, split, way_back
 from ..scene.mesh_data import MeshProblem
 from . import content, misshapen, registry
 
@@ -40,8 +40,29 @@ def _of_region(ob, roles, edges):
     if border.any() and row[free].all():
         yield ("The region is a single row of vertices between handle and rest, which takes all of the motion: enlarge "
                "it (By Radius).")
+    rigid = _move_as_a_whole(roles, edges) if settings.region else ()
+    if len(rigid):
+        handles = handle_matrices.enabled_handles(settings)
+        names = ', '.join(f"'{handles[number].name}'" for number in rigid)
+        yield (f"The region holds all of the loose part that these handles are on, one each, so the part moves as a "
+               f"whole: {names}. To bend it make the region smaller (By Radius), or add a handle that stays.")
     if settings.method == 'EXAMPLES':
         yield from _of_examples(ob, ~fixed, border)
+
+
+def _move_as_a_whole(roles, edges):
+    """Numbers of handles that are alone on a part of which nothing is fixed and something follows."""
+    inside = roles != native.ROLE_FIXED
+    if inside.all():
+        return ()
+    parts = components.least(len(roles), edges[inside[edges].all(axis=1)])
+    is_held = np.zeros(len(roles), bool)  # of a part, by its number: what is fixed is beside it
+    is_held[parts[inside & _beside(edges, ~inside)]] = True
+    follows = np.zeros(len(roles), bool)
+    follows[parts[roles == native.ROLE_FREE]] = True
+    of_handles = np.unique(np.stack([parts[roles >= 0], roles[roles >= 0]], axis=1), axis=0)
+    alone = np.bincount(of_handles[:, 0], minlength=len(roles)) == 1
+    return [int(number) for part, number in of_handles if alone[part] and follows[part] and not is_held[part]]
 
 
 def _beside(edges, chosen):
