@@ -101,6 +101,10 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
     mirror_axis: EnumProperty(
         name="Axis", update=_target_changed, items=AXES,
         description="Axis of the object across which the motion is mirrored")
+    symmetric: EnumProperty(
+        name="Symmetric", update=_look_changed, items=AXES, options={'ENUM_FLAG'},
+        description="Keep the motion of these vertices its own mirror image across these planes of the object: they "
+                    "stay on the plane, as with Edit Mode's symmetry")
     turns: EnumProperty(
         name="Turns", update=_look_changed, items=options.HANDLE_TURNS, options=set(),
         description="What turns the vertices of this handle")

@@ -23,7 +23,8 @@ BLENDERS = {
     "Shape Key", "Shape Keys", "Shift", "Subdivision", "Tab", "Time Stretching", "Vertex", "Visual Geometry to Mesh",
     "X", "Y", "Z"}
 # Of data that is made, and what else has a capital.
-OTHERS = {"UVs", "Detail Deform Transfer", "DOCTYPE", "I", "Marker 1", "Marker 2", "{} Pose", "… Rest", "… Mirrored",
+OTHERS = {"UVs", "Middle", "Detail Deform Transfer", "DOCTYPE", "I", "Marker 1", "Marker 2", "{} Pose", "… Rest",
+          "… Mirrored",
           "Object Mode", "Poisson", "Press", "UTF-8", "Windows", "with an Empty of Its Own"}
 
 

@@ -78,7 +78,7 @@ def carry(ob, motion):
     """motion: of motion_since."""
     settings, back = ob.detail_deform, np.linalg.inv(motion)
     for handle in settings.handles:
-        if handle.mirrors:
+        if handle.mirrors or handle.symmetric:
             space = np.array(handle.mirror_space, np.float64).reshape(4, 4)
             handle.mirror_space = (motion @ space if space.any() else motion).ravel().tolist()
         for name in ('rest_matrix', 'home_matrix'):

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from . import euler_angles, mesh_data, skin
+from . import euler_angles, mesh_data, skin, symmetric
 from .mesh_data import MeshProblem
 
 
@@ -216,7 +216,15 @@ def reflection(axis):
 
 def _reflection_of(handle):
     """(4, 4): that by which the handle mirrors another one's motion, across the plane as it was when it was bound."""
-    flip = reflection(handle.mirror_axis)
+    return _in_mirror_space(handle, reflection(handle.mirror_axis))
+
+
+def _planes_of(handle):
+    """[(4, 4)]: the reflections that leave its own motion as it is."""
+    return [_in_mirror_space(handle, reflection(letter)) for letter in sorted(handle.symmetric)]
+
+
+def _in_mirror_space(handle, flip):
     if not any(handle.mirror_space):
         return flip
     space = np.array(handle.mirror_space, np.float64).reshape(4, 4)
@@ -236,7 +244,11 @@ def motions(settings, places):
     for number in np.flatnonzero(_flat(rests)):
         raise MeshProblem(f"Handle '{enabled_handles(settings)[number].name}': its empty had a scale of zero when it "
                           "was bound. Give it a size, then press Unbind and Bind.")
-    return (_with_mirrored(settings, places) @ np.linalg.inv(rests))[:, :3]
+    result = _with_mirrored(settings, places) @ np.linalg.inv(rests)
+    for number, handle in enumerate(enabled_handles(settings)):
+        if handle.symmetric and not handle.mirrors:
+            result[number] = symmetric.motion(result[number], _planes_of(handle), rests[number, :3, 3])
+    return result[:, :3]
 
 
 def _of_enabled(settings, name, size):
@@ -266,8 +278,11 @@ def _mirrored_place(handle, source, place):
     """(4, 4): where the source's motion from home to this place takes, mirrored, the object's own place."""
     if not has_home(source):
         return np.eye(4)
+    motion = place @ np.linalg.inv(home(source))
+    if handle.symmetric:
+        return symmetric.motion(motion, _planes_of(handle), home(source)[:3, 3])
     flip = _reflection_of(handle)
-    return flip @ place @ np.linalg.inv(home(source)) @ flip
+    return flip @ motion @ flip
 
 
 def only_move(motions):
@@ -289,9 +304,14 @@ def pivots(settings):
     """(h, 3) float64: where each handle's empty was bound, in the object's own space."""
     handles = enabled_handles(settings)
     result = _rests(settings)[:, :3, 3].copy()
+    for number, handle in enumerate(handles):
+        if handle.symmetric and not handle.mirrors:
+            result[number] = symmetric.point(result[number], _planes_of(handle))
     for number, source in mirrored(handles):
-        mirror = rest(handles[number]) @ _reflection_of(handles[number])
-        result[number] = (mirror @ home(handles[source])[:, 3])[:3]
+        handle, place = handles[number], home(handles[source])[:, 3]
+        image = (np.append(symmetric.point(place[:3], _planes_of(handle)), 1.0) if handle.symmetric else
+                 _reflection_of(handle) @ place)
+        result[number] = (rest(handle) @ image)[:3]
     return result
 
 
@@ -428,7 +448,13 @@ def turns(settings, places, depsgraph, proportions):
         space = proportions @ places[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis)
         axes = np.sign(np.linalg.det(space)) * space @ euler_angles.channel_axes(euler, order)
         result[number] = (change * axes / np.linalg.norm(axes, axis=0)).sum(axis=1)
-    for number, source in mirrored(handles):
-        flip = proportions @ _reflection_of(handles[number])[:3, :3] @ np.linalg.inv(proportions)
-        result[number] = -flip @ result[source]  # as axes of rotation do
+    back = np.linalg.inv(proportions)
+    sources = dict(mirrored(handles))
+    for number, handle in enumerate(handles):
+        given = result[sources.get(number, number)]
+        if handle.symmetric:
+            planes = [proportions @ flip[:3, :3] @ back for flip in _planes_of(handle)]
+            result[number] = symmetric.turn(given, planes)
+        elif number in sources:
+            result[number] = -(proportions @ _reflection_of(handle)[:3, :3] @ back) @ given  # as axes of rotation do
     return result

@@ -352,6 +352,32 @@ def _mirror_region(ob, image, axis):
         selection.fill_group(ob, group, region | image | mirror_image(ob, region, axis)[0])
 
 
+def keep_symmetric(ob, handle, axis):
+    """Of a handle across the object's own plane: its vertices, and their mirror images, move as their own mirror image.
+    """
+    if handle.vertex_group == handle.own_group and not _shares_group(ob, handle, handle.own_group):
+        chosen = mesh_data.members(ob, handle.vertex_group)
+        selection.fill_group(ob, ob.vertex_groups[handle.own_group], chosen | mirror_image(ob, chosen, axis)[0])
+    handle.symmetric |= {'XYZ'[axis]}
+
+
+def _split_middle(ob, handle, letter, chosen, image):
+    """(n,) bool: the vertices on the plane, which the handle and its mirror image would move in two ways: they get a
+    handle that moves in the middle of both. None where its group isn't its own to change."""
+    middle = chosen & image
+    if not middle.any() or handle.vertex_group != handle.own_group or _shares_group(ob, handle, handle.own_group):
+        return np.zeros(len(chosen), bool)
+    selection.fill_group(ob, ob.vertex_groups[handle.own_group], chosen & ~middle)
+    name = handle.name
+    group_name = selection.new_group(ob, f"{name} Middle", middle).name
+    made = _append(ob, group_name, None)
+    made.own_group = group_name
+    made.mirrors, made.symmetric = name, {letter}
+    if start.is_deformed(ob.data):
+        made.rest_matrix = start.motion(ob, middle, start.KEPT).ravel().tolist()
+    return middle
+
+
 def mirror(context, ob, handle, axis, symmetric):
     """Adds the mirror image of a handle across the object's own plane; axis: 0, 1 or 2. symmetric: it gets
     no empty but mirrors the other's motion.
@@ -371,12 +397,16 @@ def mirror(context, ob, handle, axis, symmetric):
                           "the mesh is not symmetric there, or not about its origin.")
     if (image & chosen).sum() > 0.5 * chosen.sum():
         raise MirrorsItself(f"Handle '{name}' lies across the object's {letter} axis: its mirror image is itself.")
+    turns = handle.turns  # the list of handles is another one once one is added
+    if symmetric:
+        image &= ~_split_middle(ob, handle, letter, chosen, image)
+        handle = None
     flipped = bpy.utils.flip_name(name)
     group_name = selection.new_group(ob, flipped if flipped != name else f"{name} Mirrored", image).name
     empty, motion = (None, None) if symmetric else _mirrored_empty(context, ob, handle, axis, group_name, image)
     made = _append(ob, group_name, empty)
     made.own_group = group_name
-    made.turns = handle.turns
+    made.turns = turns
     _mirror_region(ob, image, axis)
     if symmetric:
         made.mirrors, made.mirror_axis = name, letter

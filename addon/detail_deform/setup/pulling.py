@@ -52,7 +52,7 @@ class Pull:
             yield 0.0
             region, earlier = region_setup.kept(ob), binding.kept(ob)
             mesh_data.check_object(ob)
-            self._mirror(settings.handles[self._count])
+            self._mirror()
             yield 0.0
             if asks_for_reach(ob):
                 self._set_region(region)
@@ -74,12 +74,14 @@ class Pull:
     def empty(self):
         return self._ob.detail_deform.handles[self._count].target
 
-    def _mirror(self, handle):
+    def _mirror(self):
         """Edit Mode's symmetry makes the symmetric handle, too."""
         for axis in _symmetric_axes(self._ob):
+            handle = self._ob.detail_deform.handles[self._count]
             try:
                 remark = handle_setup.mirror(self._context, self._ob, handle, axis, symmetric=True)
             except handle_setup.MirrorsItself:
+                handle_setup.keep_symmetric(self._ob, handle, axis)
                 continue
             except MeshProblem as problem:  # it pulls the chosen vertices all the same
                 remark = str(problem)

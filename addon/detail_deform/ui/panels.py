@@ -160,6 +160,7 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
             column.prop_search(handle, 'mirrors', settings, 'handles')
             if handle.mirrors:
                 column.row().prop(handle, 'mirror_axis', expand=True)
+            column.row().prop(handle, 'symmetric', expand=True)
             turns = column.row()
             turns.active = not handle.mirrors  # it turns as the other one does
             turns.prop(handle, 'turns', expand=True)
