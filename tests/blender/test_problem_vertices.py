@@ -111,7 +111,7 @@ def test_where_no_message_is_about_vertices():
     assert not SELECT.poll()
     ob.detail_deform.handles[0].target = None
     update()
-    assert "were deleted" in ob.detail_deform.status and not SELECT.poll()
+    assert "lost their empties" in ob.detail_deform.status and not SELECT.poll()
 
 
 def test_below_a_problem_that_names_none():

@@ -212,7 +212,7 @@ def test_append_and_link(posed, tmp_path):
     bpy.context.view_layer.objects.active = ob
     ob.detail_deform.steps = 1
     bpy.context.scene.frame_set(2)
-    assert "is not in this scene" in ob.detail_deform.status
+    assert "lost their empties" in ob.detail_deform.status
     assert np.abs(evaluated(ob) - shown).max() < 1e-6
     ob = fetched('collections', "Asset", link=True)
     bpy.context.scene.frame_set(2)

@@ -207,7 +207,8 @@ class Frame:
         of = ob.detail_deform
         self._ob, self._deformer, self.is_draft = ob, deformer, isinstance(deformer, native.Draft)
         self._handles = [handle.name for handle in handle_matrices.enabled_handles(of)]
-        places = handle_matrices.local_places(ob, depsgraph)
+        record = shown.by(ob.data)
+        places = handle_matrices.local_places(ob, depsgraph, last=record and record.places)
         motions, space = handle_matrices.motions(of, places), proportions.bound(of)
         self._only_moved = handle_matrices.only_move(motions)
         self._motions, self._base = space.motions(motions), None

@@ -163,8 +163,8 @@ def _remarks(ob, info):
                "object, or by something else.")
     gone = hints.gone_empties(ob, bpy.context.view_layer.depsgraph)
     if gone:
-        yield (f"The empties of these handles were deleted, so what they hold stays where it is: {_names(gone)}. Press "
-               "Bring Back Empties, or remove the handles.")
+        yield (f"These handles have lost their empties, which were deleted or left behind, so what they hold stays "
+               f"where it is: {_names(gone)}. Press Bring Back Empties, or remove the handles.")
     other = hints.shares_empties_with(ob)
     if other and hints.is_posed_alike(ob, other):
         yield (f"Its empties are those of '{other.name}' too, so the two are posed alike: press Own Empties to pose it "

@@ -72,16 +72,17 @@ def world_to_local(ob, depsgraph):
                               f"'{ob.name}' has a scale of zero: give it a size.")
 
 
-def local_places(ob, depsgraph, poses=None):
+def local_places(ob, depsgraph, poses=None, last=None):
     """(h, 4, 4) float32: the place of each enabled handle's empty in the object's own space, evaluated, before the pose
     of its bone and of modifiers. poses: {number: pose_through()} of handles for which this counts in place of the one
-    that they have. Raises MeshProblem naming the handle."""
+    that they have. last: as of places_of. Raises MeshProblem naming the handle."""
     handles = enabled_handles(ob.detail_deform)
     own = [number for number, handle in enumerate(handles) if not handle.mirrors]
     places = np.empty((len(handles), 4, 4), np.float32)
     places[:] = np.eye(4)  # of one that mirrors another: it has no place of its own
     places[own] = places_of(ob, [handles[number] for number in own], depsgraph,
-                            [(poses or {}).get(number, _pose(handles[number])) for number in own])
+                            [(poses or {}).get(number, _pose(handles[number])) for number in own],
+                            last if last is not None and len(last) == len(own) else None)
     return places
 
 
@@ -90,10 +91,12 @@ def local_place(ob, handle, depsgraph):
     return places_of(ob, [handle], depsgraph)[0]
 
 
-def places_of(ob, handles, depsgraph, poses=None):
-    """(k, 4, 4) float64: of some that have empties. poses: of each, in place of its own. One whose empty was deleted
-    stays where that was last, or at rest where nothing is left of it."""
-    places, gone = np.empty((len(handles), 4, 4)), [is_gone(handle.target, depsgraph) for handle in handles]
+def places_of(ob, handles, depsgraph, poses=None, last=None):
+    """(k, 4, 4) float64: of some that have empties. poses: of each, in place of its own. One that was bound and whose
+    empty was deleted stays where that was last. last: what this returned last; without it, one of whose empty nothing
+    is left is at rest."""
+    places = np.empty((len(handles), 4, 4))
+    gone = [has_rest(handle) and is_gone(handle.target, depsgraph) for handle in handles]
     for handle in handles:
         if handle.target is None and not has_rest(handle):
             raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
@@ -110,7 +113,7 @@ def places_of(ob, handles, depsgraph, poses=None):
     for number in np.flatnonzero(gone):
         target = handles[number].target
         if target is None or target.parent_type == 'BONE':
-            places[number] = rest(handles[number])
+            places[number] = rest(handles[number]) if last is None else last[number]
             continue
         there.append(number)
         places[number] = to_local[ob] @ np.array(target.matrix_world, np.float64)

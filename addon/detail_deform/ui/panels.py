@@ -39,7 +39,7 @@ def draw_state(layout, context, ob):
         layout.operator('object.detail_deform_place', icon='SORT_DESC')
     if settings.signature and hints.shares_empties_with(ob):
         layout.operator('object.detail_deform_own_empties', icon='DUPLICATE')
-    if settings.signature and hints.gone_empties(ob, context.view_layer.depsgraph):
+    if settings.signature and hints.gone_empties(ob, bpy.context.view_layer.depsgraph):
         layout.operator('object.detail_deform_bring_back', icon='LOOP_BACK')
     if ob.mode in _WORKS_AT_REST and shown.is_deformed(ob.data):
         column = layout.column(align=True)
