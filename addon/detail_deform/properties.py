@@ -220,12 +220,13 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         name="Base Object", type=bpy.types.Object, update=_base_object_changed,
         poll=lambda self, ob: ob.type == 'MESH' and ob != self.id_data,
         description="A smooth copy of this mesh, or a cage or a coarser mesh near it whose nearest points are "
-                    "followed. Its own mesh is its rest, what its modifiers make of it the deformed base. Where they "
-                    "make vertices, its shape at Bind is the rest")
+                    "followed. Its own mesh at Bind is its rest, what edits and modifiers make of it the base; "
+                    "where they make vertices, their shape at Bind is the rest")
     base_rest_matrix: FloatVectorProperty(
         name="Base Rest Matrix", size=16, options={'HIDDEN'},
         description="Place of the base object relative to this one when it was bound, row by row")
     base_rest_mesh: PointerProperty(type=bpy.types.Mesh, options={'HIDDEN'})  # in this object's space
+    base_rest_made: BoolProperty(options={'HIDDEN'})  # whether that is what its modifiers made, or its own mesh
     base_rest_of: PointerProperty(type=bpy.types.Object, options={'HIDDEN'})  # the base object that has this rest
     influence: StringProperty(
         name="Influence", update=_influence_changed,

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """base = OBJECT: another object, deformed by any modifiers, is the base: a copy, or a cage of its own topology."""
 
+import bmesh
 import bpy
 import numpy as np
 import pytest
@@ -448,7 +449,7 @@ def test_a_base_without_faces_is_refused():
     base.modifiers.clear()
     update()
     bind(ob)
-    assert not [mesh for mesh in bpy.data.meshes if mesh.name.endswith("Rest")]
+    assert [mesh.name for mesh in bpy.data.meshes if "Rest" in mesh.name] == [ob.detail_deform.base_rest_mesh.name]
 
 
 def test_vertices_far_from_a_cage_are_told():
@@ -509,22 +510,82 @@ def test_the_same_counts_joined_otherwise_are_no_copy():
     assert "is no copy of this mesh" in ob.detail_deform.status
 
 
-def test_editing_or_removing_the_base_is_noticed():
+def lift_some(base, by):
+    base.data.vertices.foreach_set('co', (own(base) + own(base)[:, :1]**2 * (0, 0, by)).ravel())
+    base.data.update()
+    update()
+
+
+def test_an_edit_of_the_base_deforms_and_stays_with_the_next_bind():
     ob, base = make_pair()
     bind(ob)
-    base.data.vertices[7].co.z += 0.1
-    base.data.update()
+    lift_some(base, 0.2)
+    lifted = evaluated(ob)
+    assert ob.detail_deform.is_bound and not ob.detail_deform.stale
+    assert np.allclose((lifted - own(ob))[:, 2], 0.2 * own(ob)[:, 0]**2, atol=0.02)
+    assert bpy.ops.object.detail_deform_bind(wait=True, keep_rest=True) == {'FINISHED'}
     update()
-    assert "base object" in ob.detail_deform.status and "Re-bind" in ob.detail_deform.status
-    base.data.vertices[7].co.z = 0
-    base.data.update()
+    assert np.abs(evaluated(ob) - lifted).max() < 1e-6
+    lift_some(base, -0.2)
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-5
+    lift_some(base, 0.2)
+    assert bpy.ops.object.detail_deform_bind(wait=True) == {'FINISHED'}  # anew: the cage as it is now is at rest
     update()
-    assert ob.detail_deform.is_bound  # by content: what is taken back needs no new bind
-    base.data.vertices[7].co.z += 0.1
-    base.data.update()
+    assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
+
+
+def test_a_cage_that_is_edited_is_followed_live():
+    ob, base = make_pair()
+    bind(ob)
+    activate(base)
+    bpy.ops.object.mode_set(mode='EDIT')
+    mesh = bmesh.from_edit_mesh(base.data)
+    for vertex in mesh.verts:
+        vertex.co.z += 0.3
+    bmesh.update_edit_mesh(base.data)
     update()
-    bpy.ops.object.detail_deform_bind(wait=True, keep_rest=True)
-    assert ob.detail_deform.is_bound
+    assert np.allclose((evaluated(ob) - own(ob))[:, 2], 0.3, atol=1e-5) and not ob.detail_deform.problem
+    bpy.ops.object.mode_set(mode='OBJECT')
+    update()
+    assert np.allclose((evaluated(ob) - own(ob))[:, 2], 0.3, atol=1e-5) and ob.detail_deform.is_bound
+
+
+def test_another_number_of_vertices_needs_a_new_bind():
+    ob, base = make_pair()
+    bind(ob)
+    activate(base)
+    bpy.ops.object.mode_set(mode='EDIT')
+    bpy.ops.mesh.select_all(action='SELECT')
+    bpy.ops.mesh.subdivide()
+    bpy.ops.object.mode_set(mode='OBJECT')
+    update()
+    assert "when it was bound: press Re-bind" in ob.detail_deform.status
+    activate(ob)
+    assert bpy.ops.object.detail_deform_bind(wait=True, keep_rest=True) == {'FINISHED'}
+    update()
+    assert "Bound" in ob.detail_deform.status and np.abs(evaluated(ob) - own(ob)).max() < 1e-5
+
+
+def test_copies_of_an_object_do_not_share_the_rest_of_the_base():
+    ob, base = make_pair()
+    bind(ob)
+    activate(ob)
+    bpy.ops.object.duplicate()
+    copy = bpy.context.view_layer.objects.active
+    update()
+    bpy.context.scene.cursor.location = (0.5, 0.5, 1)
+    bpy.ops.object.origin_set(type='ORIGIN_CURSOR')
+    update()
+    bind(copy, keep_rest=True)
+    base.location.z += 0.1
+    update()
+    for each in (ob, copy):
+        assert np.allclose((evaluated(each) - own(each))[:, 2], 0.1, atol=1e-5)
+
+
+def test_removing_the_base_is_noticed():
+    ob, base = make_pair()
+    bind(ob)
     bpy.data.objects.remove(base)
     update()
     assert "no base object" in ob.detail_deform.status

@@ -93,6 +93,8 @@ def carry(ob, motion):
         settings.base_rest_matrix = (motion @ place).ravel().tolist()
     if settings.base_rest_mesh:
         positions = mesh_data.positions(settings.base_rest_mesh) @ motion[:3, :3].T + motion[:3, 3]
+        if settings.base_rest_mesh.users > 1:  # a copy of the object has it, too
+            settings.base_rest_mesh = settings.base_rest_mesh.copy()
         settings.base_rest_mesh.vertices.foreach_set('co', positions.astype(np.float32).ravel())
     for name in (NAME, KEPT, KEYED):
         if offset_attribute.find(ob.data, name) is not None:

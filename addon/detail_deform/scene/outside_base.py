@@ -2,6 +2,7 @@
 """A base surface from outside: another object, deformed by whatever it has. A copy of the mesh is followed vertex by
 vertex, another mesh by nearest points."""
 
+import bmesh
 import bpy
 import numpy as np
 
@@ -31,11 +32,14 @@ def rest(ob):
     kept of it. With triangles where it is not a copy of the mesh, vertex for vertex and face for face."""
     base, kept = _base_object(ob), ob.detail_deform.base_rest_mesh
     if kept:
-        return {'base': mesh_data.positions(kept), 'base_triangles': mesh_data.triangles(kept)}
-    matrix = np.array(ob.detail_deform.base_rest_matrix, np.float64).reshape(4, 4)
-    found = {'base': _moved(mesh_data.positions(base.data), matrix)}
-    if not mesh_data.is_copy(ob.data, base.data):
-        found['base_triangles'] = mesh_data.triangles(base.data)
+        found = {'base': mesh_data.positions(kept)}
+        mesh = kept
+    else:  # of an earlier version
+        matrix = np.array(ob.detail_deform.base_rest_matrix, np.float64).reshape(4, 4)
+        found = {'base': _moved(mesh_data.positions(base.data), matrix)}
+        mesh = base.data
+    if ob.detail_deform.base_rest_made or not mesh_data.is_copy(ob.data, mesh):
+        found['base_triangles'] = mesh_data.triangles(mesh)
     return found
 
 
@@ -50,15 +54,29 @@ def deformed_positions(ob, depsgraph):
     of what they made at Bind, below those that make vertices."""
     base, kept = _base_object(ob), ob.detail_deform.base_rest_mesh
     evaluated = base.evaluated_get(depsgraph)
-    if base.mode == 'EDIT' and not len(evaluated.data.vertices):
-        raise MeshProblem(f"The base object '{base.name}' is in Edit Mode: leave it (Tab) to go on.")
-    if kept:
+    if kept and ob.detail_deform.base_rest_made:
+        if base.mode == 'EDIT' and not len(evaluated.data.vertices):
+            raise MeshProblem(f"The base object '{base.name}' is in Edit Mode: leave it (Tab) to go on.")
         _check_count(base, len(evaluated.data.vertices), len(kept.vertices))
         return _moved(mesh_data.positions(evaluated.data), place(ob, depsgraph))
-    with below.deformed(base, evaluated, depsgraph) as (mesh, _):
-        if mesh is None:
-            _check_count(base, len(evaluated.data.vertices), len(base.data.vertices))
-        return _moved(mesh_data.positions(mesh), place(ob, depsgraph))
+    edited = _edited_positions(base)
+    if edited is None:
+        with below.deformed(base, evaluated, depsgraph) as (mesh, _):
+            if mesh is None:
+                _check_count(base, len(evaluated.data.vertices), len(base.data.vertices))
+            edited = mesh_data.positions(mesh)
+    if kept and len(edited) != len(kept.vertices):
+        raise MeshProblem(f"The base object '{base.name}' has {len(edited):,} vertices, and had "
+                          f"{len(kept.vertices):,} when it was bound: press Re-bind to take it as it is.")
+    return _moved(edited, place(ob, depsgraph))
+
+
+def _edited_positions(base):
+    """(n, 3) float32 of a cage that is edited now, where no modifier moves it; None of others."""
+    if base.mode != 'EDIT' or any(m.show_viewport and m.type in below.MOVERS for m in base.modifiers):
+        return None
+    mesh = bmesh.from_edit_mesh(base.data)
+    return np.array([vertex.co for vertex in mesh.verts], np.float32).reshape(-1, 3)
 
 
 def _check_count(base, made, bound):
@@ -69,27 +87,50 @@ def _check_count(base, made, bound):
 
 
 def store_rest(ob, depsgraph, only_new):
-    """Takes the base object's present place as rest; only_new: when there is none yet. Where its modifiers make
-    vertices, the same in renders, what they make now is kept as its rest, for its own mesh isn't comparable."""
+    """Takes the base object's present place and mesh as rest; only_new: when there is none yet. Its own mesh is kept,
+    so that edits of it deform; where its modifiers make vertices, the same in renders, what they make now, for its own
+    mesh isn't comparable."""
     settings, base = ob.detail_deform, _base_object(ob)
     mesh = base.evaluated_get(depsgraph).data
     # Where renders have others, the base is followed below what makes them.
     makes_vertices = (len(mesh.vertices) != len(base.data.vertices)
                       and not below.differs_in_renders(base, depsgraph.scene))
     if only_new and any(settings.base_rest_matrix):
-        kept = settings.base_rest_mesh
-        if makes_vertices and len(kept.vertices) == len(mesh.vertices) if kept else not makes_vertices:
+        kept, count = settings.base_rest_mesh, len(mesh.vertices if makes_vertices else base.data.vertices)
+        if kept and settings.base_rest_made == makes_vertices and len(kept.vertices) == count:
+            return
+        if not kept and not makes_vertices:
+            _keep(settings, base, base.data, np.array(settings.base_rest_matrix, np.float64).reshape(4, 4), False)
             return
     if makes_vertices and not mesh.polygons:
         raise MeshProblem(f"The modifiers of the base object '{base.name}' leave no faces to follow.")
     present = place(ob, depsgraph)
     # As single precision, which is what is stored, on both sides.
-    settings.base_rest_matrix = present.astype(np.float32).ravel().tolist()
+    settings.base_rest_matrix = present = present.astype(np.float32).ravel().tolist()
     forget_kept(settings)
-    if makes_vertices:
-        kept = bpy.data.meshes.new(f"{base.name} Rest")
-        kept.from_pydata(_moved(mesh_data.positions(mesh), present).tolist(), [], mesh_data.triangles(mesh).tolist())
-        settings.base_rest_mesh = kept
+    _keep(settings, base, mesh if makes_vertices else base.data, np.array(present).reshape(4, 4), makes_vertices)
+
+
+def _keep(settings, base, mesh, matrix, is_made):
+    """matrix: from the base object's space to the object's."""
+    settings.base_rest_mesh = _made_like(f"{base.name} Rest", mesh, _moved(mesh_data.positions(mesh), matrix))
+    settings.base_rest_made = is_made
+
+
+def _made_like(name, mesh, places):
+    """A new mesh with the same faces, and the vertices at these places, (n, 3); without anything else."""
+    corners, begins = mesh_data.faces(mesh)
+    made = bpy.data.meshes.new(name)
+    made.vertices.add(len(places))
+    made.loops.add(len(corners))
+    made.polygons.add(len(begins))
+    made.vertices.foreach_set('co', np.asarray(places, np.float32).ravel())
+    made.loops.foreach_set('vertex_index', corners)
+    made.polygons.foreach_set('loop_start', begins)
+    if bpy.app.version < (4, 0):  # later they are counted
+        made.polygons.foreach_set('loop_total', np.diff(begins, append=len(corners)))
+    made.update(calc_edges=True)
+    return made
 
 
 def forget_rest(settings):
@@ -102,6 +143,7 @@ def forget_kept(settings):
     """Lets go of the mesh that was kept as the base's rest."""
     kept = settings.base_rest_mesh
     settings.base_rest_mesh = None
+    settings.property_unset('base_rest_made')
     if kept and not kept.users:
         bpy.data.meshes.remove(kept)
 
