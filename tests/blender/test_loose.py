@@ -195,3 +195,19 @@ def test_a_whisker_outside_of_the_region_stays():
     empty.matrix_world = Matrix.Translation((0, 0, 0.2)) @ empty.matrix_world
     update()
     assert np.abs((evaluated(ob) - rest(ob))[is_loose]).max() == 0
+
+
+def test_a_whisker_on_a_face_without_area_only_moves_along():
+    points, faces = grid()
+    more, edges = whisker(points)
+    root = edges[0][0]
+    for face in faces:  # all around the root at one place
+        if root in face:
+            points[face] = points[root]
+    ob = add("Cat", np.concatenate([points, more]), edges, faces)
+    is_loose = np.arange(len(ob.data.vertices)) >= len(points)
+    empty = pull(ob, middle(rest(ob)) & ~is_loose, radius=0.3)
+    assert np.abs(evaluated(ob) - rest(ob)).max() < 1e-6
+    empty.matrix_world = Matrix.Translation((0.1, 0, 0.2)) @ empty.matrix_world
+    update()
+    assert np.allclose((evaluated(ob) - rest(ob))[is_loose], (0.1, 0, 0.2), atol=1e-4)

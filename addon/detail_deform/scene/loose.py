@@ -26,28 +26,37 @@ class Loose:
         rest = rest.astype(np.float64)
         rows, faces, weights = _anchors(rest, triangles, edges, in_face, self._vertices)
         self._rows, self._corners, self._weights = rows, triangles[faces], weights[:, None]
-        self._frames = _frames(rest, self._corners)
-        self._own = _in_frames(self._frames, rest[self._vertices[rows]])
+        self._turns = _areas(rest, self._corners) > 0  # a face without area only moves along
+        self._own = _in_frames(self._frames(rest), rest[self._vertices[rows]])
         self._source = None
         if source_rest is not None:
             source_rest = source_rest.astype(np.float64)
-            frames = _frames(source_rest, self._corners)
+            frames = self._frames(source_rest)
             sizes = [np.linalg.norm(np.ptp(shape[in_face], axis=0)) for shape in (rest, source_rest)]
             self._source = _in_frames(frames, source_rest[self._vertices[rows]]), sizes[0] / (sizes[1] or 1.0)
 
     def __bool__(self):
         return len(self._vertices) > 0
 
+    def _frames(self, positions):
+        """(middles (k, 3), (k, 3, 3) with axes as columns: along the first side, across, and the normal)."""
+        a, b, c = np.moveaxis(positions.astype(np.float64)[self._corners], 1, 0)
+        along = _unit(b - a)
+        normal = _unit(np.cross(b - a, c - a))
+        axes = np.stack([along, np.cross(normal, along), normal], axis=2)
+        axes[~self._turns] = np.eye(3)
+        return (a + b + c) / 3, axes
+
     def place(self, positions, pose=None):
         """(n, 3) float32 positions with the loose ones where they go, by those of faces. pose: (n, 3) of the source, if
         there is one."""
         if not self:
             return positions
-        frames = _frames(positions.astype(np.float64), self._corners)
+        frames = self._frames(positions)
         local = self._own
         if self._source is not None:
             source_own, size = self._source
-            now = _in_frames(_frames(pose.astype(np.float64), self._corners), pose[self._vertices[self._rows]])
+            now = _in_frames(self._frames(pose), pose[self._vertices[self._rows]])
             local = local + size * (now - source_own)
         moved = frames[0] + np.einsum('kij,kj->ki', frames[1], local)
         sums = np.zeros((len(self._vertices), 3))
@@ -79,12 +88,10 @@ def _in_faces(count, triangles):
     return result
 
 
-def _frames(positions, corners):
-    """(middles (k, 3), (k, 3, 3) with axes as columns: along the first side, across, and the normal)."""
+def _areas(positions, corners):
+    """(k,): twice the area of each."""
     a, b, c = np.moveaxis(positions[corners], 1, 0)
-    along = _unit(b - a)
-    normal = _unit(np.cross(b - a, c - a))
-    return (a + b + c) / 3, np.stack([along, np.cross(normal, along), normal], axis=2)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
 def _unit(vectors):
@@ -104,7 +111,8 @@ def _anchors(rest, triangles, edges, in_face, vertices):
     at_root = in_face[edges].sum(axis=1) == 1
     roots, ends = _sides(edges[at_root], in_face)
     face_of = np.full(len(rest), -1)
-    face_of[triangles] = np.arange(len(triangles))[:, None]
+    by_area = np.argsort(_areas(rest, triangles), kind='stable')  # so that the largest of its faces counts
+    face_of[triangles[by_area]] = by_area[:, None]
     root_parts = parts[number[ends]]
     counts = np.bincount(np.unique(np.stack([root_parts, roots]), axis=1)[0].astype(int), minlength=len(vertices))
     lying = (counts[parts] == 0) | (counts[parts] > _MOST_ROOTS)

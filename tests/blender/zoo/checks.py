@@ -159,7 +159,13 @@ def is_result(of, status, moved):
 
 
 def _follows(of, roles, wanted, rest, found, amplitude, tolerance, status):
-    """What is free goes along with its handle, and not far beyond."""
+    """What is free goes along with its handle, and not far beyond, as it is seen."""
+    linear, into = np.array(of.ob.matrix_world, float)[:3, :3], np.eye(4)
+    into[:3, :3] = linear / np.linalg.norm(linear, 2)
+    rest, found = rest @ into[:3, :3].T, found @ into[:3, :3].T
+    wanted = {k: into @ motion @ np.linalg.inv(into) for k, motion in wanted.items()}
+    amplitude = max(np.abs(rest[roles == k] @ (motion[:3, :3] - np.eye(3)).T + motion[:3, 3]).max(initial=0)
+                    for k, motion in wanted.items())
     moved = np.linalg.norm(found, axis=1)
     # What lies far off the rest, as the tip of a spike, turns by as much as its neighbours: it may go further.
     away = np.linalg.norm(rest - np.median(rest, axis=0), axis=1)
