@@ -328,3 +328,31 @@ def test_other_levels_in_renders_are_refused(strip, tmp_path):
     live = played(strip)
     bpy.ops.object.detail_deform_bake(filepath=path)
     assert np.abs(played(strip) - live).max() < 1e-6
+
+
+def hidden_in_renders(smooth):
+    smooth.show_render = False
+
+
+def driven(smooth):
+    smooth.driver_add('show_viewport').driver.expression = "frame % 2"
+
+
+def simplified(smooth):
+    render = bpy.context.scene.render
+    render.use_simplify, render.simplify_subdivision_render = True, 0
+
+
+@pytest.mark.parametrize('change', [hidden_in_renders, driven, simplified])
+def test_other_vertices_in_renders_are_refused(strip, tmp_path, change):
+    smooth = strip.modifiers.new("Subdivision", 'SUBSURF')
+    bpy.ops.object.modifier_move_to_index(modifier="Subdivision", index=0)
+    smooth.levels = smooth.render_levels = 1
+    change(smooth)
+    update()
+    path = str(tmp_path / 'strip.pc2')
+    assert "and a cache holds one kind" in refusal(bpy.ops.object.detail_deform_bake, filepath=path)
+    smooth.driver_remove('show_viewport')
+    # Behind Detail Deform it is no matter.
+    bpy.ops.object.modifier_move_to_index(modifier="Subdivision", index=len(strip.modifiers) - 1)
+    assert bpy.ops.object.detail_deform_bake(filepath=path) == {'FINISHED'}

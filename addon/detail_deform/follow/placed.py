@@ -13,6 +13,7 @@ _seams = {}  # mirror_plane.Seams by the content that they were made for
 _ways = {}  # soft_border.ways by the same
 _joined = {}  # split.Joined by the same
 _hanging = {}  # _Hanging by the same
+_closings = {}  # Closing by the transfer that it is for
 
 
 def offsets(ob, computed):
@@ -25,19 +26,33 @@ def offsets(ob, computed):
     computed = _of(signature, _joined, lambda: split.Joined(ob)).copied(computed)
     computed = _of(signature, _hanging, lambda: _find_hanging(ob)).placed(computed)
     computed = space.back(computed.reshape(-1, 3)).ravel()
-    return _closed(ob, signature, start.with_kept(ob.data, computed), lambda: content.roles(ob))
+    return _closed(ob, signature, start.with_kept(ob.data, computed))
 
 
 def followed(ob, made_for, computed):
     """The same of what follows a source. made_for: what tells its transfer from all others."""
-    return _of(made_for, _joined, lambda: split.Joined(ob)).closed(_closed(ob, made_for, computed, lambda: None))
+    key = mirror_plane.key(ob)
+    return _of(made_for, _closings, lambda: Closing(ob), lambda closing: closing.key == key).of(computed)
 
 
-def _closed(ob, made_for, result, roles):
+class Closing:
+    """Of what comes from a source: seams stay closed, those of the target's Mirror modifiers and where it is split."""
+
+    def __init__(self, ob):
+        self.key, self._joined = mirror_plane.key(ob), split.Joined(ob)
+        self._seams = mirror_plane.Seams(ob) if self.key else None
+
+    def of(self, offsets):
+        """(3 n,) float32"""
+        return self._joined.closed(self._seams.closed(offsets) if self._seams else offsets)
+
+
+def _closed(ob, made_for, result):
     key = mirror_plane.key(ob)
     if not key:
         return result
-    return _of(made_for, _seams, lambda: mirror_plane.Seams(ob, roles()), lambda seams: seams.key == key).closed(result)
+    return _of(made_for, _seams, lambda: mirror_plane.Seams(ob, content.roles(ob)),
+               lambda seams: seams.key == key).closed(result)
 
 
 def _of(made_for, kept, make, fits=lambda found: True):
@@ -80,4 +95,5 @@ def clear():
     _ways.clear()
     _joined.clear()
     _hanging.clear()
+    _closings.clear()
     split.forget()

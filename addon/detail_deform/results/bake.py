@@ -2,7 +2,7 @@
 """The deformation of a range of frames, kept where the add-on is not needed: a cache or shape keys."""
 
 from ..follow import life
-from ..scene import mesh_data, node_group, offset_attribute, stack
+from ..scene import below, mesh_data, node_group, offset_attribute, stack
 from ..scene.mesh_data import MeshProblem
 from . import frames, keyed_keys, point_cache
 
@@ -58,10 +58,16 @@ def to_cache(context, ob, start, end, path, whole=None):
     if not first <= start <= end <= last:
         raise MeshProblem(f"Frames {start} to {end} are not within the cache's {first} to {last}: choose others.")
     modifier = modifier_of(ob)
-    for other in mesh_data.unlike_levels(list(ob.modifiers)[:list(ob.modifiers).index(modifier)]):
-        raise MeshProblem(f"Modifier '{other.name}' before Detail Deform makes other vertices in renders (level "
-                          f"{other.render_levels}) than in the viewport (level {other.levels}), and a cache holds "
-                          "one kind: make the levels alike.")
+    earlier = list(ob.modifiers)[:list(ob.modifiers).index(modifier)]
+    for other in below.unlike_in_renders(ob, context.scene):
+        if other in earlier and getattr(other, 'levels', 0) != getattr(other, 'render_levels', 0):
+            raise MeshProblem(f"Modifier '{other.name}' before Detail Deform makes other vertices in renders (level "
+                              f"{other.render_levels}) than in the viewport (level {other.levels}), and a cache holds "
+                              "one kind: make the levels alike.")
+        if other in earlier:
+            raise MeshProblem(f"Modifier '{other.name}' before Detail Deform makes other vertices in renders than in "
+                              "the viewport, by what is shown, simplified, driven or asked by nodes, and a cache holds "
+                              "one kind: have it alike in both.")
     yield from point_cache.write(path, _evaluated(context, ob, modifier, start, end), start, end, whole)
     ob.detail_deform.baked_file = path
 

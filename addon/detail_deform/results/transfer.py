@@ -4,9 +4,9 @@
 import dataclasses
 import time
 
-from ..follow import factored, prepared
+from ..follow import factored, placed, prepared
 from ..library.options import CORRESPONDENCES
-from ..scene import below, correspondence, mesh_data, mirror_plane, source_pose, split, transferred
+from ..scene import below, correspondence, mesh_data, source_pose, transferred
 from ..scene.mesh_data import MeshProblem
 from ..setup import matching
 from . import frames, keyed_keys, point_cache, transferred_keys
@@ -106,18 +106,17 @@ def _all(context, source, target, keys, wanted):
 
 
 class _Closed:
-    """A transfer whose results leave seams closed: those of the target's Mirror modifiers, and where it is split."""
+    """A transfer whose results leave seams closed."""
 
     def __init__(self, transfer, target):
-        self._transfer, self._rest = transfer, mesh_data.rest(target.data)
-        self._seams = mirror_plane.Seams(target) if mirror_plane.key(target) else None
-        self._joined, self.wide = split.Joined(target), transfer.wide
+        self._transfer, self.wide, self._rest = transfer, transfer.wide, mesh_data.rest(target.data)
+        self._closing = placed.Closing(target)
 
     def apply(self, pose, rotation_only):
         """(n, 3): as of native.Transfer."""
         moved = self._transfer.apply(pose, rotation_only)
         offsets = (moved - self._rest).ravel()
-        closed = self._joined.closed(self._seams.closed(offsets) if self._seams else offsets)
+        closed = self._closing.of(offsets)
         return moved if closed is offsets else self._rest + closed.reshape(-1, 3)
 
 

@@ -55,16 +55,23 @@ _SHOWN_IN = ('show_viewport', 'show_render', 'levels', 'render_levels')
 
 
 def differs_in_renders(ob, scene):
-    """Whether renders may show other vertices of it than the viewport: by levels, by Simplify, by what is shown in one
-    of them alone, by drivers of these, and by nodes that ask where they are."""
-    drivers = ob.animation_data.drivers if ob.animation_data else ()
-    paths = [curve.data_path for curve in drivers]
-    if any(path.startswith('modifiers[') and path.rpartition('.')[2] in _SHOWN_IN for path in paths):
-        return True
-    makers = [m for m in ob.modifiers if _perhaps_makes(ob, m) and (m.show_viewport or m.show_render)]
-    return any(m.show_viewport != m.show_render
-               or _levels(m, scene, 'show_viewport') != _levels(m, scene, 'show_render')
-               or m.type == 'NODES' and _asks_where(m.node_group) for m in makers)
+    """Whether renders may show other vertices of it than the viewport."""
+    return bool(unlike_in_renders(ob, scene))
+
+
+def unlike_in_renders(ob, scene):
+    """The modifiers that may make other vertices in renders than in the viewport: by levels, by Simplify, by what is
+    shown in one of them alone, by drivers of these, and by nodes that ask where they are."""
+    paths = [curve.data_path for curve in ob.animation_data.drivers] if ob.animation_data else ()
+    driven = {path for path in paths if path.startswith('modifiers[') and path.rpartition('.')[2] in _SHOWN_IN}
+
+    def is_unlike(modifier):
+        return (modifier.show_viewport != modifier.show_render
+                or _levels(modifier, scene, 'show_viewport') != _levels(modifier, scene, 'show_render')
+                or modifier.type == 'NODES' and _asks_where(modifier.node_group))
+    return [m for m in ob.modifiers if _perhaps_makes(ob, m) and (
+        any(path.rpartition('.')[0] == m.path_from_id() for path in driven)
+        or (m.show_viewport or m.show_render) and is_unlike(m))]
 
 
 def _levels(modifier, scene, flag):

@@ -157,11 +157,6 @@ def key_mix(ob, without=()):
     return mix - positions(ob.data)
 
 
-def unlike_levels(modifiers):
-    """Those that make other vertices in renders than in the viewport."""
-    return [m for m in modifiers if m.type in {'SUBSURF', 'MULTIRES'} and m.levels != m.render_levels]
-
-
 def triangles(mesh):
     """(m, 3) int32: Blender's own triangulation of the faces."""
     mesh.calc_loop_triangles()
