@@ -210,7 +210,7 @@ def test_memory_and_threads_that_run_out(in_child, check):
 def test_memory_that_python_does_not_get(strip, part, monkeypatch, place):
     module, name = place.rsplit('.', 1)
 
-    def fails(*_):
+    def fails(*_, **__):
         raise MemoryError("Unable to allocate 923. KiB for an array")
     shown = evaluated(strip)
     monkeypatch.setattr(part(module), name, fails)
