@@ -7,6 +7,7 @@ import pytest
 from mathutils import Matrix
 
 from conftest import activate, bind, evaluated, group, make_strip, own, pull, refusal, update
+from rigs import make_rigged
 
 BRING_BACK = bpy.ops.object.detail_deform_bring_back
 
@@ -79,6 +80,38 @@ def test_an_empty_comes_back_where_it_was(pulled, saved, tmp_path):
     update()
     assert np.allclose(right(pulled)[:, 2].mean(), 0.4, atol=0.02)
     assert "lost its empty" in refusal(BRING_BACK)
+
+
+def test_one_on_a_bone_stays_and_goes_with_it(tmp_path):
+    ob, _ = make_rigged()
+    tip = own(ob)[:, 0] > 2.8
+    empty = pull(activate(ob), tip, radius=1)
+    assert empty.parent_type == 'BONE'
+    empty.matrix_world = Matrix.Translation((0, 0, 0.3)) @ empty.matrix_world
+    update()
+    before = evaluated(ob)
+    delete(empty)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / 'bone.blend'))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / 'bone.blend'))
+    ob = bpy.data.objects["Limb"]
+    ob.data.update_tag()
+    bpy.context.scene.frame_set(1)
+    assert np.abs(evaluated(ob) - before).max() < 1e-4
+    activate(ob)
+    assert BRING_BACK() == {'FINISHED'}
+    update()
+    assert np.abs(evaluated(ob) - before).max() < 1e-4
+
+
+def test_two_handles_of_one_deleted_empty_get_it_back(pulled):
+    first, second = pulled.detail_deform.handles
+    second.target = first.target
+    update()
+    bind(pulled)
+    delete(first.target)
+    activate(pulled)
+    assert BRING_BACK() == {'FINISHED'}
+    assert "lost their empties" not in pulled.detail_deform.status
 
 
 def test_one_that_is_gone_for_good_begins_anew_at_rest(pulled):
@@ -224,6 +257,28 @@ def test_a_copy_of_the_mesh_alone_is_posed_as_the_first_wherever_it_stands(pulle
     update()
     assert np.abs(evaluated(copy) - evaluated(pulled)).max() < 1e-5
     assert copy.data != pulled.data
+
+
+@pytest.mark.parametrize('what', ['all', 'one'])
+def test_the_copy_stays_when_the_first_lets_its_handles_go(pulled, what):
+    activate(pulled)
+    bpy.ops.object.duplicate()
+    copy = bpy.context.view_layer.objects.active
+    copy.matrix_world = Matrix.Translation((5, 1, 2)) @ Matrix.Rotation(1, 4, 'Z')
+    update()
+    before, empty = evaluated(copy), copy.detail_deform.handles[0].target
+    activate(pulled)
+    pulled.detail_deform.handle_index = 0
+    if what == 'all':
+        assert bpy.ops.object.detail_deform_remove() == {'FINISHED'}
+    else:
+        assert bpy.ops.object.detail_deform_handle_remove() == {'FINISHED'}
+    update()
+    bpy.context.scene.frame_set(2)
+    assert np.abs(evaluated(copy) - before).max() < 1e-4
+    empty.matrix_world = Matrix.Translation((0, 0, 0.1)) @ empty.matrix_world
+    update()
+    assert np.allclose((evaluated(copy) - before)[own(copy)[:, 0] > 0.8, 2], 0.1, atol=0.02)
 
 
 def test_empties_of_one_by_intention_still_pull_from_where_each_stands():

@@ -314,3 +314,18 @@ def test_groups_at_once_that_fail_leave_nothing(columns, monkeypatch, name):
     with pytest.raises(MemoryError):
         columns.entries(ob, ["Region"])
     assert data() == before
+
+
+def test_many_bound_meshes_are_read_once_each(part, monkeypatch):
+    """However many there are, a frame reads no groups and joins no vertices."""
+    strips = [bind(make_strip(9 + number, name=f"Strip {number}")) for number in range(12)]
+    read, split, mesh_data = [], part('scene.split'), part('scene.mesh_data')
+    for module, name in ((split, 'Joined'), (mesh_data, 'group_entries')):
+        function = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *of, name=name, function=function: read.append(name) or function(*of))
+    for frame in range(2, 5):
+        for strip in strips:
+            strip.detail_deform.handles[0].target.location.z += 0.1
+        bpy.context.scene.frame_set(frame)
+        update()
+    assert all(moved(strip) > 0.2 for strip in strips) and not read

@@ -171,6 +171,21 @@ def test_what_a_key_takes_apart_stays_apart():
     assert max(np.ptp(evaluated(ob)[origin == vertex], axis=0).max() for vertex in np.unique(origin)) > 0.01
 
 
+def test_a_key_that_is_sculpted_apart_later_counts_with_the_next_bind():
+    points, faces = grid()
+    parted, own_faces, origin = split(points, faces, slit)
+    ob = add("Lips", parted, own_faces)
+    second = np.setdiff1d(np.arange(len(origin)), np.unique(origin, return_index=True)[1])
+    key = add_key(ob, "Open", own(ob))
+    near = np.linalg.norm(own(ob)[:, :2] - (0.42, 0.5), axis=1) < 0.07
+    empty = pull(ob, near, radius=0.3)
+    for vertex in second.tolist():
+        key.data[vertex].co.x += 0.05
+    bind(activate(ob), keep_rest=True)
+    turned(empty)
+    assert max(np.ptp(evaluated(ob)[origin == vertex], axis=0).max() for vertex in np.unique(origin)) > 0.01
+
+
 def test_a_card_with_two_faces_is_not_sewn_up():
     """Its sides lie on one another, borders and all."""
     points, faces = grid(11)

@@ -148,3 +148,28 @@ def test_what_an_array_adds_is_not_followed_and_said_where_it_matters():
         activate(shirt)
         assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
         assert ("'Rows' of 'Body' adds" in shirt.detail_deform.transfer.state) == is_said
+
+
+@pytest.mark.parametrize('way', ['hidden', 'removed'])
+def test_a_mirror_that_goes_while_it_follows(way):
+    """An armature comes behind it."""
+    bodies, shirts = dress(half, (True, False))
+    body, shirt = bodies[1], shirts[1]
+    add_key(body, "Pose", belly(own(body)), value=1)
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.scene.collection.objects.link(rig)
+    body.modifiers.new("Armature", 'ARMATURE').object = rig
+    activate(shirt)
+    assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
+    if way == 'hidden':
+        body.modifiers["Mirror"].show_viewport = False
+        body.modifiers["Mirror"].keyframe_insert('show_viewport', frame=2)
+        body.modifiers["Mirror"].show_viewport = True
+        body.modifiers["Mirror"].keyframe_insert('show_viewport', frame=3)
+        for frame in (2, 3):
+            bpy.context.scene.frame_set(frame)
+    else:
+        body.modifiers.remove(body.modifiers["Mirror"])
+        update()
+        bpy.context.scene.frame_set(2)
+    assert np.isfinite(evaluated(shirt)).all() and not shirt.detail_deform.transfer.problem

@@ -171,7 +171,7 @@ def _pose(source, depsgraph, wide):
     of = source.detail_deform
     if _shared is None or of.signature or of.transfer.live:
         return source_pose.evaluated_pose(source, depsgraph, wide)
-    key = source.as_pointer(), wide is not None
+    key = source.as_pointer(), wide and wide.count, depsgraph.as_pointer()  # a render has one of its own
     if key not in _shared:
         _shared[key] = source_pose.evaluated_pose(source, depsgraph, wide)
     return _shared[key]

@@ -105,8 +105,9 @@ def goes_by_its_mesh(ob):
 
 def gone_empties(ob, depsgraph):
     """Names of handles whose empties were deleted."""
+    whereabouts = handle_matrices.Whereabouts(depsgraph)
     return [handle.name for handle in handle_matrices.with_empties(ob.detail_deform)
-            if handle_matrices.is_gone(handle.target, depsgraph)]
+            if whereabouts.is_gone(handle.target)]
 
 
 def is_posed_alike(ob, other):

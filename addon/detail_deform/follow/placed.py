@@ -5,9 +5,9 @@ counted from its own vertices, and with closed seams."""
 import numpy as np
 
 from ..scene import loose, mesh_data, mirror_plane, proportions, soft_border, split, start
-from . import content, look
+from . import content, look, registry
 
-_SPARE = 8
+_LEAST, _EACH = 8, 2  # of what is kept, and for each object that is bound or follows: undo goes back to the one before
 
 _seams = {}  # mirror_plane.Seams by the content that they were made for
 _ways = {}  # soft_border.ways by the same
@@ -24,7 +24,7 @@ def offsets(ob, computed):
         computed = computed * np.repeat(soft_border.shares(ways, width), 3)
     space = proportions.bound(ob.detail_deform)
     computed = _of(signature, _joined, lambda: split.Joined(ob)).copied(computed)
-    computed = _of(signature, _hanging, lambda: _find_hanging(ob)).placed(computed)
+    computed = _of(signature, _hanging, lambda: _find_hanging(ob), lambda hanging: hanging.fits(ob)).placed(computed)
     computed = space.back(computed.reshape(-1, 3)).ravel()
     return _closed(ob, signature, start.with_kept(ob.data, computed))
 
@@ -60,7 +60,7 @@ def _of(made_for, kept, make, fits=lambda found: True):
     if found is None or not fits(found):
         found = make()
     kept[made_for] = found  # as the newest
-    for old in list(kept)[:-_SPARE]:
+    for old in list(kept)[:-max(_LEAST, _EACH * len(registry.members()))]:
         del kept[old]
     return found
 
@@ -68,7 +68,7 @@ def _of(made_for, kept, make, fits=lambda found: True):
 def know(ob, signature, joined, triangles, hung):
     """What a bind has read of the mesh. hung: (n,) bool, of content.hung."""
     _of(signature, _joined, lambda: joined)
-    _of(signature, _hanging, lambda: _Hanging(ob, triangles, hung))
+    _of(signature, _hanging, lambda: _Hanging(ob, triangles, hung), lambda hanging: hanging.fits(ob))
 
 
 def _find_hanging(ob):
@@ -80,8 +80,12 @@ class _Hanging:
     """A bound mesh's vertices that hang on its surface by edges."""
 
     def __init__(self, ob, triangles, hung):
+        self._edge_count = len(ob.data.edges)  # which no signature knows
         self._shape = proportions.bound(ob.detail_deform).to(start.shape(ob)) if hung.any() else None
         self._loose = hung.any() and loose.Loose(self._shape, triangles, mesh_data.edges(ob.data), chosen=hung)
+
+    def fits(self, ob):
+        return len(ob.data.edges) == self._edge_count
 
     def placed(self, offsets):
         """(3 n,) float32 offsets from what is bound, with theirs."""

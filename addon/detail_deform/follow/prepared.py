@@ -117,7 +117,7 @@ def content(source, target, by, how, worn):
               for side in (source, target)]
     scales = [proportions.signature(side) for side in (source, target)]
     return '.'.join([*meshes, by, how.anchor, anchors, how.formulation, how.placing, f"{how.least_gap:.5g}",
-                     *scales, wider.key(source) if worn else ""])
+                     *scales, wider.key(source) if worn else "", str(len(target.data.edges))])
 
 
 def _anchors(target, how):

@@ -58,13 +58,14 @@ def check_mesh(ob):
 
 
 def _owner(ob):
-    """Of the objects with one mesh the one that began: a copy has the same settings, among them the first one's
-    name."""
-    same = sorted((other for other in members() if other.data == ob.data), key=lambda other: other.name)
-    named = [other for other in same if other.detail_deform.begun_as == other.name]
-    children = [other for other in same if any(handle.own_target and handle.own_target.parent == other
-                                               for handle in other.detail_deform.handles)]
-    return (children or named or same or [ob])[0]
+    """Of the objects with one mesh the one that began. A copy has the same settings, among them empties that are the
+    first one's children, and its name."""
+    of = ob.detail_deform
+    parents = (handle.own_target.parent for handle in of.handles if handle.own_target)
+    for first in (*parents, bpy.data.objects.get(of.begun_as)):
+        if first and first.type == 'MESH' and first.data == ob.data and _is_member(first):
+            return first
+    return min((other for other in members() if other.data == ob.data), key=lambda other: other.name)
 
 
 def forget():

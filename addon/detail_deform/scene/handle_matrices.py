@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """From empties to the 3×4 matrices that the library takes."""
 
+import bpy
 import numpy as np
 
 from . import euler_angles, mesh_data, skin, symmetric
@@ -24,23 +25,48 @@ def with_empties(settings):
 def in_scene(ob, depsgraph):
     """Whether the object is evaluated as one of the scene's own. Being pointed to is enough to be evaluated, but
     outside the scene the place means nothing."""
-    layer = depsgraph.view_layer
-    if not ob.evaluated_get(depsgraph).is_evaluated:
-        return False
-    # The first tests are quick and nearly always enough; the last goes through all objects.
-    return (ob.visible_get(view_layer=layer) or ob.hide_get(view_layer=layer)
-            or any(other == ob for other in depsgraph.scene.objects))
+    return Whereabouts(depsgraph).has(ob)
+
+
+class Whereabouts:
+    """Of objects, for many at once: what goes through all that a scene or a file has does so once."""
+
+    def __init__(self, depsgraph):
+        self._depsgraph, self._in_scene, self._anywhere = depsgraph, None, None
+
+    def has(self, ob):
+        """As in_scene."""
+        layer = self._depsgraph.view_layer
+        if not ob.evaluated_get(self._depsgraph).is_evaluated:
+            return False
+        # The first tests are quick and nearly always enough; the last goes through all objects.
+        if ob.visible_get(view_layer=layer) or ob.hide_get(view_layer=layer):
+            return True
+        if self._in_scene is None:
+            self._in_scene = set(self._depsgraph.scene.objects)
+        return ob in self._in_scene
+
+    def is_gone(self, empty):
+        """Whether an empty was deleted: from the file, or from all scenes, where what refers to it still keeps it."""
+        if empty is None:
+            return True
+        if self.has(empty):
+            return False
+        if self._anywhere is None:
+            collections = (*bpy.data.collections, *(scene.collection for scene in bpy.data.scenes))
+            self._anywhere = {ob for collection in collections for ob in collection.objects}
+        return empty not in self._anywhere
 
 
 def evaluated_world(ob, depsgraph, what):
     return _evaluated_worlds([(ob, what)], depsgraph)[0]
 
 
-def _evaluated_worlds(named, depsgraph):
+def _evaluated_worlds(named, depsgraph, whereabouts=None):
     """(k, 4, 4) float64 of [(object, what it is)]. Raises MeshProblem."""
-    rows = []
+    rows, whereabouts = [], whereabouts or Whereabouts(depsgraph)
     for ob, what in named:
-        if not in_scene(ob, depsgraph):
+        if not whereabouts.has(ob):
             raise MeshProblem(f"{what} '{ob.name}' is not in this scene, or is disabled or excluded so that "
                               "its place is not known: bring it back, or choose another one.")
         world = ob.evaluated_get(depsgraph).matrix_world
@@ -95,8 +121,8 @@ def places_of(ob, handles, depsgraph, poses=None, last=None):
     """(k, 4, 4) float64: of some that have empties. poses: of each, in place of its own. One that was bound and whose
     empty was deleted stays where that was last. last: what this returned last; without it, one of whose empty nothing
     is left is at rest."""
-    places = np.empty((len(handles), 4, 4))
-    gone = [has_rest(handle) and is_gone(handle.target, depsgraph) for handle in handles]
+    places, whereabouts = np.empty((len(handles), 4, 4)), Whereabouts(depsgraph)
+    gone = [has_rest(handle) and whereabouts.is_gone(handle.target) for handle in handles]
     for handle in handles:
         if handle.target is None and not has_rest(handle):
             raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
@@ -105,18 +131,18 @@ def places_of(ob, handles, depsgraph, poses=None, last=None):
     owners = _owners(ob, [handles[number] for number in there])
     to_local = {owner: world_to_local(owner, depsgraph) for owner in {ob, *owners}}
     worlds = _evaluated_worlds([(handles[number].target, f"Handle '{handles[number].name}': empty")
-                                for number in there], depsgraph)
+                                for number in there], depsgraph, whereabouts)
     if any(owner != ob for owner in owners):
         places[there] = np.array([to_local[owner] for owner in owners]) @ worlds
     else:
         places[there] = to_local[ob] @ worlds
     for number in np.flatnonzero(gone):
-        target = handles[number].target
-        if target is None or target.parent_type == 'BONE':
+        world = _world_of_gone(handles[number].target, depsgraph)
+        if world is None:
             places[number] = rest(handles[number]) if last is None else last[number]
             continue
         there.append(number)
-        places[number] = to_local[ob] @ np.array(target.matrix_world, np.float64)
+        places[number] = to_local[ob] @ world
     for number in there:
         handle = handles[number]
         if handle.target.parent_type == 'BONE':
@@ -129,9 +155,21 @@ def places_of(ob, handles, depsgraph, poses=None, last=None):
     return places
 
 
-def is_gone(empty, depsgraph):
-    """Whether an empty was deleted: from the file, or from all scenes, where what refers to it still keeps it."""
-    return empty is None or not (in_scene(empty, depsgraph) or empty.users_collection or empty.users_scene)
+def _world_of_gone(empty, depsgraph):
+    """(4, 4): where an empty is that was deleted; None where nothing is left to tell it."""
+    if empty is None:
+        return None
+    rig = empty.parent
+    if empty.parent_type != 'BONE' or rig is None:
+        return np.array(empty.matrix_world, np.float64)
+    if empty.parent_bone not in rig.data.bones or not in_scene(rig, depsgraph):
+        return None
+    posed = rig.evaluated_get(depsgraph)
+    bone = posed.pose.bones[empty.parent_bone]
+    end = np.eye(4)
+    end[1, 3] = bone.length
+    parts = posed.matrix_world, bone.matrix, end, empty.matrix_parent_inverse, empty.matrix_basis
+    return np.linalg.multi_dot([np.array(part, np.float64) for part in parts])
 
 
 def _owners(ob, handles):
@@ -316,6 +354,27 @@ def pivots(settings):
                  _reflection_of(handle) @ place)
         result[number] = (rest(handle) @ image)[:3]
     return result
+
+
+def hand_over(ob, empties):
+    """These empties, which were made for the object, will be those of its copies alone: places that these count in its
+    space are told in their own from now on, so that nothing moves."""
+    for other in bpy.data.objects if empties else ():
+        if other.type != 'MESH' or other == ob:
+            continue
+        handles = [handle for handle in other.detail_deform.handles
+                   if handle.target in empties and _owners(other, [handle])[0] == ob and has_rest(handle)]
+        for handle in handles:
+            worlds = [np.array(each.matrix_world, np.float64) for each in (handle.target, ob, other)]
+            if any(map(_flat, worlds)):
+                continue
+            empty, first, own = worlds
+            pose = pose_of(handle)
+            there, here = (np.linalg.inv(space @ pose) @ empty for space in (first, own))
+            for name in ('rest_matrix', 'home_matrix'):
+                place = np.array(getattr(handle, name), np.float64).reshape(4, 4)
+                if place.any():  # the motion from there stays the same
+                    setattr(handle, name, (place @ np.linalg.inv(there) @ here).ravel().tolist())
 
 
 def has_rest(handle):

@@ -10,6 +10,9 @@ from . import below, handle_matrices, mesh_data, offset_attribute, start
 from .mesh_data import MeshProblem
 
 
+_MOST_LIVE = 50_000  # vertices of a cage that is followed while it is edited: 20 ms
+
+
 def _base_object(ob):
     base = ob.detail_deform.base_object
     if base is None:
@@ -72,8 +75,10 @@ def deformed_positions(ob, depsgraph):
 
 
 def _edited_positions(base):
-    """(n, 3) float32 of a cage that is edited now, where no modifier moves it; None of others."""
-    if base.mode != 'EDIT' or any(m.show_viewport and m.type in below.MOVERS for m in base.modifiers):
+    """(n, 3) float32 of a cage that is edited now, where no modifier moves it; None of others, and of large ones, whose
+    vertices take too long to be asked one by one."""
+    if base.mode != 'EDIT' or len(base.data.vertices) > _MOST_LIVE or any(
+            m.show_viewport and m.type in below.MOVERS for m in base.modifiers):
         return None
     mesh = bmesh.from_edit_mesh(base.data)
     return np.array([vertex.co for vertex in mesh.verts], np.float32).reshape(-1, 3)

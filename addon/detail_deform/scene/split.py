@@ -15,20 +15,28 @@ _FOLDED = -0.99  # cosine between the normals of two sides that lie on one anoth
 # Of how far vertices at one place have moved, how far they are from their mean: up to the first it is what two sides of
 # a seam were told differently, from the second on they go different ways.
 _CRACK, _ANOTHER_WAY = 0.1, 0.3
-_MOST = 8
-_found = {}  # by content: what _first() found, as that takes a while
+_MOST = 64
+_found = {}  # by content: what _pairs() and _first() found, as that takes a while
 
 
 def _find(ob, topology):
+    """(n,) intp: for each vertex the one that stands for it, itself or the first of those at its place that are one.
+    None where each stands for itself."""
     mesh = ob.data
-    keys = mesh.shape_keys.key_blocks if mesh.shape_keys else ()
     positions = mesh_data.positions(mesh)
-    content = (mesh_data.signature(positions), topology or mesh_data.topology_signature(mesh),
-               *(key.name for key in keys))
+    content = mesh_data.signature(positions), topology or mesh_data.topology_signature(mesh)
+    pairs = _kept(content, lambda: _pairs(mesh, positions))
+    if not len(pairs):  # nearly always, and the keys need not be read
+        return None
+    keys = [mesh_data.key_positions(key) for key in (mesh.shape_keys.key_blocks if mesh.shape_keys else ())]
+    return _kept((*content, 'keys', *map(mesh_data.signature, keys)), lambda: _first(pairs, positions, keys))
+
+
+def _kept(content, find):
     if content not in _found:
         while len(_found) >= _MOST:
             del _found[next(iter(_found))]
-        _found[content] = _first(mesh, positions, keys)
+        _found[content] = find()
     return _found[content]
 
 
@@ -36,22 +44,12 @@ def forget():
     _found.clear()
 
 
-def _first(mesh, positions, keys):
-    """(n,) intp: for each vertex the one that stands for it, itself or the first of those at its place that are one.
-    None where each stands for itself."""
-    places = _places(positions)
-    if places is None:
-        return None
-    pairs = _pairs(places, positions, mesh)
+def _first(pairs, positions, keys):
     size = np.ptp(positions, axis=0).max(initial=0)
-    for key in keys:
-        if len(pairs):
-            there = mesh_data.key_positions(key)
-            apart = np.abs(there[pairs[:, 0]] - there[pairs[:, 1]]).max(axis=1)
-            pairs = pairs[apart <= _APART * size]
-    if not len(pairs):
-        return None
-    return components.least(len(positions), pairs)
+    for there in keys:
+        apart = np.abs(there[pairs[:, 0]] - there[pairs[:, 1]]).max(axis=1, initial=0)
+        pairs = pairs[apart <= _APART * size]
+    return components.least(len(positions), pairs) if len(pairs) else None
 
 
 def _places(positions):
@@ -68,8 +66,11 @@ def _places(positions):
     return result
 
 
-def _pairs(places, positions, mesh):
+def _pairs(mesh, positions):
     """(p, 2): vertices at the ends of two edges that are borders and lie on one another, their faces wound alike."""
+    places = _places(positions)
+    if places is None:
+        return np.empty((0, 2), int)
     triangles, shared = mesh_data.triangles(mesh), np.bincount(places)[places] > 1
     chosen = np.flatnonzero(shared[triangles].sum(axis=1) >= 2)
     near, at = triangles[chosen], _places_of_faces(places, mesh)[mesh_data.faces_of_triangles(mesh)[chosen]]

@@ -74,8 +74,8 @@ class Wider:
         """The same of a pose: where an armature comes behind Mirror, each half has one of its own. used: (k,) bool, the
         modifiers that made the pose."""
         mirrors = [m.type == 'MIRROR' and m.show_viewport for m in source.modifiers]
-        if not any(used[mirrors.index(True):]):
-            return self.of(pose)
+        if True not in mirrors or not any(used[mirrors.index(True):]):
+            return self.of(pose)  # also where Mirror is hidden now, which is compared a little later
         found = below.by(source, depsgraph, np.array(used) | np.array(mirrors), self.count)
         if found is None:  # other vertices are merged in the pose
             return self.of(pose)

@@ -243,6 +243,7 @@ def remove_handles(ob, indices):
     handles = [ob.detail_deform.handles[index] for index in indices]
     groups = users.needed_groups(ob, [handle.own_group for handle in handles])
     empties = users.needed_empties(ob, filter(None, (handle.own_target for handle in handles)))
+    handle_matrices.hand_over(ob, empties)
     for index in sorted(indices, reverse=True):
         _remove_handle(ob, index, groups, empties)
 
@@ -401,6 +402,9 @@ def mirror(context, ob, handle, axis, symmetric):
     if symmetric:
         image &= ~_split_middle(ob, handle, letter, chosen, image)
         handle = None
+        if not image.any():
+            return (f"Nothing of '{name}' but what lies on the plane has a counterpart across the object's {letter} "
+                    "axis.")
     flipped = bpy.utils.flip_name(name)
     group_name = selection.new_group(ob, flipped if flipped != name else f"{name} Mirrored", image).name
     empty, motion = (None, None) if symmetric else _mirrored_empty(context, ob, handle, axis, group_name, image)
@@ -425,14 +429,14 @@ def mirror(context, ob, handle, axis, symmetric):
 
 def bring_back(context, ob):
     """Puts those of its handles that something still keeps back into the scene, and makes new ones for the others."""
-    depsgraph = context.evaluated_depsgraph_get()
+    whereabouts = handle_matrices.Whereabouts(context.evaluated_depsgraph_get())
     lost = [handle for handle in handle_matrices.with_empties(ob.detail_deform)
-            if handle_matrices.is_gone(handle.target, depsgraph)]
+            if whereabouts.is_gone(handle.target)]
+    for empty in {handle.target for handle in lost if handle.target}:
+        collection_of(context, ob).objects.link(empty)
     for handle in lost:
         if handle.target is None:
             _make_anew(context, ob, handle)
-        else:
-            collection_of(context, ob).objects.link(handle.target)
     context.view_layer.update()
     _stand(context, ob, [(handle.target, None) for handle in lost])
     binding.targets_changed(ob)
