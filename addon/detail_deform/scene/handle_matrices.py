@@ -62,11 +62,12 @@ def evaluated_world(ob, depsgraph, what):
     return _evaluated_worlds([(ob, what)], depsgraph)[0]
 
 
-def _evaluated_worlds(named, depsgraph, whereabouts=None):
-    """(k, 4, 4) float64 of [(object, what it is)]. Raises MeshProblem."""
-    rows, whereabouts = [], whereabouts or Whereabouts(depsgraph)
-    for ob, what in named:
-        if not whereabouts.has(ob):
+def _evaluated_worlds(named, depsgraph, out=None):
+    """(k, 4, 4) float64 of [(object, what it is)]. out: whether each is not in_scene, if that is known. Raises
+    MeshProblem."""
+    rows = []
+    for number, (ob, what) in enumerate(named):
+        if out[number] if out is not None else not in_scene(ob, depsgraph):
             raise MeshProblem(f"{what} '{ob.name}' is not in this scene, or is disabled or excluded so that "
                               "its place is not known: bring it back, or choose another one.")
         world = ob.evaluated_get(depsgraph).matrix_world
@@ -106,8 +107,10 @@ def local_places(ob, depsgraph, poses=None, last=None):
     own = [number for number, handle in enumerate(handles) if not handle.mirrors]
     places = np.empty((len(handles), 4, 4), np.float32)
     places[:] = np.eye(4)  # of one that mirrors another: it has no place of its own
+    posed = _of_enabled(ob.detail_deform, 'pose_matrix', 16).any(axis=1)
     places[own] = places_of(ob, [handles[number] for number in own], depsgraph,
-                            [(poses or {}).get(number, _pose(handles[number])) for number in own],
+                            [(poses or {}).get(number, _pose(handles[number]) if posed[number] else None)
+                             for number in own],
                             last if last is not None and len(last) == len(own) else None)
     return places
 
@@ -122,7 +125,8 @@ def places_of(ob, handles, depsgraph, poses=None, last=None):
     empty was deleted stays where that was last. last: what this returned last; without it, one of whose empty nothing
     is left is at rest."""
     places, whereabouts = np.empty((len(handles), 4, 4)), Whereabouts(depsgraph)
-    gone = [has_rest(handle) and whereabouts.is_gone(handle.target) for handle in handles]
+    out = [handle.target is None or not whereabouts.has(handle.target) for handle in handles]
+    gone = [is_out and has_rest(handle) and whereabouts.is_gone(handle.target) for is_out, handle in zip(out, handles)]
     for handle in handles:
         if handle.target is None and not has_rest(handle):
             raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
@@ -131,7 +135,7 @@ def places_of(ob, handles, depsgraph, poses=None, last=None):
     owners = _owners(ob, [handles[number] for number in there])
     to_local = {owner: world_to_local(owner, depsgraph) for owner in {ob, *owners}}
     worlds = _evaluated_worlds([(handles[number].target, f"Handle '{handles[number].name}': empty")
-                                for number in there], depsgraph, whereabouts)
+                                for number in there], depsgraph, [out[number] for number in there])
     if any(owner != ob for owner in owners):
         places[there] = np.array([to_local[owner] for owner in owners]) @ worlds
     else:
@@ -149,7 +153,7 @@ def places_of(ob, handles, depsgraph, poses=None, last=None):
             pose = skin.pose_of(ob, handle.target, depsgraph)
             places[number] = _inverse_or_refuse(
                 pose, f"Handle '{handle.name}': the bone of its empty has a scale of zero.") @ places[number]
-        pose = poses[number] if poses else _pose(handle)
+        pose = poses[number] if poses is not None else _pose(handle)
         if pose is not None:
             places[number] = np.linalg.inv(pose) @ places[number]
     return places
@@ -286,10 +290,18 @@ def motions(settings, places):
         raise MeshProblem(f"Handle '{enabled_handles(settings)[number].name}': its empty had a scale of zero when it "
                           "was bound. Give it a size, then press Unbind and Bind.")
     result = _with_mirrored(settings, places) @ np.linalg.inv(rests)
-    for number, handle in enumerate(enabled_handles(settings)):
-        if handle.symmetric and not handle.mirrors:
+    for number, handle in _symmetric(settings):
+        if not handle.mirrors:
             result[number] = symmetric.motion(result[number], _planes_of(handle), rests[number, :3, 3])
     return result[:, :3]
+
+
+def _symmetric(settings):
+    """(number, handle) of the enabled ones whose motion is its own mirror image."""
+    flags = np.empty(len(settings.handles), np.int32)
+    settings.handles.foreach_get('symmetric', flags)
+    return [(number, handle) for number, handle in enumerate(enabled_handles(settings)) if handle.symmetric
+            ] if flags.any() else []
 
 
 def _of_enabled(settings, name, size):
