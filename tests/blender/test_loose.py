@@ -142,6 +142,14 @@ def carried_alike(source, target, pose):
     return coordinates(target.data.shape_keys.key_blocks["Pose"])
 
 
+def cat():
+    """(a surface with a whisker, which of its vertices are in no face)."""
+    points, faces = grid()
+    more, edges = whisker(points)
+    ob = add("Cat", np.concatenate([points, more]), edges, faces)
+    return ob, np.arange(len(ob.data.vertices)) >= len(points)
+
+
 def middle(points):
     return np.linalg.norm(points[:, :2] - (0.5, 0.5), axis=1) < 0.15
 
@@ -149,10 +157,7 @@ def middle(points):
 @pytest.mark.parametrize('in_handle', [False, True])
 def test_a_whisker_goes_with_what_a_handle_moves(in_handle):
     """By Pull, whose reach counts along the surface; whether the handle has some of its vertices or none."""
-    points, faces = grid()
-    more, edges = whisker(points)
-    ob = add("Cat", np.concatenate([points, more]), edges, faces)
-    is_loose = np.arange(len(ob.data.vertices)) >= len(points)
+    ob, is_loose = cat()
     empty = pull(ob, middle(rest(ob)) & (in_handle | ~is_loose), radius=0.3)
     motion = Matrix.Translation((0.1, 0, 0.2)) @ Matrix.Rotation(0.6, 4, 'Y')
     empty.matrix_world = motion @ empty.matrix_world
@@ -163,10 +168,7 @@ def test_a_whisker_goes_with_what_a_handle_moves(in_handle):
 
 
 def test_a_whisker_beside_the_handle_bends_with_the_surface():
-    points, faces = grid()
-    more, edges = whisker(points)
-    ob = add("Cat", np.concatenate([points, more]), edges, faces)
-    is_loose = np.arange(len(ob.data.vertices)) >= len(points)
+    ob, is_loose = cat()
     chosen = ~is_loose & (np.linalg.norm(rest(ob)[:, :2] - (0.7, 0.5), axis=1) < 0.1)
     empty = pull(ob, chosen, radius=0.5)
     empty.matrix_world = Matrix.Translation((0, 0, 0.2)) @ empty.matrix_world
@@ -178,18 +180,13 @@ def test_a_whisker_beside_the_handle_bends_with_the_surface():
 
 
 def test_what_hangs_is_not_said_to_stay():
-    points, faces = grid()
-    more, edges = whisker(points)
-    ob = add("Cat", np.concatenate([points, more]), edges, faces)
+    ob, _ = cat()
     pull(ob, middle(rest(ob)), radius=0.3)
     assert "stay" not in ob.detail_deform.status
 
 
 def test_a_whisker_outside_of_the_region_stays():
-    points, faces = grid()
-    more, edges = whisker(points)
-    ob = add("Cat", np.concatenate([points, more]), edges, faces)
-    is_loose = np.arange(len(ob.data.vertices)) >= len(points)
+    ob, is_loose = cat()
     chosen = ~is_loose & (np.linalg.norm(rest(ob)[:, :2] - (0.9, 0.9), axis=1) < 0.1)
     empty = pull(ob, chosen, radius=0.1)
     empty.matrix_world = Matrix.Translation((0, 0, 0.2)) @ empty.matrix_world

@@ -73,7 +73,7 @@ class Preparation:
         if self._wide:
             shapes[0], sides[0] = self._wide.of(shapes[0]), self._wide.triangles
         if self._worn:
-            self._unfollowed = _unfollowed(source, shapes[1], matched.stance)
+            self._unfollowed = _unfollowed(source, (shapes[0], sides[0]), shapes[1], matched.stance)
         meshes = [[space.to(shape), triangles] for space, shape, triangles in zip(self._spaces, shapes, sides)]
         self._loose = Loose(meshes[1][0], mesh_data.triangles(target.data), mesh_data.edges(target.data),
                             meshes[0][0] if matched.is_by_topology else None)
@@ -102,9 +102,10 @@ class Preparation:
         return Prepared(self._job.finish(), *self._spaces, self._worn, self._loose, self._wide, self._unfollowed)
 
 
-def _unfollowed(source, shape, stance):
+def _unfollowed(source, followed, shape, stance):
     back = np.linalg.inv(stance)
-    return wider.unfollowed(source, shape @ back[:3, :3].T + back[:3, 3], bpy.context.evaluated_depsgraph_get())
+    points = shape @ back[:3, :3].T + back[:3, 3]
+    return wider.unfollowed(source, followed, points, bpy.context.evaluated_depsgraph_get())
 
 
 def content(source, target, by, how, worn):

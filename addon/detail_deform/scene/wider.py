@@ -88,16 +88,13 @@ def find(source):
     return Wider(source) if reflections(source) else None
 
 
-def unfollowed(source, points, depsgraph):
+def unfollowed(source, followed, points, depsgraph):
     """What the source's modifiers show beside what is followed, where a target lies over that: a sentence, or ''.
-    points: (n, 3) of the target at rest, in the source's space."""
+    followed: (positions, triangles) at rest. points: (n, 3) of the target at rest, in the source's space."""
     own = node_group.find_modifier(source)
     copiers = [m.show_viewport and m.type in _COPIERS and m != own for m in source.modifiers]
     if not any(copiers) or not len(points):
         return ""
-    wide = find(source)
-    followed = (wide.of(mesh_data.rest(source.data)), wide.triangles) if wide else (
-        mesh_data.rest(source.data), mesh_data.triangles(source.data))
     shown = [use or (m.type == 'MIRROR' and m.show_viewport) for use, m in zip(copiers, source.modifiers)]
     some = points[np.linspace(0, len(points) - 1, min(_SAMPLES, len(points))).astype(int)].tolist()
     away, nearer = (_distances(some, *surface) for surface in (followed, below.surface(source, depsgraph, shown)))

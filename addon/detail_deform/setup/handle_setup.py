@@ -447,9 +447,8 @@ def _make_anew(context, ob, handle):
     """At rest, where its motion is counted from."""
     place = ob.matrix_world @ Matrix((handle_matrices.pose_of(handle) @ handle_matrices.rest(handle)).tolist())
     part = np.flatnonzero(mesh_data.members(ob, handle.vertex_group))
-    size = max(0.5 * max(ob.dimensions) * 0.1, 1e-3)
-    if len(part):
-        size = max(next(_places(ob, [part], align=False))[1], 1e-3)
+    extent = next(_places(ob, [part], align=False))[1] if len(part) else 0.05 * max(ob.dimensions)
+    size = max(extent, 1e-3)
     empty, _ = _make_empty(context, ob, handle.name, _without_shear(place, Vector((1, 1, 1))), size, ob)
     handle.target = handle.own_target = empty
     context.view_layer.update()
