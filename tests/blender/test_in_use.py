@@ -72,7 +72,10 @@ def test_an_update_while_another_blender_has_the_library(tmp_path, part):
     script, profile = tmp_path / 'script.py', tmp_path / 'Größe 画像'
     script.write_text(OF_BOTH.replace(', version(module)', '') + INSTALL, encoding='utf-8')
     profile.mkdir()
-    environment = {**os.environ, 'BLENDER_USER_RESOURCES': str(profile), 'DETAIL_DEFORM_LIBRARY': ''}
+    # Blender writes UTF-8 on every system. The module bpy leaves Windows' own encoding, in which 5.2's
+    # installer can't print the profile's name.
+    environment = {**os.environ, 'BLENDER_USER_RESOURCES': str(profile), 'DETAIL_DEFORM_LIBRARY': '',
+                   'PYTHONIOENCODING': 'utf-8'}
     others = {}
     for role in ('updates', 'uses'):
         folder = tmp_path / role
