@@ -91,6 +91,10 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
     vertex_group: StringProperty(
         name="Vertices", update=_input_changed,
         description="Vertex group that moves as one piece with the empty: the vertices with a weight over 0.5")
+    reach: StringProperty(
+        name="Reach", update=_input_changed,
+        description="Vertex group of what this handle moves, beside its own vertices: nothing else follows it, and "
+                    "those of other handles stay. Empty: it moves the region, together with other handles that do")
     target: PointerProperty(
         name="Empty", type=bpy.types.Object, poll=lambda self, ob: ob.type == 'EMPTY',
         update=_target_changed,
@@ -134,6 +138,7 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
     earlier_name: StringProperty(options={'HIDDEN'})
     # What was made for it, and goes with it.
     own_group: StringProperty(options={'HIDDEN'})
+    own_reach: StringProperty(options={'HIDDEN'})
     own_target: PointerProperty(type=bpy.types.Object, options={'HIDDEN'})
 
 

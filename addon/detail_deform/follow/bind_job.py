@@ -44,7 +44,7 @@ class BindJob:
             self._error = error
             return False
         try:
-            self._update = native.Update(self._deformer, self._rest, **self._asked)
+            self._update = self._deformer.update(self._rest, **self._asked)
         except native.NativeError:  # the first that is asked for will say it
             return False
         return True

@@ -34,7 +34,8 @@ def bind(ob, depsgraph, wait, keep_rest):
     joined = split.Joined(ob, topology)
     renamed.follow(ob)
     renamed.note(ob)
-    roles = content.roles(ob, group_columns.entries, joined)
+    known = content.roles_of(ob, group_columns.entries, joined)
+    roles = known.of_all
     poses = _poses(ob, roles, depsgraph, only_new=keep_rest)
     places = handle_matrices.local_places(ob, depsgraph, poses)
     # What these refuse leaves the present binding.
@@ -62,10 +63,10 @@ def bind(ob, depsgraph, wait, keep_rest):
     _find_start(ob, places, keep_rest, handle_matrices.rest_places(ob, places, roles, depsgraph))
     handle_matrices.motions(settings, places)  # refuses places that can't be inverted
 
-    signature = content.signature(content.shape_signature(ob, topology), roles, options)
-    life.start(bound, signature, lambda: bound.begin(ob, signature, roles, options, joined))
+    signature = content.signature(content.shape_signature(ob, topology), known, options)
+    life.start(bound, signature, lambda: bound.begin(ob, signature, known, options, joined))
     settings.signature, settings.bound_points = signature, carried.points(ob.data)
-    hints.of_region(ob, roles, joined)  # here they are known, and the panels need not read the groups
+    hints.of_region(ob, known, joined)  # here they are known, and the panels need not read the groups
     bound.note_handles(settings)
     settings.begun_as = ob.name
     registry.forget()

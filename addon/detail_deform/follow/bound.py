@@ -11,7 +11,7 @@ from ..scene import (carried, dependency, handle_matrices, mesh_data, mirror_pla
                      outside_base, proportions, renamed, split, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
-from . import content, look, made, placed, shown, slow_results
+from . import content, look, made, placed, reaches, shown, slow_results
 from .bind_job import BindJob
 from .slow_update import SlowUpdate
 
@@ -126,7 +126,7 @@ def is_fit(ob, depsgraph):
 
 def is_for(ob, entry):
     """Whether a deformer that was found is for this object without any doubt."""
-    if isinstance(entry.made, native.Draft) and ob.detail_deform.method == 'EXAMPLES':
+    if entry.made.is_draft and ob.detail_deform.method == 'EXAMPLES':
         return False  # which let vertices of handles go that a draft doesn't have
     return entry.made.vertex_count == len(ob.data.vertices)
 
@@ -134,17 +134,20 @@ def is_for(ob, entry):
 # Made and lost
 
 def begin(ob, signature, roles, options, joined):
-    """The job. joined: the object's split.Joined."""
+    """The job. roles: content.Roles. joined: the object's split.Joined."""
     of, triangles = ob.detail_deform, mesh_data.triangles(ob.data)
-    hung = content.hung(ob, roles, triangles)
+    hung = content.hung(ob, roles.of_all, triangles)
     placed.know(ob, signature, joined, triangles, hung)
-    arguments = content.bind_arguments(ob, roles, joined, triangles, hung)
     space = proportions.bound(of)
-    proportioned = {name: space.to(options[name]) for name in ('examples', 'base') if name in options}
-    bind = native.Bind(*arguments, draft=_has_draft(len(roles)), **options | proportioned)
+    told = options | {name: space.to(options[name]) for name in ('examples', 'base') if name in options}
+    told['draft'] = _has_draft(len(hung))
+    parts = content.parts_to_bind(ob, roles, joined, triangles, hung)
     if of.base == 'OBJECT':  # whose pose is another one by then
-        return bind
-    return BindJob(bind, arguments[-1], look.quick(with_free(look.asked(of), of)))
+        return native.Bind(*parts[0].bind_arguments(), **told)
+    asked = look.quick(with_free(look.asked(of), of))
+    jobs = [BindJob(native.Bind(*part.bind_arguments(), **part.options(told)), len(part.numbers), part.asked(asked))
+            for part in parts]
+    return jobs[0] if parts[0].is_whole and len(parts) == 1 else reaches.Bind(parts, jobs, len(hung))
 
 
 def _has_draft(vertex_count):
@@ -163,7 +166,7 @@ def with_free(asked, of):
 
 def job(ob):
     joined = split.Joined(ob)
-    return begin(ob, content_of(ob), content.roles(ob, joined=joined), content.options(ob), joined)
+    return begin(ob, content_of(ob), content.roles_of(ob, joined=joined), content.options(ob), joined)
 
 
 def refuse(ob, sentence):
@@ -193,7 +196,7 @@ def forget(ob):
 
 def check_frame(ob):
     try:
-        mesh_data.check_groups(ob, ob.detail_deform.region, content.handle_groups(ob.detail_deform))
+        content.check_groups(ob)
     except MeshProblem:
         if not renamed.follow(ob):
             raise
@@ -205,7 +208,7 @@ class Frame:
 
     def __init__(self, ob, deformer, depsgraph):
         of = ob.detail_deform
-        self._ob, self._deformer, self.is_draft = ob, deformer, isinstance(deformer, native.Draft)
+        self._ob, self._deformer, self.is_draft = ob, deformer, deformer.is_draft
         self._handles = [handle.name for handle in handle_matrices.enabled_handles(of)]
         record = shown.by(ob.data)
         places = handle_matrices.local_places(ob, depsgraph, last=record and record.places)
@@ -241,13 +244,19 @@ class Frame:
         """The quick ones, where there are slow ones or there is only a share of the time."""
         slow_results.cancel(offset_attribute.token(self._ob.data))
         slow_results.make_way(self._deformer)
-        told = {**self._asked, 'turns': self._turns}
+        told = self._told()
         if self.is_draft or self._deformer.info.coarse_vertex_count:  # there passes cost next to nothing
             share = 1.0
         asked = look.quick(told, share)
         self.is_hurried = asked.get('refine') != look.quick(told).get('refine')
         found = self._deformer.offsets(self._motions, self._base, **asked)
-        return placed.offsets(self._ob, found)
+        return placed.offsets(self._ob, found, self._deformer.fades)
+
+    def _told(self):
+        of_all = {**self._asked, 'turns': self._turns}
+        if self._deformer.fades:
+            of_all['soft_border'] = look.soft_border(self._ob.detail_deform)
+        return of_all
 
     def written(self, record, wait):
         """Notes the facts of what is shown now, and sees to the slow result. wait: for it, and without a window."""
@@ -265,7 +274,7 @@ class Frame:
         is_slow = look.is_slow(of)
         if (is_slow or self.is_hurried) and not self._is_rest():
             record.is_final = False
-            asked = {**self._asked, 'turns': self._turns, 'base': self._base}
+            asked = {**self._told(), 'base': self._base}
             SlowUpdate(self._ob, self._deformer, self._motions, asked, is_slow).run(wait)
 
     def _is_rest(self):

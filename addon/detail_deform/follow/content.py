@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a binding is made for, as a signature: equal signatures, equal mesh, roles and options."""
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from ..library import native
@@ -8,11 +10,25 @@ from ..library.options import BIND, asked
 from ..library.structs import BindOptions
 from ..scene import examples, handle_matrices, loose, mesh_data, outside_base, proportions, split, start
 from ..scene.mesh_data import MeshProblem
+from . import reaches
 
 _EXAMPLES = 'examples-'  # before their part of a signature
 BASE_CHANGED = "The base object, its mesh or its choice was changed since Bind."
 TOPOLOGY_CHANGED = "The mesh's vertices or faces were changed since Bind."
 VERTICES_MOVED = "The mesh's vertices were moved since Bind."
+
+
+def check_groups(ob):
+    """Raises MeshProblem where the region or a handle refers to no group of the object. Cheap enough for every frame.
+    """
+    settings = ob.detail_deform
+    mesh_data.check_groups(ob, settings.region, handle_groups(settings))
+    reaches = reaches_of(settings)
+    there = set(ob.vertex_groups.keys()) if any(reaches) else ()
+    for handle, reach in zip(handle_matrices.enabled_handles(settings), reaches):
+        if reach and reach not in there:
+            raise MeshProblem(f"Handle '{handle.name}': its reach refers to the vertex group '{reach}', which "
+                              f"'{ob.name}' does not have: choose another group, or none.")
 
 
 def handle_groups(settings):
@@ -22,7 +38,8 @@ def handle_groups(settings):
 def order_of_handles(settings):
     """A text that is another one where handles have come, gone or changed places. Blender tells nobody when a script
     does that, so it is cheap enough for every update."""
-    return '\n'.join(group for _, group in handle_groups(settings))
+    return '\n'.join(f"{group}\t{reach}" if reach else group
+                     for (_, group), reach in zip(handle_groups(settings), reaches_of(settings)))
 
 
 def options(ob):
@@ -41,11 +58,56 @@ def options(ob):
     return made if poses is None else {**made, 'examples': poses}
 
 
+class Roles(NamedTuple):
+    """What vertices are to a binding."""
+    of_all: Any  # (n,) int32: a handle's, free to follow any of them, or fixed
+    parts: list  # of Part
+
+
+class Part(NamedTuple):
+    """The handles of one reach, and what vertices are to these."""
+    numbers: Any  # (k,) of the handles among all
+    roles: Any  # (n,) int32: handles counted from 0
+    is_whole: bool  # whether they go by the region, without a reach of their own
+
+
 def roles(ob, entries=None, joined=None):
-    """entries: what reads the groups, as of mesh_data.roles. joined: the object's split.Joined, if there is one."""
-    settings = ob.detail_deform
-    of_vertices = mesh_data.roles(ob, settings.region, handle_groups(settings), settings.base == 'COMPUTED', entries)
-    return (joined or split.Joined(ob)).roles(of_vertices)
+    """(n,) int32: of roles_of(), those of all vertices."""
+    return roles_of(ob, entries, joined).of_all
+
+
+def roles_of(ob, entries=None, joined=None):
+    """Roles. entries: what reads the groups, as of mesh_data.roles. joined: the object's split.Joined, if there is one.
+    Raises MeshProblem naming the group or handle."""
+    settings, joined = ob.detail_deform, joined or split.Joined(ob)
+    check_groups(ob)
+    of_all = mesh_data.roles(ob, settings.region, handle_groups(settings), settings.base == 'COMPUTED', entries)
+    reaches = reaches_of(settings)
+    if not any(reaches):
+        of_all = joined.roles(of_all)
+        return Roles(of_all, [Part(np.arange(len(reaches)), of_all, True)])
+    inside = {name: mesh_data.members(ob, name) for name in dict.fromkeys(filter(None, reaches))}
+    may_move = {"": of_all == native.ROLE_FREE} if "" in reaches else {}
+    may_move |= {name: chosen & (of_all < 0) for name, chosen in inside.items()}
+    parts = []
+    for name, free in may_move.items():
+        numbers = np.flatnonzero([reach == name for reach in reaches])
+        if not free.any():
+            raise MeshProblem(f"Handle '{handle_matrices.enabled_handles(settings)[numbers[0]].name}': no vertex that "
+                              "is free to follow is within its reach. Give its Reach more vertices, or none.")
+        of_part = np.where(free, native.ROLE_FREE, native.ROLE_FIXED).astype(np.int32)
+        for number, handle in enumerate(numbers):
+            of_part[of_all == handle] = number
+        parts.append(Part(numbers, joined.roles(of_part), not name))
+    moves = np.logical_or.reduce(list(may_move.values()))
+    of_all = np.where(moves, native.ROLE_FREE, np.where(of_all < 0, native.ROLE_FIXED, of_all)).astype(np.int32)
+    return Roles(joined.roles(of_all), parts)
+
+
+def reaches_of(settings):
+    """Of each enabled handle the group of its own reach, '' where it goes by the region."""
+    handles = handle_matrices.enabled_handles(settings)
+    return [handle.reach for handle in handles] if settings.base == 'COMPUTED' else [""] * len(handles)
 
 
 def shape_signature(ob, topology=None):
@@ -55,9 +117,11 @@ def shape_signature(ob, topology=None):
     return [mesh_data.signature(shape), topology or mesh_data.topology_signature(ob.data)]
 
 
-def signature(shape, roles_of_vertices, told):
-    """shape: as of shape_signature; told: as of options."""
-    return '.'.join([*shape, mesh_data.signature(roles_of_vertices), _texts(told)])
+def signature(shape, known, told):
+    """shape: as of shape_signature; known: Roles; told: as of options."""
+    told_apart = known.of_all if len(known.parts) == 1 and known.parts[0].is_whole else np.stack(
+        [known.of_all, *(part.roles for part in known.parts)])
+    return '.'.join([*shape, mesh_data.signature(told_apart), _texts(told)])
 
 
 def _texts(values):
@@ -70,12 +134,13 @@ def _text(value):
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def bind_arguments(ob, roles_of_vertices, joined, triangles, hung_ones):
-    """Of native.Bind, without its options, in proportions.bound(). What hangs on the surface is placed when the surface
-    is. joined: the object's split.Joined. triangles: of its mesh. hung_ones: of hung()."""
-    roles_of_vertices = np.where(hung_ones, native.ROLE_FIXED, roles_of_vertices).astype(np.int32)
-    return (proportions.bound(ob.detail_deform).to(start.shape(ob)), joined.between(triangles), roles_of_vertices,
-            len(handle_matrices.enabled_handles(ob.detail_deform)))
+def parts_to_bind(ob, known, joined, triangles, hung_ones):
+    """[reaches.Part] of the object, in proportions.bound(). What hangs on the surface is placed when the surface is.
+    known: Roles. joined: the object's split.Joined. triangles: of its mesh. hung_ones: of hung()."""
+    positions, triangles = proportions.bound(ob.detail_deform).to(start.shape(ob)), joined.between(triangles)
+    return [reaches.Part(part.numbers, positions, triangles,
+                         np.where(hung_ones, native.ROLE_FIXED, part.roles).astype(np.int32), part.is_whole)
+            for part in known.parts]
 
 
 def hung(ob, roles_of_vertices, triangles):
@@ -105,7 +170,7 @@ def difference(ob):
     if shape[0] != positions:
         return VERTICES_MOVED
     try:
-        current = signature(shape, roles(ob, joined=split.Joined(ob, topology)), options(ob)).split('.', 3)
+        current = signature(shape, roles_of(ob, joined=split.Joined(ob, topology)), options(ob)).split('.', 3)
     except MeshProblem as problem:
         return str(problem)
     if current[2] != bound_roles:

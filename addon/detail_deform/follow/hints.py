@@ -15,12 +15,12 @@ _of_regions = {}  # by signature: the sentences, as reading groups takes a while
 
 
 def of_region(ob, roles=None, joined=None):
-    """Of a bound object. roles, joined: of its vertices, where they are known."""
+    """Of a bound object. roles: content.Roles, and joined: its split.Joined, where they are known."""
     key = (ob.detail_deform.signature, ob.detail_deform.method)
     if key not in _of_regions:
         try:
             joined = joined or split.Joined(ob)
-            roles = content.roles(ob, joined=joined) if roles is None else roles
+            roles = roles or content.roles_of(ob, joined=joined)
             found = list(_of_region(ob, roles, joined.between(mesh_data.edges(ob.data))))
         except MeshProblem:  # it is stale, or about to be
             return ()
@@ -34,20 +34,26 @@ def _of_region(ob, roles, edges):
     settings = ob.detail_deform
     if settings.base == 'OBJECT':
         return
-    free, fixed = roles == native.ROLE_FREE, roles == native.ROLE_FIXED
-    border = fixed & _beside(edges, free)
-    row = _beside(edges, fixed) & _beside(edges, roles >= 0)
-    if border.any() and row[free].all():
-        yield ("The region is a single row of vertices between handle and rest, which takes all of the motion: enlarge "
-               "it (By Radius).")
-    rigid = _move_as_a_whole(roles, edges) if settings.region else ()
-    if len(rigid):
-        handles = handle_matrices.enabled_handles(settings)
-        names = ', '.join(f"'{handles[number].name}'" for number in rigid)
+    handles, rigid = handle_matrices.enabled_handles(settings), []
+    for part in roles.parts:
+        free, fixed = part.roles == native.ROLE_FREE, part.roles == native.ROLE_FIXED
+        row = _beside(edges, fixed) & _beside(edges, part.roles >= 0)
+        if (fixed & _beside(edges, free)).any() and row[free].all():
+            if part.is_whole:
+                yield ("The region is a single row of vertices between handle and rest, which takes all of the motion: "
+                       "enlarge it (By Radius).")
+            else:
+                yield (f"The reach of handle '{handles[part.numbers[0]].name}' is a single row of vertices between "
+                       "handle and rest, which takes all of the motion: give its Reach more vertices, or none.")
+        if settings.region or not part.is_whole:
+            rigid += [handles[part.numbers[number]].name for number in _move_as_a_whole(part.roles, edges)]
+    if rigid:
+        names = ', '.join(f"'{name}'" for name in rigid)
         yield (f"The region holds all of the loose part that these handles are on, one each, so the part moves as a "
                f"whole: {names}. To bend it make the region smaller (By Radius), or add a handle that stays.")
     if settings.method == 'EXAMPLES':
-        yield from _of_examples(ob, ~fixed, border)
+        fixed = roles.of_all == native.ROLE_FIXED
+        yield from _of_examples(ob, ~fixed, fixed & _beside(edges, roles.of_all == native.ROLE_FREE))
 
 
 def _move_as_a_whole(roles, edges):

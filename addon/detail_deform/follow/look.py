@@ -4,6 +4,7 @@
 from ..library import options
 from ..scene import examples
 
+_KEPT_OF_SLOW = ('output', 'base_deformer', 'turns', 'handle_turns', 'pivots', 'soft_border')
 _STEPS = next(option for option in options.SETTINGS if option.name == 'steps')
 
 
@@ -32,7 +33,7 @@ def quick(told, share=1.0):
     """What is shown while handles move: one step, and detail transfer in place of a slow method. share: of the time
     that this takes, how much there is; passes of Refine are left out for it."""
     if told['method'] == 'VOLUMES':
-        kept = {name: told.get(name) for name in ('output', 'base_deformer', 'turns', 'handle_turns', 'pivots')}
+        kept = {name: told[name] for name in _KEPT_OF_SLOW if name in told}
         return {'method': 'TRANSFER', 'refine': 0, **kept}
     found = {**told, 'steps': 1}
     passes = found.get('refine')

@@ -16,11 +16,11 @@ _hanging = {}  # _Hanging by the same
 _closings = {}  # Closing by the transfer that it is for
 
 
-def offsets(ob, computed):
-    """(3 n,) float32; computed: from the start, in proportions.bound()."""
+def offsets(ob, computed, has_faded):
+    """(3 n,) float32; computed: from the start, in proportions.bound(). has_faded: whether its borders are soft."""
     width, signature = look.soft_border(ob.detail_deform), ob.detail_deform.signature
-    if width:
-        ways = _of(signature, _ways, lambda: soft_border.ways(ob, content.roles(ob)))
+    if width and not has_faded:
+        ways = _of(signature, _ways, lambda: soft_border.of(ob, content.roles(ob)))
         computed = computed * np.repeat(soft_border.shares(ways, width), 3)
     space = proportions.bound(ob.detail_deform)
     computed = _of(signature, _joined, lambda: split.Joined(ob)).copied(computed)

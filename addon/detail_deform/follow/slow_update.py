@@ -14,7 +14,7 @@ class SlowUpdate:
     """Work for slow_results: for whatever mesh still shows the quick result when this is done."""
 
     def __init__(self, ob, deformer, motions, asked, is_slow):
-        """motions, asked: as native.Update takes them. is_slow: not only put off by a drag."""
+        """motions, asked: as the deformer's update() takes them. is_slow: not only put off by a drag."""
         self.token = offset_attribute.token(ob.data)
         self.deformer = deformer
         self._motions, self._asked, self._is_slow = motions, asked, is_slow
@@ -33,14 +33,14 @@ class SlowUpdate:
 
     def start(self, wait):
         """The native.Update. wait: for another one that has the deformer in use. Raises native.NativeError."""
-        return native.Update(self.deformer, self._motions, wait=wait, **self._asked)
+        return self.deformer.update(self._motions, wait=wait, **self._asked)
 
     def deliver(self, offsets, info):
         # Two meshes hold the same where one is a copy of the other.
         quick = [(ob, shown.by(ob.data)) for ob in self._owners() if ob.mode != 'EDIT']
         for ob, record in quick:
             if record is not None:
-                shown.show_slow(ob.data, placed.offsets(ob, offsets), record, info)
+                shown.show_slow(ob.data, placed.offsets(ob, offsets, self.deformer.fades), record, info)
         redraw_panels()
 
     def refuse(self, sentence):

@@ -148,7 +148,8 @@ def _remarks(ob, info):
         yield (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
                f"(such as triangle {info.degenerate_example}).")
     settings = ob.detail_deform
-    if info.handle_count == 1 and not settings.region and settings.base == 'COMPUTED':
+    if (info.handle_count == 1 and not settings.region and settings.base == 'COMPUTED'
+            and not handle_matrices.enabled_handles(settings)[0].reach):
         yield ("The only handle takes the whole mesh along, because nothing holds it: make a region (By Radius), or "
                "add a handle that stays.")
     if info.idle_handle_count:

@@ -43,6 +43,7 @@ class Draft(Owned):
     """What a bind shows before it is done, where it was told so by its option draft."""
 
     free = 'dd_draft_free'
+    is_draft, fades = True, False
 
     def __init__(self, bind, vertex_count):
         self.vertex_count = vertex_count
@@ -64,6 +65,7 @@ class Deformer(Made):
     """A bound surface. One update at a time: renders come from another thread than the window."""
 
     take, free = 'dd_job_take_deformer', 'dd_deformer_free'
+    is_draft, fades = False, False
 
     def __init__(self, job, example_count=0):
         super().__init__(job)
@@ -94,6 +96,10 @@ class Deformer(Made):
                            self.info.vertex_count)
             self.info = self._read_info()
         return found
+
+    def update(self, matrices, wait=False, **options):
+        """The Update of these."""
+        return Update(self, matrices, wait, **options)
 
     def example_weights(self):
         """(count,) float64: of the last update by method EXAMPLES."""

@@ -39,4 +39,5 @@ def _namers(settings):
     """(owner, property) of all that name a group."""
     yield from ((settings, name) for name in ('region', 'own_region', 'influence'))
     yield settings.transfer, 'anchor_group'
-    yield from ((handle, name) for handle in settings.handles for name in ('vertex_group', 'own_group'))
+    yield from ((handle, name) for handle in settings.handles
+                for name in ('vertex_group', 'own_group', 'reach', 'own_reach'))

@@ -7,17 +7,22 @@ from ..library import native
 from . import mesh_data, proportions, split, start
 
 
-def ways(ob, roles):
-    """(n,) float32: of the way from what is fixed to the handles, over the surface, how far each vertex is; 0 at the
-    border, 1 at handles and where nothing is fixed. roles: of the binding."""
+def of(ob, roles):
+    """As of ways(), of an object. roles: of its binding."""
     places = proportions.bound(ob.detail_deform).to(start.shape(ob))
+    joined, triangles = split.Joined(ob), mesh_data.triangles(ob.data)
+    return ways(roles, lambda chosen: joined.distances(places, triangles, chosen))
+
+
+def ways(roles, distances):
+    """(n,) float32: of the way from what is fixed to the handles, over the surface, how far each vertex is; 0 at the
+    border, 1 at handles and where nothing is fixed. distances: of all vertices from those of (n,) bool."""
     held = roles >= 0
     fixed = (roles == native.ROLE_FIXED) & ~held
     result = np.ones(len(roles), np.float32)
     if not (fixed.any() and held.any()):
         return result
-    joined, triangles = split.Joined(ob), mesh_data.triangles(ob.data)
-    to_fixed, to_held = (joined.distances(places, triangles, chosen) for chosen in (fixed, held))
+    to_fixed, to_held = distances(fixed), distances(held)
     between = np.isfinite(to_fixed) & np.isfinite(to_held) & ~held
     result[between] = to_fixed[between] / np.maximum(to_fixed[between] + to_held[between], np.float32(1e-30))
     return result

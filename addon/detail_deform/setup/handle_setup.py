@@ -241,7 +241,7 @@ def _append(ob, group_name, empty):
 def remove_handles(ob, indices):
     """Removes handles with the groups and the empties that were made for them, unless something else uses them now."""
     handles = [ob.detail_deform.handles[index] for index in indices]
-    groups = users.needed_groups(ob, [handle.own_group for handle in handles])
+    groups = users.needed_groups(ob, [name for handle in handles for name in (handle.own_group, handle.own_reach)])
     empties = users.needed_empties(ob, filter(None, (handle.own_target for handle in handles)))
     handle_matrices.hand_over(ob, empties)
     for index in sorted(indices, reverse=True):
@@ -251,10 +251,14 @@ def remove_handles(ob, indices):
 def _remove_handle(ob, index, needed_groups, needed_empties):
     settings = ob.detail_deform
     handle = settings.handles[index]
-    group, target = ob.vertex_groups.get(handle.own_group), handle.own_target
-    if group and group.name not in needed_groups and not _shares_group(ob, handle, group.name):
-        ob.vertex_groups.remove(group)
+    own, reach, target = handle.own_group, handle.own_reach, handle.own_target
+    unshared = [own] if not _shares_group(ob, handle, own) else []
     settings.handles.remove(index)
+    if not any(reach in {h.reach, h.own_reach, h.vertex_group} for h in settings.handles):
+        unshared += {reach} - {settings.region, settings.influence, own}
+    for group in filter(None, map(ob.vertex_groups.get, unshared)):
+        if group.name not in needed_groups:
+            ob.vertex_groups.remove(group)
     if target and target not in needed_empties and not any(h.target == target for h in settings.handles):
         for child in target.children:
             place = child.matrix_world.copy()
@@ -270,7 +274,7 @@ def _shares_group(ob, handle, name):
     """Whether the region or another handle uses the group of that name too."""
     settings = ob.detail_deform
     return name in {settings.region, settings.influence} or any(
-        h != handle and h.vertex_group == name for h in settings.handles)
+        name == h.reach or h != handle and h.vertex_group == name for h in settings.handles)
 
 
 def assign(ob, handle):
@@ -342,6 +346,24 @@ def _mirrored_empty(context, ob, handle, axis, name, image):
     return empty, motion
 
 
+def _mirror_reach(ob, name, first, axis):
+    """What the handle of that name reaches, and the mirror image of that, is within reach of it and of its mirror
+    images, the handles from that number on. A group of the user's stays, and theirs is the mirror image."""
+    handles = ob.detail_deform.handles
+    source, images = handles[name], list(handles)[first:]
+    if source.reach not in ob.vertex_groups:
+        return
+    reach = mesh_data.members(ob, source.reach)
+    image, group = mirror_image(ob, reach, axis)[0], ob.vertex_groups[source.reach]
+    if source.reach == source.own_reach:
+        selection.fill_group(ob, group, reach | image)
+    else:
+        group = selection.new_group(ob, f"{group.name} Mirrored", image)
+    for made in images:
+        made.own_reach = group.name
+        made.reach = group.name
+
+
 def _mirror_region(ob, image, axis):
     """A region made here that doesn't reach the mirrored handle gets its own mirror image too."""
     settings = ob.detail_deform
@@ -398,7 +420,8 @@ def mirror(context, ob, handle, axis, symmetric):
                           "the mesh is not symmetric there, or not about its origin.")
     if (image & chosen).sum() > 0.5 * chosen.sum():
         raise MirrorsItself(f"Handle '{name}' lies across the object's {letter} axis: its mirror image is itself.")
-    turns = handle.turns  # the list of handles is another one once one is added
+    # The list of handles is another one once one is added.
+    turns, reach, count = handle.turns, handle.reach, len(ob.detail_deform.handles)
     if symmetric:
         image &= ~_split_middle(ob, handle, letter, chosen, image)
         handle = None
@@ -411,7 +434,10 @@ def mirror(context, ob, handle, axis, symmetric):
     made = _append(ob, group_name, empty)
     made.own_group = group_name
     made.turns = turns
-    _mirror_region(ob, image, axis)
+    if reach:
+        _mirror_reach(ob, name, count, axis)
+    else:
+        _mirror_region(ob, image, axis)
     if symmetric:
         made.mirrors, made.mirror_axis = name, letter
         if start.is_deformed(ob.data):  # where its vertices start, so that it takes the mirrored pose from there

@@ -24,6 +24,13 @@ def selected_surroundings(ob):
     return region_setup.Around(ob, np.logical_or.reduce([chosen, *images]), chosen)
 
 
+def held_by(ob, count):
+    """(n,) bool: the vertices of the first so many handles, those that are enabled."""
+    groups = [h.vertex_group for h in list(ob.detail_deform.handles)[:count]
+              if h.enabled and h.vertex_group in ob.vertex_groups]
+    return mesh_data.members(ob, *groups)
+
+
 def _symmetric_axes(ob):
     return [axis for axis, letter in enumerate('xyz')
             if getattr(ob.data, f'use_mirror_{letter}') and not mirror_plane.is_mirrored(ob, axis)]
@@ -89,17 +96,21 @@ class Pull:
                 self.remarks.append(remark)
 
     def _set_region(self, present):
-        """Around the new handles and, while there are others, in addition to what was there for these."""
+        """Around the new handles: a reach of their own where no other handle is within it, else in addition to the
+        region of the others."""
         ob, settings = self._ob, self._ob.detail_deform
         of_others = present.members if settings.pulled_region and self._count else None
-        names = [handle.vertex_group for handle in settings.handles][self._count:]
-        new = mesh_data.group_weights(ob, names) > mesh_data.MEMBER_WEIGHT
+        handles = settings.handles[self._count:]
+        new = mesh_data.group_weights(ob, [h.vertex_group for h in handles]) > mesh_data.MEMBER_WEIGHT
         start = new.any(axis=0) if of_others is not None or not self._count else region_setup.sources(ob)
         around = self._around
         if around is None or not np.array_equal(around.start, start):
             around = region_setup.Around(ob, start, chosen=new[0])
         self.radius = self.radius or around.first_guess()
         members = around.within(self.radius)
+        if of_others is not None and not (members & held_by(ob, self._count)).any():
+            region_setup.set_reach(ob, handles, members)
+            return
         region_setup.set_region(ob, members if of_others is None else members | of_others)
         settings.pulled_region = True
 

@@ -9,7 +9,7 @@ from ..scene import handle_matrices, loose, mesh_data, seen, selection, split, u
 from ..scene.mesh_data import MeshProblem
 from ..scene.start import visible
 
-_GROUP_NAME = "Region"
+_GROUP_NAME, _REACH_NAME = "Region", "Reach"
 # Of the size of the mesh: how far the region reaches unless the user says otherwise.
 _USUAL_RADIUS = 0.25
 # How far it reaches around a selection: in radii of a disk of its area, at least so much of the size of the mesh and
@@ -23,6 +23,14 @@ def set_region(ob, members):
     may_change = all(h.vertex_group != settings.own_region for h in settings.handles)
     settings.own_region = selection.fill_own_group(ob, settings.own_region, may_change, _GROUP_NAME, members)
     settings.region = settings.own_region  # also where it was that: from now on it is not Pull's any more
+
+
+def set_reach(ob, handles, members):
+    """Makes these vertices the reach of some new handles, in a group of its own. members: (n,) bool."""
+    name = selection.new_group(ob, _REACH_NAME, members).name
+    for handle in handles:
+        handle.own_reach = name
+        handle.reach = name
 
 
 class Kept(NamedTuple):

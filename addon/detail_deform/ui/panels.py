@@ -154,6 +154,9 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
                 row.operator('object.detail_deform_handle_select')
             column = layout.column()
             column.prop_search(handle, 'vertex_group', ob, 'vertex_groups')
+            reach = column.column()
+            reach.active = settings.base == 'COMPUTED'
+            reach.prop_search(handle, 'reach', ob, 'vertex_groups')
             target = column.column()
             target.active = not handle.mirrors
             target.prop(handle, 'target')

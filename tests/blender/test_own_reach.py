@@ -1,0 +1,332 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A handle with a reach of its own moves nothing beyond it, and is held while others move."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from conftest import activate, add_empty, bind, data_blocks, evaluated, group, members, own, pull, refusal, symmetric, update
+
+
+def bumpy(n=40):
+    """A square of two units with bumps."""
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=n, y_subdivisions=n)
+    ob = bpy.context.active_object
+    p = own(ob)
+    p[:, 2] = 0.03 * np.cos(20 * p[:, 0]) * np.sin(20 * p[:, 1])
+    ob.data.vertices.foreach_set('co', p.astype(np.float32).ravel())
+    ob.data.update()
+    update()
+    return ob
+
+
+def disk(ob, x, y, radius):
+    return np.linalg.norm(own(ob)[:, :2] - (x, y), axis=1) < radius
+
+
+def two_pulls(**settings):
+    """A large pull, and a small one inside its region. The object, the two empties, and what the small one reaches."""
+    ob = bumpy()
+    for name, value in settings.items():
+        setattr(ob.detail_deform, name, value)
+    large = pull(ob, disk(ob, 0, 0, 0.2), radius=0.9)
+    small = pull(ob, disk(ob, 0.45, 0, 0.1), radius=0.2)
+    return ob, large, small, members(ob, "Reach")
+
+
+def pose(empty, x=0.0, y=0.0, z=0.0, turn=0.0, about=(0, 0, 0)):
+    back, there = Matrix.Translation(about).inverted(), Matrix.Translation(np.add((x, y, z), about))
+    empty.matrix_world = there @ Matrix.Rotation(turn, 4, 'Y') @ back @ empty.matrix_world
+    update()
+
+
+def by_itself(region, handles, **settings):
+    """A new sheet bound to that region alone. handles: [(members, motion of its empty or None)]. Its offsets."""
+    ob = bumpy()
+    for name, value in settings.items():
+        setattr(ob.detail_deform, name, value)
+    group(ob, 'region', np.flatnonzero(region))
+    ob.detail_deform.region = 'region'
+    p, empties = own(ob), []
+    for number, (chosen, _) in enumerate(handles):
+        group(ob, f'H{number}', np.flatnonzero(chosen))
+        empties.append(add_empty(f'E{number}', p[chosen].mean(axis=0)))
+        handle = ob.detail_deform.handles.add()
+        handle.name = handle.vertex_group = f'H{number}'
+        handle.target = empties[-1]
+    update()
+    activate(ob)
+    bind(ob)
+    for empty, (_, motion) in zip(empties, handles):
+        if motion:
+            pose(empty, **motion)
+    return evaluated(ob) - p
+
+
+def test_what_is_reached_is_what_moves():
+    ob, _, small, reach = two_pulls()
+    before = evaluated(ob)
+    pose(small, z=0.2, turn=0.5, about=(0.45, 0, 0))
+    moved = np.linalg.norm(evaluated(ob) - before, axis=1)
+    assert ob.detail_deform.is_bound, ob.detail_deform.status
+    assert not moved[~reach].any() and (moved[reach] > 1e-5).mean() > 0.9
+    core = members(ob, "Handle.001")
+    assert (reach & ~core).sum() > 50 and moved[core].min() > 0.14
+    assert reach.sum() < 0.3 * members(ob, "Region").sum()
+
+
+SETTINGS = {
+    'default': {}, 'no refinement': {'refine': 0}, 'normal': {'method': 'NORMAL'}, 'gradient': {'method': 'GRADIENT'},
+    'smoothness 3': {'smoothness': 3}, 'base metric': {'base_metric': 'BASE'}, 'steps': {'steps': 3},
+    'volumes': {'method': 'VOLUMES'}, 'soft': {'soft_border': 0.5}, 'linear': {'base_deformer': 'LINEAR'}}
+
+
+@pytest.mark.parametrize('name', SETTINGS)
+def test_both_are_the_sum_of_each_by_itself(name):
+    """Against sheets that are bound to one region each, in the usual way, with the other handle held."""
+    settings = SETTINGS[name]
+    ob, large, small, reach = two_pulls(**settings)
+    p, region = own(ob), members(ob, "Region")
+    cores = members(ob, "Handle"), members(ob, "Handle.001")
+    far = {'x': 0.2, 'z': 0.4, 'turn': 0.4}, {'z': 0.15, 'turn': -0.4, 'about': (0.45, 0, 0)}
+    pose(large, **far[0])
+    pose(small, **far[1])
+    found = evaluated(ob) - p
+    # Where the large one is alone its own region is that of a sheet by itself, and the small one a part of the rest.
+    expected = by_itself(region & ~cores[1], [(cores[0], far[0])], **settings)
+    expected += by_itself(reach, [(cores[1], far[1])], **settings)
+    # The part around a reach has other edges in the mean, and another box.
+    assert np.abs(found - expected).max() < 2e-4 * np.sqrt(8)
+    for core, motion in zip(cores, far):
+        there = Matrix.Translation([motion.get(k, 0.0) for k in 'xyz'])
+        assert found[core].mean(axis=0) == pytest.approx(there.to_translation(), abs=0.02)
+
+
+def test_by_examples_the_region_mixes_them_and_a_reach_does_not():
+    ob = bumpy()
+    p = own(ob)
+    ob.shape_key_add(name="Basis")
+    key = ob.shape_key_add(name="Hill")
+    hill = p + np.exp(-4 * (p[:, :2] ** 2).sum(axis=1))[:, None] * (0, 0, 0.5)
+    key.data.foreach_set('co', hill.astype(np.float32).ravel())
+    activate(ob)
+    assert bpy.ops.object.detail_deform_examples_from_keys() == {'FINISHED'}
+    ob.detail_deform.method = 'EXAMPLES'
+    large = pull(ob, disk(ob, 0, 0, 0.2), radius=0.9)
+    small = pull(ob, disk(ob, 0.45, 0, 0.1), radius=0.2)
+    reach = members(ob, "Reach")
+    before = evaluated(ob)
+    pose(small, z=0.2)
+    assert not (evaluated(ob) - before)[~reach].any()
+    pose(large, z=0.4)
+    assert ob.detail_deform.examples[0].found_weight > 0.3
+    assert evaluated(ob)[members(ob, "Handle.001"), 2].mean() - p[members(ob, "Handle.001"), 2].mean() == pytest.approx(
+        0.2, abs=1e-4)
+
+
+def test_a_pull_that_reaches_another_handle_shares_its_region():
+    ob = bumpy()
+    pull(ob, disk(ob, 0, 0, 0.2), radius=0.5)
+    pull(ob, disk(ob, 0.45, 0, 0.1), radius=0.4)
+    assert "Reach" not in ob.vertex_groups and not any(handle.reach for handle in ob.detail_deform.handles)
+    assert members(ob, "Region")[disk(ob, 0.45, 0, 0.3)].all()
+
+
+def test_beyond_the_region_of_the_first_it_reaches_as_far():
+    ob = bumpy()
+    pull(ob, disk(ob, 0, 0, 0.2), radius=0.3)
+    region = members(ob, "Region")
+    small = pull(ob, disk(ob, 0.6, 0, 0.1), radius=0.2)
+    assert (members(ob, "Region") == region).all() and (members(ob, "Reach") & ~region).any()
+    pose(small, z=0.2)
+    assert np.abs(evaluated(ob) - own(ob))[members(ob, "Handle.001"), 2] == pytest.approx(0.2, abs=1e-5)
+
+
+def test_both_sides_of_a_symmetric_pull_are_one():
+    ob = symmetric(41)
+    ob.data.use_mirror_x = True
+    pull(ob, disk(ob, 0, 0.35, 0.07), radius=0.15)
+    empty = pull(ob, disk(ob, 0.15, -0.15, 0.05), radius=0.1)
+    assert {handle.reach for handle in list(ob.detail_deform.handles)[-2:]} == {"Reach"}
+    p = own(ob)
+    pose(empty, x=0.02, z=0.1, turn=0.3, about=p[disk(ob, 0.15, -0.15, 0.05)].mean(axis=0))
+    found = evaluated(ob)
+    order = np.lexsort((p[:, 1].round(4), p[:, 0].round(4))), np.lexsort((p[:, 1].round(4), (-p[:, 0]).round(4)))
+    assert np.abs(found[order[0]] - found[order[1]] * (-1, 1, 1)).max() < 1e-5 and np.abs(found - p).max() > 0.09
+
+
+def test_a_handle_mirrored_by_the_panel_reaches_as_far():
+    ob = bumpy()
+    pull(ob, disk(ob, 0, 0.7, 0.15), radius=0.3)
+    pull(ob, disk(ob, 0.45, -0.3, 0.1), radius=0.2)
+    activate(ob)
+    ob.detail_deform.handle_index = 1
+    assert bpy.ops.object.detail_deform_handle_mirror(axis='X') == {'FINISHED'}
+    bind(ob)
+    made = ob.detail_deform.handles[2]
+    assert made.reach == "Reach" and members(ob, "Reach")[disk(ob, -0.45, -0.3, 0.2)].all()
+    pose(made.target, z=0.2)
+    moved = np.abs(evaluated(ob) - own(ob)).max(axis=1)
+    assert moved[members(ob, made.vertex_group)].min() > 0.19 and not moved[own(ob)[:, 0] > 0].any()
+
+
+def test_a_group_of_the_users_is_a_reach_and_stays_when_mirrored():
+    ob, _, small, _ = two_pulls()
+    group(ob, 'Mine', np.flatnonzero(disk(ob, 0.45, 0, 0.25)))
+    activate(ob)
+    ob.detail_deform.handles[1].reach = 'Mine'
+    assert "Re-bind" in ob.detail_deform.status
+    bind(ob, keep_rest=True)
+    pose(small, z=0.2)
+    moved = np.abs(evaluated(ob) - own(ob)).max(axis=1)
+    assert not moved[~members(ob, 'Mine')].any()
+    activate(ob)
+    ob.detail_deform.handle_index = 1
+    before = members(ob, 'Mine')
+    bpy.ops.object.detail_deform_handle_mirror(axis='X')
+    assert (members(ob, 'Mine') == before).all() and ob.detail_deform.handles[2].reach == 'Mine Mirrored'
+
+
+def test_without_its_reach_it_shares_the_region():
+    ob, _, small, reach = two_pulls()
+    ob.detail_deform.handles[1].reach = ''
+    activate(ob)
+    bind(ob, keep_rest=True)
+    pose(small, z=0.2)
+    moved = np.abs(evaluated(ob) - own(ob)).max(axis=1)
+    assert moved[~reach].max() > 0.01
+
+
+def test_renamed_and_deleted_groups():
+    ob, _, small, reach = two_pulls()
+    ob.vertex_groups["Reach"].name = "Nose"
+    update()
+    pose(small, z=0.2)
+    assert ob.detail_deform.handles[1].reach == "Nose" and ob.detail_deform.is_bound, ob.detail_deform.status
+    assert not (evaluated(ob) - own(ob))[~reach].any()
+    ob.vertex_groups.remove(ob.vertex_groups["Nose"])
+    pose(small, z=0.1)
+    assert "its reach refers to the vertex group 'Nose'" in ob.detail_deform.status
+    assert "Handle.001" in ob.detail_deform.status
+
+
+def test_a_reach_without_anything_to_move_is_refused():
+    ob, _, _, _ = two_pulls()
+    group(ob, 'Mine', np.flatnonzero(members(ob, "Handle.001")))
+    ob.detail_deform.handles[1].reach = 'Mine'
+    activate(ob)
+    assert "no vertex that is free to follow is within its reach" in refusal(bpy.ops.object.detail_deform_bind)
+
+
+def test_the_handle_goes_with_its_group():
+    ob, _, _, _ = two_pulls()
+    activate(ob)
+    ob.detail_deform.handle_index = 1
+    assert bpy.ops.object.detail_deform_handle_remove() == {'FINISHED'}
+    assert {g.name for g in ob.vertex_groups} == {"Handle", "Region"}
+
+
+def test_remove_all_leaves_nothing():
+    ob = bumpy()
+    before = data_blocks()
+    pull(ob, disk(ob, 0, 0, 0.2), radius=0.9)
+    pull(ob, disk(ob, 0.45, 0, 0.1), radius=0.2)
+    activate(ob)
+    bpy.ops.object.detail_deform_remove()
+    assert data_blocks() == before and not ob.vertex_groups
+
+
+def test_a_group_that_something_else_uses_stays():
+    ob, _, _, _ = two_pulls()
+    ob.modifiers.new("Mask", 'MASK').vertex_group = "Reach"
+    activate(ob)
+    ob.detail_deform.handle_index = 1
+    bpy.ops.object.detail_deform_handle_remove()
+    assert "Reach" in ob.vertex_groups
+
+
+def test_it_is_there_again_after_loading(tmp_path):
+    ob, large, small, _ = two_pulls()
+    pose(large, z=0.3)
+    pose(small, z=0.2)
+    expected, name = evaluated(ob), ob.name
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / 'saved.blend'))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / 'saved.blend'))
+    ob = bpy.data.objects[name]
+    update()
+    assert np.abs(evaluated(ob) - expected).max() < 1e-6
+    pose(ob.detail_deform.handles[1].target, z=0.1)
+    assert ob.detail_deform.is_bound and np.abs(evaluated(ob) - expected).max() == pytest.approx(0.1, abs=1e-3)
+
+
+def test_all_back_to_rest_and_a_pose_of_both():
+    """From rest both moves count from the mesh as it is, and each handle's vertices are where its empty says."""
+    ob, large, small, _ = two_pulls()
+    p = own(ob)
+    pose(large, z=0.3)
+    pose(small, z=0.2)
+    activate(ob)
+    bpy.ops.object.detail_deform_handle_reset(everything=True)
+    update()
+    assert np.abs(evaluated(ob) - p).max() < 1e-5
+    pose(large, z=0.3)
+    pose(small, z=0.2)
+    found = evaluated(ob) - p
+    for name, height in (("Handle", 0.3), ("Handle.001", 0.2)):
+        assert np.abs(found[members(ob, name)] - (0, 0, height)).max() < 1e-4
+
+
+def test_a_third_within_the_second_and_many():
+    ob, _, small, reach = two_pulls()
+    third = pull(ob, disk(ob, 0.6, 0, 0.04), radius=0.06)
+    inner = members(ob, "Reach.001")
+    assert (inner & reach).any() and not (inner & members(ob, "Handle.001")).any()
+    before = evaluated(ob)
+    pose(third, z=0.05)
+    assert not (evaluated(ob) - before)[~inner].any()
+    pose(small, z=0.1)
+    held = members(ob, "Handle.002")
+    assert np.abs((evaluated(ob) - before)[held] - (0, 0, 0.05)).max() < 1e-5
+
+
+def test_the_base_is_shown_of_all():
+    ob, large, small, reach = two_pulls()
+    ob.detail_deform.output = 'BASE'
+    update()
+    rest = evaluated(ob)
+    pose(small, z=0.2)
+    moved = np.abs(evaluated(ob) - rest).max(axis=1)
+    assert moved[reach].max() == pytest.approx(0.2, abs=1e-3) and moved[~reach].max() < 1e-6
+    assert np.abs(rest - own(ob)).max() > 0.01
+
+
+def test_drafts_of_parts_stand_in_until_all_are_bound(part):
+    """By their jobs: a draft comes once each part has one or is done."""
+    reaches, native = part('follow.reaches'), part('library.native')
+    n = 500
+    x, y = np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n))
+    p = np.stack([x.ravel(), y.ravel(), 0.02 * np.sin(20 * x.ravel())], axis=1).astype(np.float32)
+    a = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    triangles = np.concatenate([a[:, None] + (0, 1, n), a[:, None] + (1, n + 1, n)]).astype(np.int32)
+    away = [np.linalg.norm(p[:, :2] - middle, axis=1) for middle in ((0, 0), (0.5, 0))]
+    whole = np.where(away[0] < 0.9, -1, -2).astype(np.int32)
+    whole[away[0] < 0.2], whole[away[1] < 0.1] = 0, -2
+    small = np.where(away[1] < 0.25, -1, -2).astype(np.int32)
+    small[away[1] < 0.1] = 0
+    parts = [reaches.Part(np.array([number]), p, triangles, roles, is_whole)
+             for number, (roles, is_whole) in enumerate(((whole, True), (small, False)))]
+    assert len(parts[1].positions) < len(p) / 10
+    jobs = [native.Bind(*each.bind_arguments(), draft=True) for each in parts]
+    job, draft = reaches.Bind(parts, jobs, len(p)), None
+    while draft is None:
+        running, _, _ = job.progress()
+        draft = job.draft()
+        assert draft or running
+    made = job.finish()
+    assert draft.is_draft and not made.is_draft
+    motions = np.repeat(np.eye(4)[None, :3], 2, axis=0)
+    motions[:, 2, 3] = 0.4, 0.2
+    quick, exact = (each.offsets(motions, turns=np.zeros((2, 3))).reshape(-1, 3) for each in (draft, made))
+    assert np.abs(quick - exact).max() < 0.02 and np.abs(exact).max() == pytest.approx(0.4)
+    assert np.array_equal(exact, made.update(motions, turns=np.zeros((2, 3))).finish()[0].reshape(-1, 3))
