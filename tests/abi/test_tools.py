@@ -133,6 +133,18 @@ def test_measures_of_a_deformation(native, strip):
             native.measure(strip.positions, scaled, strip.triangles, strip.roles, *bases)
 
 
+def test_gradients_at_vertices(native, strip):
+    turn = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]], np.float32)
+    found = native.vertex_gradients(strip.positions, strip.positions @ turn.T + 5, strip.triangles)
+    assert found.shape == (len(strip.positions), 3, 3) and np.abs(found - turn).max() < 1e-5
+    bad = strip.positions.copy()
+    bad[4, 1] = np.nan
+    with pytest.raises(native.NativeError, match='ertex 4'):
+        native.vertex_gradients(strip.positions, bad, strip.triangles)
+    with pytest.raises(native.NativeError, match="deformed is for 3 vertices"):
+        native.vertex_gradients(strip.positions, bad[:3], strip.triangles)
+
+
 def test_distances_go_over_the_surface(native):
     # A strip folded back over itself: near in space, far along it.
     n = 21

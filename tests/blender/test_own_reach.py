@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from conftest import activate, add_empty, bind, data_blocks, evaluated, group, members, own, pull, refusal, symmetric, update
+from conftest import (activate, add_empty, bind, data_blocks, evaluated, group, members, own, pull, refusal,
+                      symmetric, update)
 
 
 def bumpy(n=40):
@@ -83,24 +84,51 @@ SETTINGS = {
 
 
 @pytest.mark.parametrize('name', SETTINGS)
-def test_both_are_the_sum_of_each_by_itself(name):
-    """Against sheets that are bound to one region each, in the usual way, with the other handle held."""
-    settings = SETTINGS[name]
-    ob, large, small, reach = two_pulls(**settings)
-    p, region = own(ob), members(ob, "Region")
-    cores = members(ob, "Handle"), members(ob, "Handle.001")
-    far = {'x': 0.2, 'z': 0.4, 'turn': 0.4}, {'z': 0.15, 'turn': -0.4, 'about': (0.45, 0, 0)}
-    pose(large, **far[0])
-    pose(small, **far[1])
+def test_alone_it_is_a_handle_with_its_reach_for_a_region(name):
+    ob, _, small, reach = two_pulls(**SETTINGS[name])
+    p, core = own(ob), members(ob, "Handle.001")
+    motion = {'z': 0.15, 'turn': -0.4, 'about': (0.45, 0, 0)}
+    pose(small, **motion)
     found = evaluated(ob) - p
-    # Where the large one is alone its own region is that of a sheet by itself, and the small one a part of the rest.
-    expected = by_itself(region & ~cores[1], [(cores[0], far[0])], **settings)
-    expected += by_itself(reach, [(cores[1], far[1])], **settings)
-    # The part around a reach has other edges in the mean, and another box.
-    assert np.abs(found - expected).max() < 2e-4 * np.sqrt(8)
-    for core, motion in zip(cores, far):
-        there = Matrix.Translation([motion.get(k, 0.0) for k in 'xyz'])
-        assert found[core].mean(axis=0) == pytest.approx(there.to_translation(), abs=0.02)
+    # The part of the mesh around the reach has other edges in the mean, and another box.
+    assert np.abs(found - by_itself(reach, [(core, motion)], **SETTINGS[name])).max() < 2e-4 * np.sqrt(8)
+
+
+@pytest.mark.parametrize('name', [name for name in SETTINGS if name != 'base metric'])  # not exact for rigid motions
+def test_it_goes_along_with_a_larger_motion(name):
+    """The large handle moves the whole mesh rigidly, the small one moves beside: as alone, and then all of it moved."""
+    ob = bumpy()
+    for setting, value in SETTINGS[name].items():
+        setattr(ob.detail_deform, setting, value)
+    large = pull(ob, disk(ob, 0, 0, 0.2), radius=9.0)
+    small = pull(ob, disk(ob, 0.6, 0, 0.1), radius=0.2)
+    assert ob.detail_deform.handles[1].reach and members(ob, "Region").all()
+    p, rest = own(ob), small.matrix_world.copy()
+    pose(small, z=0.15, turn=-0.4, about=(0.6, 0, 0))
+    alone = evaluated(ob)
+    assert np.abs(alone - p).max() > 0.14
+    whole = Matrix.Translation((0.3, 0.2, 0.5)) @ Matrix.Rotation(0.5, 4, 'X') @ Matrix.Rotation(0.3, 4, 'Z')
+    for empty in (large, small):
+        empty.matrix_world = whole @ empty.matrix_world
+    update()
+    there = np.array(whole)
+    assert np.abs(evaluated(ob) - (alone @ there[:3, :3].T + there[:3, 3])).max() < 2e-4
+    # The large one alone: the small one's vertices stay where their empty does, the others go.
+    small.matrix_world = rest
+    update()
+    found, core, reach = evaluated(ob), members(ob, "Handle.001"), members(ob, "Reach")
+    assert np.abs((found - p)[core]).max() < 2e-4
+    assert np.abs(found - (p @ there[:3, :3].T + there[:3, 3]))[~(reach | core)].max() < 2e-4
+
+
+def test_while_the_surface_bends_its_vertices_are_where_its_empty_says_in_the_mean():
+    ob, large, small, _ = two_pulls()
+    p, core, rest = own(ob), members(ob, "Handle.001"), small.matrix_world.copy()
+    pose(large, z=0.5, turn=0.5)
+    for height in (0.0, 0.2, 0.4):
+        small.matrix_world = Matrix.Translation((0, 0, height)) @ rest
+        update()
+        assert np.abs((evaluated(ob) - p)[core].mean(axis=0) - (0, 0, height)).max() < 0.01
 
 
 def test_by_examples_the_region_mixes_them_and_a_reach_does_not():
@@ -121,8 +149,8 @@ def test_by_examples_the_region_mixes_them_and_a_reach_does_not():
     assert not (evaluated(ob) - before)[~reach].any()
     pose(large, z=0.4)
     assert ob.detail_deform.examples[0].found_weight > 0.3
-    assert evaluated(ob)[members(ob, "Handle.001"), 2].mean() - p[members(ob, "Handle.001"), 2].mean() == pytest.approx(
-        0.2, abs=1e-4)
+    core = members(ob, "Handle.001")
+    assert (evaluated(ob) - p)[core, 2].mean() == pytest.approx(0.2, abs=0.01)
 
 
 def test_a_pull_that_reaches_another_handle_shares_its_region():
@@ -257,7 +285,7 @@ def test_it_is_there_again_after_loading(tmp_path):
     update()
     assert np.abs(evaluated(ob) - expected).max() < 1e-6
     pose(ob.detail_deform.handles[1].target, z=0.1)
-    assert ob.detail_deform.is_bound and np.abs(evaluated(ob) - expected).max() == pytest.approx(0.1, abs=1e-3)
+    assert ob.detail_deform.is_bound and np.abs(evaluated(ob) - expected).max() == pytest.approx(0.1, abs=5e-3)
 
 
 def test_all_back_to_rest_and_a_pose_of_both():
@@ -273,8 +301,8 @@ def test_all_back_to_rest_and_a_pose_of_both():
     pose(large, z=0.3)
     pose(small, z=0.2)
     found = evaluated(ob) - p
-    for name, height in (("Handle", 0.3), ("Handle.001", 0.2)):
-        assert np.abs(found[members(ob, name)] - (0, 0, height)).max() < 1e-4
+    assert np.abs(found[members(ob, "Handle")] - (0, 0, 0.3)).max() < 1e-4
+    assert np.abs(found[members(ob, "Handle.001")].mean(axis=0) - (0, 0, 0.2)).max() < 0.01
 
 
 def test_a_third_within_the_second_and_many():
@@ -287,11 +315,11 @@ def test_a_third_within_the_second_and_many():
     assert not (evaluated(ob) - before)[~inner].any()
     pose(small, z=0.1)
     held = members(ob, "Handle.002")
-    assert np.abs((evaluated(ob) - before)[held] - (0, 0, 0.05)).max() < 1e-5
+    assert np.abs((evaluated(ob) - before)[held].mean(axis=0) - (0, 0, 0.05)).max() < 0.01
 
 
 def test_the_base_is_shown_of_all():
-    ob, large, small, reach = two_pulls()
+    ob, _, small, reach = two_pulls()
     ob.detail_deform.output = 'BASE'
     update()
     rest = evaluated(ob)

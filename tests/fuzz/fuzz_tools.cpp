@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What is done at once and leaves nothing: measures, distances, and solids.
+// What is done at once and leaves nothing: measures, distances, gradients, and solids.
 #include "checks.h"
 #include "meshes.h"
 
@@ -88,6 +88,25 @@ void measures(Bytes& bytes) {
     promise(m.new_intersecting_pairs == 0 && m.stretch <= 1e-6, "at rest nothing is stretched");
 }
 
+void gradients(Bytes& bytes) {
+  const Surface surface = any_surface(bytes);
+  const size_t n = surface.vertex_count();
+  const bool at_rest = bytes.one_in(3);
+  const std::vector<float> deformed = at_rest ? surface.positions : posed(surface.positions, bytes);
+  std::vector<float> out(9 * n, -7), before(out);
+  const dd_mesh mesh = surface.mesh();
+  if (!well(dd_vertex_gradients(bytes.pointer(&mesh), bytes.pointer(deformed.data()),
+                                bytes.count(n), bytes.pointer(out.data()), bytes.count(n)))) {
+    promise(!(bytes.tame() && at_rest), "what is nothing out of the way is not refused");
+    promise(out == before, "outputs are written only on DD_OK: gradients were");
+    return;
+  }
+  for (size_t k = 0; k < out.size(); ++k) {
+    promise(std::isfinite(out[k]), "a gradient is finite");
+    promise(!at_rest || std::abs(out[k] - float(k % 9 % 4 == 0)) < 1e-3, "none at rest is another");
+  }
+}
+
 void solids(Bytes& bytes) {
   const Solid solid = any_solid(bytes);
   const size_t n = solid.vertex_count(), m = solid.tet_count();
@@ -150,12 +169,15 @@ void solids(Bytes& bytes) {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   Bytes bytes(data, size);
-  switch (bytes.below(3)) {
+  switch (bytes.below(4)) {
     case 0:
       distances(bytes);
       break;
     case 1:
       measures(bytes);
+      break;
+    case 2:
+      gradients(bytes);
       break;
     default:
       solids(bytes);

@@ -260,6 +260,17 @@ std::vector<Work> works() {
                                          sources.size());
                    });
                  }});
+  all.push_back({"vertex gradients", [](Floats& out, const Fallible& fallible) {
+                   const dd_mesh mesh = ball().mesh();
+                   const Floats now = turned(ball().positions);
+                   Floats found(9 * mesh.vertex_count, out[0]);
+                   const int32_t status = fallible([&] {
+                     return dd_vertex_gradients(&mesh, now.data(), mesh.vertex_count, found.data(),
+                                                mesh.vertex_count);
+                   });
+                   std::copy_n(found.begin(), std::min(found.size(), out.size()), out.begin());
+                   return status;
+                 }});
   all.push_back({"measures", [](Floats& out, const Fallible& fallible) {
                    const dd_mesh mesh = ball().mesh();
                    const Floats now = turned(ball().positions);

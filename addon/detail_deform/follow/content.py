@@ -86,21 +86,25 @@ def roles_of(ob, entries=None, joined=None):
     if not any(reaches):
         of_all = joined.roles(of_all)
         return Roles(of_all, [Part(np.arange(len(reaches)), of_all, True)])
-    inside = {name: mesh_data.members(ob, name) for name in dict.fromkeys(filter(None, reaches))}
-    may_move = {"": of_all == native.ROLE_FREE} if "" in reaches else {}
-    may_move |= {name: chosen & (of_all < 0) for name, chosen in inside.items()}
-    parts = []
-    for name, free in may_move.items():
+    # Those that go by the region come first.
+    names = [name for name in ("", *dict.fromkeys(filter(None, reaches))) if name in reaches]
+    # Of each vertex the part whose handle it belongs to. Handles of later parts are free in those before.
+    part_of = np.array([names.index(reach) for reach in reaches])[np.maximum(of_all, 0)]
+    parts, moves = [], np.zeros(len(of_all), bool)
+    for place, name in enumerate(names):
+        group = name or settings.region
+        free = mesh_data.members(ob, group) if group else np.ones(len(of_all), bool)
+        free &= (of_all < 0) | (part_of > place)
+        moves |= free
         numbers = np.flatnonzero([reach == name for reach in reaches])
         if not free.any():
             raise MeshProblem(f"Handle '{handle_matrices.enabled_handles(settings)[numbers[0]].name}': no vertex that "
                               "is free to follow is within its reach. Give its Reach more vertices, or none.")
-        of_part = np.where(free, native.ROLE_FREE, native.ROLE_FIXED).astype(np.int32)
+        of_part = np.where(free, native.ROLE_FREE, native.ROLE_FIXED)
         for number, handle in enumerate(numbers):
             of_part[of_all == handle] = number
-        parts.append(Part(numbers, joined.roles(of_part), not name))
-    moves = np.logical_or.reduce(list(may_move.values()))
-    of_all = np.where(moves, native.ROLE_FREE, np.where(of_all < 0, native.ROLE_FIXED, of_all)).astype(np.int32)
+        parts.append(Part(numbers, joined.roles(of_part.astype(np.int32)), not name))
+    of_all = np.where(of_all >= 0, of_all, np.where(moves, native.ROLE_FREE, native.ROLE_FIXED)).astype(np.int32)
     return Roles(joined.roles(of_all), parts)
 
 

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Handles with reaches of their own, bound and updated as one surface.
 
-The handles of each reach are bound by themselves, to the part of the mesh that they reach, where the vertices of all
-other handles are fixed; the displacements of the parts are summed. So a handle moves nothing beyond its reach, the
-vertices of each handle go exactly where its empty takes them, and a part whose handles are at rest costs nothing.
+The handles of each reach are a part of the binding, bound by themselves to the mesh around what they reach; those
+without a reach are the first part, bound to the region. Each part deforms what the parts before it have made of the
+surface: its own displacements d are turned along with that, p' = p + F d. F are the deformation gradients of what was
+made so far, without its details: d is large beside these, and would show them twice. What its handles are asked for is
+relative to where the surface has their vertices by then, so that their places and turns are those of their empties. A
+handle so moves nothing beyond its reach, and what is not moved costs nothing.
 """
 
 import contextlib
@@ -21,7 +24,11 @@ _RINGS = 3
 _REST = np.eye(4)[:3]
 # How far a motion is from none where its empty didn't move: rounding of double precision, of the part's size.
 _STILL = 1e-12
-# Of the deforming examples' method alone; what doesn't go by examples goes by detail transfer.
+# The least determinant of a gradient by which motions are told: a surface that is flatter has lost its way.
+_FLATTEST = 1e-3
+# Of how much places vary along one direction, in squares, beside how much they do along another.
+_LEAST_VARIATION = 1e-4
+# Of the method Examples alone; what has a reach of its own goes by detail transfer then.
 _OF_EXAMPLES = ('example_weights', 'example_limits', 'gradients')
 # An array with a row for each handle.
 _OF_HANDLES = ('turns', 'handle_turns', 'pivots')
@@ -42,7 +49,9 @@ class Part:
             positions, roles = positions[self.vertices], roles[self.vertices]
             triangles = place_of[triangles[self.triangle_numbers]]
         self.positions, self.triangles, self.roles = positions, triangles, roles
-        self._ways, self._size = None, float(np.abs(positions).max(initial=0))
+        self._size = float(np.abs(positions).max(initial=0))
+        self._held = [np.flatnonzero(roles == number) for number in range(len(numbers))]
+        self._ways = self._smooth = None
 
     def bind_arguments(self):
         """Of native.Bind, without its options."""
@@ -61,10 +70,68 @@ class Part:
             found['method'] = 'TRANSFER'
         return found
 
+    def of(self, offsets):
+        """Its vertices' rows of the mesh's (n, 3)."""
+        return offsets if self.vertices is None else offsets[self.vertices]
+
+    def gradients(self, before):
+        """(k, 3, 3): F, where its vertices' offsets are before, (k, 3); None where they are none."""
+        if not before.any():
+            return None
+        found = native.vertex_gradients(self.positions, self.positions + before, self.triangles)
+        if self._smooth is None:
+            self._smooth = self._fit()
+        functions, fit = self._smooth
+        return (functions @ (fit @ found.reshape(-1, 9))).reshape(-1, 3, 3)
+
+    def _fit(self):
+        """(k, 4) and (4, k): the linear functions of a place, and what finds those that are nearest to values at the
+        vertices in the least squares sense, weighted by their areas and most at the handles."""
+        places = self.positions.astype(np.float64)
+        a, b, c = np.moveaxis(places[self.triangles], 1, 0)
+        areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        weights = self.shares_of_way() ** 2 * sum(
+            np.bincount(self.triangles[:, k], areas, minlength=len(places)) for k in range(3))
+        middle = weights @ places / max(weights.sum(), 1e-300)
+        size = max(np.abs(places - middle).max(initial=0), 1e-300)
+        functions = np.concatenate([np.ones((len(places), 1)), (places - middle) / size], axis=1)
+        weighted = functions.T * (weights / max(weights.sum(), 1e-300))
+        # Across a plane nothing varies: there the least slope is none.
+        return functions, np.linalg.pinv(weighted @ functions, rcond=_LEAST_VARIATION, hermitian=True) @ weighted
+
+    def shares_of_way(self):
+        """As of soft_border.ways."""
+        if self._ways is None:
+            self._ways = soft_border.ways(self.roles, lambda chosen: native.distances(
+                self.positions, self.triangles, chosen))
+        return self._ways
+
+    def relative(self, matrices, before, gradients):
+        """(h, 3, 4): what its handles are asked for, from where their vertices are before it."""
+        if gradients is None:
+            return matrices
+        result = np.empty_like(matrices)
+        for number, (matrix, held) in enumerate(zip(matrices, self._held)):
+            F = gradients[held].mean(axis=0, dtype=np.float64)
+            if not np.linalg.det(F) > _FLATTEST:
+                F = np.eye(3)
+            centre = self.positions[held].mean(axis=0, dtype=np.float64)
+            there, back = centre + before[held].mean(axis=0, dtype=np.float64), np.linalg.inv(F)
+            result[number, :, :3] = back @ matrix[:, :3]
+            result[number, :, 3] = back @ (matrix[:, 3] - there) + centre
+        return result
+
     def is_moved(self, matrices):
-        """By any of its handles. matrices: theirs, (k, 3, 4)."""
+        """By any of its handles. matrices: theirs, (h, 3, 4)."""
         change = np.abs(matrices - _REST)
         return change[..., :3].max() > _STILL or change[..., 3].max() > _STILL * self._size
+
+    def faded(self, offsets, width):
+        """(k, 3): its offsets, (3 k,), fading towards its border by that width."""
+        offsets = offsets.reshape(-1, 3)
+        if not width:
+            return offsets
+        return offsets * soft_border.shares(self.shares_of_way(), width)[:, None]
 
     def vertex(self, number):
         """By its number in the mesh."""
@@ -86,18 +153,6 @@ class Part:
                           flags=re.IGNORECASE)
             raise native.NativeError(said, error.status, [self.vertex(number) for number in error.vertices]) from error
 
-    def add(self, offsets, width, result):
-        """Adds the offsets, (3 k,), to those of the mesh, (n, 3), fading towards the reach's border by that width."""
-        offsets = offsets.reshape(-1, 3)
-        if width:
-            if self._ways is None:
-                self._ways = soft_border.ways(self.roles, self._distances)
-            offsets = offsets * soft_border.shares(self._ways, width)[:, None]
-        result[slice(None) if self.vertices is None else self.vertices] += offsets
-
-    def _distances(self, chosen):
-        return native.distances(self.positions, self.triangles, chosen)
-
 
 def _around(moves, triangles):
     """Of what may move, with its rings: (k,) vertices and (l,) numbers of triangles."""
@@ -106,6 +161,33 @@ def _around(moves, triangles):
         chosen = np.flatnonzero(near[triangles].any(axis=1))
         near[triangles[chosen]] = True
     return np.flatnonzero(near), chosen
+
+
+class _Composition:
+    """A surface as it is deformed part by part."""
+
+    def __init__(self, vertex_count, matrices, asked, width):
+        """matrices: (h, 3, 4), of all handles. asked: of the update. width: of the soft border."""
+        self.offsets = np.zeros((vertex_count, 3), np.float32)
+        self._matrices, self._asked, self._width = matrices, asked, width
+        self._shows_base = asked.get('output') == 'BASE'  # whose parts are summed: what is carried are details
+        self._gradients = None
+
+    def asks(self, part):
+        """(matrices, options) of the part's update; None where nothing moves it."""
+        matrices, told = np.ascontiguousarray(self._matrices[part.numbers]), part.asked(self._asked)
+        before = part.of(self.offsets)
+        self._gradients = None if self._shows_base else part.gradients(before)
+        matrices, turns = part.relative(matrices, before, self._gradients), told.get('turns')
+        moves = self._shows_base or part.is_moved(matrices) or (turns is not None and turns.any())
+        return (matrices, told) if moves else None
+
+    def add(self, part, offsets):
+        """offsets: (3 k,), what the part's update gave."""
+        offsets = part.faded(offsets, self._width)
+        if self._gradients is not None:
+            offsets = np.einsum('nij,nj->ni', self._gradients, offsets)
+        self.offsets[slice(None) if part.vertices is None else part.vertices] += offsets
 
 
 class Bind:
@@ -184,33 +266,29 @@ class Deformer:
         self.is_draft = any(each.is_draft for each in made)
         self.info = None if self.is_draft else self._read_info()
 
-    def _moved(self, matrices, asked):
-        """(part, what was made for it, its matrices, its options) of the parts whose handles move, and of those that
-        show their base."""
-        shows_base = asked.get('output') == 'BASE'
-        for part, made in zip(self._parts, self._made):
-            of_part, told = np.ascontiguousarray(matrices[part.numbers]), part.asked(asked)
-            turns = told.get('turns')
-            if shows_base or part.is_moved(of_part) or (turns is not None and turns.any()):
-                yield part, made, of_part, told
-
     def offsets(self, matrices, base=None, soft_border=0.0, **asked):
         """As of native.Deformer. soft_border: as of the setting."""
-        result = np.zeros((self.vertex_count, 3), np.float32)
-        for part, made, of_part, told in self._moved(matrices, asked):
-            with part.in_numbers_of_all():
-                found = made.offsets(of_part, **told)
-                if told.get('output') == 'BASE' and part is not self._parts[0]:
-                    # The base of the first is shown, and how the others move theirs.
-                    found = found - made.offsets(np.repeat(_REST[None], len(of_part), axis=0), **told)
-            part.add(found, soft_border, result)
+        surface = _Composition(self.vertex_count, matrices, asked, soft_border)
+        for part, made in zip(self._parts, self._made):
+            asks = surface.asks(part)
+            if asks:
+                with part.in_numbers_of_all():
+                    surface.add(part, self._offsets(part, made, *asks))
         if self.info is not None:
             self.info = self._read_info()
-        return result.ravel()
+        return surface.offsets.ravel()
+
+    def _offsets(self, part, made, matrices, told):
+        found = made.offsets(matrices, **told)
+        if told.get('output') == 'BASE' and part is not self._parts[0]:
+            # The base of the first is shown, and how the others move theirs.
+            found = found - made.offsets(np.repeat(_REST[None], len(matrices), axis=0), **told)
+        return found
 
     def update(self, matrices, wait=False, base=None, soft_border=0.0, **asked):
         """As of native.Deformer."""
-        return _Update(list(self._moved(matrices, asked)), self.vertex_count, soft_border, wait)
+        surface = _Composition(self.vertex_count, matrices, asked, soft_border)
+        return _Update(self._parts, self._made, surface, wait)
 
     def example_weights(self):
         return self._made[0].example_weights()
@@ -254,44 +332,75 @@ def _take_over(info, of_part, name, number_of, is_first):
 
 
 class _Update:
-    """As native.Update, of the parts that move."""
+    """As native.Update: of one part after the other, as each starts from what those before it have made."""
 
-    def __init__(self, moved, vertex_count, width, wait):
-        self._parts, self._jobs = [part for part, _, _, _ in moved], []
-        self._vertex_count, self._width, self.cancelled = vertex_count, width, False
-        try:
-            for part, made, matrices, told in moved:
+    def __init__(self, parts, made, surface, wait):
+        self._left, self._count = list(zip(parts, made)), len(parts)
+        self._surface, self._wait, self._infos = surface, wait, []
+        self._part = self._job = None
+        self._lock = threading.Lock()
+        self.cancelled, self._failed = False, None
+        self._go_on()
+
+    def _go_on(self):
+        """Begins the next that is moved, if there is one. Raises native.NativeError."""
+        while self._left and not self._job:
+            part, made = self._left[0]
+            asks = self._surface.asks(part)
+            if asks:
+                matrices, told = asks
                 with part.in_numbers_of_all():
-                    self._jobs.append(made.update(matrices, wait=wait, **told))
-        except native.NativeError:
-            self.close()
-            raise
+                    self._part, self._job = part, made.update(matrices, wait=self._wait, **told)
+            self._left.pop(0)
+
+    def _take(self):
+        job, self._job = self._job, None
+        with self._part.in_numbers_of_all():
+            offsets, info = job.finish()
+        self._surface.add(self._part, offsets)
+        self._infos.append(info)
 
     def progress(self):
         """(running, fraction, stage)"""
-        states = [job.progress() for job in self._jobs] or [(False, 1.0, "Done")]
-        running = [state for state in states if state[0]]
-        return bool(running), sum(state[1] for state in states) / len(states), (running or states)[0][2]
+        with self._lock:
+            running, fraction, stage = self._job.progress() if self._job else (False, 0.0, "Done")
+            if not running and self._left and not self.cancelled:
+                try:
+                    if self._job:
+                        self._take()
+                    self._go_on()
+                except native.NativeError as error:
+                    if not error.busy:
+                        self._left.clear()
+                        self._failed = error
+                # Where another object's update is under way, it is tried again.
+                running, fraction = bool(self._job or self._left), 0.0
+            return running, 1 - (len(self._left) + (1 - fraction) * bool(self._job)) / self._count, stage
 
     def cancel(self):
-        self.cancelled = True
-        for job in self._jobs:
-            job.cancel()
+        with self._lock:
+            self.cancelled = True
+            if self._job:
+                self._job.cancel()
 
     def close(self):
-        for job in self._jobs:
-            job.close()
+        with self._lock:
+            self._left.clear()
+            if self._job:
+                self._job.close()
 
     def finish(self):
         """Waits; (3 n,) float32 offsets and what is known of the part that is worst, or native.NativeError."""
-        result, infos = np.zeros((self._vertex_count, 3), np.float32), []
-        try:
-            for part, job in zip(self._parts, self._jobs):
-                with part.in_numbers_of_all():
-                    offsets, info = job.finish()
-                part.add(offsets, self._width, result)
-                infos.append(info)
-        finally:
-            self.close()
-        return result.ravel(), max(infos, key=lambda info: (not info.volumes_converged, info.volume_error),
-                                   default=native.UpdateInfo())
+        with self._lock:
+            self._wait = True
+            while self._job or (self._left and not self.cancelled):
+                if self._job:
+                    self._take()
+                self._go_on()
+            if self._failed:
+                raise self._failed
+            if self.cancelled:
+                raise native.NativeError("It was cancelled.")
+        worst = max(self._infos, key=lambda info: (not info.volumes_converged, info.volume_error),
+                    default=native.UpdateInfo(volumes_converged=1))
+        return self._surface.offsets.ravel(), worst

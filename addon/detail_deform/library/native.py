@@ -4,5 +4,5 @@
 from .deformer import ROLE_FIXED, ROLE_FREE, Bind, Deformer, Draft, Update  # noqa: F401
 from .loading import instruction_set, library, library_path, unload, version  # noqa: F401
 from .structs import NativeError, UpdateInfo  # noqa: F401
-from .tools import distances, measure  # noqa: F401
+from .tools import distances, measure, vertex_gradients  # noqa: F401
 from .transfer import Match, Transfer, TransferJob  # noqa: F401

@@ -251,6 +251,7 @@ SIGNATURES = {
     'dd_match_free': [OBJECT],
     'dd_measure': [_TO(Mesh), INTS, _SIZE, FLOATS, _SIZE, _TO(MeasureOptions), _TO(Measures)],
     'dd_distances': [_TO(Mesh), INTS, _SIZE, FLOATS, _SIZE],
+    'dd_vertex_gradients': [_TO(Mesh), FLOATS, _SIZE, FLOATS, _SIZE],
     'dd_tets_create': [_TO(TetMesh), INTS, _SIZE, _INT, _TO(OBJECT)],
     'dd_tets_get_operator': [OBJECT, _INT, INTS, INTS, DOUBLES, _SIZE, _TO(_SIZE)],
     'dd_tets_solve': [OBJECT, DOUBLES, _SIZE, DOUBLES, _SIZE, DOUBLES, _SIZE],

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Measures of a deformation, and distances over a surface."""
+"""Measures of a deformation, its gradients at vertices, and distances over a surface."""
 
 import numpy as np
 
@@ -23,4 +23,13 @@ def distances(positions, triangles, sources):
     sources = numbers('sources', sources, np.int32)
     found = np.empty(len(positions), np.float32)
     call('dd_distances', Mesh(positions=positions, triangles=triangles), sources, len(sources), found, len(found))
+    return found
+
+
+def vertex_gradients(rest, deformed, triangles):
+    """(n, 3, 3) float32: at each vertex the mean deformation gradient (15) of the triangles around it, from rest to
+    deformed; both (n, 3)."""
+    deformed = numbers('deformed', deformed, np.float32, 3)
+    found = np.empty((len(rest), 3, 3), np.float32)
+    call('dd_vertex_gradients', Mesh(positions=rest, triangles=triangles), deformed, len(deformed), found, len(found))
     return found

@@ -71,7 +71,9 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
             mesh_data.check_editable(ob)
             _check_mode(ob)
             if self._view and not self.radius and pulling.asks_for_reach(ob):
-                self._choice = ReachChoice(context, self._view, ob, pulling.selected_surroundings(ob), event)
+                self._choice = ReachChoice(
+                    context, self._view, ob, pulling.selected_surroundings(ob),
+                    pulling.others(ob, len(ob.detail_deform.handles)), event)
             else:
                 self._begin(context, ob)
         except words.TOLD as problem:

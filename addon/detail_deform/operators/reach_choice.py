@@ -13,6 +13,7 @@ from .reach_drawing import ReachDrawing
 _WHEEL, _FINE = 1.1, 0.1
 _LEAST = 1e-3  # of the first guess
 _KEYS = "Mouse, wheel: reach    Shift: finely    0-9: type it    Enter, click: pull    Esc, right click: cancel"
+_SHARED = ", with the region of the handle that it reaches"
 
 
 class View(NamedTuple):
@@ -24,8 +25,8 @@ class View(NamedTuple):
 class ReachChoice:
     """While it goes on, hear() takes the window's events."""
 
-    def __init__(self, context, view, ob, around, event):
-        """around: a region_setup.Around, whose distances are computed once."""
+    def __init__(self, context, view, ob, around, others, event):
+        """around: a region_setup.Around, whose distances are computed once. others: pulling.Others, or None."""
         self.around, self._view, self._units = around, view, context.scene.unit_settings
         self._guessed = self._moved = around.first_guess()
         self._typed = ""
@@ -35,13 +36,19 @@ class ReachChoice:
         self._extent = float(np.linalg.norm(chosen - middle, axis=1).max())
         self._middle = Vector(middle + around.origin)
         self._mouse, self._is_near = self._place_of(event), False
-        self._drawing = ReachDrawing(self, around, places)
+        self._shared_from = around.distances[others.held].min() if others and others.held.any() else np.inf
+        self._drawing = ReachDrawing(self, around, places, others and others.region)
         self._show(context)
 
     @property
     def radius(self):
         """In the world's unit."""
         return max(self._typed_length() or self._moved, _LEAST * self._guessed)
+
+    @property
+    def shares_region(self):
+        """Whether another handle is reached, whose region then moves, too."""
+        return self.radius >= self._shared_from
 
     def circle(self, region):
         """Where the drawing's circle is in a region, (middle, radius) in pixels; None where it is not shown."""
@@ -122,6 +129,7 @@ class ReachChoice:
     def _show(self, context):
         length = (f"{self.radius:.4g}" if self._units.system == 'NONE' else bpy.utils.units.to_string(
             self._units.system, 'LENGTH', self.radius * self._units.scale_length, precision=4))
-        self._view.area.header_text_set(f"Reach: {f'[{self._typed}|] = ' if self._typed else ''}{length}    {_KEYS}")
+        self._view.area.header_text_set(f"Reach: {f'[{self._typed}|] = ' if self._typed else ''}{length}"
+                                        f"{_SHARED * self.shares_region}    {_KEYS}")
         context.workspace.status_text_set(_KEYS)
         self._view.area.tag_redraw()

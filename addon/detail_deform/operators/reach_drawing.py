@@ -51,10 +51,11 @@ def _make_shader():
 class ReachDrawing:
     """In every 3D view, until it is closed. A change of the reach changes one number for the shader."""
 
-    def __init__(self, choice, around, places):
-        """places: (n, 3) float32 from the object's origin, where the vertices of around are seen."""
-        self._choice, self._around, self._places = choice, around, places
-        self._shader = self._batch = None
+    def __init__(self, choice, around, places, region):
+        """places: (n, 3) float32 from the object's origin, where the vertices of around are seen. region: (n,) bool,
+        what moves with them where the choice shares it; or None."""
+        self._choice, self._around, self._places, self._region = choice, around, places, region
+        self._shader = self._batch = self._batch_of_region = None
         self._handles = [bpy.types.SpaceView3D.draw_handler_add(draw, (), 'WINDOW', kind)
                          for draw, kind in ((self._draw_surface, 'POST_VIEW'), (self._draw_circle, 'POST_PIXEL'))]
 
@@ -62,16 +63,21 @@ class ReachDrawing:
         for handle in self._handles:
             bpy.types.SpaceView3D.draw_handler_remove(handle, 'WINDOW')
         self._handles = []
-        self._shader = self._batch = None
+        self._shader = self._batch = self._batch_of_region = None
 
     def _prepare(self):
-        from gpu_extras.batch import batch_for_shader
-        around = self._around
         self._shader = _make_shader()
         # What no way leads to is as good as far away, but the shader needs a number.
-        away = np.where(np.isfinite(around.distances), around.distances, np.float32(1e30)).astype(np.float32)
-        self._batch = batch_for_shader(
-            self._shader, 'TRIS', {'position': self._places, 'distance_over_surface': away}, indices=around.triangles)
+        away = np.where(np.isfinite(self._around.distances), self._around.distances, np.float32(1e30))
+        self._batch = self._batch_of(away, self._around.triangles)
+        if self._region is not None:
+            inside = self._region[self._around.triangles].any(axis=1)
+            self._batch_of_region = self._batch_of(np.where(self._region, 0, 2), self._around.triangles[inside])
+
+    def _batch_of(self, away, triangles):
+        from gpu_extras.batch import batch_for_shader
+        content = {'position': self._places, 'distance_over_surface': away.astype(np.float32)}
+        return batch_for_shader(self._shader, 'TRIS', content, indices=triangles)
 
     def _draw_surface(self):
         import gpu
@@ -79,12 +85,17 @@ class ReachDrawing:
             self._prepare()
         self._shader.bind()
         placed = bpy.context.region_data.perspective_matrix @ Matrix.Translation(self._around.origin)
-        for name, value in (('placed', placed), ('near_colour', _NEAR_COLOUR), ('border_colour', _BORDER_COLOUR),
-                            ('reach', self._choice.radius), ('nearer', _NEARER)):
+        for name, value in (('placed', placed), ('border_colour', _BORDER_COLOUR), ('nearer', _NEARER)):
             self._shader.uniform_float(name, value)
         gpu.state.blend_set('ALPHA')
         gpu.state.depth_test_set('LESS_EQUAL')
-        self._batch.draw(self._shader)
+        shown = [(self._batch, _NEAR_COLOUR, self._choice.radius)]
+        if self._batch_of_region and self._choice.shares_region:
+            shown.append((self._batch_of_region, _BORDER_COLOUR, 1.0))
+        for batch, near, reach in shown:
+            self._shader.uniform_float('near_colour', near)
+            self._shader.uniform_float('reach', reach)
+            batch.draw(self._shader)
         gpu.state.depth_test_set('NONE')
         gpu.state.blend_set('NONE')
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pull: a handle of the selected vertices, a region around it and a binding, in stages of which none takes long."""
 
+from typing import Any, NamedTuple
+
 import bpy
 import numpy as np
 
@@ -24,11 +26,20 @@ def selected_surroundings(ob):
     return region_setup.Around(ob, np.logical_or.reduce([chosen, *images]), chosen)
 
 
-def held_by(ob, count):
-    """(n,) bool: the vertices of the first so many handles, those that are enabled."""
-    groups = [h.vertex_group for h in list(ob.detail_deform.handles)[:count]
+class Others(NamedTuple):
+    """What there was before a Pull: one that reaches these vertices shares their region."""
+    held: Any  # (n,) bool, by handles
+    region: Any  # (n,) bool
+
+
+def others(ob, count):
+    """Others, by the first so many handles; None where there is no region that a Pull has made for them."""
+    settings = ob.detail_deform
+    if not (count and settings.pulled_region and settings.region in ob.vertex_groups):
+        return None
+    groups = [h.vertex_group for h in list(settings.handles)[:count]
               if h.enabled and h.vertex_group in ob.vertex_groups]
-    return mesh_data.members(ob, *groups)
+    return Others(mesh_data.members(ob, *groups), mesh_data.members(ob, settings.region))
 
 
 def _symmetric_axes(ob):
@@ -62,7 +73,7 @@ class Pull:
             self._mirror()
             yield 0.0
             if asks_for_reach(ob):
-                self._set_region(region)
+                self._set_region()
                 yield 0.0
             self._context.view_layer.update()  # the new empty's place
             binding.bind(ob, self._context.evaluated_depsgraph_get(), wait, keep_rest=bool(settings.signature))
@@ -95,23 +106,23 @@ class Pull:
             if remark:
                 self.remarks.append(remark)
 
-    def _set_region(self, present):
+    def _set_region(self):
         """Around the new handles: a reach of their own where no other handle is within it, else in addition to the
         region of the others."""
         ob, settings = self._ob, self._ob.detail_deform
-        of_others = present.members if settings.pulled_region and self._count else None
+        before = others(ob, self._count)
         handles = settings.handles[self._count:]
         new = mesh_data.group_weights(ob, [h.vertex_group for h in handles]) > mesh_data.MEMBER_WEIGHT
-        start = new.any(axis=0) if of_others is not None or not self._count else region_setup.sources(ob)
+        start = new.any(axis=0) if before or not self._count else region_setup.sources(ob)
         around = self._around
         if around is None or not np.array_equal(around.start, start):
             around = region_setup.Around(ob, start, chosen=new[0])
         self.radius = self.radius or around.first_guess()
         members = around.within(self.radius)
-        if of_others is not None and not (members & held_by(ob, self._count)).any():
+        if before and not (members & before.held).any():
             region_setup.set_reach(ob, handles, members)
             return
-        region_setup.set_region(ob, members if of_others is None else members | of_others)
+        region_setup.set_region(ob, members | before.region if before else members)
         settings.pulled_region = True
 
     def _until_bound(self):

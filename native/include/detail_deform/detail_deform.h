@@ -715,6 +715,15 @@ DD_API int32_t dd_measure(const dd_mesh* mesh, const int32_t* roles, size_t role
 DD_API int32_t dd_distances(const dd_mesh* mesh, const int32_t* sources, size_t source_count,
                             float* out, size_t out_count);
 
+/* The deformation gradients at the vertices, for what is to go along with a deformed surface: of
+ * each vertex the mean of (15) over the triangles around it, weighted by their areas at rest. The
+ * identity where no triangle has an area.
+ *   mesh       the surface at rest
+ *   deformed   positions of its deformed_count vertices
+ *   out        9 numbers, a 3x3 matrix row by row, for each of out_count vertices */
+DD_API int32_t dd_vertex_gradients(const dd_mesh* mesh, const float* deformed,
+                                   size_t deformed_count, float* out, size_t out_count);
+
 /* ---- Solids (§4) ----
  *
  * Tetrahedral meshes, in double precision throughout. These calls return when they are done. */

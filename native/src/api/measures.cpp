@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The C ABI: measures of a deformation, and distances.
+// The C ABI: measures of a deformation, gradients at vertices, and distances.
 #include "mesh/measures.h"
 
 #include <algorithm>
@@ -7,6 +7,7 @@
 
 #include "api/arguments.h"
 #include "mesh/geodesic_distances.h"
+#include "mesh/vertex_gradients.h"
 
 using namespace dd::api;
 
@@ -58,6 +59,22 @@ int32_t dd_distances(const dd_mesh* mesh, const int32_t* sources, size_t source_
     const std::vector<double> distances = dd::geodesic_distances(surface, is_source);
     std::transform(distances.begin(), distances.end(), out,
                    [](double distance) { return static_cast<float>(distance); });
+  });
+}
+
+int32_t dd_vertex_gradients(const dd_mesh* mesh, const float* deformed, size_t deformed_count,
+                            float* out, size_t out_count) {
+  return guarded([&] {
+    const dd::Mesh rest = read_mesh("mesh", mesh);
+    dd::validate(rest);
+    const size_t n = mesh->vertex_count;
+    require_count("deformed", deformed, deformed_count, n, "vertices");
+    require_count("out", out, out_count, n, "vertices");
+    const dd::Mesh now = {read_positions(deformed, n), rest.triangles};
+    dd::validate(now);
+    const dd::VertexGradients found = dd::vertex_gradients(rest, now.positions);
+    std::transform(found.data(), found.data() + found.size(), out,
+                   [](double value) { return static_cast<float>(value); });
   });
 }
 
