@@ -5,15 +5,17 @@ import bpy
 from mathutils import Matrix
 
 from ..setup import handle_setup
+from . import tool
 from .preview import handle_colour
 
 _SIZE = 0.1
 
 
 def handles(context):
-    """The mesh, and [(number, empty)] of what there is a dot for: the active empty has Blender's own gizmos."""
+    """The mesh, and [(number, empty)] of what there is a dot for: the active empty has Blender's own gizmos. In Edit
+    Mode only with the tool, as they lie over vertices."""
     active = context.active_object
-    if active is None or active.mode != 'OBJECT':
+    if active is None or not (active.mode == 'OBJECT' or active.mode == 'EDIT' and tool.is_active(context)):
         return None, []
     ob = active if active.type == 'MESH' else handle_setup.owner(active)[0]
     if ob is None or not ob.detail_deform.signature:

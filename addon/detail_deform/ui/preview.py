@@ -56,6 +56,10 @@ def vertex_colours(ob):
     handles = [h for h in handle_matrices.enabled_handles(settings) if h.vertex_group in ob.vertex_groups]
     region = settings.region if settings.region in ob.vertex_groups else ""
     winner, inside, _ = mesh_data.handles_of_vertices(ob, region, [h.vertex_group for h in handles])
+    reaches = {h.reach for h in handles if h.reach in ob.vertex_groups}
+    if reaches:
+        goes_by_region = settings.base != 'COMPUTED' or any(not h.reach for h in handles)
+        inside = (inside & goes_by_region) | mesh_data.members(ob, *reaches)
     colours = np.empty((len(ob.data.vertices), 4), np.float32)
     colours[:] = _REGION_COLOUR
     colours[~inside] = _OTHER_COLOUR
@@ -98,7 +102,7 @@ def _points(ob, depsgraph):
     made_of = (settings.region, settings.preview, settings.transfer.show_match, correspondence.digest(ob),
                len(ob.data.vertices), settings.show_error, settings.missing_index,
                *(row.mark for row in settings.missing_examples),
-               *((h.vertex_group, h.enabled) for h in settings.handles))
+               *((h.vertex_group, h.reach, h.enabled) for h in settings.handles))
     known = _colours.get(ob.name)
     if known is None or known[0] != made_of:
         known = _colours[ob.name] = (made_of, vertex_colours(ob))

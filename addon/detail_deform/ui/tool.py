@@ -28,6 +28,12 @@ class DetailDeformPull(bpy.types.WorkSpaceTool):
         layout.prop(tool.operator_properties(_PULL).OBJECT_OT_detail_deform_pull_begin, 'radius')
 
 
+def is_active(context):
+    """In Edit Mode."""
+    active = context.workspace and context.workspace.tools.from_space_view3d_mode('EDIT_MESH', create=False)
+    return active is not None and active.idname == DetailDeformPull.bl_idname
+
+
 def register():
     bpy.utils.register_tool(DetailDeformPull, separator=True)
 

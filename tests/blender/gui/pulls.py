@@ -176,19 +176,37 @@ def by_hand():
     yield from drag('by_hand-pull', brow, 80, -80)
     yield from expect("the tool pulls a vertex by one drag", lambda: suzanne().detail_deform.handles
                       and surface()[1].location.z > brow.z + 0.1 and np.abs(offsets()).max() > 0.1)
-    check("which ends as the button is let go", bpy.context.active_object == surface()[1])
+    yield from expect("which ends as the button is let go, in Edit Mode as it began",
+                      lambda: bpy.context.mode == 'EDIT_MESH' and bpy.context.active_object == suzanne())
+    screenshot('by_hand-again')
     moved = surface()[1].location.copy()
     xdotool('mousemove_relative', '--', -100, 50)
     yield from settle()
     check("and follows the mouse no more", surface()[1].location == moved)
     xdotool('key', 'ctrl+z')
-    yield from expect("one step of undo takes it back", lambda: not suzanne().detail_deform.handles
+    yield from expect("undo takes back that it is edited again", lambda: suzanne().mode == 'OBJECT')
+    yield from settle()
+    xdotool('key', 'ctrl+z')
+    yield from expect("and one more step the pull", lambda: not suzanne().detail_deform.handles
                       and suzanne().mode == 'EDIT')
     yield from settle()
     xdotool('key', 'ctrl+shift+z')
-    yield from expect("and redo brings it again", lambda: suzanne().detail_deform.handles
+    yield from expect("redo brings it again", lambda: suzanne().detail_deform.handles
                       and np.abs(offsets()).max() > 0.1 and surface()[1].location == moved)
-    activate(surface()[0])
+    xdotool('key', 'ctrl+shift+z')
+    yield from expect("in Edit Mode", lambda: suzanne().mode == 'EDIT')
+    ear = max(suzanne().data.vertices, key=lambda v: v.co.x).co.copy()
+    yield from drag('by_hand-second', ear, 80, 0)
+    yield from expect("the next vertex is pulled by one more drag", lambda: len(suzanne().detail_deform.handles) == 2
+                      and suzanne().mode == 'EDIT' and np.abs(offsets()).max() > 0.1)
+    yield from settle()
+    second = suzanne().detail_deform.handles[1].target.location.copy()
+    yield from drag('by_hand-dot-edit', second, 40, 40)
+    yield from expect("and a dot is dragged in Edit Mode", lambda: suzanne().mode == 'EDIT' and (
+        suzanne().detail_deform.handles[1].target.location - second).length > 0.05)
+    activate(suzanne())
+    with in_view():
+        bpy.ops.object.mode_set(mode='OBJECT')
     yield from settle()
     screenshot('dots')
     yield from drag('by_hand-dot', moved, -80, 40)
