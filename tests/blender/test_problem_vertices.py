@@ -98,6 +98,21 @@ def test_what_the_status_of_a_bound_mesh_warns_of():
     assert selected(ob) == [MIDDLE, MIDDLE + 1, *range(625, 631)]
 
 
+def test_what_does_no_harm_is_not_in_the_panels_status(part):
+    """A bound mesh of which nothing is wrong but a face without area: it is told under Advanced, and to scripts."""
+    ob = extended([own(make_strip())[MIDDLE]], [(MIDDLE, MIDDLE + 1, 625)])
+    bind(activate(ob))
+    status = part('follow.status')
+    assert "next to no area" in status.harmless(ob) and "next to no area" in ob.detail_deform.status
+    assert "next to no area" not in status.urgent(ob) and not part('follow.problem_vertices').need_a_look(ob)
+    assert SELECT() == {'FINISHED'}
+    bpy.ops.object.mode_set(mode='OBJECT')
+    ob.data.vertices[0].co.x += 1
+    ob.data.update()
+    update()
+    assert status.harmless(ob) == "" and "Re-bind" in status.urgent(ob)
+
+
 def test_from_the_empty():
     ob = extended([(0, 0, 3)])
     bind(activate(ob))

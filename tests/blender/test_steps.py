@@ -193,7 +193,7 @@ def test_what_is_refused_while_it_starts_is_said_and_ends(strip, part, as_in_a_w
     def fail(*_, **options):
         raise native.NativeError("There is no memory left.")
 
-    monkeypatch.setattr(native, 'Update', fail)
+    monkeypatch.setattr(native.Deformer, 'update', fail)
     as_in_a_window('follow.life')
     strip.detail_deform.steps = 3
     bend(strip, -60)
@@ -212,7 +212,7 @@ def test_steps_that_fail_are_said_until_a_handle_moves(strip, part, monkeypatch)
     def fail(*_, **options):
         raise native.NativeError("There is no memory left.")
 
-    monkeypatch.setattr(native, 'Update', fail)
+    monkeypatch.setattr(native.Deformer, 'update', fail)
     strip.detail_deform.steps = 3
     bend(strip, -60)
     for frame in (2, 3):

@@ -7,6 +7,7 @@ from . import bound
 
 # What a bound surface's facts count, and the status names one of.
 _FINDINGS = ('RESTING', 'LOOSE', 'FAR', 'TORN', 'DEGENERATE', 'UNREPRESENTED')
+_HARMLESS = 'DEGENERATE'
 _MOST = 8
 _refused = {}  # by the object's name: what was said, of how many vertices, and which
 
@@ -40,6 +41,11 @@ def _findings(ob):
 def are_known(ob):
     """Cheap enough to be asked whenever a panel is drawn."""
     return len(_of_refusal(ob)) > 0 or len(_findings(ob)[1]) > 0
+
+
+def need_a_look(ob):
+    """Whether there are any of which the status says something urgent."""
+    return len(_of_refusal(ob)) > 0 or any(finding != _HARMLESS for finding in _findings(ob)[1])
 
 
 def of(ob):

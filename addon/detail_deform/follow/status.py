@@ -45,6 +45,22 @@ def example_weights(ob):
 
 def text(ob):
     """One or more sentences; the first says how things stand."""
+    return ' '.join(filter(None, (urgent(ob), harmless(ob))))
+
+
+def harmless(ob):
+    """What is so and does no harm: a sentence, or ''."""
+    settings = ob.detail_deform
+    entry = bound.cache.find(settings.signature)
+    if entry is None or settings.stale or settings.problem or not entry.made.info.degenerate_count:
+        return ""
+    info = entry.made.info
+    return (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
+            f"(such as triangle {info.degenerate_example}).")
+
+
+def urgent(ob):
+    """The same without what does no harm."""
     settings = ob.detail_deform
     under_way = bound.cache.under_way(settings.signature)
     if under_way:
@@ -144,9 +160,6 @@ def _remarks(ob, info):
         yield (f"{_count(info.torn_count, 'vertex lies', 'vertices lie')} between parts of the base (such as vertex "
                f"{info.torn_example}): neighbours follow different parts. Fit the base closer there, or pose it so "
                "that its parts are apart when you bind.")
-    if info.degenerate_count:
-        yield (f"{_count(info.degenerate_count, 'triangle has', 'triangles have')} next to no area "
-               f"(such as triangle {info.degenerate_example}).")
     settings = ob.detail_deform
     if (info.handle_count == 1 and not settings.region and settings.base == 'COMPUTED'
             and not handle_matrices.enabled_handles(settings)[0].reach):

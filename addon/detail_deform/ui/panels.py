@@ -4,7 +4,7 @@
 import bpy
 
 from ..declared import COMPARED
-from ..follow import bound, hints, look, problem_vertices, shown, slow_results
+from ..follow import bound, hints, look, problem_vertices, shown, slow_results, status
 from ..scene import node_group, offset_attribute, stack
 from ..setup import handle_setup
 from . import examples_panel
@@ -31,8 +31,8 @@ def draw_state(layout, context, ob):
     box = layout.box()
     icon = ('ERROR' if wrong else 'SORTTIME' if under_way else
             'LINKED' if settings.is_bound else 'UNLINKED')
-    draw_text(box, context, settings.status, icon)
-    if problem_vertices.are_known(ob):
+    draw_text(box, context, status.urgent(ob), icon)
+    if problem_vertices.need_a_look(ob):
         box.operator('object.detail_deform_select_problem', icon='RESTRICT_SELECT_OFF')
 
     if stack.is_wrong(ob):
@@ -217,6 +217,10 @@ class OBJECT_PT_detail_deform_advanced(ModifierPanel, bpy.types.Panel):
         layout.operator('object.detail_deform_copy_settings', icon='COPYDOWN')
         if settings.is_bound:
             draw_text(layout, context, f"Bind {settings.bind_ms:,.0f} ms, update {settings.update_ms:,.1f} ms", 'TIME')
+            harmless = status.harmless(ob)
+            if harmless:
+                draw_text(layout, context, harmless, 'INFO')
+                layout.operator('object.detail_deform_select_problem', icon='RESTRICT_SELECT_OFF')
 
 
 class OBJECT_PT_detail_deform_comparison(ModifierPanel, bpy.types.Panel):
@@ -244,7 +248,7 @@ class HandlePanel:
         layout = self.layout
         ob, number = handle_setup.owner(context.object)
         settings = ob.detail_deform
-        draw_text(layout, context, f"Handle '{settings.handles[number].name}' of '{ob.name}'. {settings.status}",
+        draw_text(layout, context, f"Handle '{settings.handles[number].name}' of '{ob.name}'. {status.urgent(ob)}",
                    'ERROR' if settings.stale or settings.problem else 'EMPTY_AXIS')
         layout.operator('object.detail_deform_mesh_activate', icon='MESH_DATA')
         row = layout.row(align=True)
