@@ -272,6 +272,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     problem: StringProperty(options={'HIDDEN'})
     render_problem: StringProperty(options={'HIDDEN'})
     cache_modifier: StringProperty(options={'HIDDEN'})
+    cached_points: StringProperty(options={'HIDDEN'})  # carried.points when its cache began to play
     baked_file: StringProperty(options={'HIDDEN'})
     dependency: FloatProperty(
         name="Dependency", options={'HIDDEN', 'ANIMATABLE'},

@@ -136,6 +136,7 @@ def test_by_examples_the_region_mixes_them_and_a_reach_does_not():
     p = own(ob)
     ob.shape_key_add(name="Basis")
     key = ob.shape_key_add(name="Hill")
+    key.value = 0.0  # 5.2 shows it
     hill = p + np.exp(-4 * (p[:, :2] ** 2).sum(axis=1))[:, None] * (0, 0, 0.5)
     key.data.foreach_set('co', hill.astype(np.float32).ravel())
     activate(ob)

@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..scene import examples, handle_matrices, node_group, offset_attribute, posers, proportions, reach, stack
+from ..scene import carried, examples, handle_matrices, node_group, offset_attribute, posers, proportions, reach, stack
 from . import bound, hints, look, shown, slow_results, words
 
 
@@ -131,6 +131,9 @@ def _remarks(ob, info):
     plays_keys = is_hidden and ob.detail_deform.method == 'EXAMPLES' and examples.are_keyed(ob)
     if node_group.find_cache(ob):
         yield "A baked cache is played in its place: press Go Live to follow the handles again."
+        if ob.detail_deform.cached_points not in {"", carried.points(ob.data)}:
+            yield ("The mesh's vertices have moved or changed since then, and the cache plays the places of before: "
+                   "press Go Live, and Bake again.")
     elif modifier is None:
         yield "Its modifier was removed, so nothing is shown: press Update to add it."
     elif is_hidden:

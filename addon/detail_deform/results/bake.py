@@ -2,7 +2,7 @@
 """The deformation of a range of frames, kept where the add-on is not needed: a cache or shape keys."""
 
 from ..follow import life
-from ..scene import below, mesh_data, node_group, offset_attribute, stack
+from ..scene import below, carried, mesh_data, node_group, offset_attribute, stack
 from ..scene.mesh_data import MeshProblem
 from . import frames, keyed_keys, point_cache
 
@@ -100,6 +100,7 @@ def use_cache(ob, path, start):
     if cache is None:
         cache = ob.modifiers.new(node_group.CACHE_NAME, 'MESH_CACHE')
         ob.detail_deform.cache_modifier = cache.name
+    ob.detail_deform.cached_points = carried.points(ob.data)
     stack.move_behind(ob, cache, modifier)  # before it has a file, which doesn't fit at the end of the stack
     node_group.set_up_cache(cache, path, start)
     # Nothing is computed any more for what is not shown.
