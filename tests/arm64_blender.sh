@@ -40,11 +40,15 @@ prepare_arm64_blender() {
     dd_as_root mv "$dd_arm64.unfinished" "$dd_arm64"
 }
 
-# in_arm64_blender ARGUMENT...
+# in_arm64_blender ARGUMENT...: with /proc, where tests read how much memory is in use; it goes with the
+# namespace.
 in_arm64_blender() {
-    dd_as_root env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 \
-        BLENDER_USER_RESOURCES=/tmp/resources chroot "$dd_arm64" \
-        /usr/bin/qemu-aarch64-static /usr/bin/blender --background --factory-startup -noaudio "$@"
+    # shellcheck disable=SC2016  # sh's
+    dd_as_root unshare --mount sh -c 'mount -t proc proc "$0/proc" &&
+        exec env -i HOME=/root PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 \
+            BLENDER_USER_RESOURCES=/tmp/resources chroot "$0" \
+            /usr/bin/qemu-aarch64-static /usr/bin/blender --background --factory-startup -noaudio "$@"' \
+        "$dd_arm64" "$@"
 }
 
 # arm64_blender_suite [pytest argument]...: tests the zip there. Where the system doesn't know how to
@@ -54,7 +58,7 @@ arm64_blender_suite() {
     zip=$(basename build/linux-arm64/detail_deform-*-linux-arm64.zip)
     dd_as_root rm -rf "$dd_arm64/tmp/resources" "$repository"
     dd_as_root mkdir -p "$dd_arm64/tmp/resources" "$repository/build"
-    dd_as_root cp -r addon blend_fixtures native tests ./*.md "$repository"
+    dd_as_root cp -r addon blend_fixtures native tests LICENSE ./*.md "$repository"
     dd_as_root cp "build/linux-arm64/$zip" "$repository/build/"
     in_arm64_blender --python /tmp/repository/tests/blender/run.py -- "/tmp/repository/build/$zip" \
         -m "not large" "$@"

@@ -3,8 +3,9 @@
 
 import bpy
 import numpy as np
+import pytest
 
-from conftest import activate, bind, make_strip, pull, refusal, select, update
+from conftest import activate, bind, evaluated, group, make_strip, own, pull, refusal, select, update
 
 
 def dots(part):
@@ -55,6 +56,32 @@ def test_there_is_a_dot_at_each_handle_but_the_active_one(part):
     empty.hide_set(False)
     bpy.ops.object.mode_set(mode='EDIT')
     assert dots(part) == (None, [])
+
+
+def test_a_dot_stays_on_the_surface_when_an_expression_is_raised(part):
+    ob = make_strip()
+    empty = ob.detail_deform.handles[0].target
+    bind(ob)
+    empty.location.z += 0.3
+    update()
+    bpy.ops.object.detail_deform_save_key()
+    key = ob.data.shape_keys.key_blocks[-1]
+    gizmos, held = part('ui.handle_gizmos'), own(ob)[:, 0] > 0.99
+    for value in (0.0, 0.5, 1.0):
+        key.value = value
+        update()
+        place = gizmos.places(*gizmos.handles(bpy.context))[0]
+        lifted = (evaluated(ob) - own(ob))[held].mean(axis=0)
+        assert np.allclose(np.subtract(place, empty.matrix_world.translation), lifted, atol=1e-5)
+        assert lifted[2] == pytest.approx(0.3 * value, abs=1e-5)
+    # What a binding starts from counts no more: the empty is led from there.
+    bind(ob)
+    assert np.allclose(gizmos.places(*gizmos.handles(bpy.context))[0], empty.matrix_world.translation, atol=1e-6)
+    group(ob, "Half", [])
+    key.vertex_group = "Half"
+    update()
+    place = gizmos.places(*gizmos.handles(bpy.context))[0]
+    assert np.allclose(np.subtract(place, empty.matrix_world.translation), (0, 0, -0.3), atol=1e-5)
 
 
 def test_a_dot_takes_its_handle_from_the_mesh_and_from_another_handle():

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, bind, evaluated, make_strip, own, update
+from conftest import activate, bind, evaluated, has_voxels, make_strip, own, update
 
 
 def node_group(kind):
@@ -82,6 +82,7 @@ def test_modifiers_that_hand_the_mesh_on_or_come_later_are_no_fault(kind, index)
     assert ob.detail_deform.status.startswith("Bound")
 
 
+@has_voxels
 def test_a_voxel_remesh_before_it_is_named():
     ob = bind(make_strip())
     ob.modifiers.new("Remesh", 'REMESH').voxel_size = 0.2

@@ -2,8 +2,9 @@
 """A dot at each handle of the active mesh, or of the mesh that the active empty pulls: a drag moves it at once."""
 
 import bpy
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
+from ..scene import raised
 from ..setup import handle_setup
 from . import tool
 from .preview import handle_colour
@@ -25,6 +26,14 @@ def handles(context):
                 if empty is not None and empty != active and empty.visible_get()]
 
 
+def places(ob, found):
+    """(x, y, z) of each dot of handles(): at the empty, and where shape keys have moved the surface since, with it."""
+    if ob is None:
+        return []
+    shifts = raised.shifts(ob, [ob.detail_deform.handles[number] for number, _ in found])
+    return [empty.matrix_world.translation + Vector(shift) for (_, empty), shift in zip(found, shifts)]
+
+
 class VIEW3D_GGT_detail_deform_handles(bpy.types.GizmoGroup):
     bl_label = "Detail Deform Handles"
     bl_space_type = 'VIEW_3D'
@@ -39,7 +48,7 @@ class VIEW3D_GGT_detail_deform_handles(bpy.types.GizmoGroup):
         self.numbers = []  # of the handles that have a dot
 
     def draw_prepare(self, context):
-        found = handles(context)[1]
+        ob, found = handles(context)
         numbers = [number for number, _ in found]
         # What a gizmo is told draws the view again, and so without an end if it were told at each drawing.
         if numbers != self.numbers:
@@ -47,8 +56,8 @@ class VIEW3D_GGT_detail_deform_handles(bpy.types.GizmoGroup):
             self.gizmos.clear()
             for number in numbers:
                 self._add(number)
-        for gizmo, (_, empty) in zip(self.gizmos, found):
-            place = Matrix.Translation(empty.matrix_world.translation)
+        for gizmo, place in zip(self.gizmos, places(ob, found)):
+            place = Matrix.Translation(place)
             if gizmo.matrix_basis != place:
                 gizmo.matrix_basis = place
 

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How far shape keys have taken the vertices of handles since the start that they were bound to: as far off stands an
+empty from its vertices. Cheap enough for every redraw: by a few vertices of each handle."""
+
+import numpy as np
+
+from . import mesh_data, offset_attribute
+
+_VERTICES = 4  # of each handle
+_MOST = 8
+_samples = {}  # by the binding's signature: {group: its vertices}
+
+
+def shifts(ob, handles):
+    """(h, 3): in the world, of each of some handles."""
+    result, keys = np.zeros((len(handles), 3)), ob.data.shape_keys
+    shown = [key for key in keys.key_blocks if key.value and not key.mute and key != key.relative_key] if keys else []
+    kept = offset_attribute.find(ob.data, offset_attribute.KEYED)
+    if not shown and kept is None:
+        return result
+    for number, handle in enumerate(handles):
+        for vertex in _of(ob, handle.vertex_group):
+            for key in shown:
+                weight = key.value * _weight(ob, key.vertex_group, vertex)
+                result[number] += weight * np.subtract(key.data[vertex].co, key.relative_key.data[vertex].co)
+            if kept is not None:
+                result[number] -= kept.data[vertex].vector
+        result[number] /= max(len(_of(ob, handle.vertex_group)), 1)
+    return result @ np.array(ob.matrix_world, np.float64)[:3, :3].T
+
+
+def _of(ob, group):
+    known = _samples.get(ob.detail_deform.signature)
+    if known is None:
+        while len(_samples) >= _MOST:
+            del _samples[next(iter(_samples))]
+        known = _samples[ob.detail_deform.signature] = {}
+    if group not in known:
+        vertices = np.flatnonzero(mesh_data.members(ob, group)) if group in ob.vertex_groups else np.empty(0, int)
+        known[group] = vertices[np.linspace(0, len(vertices) - 1, min(_VERTICES, len(vertices))).astype(int)].tolist()
+    return known[group]
+
+
+def _weight(ob, group, vertex):
+    """Of a key that a vertex group masks."""
+    if not group or group not in ob.vertex_groups:
+        return 1.0
+    try:
+        return ob.vertex_groups[group].weight(vertex)
+    except RuntimeError:  # it is not in the group
+        return 0.0
