@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Who began in Edit Mode is there again after a drag, which goes on in Object Mode, where empties are moved."""
+
+import bpy
+
+from ..scene import selection
+
+_edited = []  # names of the objects that were in Edit Mode, the active one first
+
+
+def note(context):
+    """Where the drag begins; all that is in Edit Mode now."""
+    active = context.active_object
+    names = [ob.name for ob in context.objects_in_mode] if active and active.mode == 'EDIT' else []
+    _edited[:] = sorted(names, key=lambda name: name != active.name)
+
+
+def is_noted():
+    return bool(_edited)
+
+
+class OBJECT_OT_detail_deform_edit_again(bpy.types.Operator):
+    bl_idname = 'object.detail_deform_edit_again'
+    bl_label = "Back to Edit Mode"
+    bl_description = "Go on in Edit Mode, if the drag began there"
+    bl_options = {'INTERNAL'}
+
+    def execute(self, context):
+        # Once the macro has ended: undo takes what is made in Object Mode for a step of its own, and Tab for another.
+        if _edited and not bpy.app.background:
+            bpy.app.timers.register(_edit_again)
+        return {'FINISHED'}
+
+
+def _edit_again():
+    """Timer."""
+    windows, names = bpy.context.window_manager.windows, list(_edited)
+    _edited.clear()
+    if not (windows and names):
+        return
+    with bpy.context.temp_override(window=windows[0]):
+        context = bpy.context
+        there = [ob for ob in map(context.view_layer.objects.get, names) if ob and ob.type == 'MESH']
+        if not there or context.mode != 'OBJECT':
+            return
+        selection.activate(context, there[0])
+        for ob in there:
+            ob.select_set(True)
+        bpy.ops.object.mode_set('EXEC_DEFAULT', True, mode='EDIT')  # with a step of undo
+
+
+def register():
+    bpy.utils.register_class(OBJECT_OT_detail_deform_edit_again)
+
+
+def unregister():
+    if bpy.app.timers.is_registered(_edit_again):
+        bpy.app.timers.unregister(_edit_again)
+    _edited.clear()
+    bpy.utils.unregister_class(OBJECT_OT_detail_deform_edit_again)
