@@ -48,7 +48,7 @@ class ReachChoice:
     @property
     def shares_region(self):
         """Whether another handle is reached, whose region then moves, too."""
-        return self.radius >= self._shared_from
+        return bool(self.radius >= self._shared_from)
 
     def circle(self, region):
         """Where the drawing's circle is in a region, (middle, radius) in pixels; None where it is not shown."""

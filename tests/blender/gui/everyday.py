@@ -108,3 +108,57 @@ def deleting_an_empty():
     yield from expect("it comes back", lambda: surface()[1] is not None and surface()[1].name in there
                       and "lost" not in ob.detail_deform.status)
     screenshot('empty-back')
+
+
+def pulling_inside():
+    """A small pull inside a large one: what is coloured is what moves."""
+    yield from new_scene()
+    with in_view():
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=60, y_subdivisions=60)
+        bpy.ops.view3d.view_axis(type='TOP')
+        bpy.ops.view3d.view_selected()
+    ob = bpy.context.active_object
+    p = np.array([v.co for v in ob.data.vertices])
+
+    def select(x, radius):
+        with in_view():
+            bpy.ops.mesh.select_all(action='DESELECT')
+            bpy.ops.object.mode_set(mode='OBJECT')
+            ob.data.vertices.foreach_set('select', np.linalg.norm(p[:, :2] - (x, 0), axis=1) < radius)
+            bpy.ops.object.mode_set(mode='EDIT')
+
+    with in_view():
+        bpy.ops.object.mode_set(mode='EDIT')
+    select(0.0, 0.15)
+    with in_view():
+        bpy.ops.object.detail_deform_pull(radius=0.8)
+        activate(ob)
+        bpy.ops.object.mode_set(mode='EDIT')
+    select(0.45, 0.06)
+    point_at('VIEW_3D')
+    yield from settle()
+    with in_view():
+        bpy.ops.object.detail_deform_pull('INVOKE_DEFAULT')
+    xdotool('key', '0', 'period', '4')
+    yield from settle()
+    screenshot('inside-shared')  # the whole region, as it reaches the other handle
+    xdotool('key', 'BackSpace', '1', '5')
+    yield from settle()
+    screenshot('inside-choosing')
+    xdotool('key', 'Return')
+    yield from wait_until(in_hand)
+    yield from settle()
+    xdotool('key', 'Escape')  # what has it go with the mouse
+    yield from settle()
+    ob, empty = surface()
+    check("the second pull has a reach of its own", ob.detail_deform.handles[1].reach == "Reach")
+    bpy.context.active_object.location.z += 0.3
+    yield from expect("and moves it", lambda: np.abs(offsets()).max() > 0.29)
+    away = np.linalg.norm(p[:, :2] - (0.45, 0), axis=1)
+    moved = np.abs(offsets()).max(axis=1)
+    check("to its circle and no farther", moved[away > 0.06 + 0.15 + 0.05].max() == 0 and (moved > 0).sum() > 50)
+    activate(ob)
+    yield from settle()
+    show_modifiers(ob)
+    yield from settle()
+    screenshot('inside-pulled')
