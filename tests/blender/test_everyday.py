@@ -236,6 +236,21 @@ def test_the_first_of_linked_copies_moves_their_mesh(pulled, by_pull, renamed):
     assert ob.detail_deform.is_bound
 
 
+def test_the_first_of_linked_copies_is_pulled_further_and_baked(pulled, tmp_path):
+    copy = linked_copy(pulled)
+    x = own(pulled)[:, 0]
+    empty = pull(pulled, (x > 0.55) & (x < 0.6), radius=0.1)
+    empty.location.z += 0.2
+    update()
+    assert np.array_equal(evaluated(copy), evaluated(pulled)) and pulled.detail_deform.is_bound
+    activate(pulled)
+    assert bpy.ops.object.detail_deform_bake(mode='CACHE', frame_start=1, frame_end=2,
+                                             filepath=str(tmp_path / 'linked.pc2')) == {'FINISHED'}
+    activate(copy)
+    assert "has the same mesh as" in refusal(bpy.ops.object.detail_deform_bake, mode='CACHE', frame_start=1,
+                                             frame_end=2, filepath=str(tmp_path / 'copy.pc2'))
+
+
 def test_a_linked_copy_can_not_be_unbound_alone(pulled):
     copy = linked_copy(pulled)
     activate(copy)

@@ -4,6 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
+from ..follow import registry
 from ..results import alembic, bake, keyed_weights, point_cache
 from ..scene import mesh_data, node_group
 from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
@@ -74,7 +75,8 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
     def run(self, context, ob):
         start, end = self.frame_range(context)
         path = self.filepath or _usual_path(ob)
-        mesh_data.check_object(ob)
+        # These write nothing to the mesh.
+        (registry.check_mesh if self.mode in {'CACHE', 'ALEMBIC'} else mesh_data.check_object)(ob)
         if self.mode == 'ALEMBIC':
             alembic.write(context, ob, start, end, path[:-4] + '.abc' if path.lower().endswith('.pc2') else path)
             return None

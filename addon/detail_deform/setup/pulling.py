@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from ..follow import binding, bound
+from ..follow import binding, bound, registry
 from ..scene import mesh_data, mirror_plane, node_group, selection
 from ..scene.mesh_data import MeshProblem
 from . import handle_setup, region_setup
@@ -69,7 +69,7 @@ class Pull:
             bpy.ops.object.mode_set(mode='OBJECT')
             yield 0.0
             region, earlier = region_setup.kept(ob), binding.kept(ob)
-            mesh_data.check_object(ob)
+            registry.check_mesh(ob)
             self._mirror()
             yield 0.0
             if asks_for_reach(ob):

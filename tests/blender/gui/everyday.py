@@ -150,7 +150,7 @@ def pulling_inside():
     yield from settle()
     xdotool('key', 'Escape')  # what has it go with the mouse
     yield from settle()
-    ob, empty = surface()
+    ob, _ = surface()
     check("the second pull has a reach of its own", ob.detail_deform.handles[1].reach == "Reach")
     bpy.context.active_object.location.z += 0.3
     yield from expect("and moves it", lambda: np.abs(offsets()).max() > 0.29)
