@@ -41,6 +41,10 @@ def can_start_programs():
         return False
 
 
+starts_blender = pytest.mark.skipif(sys.platform not in {'linux', 'win32'} or not can_start_programs(),
+                                    reason="starts Blender as on these systems")
+
+
 @pytest.fixture
 def module():
     """The add-on's package, as installed."""

@@ -3,11 +3,9 @@
 
 import os
 import subprocess
-import sys
 
-import pytest
 
-from conftest import FIXTURES
+from conftest import FIXTURES, starts_blender
 from test_bake import command
 from test_updating import NEWER, OF_BOTH, OLDER, zip_of
 
@@ -66,7 +64,7 @@ class Other:
         return self._process.returncode
 
 
-@pytest.mark.skipif(sys.platform not in {'linux', 'win32'}, reason="starts Blender as on these systems")
+@starts_blender
 def test_an_update_while_another_blender_has_the_library(tmp_path, part):
     library = part('library.native').library_path()
     script, profile = tmp_path / 'script.py', tmp_path / 'Größe 画像'

@@ -343,8 +343,9 @@ def test_drafts_of_parts_stand_in_until_all_are_bound(part):
     whole[away[0] < 0.2], whole[away[1] < 0.1] = 0, -2
     small = np.where(away[1] < 0.25, -1, -2).astype(np.int32)
     small[away[1] < 0.1] = 0
-    parts = [reaches.Part(np.array([number]), p, triangles, roles, is_whole)
-             for number, (roles, is_whole) in enumerate(((whole, True), (small, False)))]
+    moves = np.flatnonzero(small != -2)
+    parts = [reaches.Part(np.array([0]), p, triangles, whole),
+             reaches.Surface(p, triangles).part(np.array([1]), moves, small[moves])]
     assert len(parts[1].positions) < len(p) / 10
     jobs = [native.Bind(*each.bind_arguments(), draft=True) for each in parts]
     job, draft = reaches.Bind(parts, jobs, len(p)), None

@@ -4,11 +4,10 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 
 import bpy
 import pytest
-from conftest import FIXTURES, REPOSITORY, make_zip
+from conftest import FIXTURES, REPOSITORY, make_zip, starts_blender
 from test_bake import command
 
 OLDER, NEWER = '98.0.0', '99.0.0'
@@ -181,7 +180,7 @@ IN_WHEEL = ('--wheel',)
 since_4_2 = pytest.mark.skipif(bpy.app.version < (4, 2, 0), reason="wheels came with 4.2")
 
 
-@pytest.mark.skipif(sys.platform not in {'linux', 'win32'}, reason="starts Blender as on these systems")
+@starts_blender
 @pytest.mark.parametrize('older, newer', [pytest.param((), (), id='folder'),
                                           pytest.param(IN_WHEEL, IN_WHEEL, id='wheel', marks=since_4_2),
                                           pytest.param((), IN_WHEEL, id='folder-wheel', marks=since_4_2)])

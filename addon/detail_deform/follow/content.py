@@ -67,8 +67,13 @@ class Roles(NamedTuple):
 class Part(NamedTuple):
     """The handles of one reach, and what vertices are to these."""
     numbers: Any  # (k,) of the handles among all
-    roles: Any  # (n,) int32: handles counted from 0
-    is_whole: bool  # whether they go by the region, without a reach of their own
+    vertices: Any  # (m,) those that aren't fixed, in their order; None: all, of handles that go by the region
+    roles: Any  # (m,) int32, or (n,): handles counted from 0
+
+    @property
+    def is_whole(self):
+        """Whether it goes by the region."""
+        return self.vertices is None
 
 
 def roles(ob, entries=None, joined=None):
@@ -82,30 +87,42 @@ def roles_of(ob, entries=None, joined=None):
     settings, joined = ob.detail_deform, joined or split.Joined(ob)
     check_groups(ob)
     of_all = mesh_data.roles(ob, settings.region, handle_groups(settings), settings.base == 'COMPUTED', entries)
-    reaches = reaches_of(settings)
-    if not any(reaches):
+    names = reaches_of(settings)
+    if not any(names):
         of_all = joined.roles(of_all)
-        return Roles(of_all, [Part(np.arange(len(reaches)), of_all, True)])
-    # Those that go by the region come first.
-    names = [name for name in ("", *dict.fromkeys(filter(None, reaches))) if name in reaches]
-    # Of each vertex the part whose handle it belongs to. Handles of later parts are free in those before.
-    part_of = np.array([names.index(reach) for reach in reaches])[np.maximum(of_all, 0)]
+        return Roles(of_all, [Part(np.arange(len(names)), None, of_all)])
+    # Those that go by the region come first. Handles of later parts are free in those before.
+    reaches = [name for name in ("", *dict.fromkeys(filter(None, names))) if name in names]
+    part_of = np.array([reaches.index(name) for name in names])[np.maximum(of_all, 0)]
+    inside = _members(ob, [name or settings.region for name in reaches], entries)
     parts, moves = [], np.zeros(len(of_all), bool)
-    for place, name in enumerate(names):
-        group = name or settings.region
-        free = mesh_data.members(ob, group) if group else np.ones(len(of_all), bool)
-        free &= (of_all < 0) | (part_of > place)
-        moves |= free
-        numbers = np.flatnonzero([reach == name for reach in reaches])
-        if not free.any():
+    for place, (name, free) in enumerate(zip(reaches, inside)):
+        free = free[(of_all[free] < 0) | (part_of[free] > place)]
+        numbers = np.flatnonzero([other == name for other in names])
+        if not len(free):
             raise MeshProblem(f"Handle '{handle_matrices.enabled_handles(settings)[numbers[0]].name}': no vertex that "
                               "is free to follow is within its reach. Give its Reach more vertices, or none.")
-        of_part = np.where(free, native.ROLE_FREE, native.ROLE_FIXED)
-        for number, handle in enumerate(numbers):
-            of_part[of_all == handle] = number
-        parts.append(Part(numbers, joined.roles(of_part.astype(np.int32)), not name))
+        moves[free] = True
+        held = (of_all >= 0) & (part_of == place)
+        of_part = np.full(len(of_all), native.ROLE_FIXED, np.int32)
+        of_part[free] = native.ROLE_FREE
+        of_part[held] = np.searchsorted(numbers, of_all[held])
+        of_part = joined.roles(of_part)
+        vertices = np.flatnonzero(of_part != native.ROLE_FIXED) if name else None
+        parts.append(Part(numbers, vertices, of_part if vertices is None else of_part[vertices]))
     of_all = np.where(of_all >= 0, of_all, np.where(moves, native.ROLE_FREE, native.ROLE_FIXED)).astype(np.int32)
     return Roles(joined.roles(of_all), parts)
+
+
+def _members(ob, groups, entries):
+    """[vertices] of each of these groups; of '' all. entries: as of mesh_data.roles."""
+    named = list(dict.fromkeys(filter(None, groups)))
+    vertices, places, weights = (entries or mesh_data.group_entries)(ob, named)
+    is_member = weights > mesh_data.MEMBER_WEIGHT
+    vertices, places = vertices[is_member], places[is_member]
+    order = np.argsort(places, kind='stable')
+    found = dict(zip(named, np.split(vertices[order], np.cumsum(np.bincount(places, minlength=len(named)))[:-1])))
+    return [found[name] if name else np.arange(len(ob.data.vertices)) for name in groups]
 
 
 def reaches_of(settings):
@@ -123,9 +140,11 @@ def shape_signature(ob, topology=None):
 
 def signature(shape, known, told):
     """shape: as of shape_signature; known: Roles; told: as of options."""
-    told_apart = known.of_all if len(known.parts) == 1 and known.parts[0].is_whole else np.stack(
-        [known.of_all, *(part.roles for part in known.parts)])
-    return '.'.join([*shape, mesh_data.signature(told_apart), _texts(told)])
+    told_apart = [known.of_all]
+    for part in known.parts[len(known.parts) == 1 and known.parts[0].is_whole:]:
+        told_apart += [[len(part.numbers), len(part.roles)], part.numbers, part.roles]
+        told_apart += [] if part.is_whole else [part.vertices]
+    return '.'.join([*shape, mesh_data.signature(np.concatenate(told_apart).astype(np.int32)), _texts(told)])
 
 
 def _texts(values):
@@ -142,9 +161,13 @@ def parts_to_bind(ob, known, joined, triangles, hung_ones):
     """[reaches.Part] of the object, in proportions.bound(). What hangs on the surface is placed when the surface is.
     known: Roles. joined: the object's split.Joined. triangles: of its mesh. hung_ones: of hung()."""
     positions, triangles = proportions.bound(ob.detail_deform).to(start.shape(ob)), joined.between(triangles)
-    return [reaches.Part(part.numbers, positions, triangles,
-                         np.where(hung_ones, native.ROLE_FIXED, part.roles).astype(np.int32), part.is_whole)
-            for part in known.parts]
+    surface, found = reaches.Surface(positions, triangles), []
+    for part in known.parts:
+        hung = hung_ones if part.is_whole else hung_ones[part.vertices]
+        of_part = np.where(hung, native.ROLE_FIXED, part.roles).astype(np.int32)
+        found.append(reaches.Part(part.numbers, positions, triangles, of_part) if part.is_whole else
+                     surface.part(part.numbers, part.vertices, of_part))
+    return found
 
 
 def hung(ob, roles_of_vertices, triangles):

@@ -36,9 +36,10 @@ def _of_region(ob, roles, edges):
         return
     handles, rigid = handle_matrices.enabled_handles(settings), []
     for part in roles.parts:
-        free, fixed = part.roles == native.ROLE_FREE, part.roles == native.ROLE_FIXED
-        row = _beside(edges, fixed) & _beside(edges, part.roles >= 0)
-        if (fixed & _beside(edges, free)).any() and row[free].all():
+        of_part, near = _around(part, edges)
+        free, fixed = of_part == native.ROLE_FREE, of_part == native.ROLE_FIXED
+        row = _beside(near, fixed) & _beside(near, of_part >= 0)
+        if (fixed & _beside(near, free)).any() and row[free].all():
             if part.is_whole:
                 yield ("The region is a single row of vertices between handle and rest, which takes all of the motion: "
                        "enlarge it (By Radius).")
@@ -46,7 +47,7 @@ def _of_region(ob, roles, edges):
                 yield (f"The reach of handle '{handles[part.numbers[0]].name}' is a single row of vertices between "
                        "handle and rest, which takes all of the motion: give its Reach more vertices, or none.")
         if settings.region or not part.is_whole:
-            rigid += [handles[part.numbers[number]].name for number in _move_as_a_whole(part.roles, edges)]
+            rigid += [handles[part.numbers[number]].name for number in _move_as_a_whole(of_part, near)]
     if rigid:
         names = ', '.join(f"'{name}'" for name in rigid)
         yield (f"The region holds all of the loose part that these handles are on, one each, so the part moves as a "
@@ -54,6 +55,19 @@ def _of_region(ob, roles, edges):
     if settings.method == 'EXAMPLES':
         fixed = roles.of_all == native.ROLE_FIXED
         yield from _of_examples(ob, ~fixed, fixed & _beside(edges, roles.of_all == native.ROLE_FREE))
+
+
+def _around(part, edges):
+    """(k,) roles and (e, 2) edges of a part's vertices and those beside them, numbered anew."""
+    if part.is_whole:
+        return part.roles, edges
+    inside = np.zeros(edges.max(initial=-1) + 1, bool)
+    inside[part.vertices[part.vertices < len(inside)]] = True
+    near = edges[inside[edges].any(axis=1)]
+    vertices = np.union1d(near, part.vertices)
+    of_part = np.full(len(vertices), native.ROLE_FIXED, np.int32)
+    of_part[np.searchsorted(vertices, part.vertices)] = part.roles
+    return of_part, np.searchsorted(vertices, near)
 
 
 def _move_as_a_whole(roles, edges):

@@ -37,21 +37,19 @@ _OF_HANDLES = ('turns', 'handle_turns', 'pivots')
 class Part:
     """What the handles of one reach are bound to."""
 
-    def __init__(self, numbers, positions, triangles, roles, is_whole):
-        """numbers: (k,) of its handles among all. roles: (n,) with its handles counted from 0. is_whole: the mesh as
-        a whole, by whose region it goes; else what is around the reach."""
-        self.numbers, self.is_whole = numbers, is_whole
-        self.vertices = self.triangle_numbers = None  # of the mesh; None: all
-        if not is_whole:
-            self.vertices, self.triangle_numbers = _around(roles != native.ROLE_FIXED, triangles)
-            place_of = np.full(len(positions), -1, np.int32)
-            place_of[self.vertices] = np.arange(len(self.vertices), dtype=np.int32)
-            positions, roles = positions[self.vertices], roles[self.vertices]
-            triangles = place_of[triangles[self.triangle_numbers]]
+    def __init__(self, numbers, positions, triangles, roles, vertices=None, triangle_numbers=None):
+        """numbers: (h,) of its handles among all. positions, triangles, roles: as of native.Bind, of the mesh that it
+        is bound to, with its handles counted from 0. vertices, triangle_numbers: of that in the whole mesh; None: it is
+        the whole, by whose region these handles go."""
+        self.numbers, self.vertices, self.triangle_numbers = numbers, vertices, triangle_numbers
         self.positions, self.triangles, self.roles = positions, triangles, roles
         self._size = float(np.abs(positions).max(initial=0))
         self._held = [np.flatnonzero(roles == number) for number in range(len(numbers))]
         self._ways = self._smooth = None
+
+    @property
+    def is_whole(self):
+        return self.vertices is None
 
     def bind_arguments(self):
         """Of native.Bind, without its options."""
@@ -154,13 +152,33 @@ class Part:
             raise native.NativeError(said, error.status, [self.vertex(number) for number in error.vertices]) from error
 
 
-def _around(moves, triangles):
-    """Of what may move, with its rings: (k,) vertices and (l,) numbers of triangles."""
-    near, chosen = moves.copy(), np.zeros(0, np.intp)
-    for _ in range(_RINGS):
-        chosen = np.flatnonzero(near[triangles].any(axis=1))
-        near[triangles[chosen]] = True
-    return np.flatnonzero(near), chosen
+class Surface:
+    """A mesh of which parts are made."""
+
+    def __init__(self, positions, triangles):
+        self._positions, self._triangles = positions, triangles
+        self._around = self._begin = None  # triangles around each vertex, one after the other, and where they begin
+
+    def part(self, numbers, vertices, roles):
+        """The Part around these vertices, (m,) in their order, which have roles; all others are fixed."""
+        near, chosen = vertices, np.zeros(0, np.intp)
+        for _ in range(_RINGS):
+            chosen = self._triangles_of(near)
+            near = np.union1d(near, self._triangles[chosen])
+        of_part = np.full(len(near), native.ROLE_FIXED, np.int32)
+        of_part[np.searchsorted(near, vertices)] = roles
+        triangles = np.searchsorted(near, self._triangles[chosen]).astype(np.int32)
+        return Part(numbers, self._positions[near], triangles, of_part, near, chosen)
+
+    def _triangles_of(self, vertices):
+        """Their numbers, in order."""
+        if self._begin is None:
+            corners = self._triangles.ravel()
+            self._around = np.argsort(corners, kind='stable') // 3
+            self._begin = np.concatenate([[0], np.cumsum(np.bincount(corners, minlength=len(self._positions)))])
+        counts = self._begin[vertices + 1] - self._begin[vertices]
+        places = np.arange(counts.sum()) + np.repeat(self._begin[vertices] - (np.cumsum(counts) - counts), counts)
+        return np.unique(self._around[places])
 
 
 class _Composition:
@@ -171,16 +189,20 @@ class _Composition:
         self.offsets = np.zeros((vertex_count, 3), np.float32)
         self._matrices, self._asked, self._width = matrices, asked, width
         self._shows_base = asked.get('output') == 'BASE'  # whose parts are summed: what is carried are details
-        self._gradients = None
+        self._gradients, self._is_changed = None, False
+        turns = asked.get('turns')
+        self._turn = np.zeros(len(matrices), bool) if turns is None else turns.any(axis=1)
 
     def asks(self, part):
         """(matrices, options) of the part's update; None where nothing moves it."""
-        matrices, told = np.ascontiguousarray(self._matrices[part.numbers]), part.asked(self._asked)
-        before = part.of(self.offsets)
-        self._gradients = None if self._shows_base else part.gradients(before)
-        matrices, turns = part.relative(matrices, before, self._gradients), told.get('turns')
-        moves = self._shows_base or part.is_moved(matrices) or (turns is not None and turns.any())
-        return (matrices, told) if moves else None
+        matrices, before = np.ascontiguousarray(self._matrices[part.numbers]), None
+        self._gradients = None
+        if self._is_changed and not self._shows_base:
+            before = part.of(self.offsets)
+            self._gradients = part.gradients(before)
+        matrices = part.relative(matrices, before, self._gradients)
+        moves = self._shows_base or part.is_moved(matrices) or self._turn[part.numbers].any()
+        return (matrices, part.asked(self._asked)) if moves else None
 
     def add(self, part, offsets):
         """offsets: (3 k,), what the part's update gave."""
@@ -188,6 +210,7 @@ class _Composition:
         if self._gradients is not None:
             offsets = np.einsum('nij,nj->ni', self._gradients, offsets)
         self.offsets[slice(None) if part.vertices is None else part.vertices] += offsets
+        self._is_changed = True
 
 
 class Bind:
@@ -264,7 +287,11 @@ class Deformer:
     def __init__(self, parts, made, vertex_count):
         self._parts, self._made, self.vertex_count = parts, made, vertex_count
         self.is_draft = any(each.is_draft for each in made)
-        self.info = None if self.is_draft else self._read_info()
+        free = np.zeros(vertex_count, bool)
+        for part in parts:
+            follows = np.flatnonzero(part.roles == native.ROLE_FREE)
+            free[follows if part.vertices is None else part.vertices[follows]] = True
+        self._free_count = int(free.sum())
 
     def offsets(self, matrices, base=None, soft_border=0.0, **asked):
         """As of native.Deformer. soft_border: as of the setting."""
@@ -274,8 +301,6 @@ class Deformer:
             if asks:
                 with part.in_numbers_of_all():
                     surface.add(part, self._offsets(part, made, *asks))
-        if self.info is not None:
-            self.info = self._read_info()
         return surface.offsets.ravel()
 
     def _offsets(self, part, made, matrices, told):
@@ -299,16 +324,14 @@ class Deformer:
                  for part, made in zip(self._parts, self._made)]
         return np.unique(np.concatenate(found)).astype(np.int32)
 
-    def _read_info(self):
-        """That of the first part, which is the largest, with what others have found that it hasn't."""
+    @property
+    def info(self):
+        """As of native.Deformer; not of a draft. That of the first part, which is the largest, with what others have
+        found and it hasn't."""
         info = copy.copy(self._made[0].info)
         info.vertex_count = self.vertex_count
         info.handle_count = sum(len(part.numbers) for part in self._parts)
-        free = np.zeros(self.vertex_count, bool)
-        for part in self._parts:
-            follows = np.flatnonzero(part.roles == native.ROLE_FREE)
-            free[follows if part.vertices is None else part.vertices[follows]] = True
-        info.free_count = int(free.sum())
+        info.free_count = self._free_count
         for part, made in zip(self._parts, self._made):
             of_part = made.info
             if of_part.idle_handle_count and (part is self._parts[0] or not info.idle_handle_count):
