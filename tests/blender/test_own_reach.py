@@ -360,3 +360,26 @@ def test_drafts_of_parts_stand_in_until_all_are_bound(part):
     quick, exact = (each.offsets(motions, turns=np.zeros((2, 3))).reshape(-1, 3) for each in (draft, made))
     assert np.abs(quick - exact).max() < 0.02 and np.abs(exact).max() == pytest.approx(0.4)
     assert np.array_equal(exact, made.update(motions, turns=np.zeros((2, 3))).finish()[0].reshape(-1, 3))
+
+
+def test_one_pull_after_the_other(part, monkeypatch):
+    """A dozen, each with a reach of its own: each stays where it was led, and groups are read as often as for one."""
+    ob = bumpy(60)
+    pull(ob, disk(ob, -0.8, -0.8, 0.1), radius=2.0)
+    mesh_data, counts = part('scene.mesh_data'), []
+    entries = mesh_data.group_entries
+    for number in range(12):
+        x, y = (number % 4) * 0.4 - 0.5, (number // 4) * 0.5 - 0.4
+        reads = []
+        monkeypatch.setattr(mesh_data, 'group_entries', lambda *asked, to=reads: to.append(asked) or entries(*asked))
+        empty = pull(ob, disk(ob, x, y, 0.06), radius=0.1)
+        monkeypatch.undo()
+        counts.append(len(reads))
+        pose(empty, z=0.02 * (number + 1))
+    found = [len(ob.detail_deform.handles), len({handle.reach for handle in ob.detail_deform.handles})]
+    assert found == [13, 13] and ob.detail_deform.is_bound
+    moved = evaluated(ob) - own(ob)
+    for number in range(12):
+        core = members(ob, ob.detail_deform.handles[1 + number].vertex_group)
+        assert np.abs(moved[core] - (0, 0, 0.02 * (number + 1))).max() < 1e-4
+    assert 0 < counts[-1] <= counts[1]
