@@ -74,8 +74,15 @@ def test_a_dot_stays_on_the_surface_when_an_expression_is_raised(part):
         lifted = (evaluated(ob) - own(ob))[held].mean(axis=0)
         assert np.allclose(np.subtract(place, empty.matrix_world.translation), lifted, atol=1e-5)
         assert lifted[2] == pytest.approx(0.3 * value, abs=1e-5)
+    raised = part('scene.raised')
+    bpy.ops.object.mode_set(mode='EDIT')
+    assert not raised.shifts(ob, ob.detail_deform.handles).any()
+    bpy.ops.object.mode_set(mode='OBJECT')
     # What a binding starts from counts no more: the empty is led from there.
     bind(ob)
+    bpy.ops.object.mode_set(mode='EDIT')
+    assert not raised.shifts(ob, ob.detail_deform.handles).any()
+    bpy.ops.object.mode_set(mode='OBJECT')
     assert np.allclose(gizmos.places(*gizmos.handles(bpy.context))[0], empty.matrix_world.translation, atol=1e-6)
     group(ob, "Half", [])
     key.vertex_group = "Half"

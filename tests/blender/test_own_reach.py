@@ -214,7 +214,9 @@ def test_a_group_of_the_users_is_a_reach_and_stays_when_mirrored():
     ob.detail_deform.handle_index = 1
     before = members(ob, 'Mine')
     bpy.ops.object.detail_deform_handle_mirror(axis='X')
-    assert (members(ob, 'Mine') == before).all() and ob.detail_deform.handles[2].reach == 'Mine Mirrored'
+    assert (members(ob, 'Mine') == before).all()
+    assert {handle.reach for handle in ob.detail_deform.handles} == {"", "Reach"}
+    assert members(ob, "Reach")[before].all() and members(ob, "Reach")[disk(ob, -0.45, 0, 0.2)].all()
 
 
 def test_without_its_reach_it_shares_the_region():
@@ -245,7 +247,7 @@ def test_a_reach_without_anything_to_move_is_refused():
     group(ob, 'Mine', np.flatnonzero(members(ob, "Handle.001")))
     ob.detail_deform.handles[1].reach = 'Mine'
     activate(ob)
-    assert "no vertex that is free to follow is within its reach" in refusal(bpy.ops.object.detail_deform_bind)
+    assert "that is free to follow is beside it within its reach" in refusal(bpy.ops.object.detail_deform_bind)
 
 
 def test_the_handle_goes_with_its_group():
@@ -383,3 +385,280 @@ def test_one_pull_after_the_other(part, monkeypatch):
         core = members(ob, ob.detail_deform.handles[1 + number].vertex_group)
         assert np.abs(moved[core] - (0, 0, 0.02 * (number + 1))).max() < 1e-4
     assert 0 < counts[-1] <= counts[1]
+
+
+# Beside other settings
+
+def with_hill(ob):
+    p = own(ob)
+    ob.shape_key_add(name="Basis")
+    key = ob.shape_key_add(name="Hill")
+    key.value = 0.0
+    hill = p + np.exp(-4 * (p[:, :2] ** 2).sum(axis=1))[:, None] * (0, 0, 0.5)
+    key.data.foreach_set('co', hill.astype(np.float32).ravel())
+    activate(ob)
+    bpy.ops.object.detail_deform_examples_from_keys()
+    ob.detail_deform.method = 'EXAMPLES'
+
+
+@pytest.mark.parametrize('has_reach', [False, True])
+def test_sliders_of_examples_move_it_with_all_handles_at_rest(has_reach):
+    ob = bumpy()
+    with_hill(ob)
+    pull(ob, disk(ob, 0, 0, 0.2), radius=0.9)
+    if has_reach:
+        pull(ob, disk(ob, 0.45, 0, 0.1), radius=0.2)
+    ob.detail_deform.weights_by = 'SLIDERS'
+    ob.detail_deform.examples[0].weight = 0.7
+    update()
+    assert np.abs(evaluated(ob) - own(ob)).max() > 0.3
+
+
+def test_weights_that_handles_ask_for_are_those_of_now():
+    ob = bumpy()
+    with_hill(ob)
+    large = pull(ob, disk(ob, 0, 0, 0.2), radius=0.9)
+    pull(ob, disk(ob, 0.45, 0, 0.1), radius=0.2)
+    rest = large.matrix_world.copy()
+    pose(large, z=0.4)
+    assert ob.detail_deform.examples[0].found_weight > 0.3
+    large.matrix_world = rest
+    update()
+    assert abs(ob.detail_deform.examples[0].found_weight) < 1e-4
+
+
+@pytest.mark.parametrize('degrees', [170, 190, 360, 540, 720])
+def test_turned_together_by_whole_turns_it_is_rigid(degrees):
+    ob = bumpy()
+    large = pull(ob, disk(ob, 0, 0, 0.2), radius=9.0)
+    small = pull(ob, disk(ob, 0.6, 0, 0.1), radius=0.2)
+    p, turn = own(ob), Matrix.Rotation(np.radians(degrees), 4, 'Z')
+    for empty in (large, small):
+        empty.matrix_world.translation = turn @ empty.matrix_world.translation
+        update()
+        empty.rotation_euler.z += np.radians(degrees)
+    update()
+    assert np.abs(evaluated(ob) - p @ np.array(turn)[:3, :3].T).max() < 2e-4
+
+
+def test_a_small_one_twists_by_whole_turns_of_its_own():
+    """As without the large one, which only stands a little higher."""
+    ob, large, small, reach = two_pulls()
+    small.rotation_euler.z += 2 * np.pi
+    update()
+    twisted = evaluated(ob) - own(ob)
+    assert np.abs(twisted[reach]).max() > 0.03
+    pose(large, z=0.01)
+    assert np.abs(evaluated(ob) - own(ob) - twisted)[reach].max() < 0.015
+
+
+def test_a_turn_of_the_large_one_makes_no_jump():
+    """By steps of five degrees, beside the same without the small one."""
+    longest = []
+    for has_reach in (True, False):
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+        ob = bumpy()
+        large = pull(ob, disk(ob, 0, 0, 0.2), radius=0.9)
+        if has_reach:
+            pull(ob, disk(ob, 0.45, 0, 0.1), radius=0.2)
+        before, steps = evaluated(ob), []
+        for _ in range(60):
+            large.rotation_euler.z += np.radians(5)
+            update()
+            now = evaluated(ob)
+            steps.append(np.abs(now - before).max())
+            before = now
+        longest.append(np.array(steps))
+    assert (longest[0] < 1.5 * longest[1] + 0.02).all()
+
+
+# Which share one
+
+def test_a_pull_that_reaches_one_with_a_reach_shares_that():
+    ob = bumpy()
+    pull(ob, disk(ob, -0.6, 0, 0.1), radius=0.3)
+    region = members(ob, "Region")
+    pull(ob, disk(ob, 0.3, 0, 0.1), radius=0.25)
+    third = pull(ob, disk(ob, 0.55, 0, 0.08), radius=0.2)
+    reaches = [handle.reach for handle in ob.detail_deform.handles]
+    assert reaches == ["", "Reach", "Reach"] and (members(ob, "Region") == region).all()
+    pose(third, z=0.3)
+    moved = np.abs(evaluated(ob) - own(ob)).max(axis=1)
+    assert moved[members(ob, "Handle.001")].max() < 1e-9 and moved[~members(ob, "Reach")].max() < 1e-9
+
+
+def test_a_pull_that_reaches_several_takes_all_of_theirs():
+    ob = bumpy()
+    pull(ob, disk(ob, -0.6, 0, 0.1), radius=0.3)
+    pull(ob, disk(ob, 0.3, 0.5, 0.1), radius=0.2)
+    pull(ob, disk(ob, 0.3, -0.5, 0.1), radius=0.2)
+    before = members(ob, "Reach") | members(ob, "Reach.001")
+    pull(ob, disk(ob, 0.5, 0, 0.08), radius=0.45)
+    assert len({handle.reach for handle in list(ob.detail_deform.handles)[1:]}) == 1
+    shared = members(ob, ob.detail_deform.handles[3].reach)
+    assert shared[before].all() and ob.detail_deform.handles[0].reach == ""
+    # And one that reaches the first as well has all of them go by the region.
+    pull(ob, disk(ob, -0.1, 0, 0.05), radius=0.7)
+    assert not any(handle.reach for handle in ob.detail_deform.handles)
+    assert members(ob, "Region")[shared].all() and ob.detail_deform.is_bound
+
+
+def test_a_region_that_no_handle_goes_by_any_more_is_not_shared():
+    ob, _, _, reach = two_pulls()
+    activate(ob)
+    ob.detail_deform.handle_index = 0
+    bpy.ops.object.detail_deform_handle_remove()
+    third = pull(ob, disk(ob, 0.5, 0.2, 0.05), radius=0.25)
+    shared = members(ob, "Reach")
+    assert [handle.reach for handle in ob.detail_deform.handles] == ["Reach", "Reach"]
+    pose(third, z=0.2)
+    moved = np.abs(evaluated(ob) - own(ob)).max(axis=1)
+    assert not moved[~shared].any() and shared[reach].all() and shared.sum() < 2.5 * reach.sum()
+    # Its group may go.
+    ob.vertex_groups.remove(ob.vertex_groups["Region"])
+    pose(third, z=0.1)
+    assert ob.detail_deform.is_bound, ob.detail_deform.status
+
+
+def test_a_pull_that_is_cancelled_gives_reaches_back(part):
+    ob = bumpy()
+    pull(ob, disk(ob, -0.6, 0, 0.1), radius=0.3)
+    pull(ob, disk(ob, 0.3, 0, 0.1), radius=0.25)
+    before = [(handle.reach, handle.own_reach) for handle in ob.detail_deform.handles]
+    groups = {group.name: members(ob, group.name) for group in ob.vertex_groups}
+    for x, radius in ((0.55, 0.2), (-0.1, 0.7)):
+        for count in range(1, 6):
+            activate(ob)
+            bpy.ops.object.mode_set(mode='OBJECT')
+            ob.data.vertices.foreach_set('select', disk(ob, x, 0, 0.06))
+            bpy.ops.object.mode_set(mode='EDIT')
+            stages = part('setup.pulling').Pull(bpy.context, ob, radius).stages(wait=False, watch=True)
+            for _ in range(count):
+                next(stages)
+            stages.close()
+            bpy.ops.object.mode_set(mode='OBJECT')
+            update()
+            assert [(handle.reach, handle.own_reach) for handle in ob.detail_deform.handles] == before
+            assert {group.name for group in ob.vertex_groups} == set(groups)
+            assert all((members(ob, name) == chosen).all() for name, chosen in groups.items())
+            assert ob.detail_deform.is_bound, ob.detail_deform.status
+
+
+def test_symmetry_of_a_further_pull_leaves_the_region_of_the_first():
+    ob = bumpy()
+    pull(ob, disk(ob, 0.15, 0.2, 0.1), radius=0.25)
+    before = members(ob, "Region")
+    ob.data.use_mirror_x = True
+    pull(ob, disk(ob, 0.3, -0.5, 0.08), radius=0.1)
+    assert (members(ob, "Region") == before).all() and ob.detail_deform.handles[2].reach == "Reach"
+
+
+def test_a_symmetric_image_is_exact_where_both_reach():
+    ob = symmetric(41)
+    pull(ob, disk(ob, 0, 0.35, 0.07), radius=0.1)
+    empty = pull(ob, disk(ob, 0.06, -0.1, 0.03), radius=0.05)
+    group(ob, 'Mine', np.flatnonzero(disk(ob, 0.06, -0.1, 0.12)))
+    activate(ob)
+    ob.detail_deform.handles[1].reach = 'Mine'
+    ob.detail_deform.handle_index = 1
+    bpy.ops.object.detail_deform_handle_mirror(axis='X', symmetric=True)
+    bind(ob)
+    p = own(ob)
+    pose(empty, x=0.02, z=0.06)
+    found = evaluated(ob)
+    order = np.lexsort((p[:, 1].round(4), p[:, 0].round(4))), np.lexsort((p[:, 1].round(4), (-p[:, 0]).round(4)))
+    assert np.abs(found[order[0]] - found[order[1]] * (-1, 1, 1)).max() < 1e-5 and np.abs(found - p).max() > 0.05
+
+
+def test_the_larger_reach_comes_first_in_any_order():
+    """What a large one moves takes a small one along, also where the small one is first in the list."""
+    found = []
+    for names in (("Small", "Large"), ("Large", "Small")):
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+        ob = bumpy()
+        parts = {"Small": (0.3, 0.06, 0.15), "Large": (-0.1, 0.1, 0.7)}
+        empties = {}
+        for name in names:
+            x, held, reach = parts[name]
+            group(ob, name, np.flatnonzero(disk(ob, x, 0, held)))
+            group(ob, f"{name} Reach", np.flatnonzero(disk(ob, x, 0, reach)))
+            empties[name] = add_empty(name, (x, 0, 0))
+            handle = ob.detail_deform.handles.add()
+            handle.name = handle.vertex_group = name
+            handle.target, handle.reach = empties[name], f"{name} Reach"
+        update()
+        bind(ob)
+        pose(empties["Large"], z=0.3)
+        pose(empties["Small"], z=0.3)
+        found.append(evaluated(ob) - own(ob))
+    assert np.abs(found[0] - found[1]).max() < 1e-6 and found[0][:, 2].max() == pytest.approx(0.3, abs=0.02)
+
+
+# What is said
+
+def test_what_is_left_of_a_mirror_image_is_no_loose_part():
+    ob, _, _, _ = two_pulls()
+    activate(ob)
+    ob.detail_deform.handle_index = 1
+    bpy.ops.object.detail_deform_handle_mirror(axis='X')
+    ob.detail_deform.handle_index = 2
+    bpy.ops.object.detail_deform_handle_remove()
+    bind(ob)
+    assert "loose part" not in ob.detail_deform.status
+
+
+def test_a_reach_that_holds_a_whole_loose_part_is_said():
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.2, location=(0.3, 0, 1))
+    sphere = bpy.context.active_object
+    ob = bumpy()
+    sphere.select_set(True)
+    bpy.ops.object.join()
+    pull(ob, disk(ob, -0.5, 0, 0.1) & (own(ob)[:, 2] < 0.5), radius=0.2)
+    pull(ob, own(ob)[:, 2] > 1.15, radius=3.0)
+    assert "hold all of the loose part" in ob.detail_deform.status and ob.detail_deform.handles[1].reach
+
+
+def test_a_reach_away_from_its_handle_is_refused_with_its_name():
+    ob, _, _, _ = two_pulls()
+    group(ob, 'Away', np.flatnonzero(disk(ob, -0.6, 0, 0.1)))
+    ob.detail_deform.handles[1].reach = 'Away'
+    activate(ob)
+    said = refusal(bpy.ops.object.detail_deform_bind)
+    assert "Handle.001" in said and "beside it within its reach" in said
+
+
+def test_a_part_that_fails_while_another_is_bound_is_told_at_the_end(part):
+    reaches, native = part('follow.reaches'), part('library.native')
+
+    class Job:
+        def __init__(self, fails):
+            self.fails, self.cancelled = fails, False
+
+        def progress(self):
+            return not (self.fails or self.cancelled), 0.5, "Starting"
+
+        def draft(self):
+            return None
+
+        def cancel(self):
+            self.cancelled = True
+
+        def finish(self):
+            raise native.NativeError("The surface can't be solved for near vertex 1." if self.fails
+                                     else "It was cancelled.", vertices=[1] if self.fails else [])
+
+        def close(self):
+            pass
+
+    p = np.float32([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (2, 0, 0)])
+    triangles = np.int32([(0, 1, 2), (1, 3, 2), (1, 4, 3)])
+    surface = reaches.Surface(p, triangles)
+    parts = [reaches.Part(np.array([0]), p, triangles, np.int32([0, -1, -1, -1, -2])),
+             surface.part(np.array([1]), np.array([3, 4]), np.int32([-1, 0]))]
+    job = reaches.Bind(parts, [Job(fails=False), Job(fails=True)], len(p))
+    assert job.draft() is None and job.progress()[0]
+    job = reaches.Bind(parts[::-1], [Job(fails=True), Job(fails=False)], len(p))
+    assert job.draft() is None and not job.progress()[0]
+    with pytest.raises(native.NativeError, match=f"near vertex {parts[1].vertices[1]}") as caught:
+        job.finish()
+    assert list(caught.value.vertices) == [parts[1].vertices[1]]

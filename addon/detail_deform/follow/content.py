@@ -22,13 +22,18 @@ def check_groups(ob):
     """Raises MeshProblem where the region or a handle refers to no group of the object. Cheap enough for every frame.
     """
     settings = ob.detail_deform
-    mesh_data.check_groups(ob, settings.region, handle_groups(settings))
     reaches = reaches_of(settings)
+    mesh_data.check_groups(ob, _region(settings, reaches), handle_groups(settings))
     there = set(ob.vertex_groups.keys()) if any(reaches) else ()
     for handle, reach in zip(handle_matrices.enabled_handles(settings), reaches):
         if reach and reach not in there:
             raise MeshProblem(f"Handle '{handle.name}': its reach refers to the vertex group '{reach}', which "
                               f"'{ob.name}' does not have: choose another group, or none.")
+
+
+def _region(settings, reaches):
+    """Its group; '' where all handles have reaches of their own. reaches: of reaches_of()."""
+    return settings.region if not reaches or "" in reaches else ""
 
 
 def handle_groups(settings):
@@ -86,43 +91,38 @@ def roles_of(ob, entries=None, joined=None):
     Raises MeshProblem naming the group or handle."""
     settings, joined = ob.detail_deform, joined or split.Joined(ob)
     check_groups(ob)
-    of_all = mesh_data.roles(ob, settings.region, handle_groups(settings), settings.base == 'COMPUTED', entries)
     names = reaches_of(settings)
+    of_all = mesh_data.roles(ob, _region(settings, names), handle_groups(settings), settings.base == 'COMPUTED',
+                             entries)
     if not any(names):
         of_all = joined.roles(of_all)
         return Roles(of_all, [Part(np.arange(len(names)), None, of_all)])
-    # Those that go by the region come first. Handles of later parts are free in those before.
+    # Those that go by the region come first, then the larger reaches: small fixes are of what larger motions have made.
+    # Handles of later parts are free in those before.
     reaches = [name for name in ("", *dict.fromkeys(filter(None, names))) if name in names]
+    groups = [name or settings.region for name in reaches]
+    inside = mesh_data.members_of_each(ob, groups, entries)
+    order = sorted(range(len(reaches)), key=lambda place: (reaches[place] != "", -len(inside[place])))
+    reaches, inside = [reaches[place] for place in order], [inside[place] for place in order]
     part_of = np.array([reaches.index(name) for name in names])[np.maximum(of_all, 0)]
-    inside = _members(ob, [name or settings.region for name in reaches], entries)
-    parts, moves = [], np.zeros(len(of_all), bool)
+    parts, moves, edges = [], np.zeros(len(of_all), bool), joined.between(mesh_data.edges(ob.data))
     for place, (name, free) in enumerate(zip(reaches, inside)):
         free = free[(of_all[free] < 0) | (part_of[free] > place)]
         numbers = np.flatnonzero([other == name for other in names])
-        if not len(free):
-            raise MeshProblem(f"Handle '{handle_matrices.enabled_handles(settings)[numbers[0]].name}': no vertex that "
-                              "is free to follow is within its reach. Give its Reach more vertices, or none.")
         moves[free] = True
         held = (of_all >= 0) & (part_of == place)
         of_part = np.full(len(of_all), native.ROLE_FIXED, np.int32)
         of_part[free] = native.ROLE_FREE
         of_part[held] = np.searchsorted(numbers, of_all[held])
         of_part = joined.roles(of_part)
+        ends = of_part[edges]
+        if name and not ((ends == native.ROLE_FREE).any(axis=1) & (ends >= 0).any(axis=1)).any():
+            raise MeshProblem(f"Handle '{handle_matrices.enabled_handles(settings)[numbers[0]].name}': no vertex that "
+                              "is free to follow is beside it within its reach. Give its Reach more vertices, or none.")
         vertices = np.flatnonzero(of_part != native.ROLE_FIXED) if name else None
         parts.append(Part(numbers, vertices, of_part if vertices is None else of_part[vertices]))
     of_all = np.where(of_all >= 0, of_all, np.where(moves, native.ROLE_FREE, native.ROLE_FIXED)).astype(np.int32)
     return Roles(joined.roles(of_all), parts)
-
-
-def _members(ob, groups, entries):
-    """[vertices] of each of these groups; of '' all. entries: as of mesh_data.roles."""
-    named = list(dict.fromkeys(filter(None, groups)))
-    vertices, places, weights = (entries or mesh_data.group_entries)(ob, named)
-    is_member = weights > mesh_data.MEMBER_WEIGHT
-    vertices, places = vertices[is_member], places[is_member]
-    order = np.argsort(places, kind='stable')
-    found = dict(zip(named, np.split(vertices[order], np.cumsum(np.bincount(places, minlength=len(named)))[:-1])))
-    return [found[name] if name else np.arange(len(ob.data.vertices)) for name in groups]
 
 
 def reaches_of(settings):

@@ -46,13 +46,13 @@ def _of_region(ob, roles, edges):
             else:
                 yield (f"The reach of handle '{handles[part.numbers[0]].name}' is a single row of vertices between "
                        "handle and rest, which takes all of the motion: give its Reach more vertices, or none.")
-        if settings.region or not part.is_whole:
+        if not part.is_whole or settings.region and fixed.any():
             rigid += [handles[part.numbers[number]].name for number in _move_as_a_whole(of_part, near)]
     if rigid:
         names = ', '.join(f"'{name}'" for name in rigid)
-        yield (f"The region holds all of the loose part that these handles are on, one each, so the part moves as a "
-               f"whole: {names}. To bend it make the region smaller (By Radius), or add a handle that stays.")
-    if settings.method == 'EXAMPLES':
+        yield (f"Region or Reach hold all of the loose part that these handles are on, one each, so the part moves as "
+               f"a whole: {names}. To bend it make them smaller (By Radius), or add a handle that stays.")
+    if settings.method == 'EXAMPLES' and roles.parts[0].is_whole:
         fixed = roles.of_all == native.ROLE_FIXED
         yield from _of_examples(ob, ~fixed, fixed & _beside(edges, roles.of_all == native.ROLE_FREE))
 
@@ -73,8 +73,6 @@ def _around(part, edges):
 def _move_as_a_whole(roles, edges):
     """Numbers of handles that are alone on a part of which nothing is fixed and something follows."""
     inside = roles != native.ROLE_FIXED
-    if inside.all():
-        return ()
     parts = components.least(len(roles), edges[inside[edges].all(axis=1)])
     is_held = np.zeros(len(roles), bool)  # of a part, by its number: what is fixed is beside it
     is_held[parts[inside & _beside(edges, ~inside)]] = True

@@ -15,6 +15,7 @@ import re
 import threading
 
 import numpy as np
+from mathutils import Matrix
 
 from ..library import native
 from ..scene import soft_border
@@ -24,8 +25,10 @@ _RINGS = 3
 _REST = np.eye(4)[:3]
 # How far a motion is from none where its empty didn't move: rounding of double precision, of the part's size.
 _STILL = 1e-12
-# The least determinant of a gradient by which motions are told: a surface that is flatter has lost its way.
+# The least determinant of F at a handle: a surface that is flattened further tells no motion, and nothing is turned.
 _FLATTEST = 1e-3
+# Radians of a rotation vector: up to there a surface that goes along has turned the shortest way.
+_HALF = 0.75 * np.pi
 # Of how much places vary along one direction, in squares, beside how much they do along another.
 _LEAST_VARIATION = 1e-4
 # Of the method Examples alone; what has a reach of its own goes by detail transfer then.
@@ -43,8 +46,8 @@ class Part:
         the whole, by whose region these handles go."""
         self.numbers, self.vertices, self.triangle_numbers = numbers, vertices, triangle_numbers
         self.positions, self.triangles, self.roles = positions, triangles, roles
-        self._size = float(np.abs(positions).max(initial=0))
-        self._held = [np.flatnonzero(roles == number) for number in range(len(numbers))]
+        self.size = float(np.abs(positions).max(initial=0))
+        self.held = [np.flatnonzero(roles == number) for number in range(len(numbers))]
         self._ways = self._smooth = None
 
     @property
@@ -80,7 +83,10 @@ class Part:
         if self._smooth is None:
             self._smooth = self._fit()
         functions, fit = self._smooth
-        return (functions @ (fit @ found.reshape(-1, 9))).reshape(-1, 3, 3)
+        result = (functions @ (fit @ found.reshape(-1, 9))).reshape(-1, 3, 3)
+        if min(np.linalg.det(result[held].mean(axis=0)) for held in self.held) > _FLATTEST:
+            return result
+        return np.broadcast_to(np.eye(3), result.shape)
 
     def _fit(self):
         """(k, 4) and (4, k): the linear functions of a place, and what finds those that are nearest to values at the
@@ -90,10 +96,13 @@ class Part:
         areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         weights = self.shares_of_way() ** 2 * sum(
             np.bincount(self.triangles[:, k], areas, minlength=len(places)) for k in range(3))
-        middle = weights @ places / max(weights.sum(), 1e-300)
+        if not weights.any():  # handles that nothing is beside
+            weights = np.ones(len(places))
+        weights /= weights.sum()
+        middle = weights @ places
         size = max(np.abs(places - middle).max(initial=0), 1e-300)
         functions = np.concatenate([np.ones((len(places), 1)), (places - middle) / size], axis=1)
-        weighted = functions.T * (weights / max(weights.sum(), 1e-300))
+        weighted = functions.T * weights
         # Across a plane nothing varies: there the least slope is none.
         return functions, np.linalg.pinv(weighted @ functions, rcond=_LEAST_VARIATION, hermitian=True) @ weighted
 
@@ -109,10 +118,8 @@ class Part:
         if gradients is None:
             return matrices
         result = np.empty_like(matrices)
-        for number, (matrix, held) in enumerate(zip(matrices, self._held)):
+        for number, (matrix, held) in enumerate(zip(matrices, self.held)):
             F = gradients[held].mean(axis=0, dtype=np.float64)
-            if not np.linalg.det(F) > _FLATTEST:
-                F = np.eye(3)
             centre = self.positions[held].mean(axis=0, dtype=np.float64)
             there, back = centre + before[held].mean(axis=0, dtype=np.float64), np.linalg.inv(F)
             result[number, :, :3] = back @ matrix[:, :3]
@@ -122,7 +129,7 @@ class Part:
     def is_moved(self, matrices):
         """By any of its handles. matrices: theirs, (h, 3, 4)."""
         change = np.abs(matrices - _REST)
-        return change[..., :3].max() > _STILL or change[..., 3].max() > _STILL * self._size
+        return change[..., :3].max() > _STILL or change[..., 3].max() > _STILL * self.size
 
     def faded(self, offsets, width):
         """(k, 3): its offsets, (3 k,), fading towards its border by that width."""
@@ -150,6 +157,22 @@ class Part:
                           lambda found: f"{found[1]} {numbers[found[1].lower()](int(found[2]))}", str(error),
                           flags=re.IGNORECASE)
             raise native.NativeError(said, error.status, [self.vertex(number) for number in error.vertices]) from error
+
+
+def rotation_vector(gradient):
+    """(3,): of the rotation of a gradient, the shortest."""
+    left, _, right = np.linalg.svd(gradient)
+    left[:, 2] *= np.linalg.det(left @ right)
+    turn = Matrix((left @ right).tolist()).to_quaternion()
+    axis, angle = turn.to_axis_angle()
+    return np.array(axis) * (angle - 2 * np.pi * (angle > np.pi))
+
+
+def nearest_turn(shortest, to):
+    """(3,): of the rotation vectors that turn as the shortest one does, the nearest to another vector."""
+    angle = np.linalg.norm(shortest)
+    axis = shortest / angle if angle > 1e-6 else to / max(np.linalg.norm(to), 1e-300)
+    return axis * (angle + 2 * np.pi * np.round((to @ axis - angle) / (2 * np.pi)))
 
 
 class Surface:
@@ -184,14 +207,16 @@ class Surface:
 class _Composition:
     """A surface as it is deformed part by part."""
 
-    def __init__(self, vertex_count, matrices, asked, width):
-        """matrices: (h, 3, 4), of all handles. asked: of the update. width: of the soft border."""
+    def __init__(self, vertex_count, matrices, asked, width, arriving):
+        """matrices: (h, 3, 4), of all handles. asked: of the update. width: of the soft border. arriving: of
+        Deformer.arriving."""
         self.offsets = np.zeros((vertex_count, 3), np.float32)
         self._matrices, self._asked, self._width = matrices, asked, width
         self._shows_base = asked.get('output') == 'BASE'  # whose parts are summed: what is carried are details
         self._gradients, self._is_changed = None, False
         turns = asked.get('turns')
-        self._turn = np.zeros(len(matrices), bool) if turns is None else turns.any(axis=1)
+        self._turns = np.zeros((len(matrices), 3)) if turns is None else turns.copy()  # beside what is turned before
+        self._turn, self._arriving = self._turns.any(axis=1), arriving
 
     def asks(self, part):
         """(matrices, options) of the part's update; None where nothing moves it."""
@@ -201,8 +226,25 @@ class _Composition:
             before = part.of(self.offsets)
             self._gradients = part.gradients(before)
         matrices = part.relative(matrices, before, self._gradients)
-        moves = self._shows_base or part.is_moved(matrices) or self._turn[part.numbers].any()
-        return (matrices, part.asked(self._asked)) if moves else None
+        told = part.asked(self._asked)
+        if self._gradients is not None and self._turn.any():
+            told['turns'] = self._relative_turns(part, told['turns'])
+            self._turns[part.numbers] = told['turns']
+        # By examples the shape has more to go by than handles, and their weights are read afterwards.
+        moves = (self._shows_base or part.is_moved(matrices) or self._turn[part.numbers].any()
+                 or part.is_whole and told['method'] == 'EXAMPLES')
+        return (matrices, told) if moves else None
+
+    def _relative_turns(self, part, turns):
+        """(h, 3) rotation vectors: how far its handles turn beside the surface, whose own turn is told by gradients but
+        for whole turns; these are told by the handles that have turned it, and by how much of each arrives there."""
+        result = turns.copy()
+        far = np.flatnonzero(np.linalg.norm(self._turns, axis=1) > _HALF)
+        arrives = self._arriving(part, far) if len(far) else np.zeros((len(turns), 0))
+        for number, share in enumerate(arrives):
+            turned = rotation_vector(self._gradients[part.held[number]].mean(axis=0, dtype=np.float64))
+            result[number] -= nearest_turn(turned, share @ self._turns[far])
+        return result
 
     def add(self, part, offsets):
         """offsets: (3 k,), what the part's update gave."""
@@ -222,6 +264,7 @@ class Bind:
         self._drafts = [None] * len(parts)
         self._lock = threading.Lock()  # a render may finish it while the window looks at its progress
         self.cancelled = self._was_drafted = False
+        self._failed = None
 
     def progress(self):
         """(running, fraction, stage)"""
@@ -235,7 +278,7 @@ class Bind:
     def draft(self):
         """As of native.Bind: there once each part has one, or is done."""
         with self._lock:
-            if self._was_drafted:
+            if self._was_drafted or self._failed:
                 return None
             for number, job in enumerate(self._jobs):
                 if self._made[number] or self._drafts[number]:
@@ -244,7 +287,12 @@ class Bind:
                 if self._drafts[number] is None:
                     if job.progress()[0]:
                         return None
-                    self._finish(number)
+                    try:
+                        self._finish(number)
+                    except native.NativeError as error:
+                        self._failed = error  # who waits for all will be told
+                        self._cancel()
+                        return None
             made = [draft or made for draft, made in zip(self._drafts, self._made)]
             self._was_drafted, self._drafts = True, [None] * len(made)
             return Deformer(self._parts, made, self._vertex_count)
@@ -256,13 +304,18 @@ class Bind:
     def cancel(self):
         with self._lock:
             self.cancelled = True
-            for job in self._jobs:
-                job.cancel()
+            self._cancel()
+
+    def _cancel(self):
+        for job in self._jobs:
+            job.cancel()
 
     def finish(self):
         """The Deformer, or native.NativeError."""
         with self._lock:
             try:
+                if self._failed:
+                    raise self._failed
                 for number in range(len(self._parts)):
                     self._finish(number)
             except native.NativeError:
@@ -292,10 +345,35 @@ class Deformer:
             follows = np.flatnonzero(part.roles == native.ROLE_FREE)
             free[follows if part.vertices is None else part.vertices[follows]] = True
         self._free_count = int(free.sum())
+        self._shares = {}  # by part and handle: of arriving()
+
+    def arriving(self, part, handles):
+        """(h, k): at the handles of a part, how much arrives there of what each of these handles, by their numbers
+        among all, moves: what the base surface makes of a unit step."""
+        place, result = self._parts.index(part), np.zeros((len(part.numbers), len(handles)))
+        for column, handle in enumerate(handles):
+            if (place, handle) not in self._shares:
+                self._shares[place, handle] = self._arriving(part, place, handle)
+            result[:, column] = self._shares[place, handle]
+        return result
+
+    def _arriving(self, part, place, handle):
+        for other, made in zip(self._parts[:place], self._made):
+            if handle not in other.numbers:
+                continue
+            at_rest = np.repeat(_REST[None], len(other.numbers), axis=0)
+            stepped = at_rest.copy()
+            stepped[np.flatnonzero(other.numbers == handle)[0], 0, 3] = other.size
+            before, after = (made.offsets(matrices, output='BASE', method='TRANSFER', base_deformer='LINEAR', refine=0)
+                             for matrices in (at_rest, stepped))
+            steps = np.zeros(self.vertex_count)
+            steps[slice(None) if other.is_whole else other.vertices] = (after - before)[::3] / other.size
+            return [part.of(steps)[held].mean() for held in part.held]
+        return np.zeros(len(part.numbers))
 
     def offsets(self, matrices, base=None, soft_border=0.0, **asked):
         """As of native.Deformer. soft_border: as of the setting."""
-        surface = _Composition(self.vertex_count, matrices, asked, soft_border)
+        surface = _Composition(self.vertex_count, matrices, asked, soft_border, self.arriving)
         for part, made in zip(self._parts, self._made):
             asks = surface.asks(part)
             if asks:
@@ -312,7 +390,7 @@ class Deformer:
 
     def update(self, matrices, wait=False, base=None, soft_border=0.0, **asked):
         """As of native.Deformer."""
-        surface = _Composition(self.vertex_count, matrices, asked, soft_border)
+        surface = _Composition(self.vertex_count, matrices, asked, soft_border, self.arriving)
         return _Update(self._parts, self._made, surface, wait)
 
     def example_weights(self):
@@ -339,7 +417,8 @@ class Deformer:
                 info.idle_handle_example = int(part.numbers[of_part.idle_handle_example])
             if part is self._parts[0] and part.is_whole:
                 continue
-            for name in ('resting', 'loose', 'unrepresented'):
+            # What of a reach no handle of it leads to only stays as it is.
+            for name in ('loose', 'unrepresented'):
                 _take_over(info, of_part, name, part.vertex, part is self._parts[0])
             _take_over(info, of_part, 'degenerate', part.triangle, part is self._parts[0])
         for name in ('bind_seconds', 'bytes'):

@@ -169,9 +169,14 @@ def _remarks(ob, info):
         yield ("The only handle takes the whole mesh along, because nothing holds it: make a region (By Radius), or "
                "add a handle that stays.")
     if info.idle_handle_count:
-        idle = handle_matrices.enabled_handles(settings)[info.idle_handle_example].name
-        yield (f"Nothing follows {_count(info.idle_handle_count, 'handle', 'handles')} (such as '{idle}'): no vertex "
-               "of the region is beside it. Make the region larger (By Radius), or choose another one.")
+        idle = handle_matrices.enabled_handles(settings)[info.idle_handle_example]
+        idle_ones = f"{_count(info.idle_handle_count, 'handle', 'handles')} (such as '{idle.name}')"
+        if idle.reach:
+            yield (f"Nothing follows {idle_ones}: no vertex of its reach is beside it. Give its Reach more vertices, "
+                   "or none.")
+        else:
+            yield (f"Nothing follows {idle_ones}: no vertex of the region is beside it. Make the region larger (By "
+                   "Radius), or choose another one.")
     yield from hints.of_region(ob)
     hanging = hints.goes_by_its_mesh(ob)
     if hanging:

@@ -6,11 +6,13 @@ import bpy
 from ..scene import selection
 
 _edited = []  # names of the objects that were in Edit Mode, the active one first
+_window = None  # where that was
 
 
 def note(context):
     """Where the drag begins; all that is in Edit Mode now."""
-    active = context.active_object
+    global _window
+    active, _window = context.active_object, context.window
     names = [ob.name for ob in context.objects_in_mode] if active and active.mode == 'EDIT' else []
     _edited[:] = sorted(names, key=lambda name: name != active.name)
 
@@ -34,11 +36,11 @@ class OBJECT_OT_detail_deform_edit_again(bpy.types.Operator):
 
 def _edit_again():
     """Timer."""
-    windows, names = bpy.context.window_manager.windows, list(_edited)
+    names = list(_edited)
     _edited.clear()
-    if not (windows and names):
+    if not names or _window not in list(bpy.context.window_manager.windows):
         return
-    with bpy.context.temp_override(window=windows[0]):
+    with bpy.context.temp_override(window=_window):
         context = bpy.context
         there = [ob for ob in map(context.view_layer.objects.get, names) if ob and ob.type == 'MESH']
         if not there or context.mode != 'OBJECT':

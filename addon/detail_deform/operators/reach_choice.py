@@ -13,7 +13,7 @@ from .reach_drawing import ReachDrawing
 _WHEEL, _FINE = 1.1, 0.1
 _LEAST = 1e-3  # of the first guess
 _KEYS = "Mouse, wheel: reach    Shift: finely    0-9: type it    Enter, click: pull    Esc, right click: cancel"
-_SHARED = ", with the region of the handle that it reaches"
+_SHARED = ", with what the handles move that it reaches"
 
 
 class View(NamedTuple):
@@ -26,7 +26,7 @@ class ReachChoice:
     """While it goes on, hear() takes the window's events."""
 
     def __init__(self, context, view, ob, around, others, event):
-        """around: a region_setup.Around, whose distances are computed once. others: pulling.Others, or None."""
+        """around: a region_setup.Around, whose distances are computed once. others: [pulling.Other]."""
         self.around, self._view, self._units = around, view, context.scene.unit_settings
         self._guessed = self._moved = around.first_guess()
         self._typed = ""
@@ -36,8 +36,8 @@ class ReachChoice:
         self._extent = float(np.linalg.norm(chosen - middle, axis=1).max())
         self._middle = Vector(middle + around.origin)
         self._mouse, self._is_near = self._place_of(event), False
-        self._shared_from = around.distances[others.held].min() if others and others.held.any() else np.inf
-        self._drawing = ReachDrawing(self, around, places, others and others.region)
+        self._shared_from = [around.distances[other.held].min(initial=np.inf) for other in others]
+        self._drawing = ReachDrawing(self, around, places, [other.moves for other in others])
         self._show(context)
 
     @property
@@ -46,9 +46,9 @@ class ReachChoice:
         return max(self._typed_length() or self._moved, _LEAST * self._guessed)
 
     @property
-    def shares_region(self):
-        """Whether another handle is reached, whose region then moves, too."""
-        return bool(self.radius >= self._shared_from)
+    def shared(self):
+        """Numbers of the others that are reached: what they move moves, too."""
+        return [number for number, distance in enumerate(self._shared_from) if self.radius >= distance]
 
     def circle(self, region):
         """Where the drawing's circle is in a region, (middle, radius) in pixels; None where it is not shown."""
@@ -130,6 +130,6 @@ class ReachChoice:
         length = (f"{self.radius:.4g}" if self._units.system == 'NONE' else bpy.utils.units.to_string(
             self._units.system, 'LENGTH', self.radius * self._units.scale_length, precision=4))
         self._view.area.header_text_set(f"Reach: {f'[{self._typed}|] = ' if self._typed else ''}{length}"
-                                        f"{_SHARED * self.shares_region}    {_KEYS}")
+                                        f"{_SHARED * bool(self.shared)}    {_KEYS}")
         context.workspace.status_text_set(_KEYS)
         self._view.area.tag_redraw()

@@ -51,11 +51,11 @@ def _make_shader():
 class ReachDrawing:
     """In every 3D view, until it is closed. A change of the reach changes one number for the shader."""
 
-    def __init__(self, choice, around, places, region):
-        """places: (n, 3) float32 from the object's origin, where the vertices of around are seen. region: (n,) bool,
-        what moves with them where the choice shares it; or None."""
-        self._choice, self._around, self._places, self._region = choice, around, places, region
-        self._shader = self._batch = self._batch_of_region = None
+    def __init__(self, choice, around, places, others):
+        """places: (n, 3) float32 from the object's origin, where the vertices of around are seen. others: [vertices],
+        what moves with them where the choice shares it."""
+        self._choice, self._around, self._places, self._others = choice, around, places, others
+        self._shader = self._batch = self._batches = None
         self._handles = [bpy.types.SpaceView3D.draw_handler_add(draw, (), 'WINDOW', kind)
                          for draw, kind in ((self._draw_surface, 'POST_VIEW'), (self._draw_circle, 'POST_PIXEL'))]
 
@@ -63,16 +63,19 @@ class ReachDrawing:
         for handle in self._handles:
             bpy.types.SpaceView3D.draw_handler_remove(handle, 'WINDOW')
         self._handles = []
-        self._shader = self._batch = self._batch_of_region = None
+        self._shader = self._batch = self._batches = None
 
     def _prepare(self):
         self._shader = _make_shader()
         # What no way leads to is as good as far away, but the shader needs a number.
         away = np.where(np.isfinite(self._around.distances), self._around.distances, np.float32(1e30))
         self._batch = self._batch_of(away, self._around.triangles)
-        if self._region is not None:
-            inside = self._region[self._around.triangles].any(axis=1)
-            self._batch_of_region = self._batch_of(np.where(self._region, 0, 2), self._around.triangles[inside])
+        self._batches = []
+        for moves in self._others:
+            away = np.full(len(self._places), 2)
+            away[moves] = 0
+            near = self._around.triangles[(away[self._around.triangles] == 0).any(axis=1)]
+            self._batches.append(self._batch_of(away, near))
 
     def _batch_of(self, away, triangles):
         from gpu_extras.batch import batch_for_shader
@@ -89,10 +92,8 @@ class ReachDrawing:
             self._shader.uniform_float(name, value)
         gpu.state.blend_set('ALPHA')
         gpu.state.depth_test_set('LESS_EQUAL')
-        shown = [(self._batch, _NEAR_COLOUR, self._choice.radius)]
-        if self._batch_of_region and self._choice.shares_region:
-            shown.append((self._batch_of_region, _BORDER_COLOUR, 1.0))
-        for batch, near, reach in shown:
+        shown = [(self._batches[number], _BORDER_COLOUR, 1.0) for number in self._choice.shared]
+        for batch, near, reach in (*shown, (self._batch, _NEAR_COLOUR, self._choice.radius)):
             self._shader.uniform_float('near_colour', near)
             self._shader.uniform_float('reach', reach)
             batch.draw(self._shader)

@@ -89,6 +89,8 @@ class _ByHandles:
         asked = look.asked(settings)
         asked.pop('example_weights', None)
         self._asked = bound.with_free(look.quick(asked), settings)
+        if self._deformer.fades:
+            self._asked['soft_border'] = look.soft_border(settings)
         self._bound, self._rest = start.shape(ob).astype(np.float64), start.shape_at_rest(ob)
 
     def errors(self, positions):

@@ -235,6 +235,18 @@ def members(ob, *names):
     return result
 
 
+def members_of_each(ob, groups, entries=None):
+    """[vertices] of each of these groups, in their order; of '' all. entries: what reads the groups."""
+    named = list(dict.fromkeys(filter(None, groups)))
+    vertices, places, weights = (entries or group_entries)(ob, named)
+    is_member = weights > MEMBER_WEIGHT
+    vertices, places = vertices[is_member], places[is_member]
+    order = np.argsort(places, kind='stable')
+    ends = np.cumsum(np.bincount(places, minlength=len(named)))[:-1]
+    found = dict(zip(named, np.split(vertices[order], ends)))
+    return [found[name] if name else np.arange(len(ob.data.vertices)) for name in groups]
+
+
 def handles_of_vertices(ob, region, groups, entries=None):
     """Of each vertex the number of the group, among these, that it belongs to, the one with the largest weight; -1:
     none. And (n,) bool, whether it is in the region, which may be '': then all are; and of each group, whether it has

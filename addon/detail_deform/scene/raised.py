@@ -14,6 +14,8 @@ _samples = {}  # by the binding's signature: {group: its vertices}
 def shifts(ob, handles):
     """(h, 3): in the world, of each of some handles."""
     result, keys = np.zeros((len(handles), 3)), ob.data.shape_keys
+    if ob.mode == 'EDIT' or ob.detail_deform.stale:  # attributes are elsewhere, and vertices may have gone
+        return result
     shown = [key for key in keys.key_blocks if key.value and not key.mute and key != key.relative_key] if keys else []
     kept = offset_attribute.find(ob.data, offset_attribute.KEYED)
     if not shown and kept is None:

@@ -10,6 +10,7 @@ from mathutils import Euler, Matrix, Vector, kdtree
 from ..follow import binding, life
 from ..scene import handle_matrices, mesh_data, seen, selection, skin, start, users, window
 from ..scene.mesh_data import MeshProblem
+from . import region_setup
 
 _GROUP_NAME = "Handle"
 _MOST_AT_ONCE = 1000
@@ -348,20 +349,15 @@ def _mirrored_empty(context, ob, handle, axis, name, image):
 
 def _mirror_reach(ob, name, first, axis):
     """What the handle of that name reaches, and the mirror image of that, is within reach of it and of its mirror
-    images, the handles from that number on. A group of the user's stays, and theirs is the mirror image."""
+    images, the handles from that number on: bound as one, they are mirror images also where both reach. A group of the
+    user's stays as it is."""
     handles = ob.detail_deform.handles
-    source, images = handles[name], list(handles)[first:]
+    source = handles[name]
     if source.reach not in ob.vertex_groups:
         return
     reach = mesh_data.members(ob, source.reach)
-    image, group = mirror_image(ob, reach, axis)[0], ob.vertex_groups[source.reach]
-    if source.reach == source.own_reach:
-        selection.fill_group(ob, group, reach | image)
-    else:
-        group = selection.new_group(ob, f"{group.name} Mirrored", image)
-    for made in images:
-        made.own_reach = group.name
-        made.reach = group.name
+    sharing = [handle for handle in handles if handle.reach == source.reach]
+    region_setup.set_reach(ob, [*sharing, *list(handles)[first:]], reach | mirror_image(ob, reach, axis)[0])
 
 
 def _mirror_region(ob, image, axis):
@@ -401,9 +397,9 @@ def _split_middle(ob, handle, letter, chosen, image):
     return middle
 
 
-def mirror(context, ob, handle, axis, symmetric):
+def mirror(context, ob, handle, axis, symmetric, reaches=True):
     """Adds the mirror image of a handle across the object's own plane; axis: 0, 1 or 2. symmetric: it gets
-    no empty but mirrors the other's motion.
+    no empty but mirrors the other's motion. reaches: whether its reach, or the region, is to hold that, too.
 
     Returns a sentence about vertices that have no counterpart, or ''."""
     name, letter = handle.name, 'XYZ'[axis]
@@ -434,9 +430,9 @@ def mirror(context, ob, handle, axis, symmetric):
     made = _append(ob, group_name, empty)
     made.own_group = group_name
     made.turns = turns
-    if reach:
+    if reaches and reach:
         _mirror_reach(ob, name, count, axis)
-    else:
+    elif reaches:
         _mirror_region(ob, image, axis)
     if symmetric:
         made.mirrors, made.mirror_axis = name, letter

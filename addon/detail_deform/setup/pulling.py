@@ -26,20 +26,27 @@ def selected_surroundings(ob):
     return region_setup.Around(ob, np.logical_or.reduce([chosen, *images]), chosen)
 
 
-class Others(NamedTuple):
-    """What there was before a Pull: one that reaches these vertices shares their region."""
-    held: Any  # (n,) bool, by handles
-    region: Any  # (n,) bool
+class Other(NamedTuple):
+    """Handles that there were before a Pull: one that reaches them shares what they move."""
+    reach: str  # the group of their own; '': they go by the region
+    held: Any  # their vertices
+    moves: Any  # vertices, theirs among them or not
 
 
 def others(ob, count):
-    """Others, by the first so many handles; None where there is no region that a Pull has made for them."""
-    settings = ob.detail_deform
-    if not (count and settings.pulled_region and settings.region in ob.vertex_groups):
-        return None
-    groups = [h.vertex_group for h in list(settings.handles)[:count]
-              if h.enabled and h.vertex_group in ob.vertex_groups]
-    return Others(mesh_data.members(ob, *groups), mesh_data.members(ob, settings.region))
+    """[Other] by the first so many handles, where their regions and reaches are Pull's to share; else none."""
+    settings, found = ob.detail_deform, []
+    handles = [h for h in list(settings.handles)[:count] if h.enabled and h.vertex_group in ob.vertex_groups]
+    if not settings.pulled_region:
+        return found
+    there = set(ob.vertex_groups.keys())
+    reaches = [r for r in dict.fromkeys(h.reach for h in handles) if (r or settings.region) in there]
+    groups = [h.vertex_group for h in handles]
+    members = mesh_data.members_of_each(ob, [*groups, *(reach or settings.region for reach in reaches)])
+    for reach, moves in zip(reaches, members[len(groups):]):
+        held = [vertices for handle, vertices in zip(handles, members) if handle.reach == reach]
+        found.append(Other(reach, np.concatenate(held), moves))
+    return found
 
 
 def _symmetric_axes(ob):
@@ -97,7 +104,7 @@ class Pull:
         for axis in _symmetric_axes(self._ob):
             handle = self._ob.detail_deform.handles[self._count]
             try:
-                remark = handle_setup.mirror(self._context, self._ob, handle, axis, symmetric=True)
+                remark = handle_setup.mirror(self._context, self._ob, handle, axis, symmetric=True, reaches=False)
             except handle_setup.MirrorsItself:
                 handle_setup.keep_symmetric(self._ob, handle, axis)
                 continue
@@ -107,8 +114,8 @@ class Pull:
                 self.remarks.append(remark)
 
     def _set_region(self):
-        """Around the new handles: a reach of their own where no other handle is within it, else in addition to the
-        region of the others."""
+        """Around the new handles: a reach of their own, or shared with the handles that are within it, or the region
+        where one of these goes by that."""
         ob, settings = self._ob, self._ob.detail_deform
         before = others(ob, self._count)
         handles = settings.handles[self._count:]
@@ -119,10 +126,16 @@ class Pull:
             around = region_setup.Around(ob, start, chosen=new[0])
         self.radius = self.radius or around.first_guess()
         members = around.within(self.radius)
-        if before and not (members & before.held).any():
-            region_setup.set_reach(ob, handles, members)
+        reached, all_of_it = [other for other in before if members[other.held].any()], members.copy()
+        for other in reached:
+            all_of_it[other.moves] = True
+        sharing = [h for h in settings.handles if h.reach and h.reach in {other.reach for other in reached}]
+        if before and not any(other.reach == "" for other in reached):
+            region_setup.set_reach(ob, [*sharing, *handles], all_of_it)
             return
-        region_setup.set_region(ob, members | before.region if before else members)
+        for handle in sharing:
+            handle.reach = ""
+        region_setup.set_region(ob, all_of_it)
         settings.pulled_region = True
 
     def _until_bound(self):

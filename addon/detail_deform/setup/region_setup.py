@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The region made from a selection, or from what lies around the handles."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,41 +26,53 @@ def set_region(ob, members):
 
 
 def set_reach(ob, handles, members):
-    """Makes these vertices the reach of some new handles, in a group of its own. members: (n,) bool."""
-    name = selection.new_group(ob, _REACH_NAME, members).name
+    """Makes these vertices the reach of some handles, in a group of their own: that of one of them which no other
+    handle has, or a new one. members: (n,) bool."""
+    others = [h for h in ob.detail_deform.handles if h not in handles]
+    own = next((h.own_reach for h in handles if h.own_reach and not any(
+        h.own_reach in {other.reach, other.vertex_group} for other in others)), "")
+    name = selection.fill_own_group(ob, own, bool(own), _REACH_NAME, members)
     for handle in handles:
         handle.own_reach = name
         handle.reach = name
 
 
 class Kept(NamedTuple):
-    """The region's settings, and the vertices of its own group if there is one."""
+    """The settings of the region and of reaches, and the vertices of the groups that were made for them."""
     region: str
     own_region: str
     pulled_region: bool
-    members: Any
+    reaches: list  # (reach, own_reach) of each handle
+    members: dict  # of each group its vertices
 
 
 def kept(ob):
     """What restore() brings back."""
     settings = ob.detail_deform
-    group = ob.vertex_groups.get(settings.own_region)
-    members = None
-    if group:
-        if ob.mode == 'EDIT':
-            ob.update_from_editmode()
-        members = mesh_data.members(ob, group.name)
-    return Kept(settings.region, settings.own_region, settings.pulled_region, members)
+    reaches = [(handle.reach, handle.own_reach) for handle in settings.handles]
+    groups = [name for name in {settings.own_region, *(own for _, own in reaches)} if name in ob.vertex_groups]
+    if groups and ob.mode == 'EDIT':
+        ob.update_from_editmode()
+    members = dict(zip(groups, mesh_data.members_of_each(ob, groups)))
+    return Kept(settings.region, settings.own_region, settings.pulled_region, reaches, members)
 
 
 def restore(ob, present):
     settings = ob.detail_deform
     if settings.own_region != present.own_region:
         remove_own(ob)
-    elif present.members is not None:
-        selection.fill_group(ob, ob.vertex_groups[present.own_region], present.members)
     settings.own_region, settings.region = present.own_region, present.region
     settings.pulled_region = present.pulled_region
+    for handle, (reach, own) in zip(settings.handles, present.reaches):
+        if handle.own_reach != own and handle.own_reach in ob.vertex_groups:
+            ob.vertex_groups.remove(ob.vertex_groups[handle.own_reach])
+        handle.own_reach = own
+        if handle.reach != reach:
+            handle.reach = reach
+    for name, vertices in present.members.items():
+        members = np.zeros(len(ob.data.vertices), bool)
+        members[vertices] = True
+        selection.fill_group(ob, ob.vertex_groups[name], members)
 
 
 def remove_own(ob):

@@ -4,8 +4,18 @@
 import bpy
 import numpy as np
 
-from desk import (activate, area, check, evaluated, expect, in_hand, in_view, new_scene, offsets, point_at, screenshot,
-                  settle, show_modifiers, surface, wait_until, xdotool)
+from desk import (activate, area, check, coordinates, evaluated, expect, in_hand, in_view, new_scene, offsets, point_at,
+                  screenshot, settle, show_modifiers, surface, wait_until, xdotool)
+
+
+def select(ob, chosen):
+    """These vertices, in Edit Mode. chosen: (n,) bool."""
+    with in_view():
+        bpy.ops.object.mode_set(mode='EDIT')
+        bpy.ops.mesh.select_all(action='DESELECT')
+        bpy.ops.object.mode_set(mode='OBJECT')
+        ob.data.vertices.foreach_set('select', chosen)
+        bpy.ops.object.mode_set(mode='EDIT')
 
 
 def posed_limb():
@@ -118,23 +128,12 @@ def pulling_inside():
         bpy.ops.view3d.view_axis(type='TOP')
         bpy.ops.view3d.view_selected()
     ob = bpy.context.active_object
-    p = np.array([v.co for v in ob.data.vertices])
-
-    def select(x, radius):
-        with in_view():
-            bpy.ops.mesh.select_all(action='DESELECT')
-            bpy.ops.object.mode_set(mode='OBJECT')
-            ob.data.vertices.foreach_set('select', np.linalg.norm(p[:, :2] - (x, 0), axis=1) < radius)
-            bpy.ops.object.mode_set(mode='EDIT')
-
-    with in_view():
-        bpy.ops.object.mode_set(mode='EDIT')
-    select(0.0, 0.15)
+    p = coordinates(ob.data)
+    select(ob, np.linalg.norm(p[:, :2], axis=1) < 0.15)
     with in_view():
         bpy.ops.object.detail_deform_pull(radius=0.8)
         activate(ob)
-        bpy.ops.object.mode_set(mode='EDIT')
-    select(0.45, 0.06)
+    select(ob, np.linalg.norm(p[:, :2] - (0.45, 0), axis=1) < 0.06)
     point_at('VIEW_3D')
     yield from settle()
     with in_view():
@@ -162,3 +161,87 @@ def pulling_inside():
     show_modifiers(ob)
     yield from settle()
     screenshot('inside-pulled')
+
+
+def pulling_across_the_middle():
+    """With X symmetry, what lies on the plane and to one side of it, aside and up."""
+    yield from new_scene()
+    with in_view():
+        bpy.ops.mesh.primitive_monkey_add()
+        bpy.ops.view3d.view_axis(type='FRONT')
+        bpy.ops.view3d.view_selected()
+    ob = bpy.context.active_object
+    p = coordinates(ob.data)
+    ob.data.use_mirror_x = True
+    select(ob, (p[:, 2] < -0.7) & (p[:, 0] > -1e-3))
+    point_at('VIEW_3D')
+    yield from settle()
+    with in_view():
+        bpy.ops.object.detail_deform_pull('INVOKE_DEFAULT')
+    xdotool('key', 'Return')
+    yield from wait_until(in_hand)
+    yield from settle()
+    for _ in range(3):
+        xdotool('mousemove_relative', '--', 25, 25)
+        yield from settle()
+    xdotool('click', 1)
+    yield from expect("a pull across the middle moves", lambda: np.abs(offsets()).max() > 0.1)
+    screenshot('middle')
+    image = np.linalg.norm(p[:, None] * (-1, 1, 1) - p, axis=2).argmin(1)
+    moved = offsets()
+    check("both sides alike", np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-4)
+
+
+def pulling_a_whole_part():
+    """What moves rigidly is said."""
+    yield from new_scene()
+    with in_view():
+        bpy.ops.mesh.primitive_uv_sphere_add(location=(3, 0, 0))
+        bpy.ops.mesh.primitive_uv_sphere_add()
+        bpy.context.view_layer.objects[0].select_set(True)
+        bpy.ops.object.join()
+    ob = bpy.context.active_object
+    select(ob, coordinates(ob.data)[:, 2] > coordinates(ob.data)[:, 2].max() - 0.02)
+    with in_view():
+        bpy.ops.mesh.select_all(action='DESELECT')
+        bpy.ops.object.mode_set(mode='OBJECT')
+    p = coordinates(ob.data)
+    select(ob, (p[:, 2] > 0.9) & (np.abs(p[:, 0] - p[:, 0].max()) < 1.2))
+    with in_view():
+        bpy.ops.object.detail_deform_pull(radius=9.0)
+        activate(ob)
+    yield from settle()
+    show_modifiers(ob)
+    yield from settle()
+    screenshot('whole-part')
+    check("a reach that holds a whole part says so", "holds all of the loose part" in ob.detail_deform.status)
+
+
+def editing_a_cage():
+    """By G in Edit Mode, live, and Re-bind keeps it."""
+    yield from new_scene()
+    with in_view():
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=30, y_subdivisions=30)
+        ob = bpy.context.active_object
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=6, y_subdivisions=6)
+    cage = bpy.context.active_object
+    ob.detail_deform.base, ob.detail_deform.base_object = 'OBJECT', cage
+    activate(ob)
+    yield from settle()
+    with in_view():
+        bpy.ops.object.detail_deform_bind(keep_rest=False)
+    yield from wait_until(lambda: ob.detail_deform.is_bound)
+    activate(cage)
+    select(cage, np.linalg.norm(coordinates(cage.data), axis=1) < 0.5)
+    point_at('VIEW_3D')
+    yield from settle()
+    xdotool('key', 'g', 'z', 'period', '5', 'Return')
+    yield from settle()
+    xdotool('key', 'Tab')
+    lifted = lambda: max(v.vector[2] for v in ob.data.attributes['detail_deform_offset'].data)  # noqa: E731
+    yield from expect("an edit of the cage deforms", lambda: cage.mode == 'OBJECT' and lifted() > 0.4)
+    screenshot('cage-edited')
+    activate(ob)
+    with in_view():
+        bpy.ops.object.detail_deform_bind(keep_rest=True)
+    yield from expect("and a new bind keeps it", lambda: ob.detail_deform.is_bound and lifted() > 0.4)

@@ -38,7 +38,8 @@ ROWS = {
                 handles.reopening),
     'transfers': (transfers.transferring, transfers.transferring_to_many),
     'pulls': (pulls.pulling, pulls.by_hand),
-    'everyday': (everyday.pulling_what_is_posed, everyday.deleting_an_empty, everyday.pulling_inside),
+    'everyday': (everyday.pulling_what_is_posed, everyday.deleting_an_empty, everyday.pulling_inside,
+                 everyday.pulling_across_the_middle, everyday.pulling_a_whole_part, everyday.editing_a_cage),
     'results': (results.expressing, results.rendering, results.baking),
     'large': (large.drafting, large.keeping_track),
 }
