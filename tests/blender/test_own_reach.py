@@ -334,7 +334,7 @@ def test_the_base_is_shown_of_all():
 
 def test_drafts_of_parts_stand_in_until_all_are_bound(part):
     """By their jobs: a draft comes once each part has one or is done."""
-    reaches, native = part('follow.reaches'), part('library.native')
+    reaches, native, PartsJob = part('follow.reaches'), part('library.native'), part('follow.parts_job').PartsJob
     n = 500
     x, y = np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n))
     p = np.stack([x.ravel(), y.ravel(), 0.02 * np.sin(20 * x.ravel())], axis=1).astype(np.float32)
@@ -350,7 +350,7 @@ def test_drafts_of_parts_stand_in_until_all_are_bound(part):
              reaches.Surface(p, triangles).part(np.array([1]), moves, small[moves])]
     assert len(parts[1].positions) < len(p) / 10
     jobs = [native.Bind(*each.bind_arguments(), draft=True) for each in parts]
-    job, draft = reaches.Bind(parts, jobs, len(p)), None
+    job, draft = PartsJob(parts, jobs, len(p)), None
     while draft is None:
         running, _, _ = job.progress()
         draft = job.draft()
@@ -628,7 +628,7 @@ def test_a_reach_away_from_its_handle_is_refused_with_its_name():
 
 
 def test_a_part_that_fails_while_another_is_bound_is_told_at_the_end(part):
-    reaches, native = part('follow.reaches'), part('library.native')
+    reaches, native, PartsJob = part('follow.reaches'), part('library.native'), part('follow.parts_job').PartsJob
 
     class Job:
         def __init__(self, fails):
@@ -655,9 +655,9 @@ def test_a_part_that_fails_while_another_is_bound_is_told_at_the_end(part):
     surface = reaches.Surface(p, triangles)
     parts = [reaches.Part(np.array([0]), p, triangles, np.int32([0, -1, -1, -1, -2])),
              surface.part(np.array([1]), np.array([3, 4]), np.int32([-1, 0]))]
-    job = reaches.Bind(parts, [Job(fails=False), Job(fails=True)], len(p))
+    job = PartsJob(parts, [Job(fails=False), Job(fails=True)], len(p))
     assert job.draft() is None and job.progress()[0]
-    job = reaches.Bind(parts[::-1], [Job(fails=True), Job(fails=False)], len(p))
+    job = PartsJob(parts[::-1], [Job(fails=True), Job(fails=False)], len(p))
     assert job.draft() is None and not job.progress()[0]
     with pytest.raises(native.NativeError, match=f"near vertex {parts[1].vertices[1]}") as caught:
         job.finish()

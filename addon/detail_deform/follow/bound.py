@@ -11,8 +11,9 @@ from ..scene import (carried, dependency, handle_matrices, mesh_data, mirror_pla
                      outside_base, proportions, renamed, split, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
-from . import content, look, made, placed, reaches, shown, slow_results
+from . import content, look, made, placed, shown, slow_results
 from .bind_job import BindJob
+from .parts_job import PartsJob
 from .slow_update import SlowUpdate
 
 cache = made.Cache(spare=3)  # of native.Deformer, and while that is made of native.Draft
@@ -147,7 +148,7 @@ def begin(ob, signature, roles, options, joined):
     asked = look.quick(with_free(look.asked(of), of))
     jobs = [BindJob(native.Bind(*part.bind_arguments(), **part.options(told)), len(part.numbers), part.asked(asked))
             for part in parts]
-    return jobs[0] if parts[0].is_whole and len(parts) == 1 else reaches.Bind(parts, jobs, len(hung))
+    return jobs[0] if parts[0].is_whole and len(parts) == 1 else PartsJob(parts, jobs, len(hung))
 
 
 def _has_draft(vertex_count):

@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One surface of several parts (reaches.py), updated and read as one.
+
+Each part deforms what the parts before it have made of the surface: its own displacements d are turned along with that,
+p' = p + F d. F are the deformation gradients of what was made so far, without its details: d is large beside these, and
+would show them twice. What its handles are asked for is relative to where the surface has their vertices by then, so
+that their places and turns are those of their empties. A handle so moves nothing beyond its reach, and what is not
+moved costs nothing.
+"""
+
+import copy
+import threading
+
+import numpy as np
+from mathutils import Matrix
+
+from ..library import native
+
+_REST = np.eye(4)[:3]
+# Radians of a rotation vector: up to there a surface that goes along has turned the shortest way.
+_HALF = 0.75 * np.pi
+
+
+def rotation_vector(gradient):
+    """(3,): of the rotation of a gradient, the shortest."""
+    left, _, right = np.linalg.svd(gradient)
+    left[:, 2] *= np.linalg.det(left @ right)
+    turn = Matrix((left @ right).tolist()).to_quaternion()
+    axis, angle = turn.to_axis_angle()
+    return np.array(axis) * (angle - 2 * np.pi * (angle > np.pi))
+
+
+def nearest_turn(shortest, to):
+    """(3,): of the rotation vectors that turn as the shortest one does, the nearest to another vector."""
+    angle = np.linalg.norm(shortest)
+    axis = shortest / angle if angle > 1e-6 else to / max(np.linalg.norm(to), 1e-300)
+    return axis * (angle + 2 * np.pi * np.round((to @ axis - angle) / (2 * np.pi)))
+
+
+class _Composition:
+    """A surface as it is deformed part by part."""
+
+    def __init__(self, vertex_count, matrices, asked, width, arriving):
+        """matrices: (h, 3, 4), of all handles. asked: of the update. width: of the soft border. arriving: of
+        Deformer.arriving."""
+        self.offsets = np.zeros((vertex_count, 3), np.float32)
+        self._matrices, self._asked, self._width = matrices, asked, width
+        self._shows_base = asked.get('output') == 'BASE'  # whose parts are summed: what is carried are details
+        self._gradients, self._is_changed = None, False
+        turns = asked.get('turns')
+        self._turns = np.zeros((len(matrices), 3)) if turns is None else turns.copy()  # beside what is turned before
+        self._turn, self._arriving = self._turns.any(axis=1), arriving
+
+    def asks(self, part):
+        """(matrices, options) of the part's update; None where nothing moves it."""
+        matrices, before = np.ascontiguousarray(self._matrices[part.numbers]), None
+        self._gradients = None
+        if self._is_changed and not self._shows_base:
+            before = part.of(self.offsets)
+            self._gradients = part.gradients(before)
+        matrices = part.relative(matrices, before, self._gradients)
+        told = part.asked(self._asked)
+        if self._gradients is not None and self._turn.any():
+            told['turns'] = self._relative_turns(part, told['turns'])
+            self._turns[part.numbers] = told['turns']
+        # By examples the shape has more to go by than handles, and their weights are read afterwards.
+        moves = (self._shows_base or part.is_moved(matrices) or self._turn[part.numbers].any()
+                 or part.is_whole and told.get('method') == 'EXAMPLES')
+        return (matrices, told) if moves else None
+
+    def _relative_turns(self, part, turns):
+        """(h, 3) rotation vectors: how far its handles turn beside the surface, whose own turn is told by gradients but
+        for whole turns; these are told by the handles that have turned it, and by how much of each arrives there."""
+        result = turns.copy()
+        far = np.flatnonzero(np.linalg.norm(self._turns, axis=1) > _HALF)
+        arrives = self._arriving(part, far) if len(far) else np.zeros((len(turns), 0))
+        for number, share in enumerate(arrives):
+            turned = rotation_vector(self._gradients[part.held[number]].mean(axis=0, dtype=np.float64))
+            result[number] -= nearest_turn(turned, share @ self._turns[far])
+        return result
+
+    def add(self, part, offsets):
+        """offsets: (3 k,), what the part's update gave."""
+        offsets = part.faded(offsets, self._width)
+        if self._gradients is not None:
+            offsets = np.einsum('nij,nj->ni', self._gradients, offsets)
+        self.offsets[slice(None) if part.vertices is None else part.vertices] += offsets
+        self._is_changed = True
+
+
+class Deformer:
+    """As native.Deformer, or native.Draft where any part is one, of several parts."""
+
+    fades = True  # by an option of its updates: each part has a border of its own
+
+    def __init__(self, parts, made, vertex_count):
+        self._parts, self._made, self.vertex_count = parts, made, vertex_count
+        self.is_draft = any(each.is_draft for each in made)
+        free = np.zeros(vertex_count, bool)
+        for part in parts:
+            follows = np.flatnonzero(part.roles == native.ROLE_FREE)
+            free[follows if part.vertices is None else part.vertices[follows]] = True
+        self._free_count = int(free.sum())
+        self._shares = {}  # by part and handle: of arriving()
+
+    def arriving(self, part, handles):
+        """(h, k): at the handles of a part, how much arrives there of what each of these handles, by their numbers
+        among all, moves: what the base surface makes of a unit step."""
+        place, result = self._parts.index(part), np.zeros((len(part.numbers), len(handles)))
+        for column, handle in enumerate(handles):
+            if (place, handle) not in self._shares:
+                self._shares[place, handle] = self._arriving(part, place, handle)
+            result[:, column] = self._shares[place, handle]
+        return result
+
+    def _arriving(self, part, place, handle):
+        for other, made in zip(self._parts[:place], self._made):
+            if handle not in other.numbers:
+                continue
+            at_rest = np.repeat(_REST[None], len(other.numbers), axis=0)
+            stepped = at_rest.copy()
+            stepped[np.flatnonzero(other.numbers == handle)[0], 0, 3] = other.size
+            before, after = (made.offsets(matrices, output='BASE', method='TRANSFER', base_deformer='LINEAR', refine=0)
+                             for matrices in (at_rest, stepped))
+            steps = np.zeros(self.vertex_count)
+            steps[slice(None) if other.is_whole else other.vertices] = (after - before)[::3] / other.size
+            return [part.of(steps)[held].mean() for held in part.held]
+        return np.zeros(len(part.numbers))
+
+    def offsets(self, matrices, base=None, soft_border=0.0, **asked):
+        """As of native.Deformer. soft_border: as of the setting."""
+        surface = _Composition(self.vertex_count, matrices, asked, soft_border, self.arriving)
+        for part, made in zip(self._parts, self._made):
+            asks = surface.asks(part)
+            if asks:
+                with part.in_numbers_of_all():
+                    surface.add(part, self._offsets(part, made, *asks))
+        return surface.offsets.ravel()
+
+    def _offsets(self, part, made, matrices, told):
+        found = made.offsets(matrices, **told)
+        if told.get('output') == 'BASE' and part is not self._parts[0]:
+            # The base of the first is shown, and how the others move theirs.
+            found = found - made.offsets(np.repeat(_REST[None], len(matrices), axis=0), **told)
+        return found
+
+    def update(self, matrices, wait=False, base=None, soft_border=0.0, **asked):
+        """As of native.Deformer."""
+        surface = _Composition(self.vertex_count, matrices, asked, soft_border, self.arriving)
+        return _Update(self._parts, self._made, surface, wait)
+
+    def example_weights(self):
+        return self._made[0].example_weights()
+
+    def vertices(self, finding):
+        """(k,) int32: each once."""
+        found = [made.vertices(finding) if part.vertices is None else part.vertices[made.vertices(finding)]
+                 for part, made in zip(self._parts, self._made)]
+        return np.unique(np.concatenate(found)).astype(np.int32)
+
+    @property
+    def info(self):
+        """As of native.Deformer; not of a draft. That of the first part, which is the largest, with what others have
+        found and it hasn't."""
+        info = copy.copy(self._made[0].info)
+        info.vertex_count = self.vertex_count
+        info.handle_count = sum(len(part.numbers) for part in self._parts)
+        info.free_count = self._free_count
+        for part, made in zip(self._parts, self._made):
+            of_part = made.info
+            if of_part.idle_handle_count and (part is self._parts[0] or not info.idle_handle_count):
+                info.idle_handle_count = of_part.idle_handle_count
+                info.idle_handle_example = int(part.numbers[of_part.idle_handle_example])
+            if part is self._parts[0] and part.is_whole:
+                continue
+            # What of a reach no handle of it leads to only stays as it is.
+            for name in ('loose', 'unrepresented'):
+                _take_over(info, of_part, name, part.vertex, part is self._parts[0])
+            _take_over(info, of_part, 'degenerate', part.triangle, part is self._parts[0])
+        for name in ('bind_seconds', 'bytes'):
+            setattr(info, name, sum(getattr(made.info, name) for made in self._made))
+        return info
+
+
+def _take_over(info, of_part, name, number_of, is_first):
+    count, example = f'{name}_count', f'{name}_example'
+    if getattr(of_part, count) and (is_first or not getattr(info, count)):
+        setattr(info, count, getattr(of_part, count))
+        setattr(info, example, number_of(getattr(of_part, example)))
+
+
+class _Update:
+    """As native.Update: of one part after the other, as each starts from what those before it have made."""
+
+    def __init__(self, parts, made, surface, wait):
+        self._left, self._count = list(zip(parts, made)), len(parts)
+        self._surface, self._wait, self._infos = surface, wait, []
+        self._part = self._job = None
+        self._lock = threading.Lock()
+        self.cancelled, self._failed = False, None
+        self._go_on()
+
+    def _go_on(self):
+        """Begins the next that is moved, if there is one. Raises native.NativeError."""
+        while self._left and not self._job:
+            part, made = self._left[0]
+            asks = self._surface.asks(part)
+            if asks:
+                matrices, told = asks
+                with part.in_numbers_of_all():
+                    self._part, self._job = part, made.update(matrices, wait=self._wait, **told)
+            self._left.pop(0)
+
+    def _take(self):
+        job, self._job = self._job, None
+        with self._part.in_numbers_of_all():
+            offsets, info = job.finish()
+        self._surface.add(self._part, offsets)
+        self._infos.append(info)
+
+    def progress(self):
+        """(running, fraction, stage)"""
+        with self._lock:
+            running, fraction, stage = self._job.progress() if self._job else (False, 0.0, "Done")
+            if not running and self._left and not self.cancelled:
+                try:
+                    if self._job:
+                        self._take()
+                    self._go_on()
+                except native.NativeError as error:
+                    if not error.busy:
+                        self._left.clear()
+                        self._failed = error
+                # Where another object's update is under way, it is tried again.
+                running, fraction = bool(self._job or self._left), 0.0
+            return running, 1 - (len(self._left) + (1 - fraction) * bool(self._job)) / self._count, stage
+
+    def cancel(self):
+        with self._lock:
+            self.cancelled = True
+            if self._job:
+                self._job.cancel()
+
+    def close(self):
+        with self._lock:
+            self._left.clear()
+            if self._job:
+                self._job.close()
+
+    def finish(self):
+        """Waits; (3 n,) float32 offsets and what is known of the part that is worst, or native.NativeError."""
+        with self._lock:
+            self._wait = True
+            while self._job or (self._left and not self.cancelled):
+                if self._job:
+                    self._take()
+                self._go_on()
+            if self._failed:
+                raise self._failed
+            if self.cancelled:
+                raise native.NativeError("It was cancelled.")
+        worst = max(self._infos, key=lambda info: (not info.volumes_converged, info.volume_error),
+                    default=native.UpdateInfo(volumes_converged=1))
+        return self._surface.offsets.ravel(), worst
