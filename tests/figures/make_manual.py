@@ -32,7 +32,7 @@ def open_scene(name):
 
 
 # Heights in overview.png: the box, the buttons, the method, what is shown, the ends, and the panels below.
-OVERVIEW = (62, 106, 179, 271, 344, 389, 415, 441, 467, 493)
+OVERVIEW = (62, 135, 208, 300, 373, 418, 444, 470, 496, 522)
 
 
 def hide_cameras():
