@@ -10,6 +10,7 @@ from mathutils import Matrix
 from conftest import activate, bind, group, make_strip, own, pull, update
 
 SIZE = np.sqrt(2)
+N = 15  # vertices along each side
 
 
 # Features: each makes a mesh that shows something else than its own vertices, and says what moves it on.
@@ -19,7 +20,7 @@ def tip(ob):
 
 
 def handles():
-    ob = make_strip()
+    ob = make_strip(N)
     ob.detail_deform.handles.clear()
     ob.vertex_groups.clear()
     ob.detail_deform.region = ""
@@ -36,7 +37,7 @@ def own_reach():
 
 
 def examples():
-    ob = make_strip()
+    ob = make_strip(N)
     ob.detail_deform.handles.clear()
     ob.vertex_groups.clear()
     ob.detail_deform.region = ""
@@ -65,7 +66,7 @@ def expression():
 
 def cage():
     """A smooth copy, moved by one of its vertices."""
-    ob = make_strip()
+    ob = make_strip(N)
     ob.detail_deform.handles.clear()
     base = ob.copy()
     base.data = ob.data.copy()
@@ -82,7 +83,7 @@ def cage():
 def follower():
     """Another strip that follows one which handles move."""
     source, movers = handles()
-    ob = make_strip(n=25)
+    ob = make_strip(N)
     ob.name = "Follower"
     ob.detail_deform.handles.clear()
     ob.vertex_groups.clear()
@@ -99,7 +100,7 @@ def follower():
 def garment():
     """A smaller strip over one that handles move, by nearest points."""
     source, movers = handles()
-    ob = make_strip(n=19)
+    ob = make_strip(N - 2)
     ob.name = "Garment"
     ob.detail_deform.handles.clear()
     ob.vertex_groups.clear()
@@ -131,8 +132,8 @@ def cache():
     """Frames of a keyed handle, baked: it is pushed by the frame."""
     ob, (empty,) = handles()
     scene = bpy.context.scene
-    scene.frame_start, scene.frame_end = 1, 40
-    for frame, up in ((1, 0.0), (40, 0.4)):
+    scene.frame_start, scene.frame_end = 1, 32
+    for frame, up in ((1, 0.0), (32, 0.32)):
         empty.location.z = up
         empty.keyframe_insert('location', frame=frame)
     for curve in curves(empty):
@@ -153,13 +154,13 @@ def curves(ob):
 
 def transferred_key():
     """A key that came from another mesh."""
-    source = make_strip()
+    source = make_strip(N)
     source.shape_key_add(name="Basis")
     key = source.shape_key_add(name="Up")
     key.value = 0.0  # 5.2 shows it
     p = own(source)
     key.data.foreach_set('co', (p + np.stack([0 * p[:, 0], 0 * p[:, 0], p[:, 0] ** 2], 1)).astype(np.float32).ravel())
-    ob = make_strip()
+    ob = make_strip(N)
     ob.name, ob.location.y = "Target", 2
     for each in (source, ob):
         each.detail_deform.handles.clear()

@@ -335,7 +335,7 @@ def test_the_base_is_shown_of_all():
 def test_drafts_of_parts_stand_in_until_all_are_bound(part):
     """By their jobs: a draft comes once each part has one or is done."""
     reaches, native, PartsJob = part('follow.reaches'), part('library.native'), part('follow.parts_job').PartsJob
-    n = 500
+    n = 420
     x, y = np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n))
     p = np.stack([x.ravel(), y.ravel(), 0.02 * np.sin(20 * x.ravel())], axis=1).astype(np.float32)
     a = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
@@ -365,13 +365,13 @@ def test_drafts_of_parts_stand_in_until_all_are_bound(part):
 
 
 def test_one_pull_after_the_other(part, monkeypatch):
-    """A dozen, each with a reach of its own: each stays where it was led, and groups are read as often as for one."""
-    ob = bumpy(60)
+    """Six, each with a reach of its own: each stays where it was led, and groups are read as often as for one."""
+    ob = bumpy(50)
     pull(ob, disk(ob, -0.8, -0.8, 0.1), radius=2.0)
     mesh_data, counts = part('scene.mesh_data'), []
     entries = mesh_data.group_entries
-    for number in range(12):
-        x, y = (number % 4) * 0.4 - 0.5, (number // 4) * 0.5 - 0.4
+    for number in range(6):
+        x, y = (number % 3) * 0.5 - 0.4, (number // 3) * 0.6 - 0.2
         reads = []
         monkeypatch.setattr(mesh_data, 'group_entries', lambda *asked, to=reads: to.append(asked) or entries(*asked))
         empty = pull(ob, disk(ob, x, y, 0.06), radius=0.1)
@@ -379,9 +379,9 @@ def test_one_pull_after_the_other(part, monkeypatch):
         counts.append(len(reads))
         pose(empty, z=0.02 * (number + 1))
     found = [len(ob.detail_deform.handles), len({handle.reach for handle in ob.detail_deform.handles})]
-    assert found == [13, 13] and ob.detail_deform.is_bound
+    assert found == [7, 7] and ob.detail_deform.is_bound
     moved = evaluated(ob) - own(ob)
-    for number in range(12):
+    for number in range(6):
         core = members(ob, ob.detail_deform.handles[1 + number].vertex_group)
         assert np.abs(moved[core] - (0, 0, 0.02 * (number + 1))).max() < 1e-4
     assert 0 < counts[-1] <= counts[1]
