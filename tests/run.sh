@@ -186,7 +186,7 @@ else
 fi
 
 sanitized=false threads=false windows=false windows_python=false windows_blender=false wheels=()
-marks="not large"
+marks="not large and not grid"
 if $all; then
     marks=  # all, in the first Blender
     step "margin" lint_margin
