@@ -3,7 +3,6 @@
 
 import threading
 
-import numpy as np
 
 from ..library import native
 
@@ -18,7 +17,7 @@ class BindJob:
     def __init__(self, bind, handle_count, asked):
         """bind: the native.Bind. asked: of the update, by the names of native.update_options."""
         self._bind, self._update, self._deformer, self._error = bind, None, None, None
-        self._rest = np.repeat(np.eye(4)[None, :3], handle_count, axis=0)
+        self._rest = native.at_rest(handle_count)
         self._asked = asked
         self._lock = threading.Lock()  # a render may finish it while the window looks at its progress
         self.cancelled = False

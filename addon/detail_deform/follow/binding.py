@@ -212,7 +212,7 @@ def make_base_object(ob):
     if start.is_deformed(ob.data):
         raise MeshProblem("A handle was added to the deformed surface, and a base is made of the mesh without "
                           "deformation: put all handles back to rest first (All Back to Rest).")
-    rest = np.repeat(np.eye(4)[None, :3], entry.made.info.handle_count, axis=0)
+    rest = native.at_rest(entry.made.info.handle_count)
     offsets = proportions.bound(settings).back(entry.made.offsets(rest, output='BASE').reshape(-1, 3))
     settings.base_object = outside_base.make(ob, mesh_data.positions(ob.data) + offsets)
     settings.base = 'OBJECT'

@@ -16,7 +16,6 @@ from mathutils import Matrix
 
 from ..library import native
 
-_REST = np.eye(4)[:3]
 # Radians of a rotation vector: up to there a surface that goes along has turned the shortest way.
 _HALF = 0.75 * np.pi
 
@@ -56,7 +55,7 @@ class _Composition:
         matrices, before = np.ascontiguousarray(self._matrices[part.numbers]), None
         self._gradients = None
         if self._is_changed and not self._shows_base:
-            before = part.of(self.offsets)
+            before = self.offsets[part.rows]
             self._gradients = part.gradients(before)
         matrices = part.relative(matrices, before, self._gradients)
         told = part.asked(self._asked)
@@ -84,7 +83,7 @@ class _Composition:
         offsets = part.faded(offsets, self._width)
         if self._gradients is not None:
             offsets = np.einsum('nij,nj->ni', self._gradients, offsets)
-        self.offsets[slice(None) if part.vertices is None else part.vertices] += offsets
+        self.offsets[part.rows] += offsets
         self._is_changed = True
 
 
@@ -98,8 +97,7 @@ class Deformer:
         self.is_draft = any(each.is_draft for each in made)
         free = np.zeros(vertex_count, bool)
         for part in parts:
-            follows = np.flatnonzero(part.roles == native.ROLE_FREE)
-            free[follows if part.vertices is None else part.vertices[follows]] = True
+            free[part.rows] |= part.roles == native.ROLE_FREE
         self._free_count = int(free.sum())
         self._shares = {}  # by part and handle: of arriving()
 
@@ -117,14 +115,14 @@ class Deformer:
         for other, made in zip(self._parts[:place], self._made):
             if handle not in other.numbers:
                 continue
-            at_rest = np.repeat(_REST[None], len(other.numbers), axis=0)
+            at_rest = native.at_rest(len(other.numbers))
             stepped = at_rest.copy()
             stepped[np.flatnonzero(other.numbers == handle)[0], 0, 3] = other.size
             before, after = (made.offsets(matrices, output='BASE', method='TRANSFER', base_deformer='LINEAR', refine=0)
                              for matrices in (at_rest, stepped))
             steps = np.zeros(self.vertex_count)
-            steps[slice(None) if other.is_whole else other.vertices] = (after - before)[::3] / other.size
-            return [part.of(steps)[held].mean() for held in part.held]
+            steps[other.rows] = (after - before)[::3] / other.size
+            return [steps[part.rows][held].mean() for held in part.held]
         return np.zeros(len(part.numbers))
 
     def offsets(self, matrices, base=None, soft_border=0.0, **asked):
@@ -141,7 +139,7 @@ class Deformer:
         found = made.offsets(matrices, **told)
         if told.get('output') == 'BASE' and part is not self._parts[0]:
             # The base of the first is shown, and how the others move theirs.
-            found = found - made.offsets(np.repeat(_REST[None], len(matrices), axis=0), **told)
+            found = found - made.offsets(native.at_rest(len(matrices)), **told)
         return found
 
     def update(self, matrices, wait=False, base=None, soft_border=0.0, **asked):

@@ -62,9 +62,10 @@ class Part:
             found['method'] = 'TRANSFER'
         return found
 
-    def of(self, offsets):
-        """Its vertices' rows of the mesh's (n, 3)."""
-        return offsets if self.vertices is None else offsets[self.vertices]
+    @property
+    def rows(self):
+        """Of its vertices in what the whole mesh has a row for each of."""
+        return slice(None) if self.vertices is None else self.vertices
 
     def gradients(self, before):
         """(k, 3, 3): F, where its vertices' offsets are before, (k, 3); None where they are none."""

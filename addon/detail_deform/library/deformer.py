@@ -18,6 +18,11 @@ def update_options(refine=None, **options):
     return UpdateOptions(refine=COUNTS['NONE'] if refine == 0 else refine, values='OFFSETS', **options)
 
 
+def at_rest(handle_count):
+    """(h, 3, 4): the matrices of handles that don't move."""
+    return np.repeat(np.eye(4)[None, :3], handle_count, axis=0)
+
+
 class Bind(Job):
     """A bind under way; finish() gives the Deformer."""
 

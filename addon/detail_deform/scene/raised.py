@@ -21,13 +21,14 @@ def shifts(ob, handles):
     if not shown and kept is None:
         return result
     for number, handle in enumerate(handles):
-        for vertex in _of(ob, handle.vertex_group):
+        vertices = _of(ob, handle.vertex_group)
+        for vertex in vertices:
             for key in shown:
                 weight = key.value * _weight(ob, key.vertex_group, vertex)
                 result[number] += weight * np.subtract(key.data[vertex].co, key.relative_key.data[vertex].co)
             if kept is not None:
                 result[number] -= kept.data[vertex].vector
-        result[number] /= max(len(_of(ob, handle.vertex_group)), 1)
+        result[number] /= max(len(vertices), 1)
     return result @ np.array(ob.matrix_world, np.float64)[:3, :3].T
 
 

@@ -201,10 +201,6 @@ def pulling_a_whole_part():
         bpy.context.view_layer.objects[0].select_set(True)
         bpy.ops.object.join()
     ob = bpy.context.active_object
-    select(ob, coordinates(ob.data)[:, 2] > coordinates(ob.data)[:, 2].max() - 0.02)
-    with in_view():
-        bpy.ops.mesh.select_all(action='DESELECT')
-        bpy.ops.object.mode_set(mode='OBJECT')
     p = coordinates(ob.data)
     select(ob, (p[:, 2] > 0.9) & (np.abs(p[:, 0] - p[:, 0].max()) < 1.2))
     with in_view():
