@@ -155,3 +155,69 @@ def test_they_go_with_the_bones_that_pose_their_vertices():
     for handle, vertex in zip(handles, np.flatnonzero(chosen)):
         assert handle.target.parent == rig and handle.target.parent_bone == 'upper'
         assert np.linalg.norm(shown[vertex] - np.array(handle.target.matrix_world.translation)) < 0.02
+
+
+def updates_of(action):
+    """How often the scene was evaluated meanwhile."""
+    seen = []
+    bpy.app.handlers.depsgraph_update_post.append(lambda scene, depsgraph: seen.append(scene))
+    try:
+        assert action() in ({'FINISHED'}, None)
+    finally:
+        bpy.app.handlers.depsgraph_update_post.pop()
+    return len(seen)
+
+
+def delete_empties(ob):
+    for handle in ob.detail_deform.handles:
+        bpy.data.objects.remove(handle.target)
+    update()
+
+
+def test_the_scene_is_evaluated_as_often_for_many_as_for_few(plane):
+    counts = []
+    for step in (20, 7):
+        bpy.ops.object.select_all(action='DESELECT')
+        activate(plane)
+        select(plane, every(plane, step))
+        these = {'add': updates_of(lambda: bpy.ops.object.detail_deform_handle_add(each='VERTEX'))}
+        bpy.ops.object.mode_set(mode='OBJECT')
+        bind(plane)
+        handles = plane.detail_deform.handles
+        for reset in ('handle_reset', 'save_key'):
+            for number, handle in enumerate(handles):
+                handle.target.location.z += 0.05 * np.sin(number)
+            update()
+            operator = getattr(bpy.ops.object, f'detail_deform_{reset}')
+            these[reset] = updates_of(lambda: operator(**({'everything': True} if reset == 'handle_reset' else {})))
+            assert np.abs(evaluated(plane) - own(plane)).max() < 1e-6
+        delete_empties(plane)
+        these['bring_back'] = updates_of(bpy.ops.object.detail_deform_bring_back)
+        assert np.abs(evaluated(plane) - own(plane)).max() < 1e-6 and all(handle.target for handle in handles)
+        bpy.ops.object.duplicate()
+        these['own_empties'] = updates_of(bpy.ops.object.detail_deform_own_empties)
+        counts.append((len(handles), these))
+        bpy.data.objects.remove(bpy.context.active_object)
+        activate(plane)
+        bpy.ops.object.detail_deform_handle_remove()
+        while plane.detail_deform.handles:
+            bpy.ops.object.detail_deform_handle_remove()
+    (few, of_few), (many, of_many) = counts
+    assert many > 4 * few and of_many == of_few
+
+
+def test_one_empty_of_many_that_is_exchanged_costs_one(plane, part):
+    add_each(plane, 'VERTEX', every(plane, 10))
+    bind(plane)
+    handles = plane.detail_deform.handles
+    variables = plane.animation_data.drivers[0].driver.variables
+    before, needed = [variable.as_pointer() for variable in variables], part('scene.dependency')._needed
+    other = bpy.data.objects.new("Other", None)
+    bpy.context.collection.objects.link(other)
+    handles[3].target = other
+    assert [variable.as_pointer() for variable in variables] == before
+    assert needed(plane) == [('TRANSFORMS', handle.target) for handle in handles]
+    plane.detail_deform.handle_index = 2
+    bpy.ops.object.detail_deform_handle_remove()
+    bind(plane)
+    assert needed(plane) == [('TRANSFORMS', handle.target) for handle in handles] and len(handles) == len(before) - 1

@@ -10,15 +10,23 @@ _PROPERTY = 'dependency'
 
 
 def depend_on(ob, targets):
-    """Makes the object need these objects' places, and no others as before. Where it does already nothing is done, as
-    Blender would find out anew what all objects of the scene need."""
-    if _needed(ob) == [('TRANSFORMS', target) for target in targets]:
-        return
-    release(ob)
-    driver = ob.detail_deform.driver_add(_PROPERTY).driver
-    driver.type = 'SUM'
-    for target in targets:
-        variable = driver.variables.new()
+    """Makes the object need these objects' places, and no others as before. Only what differs is written: for each
+    thing written Blender finds out anew what all objects of the scene need, and it compares the name of a new variable
+    with all others."""
+    needed = _needed(ob)
+    if needed is None:
+        release(ob)
+        driver = ob.detail_deform.driver_add(_PROPERTY).driver
+        driver.type = 'SUM'
+        needed = []
+    else:
+        driver = _find(ob).driver
+    for _ in needed[len(targets):]:
+        driver.variables.remove(driver.variables[-1])
+    for number, target in enumerate(targets):
+        if needed[number:number + 1] == [('TRANSFORMS', target)]:
+            continue
+        variable = driver.variables[number] if number < len(needed) else driver.variables.new()
         variable.type = 'TRANSFORMS'
         variable.targets[0].id = target
         variable.targets[0].transform_type = 'LOC_X'

@@ -6,7 +6,8 @@ import numpy as np
 
 from . import mesh_data, offset_attribute
 
-_VERTICES = 4  # of each handle
+_VERTICES = 4  # of each handle, but of all together no more than
+_ALL_VERTICES = 256
 _MOST = 8
 _samples = {}  # by the binding's signature: {group: its vertices}
 
@@ -20,8 +21,7 @@ def shifts(ob, handles):
     kept = offset_attribute.find(ob.data, offset_attribute.KEYED)
     if not shown and kept is None:
         return result
-    for number, handle in enumerate(handles):
-        vertices = _of(ob, handle.vertex_group)
+    for number, vertices in enumerate(_samples_of(ob, [handle.vertex_group for handle in handles])):
         for vertex in vertices:
             for key in shown:
                 weight = key.value * _weight(ob, key.vertex_group, vertex)
@@ -32,16 +32,20 @@ def shifts(ob, handles):
     return result @ np.array(ob.matrix_world, np.float64)[:3, :3].T
 
 
-def _of(ob, group):
+def _samples_of(ob, groups):
+    """[vertices] of each of these groups; none where it is gone."""
     known = _samples.get(ob.detail_deform.signature)
     if known is None:
         while len(_samples) >= _MOST:
             del _samples[next(iter(_samples))]
         known = _samples[ob.detail_deform.signature] = {}
-    if group not in known:
-        vertices = np.flatnonzero(mesh_data.members(ob, group)) if group in ob.vertex_groups else np.empty(0, int)
-        known[group] = vertices[np.linspace(0, len(vertices) - 1, min(_VERTICES, len(vertices))).astype(int)].tolist()
-    return known[group]
+    new = [group for group in dict.fromkeys(groups) if group not in known and group in ob.vertex_groups]
+    if new:
+        most = min(_VERTICES, max(1, _ALL_VERTICES // len(groups)))
+        for group, vertices in zip(new, mesh_data.members_of_each(ob, new)):
+            chosen = np.linspace(0, len(vertices) - 1, min(most, len(vertices))).astype(int)
+            known[group] = vertices[chosen].tolist()
+    return [known.get(group, []) for group in groups]
 
 
 def _weight(ob, group, vertex):

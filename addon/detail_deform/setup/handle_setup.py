@@ -165,17 +165,19 @@ def add_handles(context, ob, group_name="", each='SELECTION', parented=True, ali
                               f"{mesh_data.MEMBER_WEIGHT}: assign the vertices that the handle should move.")
     # Many of them stand close to each other.
     least = max(0.05 * max(ob.dimensions) / max(1.0, len(parts) ** 0.5 / 3), 1e-3)
-    rigs, made = skin.Rigs(ob), []
-    motions = seen.motions(ob, parts, context.evaluated_depsgraph_get())
+    rigs, made, depsgraph = skin.Rigs(ob), [], context.evaluated_depsgraph_get()
+    motions = seen.motions(ob, parts, depsgraph)
     for name, part, motion, (place, extent) in zip(names, parts, motions, _places(ob, parts, align)):
-        made.append(_make_on_skin(context, ob, name, place, max(extent, least), rigs.of(part), motion, parented))
+        made.append(_make_on_skin(context, ob, name, place, max(extent, least), rigs.of(part), motion, depsgraph,
+                                  parented))
     _stand(context, ob, made)
     first = len(ob.detail_deform.handles)
-    for name, motion, (empty, _) in zip(names, motions, made):
-        handle = _append(ob, name, empty)
-        handle.own_group = name if from_selection else ""
-        _pose(ob, handle, motion, context.evaluated_depsgraph_get())
-    _note_homes(context, ob, ob.detail_deform.handles[first:], parts)
+    for name, (empty, _) in zip(names, made):
+        _append(ob, name, empty).own_group = name if from_selection else ""
+    handles, depsgraph = ob.detail_deform.handles[first:], context.evaluated_depsgraph_get()
+    for handle, motion in zip(handles, motions):
+        _pose(ob, handle, motion, depsgraph)
+    _note_homes(context, ob, handles, parts)
     return ob.detail_deform.handles[first]
 
 
@@ -192,13 +194,13 @@ def _selected_parts(ob, each):
     return parts
 
 
-def _make_on_skin(context, ob, name, place, size, posed_by, motion, parented=True):
+def _make_on_skin(context, ob, name, place, size, posed_by, motion, depsgraph, parented=True):
     """(empty, place) as of _make_empty, where its vertices are seen. place: among these, in the world, where nothing
     poses them. posed_by: of skin.Rigs. motion: of scene/seen.py. parented: it goes with the object, or with the bone
     that poses most of them."""
     rig, means = posed_by
     if motion is None and means:
-        motion = skin.mean_motion(ob, rig, means, context.evaluated_depsgraph_get())
+        motion = skin.mean_motion(ob, rig, means, depsgraph)
     if motion is not None:
         posed = ob.matrix_world @ Matrix(motion.tolist()) @ ob.matrix_world.inverted_safe() @ place
         place = _without_shear(posed, place.to_scale())
@@ -337,7 +339,8 @@ def _mirrored_empty(context, ob, handle, axis, name, image):
     size = source.empty_display_size
     if source.parent_type == 'BONE' or source.parent == ob:
         motion = seen.motions(ob, [np.flatnonzero(image)], depsgraph)[0]
-        made = _make_on_skin(context, ob, name, _without_shear(place), size, skin.Rigs(ob).of(image), motion)
+        made = _make_on_skin(context, ob, name, _without_shear(place), size, skin.Rigs(ob).of(image), motion,
+                             depsgraph)
     else:
         motion = None
         made = _make_empty(context, ob, name, place, size, source.parent if source.parent_type == 'OBJECT' else None)
@@ -456,25 +459,31 @@ def bring_back(context, ob):
             if whereabouts.is_gone(handle.target)]
     for empty in {handle.target for handle in lost if handle.target}:
         collection_of(context, ob).objects.link(empty)
-    for handle in lost:
-        if handle.target is None:
-            _make_anew(context, ob, handle)
-    context.view_layer.update()
+    _make_anew(context, ob, [handle for handle in lost if handle.target is None])
     _stand(context, ob, [(handle.target, None) for handle in lost])
     binding.targets_changed(ob)
     life.refresh(ob, context.evaluated_depsgraph_get(), force=True)
 
 
-def _make_anew(context, ob, handle):
-    """At rest, where its motion is counted from."""
-    place = ob.matrix_world @ Matrix((handle_matrices.pose_of(handle) @ handle_matrices.rest(handle)).tolist())
-    part = np.flatnonzero(mesh_data.members(ob, handle.vertex_group))
-    extent = next(_places(ob, [part], align=False))[1] if len(part) else 0.05 * max(ob.dimensions)
-    size = max(extent, 1e-3)
-    empty, _ = _make_empty(context, ob, handle.name, _without_shear(place, Vector((1, 1, 1))), size, ob)
-    handle.target = handle.own_target = empty
+def _make_anew(context, ob, handles):
+    """At rest, where their motions are counted from."""
+    for handle, part in zip(handles, _parts_of(ob, handles)):
+        place = ob.matrix_world @ Matrix((handle_matrices.pose_of(handle) @ handle_matrices.rest(handle)).tolist())
+        extent = next(_places(ob, [part], align=False))[1] if len(part) else 0.05 * max(ob.dimensions)
+        size = max(extent, 1e-3)
+        empty, _ = _make_empty(context, ob, handle.name, _without_shear(place, Vector((1, 1, 1))), size, ob)
+        handle.target = handle.own_target = empty
     context.view_layer.update()
-    handle_matrices.start_from(ob, handle, context.evaluated_depsgraph_get())
+    depsgraph = context.evaluated_depsgraph_get()
+    for handle in handles:
+        handle_matrices.start_from(ob, handle, depsgraph)
+
+
+def _parts_of(ob, handles):
+    """[vertices] of each of some handles; none where its group is gone."""
+    groups = [handle.vertex_group for handle in handles]
+    found = dict(zip(there := sorted({*groups} & {*ob.vertex_groups.keys()}), mesh_data.members_of_each(ob, there)))
+    return [found.get(group, np.empty(0, int)) for group in groups]
 
 
 # Back to rest
@@ -483,22 +492,34 @@ def to_rest(context, ob, handles):
     """Puts the handles' empties where they are without deformation."""
     movable = [h for h in handles if h.target and handle_matrices.has_home(h)]
     _pose_anew(context, ob, [h for h in movable if not h.target.animation_data])
-    for handle in sorted(movable, key=lambda h: _depth(h.target)):  # parents first: they move their children
-        pose = skin.pose_of(ob, handle.target, context.evaluated_depsgraph_get()) @ handle_matrices.pose_of(handle)
-        place = ob.matrix_world @ Matrix((pose @ handle_matrices.home(handle)).tolist())
-        handle.target.matrix_world = _without_shear(place) if any(handle.pose_matrix) else place
-        mode = handle.target.rotation_mode
-        if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix can't tell whole turns apart
-            home = Euler(handle_matrices.home_euler(handle, mode), mode)
-            handle.target.rotation_euler = handle.target.rotation_euler.to_matrix().to_euler(mode, home)
+    by_depth = {}
+    for handle in movable:
+        by_depth.setdefault(_depth(handle.target), []).append(handle)
+    for depth in sorted(by_depth):  # parents first: they move their children
+        depsgraph = context.evaluated_depsgraph_get()
+        for handle in by_depth[depth]:
+            _put_home(ob, handle, depsgraph)
         context.view_layer.update()
+
+
+def _put_home(ob, handle, depsgraph):
+    pose = skin.pose_of(ob, handle.target, depsgraph) @ handle_matrices.pose_of(handle)
+    place = ob.matrix_world @ Matrix((pose @ handle_matrices.home(handle)).tolist())
+    handle.target.matrix_world = _without_shear(place) if any(handle.pose_matrix) else place
+    mode = handle.target.rotation_mode
+    if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix can't tell whole turns apart
+        home = Euler(handle_matrices.home_euler(handle, mode), mode)
+        handle.target.rotation_euler = handle.target.rotation_euler.to_matrix().to_euler(mode, home)
 
 
 def _pose_anew(context, ob, handles):
     """As modifiers pose their vertices now, where the empties go to these."""
+    if not seen.needs_measuring(ob):
+        return
     depsgraph = context.evaluated_depsgraph_get()
-    parts = [np.flatnonzero(mesh_data.members(ob, h.vertex_group)) for h in handles] if seen.needs_measuring(ob) else []
-    for handle, motion in zip(handles, seen.motions(ob, parts, depsgraph)):
+    parts = _parts_of(ob, handles)
+    handles = [handle for handle, part in zip(handles, parts) if len(part)]
+    for handle, motion in zip(handles, seen.motions(ob, list(filter(len, parts)), depsgraph)):
         _pose(ob, handle, motion, depsgraph)
 
 
