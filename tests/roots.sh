@@ -117,7 +117,7 @@ readme() {
 
 window() {
     begin "$1" && timed "$1" window bash -c 'source tests/prepare.sh && source tests/window.sh &&
-        prepare_build && build_preset library detail_deform && prepare_blender && prepare_window && in_window build/gui'
+        prepare_build && build_preset library detail_deform && prepare_blender && prepare_window && in_window 1280x800 build/gui'
 }
 
 what=readme

@@ -4,8 +4,9 @@
 # Gets what is missing, builds, and tests: the core, the C ABI, and the add-on's zip in this system's Blender,
 # in background and in its window. One summary line at the end.
 #
-# tests/run.sh           what somebody who has just cloned this wants to know; large cases are left out
-# tests/run.sh --all     large cases, the linters, both sanitizers, fuzzing, the benchmarks, the paper's figures,
+# tests/run.sh           what somebody who has just cloned this wants to know; large cases, and those that take long for
+#                        what they tell, are left out
+# tests/run.sh --all     these, the linters, both sanitizers, fuzzing, the benchmarks, the paper's figures,
 #                        the C++ tests against the other major version of Catch2, Blender as a Python module of two
 #                        other versions, Windows and its Blender through Wine, too: what has to pass before a commit is
 #                        shared
@@ -186,7 +187,7 @@ else
 fi
 
 sanitized=false threads=false windows=false windows_python=false windows_blender=false wheels=()
-marks="not large and not grid"
+marks="not large and not thorough"
 if $all; then
     marks=  # all, in the first Blender
     step "margin" lint_margin
@@ -248,7 +249,7 @@ if $all; then
         fi
     done
 else
-    notes+=("left to tests/run.sh --all: large cases, linters, sanitizers, fuzzing, other Blenders, Windows")
+    notes+=("left to tests/run.sh --all: large and thorough cases, linters, sanitizers, fuzzing, other Blenders, Windows")
     step "build (check)" build_preset check checks addon_zip || finish
 fi
 zip=$(ls build/check/detail_deform-*.zip)
@@ -269,7 +270,12 @@ if $sanitized; then
     beside "fuzzing (clang and its sanitizers)" tests/fuzz/run.sh
 fi
 if $window; then
-    beside "add-on in its window" in_window build/gui
+    # A small screen is quicker to draw, and who has one is to see all of it as well.
+    if $all; then
+        beside "add-on in its window" in_window 1280x800 build/gui
+    else
+        beside "add-on in its window" in_window 1024x640 build/gui ~large
+    fi
 fi
 if $blender; then
     beside "add-on in $(blender --version | head -n 1)" \
@@ -285,7 +291,7 @@ for wheel in "${wheels[@]}"; do
         blender_suite "$marks" "build/venv-bpy-$wheel/bin/python" tests/blender/run.py --
     marks="not large"  # the first Blender has run what is large
 done
-$all || beside "core and library (ctest)" native_tests -LE "large|bench"
+$all || beside "core and library (ctest)" native_tests -LE "large|thorough|bench"
 beside "C ABI (ctypes)" abi_tests
 if $threads; then
     beside "threads of the C ABI under their sanitizer" \

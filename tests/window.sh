@@ -8,9 +8,10 @@ prepare_window() {
     dd_need_packages xvfb xauth xdotool imagemagick
 }
 
-# in_window FOLDER: walks through the window on a screen of its own, and keeps screenshots in that folder. The
-# add-on is the source tree's, with the library that a build has staged there.
+# in_window WIDTHxHEIGHT FOLDER [ROW...]: walks through the window on a screen of its own, and keeps screenshots in
+# that folder. The add-on is the source tree's, with the library that a build has staged there. Without a graphics card
+# most of the time goes into drawing, by the pixel.
 in_window() {
-    timeout 1200 xvfb-run -a -s "-screen 0 1280x800x24" blender --factory-startup \
-        --window-geometry 0 0 1280 800 --python tests/blender/gui/window.py -- "$1"
+    timeout 1200 xvfb-run -a -s "-screen 0 ${1}x24" blender --factory-startup \
+        --window-geometry 0 0 "${1%x*}" "${1#*x}" --python tests/blender/gui/window.py -- "${@:2}"
 }

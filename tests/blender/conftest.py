@@ -18,7 +18,7 @@ FIXTURES = REPOSITORY / 'blend_fixtures'
 
 def pytest_configure(config):
     config.addinivalue_line('markers', "large: takes seconds, and says no more in another Blender; one runs it")
-    config.addinivalue_line('markers', "grid: each feature with each everyday action; for tests/run.sh --all")
+    config.addinivalue_line('markers', "thorough: takes long for what it tells; for tests/run.sh --all")
 
 
 # Debian builds Blender for 64-bit ARM without it.

@@ -10,6 +10,7 @@ if sys.platform != 'linux':
 import soak
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize('name', soak.LOOPS)
 def test_nothing_grows(tmp_path, name):
     row = soak.ran(name, str(tmp_path), short=True)

@@ -9,7 +9,7 @@ from mathutils import Matrix
 
 from conftest import activate, bind, group, make_strip, own, pull, update
 
-pytestmark = pytest.mark.grid
+pytestmark = pytest.mark.thorough
 SIZE = np.sqrt(2)
 N = 15  # vertices along each side
 

@@ -64,6 +64,7 @@ class Other:
         return self._process.returncode
 
 
+@pytest.mark.thorough
 @starts_blender
 def test_an_update_while_another_blender_has_the_library(tmp_path, part):
     library = part('library.native').library_path()

@@ -39,6 +39,7 @@ def driven(cases, rows, capfd):
     return failures
 
 
+@pytest.mark.thorough
 def test_each_kind_alone(rows, capfd):
     cases = [case._replace(methods=case.methods[:2]) for case in kinds.alone()]
     assert len(cases) > 250
@@ -46,6 +47,7 @@ def test_each_kind_alone(rows, capfd):
     assert not failures, '\n'.join(failures)
 
 
+@pytest.mark.thorough
 def test_some_pairs(rows, capfd):
     failures = driven(kinds.pairs(PAIRS), rows, capfd)
     assert not failures, '\n'.join(failures)

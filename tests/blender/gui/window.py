@@ -5,8 +5,8 @@
         --python tests/blender/gui/window.py -- build/gui
 
 Writes a screenshot of each state into the folder, which is emptied first, and one line a check; ends with 1
-if one failed, or if the console has an exception. Behind the folder, names of ROWS choose among them. Needs xdotool
-and ImageMagick's import.
+if one failed, or if the console has an exception. Behind the folder, names of ROWS choose among them, or with a ~
+before them leave them out. Needs xdotool and ImageMagick's import.
 """
 
 import os
@@ -58,6 +58,14 @@ def checks(rows):
             print(f"{took:5.1f} s, of work {worked:5.1f} s: {row}.{walk.__name__}", flush=True)
 
 
+def chosen_rows(names):
+    unknown = {name.lstrip('~') for name in names} - {*ROWS}
+    if unknown:
+        sys.exit(f"No such rows: {', '.join(sorted(unknown))}. There are: {', '.join(ROWS)}.")
+    wanted = [name for name in names if not name.startswith('~')] or ROWS
+    return [row for row in ROWS if row in wanted and f'~{row}' not in names]
+
+
 def main():
     sys.path.insert(0, str(ROOT / 'addon'))
     shutil.rmtree(OUT, ignore_errors=True)
@@ -66,7 +74,7 @@ def main():
     warnings.filterwarnings('default', category=DeprecationWarning, module='detail_deform')
     import detail_deform
     detail_deform.register()
-    steps = checks(sys.argv[sys.argv.index('--') + 2:] or ROWS)
+    steps = checks(chosen_rows(sys.argv[sys.argv.index('--') + 2:]))
 
     def go_on():
         try:
