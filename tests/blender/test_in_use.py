@@ -4,6 +4,7 @@
 import os
 import subprocess
 
+import pytest
 
 from conftest import FIXTURES, starts_blender
 from test_bake import command

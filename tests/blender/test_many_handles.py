@@ -174,6 +174,10 @@ def delete_empties(ob):
     update()
 
 
+BACK_TO_REST = {'handle_reset': lambda: bpy.ops.object.detail_deform_handle_reset(everything=True),
+                'save_key': lambda: bpy.ops.object.detail_deform_save_key()}
+
+
 def test_the_scene_is_evaluated_as_often_for_many_as_for_few(plane):
     counts = []
     for step in (20, 7):
@@ -184,12 +188,11 @@ def test_the_scene_is_evaluated_as_often_for_many_as_for_few(plane):
         bpy.ops.object.mode_set(mode='OBJECT')
         bind(plane)
         handles = plane.detail_deform.handles
-        for reset in ('handle_reset', 'save_key'):
+        for reset, run in BACK_TO_REST.items():
             for number, handle in enumerate(handles):
                 handle.target.location.z += 0.05 * np.sin(number)
             update()
-            operator = getattr(bpy.ops.object, f'detail_deform_{reset}')
-            these[reset] = updates_of(lambda: operator(**({'everything': True} if reset == 'handle_reset' else {})))
+            these[reset] = updates_of(run)
             assert np.abs(evaluated(plane) - own(plane)).max() < 1e-6
         delete_empties(plane)
         these['bring_back'] = updates_of(bpy.ops.object.detail_deform_bring_back)
