@@ -147,3 +147,23 @@ def test_after_apply_there_is_no_way_back():
     posed()
     bpy.ops.object.detail_deform_apply(mode='MESH')
     assert "none has a rest place" in refusal(bpy.ops.object.detail_deform_handle_reset)
+
+
+def test_from_edit_mode_it_is_saved_and_edited_on():
+    """As the key that was active, and at rest."""
+    ob, _ = posed()
+    update()
+    shape, rest = evaluated(ob), own(ob)
+    activate(ob)
+    bpy.ops.object.mode_set(mode='EDIT')
+    for name in ("Smile", "Frown"):
+        assert bpy.ops.object.detail_deform_save_key(name=name) == {'FINISHED'}
+        assert ob.mode == 'EDIT' and ob.active_shape_key_index == 0
+        if name == "Smile":
+            ob.detail_deform.handles[0].target.location.z += 0.3
+            update()
+    bpy.ops.object.mode_set(mode='OBJECT')
+    update()
+    assert np.abs(key_offsets(ob, "Smile") - (shape - rest)).max() < 1e-6
+    assert np.abs(key_offsets(ob, "Frown")).max() > 0.1 and np.abs(own(ob) - rest).max() < 1e-7
+    assert np.abs(evaluated(ob) - rest).max() < 1e-6 and ob.detail_deform.is_bound

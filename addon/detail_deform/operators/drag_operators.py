@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a drag in the viewport begins: a handle is made or taken, Blender's own Move goes on until the button is let go,
-and who began in Edit Mode is there again. Macros, as only these hand the event on by which Move knows which button that
+and who began in Edit Mode is there again; and Move with the way back alone, for Pull. Macros, as only these hand the event on by which Move knows which button that
 is."""
 
 import bpy
@@ -67,9 +67,16 @@ class OBJECT_OT_detail_deform_handle_drag(bpy.types.Macro):
     bl_options = {'REGISTER', 'UNDO'}
 
 
+class OBJECT_OT_detail_deform_move_pulled(bpy.types.Macro):
+    bl_idname = 'object.detail_deform_move_pulled'
+    bl_label = "Move"
+    bl_description = "Move the empty of what was pulled, and go on in Edit Mode"
+    bl_options = {'REGISTER', 'UNDO', 'INTERNAL'}
+
+
 _BEGINNINGS = {OBJECT_OT_detail_deform_pull_drag: OBJECT_OT_detail_deform_pull_begin,
                OBJECT_OT_detail_deform_handle_drag: OBJECT_OT_detail_deform_handle_take}
-CLASSES = (*_BEGINNINGS.values(), *_BEGINNINGS)
+CLASSES = (*_BEGINNINGS.values(), *_BEGINNINGS, OBJECT_OT_detail_deform_move_pulled)
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 
@@ -80,6 +87,8 @@ def register():
         macro.define(beginning.__name__)
         macro.define('TRANSFORM_OT_translate').properties.release_confirm = True
         macro.define(edit_again.OBJECT_OT_detail_deform_edit_again.__name__)
+    OBJECT_OT_detail_deform_move_pulled.define('TRANSFORM_OT_translate')
+    OBJECT_OT_detail_deform_move_pulled.define(edit_again.OBJECT_OT_detail_deform_edit_again.__name__)
 
 
 def unregister():

@@ -153,13 +153,14 @@ class OBJECT_OT_detail_deform_save_key(HandOperator, bpy.types.Operator):
         return True
 
     def run(self, context, ob):
-        _settle_what_is_seen(ob)
-        name = apply_result.save_key(ob, self.name or "Expression")
-        ob.detail_deform.expressions.add().name = name
-        if ob.detail_deform.weights_by == 'SLIDERS':  # else what was saved would be seen twice
-            for example in ob.detail_deform.examples:
-                example.weight = 0.0
-        handle_setup.all_to_rest(context, ob)
+        with selection.object_mode(ob):
+            _settle_what_is_seen(ob)
+            name = apply_result.save_key(ob, self.name or "Expression")
+            ob.detail_deform.expressions.add().name = name
+            if ob.detail_deform.weights_by == 'SLIDERS':  # else what was saved would be seen twice
+                for example in ob.detail_deform.examples:
+                    example.weight = 0.0
+            handle_setup.all_to_rest(context, ob)
         self.report({'INFO'}, f"Saved as '{name}', with value 0; the handles are at rest")
 
 
@@ -181,18 +182,12 @@ class OBJECT_OT_detail_deform_apply(MeshOperator, bpy.types.Operator):
         return True
 
     def run(self, context, ob):
-        mode = ob.mode
-        if mode != 'OBJECT':  # the mode's own copy of the mesh would not know of it
-            selection.change_mode(ob, 'OBJECT')
-        try:
+        with selection.object_mode(ob):
             _settle_what_is_seen(ob)
             apply_result.apply(ob, self.mode)
             binding.unbind(ob)
             live_transfer.stop(ob)
             node_group.remove_modifier(ob)
-        finally:
-            if mode != 'OBJECT':
-                selection.change_mode(ob, mode)
 
 
 class OBJECT_OT_detail_deform_base_make(MeshOperator, bpy.types.Operator):

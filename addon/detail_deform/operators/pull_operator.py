@@ -2,12 +2,13 @@
 """Pull: from scripts at once, from the window with its reach chosen by eye, and then in the hand."""
 
 import bpy
-from bpy.props import FloatProperty
+from bpy.props import BoolProperty, FloatProperty
 
 from ..follow import words
 from ..scene import mesh_data, stack
 from ..scene.selection import activate
 from ..setup import handle_setup, pulling
+from . import edit_again
 from .operator_base import MeshOperator, Progress
 from .reach_choice import ReachChoice, View
 
@@ -41,6 +42,9 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
                       "reaches, then move the handle's empty: the surface follows")
 
     radius: FloatProperty(**RADIUS, options={'SKIP_SAVE'})
+    stay: BoolProperty(
+        name="Stay in Edit Mode",
+        description="Once the empty was moved in the window go on in Edit Mode, for the next pull, and not with the empty")
 
     _ob = _choice = _pull = _stages = _progress = _view = None
 
@@ -67,13 +71,14 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
             return self.execute(context)
         ob = self._ob = context.active_object
         self._view = _view(context)
+        edit_again.note(context)
         try:
             mesh_data.check_editable(ob)
             _check_mode(ob)
             if self._view and not self.radius and pulling.asks_for_reach(ob):
                 self._choice = ReachChoice(
                     context, self._view, ob, pulling.selected_surroundings(ob),
-                    pulling.others(ob, len(ob.detail_deform.handles)), event)
+                    pulling.others(ob, len(ob.detail_deform.handles)), event, self.stay)
             else:
                 self._begin(context, ob)
         except words.TOLD as problem:
@@ -114,7 +119,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         if answer == 'CANCEL':
             return self._end(context, {'CANCELLED'})
         if answer == 'CONFIRM':
-            self.radius = self._choice.radius
+            self.radius, self.stay = self._choice.radius, self._choice.stay
             self._choice.close(context)
             self._begin(context, self._ob)
         return {'RUNNING_MODAL'}
@@ -138,7 +143,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         self._finished(context, ob, pull, "Move the empty, and click")
         if view:
             with context.temp_override(area=view.area, region=view.region):
-                bpy.ops.transform.translate('INVOKE_DEFAULT')
+                (bpy.ops.object.detail_deform_move_pulled if self.stay else bpy.ops.transform.translate)('INVOKE_DEFAULT')
         return {'FINISHED'}
 
     def cancel(self, context):

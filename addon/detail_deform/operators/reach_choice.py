@@ -12,7 +12,8 @@ from .reach_drawing import ReachDrawing
 
 _WHEEL, _FINE = 1.1, 0.1
 _LEAST = 1e-3  # of the first guess
-_KEYS = "Mouse, wheel: reach    Shift: finely    0-9: type it    Enter, click: pull    Esc, right click: cancel"
+_KEYS = "Mouse, wheel: reach    Shift: finely    0-9: type it    Enter, click: pull    Esc, right click: cancel    Tab: "
+_AFTERWARDS = {False: "in Edit Mode again afterwards", True: "in Object Mode afterwards"}  # by whether it is in the first
 _SHARED = ", with what the handles move that it reaches"
 
 
@@ -25,8 +26,10 @@ class View(NamedTuple):
 class ReachChoice:
     """While it goes on, hear() takes the window's events."""
 
-    def __init__(self, context, view, ob, around, others, event):
-        """around: a region_setup.Around, whose distances are computed once. others: [pulling.Other]."""
+    def __init__(self, context, view, ob, around, others, event, stay=False):
+        """around: a region_setup.Around, whose distances are computed once. others: [pulling.Other]. stay: in Edit Mode
+        afterwards; Tab changes it."""
+        self.stay = stay
         self.around, self._view, self._units = around, view, context.scene.unit_settings
         self._guessed = self._moved = around.first_guess()
         self._typed = ""
@@ -71,6 +74,8 @@ class ReachChoice:
             step = _WHEEL ** (_FINE if event.shift else 1)
             self._moved = self.radius * (step if event.type == 'WHEELUPMOUSE' else 1 / step)
             self._typed = ""
+        elif event.type == 'TAB' and event.value == 'PRESS':
+            self.stay = not self.stay
         elif event.value == 'PRESS':
             self._type(event)
         self._show(context)
@@ -129,7 +134,8 @@ class ReachChoice:
     def _show(self, context):
         length = (f"{self.radius:.4g}" if self._units.system == 'NONE' else bpy.utils.units.to_string(
             self._units.system, 'LENGTH', self.radius * self._units.scale_length, precision=4))
+        keys = _KEYS + _AFTERWARDS[self.stay]
         self._view.area.header_text_set(f"Reach: {f'[{self._typed}|] = ' if self._typed else ''}{length}"
-                                        f"{_SHARED * bool(self.shared)}    {_KEYS}")
-        context.workspace.status_text_set(_KEYS)
+                                        f"{_SHARED * bool(self.shared)}    {keys}")
+        context.workspace.status_text_set(keys)
         self._view.area.tag_redraw()

@@ -192,6 +192,9 @@ class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
     bl_description = "Select the mesh that this empty pulls, to see its settings"
     bl_options = {'REGISTER', 'UNDO'}
 
+    edit: BoolProperty(name="Edit Mode", options={'SKIP_SAVE'},
+                       description="Go on in its Edit Mode, where the next vertices are selected")
+
     @classmethod
     def poll(cls, context):
         ob, _ = handle_setup.owner(context.active_object)
@@ -201,6 +204,8 @@ class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
         ob, number = handle_setup.owner(context.active_object)
         ob.detail_deform.handle_index = number
         activate(context, ob)
+        if self.edit and bpy.ops.object.mode_set.poll() and not (ob.library or ob.data.library or ob.hide_viewport):
+            bpy.ops.object.mode_set(mode='EDIT')
         return {'FINISHED'}
 
 

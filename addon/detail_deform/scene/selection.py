@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What is selected: objects, vertices in Edit Mode, and vertex groups made of these."""
 
+from contextlib import contextmanager
+
 import bmesh
 import bpy
 import numpy as np
@@ -23,6 +25,19 @@ def change_mode(ob, mode):
         raise MeshProblem(f"'{ob.name}' is disabled in viewports, where Blender changes no mode: enable it first, by "
                           "its monitor icon.")
     bpy.ops.object.mode_set(mode=mode)
+
+
+@contextmanager
+def object_mode(ob):
+    """Of the active object, meanwhile: the copy of the mesh that another mode works on would not know of a change."""
+    mode = ob.mode
+    if mode != 'OBJECT':
+        change_mode(ob, 'OBJECT')
+    try:
+        yield
+    finally:
+        if mode != 'OBJECT':
+            change_mode(ob, mode)
 
 
 def go_to(context, ob, other):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The tab Deform in the viewport's sidebar (N), the same for a mesh and for the empties that pull it; and Tab, which
-goes from such an empty to its mesh."""
+goes from such an empty to its mesh's Edit Mode, as an empty has none."""
 
 import bpy
 
@@ -60,7 +60,9 @@ def register():
     configuration = bpy.context.window_manager.keyconfigs.addon
     if configuration:  # not without a window
         keymap = configuration.keymaps.new(name='Object Mode', space_type='EMPTY')
-        _keys.append((keymap, keymap.keymap_items.new('object.detail_deform_mesh_activate', 'TAB', 'PRESS')))
+        item = keymap.keymap_items.new('object.detail_deform_mesh_activate', 'TAB', 'PRESS')
+        item.properties.edit = True
+        _keys.append((keymap, item))
 
 
 def unregister():

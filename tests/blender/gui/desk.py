@@ -160,9 +160,9 @@ def expect(what, condition):
     check(what, condition())
 
 
-def call_pull():
+def call_pull(**given):
     with in_view():
-        bpy.ops.object.detail_deform_pull('INVOKE_DEFAULT')
+        bpy.ops.object.detail_deform_pull('INVOKE_DEFAULT', **given)
     yield from settle()
 
 

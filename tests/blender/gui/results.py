@@ -81,15 +81,52 @@ def expressing():
     yield from settle()
     screenshot('expression-saved')
     check("the empty is active", bpy.context.active_object == empty)
-    xdotool('key', 'Tab')
-    yield from settle()
-    check("Tab goes from the empty to its mesh", bpy.context.active_object == ob and ob.mode == 'OBJECT')
-    xdotool('key', 'Tab')
-    yield from settle()
-    check("and from there to Edit Mode", ob.mode == 'EDIT')
-    xdotool('key', 'Tab')
+    yield from expressing_again(ob)
     area('VIEW_3D').spaces.active.show_region_ui = False
     yield from settle()
+
+
+def expressing_again(ob):
+    """The next expression with another handle, which goes on in Edit Mode."""
+    others = {handle.name for handle in ob.detail_deform.handles}
+    saved(ob).value = 0
+    xdotool('key', 'Tab')
+    yield from settle()
+    check("Tab goes from the empty to the Edit Mode of its mesh",
+          bpy.context.active_object == ob and ob.mode == 'EDIT')
+    mesh = bmesh.from_edit_mesh(ob.data)
+    for vertex in mesh.verts:
+        vertex.select_set(vertex.co.z > 0.9)
+    bmesh.update_edit_mesh(ob.data)
+    point_at('VIEW_3D')
+    yield from settle()
+    yield from call_pull()
+    xdotool('key', 'Tab')
+    yield from settle()
+    screenshot('expression-stay')
+    xdotool('click', 1)
+    yield from wait_until(in_hand)
+    yield from settle()
+    xdotool('mousemove_relative', '--', 0, -40)
+    yield from settle()
+    xdotool('click', 1)
+    yield from expect("with Tab while the reach is chosen, Pull ends in Edit Mode",
+                      lambda: ob.mode == 'EDIT' and bpy.context.active_object == ob)
+    check("and has pulled", len({handle.name for handle in ob.detail_deform.handles} - others) == 1)
+    yield from settle()
+    screenshot('expression-in-edit-mode')
+    count = len(ob.data.shape_keys.key_blocks)
+    with in_view():
+        bpy.ops.object.detail_deform_save_key('INVOKE_DEFAULT')
+    yield from settle()
+    check("which is saved from there", len(ob.data.shape_keys.key_blocks) == count + 1)
+    check("and edited on", ob.mode == 'EDIT')
+    xdotool('key', 'Tab')
+    yield from expect("until Tab", lambda: ob.mode == 'OBJECT')
+    last = ob.data.shape_keys.key_blocks[-1]
+    moved = np.array([a.co - b.co for a, b in zip(last.data, ob.data.shape_keys.key_blocks[0].data)])
+    check("it holds what was pulled alone", np.abs(moved).max() > 0.05 and last.value == 0
+          and not np.abs(moved[[v.co.z < 0 for v in ob.data.vertices]]).any())
 
 
 def rendering():
