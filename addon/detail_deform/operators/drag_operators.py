@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a drag in the viewport begins: a handle is made or taken, Blender's own Move goes on until the button is let go,
-and who began in Edit Mode is there again; and Move with the way back alone, for Pull. Macros, as only these hand the event on by which Move knows which button that
-is."""
+and who began in Edit Mode is there again; and Move with the way back alone, for Pull. Macros, as only these hand the
+event on by which Move knows which button that is."""
 
 import bpy
 from bpy.props import FloatProperty, IntProperty

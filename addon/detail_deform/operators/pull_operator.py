@@ -44,7 +44,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
     radius: FloatProperty(**RADIUS, options={'SKIP_SAVE'})
     stay: BoolProperty(
         name="Stay in Edit Mode",
-        description="Once the empty was moved in the window go on in Edit Mode, for the next pull, and not with the empty")
+        description="Once the empty was moved in the window go on in Edit Mode, for the next pull, not with the empty")
 
     _ob = _choice = _pull = _stages = _progress = _view = None
 
@@ -143,7 +143,8 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         self._finished(context, ob, pull, "Move the empty, and click")
         if view:
             with context.temp_override(area=view.area, region=view.region):
-                (bpy.ops.object.detail_deform_move_pulled if self.stay else bpy.ops.transform.translate)('INVOKE_DEFAULT')
+                move = bpy.ops.object.detail_deform_move_pulled if self.stay else bpy.ops.transform.translate
+                move('INVOKE_DEFAULT')
         return {'FINISHED'}
 
     def cancel(self, context):

@@ -12,8 +12,8 @@ from .reach_drawing import ReachDrawing
 
 _WHEEL, _FINE = 1.1, 0.1
 _LEAST = 1e-3  # of the first guess
-_KEYS = "Mouse, wheel: reach    Shift: finely    0-9: type it    Enter, click: pull    Esc, right click: cancel    Tab: "
-_AFTERWARDS = {False: "in Edit Mode again afterwards", True: "in Object Mode afterwards"}  # by whether it is in the first
+_KEYS = "Mouse, wheel: reach    Shift: finely    0-9: type it    Enter, click: pull    Esc, right click: cancel"
+_TAB = {False: "    Tab: Edit Mode afterwards", True: "    Tab: Object Mode afterwards"}  # whether it is Edit Mode so far
 _SHARED = ", with what the handles move that it reaches"
 
 
@@ -134,7 +134,7 @@ class ReachChoice:
     def _show(self, context):
         length = (f"{self.radius:.4g}" if self._units.system == 'NONE' else bpy.utils.units.to_string(
             self._units.system, 'LENGTH', self.radius * self._units.scale_length, precision=4))
-        keys = _KEYS + _AFTERWARDS[self.stay]
+        keys = _KEYS + _TAB[self.stay]
         self._view.area.header_text_set(f"Reach: {f'[{self._typed}|] = ' if self._typed else ''}{length}"
                                         f"{_SHARED * bool(self.shared)}    {keys}")
         context.workspace.status_text_set(keys)
