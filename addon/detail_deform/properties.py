@@ -95,6 +95,10 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
         name="Reach", update=_input_changed,
         description="Vertex group of what this handle moves, beside its own vertices: nothing else follows it, and "
                     "those of other handles stay. Empty: it moves the region, together with other handles that do")
+    falloff: EnumProperty(
+        name="Falloff", update=_input_changed, items=options.FALLOFFS, options=set(),
+        description="How what this handle's reach holds falls off from the handle to the border. Of handles that share "
+                    "a reach the first one's counts")
     target: PointerProperty(
         name="Empty", type=bpy.types.Object, poll=lambda self, ob: ob.type == 'EMPTY',
         update=_target_changed,

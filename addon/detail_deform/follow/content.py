@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..library import native
-from ..library.options import BIND, asked
+from ..library.options import BIND, FALLOFF_ORDERS, asked
 from ..library.structs import BindOptions
 from ..scene import examples, handle_matrices, loose, mesh_data, outside_base, proportions, split, start
 from ..scene.mesh_data import MeshProblem
@@ -74,6 +74,7 @@ class Part(NamedTuple):
     numbers: Any  # (k,) of the handles among all
     vertices: Any  # (m,) those that aren't fixed, in their order; None: all, of handles that go by the region
     roles: Any  # (m,) int32, or (n,): handles counted from 0
+    smoothness: int = 0  # the order of its base energy; 0: as the object's
 
     @property
     def is_whole(self):
@@ -105,6 +106,7 @@ def roles_of(ob, entries=None, joined=None):
     order = sorted(range(len(reaches)), key=lambda place: (reaches[place] != "", -len(inside[place])))
     reaches, inside = [reaches[place] for place in order], [inside[place] for place in order]
     part_of = np.array([reaches.index(name) for name in names])[np.maximum(of_all, 0)]
+    enabled = handle_matrices.enabled_handles(settings)
     parts, moves, edges = [], np.zeros(len(of_all), bool), joined.between(mesh_data.edges(ob.data))
     for place, (name, free) in enumerate(zip(reaches, inside)):
         free = free[(of_all[free] < 0) | (part_of[free] > place)]
@@ -117,10 +119,11 @@ def roles_of(ob, entries=None, joined=None):
         of_part = joined.roles(of_part)
         ends = of_part[edges]
         if name and not ((ends == native.ROLE_FREE).any(axis=1) & (ends >= 0).any(axis=1)).any():
-            raise MeshProblem(f"Handle '{handle_matrices.enabled_handles(settings)[numbers[0]].name}': no vertex that "
-                              "is free to follow is beside it within its reach. Give its Reach more vertices, or none.")
+            raise MeshProblem(f"Handle '{enabled[numbers[0]].name}': no vertex that is free to follow is beside it "
+                              "within its reach. Give its Reach more vertices, or none.")
         vertices = np.flatnonzero(of_part != native.ROLE_FIXED) if name else None
-        parts.append(Part(numbers, vertices, of_part if vertices is None else of_part[vertices]))
+        smoothness = FALLOFF_ORDERS[enabled[numbers[0]].falloff] if name else 0
+        parts.append(Part(numbers, vertices, of_part if vertices is None else of_part[vertices], smoothness))
     of_all = np.where(of_all >= 0, of_all, np.where(moves, native.ROLE_FREE, native.ROLE_FIXED)).astype(np.int32)
     return Roles(joined.roles(of_all), parts)
 
@@ -144,6 +147,7 @@ def signature(shape, known, told):
     for part in known.parts[len(known.parts) == 1 and known.parts[0].is_whole:]:
         told_apart += [[len(part.numbers), len(part.roles)], part.numbers, part.roles]
         told_apart += [] if part.is_whole else [part.vertices]
+        told_apart += [[part.smoothness]] if part.smoothness else []
     return '.'.join([*shape, mesh_data.signature(np.concatenate(told_apart).astype(np.int32)), _texts(told)])
 
 
@@ -166,7 +170,7 @@ def parts_to_bind(ob, known, joined, triangles, hung_ones):
         hung = hung_ones if part.is_whole else hung_ones[part.vertices]
         of_part = np.where(hung, native.ROLE_FIXED, part.roles).astype(np.int32)
         found.append(reaches.Part(part.numbers, positions, triangles, of_part) if part.is_whole else
-                     surface.part(part.numbers, part.vertices, of_part))
+                     surface.part(part.numbers, part.vertices, of_part, part.smoothness))
     return found
 
 

@@ -31,10 +31,11 @@ _OF_HANDLES = ('turns', 'handle_turns', 'pivots')
 class Part:
     """What the handles of one reach are bound to."""
 
-    def __init__(self, numbers, positions, triangles, roles, vertices=None, triangle_numbers=None):
+    def __init__(self, numbers, positions, triangles, roles, vertices=None, triangle_numbers=None, smoothness=0):
         """numbers: (h,) of its handles among all. positions, triangles, roles: as of native.Bind, of the mesh that it
         is bound to, with its handles counted from 0. vertices, triangle_numbers: of that in the whole mesh; None: it is
-        the whole, by whose region these handles go."""
+        the whole, by whose region these handles go. smoothness: the order of its base energy; 0: as the whole's."""
+        self.smoothness = smoothness
         self.numbers, self.vertices, self.triangle_numbers = numbers, vertices, triangle_numbers
         self.positions, self.triangles, self.roles = positions, triangles, roles
         self.size = float(np.abs(positions).max(initial=0))
@@ -51,7 +52,8 @@ class Part:
 
     def options(self, told):
         """Of its native.Bind; told: those of the whole."""
-        return told if self.is_whole else {name: value for name, value in told.items() if name != 'examples'}
+        own = {'smoothness': self.smoothness} if self.smoothness else {}
+        return told if self.is_whole else {name: value for name, value in told.items() if name != 'examples'} | own
 
     def asked(self, of_all):
         """Of its update; of_all: that of the whole."""
@@ -158,7 +160,7 @@ class Surface:
         self._positions, self._triangles = positions, triangles
         self._around = self._begin = None  # triangles around each vertex, one after the other, and where they begin
 
-    def part(self, numbers, vertices, roles):
+    def part(self, numbers, vertices, roles, smoothness=0):
         """The Part around these vertices, (m,) in their order, which have roles; all others are fixed."""
         near, chosen = vertices, np.zeros(0, np.intp)
         for _ in range(_RINGS):
@@ -167,7 +169,7 @@ class Surface:
         of_part = np.full(len(near), native.ROLE_FIXED, np.int32)
         of_part[np.searchsorted(near, vertices)] = roles
         triangles = np.searchsorted(near, self._triangles[chosen]).astype(np.int32)
-        return Part(numbers, self._positions[near], triangles, of_part, near, chosen)
+        return Part(numbers, self._positions[near], triangles, of_part, near, chosen, smoothness)
 
     def _triangles_of(self, vertices):
         """Their numbers, in order."""

@@ -124,6 +124,13 @@ HANDLE_TURNS = (
     ('FREE', "Freely",
      "The empty only places the vertices: they keep their shape and turn as the surface around them asks, about the "
      "place where the empty was bound. Pull a limb by its hand, and it follows with no twist of the wrist"))
+# By their number the order of the energy, dd_smoothness, that they stand for.
+FALLOFFS = (
+    ('MESH', "As the Mesh", "As the mesh's own Smoothness has it (Base Surface)"),
+    ('SHARP', "Sharp", "To a point at the handle, and to a crease at the border: Smoothness 1"),
+    ('SMOOTH', "Smooth", "Level at the handle and at the border: Smoothness 2"),
+    ('SMOOTHER', "Smoother", "Farther level at both, and steeper between: Smoothness 3"))
+FALLOFF_ORDERS = {name: order for order, (name, _, _) in enumerate(FALLOFFS)}
 _BASES = (
     ('COMPUTED', "Computed",
      "The smooth base surface is computed from the region's border, and the handles move it"),

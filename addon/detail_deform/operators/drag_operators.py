@@ -4,13 +4,13 @@ and who began in Edit Mode is there again; and Move with the way back alone, for
 event on by which Move knows which button that is."""
 
 import bpy
-from bpy.props import FloatProperty, IntProperty
+from bpy.props import EnumProperty, FloatProperty, IntProperty
 
 from ..scene import selection
 from ..setup import handle_setup
 from . import edit_again
 from .operator_base import HandOperator
-from .pull_operator import RADIUS, PullOperator
+from .pull_operator import FALLOFF, RADIUS, PullOperator
 
 
 class OBJECT_OT_detail_deform_pull_begin(PullOperator, bpy.types.Operator):
@@ -20,6 +20,7 @@ class OBJECT_OT_detail_deform_pull_begin(PullOperator, bpy.types.Operator):
     bl_options = {'REGISTER', 'UNDO', 'INTERNAL'}
 
     radius: FloatProperty(**RADIUS)
+    falloff: EnumProperty(**FALLOFF)
 
     def invoke(self, context, event):
         if context.active_object.type != 'MESH' or selection.selected(context.active_object).any():
@@ -30,7 +31,7 @@ class OBJECT_OT_detail_deform_pull_begin(PullOperator, bpy.types.Operator):
     def execute(self, context):
         edit_again.note(context)
         try:
-            return bpy.ops.object.detail_deform_pull(radius=self.radius)
+            return bpy.ops.object.detail_deform_pull(radius=self.radius, falloff=self.falloff)
         except RuntimeError as problem:
             self.report({'ERROR'}, str(problem).replace("Error: ", "", 1).strip())
             return {'CANCELLED'}

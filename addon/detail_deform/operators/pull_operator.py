@@ -2,9 +2,10 @@
 """Pull: from scripts at once, from the window with its reach chosen by eye, and then in the hand."""
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from ..follow import words
+from ..library.options import FALLOFFS
 from ..scene import mesh_data, stack
 from ..scene.selection import activate
 from ..setup import handle_setup, pulling
@@ -20,6 +21,10 @@ RADIUS = {
     'name': "Radius", 'min': 0.0, 'subtype': 'DISTANCE',
     'description': "Distance along the surface up to which it follows, where no region was chosen. 0: by the size of "
                    "the selection"}
+FALLOFF = {
+    'name': "Falloff", 'items': FALLOFFS,
+    'description': "How the motion falls off from the handle to the border. What it shares with other handles falls "
+                   "off as before"}
 
 
 class PullOperator(MeshOperator):
@@ -46,11 +51,13 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         name="Stay in Edit Mode",
         description="Once the empty was moved in the window go on in Edit Mode, for the next pull, not with the empty")
 
+    falloff: EnumProperty(**FALLOFF)
+
     _ob = _choice = _pull = _stages = _progress = _view = None
 
     def run(self, context, ob):
         _check_mode(ob)
-        pull = pulling.Pull(context, ob, self.radius)
+        pull = pulling.Pull(context, ob, self.radius, falloff=self.falloff)
         # Its slider must not make the window stand still.
         for _ in pull.stages(wait=bpy.app.background or not self.options.is_repeat):
             pass
@@ -78,7 +85,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
             if self._view and not self.radius and pulling.asks_for_reach(ob):
                 self._choice = ReachChoice(
                     context, self._view, ob, pulling.selected_surroundings(ob),
-                    pulling.others(ob, len(ob.detail_deform.handles)), event, self.stay)
+                    pulling.others(ob, len(ob.detail_deform.handles)), event, self.stay, self.falloff)
             else:
                 self._begin(context, ob)
         except words.TOLD as problem:
@@ -90,7 +97,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
 
     def _begin(self, context, ob):
         around = self._choice.around if self._choice else None
-        self._pull = pulling.Pull(context, ob, self.radius, around)
+        self._pull = pulling.Pull(context, ob, self.radius, around, self.falloff)
         self._stages = self._pull.stages(wait=False, watch=True)
         self._progress = Progress(context)
         self._tell(context, 0.0)
@@ -119,7 +126,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         if answer == 'CANCEL':
             return self._end(context, {'CANCELLED'})
         if answer == 'CONFIRM':
-            self.radius, self.stay = self._choice.radius, self._choice.stay
+            self.radius, self.stay, self.falloff = self._choice.radius, self._choice.stay, self._choice.falloff
             self._choice.close(context)
             self._begin(context, self._ob)
         return {'RUNNING_MODAL'}

@@ -8,12 +8,13 @@ import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d, region_2d_to_location_3d
 from mathutils import Vector
 
+from ..library.options import FALLOFF_ORDERS, FALLOFFS
 from .reach_drawing import ReachDrawing
 
 _WHEEL, _FINE = 1.1, 0.1
 _LEAST = 1e-3  # of the first guess
 _KEYS = "Mouse, wheel: reach    Shift: finely    0-9: type it    Enter, click: pull    Esc, right click: cancel"
-_TAB = {False: "    Tab: Edit Mode afterwards", True: "    Tab: Object Mode afterwards"}  # whether it is Edit Mode so far
+_TAB = {False: "    Tab: afterwards (Object Mode)", True: "    Tab: afterwards (Edit Mode)"}  # whether it stays there
 _SHARED = ", with what the handles move that it reaches"
 
 
@@ -26,10 +27,10 @@ class View(NamedTuple):
 class ReachChoice:
     """While it goes on, hear() takes the window's events."""
 
-    def __init__(self, context, view, ob, around, others, event, stay=False):
+    def __init__(self, context, view, ob, around, others, event, stay=False, falloff='MESH'):
         """around: a region_setup.Around, whose distances are computed once. others: [pulling.Other]. stay: in Edit Mode
-        afterwards; Tab changes it."""
-        self.stay = stay
+        afterwards; Tab changes it. falloff: of FALLOFFS; S changes it."""
+        self.stay, self.falloff, self._of_mesh = stay, falloff, ob.detail_deform.smoothness
         self.around, self._view, self._units = around, view, context.scene.unit_settings
         self._guessed = self._moved = around.first_guess()
         self._typed = ""
@@ -53,6 +54,11 @@ class ReachChoice:
         """Numbers of the others that are reached: what they move moves, too."""
         return [number for number, distance in enumerate(self._shared_from) if self.radius >= distance]
 
+    @property
+    def smoothness(self):
+        """The order of the energy by which it falls off."""
+        return self.falloff != 'MESH' and not self.shared and FALLOFF_ORDERS[self.falloff] or self._of_mesh
+
     def circle(self, region):
         """Where the drawing's circle is in a region, (middle, radius) in pixels; None where it is not shown."""
         if region != self._view.region:
@@ -74,6 +80,8 @@ class ReachChoice:
             step = _WHEEL ** (_FINE if event.shift else 1)
             self._moved = self.radius * (step if event.type == 'WHEELUPMOUSE' else 1 / step)
             self._typed = ""
+        elif event.type == 'S' and event.value == 'PRESS' and not self.shared:
+            self.falloff = FALLOFFS[self.smoothness % (len(FALLOFFS) - 1) + 1][0]
         elif event.type == 'TAB' and event.value == 'PRESS':
             self.stay = not self.stay
         elif event.value == 'PRESS':
@@ -134,7 +142,8 @@ class ReachChoice:
     def _show(self, context):
         length = (f"{self.radius:.4g}" if self._units.system == 'NONE' else bpy.utils.units.to_string(
             self._units.system, 'LENGTH', self.radius * self._units.scale_length, precision=4))
-        keys = _KEYS + _TAB[self.stay]
+        shape = "" if self.shared else f"    S: falloff ({FALLOFFS[self.smoothness][1].lower()})"
+        keys = _KEYS + shape + _TAB[self.stay]
         self._view.area.header_text_set(f"Reach: {f'[{self._typed}|] = ' if self._typed else ''}{length}"
                                         f"{_SHARED * bool(self.shared)}    {keys}")
         context.workspace.status_text_set(keys)

@@ -19,7 +19,8 @@ void main()
   gl_Position.z -= nearer * gl_Position.w;
 }
 """
-# Towards the border it fades as the deformation does: without a slope at either end.
+# Towards the border it fades as the deformation does: without a slope at either end, or where it is sharp as on a flat
+# disk around a handle of an eighth of its size.
 _FRAGMENT = """
 void main()
 {
@@ -27,7 +28,8 @@ void main()
   if (!(share <= 1.0)) {
     discard;
   }
-  colour = mix(near_colour, border_colour, smoothstep(0.0, 1.0, share));
+  float faded = sharp > 0.5 ? 1.0 - pow(1.0 - share, 1.65) : smoothstep(0.0, 1.0, share);
+  colour = mix(near_colour, border_colour, faded);
 }
 """
 
@@ -37,7 +39,7 @@ def _make_shader():
     info, interface = gpu.types.GPUShaderCreateInfo(), gpu.types.GPUStageInterfaceInfo('detail_deform_reach')
     interface.smooth('FLOAT', 'away')
     for kind, name in (('MAT4', 'placed'), ('VEC4', 'near_colour'), ('VEC4', 'border_colour'), ('FLOAT', 'reach'),
-                       ('FLOAT', 'nearer')):
+                       ('FLOAT', 'nearer'), ('FLOAT', 'sharp')):
         info.push_constant(kind, name)
     info.vertex_in(0, 'VEC3', 'position')
     info.vertex_in(1, 'FLOAT', 'distance_over_surface')
@@ -88,7 +90,8 @@ class ReachDrawing:
             self._prepare()
         self._shader.bind()
         placed = bpy.context.region_data.perspective_matrix @ Matrix.Translation(self._around.origin)
-        for name, value in (('placed', placed), ('border_colour', _BORDER_COLOUR), ('nearer', _NEARER)):
+        for name, value in (('placed', placed), ('border_colour', _BORDER_COLOUR), ('nearer', _NEARER),
+                            ('sharp', float(self._choice.smoothness == 1))):
             self._shader.uniform_float(name, value)
         gpu.state.blend_set('ALPHA')
         gpu.state.depth_test_set('LESS_EQUAL')

@@ -420,7 +420,7 @@ def mirror(context, ob, handle, axis, symmetric, reaches=True):
     if (image & chosen).sum() > 0.5 * chosen.sum():
         raise MirrorsItself(f"Handle '{name}' lies across the object's {letter} axis: its mirror image is itself.")
     # The list of handles is another one once one is added.
-    turns, reach, count = handle.turns, handle.reach, len(ob.detail_deform.handles)
+    turns, falloff, reach, count = handle.turns, handle.falloff, handle.reach, len(ob.detail_deform.handles)
     if symmetric:
         image &= ~_split_middle(ob, handle, letter, chosen, image)
         handle = None
@@ -432,7 +432,7 @@ def mirror(context, ob, handle, axis, symmetric, reaches=True):
     empty, motion = (None, None) if symmetric else _mirrored_empty(context, ob, handle, axis, group_name, image)
     made = _append(ob, group_name, empty)
     made.own_group = group_name
-    made.turns = turns
+    made.turns, made.falloff = turns, falloff
     if reaches and reach:
         _mirror_reach(ob, name, count, axis)
     elif reaches:

@@ -7,6 +7,7 @@ import bpy
 import numpy as np
 
 from ..follow import binding, bound, registry
+from ..library.options import FALLOFF_ORDERS
 from ..scene import mesh_data, mirror_plane, node_group, selection
 from ..scene.mesh_data import MeshProblem
 from . import handle_setup, region_setup
@@ -57,9 +58,10 @@ def _symmetric_axes(ob):
 class Pull:
     """stages() does it; whatever ends that early takes all of it back."""
 
-    def __init__(self, context, ob, radius=0.0, around=None):
-        """radius: of the region; 0: by the size of the selection. around: of selected_surroundings(), if known."""
-        self.radius, self.remarks = radius, []
+    def __init__(self, context, ob, radius=0.0, around=None, falloff='MESH'):
+        """radius: of the region; 0: by the size of the selection. around: of selected_surroundings(), if known.
+        falloff: of options.FALLOFFS, of what it doesn't share with handles that there were before."""
+        self.radius, self.remarks, self._falloff = radius, [], falloff
         self._context, self._ob, self._around = context, ob, around
         self._had_modifier = node_group.find_modifier(ob) is not None
         self._count, self._index = len(ob.detail_deform.handles), ob.detail_deform.handle_index
@@ -132,11 +134,15 @@ class Pull:
         sharing = [h for h in settings.handles if h.reach and h.reach in {other.reach for other in reached}]
         if before and not any(other.reach == "" for other in reached):
             region_setup.set_reach(ob, [*sharing, *handles], all_of_it)
+            for handle in handles:
+                handle.falloff = sharing[0].falloff if sharing else self._falloff
             return
         for handle in sharing:
             handle.reach = ""
         region_setup.set_region(ob, all_of_it)
         settings.pulled_region = True
+        if not self._count and self._falloff != 'MESH':
+            settings.smoothness = FALLOFF_ORDERS[self._falloff]
 
     def _until_bound(self):
         settings = self._ob.detail_deform

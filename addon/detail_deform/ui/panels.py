@@ -157,6 +157,8 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
             reach = column.column()
             reach.active = settings.base == 'COMPUTED'
             reach.prop_search(handle, 'reach', ob, 'vertex_groups')
+            if handle.reach:
+                reach.prop(handle, 'falloff')
             target = column.column()
             target.active = not handle.mirrors
             target.prop(handle, 'target')

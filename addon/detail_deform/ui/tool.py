@@ -25,7 +25,9 @@ class DetailDeformPull(bpy.types.WorkSpaceTool):
     )
 
     def draw_settings(context, layout, tool):
-        layout.prop(tool.operator_properties(_PULL).OBJECT_OT_detail_deform_pull_begin, 'radius')
+        properties = tool.operator_properties(_PULL).OBJECT_OT_detail_deform_pull_begin
+        layout.prop(properties, 'radius')
+        layout.prop(properties, 'falloff')
 
 
 def is_active(context):

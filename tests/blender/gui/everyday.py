@@ -140,8 +140,10 @@ def pulling_inside():
         bpy.ops.object.detail_deform_pull('INVOKE_DEFAULT')
     xdotool('key', '0', 'period', '4')
     yield from settle()
+    xdotool('key', 's')  # what is shared falls off as before
+    yield from settle()
     screenshot('inside-shared')  # the whole region, as it reaches the other handle
-    xdotool('key', 'BackSpace', '1', '5')
+    xdotool('key', 'BackSpace', '1', '5', 's', 's')
     yield from settle()
     screenshot('inside-choosing')
     xdotool('key', 'Return')
@@ -151,6 +153,8 @@ def pulling_inside():
     yield from settle()
     ob, _ = surface()
     check("the second pull has a reach of its own", ob.detail_deform.handles[1].reach == "Reach")
+    check("and the falloff that was chosen", ob.detail_deform.handles[1].falloff == 'SHARP'
+          and ob.detail_deform.smoothness == 2)
     bpy.context.active_object.location.z += 0.3
     yield from expect("and moves it", lambda: np.abs(offsets()).max() > 0.29)
     away = np.linalg.norm(p[:, :2] - (0.45, 0), axis=1)
