@@ -107,3 +107,15 @@ def test_a_mirrored_handle_falls_off_alike():
     moved = evaluated(ob) - p
     image = np.linalg.norm(p[:, None, :2] * (-1, 1) - p[:, :2], axis=2).argmin(1)
     assert np.abs(moved).max() > 0.09 and np.abs(moved[image][:, 2] - moved[:, 2]).max() < 0.01
+
+
+def test_a_first_pull_that_is_cancelled_leaves_the_smoothness(part):
+    ob = bumpy()
+    for count in range(1, 5):
+        select(ob, disk(ob, 0.3, 0, 0.1))
+        stages = part('setup.pulling').Pull(bpy.context, ob, 0.3, falloff='SHARP').stages(wait=False, watch=True)
+        for _ in range(count):
+            next(stages)
+        stages.close()
+        bpy.ops.object.mode_set(mode='OBJECT')
+        assert ob.detail_deform.smoothness == 2 and not ob.detail_deform.handles

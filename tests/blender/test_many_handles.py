@@ -224,3 +224,7 @@ def test_one_empty_of_many_that_is_exchanged_costs_one(plane, part):
     bpy.ops.object.detail_deform_handle_remove()
     bind(plane)
     assert needed(plane) == [('TRANSFORMS', handle.target) for handle in handles] and len(handles) == len(before) - 1
+    delete_empties(plane)
+    bpy.ops.object.detail_deform_bring_back()
+    assert needed(plane) == [('TRANSFORMS', handle.target) for handle in handles]
+    assert plane.animation_data.drivers[0].driver.is_valid

@@ -116,6 +116,31 @@ def test_from_mesh_to_empty_and_back():
     assert "Edit Mode" in refusal(bpy.ops.object.detail_deform_pull)
 
 
+@pytest.mark.parametrize('how', ['as it is', 'hidden', 'disabled', 'unselectable', 'in a hidden collection'])
+def test_from_an_empty_to_edit_mode_where_there_is_one(how):
+    ob = bind(make_strip())
+    activate(ob.detail_deform.handles[0].target)
+    if how == 'hidden':
+        ob.hide_set(True)
+    elif how == 'disabled':
+        ob.hide_viewport = True
+    elif how == 'unselectable':
+        ob.hide_select = True
+    elif how == 'in a hidden collection':
+        collection = bpy.data.collections.new("Hidden")
+        bpy.context.scene.collection.children.link(collection)
+        collection.objects.link(ob)
+        bpy.context.scene.collection.objects.unlink(ob)
+        collection.hide_viewport = True
+    update()
+    if bpy.ops.object.detail_deform_mesh_activate.poll():
+        assert bpy.ops.object.detail_deform_mesh_activate(edit=True) == {'FINISHED'}
+        assert ob.mode == ('OBJECT' if ob.hide_viewport else 'EDIT')
+        assert bpy.context.view_layer.objects.active == ob
+    else:
+        assert how == 'in a hidden collection'
+
+
 def test_it_is_said_that_one_handle_without_a_region_takes_all_along():
     ob = make_strip()
     ob.detail_deform.region = ""

@@ -204,7 +204,7 @@ class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
         ob, number = handle_setup.owner(context.active_object)
         ob.detail_deform.handle_index = number
         activate(context, ob)
-        if self.edit and bpy.ops.object.mode_set.poll() and not (ob.library or ob.data.library or ob.hide_viewport):
+        if self.edit and not (ob.hide_viewport or mesh_data.why_not_editable(ob)):
             bpy.ops.object.mode_set(mode='EDIT')
         return {'FINISHED'}
 

@@ -158,7 +158,10 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
             reach.active = settings.base == 'COMPUTED'
             reach.prop_search(handle, 'reach', ob, 'vertex_groups')
             if handle.reach:
-                reach.prop(handle, 'falloff')
+                falloff = reach.column()
+                falloff.active = handle == next(
+                    (h for h in settings.handles if h.enabled and h.reach == handle.reach), handle)
+                falloff.prop(handle, 'falloff')
             target = column.column()
             target.active = not handle.mirrors
             target.prop(handle, 'target')
