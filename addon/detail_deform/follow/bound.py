@@ -69,8 +69,8 @@ def check(ob):
 
 
 def carry_along(ob, depsgraph):
-    """What is kept in the object's space, where Set Origin or Apply has changed that space: so a new Bind keeps the
-    pose."""
+    """Transforms all that is stored in the object's space after Set Origin or Apply has changed that space, so that the
+    next Bind keeps the pose."""
     of = ob.detail_deform
     motion = carried.motion_since(ob.data, of.bound_points) if of.bound_points else None
     if motion is None:
@@ -78,17 +78,17 @@ def carry_along(ob, depsgraph):
     try:
         now = carried.places(ob, depsgraph)
     except MeshProblem:
-        return  # the next update says it
+        return  # the next update reports it
     record = shown.by(ob.data)
     before = record.places if record and record.places is not None else carried.rest_places(of)
     if len(before) == len(now) and carried.went_along(motion, before, now):
         carried.carry(ob, motion)
     else:
-        of.bound_points = carried.points(ob.data)  # all vertices were moved by hand: what comes next counts from there
+        of.bound_points = carried.points(ob.data)  # the user moved all vertices: later changes are told from here on
 
 
 def _show_whole(ob):
-    """What a drag has put off, as nothing asks for it any more."""
+    """Refines a quick result that a drag has left, as a stale object gets no further frames."""
     record = shown.by(ob.data)
     if record is not None and record.is_hurried:
         try:
@@ -104,20 +104,20 @@ def note_handles(of):
 
 
 def check_base(ob):
-    """As check(), of the base object's mesh alone, which may change in every frame."""
+    """As check(), but compares only the base object's mesh, which may change in every frame."""
     of = ob.detail_deform
     if not of.signature or of.base != 'OBJECT' or of.stale not in {"", content.BASE_CHANGED}:
         return
     try:
         stale = "" if content.is_of_base(ob) else content.BASE_CHANGED
     except MeshProblem:
-        return  # the next update says it
+        return  # the next update reports it
     if of.stale != stale:
         of.stale = stale
 
 
 def is_outdated(ob):
-    """Whether to compare before it is followed: handles have come, gone or changed places."""
+    """Whether handles were added, removed or reordered since the last comparison."""
     return ob.detail_deform.compared_handles != content.order_of_handles(ob.detail_deform)
 
 
@@ -126,9 +126,9 @@ def is_fit(ob, depsgraph):
 
 
 def is_for(ob, entry):
-    """Whether a deformer that was found is for this object without any doubt."""
+    """Whether a deformer of the cache fits this object for certain."""
     if entry.made.is_draft and ob.detail_deform.method == 'EXAMPLES':
-        return False  # which let vertices of handles go that a draft doesn't have
+        return False  # examples need handles' vertices that the coarse mesh of a draft lacks
     return entry.made.vertex_count == len(ob.data.vertices)
 
 
@@ -201,11 +201,11 @@ def check_frame(ob):
     except MeshProblem:
         if not renamed.follow(ob):
             raise
-        check_frame(ob)  # one more may be gone
+        check_frame(ob)  # another group may be missing
 
 
 class Frame:
-    """What the handles ask for now."""
+    """The present motions of the handles, as kind.Frame."""
 
     def __init__(self, ob, deformer, depsgraph):
         of = ob.detail_deform
@@ -220,33 +220,33 @@ class Frame:
         self._places = None if of.base == 'OBJECT' else places[own]
         self._asked = look.asked(of)
         self._free = handle_matrices.free(of)
-        self.of = (of.signature, self._motions.tobytes(), self._asked.copy(), self._free.tobytes(),
-                   mirror_plane.key(ob), look.soft_border(of))
+        self.key = (of.signature, self._motions.tobytes(), self._asked.copy(), self._free.tobytes(),
+                    mirror_plane.key(ob), look.soft_border(of))
         self._asked = with_free(self._asked, of)
         self._turns = np.zeros((len(self._motions), 3))
         if of.base == 'OBJECT':
             self._base = space.to(outside_base.deformed_positions(ob, depsgraph))
-            self.of += (self._base.tobytes(),)
+            self.key += (self._base.tobytes(),)
         elif look.knows_whole_turns(of):
             self._turns = handle_matrices.turns(of, places, depsgraph, space.linear)
-            self.of += (self._turns.tobytes(),)
+            self.key += (self._turns.tobytes(),)
 
     def by(self, deformer):
-        """The same asked of another one."""
+        """The same frame by another deformer."""
         frame = copy.copy(self)
         frame._deformer, frame.is_draft = deformer, False
         return frame
 
     def is_of(self, ob):
-        """Whether this is asked of what the object is bound to now."""
-        return self.of[0] == ob.detail_deform.signature
+        """Whether the object is still bound to the same content."""
+        return self.key[0] == ob.detail_deform.signature
 
     def offsets(self, share):
-        """The quick ones, where there are slow ones or there is only a share of the time."""
+        """As kind.Frame: the quick result where the method has a slow one, or share is less than 1."""
         slow_results.cancel(offset_attribute.token(self._ob.data))
         slow_results.make_way(self._deformer)
         told = self._told()
-        if self.is_draft or self._deformer.info.coarse_vertex_count:  # there passes cost next to nothing
+        if self.is_draft or self._deformer.info.coarse_vertex_count:  # refinement on a coarse mesh is cheap
             share = 1.0
         asked = look.quick(told, share)
         self.is_hurried = asked.get('refine') != look.quick(told).get('refine')
@@ -260,7 +260,7 @@ class Frame:
         return of_all
 
     def written(self, record, wait):
-        """Notes the facts of what is shown now, and sees to the slow result. wait: for it, and without a window."""
+        """As kind.Frame: completes the record, and starts the slow result, or waits for it."""
         of = self._ob.detail_deform
         record.places = self._places
         record.only_moved = [self._handles[number] for number in

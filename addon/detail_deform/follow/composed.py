@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One surface of several parts (reaches.py), updated and read as one.
+"""A deformer that consists of several parts (reaches.py).
 
-Each part deforms what the parts before it have made of the surface: its own displacements d are turned along with that,
-p' = p + F d. F are the deformation gradients of what was made so far, without its details: d is large beside these, and
-would show them twice. What its handles are asked for is relative to where the surface has their vertices by then, so
-that their places and turns are those of their empties. A handle so moves nothing beyond its reach, and what is not
-moved costs nothing.
+The parts deform the surface one after the other. The displacements d of a part are added to the positions p that
+earlier parts have produced, rotated by their deformation gradients: p' = p + F d. F is smoothed, as the gradients of
+details would add these details a second time. The motion of a part's handles is taken relative to the surface at that
+point, so that their vertices end where the empties are. So a handle moves nothing outside of its reach, and a part
+whose handles haven't moved costs nothing.
 """
 
 import copy
@@ -16,12 +16,13 @@ from mathutils import Matrix
 
 from ..library import native
 
-# Radians of a rotation vector: up to there a surface that goes along has turned the shortest way.
+# The surface around a handle that has turned by less (radians) is taken to have turned the shortest way; for larger
+# turns the whole turns are counted.
 _HALF = 0.75 * np.pi
 
 
 def rotation_vector(gradient):
-    """(3,): of the rotation of a gradient, the shortest."""
+    """(3,): the shortest rotation vector of the rotation in a gradient (by polar decomposition)."""
     left, _, right = np.linalg.svd(gradient)
     left[:, 2] *= np.linalg.det(left @ right)
     turn = Matrix((left @ right).tolist()).to_quaternion()
@@ -30,28 +31,29 @@ def rotation_vector(gradient):
 
 
 def nearest_turn(shortest, to):
-    """(3,): of the rotation vectors that turn as the shortest one does, the nearest to another vector."""
+    """(3,): of all rotation vectors with the same rotation as the shortest one, the nearest to another vector."""
     angle = np.linalg.norm(shortest)
     axis = shortest / angle if angle > 1e-6 else to / max(np.linalg.norm(to), 1e-300)
     return axis * (angle + 2 * np.pi * np.round((to @ axis - angle) / (2 * np.pi)))
 
 
 class _Composition:
-    """A surface as it is deformed part by part."""
+    """The surface during an update, with the offsets of the parts so far."""
 
     def __init__(self, vertex_count, matrices, asked, width, arriving):
-        """matrices: (h, 3, 4), of all handles. asked: of the update. width: of the soft border. arriving: of
+        """matrices: (h, 3, 4), of all handles. asked: the options of the update. width: of the soft border. arriving:
         Deformer.arriving."""
         self.offsets = np.zeros((vertex_count, 3), np.float32)
         self._matrices, self._asked, self._width = matrices, asked, width
-        self._shows_base = asked.get('output') == 'BASE'  # whose parts are summed: what is carried are details
+        self._shows_base = asked.get('output') == 'BASE'  # then the parts' base displacements are summed as they are
         self._gradients, self._is_changed = None, False
         turns = asked.get('turns')
-        self._turns = np.zeros((len(matrices), 3)) if turns is None else turns.copy()  # beside what is turned before
+        # Of handles of parts that were updated already: relative to the surface that these have found.
+        self._turns = np.zeros((len(matrices), 3)) if turns is None else turns.copy()
         self._turn, self._arriving = self._turns.any(axis=1), arriving
 
     def asks(self, part):
-        """(matrices, options) of the part's update; None where nothing moves it."""
+        """(matrices, options) for the part's update; None if its handles don't move it."""
         matrices, before = np.ascontiguousarray(self._matrices[part.numbers]), None
         self._gradients = None
         if self._is_changed and not self._shows_base:
@@ -62,14 +64,15 @@ class _Composition:
         if self._gradients is not None and self._turn.any():
             told['turns'] = self._relative_turns(part, told['turns'])
             self._turns[part.numbers] = told['turns']
-        # By examples the shape has more to go by than handles, and their weights are read afterwards.
+        # With examples also sliders move the surface, and their weights are read after the update.
         moves = (self._shows_base or part.is_moved(matrices) or self._turn[part.numbers].any()
                  or part.is_whole and told.get('method') == 'EXAMPLES')
         return (matrices, told) if moves else None
 
     def _relative_turns(self, part, turns):
-        """(h, 3) rotation vectors: how far its handles turn beside the surface, whose own turn is told by gradients but
-        for whole turns; these are told by the handles that have turned it, and by how much of each arrives there."""
+        """(h, 3) rotation vectors: how far its handles turn relative to the surface. The surface's own rotation is
+        known from F up to whole turns. These follow from the handles that have turned it, each times the share of its
+        motion that arrives at the handle."""
         result = turns.copy()
         far = np.flatnonzero(np.linalg.norm(self._turns, axis=1) > _HALF)
         arrives = self._arriving(part, far) if len(far) else np.zeros((len(turns), 0))
@@ -79,7 +82,7 @@ class _Composition:
         return result
 
     def add(self, part, offsets):
-        """offsets: (3 k,), what the part's update gave."""
+        """offsets: (3 k,), the result of the part's update."""
         offsets = part.faded(offsets, self._width)
         if self._gradients is not None:
             offsets = np.einsum('nij,nj->ni', self._gradients, offsets)
@@ -88,9 +91,9 @@ class _Composition:
 
 
 class Deformer:
-    """As native.Deformer, or native.Draft where any part is one, of several parts."""
+    """The interface of native.Deformer, or of native.Draft if a part is a draft, for several parts."""
 
-    fades = True  # by an option of its updates: each part has a border of its own
+    fades = True  # its updates apply the soft border themselves, as each part has a border of its own
 
     def __init__(self, parts, made, vertex_count):
         self._parts, self._made, self.vertex_count = parts, made, vertex_count
@@ -99,11 +102,11 @@ class Deformer:
         for part in parts:
             free[part.rows] |= part.roles == native.ROLE_FREE
         self._free_count = int(free.sum())
-        self._shares = {}  # by part and handle: of arriving()
+        self._shares = {}  # {(index of a part, handle): column of arriving()}
 
     def arriving(self, part, handles):
-        """(h, k): at the handles of a part, how much arrives there of what each of these handles, by their numbers
-        among all, moves: what the base surface makes of a unit step."""
+        """(h, k): the share of the motions of k handles, indices among all, that arrives at the h handles of a part:
+        the mean displacement of the base there for a unit translation."""
         place, result = self._parts.index(part), np.zeros((len(part.numbers), len(handles)))
         for column, handle in enumerate(handles):
             if (place, handle) not in self._shares:
@@ -126,7 +129,7 @@ class Deformer:
         return np.zeros(len(part.numbers))
 
     def offsets(self, matrices, base=None, soft_border=0.0, **asked):
-        """As of native.Deformer. soft_border: as of the setting."""
+        """As native.Deformer.offsets. soft_border: the setting."""
         surface = _Composition(self.vertex_count, matrices, asked, soft_border, self.arriving)
         for part, made in zip(self._parts, self._made):
             asks = surface.asks(part)
@@ -138,12 +141,12 @@ class Deformer:
     def _offsets(self, part, made, matrices, told):
         found = made.offsets(matrices, **told)
         if told.get('output') == 'BASE' and part is not self._parts[0]:
-            # The base of the first is shown, and how the others move theirs.
+            # The base of the first part is shown, with the base displacements of the others.
             found = found - made.offsets(native.at_rest(len(matrices)), **told)
         return found
 
     def update(self, matrices, wait=False, base=None, soft_border=0.0, **asked):
-        """As of native.Deformer."""
+        """As native.Deformer.update."""
         surface = _Composition(self.vertex_count, matrices, asked, soft_border, self.arriving)
         return _Update(self._parts, self._made, surface, wait)
 
@@ -151,15 +154,15 @@ class Deformer:
         return self._made[0].example_weights()
 
     def vertices(self, finding):
-        """(k,) int32: each once."""
+        """(k,) int32: the vertices with this finding in any part, ascending."""
         found = [made.vertices(finding) if part.vertices is None else part.vertices[made.vertices(finding)]
                  for part, made in zip(self._parts, self._made)]
         return np.unique(np.concatenate(found)).astype(np.int32)
 
     @property
     def info(self):
-        """As of native.Deformer; not of a draft. That of the first part, which is the largest, with what others have
-        found and it hasn't."""
+        """As native.Deformer.info; a draft has none. Figures of the first part, which is the largest, findings of
+        any."""
         info = copy.copy(self._made[0].info)
         info.vertex_count = self.vertex_count
         info.handle_count = sum(len(part.numbers) for part in self._parts)
@@ -171,7 +174,7 @@ class Deformer:
                 info.idle_handle_example = int(part.numbers[of_part.idle_handle_example])
             if part is self._parts[0] and part.is_whole:
                 continue
-            # What of a reach no handle of it leads to only stays as it is.
+            # Vertices of a reach that no edges connect with its handle just stay in place, which is no finding.
             for name in ('loose', 'unrepresented'):
                 _take_over(info, of_part, name, part.vertex, part is self._parts[0])
             _take_over(info, of_part, 'degenerate', part.triangle, part is self._parts[0])
@@ -188,7 +191,8 @@ def _take_over(info, of_part, name, number_of, is_first):
 
 
 class _Update:
-    """As native.Update: of one part after the other, as each starts from what those before it have made."""
+    """The interface of native.Update. The parts are updated one after the other, as each starts from the surface that
+    the earlier ones have produced."""
 
     def __init__(self, parts, made, surface, wait):
         self._left, self._count = list(zip(parts, made)), len(parts)
@@ -199,7 +203,7 @@ class _Update:
         self._go_on()
 
     def _go_on(self):
-        """Begins the next that is moved, if there is one. Raises native.NativeError."""
+        """Starts the update of the next part that is moved, if there is one. Raises native.NativeError."""
         while self._left and not self._job:
             part, made = self._left[0]
             asks = self._surface.asks(part)
@@ -229,7 +233,7 @@ class _Update:
                     if not error.busy:
                         self._left.clear()
                         self._failed = error
-                # Where another object's update is under way, it is tried again.
+                # If the deformer is busy with another object's update, the next call tries again.
                 running, fraction = bool(self._job or self._left), 0.0
             return running, 1 - (len(self._left) + (1 - fraction) * bool(self._job)) / self._count, stage
 
@@ -246,7 +250,8 @@ class _Update:
                 self._job.close()
 
     def finish(self):
-        """Waits; (3 n,) float32 offsets and what is known of the part that is worst, or native.NativeError."""
+        """Waits for the result: (3 n,) float32 offsets, and the UpdateInfo of the part with the largest volume error.
+        Or raises native.NativeError."""
         with self._lock:
             self._wait = True
             while self._job or (self._left and not self.cancelled):

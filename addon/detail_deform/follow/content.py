@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a binding is made for, as a signature: equal signatures, equal mesh, roles and options."""
+"""The signature of a binding's content: equal signatures mean equal mesh, roles and options."""
 
 from typing import Any, NamedTuple
 
@@ -12,15 +12,14 @@ from ..scene import examples, handle_matrices, loose, mesh_data, outside_base, p
 from ..scene.mesh_data import MeshProblem
 from . import reaches
 
-_EXAMPLES = 'examples-'  # before their part of a signature
+_EXAMPLES = 'examples-'  # precedes the part of a signature that stands for the examples
 BASE_CHANGED = "The base object, its mesh or its choice was changed since Bind."
 TOPOLOGY_CHANGED = "The mesh's vertices or faces were changed since Bind."
 VERTICES_MOVED = "The mesh's vertices were moved since Bind."
 
 
 def check_groups(ob):
-    """Raises MeshProblem where the region or a handle refers to no group of the object. Cheap enough for every frame.
-    """
+    """Raises MeshProblem if the region or a handle refers to a missing vertex group. Cheap enough for every frame."""
     settings = ob.detail_deform
     reaches = reaches_of(settings)
     mesh_data.check_groups(ob, _region(settings, reaches), handle_groups(settings))
@@ -32,7 +31,7 @@ def check_groups(ob):
 
 
 def _region(settings, reaches):
-    """Its group; '' where all handles have reaches of their own. reaches: of reaches_of()."""
+    """The region's group; '' if all handles have reaches of their own. reaches: of reaches_of()."""
     return settings.region if not reaches or "" in reaches else ""
 
 
@@ -41,55 +40,55 @@ def handle_groups(settings):
 
 
 def order_of_handles(settings):
-    """A text that is another one where handles have come, gone or changed places. Blender tells nobody when a script
-    does that, so it is cheap enough for every update."""
+    """A text that changes when handles are added, removed or reordered. Blender doesn't notify add-ons when a script
+    does that, so it is compared at every update, and cheap enough for that."""
     return '\n'.join(f"{group}\t{reach}" if reach else group
                      for (_, group), reach in zip(handle_groups(settings), reaches_of(settings)))
 
 
 def options(ob):
-    """Of native.Bind: what a binding depends on beside mesh and roles."""
+    """The options of native.Bind that a binding depends on, beside mesh and roles."""
     settings = ob.detail_deform
     if settings.base == 'OBJECT':
         return outside_base.rest(ob)
     told = asked(BIND, settings)
-    made = {name: told[name] for name in BindOptions.kinds if name in told}  # in the order that files hold
+    made = {name: told[name] for name in BindOptions.kinds if name in told}  # in the order of saved signatures
     try:
         poses = examples.positions(ob)
     except MeshProblem:
         if settings.method == 'EXAMPLES':
             raise
-        poses = None  # they matter to that method alone
+        poses = None  # other methods don't use them
     return made if poses is None else {**made, 'examples': poses}
 
 
 class Roles(NamedTuple):
-    """What vertices are to a binding."""
-    of_all: Any  # (n,) int32: a handle's, free to follow any of them, or fixed
+    """The roles of vertices in a binding."""
+    of_all: Any  # (n,) int32: index of a handle, ROLE_FREE if free in any part, or ROLE_FIXED
     parts: list  # of Part
 
 
 class Part(NamedTuple):
-    """The handles of one reach, and what vertices are to these."""
-    numbers: Any  # (k,) of the handles among all
-    vertices: Any  # (m,) those that aren't fixed, in their order; None: all, of handles that go by the region
-    roles: Any  # (m,) int32, or (n,): handles counted from 0
-    smoothness: int = 0  # the order of its base energy; 0: as the object's
+    """The handles of one reach, and the roles of vertices for these."""
+    numbers: Any  # (k,) indices of the handles among all
+    vertices: Any  # (m,) those that aren't fixed, ascending; None: all vertices, if the handles have no reach
+    roles: Any  # (m,) int32, or (n,): handles are counted from 0
+    smoothness: int = 0  # the order of the part's base energy; 0: the object's
 
     @property
     def is_whole(self):
-        """Whether it goes by the region."""
+        """Whether its handles have no reach, and so move the region."""
         return self.vertices is None
 
 
 def roles(ob, entries=None, joined=None):
-    """(n,) int32: of roles_of(), those of all vertices."""
+    """(n,) int32: roles_of().of_all."""
     return roles_of(ob, entries, joined).of_all
 
 
 def roles_of(ob, entries=None, joined=None):
-    """Roles. entries: what reads the groups, as of mesh_data.roles. joined: the object's split.Joined, if there is one.
-    Raises MeshProblem naming the group or handle."""
+    """The object's Roles. entries: the function that reads groups, as for mesh_data.roles. joined: the object's
+    split.Joined, if the caller has one. Raises MeshProblem naming the group or handle."""
     settings, joined = ob.detail_deform, joined or split.Joined(ob)
     check_groups(ob)
     names = reaches_of(settings)
@@ -98,8 +97,8 @@ def roles_of(ob, entries=None, joined=None):
     if not any(names):
         of_all = joined.roles(of_all)
         return Roles(of_all, [Part(np.arange(len(names)), None, of_all)])
-    # Those that go by the region come first, then the larger reaches: small fixes are of what larger motions have made.
-    # Handles of later parts are free in those before.
+    # The part of the region comes first, then reaches by descending size, as small corrections are made on top of large
+    # motions. The vertices of handles of later parts are free in earlier ones.
     reaches = [name for name in ("", *dict.fromkeys(filter(None, names))) if name in names]
     groups = [name or settings.region for name in reaches]
     inside = mesh_data.members_of_each(ob, groups, entries)
@@ -129,20 +128,20 @@ def roles_of(ob, entries=None, joined=None):
 
 
 def reaches_of(settings):
-    """Of each enabled handle the group of its own reach, '' where it goes by the region."""
+    """The group of each enabled handle's reach; '' if it has none and moves the region."""
     handles = handle_matrices.enabled_handles(settings)
     return [handle.reach for handle in handles] if settings.base == 'COMPUTED' else [""] * len(handles)
 
 
 def shape_signature(ob, topology=None):
-    """[positions, topology] of what is bound, as it was proportioned in the scene, as short texts: equal texts, equal
-    content. topology: if it is known."""
+    """[positions, topology]: hashes of the shape that is bound, in the proportions of the object's scale, and of its
+    faces. topology: that hash, if the caller has it."""
     shape = proportions.bound(ob.detail_deform).to(start.shape(ob))
     return [mesh_data.signature(shape), topology or mesh_data.topology_signature(ob.data)]
 
 
 def signature(shape, known, told):
-    """shape: as of shape_signature; known: Roles; told: as of options."""
+    """The whole signature. shape: of shape_signature(). known: Roles. told: of options()."""
     told_apart = [known.of_all]
     for part in known.parts[len(known.parts) == 1 and known.parts[0].is_whole:]:
         told_apart += [[len(part.numbers), len(part.roles)], part.numbers, part.roles]
@@ -162,8 +161,8 @@ def _text(value):
 
 
 def parts_to_bind(ob, known, joined, triangles, hung_ones):
-    """[reaches.Part] of the object, in proportions.bound(). What hangs on the surface is placed when the surface is.
-    known: Roles. joined: the object's split.Joined. triangles: of its mesh. hung_ones: of hung()."""
+    """[reaches.Part] of the object, in proportions.bound(). known: Roles. joined: the object's split.Joined. triangles:
+    of its mesh. hung_ones: of hung(); these vertices are fixed here, and follow the deformed surface (placed.py)."""
     positions, triangles = proportions.bound(ob.detail_deform).to(start.shape(ob)), joined.between(triangles)
     surface, found = reaches.Surface(positions, triangles), []
     for part in known.parts:
@@ -175,7 +174,8 @@ def parts_to_bind(ob, known, joined, triangles, hung_ones):
 
 
 def hung(ob, roles_of_vertices, triangles):
-    """(n,) bool: vertices in no face that follow, or are in one handle with the vertex that they hang on by edges."""
+    """(n,) bool: vertices in no face that are connected with the surface by edges, and are free or in the same handle
+    as the vertex of the surface where that connection ends."""
     on = loose.roots(len(roles_of_vertices), triangles, mesh_data.edges(ob.data))
     is_hung = (on >= 0) & (on != np.arange(len(on)))
     follows = (roles_of_vertices == native.ROLE_FREE) | (
@@ -184,15 +184,15 @@ def hung(ob, roles_of_vertices, triangles):
 
 
 def is_of_base(ob):
-    """Whether the binding is made for the base object's mesh as it is. Raises MeshProblem."""
+    """Whether the base object's mesh is the one that was bound. Raises MeshProblem."""
     return ob.detail_deform.signature.endswith('.' + _texts(outside_base.rest(ob)))
 
 
 def difference(ob):
-    """How the object differs from what its binding is made for: a sentence, or ''."""
+    """How the object's content differs from that of its binding: a sentence, or ''."""
     settings = ob.detail_deform
     parts = settings.signature.split('.', 3)
-    if len(parts) != 4:  # no signature that was made here
+    if len(parts) != 4:  # not a signature of this add-on
         return TOPOLOGY_CHANGED
     positions, topology, bound_roles, bound_options = parts
     shape = shape_signature(ob)

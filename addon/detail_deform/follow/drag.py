@@ -1,26 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether a handle is being dragged: updates come one after the other while the window goes on in between. A script
-moves handles without letting it, and a frame that is played is no drag."""
+"""Tells whether a handle is being dragged: updates follow one another while the window's event loop runs in between.
+During a script the loop doesn't run, and playback is reported by ended()."""
 
 import bpy
 
 _TICK_SECONDS = 0.05
-_PAUSE_TICKS = 10  # not a time: the window may take long to draw
-# Of an update, from which on it keeps a drag from being fluent.
-_LIMIT_MS = 50.0
+_PAUSE_TICKS = 10  # a drag has ended after so many without an update; counted, as drawing may delay them
+_LIMIT_MS = 50.0  # an update of a drag may take so long: 20 frames a second
 
 
 class _Drag:
     def __init__(self):
-        self.goes_on = False  # the window has, since the first update
-        self.ticks = 0  # since the last one
+        self.goes_on = False  # whether the event loop has run since the first update
+        self.ticks = 0  # since the last update
 
 
 _drag = _Drag()
 
 
 def updated():
-    """Something was moved, or changed otherwise."""
+    """To be called for each update of a scene."""
     _drag.ticks = 0
     if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=_TICK_SECONDS)
@@ -33,12 +32,12 @@ def _tick():
 
 
 def share(full_ms):
-    """Of the time that a whole update takes, how much there is now."""
+    """The part of an update's time that a drag leaves; 1 if nothing is being dragged. full_ms: of the last full one."""
     return min(1.0, _LIMIT_MS / full_ms) if _drag.goes_on and full_ms else 1.0
 
 
 def ended():
-    """A frame has come, or other data, or nothing more."""
+    """To be called for frame changes, after loading and undo, and when the add-on is disabled."""
     if bpy.app.timers.is_registered(_tick):
         bpy.app.timers.unregister(_tick)
     _drag.goes_on = False

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What follows a source, as a kind of life: where its content is another one, it is prepared anew by itself."""
+"""Meshes that follow a source by a transfer, as a kind.Kind. When their content changes, the transfer is prepared again
+without being asked for."""
 
 import contextlib
 
@@ -32,13 +33,14 @@ def is_live(ob):
 
 
 def others(ob):
-    """Objects whose meshes are content too."""
+    """Other objects whose meshes are part of the content: the source."""
     source = ob.detail_deform.transfer.source
     return [source] if source else []
 
 
 def depth(ob):
-    """Of a chain of followers, at most ten: one may bite its own tail."""
+    """The number of followers in the chain from this object to a source that follows nothing; at most ten, as a chain
+    may be closed."""
     found = 0
     while ob is not None and ob.detail_deform.transfer.live and found < 10:
         ob, found = ob.detail_deform.transfer.source, found + 1
@@ -51,7 +53,7 @@ _FOUND = {'MARKERS': "a match is searched", 'LIST': "a list is read", NEAREST: "
 
 
 def matched(source, ob):
-    """The correspondence that the settings say. Raises MeshProblem."""
+    """The correspondence that the settings choose. Raises MeshProblem."""
     how = ob.detail_deform.transfer.correspondence
     if how == 'TOPOLOGY':
         return correspondence.by_topology(source, ob)
@@ -62,8 +64,8 @@ def matched(source, ob):
 
 
 def content(source, ob, to_keep=None):
-    """What a prepared transfer depends on: equal texts, equal content. Cheap beside preparing it, too dear for every
-    frame. to_keep: the correspondence that is going to be kept."""
+    """A signature of all that a prepared transfer depends on: equal texts mean equal content. It is cheap compared with
+    preparing a transfer, but too expensive for every frame. to_keep: a correspondence that is about to be stored."""
     of = ob.detail_deform.transfer
     how, kept, worn = of.correspondence, correspondence.digest(ob), correspondence.is_by_nearest(ob)
     if to_keep:
@@ -73,13 +75,13 @@ def content(source, ob, to_keep=None):
 
 
 def _owner(ob):
-    """To notice that an object has another mesh or source now: never followed, only compared."""
+    """Pointers that differ once an object has another mesh or source. They are compared, never dereferenced."""
     source = ob.detail_deform.transfer.source
     return tuple(block.as_pointer() for block in (source, source.data, ob, ob.data))
 
 
 def check(ob):
-    """Compares the meshes with what was prepared, and notes what is needed now."""
+    """Computes the signature of the present meshes and settings, and stores it as that of the transfer needed."""
     of = ob.detail_deform.transfer
     if of.source is not None and of.source.type == 'MESH':
         correspondence.carry_stance(of.source, ob)
@@ -97,7 +99,7 @@ def is_outdated(ob):
 
 
 def is_fit(ob, depsgraph):
-    """Whether there is something to follow, and something that shows it: else it is said."""
+    """Whether there is a source to follow and a modifier that shows the result; else the problem is stored."""
     of, problem = ob.detail_deform.transfer, ""
     if of.source is None or not _is_in_a_scene(of.source, depsgraph):
         problem = GONE
@@ -111,20 +113,20 @@ def is_fit(ob, depsgraph):
 
 
 def _is_in_a_scene(ob, depsgraph):
-    # The first test is quick and nearly always enough; the second goes through all scenes.
-    # One in a collection that is instanced, as a linked one often is, is in no scene itself.
+    # The first test is quick and nearly always sufficient; the others go through all scenes. An object of an instanced
+    # collection, as linked ones often are, is in no scene itself.
     return ob.visible_get(view_layer=depsgraph.view_layer) or bool(ob.users_scene or ob.users_collection)
 
 
 def is_for(ob, entry):
-    """Whether a transfer that was found is for these objects as they are, without any doubt."""
+    """Whether a transfer of the cache fits these objects for certain."""
     return _owner(ob) in entry.owners
 
 
 # Made and lost
 
 def begin(source, ob, used):
-    """The job. used: the correspondence to go by."""
+    """The job that prepares the transfer. used: the correspondence."""
     of = ob.detail_deform.transfer
     # Single precision is what a viewport shows, and takes half the time.
     return prepared.Preparation(source, ob, used, prepared.How.of(of), precision='SINGLE')
@@ -136,12 +138,12 @@ def job(ob):
 
 
 def refuse(ob, sentence):
-    """It could not be prepared."""
+    """Stores why the transfer could not be prepared."""
     ob.detail_deform.transfer.problem = sentence
 
 
 def forget(ob):
-    """All that belongs to the following."""
+    """Ends following, and clears all that is stored for it."""
     of = ob.detail_deform.transfer
     of.live = False
     of.problem = of.prepared_for = ob.detail_deform.render_problem = ""
@@ -153,12 +155,12 @@ def check_frame(ob):
     pass
 
 
-_shared = None  # {source's pointer and what is followed of it: its pose}, while many followers are brought up to date
+_shared = None  # {(source, what of it is evaluated, depsgraph): pose}, during shared_poses()
 
 
 @contextlib.contextmanager
 def shared_poses():
-    """While it lasts, sources that nothing here moves keep their pose: what is evaluated of them once serves all."""
+    """Meanwhile each source that isn't deformed by this add-on is evaluated once, for all its followers."""
     global _shared
     _shared = {}
     try:
@@ -178,19 +180,19 @@ def _pose(source, depsgraph, wide):
 
 
 class Frame:
-    """What the source's pose asks for."""
+    """The source's present pose, as kind.Frame."""
 
     def __init__(self, ob, transfer, depsgraph):
         of = ob.detail_deform.transfer
         self._ob, self._transfer, self._rotation_only = ob, transfer, of.rotation_only
         self._pose = _pose(of.source, depsgraph, transfer.wide)
-        self.of = (of.prepared_for, self._pose.tobytes(), of.rotation_only, mirror_plane.key(ob))
+        self.key = (of.prepared_for, self._pose.tobytes(), of.rotation_only, mirror_plane.key(ob))
 
     is_hurried = is_draft = False
 
     def offsets(self, share):
         moved = self._transfer.apply(self._pose, self._rotation_only)
-        return placed.followed(self._ob, self.of[0], (moved - mesh_data.rest(self._ob.data)).ravel())
+        return placed.followed(self._ob, self.key[0], (moved - mesh_data.rest(self._ob.data)).ravel())
 
     def written(self, record, wait):
         pass

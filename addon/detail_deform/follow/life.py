@@ -1,17 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One life for all that follows: made in the background, brought up to date, noticed stale, restored, ended.
+"""The life cycle of followers, objects whose mesh follows handles or a source.
 
-What follows is of one of two kinds, the modules bound and fed. They say what differs, by the same names:
-    cache: what was made, found by content            has(ob): whether the object is of this kind
-    settings(ob): where it keeps its problem          content_of(ob): what it was made for
-    is_live(ob): whether it follows by itself         others(ob): objects whose meshes are content too
-    is_outdated(ob): whether to compare right now     check(ob): compares; a sentence where it is lost
-    is_fit(ob, depsgraph): whether it can follow      is_for(ob, entry): whether that fits without comparing
-    job(ob): that makes a deformer or a transfer      refuse(ob, sentence): why it could not be made
-    check_frame(ob): raises what it can't follow by   forget(ob): what belongs to this kind
-    Frame(ob, made, depsgraph): what is asked for: of tells it from all others, offsets(share) computes it, or in a
-        drag what takes that share of the time, which is_hurried tells, and is_draft that made is but a draft;
-        written(record, wait) is told that it is shown
+Their deformer or transfer is made in the background, their offsets are brought up to date, a change of their content is
+noticed, and they are ended. What differs between the two kinds of followers is in the modules bound and fed, by the
+names of kind.Kind.
 """
 
 import time
@@ -22,31 +14,32 @@ from ..library import native
 from ..scene import node_group, offset_attribute, reach, renamed
 from ..scene.window import redraw_panels
 from . import bound, drag, fed, placed, problem_vertices, registry, shown, slow_results, words
+from .kind import Kind
 
-KINDS = (fed, bound)
+KINDS: tuple[Kind, ...] = (fed, bound)
 
 _POLL_SECONDS = 0.05
-_known = None  # the object whose content nobody needs to compare: see take_in()
+_known = None  # an object whose content is known to be unchanged: see take_in()
 
-when_stale = []  # called where an object is found to differ from what was bound
+when_stale = []  # functions that are called when an object's content has changed since it was bound
 
 
 def kind_of(ob):
-    """The kind of what follows, None of all else."""
+    """The kind of follower that the object is, or None."""
     if ob.type != 'MESH':
         return None
     return next((kind for kind in KINDS if kind.has(ob)), None)
 
 
 def must_wait(depsgraph):
-    """A render must not show a frame that isn't finished, and without a window nothing polls."""
+    """Whether to wait for jobs: in renders, and without a window, where no timer would notice their end."""
     return bpy.app.background or depsgraph.mode == 'RENDER'
 
 
 # Up to date
 
 def refresh_all(members, depsgraph):
-    """All of these but those that are updated by hand, each after whom it follows."""
+    """Refreshes all of these that are live, sources before their followers."""
     with fed.shared_poses():
         for ob in sorted(members, key=fed.depth) if len(members) > 1 else members:
             kind = kind_of(ob)
@@ -55,10 +48,10 @@ def refresh_all(members, depsgraph):
 
 
 def refresh(ob, depsgraph, force=False):
-    """Brings the object's offsets up to date with what it follows. Does nothing when that did not move, or, unless
-    forced to, while the modifier is not shown.
+    """Brings the object's offsets up to date with its handles or source. Does nothing if these haven't moved, or,
+    unless force is set, if the modifier is hidden.
 
-    Never raises for what the user can cause: the sentence goes to the settings.
+    Raises nothing for mistakes of the user: the sentence is stored in the settings, where the panel shows it.
     """
     kind = kind_of(ob)
     if kind is None or ob.mode == 'EDIT':
@@ -75,34 +68,34 @@ def refresh(ob, depsgraph, force=False):
         entry = _made(kind, ob, depsgraph, wait)
         if entry:
             problem = _show(kind, ob, entry, depsgraph, force, wait) or reach.why_not(ob, depsgraph)
-        elif not kind.has(ob):  # it has been ended, and says why
+        elif not kind.has(ob):  # check() has ended it, and stored why
             return
     except words.TOLD as error:
         problem = words.said(ob, error)
     if kind.settings(ob).problem != problem:
         kind.settings(ob).problem = problem
     if problem and depsgraph.mode == 'RENDER' and not ob.detail_deform.render_problem:
-        # The next update in the viewport takes the other one back.
+        # Stored apart, as the next update in the viewport clears the other one.
         frame = depsgraph.scene.frame_current
         ob.detail_deform.render_problem = f"A render could not follow it in frame {frame}: {problem}"
 
 
 def render_begins(members):
-    """What the last one could not follow is said no more."""
+    """Clears the problems of the last render."""
     for ob in members:
         if ob.detail_deform.render_problem:
             ob.detail_deform.render_problem = ""
 
 
 def _show(kind, ob, entry, depsgraph, force, wait):
-    """Returns what is wrong with what is shown, or ''."""
+    """Writes the frame to the mesh. Returns the problem of the result, or ''."""
     start = time.perf_counter()
     frame = kind.Frame(ob, entry.made, depsgraph)
     record, share = shown.by(ob.data), 1.0 if force or wait else drag.share(entry.full_ms)
-    if not force and record is not None and (record.of, record.is_draft) == (frame.of, frame.is_draft) and (
+    if not force and record is not None and (record.key, record.is_draft) == (frame.key, frame.is_draft) and (
             record.will_do(wait, share) or not wait and _is_to_follow(ob, record)):
         return record.problem
-    record = shown.show(ob.data, frame.offsets(share), frame.of)
+    record = shown.show(ob.data, frame.offsets(share), frame.key)
     entry.update_ms = 1e3 * (time.perf_counter() - start)
     if frame.is_hurried:
         record.is_hurried = True
@@ -113,18 +106,18 @@ def _show(kind, ob, entry, depsgraph, force, wait):
 
 
 def _is_to_follow(ob, record):
-    """Whether the whole result is under way where a drag has shown the quick one."""
+    """Whether the refined result is being computed for a quick one that a drag has shown."""
     return record.is_hurried and slow_results.progress(offset_attribute.token(ob.data)) is not None
 
 
 def is_drafted(ob):
-    """Whether it shows the draft of what is under way."""
+    """Whether the object shows a draft while its deformer is being bound."""
     kind = kind_of(ob)
     return bool(kind and shown.is_draft(ob.data) and kind.cache.under_way(kind.content_of(ob)))
 
 
 def _replace_draft(ob):
-    """By the whole result of the same pose, when it is there."""
+    """Replaces a draft by the result of the finished deformer for the same pose."""
     kind = kind_of(ob)
     entry = kind and kind.cache.find(kind.content_of(ob))
     if ob.mode == 'EDIT' or not (entry and shown.is_draft(ob.data) and kind.is_for(ob, entry)):
@@ -133,7 +126,7 @@ def _replace_draft(ob):
     if not frame.is_of(ob):
         return
     try:
-        frame.written(shown.show(ob.data, frame.offsets(1.0), frame.of), wait=False)
+        frame.written(shown.show(ob.data, frame.offsets(1.0), frame.key), wait=False)
     except words.TOLD as error:
         kind.settings(ob).problem = words.said(ob, error)
 
@@ -148,7 +141,7 @@ def end_drag(members):
 
 
 def wait(ob, depsgraph):
-    """Waits for what is being made for the object, or what the file asks for."""
+    """Waits for the object's deformer or transfer, which is made first if the object was loaded without one."""
     refresh(ob, depsgraph)
     kind = kind_of(ob)
     if kind and kind.cache.under_way(kind.content_of(ob)):
@@ -157,8 +150,8 @@ def wait(ob, depsgraph):
 
 
 def take_in(ob, view_layer):
-    """Has Blender take in at once what was written to an object whose content is known to be what it was made for:
-    of its own update it would look like an edit, and all would be compared again."""
+    """Evaluates a view layer after something was written to an object whose content is known to be unchanged. The
+    update that Blender makes later would look like an edit of the user's, and compare all content again."""
     global _known
     _known = ob
     try:
@@ -172,7 +165,7 @@ def is_known(ob):
 
 
 def settle(ob):
-    """Waits for what is to take the place of what is shown: a slow result, or that of a bind that is under way."""
+    """Waits for the result that is to replace the one shown: a slow one, or that of a bind under way."""
     kind = kind_of(ob)
     if kind and shown.is_draft(ob.data):
         if kind.cache.under_way(kind.content_of(ob)):
@@ -181,22 +174,22 @@ def settle(ob):
     slow_results.finish(offset_attribute.token(ob.data))
 
 
-# Whether it is still what it was made for
+# Whether the content is unchanged
 
 def check(ob):
-    """Compares the object with the content that it was made for, and notes what differs."""
+    """Compares the object's content with the one that was bound, and stores the difference in its settings."""
     kind = kind_of(ob)
     try:
         renamed.follow(ob)
         renamed.note(ob)
         lost = kind and kind.check(ob)
     except MemoryError:
-        return  # the next update says it
+        return  # the next update reports it
     if lost:
         end(kind, ob)
         kind.settings(ob).problem = lost
     elif ob.detail_deform.stale:
-        _replace_draft(ob)  # nothing else would
+        _replace_draft(ob)  # refresh() won't, as the object doesn't follow any more
         for tell in when_stale:
             tell()
 
@@ -204,8 +197,8 @@ def check(ob):
 # Made
 
 def _made(kind, ob, depsgraph, wait):
-    """The entry of the object as it is, or while that is under way of its draft, where there is one; None where it is
-    stale. Raises MeshProblem or native.NativeError."""
+    """The cache entry for the object's content. While it is being made, that of its draft, if there is one, else None;
+    None also if the object is stale. Raises MeshProblem or native.NativeError."""
     cache = kind.cache
     entry = cache.find(kind.content_of(ob))
     if entry and kind.is_for(ob, entry):
@@ -218,11 +211,11 @@ def _made(kind, ob, depsgraph, wait):
     content = kind.content_of(ob)
     under_way = cache.under_way(content)
     if under_way and under_way.cancelled and not wait:
-        return None  # it would begin anew
+        return None  # starting the same job again would undo the cancel
     if not cache.find(content):
         cache.check(content)
         cache.start(content, lambda: kind.job(ob))
-        if wait:  # in a render another thread, which must not set up timers
+        if wait:  # maybe in the thread of a render, which must not register timers
             return finish(kind, content)
         _poll_soon()
     draft = cache.draft(content)
@@ -230,14 +223,16 @@ def _made(kind, ob, depsgraph, wait):
 
 
 def start(kind, content, begin):
-    """Starts to make what is neither there nor under way; begin() gives the job. What failed before is tried again."""
+    """Starts the job that begin() returns, unless the entry exists or its job is under way. A job that failed before is
+    tried again."""
     kind.cache.forget_failure(content)
     kind.cache.start(content, begin)
     _poll_soon()
 
 
 def finish(kind, content):
-    """Waits for what is being made. Where it fails, those who ask for it are told, and it is raised."""
+    """Waits for a job and returns its entry. If it fails, all objects with this content get the sentence, and
+    native.NativeError is raised."""
     try:
         return kind.cache.finish(content)
     except native.NativeError as error:
@@ -254,7 +249,7 @@ def _owners(kind, content):
 
 
 def drop_unused(spares=True):
-    """Forgets what nobody asks for any more; spares: but what undo may ask for."""
+    """Drops deformers, transfers and records that no object uses. spares: keeps some for undo."""
     members = registry.members()
     for kind in KINDS:
         kind.cache.keep({kind.content_of(ob) for ob in members}, spares)
@@ -263,12 +258,12 @@ def drop_unused(spares=True):
 
 def _poll_soon():
     if not bpy.app.background and not bpy.app.timers.is_registered(_poll):
-        # Persistent: a file opened meanwhile must not leave a job without anyone to finish it.
+        # Persistent, so that jobs are finished also if another file is opened meanwhile.
         bpy.app.timers.register(_poll, first_interval=_POLL_SECONDS, persistent=True)
 
 
 def _poll():
-    """Timer: finishes and shows what is made. Returns the seconds to the next call, None to end."""
+    """Timer: fetches and shows the results of finished jobs. Returns the seconds to the next call, None to end."""
     for kind in KINDS:
         for content in kind.cache.contents_under_way():
             if not kind.cache.is_running(content):
@@ -283,11 +278,11 @@ def _arrive(kind, content):
     try:
         finish(kind, content)
     except native.NativeError:
-        pass  # its owners have it
+        pass  # finish() has told the objects
     else:
         for ob in _owners(kind, content):
             refresh(ob, bpy.context.evaluated_depsgraph_get(), force=True)
-            _replace_draft(ob)  # where it doesn't follow any more, as a handle has come meanwhile
+            _replace_draft(ob)  # refresh() doesn't if the object is stale, as by a handle added meanwhile
     drop_unused()
 
 
@@ -299,7 +294,7 @@ def _show_draft(kind, content):
 # Ended
 
 def end(kind, ob):
-    """The mesh shows its rest shape. What is being made for it alone is cancelled."""
+    """Ends following: removes the offsets, and cancels a job that no other object needs."""
     content = kind.content_of(ob)
     kind.forget(ob)
     if not _owners(kind, content):
@@ -312,7 +307,7 @@ def end(kind, ob):
 
 
 def forget_addresses():
-    """After undo, redo and loading: the meshes may hold any earlier result, and addresses mean others."""
+    """For undo, redo and loading: meshes may hold any earlier result, and pointers may refer to other data."""
     registry.forget()
     shown.clear()
     drag.ended()

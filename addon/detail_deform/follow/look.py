@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an update is asked for beside the handles' places: the settings that need no new bind."""
+"""The options of an update: the settings that take effect without a new bind."""
 
 from ..library import options
 from ..scene import examples
@@ -9,10 +9,10 @@ _STEPS = next(option for option in options.SETTINGS if option.name == 'steps')
 
 
 def asked(settings):
-    """Options of an update: what can change without a new bind."""
+    """{name: value} of dd_update_options."""
     found = options.asked(options.UPDATE, settings)
     if settings.method == 'EXAMPLES':
-        found['gradients'] = 'WHOLE'  # examples that swell are to be met
+        found['gradients'] = 'WHOLE'  # rotations alone could not reproduce examples that swell
         if settings.weights_by == 'SLIDERS' and settings.base == 'COMPUTED':
             found['example_weights'] = examples.weights(settings)
         else:
@@ -25,31 +25,31 @@ def why_no_base(settings):
     if settings.output != 'RESULT' or settings.method not in {'GRADIENT', 'EXAMPLES'}:
         return ""
     if settings.method == 'EXAMPLES' and settings.weights_by == 'HANDLES' and settings.refine > 0:
-        return ""  # by its functions the surface goes beyond the examples
+        return ""  # the base's functions move handles beyond what examples reach
     return "This method has no base surface."
 
 
 def quick(told, share=1.0):
-    """What is shown while handles move: one step, and detail transfer in place of a slow method. share: of the time
-    that this takes, how much there is; passes of Refine are left out for it."""
+    """The options while handles move: a single step, and detail transfer in place of a slow method. share: the part of
+    the time of such an update that is available; passes of Refine are left out accordingly."""
     if told['method'] == 'VOLUMES':
         kept = {name: told[name] for name in _KEPT_OF_SLOW if name in told}
         return {'method': 'TRANSFER', 'refine': 0, **kept}
     found = {**told, 'steps': 1}
     passes = found.get('refine')
-    if share < 1.0 and passes:  # each takes about as long as an update without any
-        # By examples one is the least: without any the surface meets the handles in another way.
+    if share < 1.0 and passes:  # a pass takes about as long as an update without passes
+        # Examples need one pass: without any their handles are met by another method, which would jump.
         found['refine'] = max(int(share * (passes + 1)) - 1, int(told['method'] == 'EXAMPLES'))
     return found
 
 
 def steps(settings):
-    """How many; a base from outside has no motion that could be split."""
+    """The number of steps; 1 with a base object, whose motion can't be divided."""
     return options.value(_STEPS, settings)
 
 
 def soft_border(settings):
-    """0: none; a base from outside says itself what moves at the border."""
+    """The width as a fraction of the way to the handles; 0 with a base object, which moves the border itself."""
     return settings.soft_border if settings.base == 'COMPUTED' and settings.output == 'RESULT' else 0.0
 
 
@@ -59,5 +59,5 @@ def knows_whole_turns(settings):
 
 
 def is_slow(settings):
-    """Whether the result takes too long for a drag and follows when the handles pause."""
+    """Whether the result takes too long for a drag, and is computed when the handles pause."""
     return settings.output == 'RESULT' and (steps(settings) > 1 or settings.method == 'VOLUMES')

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was made for objects to be followed: deformers, and transfers.
+"""Caches of deformers and transfers, keyed by a signature of the content that they were made for.
 
-They are found by the content they were made for, a text that the objects keep. So nothing here points into Blender's
-data: undo, redo, renaming and reloading find the same one again, or none.
+The objects store the signature as a text, so nothing here refers to Blender's data: after undo, redo, renaming or
+reloading the same entry is found again, or none.
 """
 
 import threading
@@ -11,28 +11,28 @@ from ..library import native
 
 
 class Entry:
-    """What was made, and what is known about its use."""
+    """A deformer or transfer, and figures of its use."""
 
     def __init__(self, made):
         self.made = made
         self.update_ms = 0.0
-        self.full_ms = 0.0  # of the last update that was not hurried by a drag
-        self.owners = set()  # whoever was found to have the content
+        self.full_ms = 0.0  # of the last update with all refinement
+        self.owners = set()  # objects that were found to have this content
 
 
 class Cache:
-    """Of one kind. It is made by jobs like those of native: with progress(), cancel(), cancelled, finish(), close(),
-    and draft(), which gives what can stand in for it meanwhile, once, or None."""
+    """The entries of one kind, and the jobs that make them. Jobs have the methods of native.Bind: progress(), cancel(),
+    cancelled, finish(), close(), and draft(), which returns a rough stand-in once it is there, once, else None."""
 
     def __init__(self, spare):
-        """spare: as many that no object asks for any more are kept for undo."""
+        """spare: how many entries are kept though no object uses them, so that undo finds them; the newest are."""
         self._spare = spare
-        self._entries = {}  # by content, as are the others
+        self._entries = {}  # by signature, like the next three
         self._jobs = {}
-        self._drafts = {}  # of jobs, as entries
-        self._failed = {}  # why it can't be made
-        self._ending = []  # jobs that nobody asks for: closing one waits until it has ended
-        self._finishing = threading.Lock()  # a render may wait for the same job as the window
+        self._drafts = {}  # entries with the drafts of jobs
+        self._failed = {}  # sentences: why a job failed
+        self._ending = []  # cancelled jobs; closing one waits until its thread has ended
+        self._finishing = threading.Lock()  # a render and the window may wait for the same job
 
     def find(self, content):
         return self._entries.get(content)
@@ -50,7 +50,7 @@ class Cache:
         return job is not None and job.progress()[0]
 
     def draft(self, content):
-        """The entry of what stands in for what is being made; None where there is nothing."""
+        """The entry with the draft of a job that is under way, or None."""
         job = self._jobs.get(content)
         if job is None or job.cancelled:
             return None
@@ -60,7 +60,8 @@ class Cache:
         return self._drafts.get(content)
 
     def start(self, content, begin):
-        """begin() gives the job, unless what it makes is there or on its way. Raises native.NativeError."""
+        """Starts the job that begin() returns, unless the entry exists or its job is under way. Raises
+        native.NativeError."""
         present = self._jobs.get(content)
         if content in self._entries or (present and not present.cancelled):
             return
@@ -68,14 +69,15 @@ class Cache:
         self._jobs[content] = begin()
 
     def finish(self, content):
-        """Waits for the job and keeps what it makes. Raises native.NativeError, here and when it is asked for again."""
+        """Waits for the job and returns the new entry. If the job fails, raises native.NativeError, and again each time
+        until forget_failure()."""
         with self._finishing:
             self.check(content)
             if content in self._entries:
                 self.let_go(content)
                 return self._entries[content]
             job = self._pop(content)
-            if job is None:  # let go of while this waited for another thread
+            if job is None:  # cancelled while this waited for another thread
                 raise native.NativeError("It was cancelled.")
             try:
                 entry = self._entries[content] = Entry(job.finish())
@@ -85,23 +87,23 @@ class Cache:
             return entry
 
     def check(self, content):
-        """Raises native.NativeError where it could not be made before."""
+        """Raises native.NativeError if the job has failed before."""
         if content in self._failed:
             failed = self._failed[content]
             raise native.NativeError(str(failed), failed.status, failed.vertices)
 
     def forget_failure(self, content):
-        """It is tried again."""
+        """Lets the job be tried again."""
         self._failed.pop(content, None)
 
     def cancel(self, content):
-        """Who asks for it will be told when the job has ended."""
+        """Cancels the job. finish() raises once it has ended."""
         job = self._jobs.get(content)
         if job:
             job.cancel()
 
     def let_go(self, content):
-        """Cancels what nobody asks for any more."""
+        """Cancels a job whose result no object needs any more, without waiting for its end."""
         self._forget_ended()
         job = self._pop(content)
         if job:
@@ -109,7 +111,7 @@ class Cache:
             self._ending.append(job)
 
     def _pop(self, content):
-        """The job, which is under way no more."""
+        """Removes the job and its draft, and returns it, or None."""
         self._drafts.pop(content, None)
         return self._jobs.pop(content, None)
 
@@ -117,8 +119,7 @@ class Cache:
         self._ending[:] = [job for job in self._ending if job.progress()[0]]
 
     def keep(self, contents, spares=True):
-        """Forgets what none of these contents needs, but the newest as spares, and cancels what is being made for
-        none of them."""
+        """Drops entries, failures and jobs of all other contents, but for the newest entries, which are spares."""
         for content in [content for content in self._jobs if content not in contents]:
             self.let_go(content)
         self._forget_ended()
@@ -129,7 +130,7 @@ class Cache:
             del self._failed[content]
 
     def forget_owners(self):
-        """After undo, redo and loading they are others."""
+        """For undo, redo and loading, after which all pointers are different ones."""
         for entry in self._entries.values():
             entry.owners.clear()
 

@@ -1,23 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the library computes as a mesh is to show it: fading towards the region's border where that is asked for,
-counted from its own vertices, and with closed seams."""
+"""From the offsets that the library computes to those that are written to a mesh: with a soft border, copied to split
+vertices, continued to vertices in no face, relative to the mesh's own vertices, and with closed mirror seams."""
 
 import numpy as np
 
 from ..scene import loose, mesh_data, mirror_plane, proportions, soft_border, split, start
 from . import content, look, registry
 
-_LEAST, _EACH = 8, 2  # of what is kept, and for each object that is bound or follows: undo goes back to the one before
+# How many entries each cache below keeps: at least so many, and so many for each follower, as undo returns to the
+# previous content.
+_LEAST, _EACH = 8, 2
 
-_seams = {}  # mirror_plane.Seams by the content that they were made for
-_ways = {}  # soft_border.ways by the same
-_joined = {}  # split.Joined by the same
-_hanging = {}  # _Hanging by the same
-_closings = {}  # Closing by the transfer that it is for
+# Caches by the signature of the content:
+_seams = {}  # mirror_plane.Seams
+_ways = {}  # of soft_border.ways
+_joined = {}  # split.Joined
+_hanging = {}  # _Hanging
+_closings = {}  # Closing, by the signature of the transfer
 
 
 def offsets(ob, computed, has_faded):
-    """(3 n,) float32; computed: from the start, in proportions.bound(). has_faded: whether its borders are soft."""
+    """(3 n,) float32: the offsets to write. computed: (3 n,), relative to the shape that was bound, in
+    proportions.bound(). has_faded: whether the soft border has been applied to them."""
     width, signature = look.soft_border(ob.detail_deform), ob.detail_deform.signature
     if width and not has_faded:
         ways = _of(signature, _ways, lambda: soft_border.of(ob, content.roles(ob)))
@@ -30,13 +34,13 @@ def offsets(ob, computed, has_faded):
 
 
 def followed(ob, made_for, computed):
-    """The same of what follows a source. made_for: what tells its transfer from all others."""
+    """(3 n,) float32: the offsets to write, of a mesh that follows a source. made_for: signature of its transfer."""
     key = mirror_plane.key(ob)
     return _of(made_for, _closings, lambda: Closing(ob), lambda closing: closing.key == key).of(computed)
 
 
 class Closing:
-    """Of what comes from a source: seams stay closed, those of the target's Mirror modifiers and where it is split."""
+    """Keeps seams of a transfer's target closed: those of its Mirror modifiers, and those between split vertices."""
 
     def __init__(self, ob):
         self.key, self._joined = mirror_plane.key(ob), split.Joined(ob)
@@ -59,14 +63,14 @@ def _of(made_for, kept, make, fits=lambda found: True):
     found = kept.pop(made_for, None)
     if found is None or not fits(found):
         found = make()
-    kept[made_for] = found  # as the newest
+    kept[made_for] = found  # last in order, as the newest
     for old in list(kept)[:-max(_LEAST, _EACH * len(registry.members()))]:
         del kept[old]
     return found
 
 
 def know(ob, signature, joined, triangles, hung):
-    """What a bind has read of the mesh. hung: (n,) bool, of content.hung."""
+    """Stores what a bind has read of the mesh already. hung: (n,) bool, of content.hung."""
     _of(signature, _joined, lambda: joined)
     _of(signature, _hanging, lambda: _Hanging(ob, triangles, hung), lambda hanging: hanging.fits(ob))
 
@@ -77,10 +81,10 @@ def _find_hanging(ob):
 
 
 class _Hanging:
-    """A bound mesh's vertices that hang on its surface by edges."""
+    """The vertices in no face that are connected with the surface by edges, and go along with it."""
 
     def __init__(self, ob, triangles, hung):
-        self._edge_count = len(ob.data.edges)  # which no signature knows
+        self._edge_count = len(ob.data.edges)  # the signature doesn't contain loose edges
         self._shape = proportions.bound(ob.detail_deform).to(start.shape(ob)) if hung.any() else None
         self._loose = hung.any() and loose.Loose(self._shape, triangles, mesh_data.edges(ob.data), chosen=hung)
 
@@ -88,7 +92,7 @@ class _Hanging:
         return len(ob.data.edges) == self._edge_count
 
     def placed(self, offsets):
-        """(3 n,) float32 offsets from what is bound, with theirs."""
+        """(3 n,) float32: the given offsets, with those of these vertices filled in."""
         if not self._loose:
             return offsets
         return (self._loose.place(self._shape + offsets.reshape(-1, 3)) - self._shape).ravel()

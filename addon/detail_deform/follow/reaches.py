@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handles with reaches of their own: a part of the binding for each reach.
+"""Handles with a reach of their own: the binding consists of a part for each reach.
 
-The handles of each reach are bound by themselves to the mesh around what they reach, those without a reach, the first
-part, to the region. How the parts become one surface: composed.py.
+The handles of a reach are bound by themselves, to the part of the mesh around its vertices. Handles without a reach
+form the first part, which is bound to the region. composed.py combines the parts into one surface.
 """
 
 import contextlib
@@ -13,28 +13,32 @@ import numpy as np
 from ..library import native
 from ..scene import soft_border
 
-# Rings of constrained vertices beside those that may move: K of the highest order reads three of them, refinement two.
+# Rings of constrained vertices that a part contains around its free ones: the system K of order 3 involves three of
+# them, refinement two.
 _RINGS = 3
 _REST = np.eye(4)[:3]
-# How far a motion is from none where its empty didn't move: rounding of double precision, of the part's size.
+# The motion of a handle counts as none up to this difference from the identity: rounding in double precision; of
+# translations as a fraction of the part's size.
 _STILL = 1e-12
-# The least determinant of F at a handle: a surface that is flattened further tells no motion, and nothing is turned.
+# If the determinant of F at a handle is smaller, the surface there is too flat to tell a rotation, and F = I is used.
 _FLATTEST = 1e-3
-# Of how much places vary along one direction, in squares, beside how much they do along another.
+# The fit of F has no slope along directions in which the squared extent of the part is less than this fraction of the
+# largest, as across a flat part.
 _LEAST_VARIATION = 1e-4
-# Of the method Examples alone; what has a reach of its own goes by detail transfer then.
+# Options of the method Examples. Parts other than the first use detail transfer instead of it.
 _OF_EXAMPLES = ('example_weights', 'example_limits', 'gradients')
-# An array with a row for each handle.
+# Options with a row for each handle.
 _OF_HANDLES = ('turns', 'handle_turns', 'pivots')
 
 
 class Part:
-    """What the handles of one reach are bound to."""
+    """The handles of one reach, and the mesh that they are bound to."""
 
     def __init__(self, numbers, positions, triangles, roles, vertices=None, triangle_numbers=None, smoothness=0):
-        """numbers: (h,) of its handles among all. positions, triangles, roles: as of native.Bind, of the mesh that it
-        is bound to, with its handles counted from 0. vertices, triangle_numbers: of that in the whole mesh; None: it is
-        the whole, by whose region these handles go. smoothness: the order of its base energy; 0: as the whole's."""
+        """numbers: (h,) indices of its handles among all. positions, triangles, roles: as for native.Bind, of the
+        part's own mesh, with its handles counted from 0. vertices, triangle_numbers: indices of these in the whole
+        mesh; None for the part of the region, whose mesh is the whole one. smoothness: the order of its base energy; 0:
+        the object's."""
         self.smoothness = smoothness
         self.numbers, self.vertices, self.triangle_numbers = numbers, vertices, triangle_numbers
         self.positions, self.triangles, self.roles = positions, triangles, roles
@@ -47,16 +51,16 @@ class Part:
         return self.vertices is None
 
     def bind_arguments(self):
-        """Of native.Bind, without its options."""
+        """The positional arguments of native.Bind."""
         return self.positions, self.triangles, self.roles, len(self.numbers)
 
     def options(self, told):
-        """Of its native.Bind; told: those of the whole."""
+        """The options of its native.Bind. told: those of the object."""
         own = {'smoothness': self.smoothness} if self.smoothness else {}
         return told if self.is_whole else {name: value for name, value in told.items() if name != 'examples'} | own
 
     def asked(self, of_all):
-        """Of its update; of_all: that of the whole."""
+        """The options of its update. of_all: those of the object."""
         found = {name: value[self.numbers] if name in _OF_HANDLES and value is not None else value
                  for name, value in of_all.items()}
         if not self.is_whole and found.get('method') == 'EXAMPLES':
@@ -66,11 +70,12 @@ class Part:
 
     @property
     def rows(self):
-        """Of its vertices in what the whole mesh has a row for each of."""
+        """The index of its vertices in arrays with a row for each vertex of the whole mesh."""
         return slice(None) if self.vertices is None else self.vertices
 
     def gradients(self, before):
-        """(k, 3, 3): F, where its vertices' offsets are before, (k, 3); None where they are none."""
+        """(k, 3, 3): the deformation gradients F of the surface that earlier parts have deformed, smoothed to a linear
+        function of position. before: (k, 3), the offsets by those parts. None if these are zero."""
         if not before.any():
             return None
         found = native.vertex_gradients(self.positions, self.positions + before, self.triangles)
@@ -83,32 +88,33 @@ class Part:
         return np.broadcast_to(np.eye(3), result.shape)
 
     def _fit(self):
-        """(k, 4) and (4, k): the linear functions of a place, and what finds those that are nearest to values at the
-        vertices in the least squares sense, weighted by their areas and most at the handles."""
+        """(k, 4) and (4, k): the values of 1, x, y, z at the vertices, and the matrix that takes values at the vertices
+        to the coefficients of the weighted least squares fit. Weights: a vertex' area, and the square of its share of
+        the way from the border to the handles."""
         places = self.positions.astype(np.float64)
         a, b, c = np.moveaxis(places[self.triangles], 1, 0)
         areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         weights = self.shares_of_way() ** 2 * sum(
             np.bincount(self.triangles[:, k], areas, minlength=len(places)) for k in range(3))
-        if not weights.any():  # handles that nothing is beside
+        if not weights.any():  # no triangle has an area
             weights = np.ones(len(places))
         weights /= weights.sum()
         middle = weights @ places
         size = max(np.abs(places - middle).max(initial=0), 1e-300)
         functions = np.concatenate([np.ones((len(places), 1)), (places - middle) / size], axis=1)
         weighted = functions.T * weights
-        # Across a plane nothing varies: there the least slope is none.
+        # The pseudoinverse gives no slope across a plane, where no value varies.
         return functions, np.linalg.pinv(weighted @ functions, rcond=_LEAST_VARIATION, hermitian=True) @ weighted
 
     def shares_of_way(self):
-        """As of soft_border.ways."""
+        """(k,): as soft_border.ways."""
         if self._ways is None:
             self._ways = soft_border.ways(self.roles, lambda chosen: native.distances(
                 self.positions, self.triangles, chosen))
         return self._ways
 
     def relative(self, matrices, before, gradients):
-        """(h, 3, 4): what its handles are asked for, from where their vertices are before it."""
+        """(h, 3, 4): the motions of its handles relative to the surface that earlier parts have deformed."""
         if gradients is None:
             return matrices
         result = np.empty_like(matrices)
@@ -121,28 +127,28 @@ class Part:
         return result
 
     def is_moved(self, matrices):
-        """By any of its handles. matrices: theirs, (h, 3, 4)."""
+        """Whether any of its handles moves it. matrices: (h, 3, 4), their motions."""
         change = np.abs(matrices - _REST)
         return change[..., :3].max() > _STILL or change[..., 3].max() > _STILL * self.size
 
     def faded(self, offsets, width):
-        """(k, 3): its offsets, (3 k,), fading towards its border by that width."""
+        """(k, 3): its offsets, (3 k,), faded towards its border. width: of the soft border."""
         offsets = offsets.reshape(-1, 3)
         if not width:
             return offsets
         return offsets * soft_border.shares(self.shares_of_way(), width)[:, None]
 
     def vertex(self, number):
-        """By its number in the mesh."""
+        """The index in the whole mesh of a vertex of the part."""
         return number if self.vertices is None else int(self.vertices[number])
 
     def triangle(self, number):
-        """The same of a triangle."""
+        """The index in the whole mesh of a triangle of the part."""
         return number if self.triangle_numbers is None else int(self.triangle_numbers[number])
 
     @contextlib.contextmanager
     def in_numbers_of_all(self):
-        """What the library says of the part's handles, vertices and triangles, it says of those of the mesh."""
+        """Errors of the library that are raised meanwhile name handles, vertices and triangles of the whole mesh."""
         numbers = {'handle': lambda number: int(self.numbers[number]), 'vertex': self.vertex, 'triangle': self.triangle}
         try:
             yield
@@ -154,14 +160,14 @@ class Part:
 
 
 class Surface:
-    """A mesh of which parts are made."""
+    """The whole mesh, for making parts of it."""
 
     def __init__(self, positions, triangles):
         self._positions, self._triangles = positions, triangles
-        self._around = self._begin = None  # triangles around each vertex, one after the other, and where they begin
+        self._around = self._begin = None  # triangles at each vertex, consecutively, and the index of the first of each
 
     def part(self, numbers, vertices, roles, smoothness=0):
-        """The Part around these vertices, (m,) in their order, which have roles; all others are fixed."""
+        """The Part around these vertices, (m,) ascending, with roles, (m,); vertices beside them are fixed."""
         near, chosen = vertices, np.zeros(0, np.intp)
         for _ in range(_RINGS):
             chosen = self._triangles_of(near)
@@ -172,7 +178,7 @@ class Surface:
         return Part(numbers, self._positions[near], triangles, of_part, near, chosen, smoothness)
 
     def _triangles_of(self, vertices):
-        """Their numbers, in order."""
+        """The triangles at any of these vertices, ascending."""
         if self._begin is None:
             corners = self._triangles.ravel()
             self._around = np.argsort(corners, kind='stable') // 3

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the meshes show: which result was written to each, known by the token that lies beside the offsets.
+"""Which result was last written to each mesh, found by the token that is stored with the offsets.
 
-So a mesh that was copied, exchanged, undone or emptied is never taken for one that shows what its object asks for.
+Copies, undo and other add-ons change meshes without a notice. As the token goes along with the offsets, a mesh is never
+mistaken for one that shows the present result of its object.
 """
 
 import copy
@@ -12,26 +13,27 @@ from ..scene import offset_attribute, start
 
 
 class Shown:
-    """A result that was written, and its facts."""
+    """A result that was written to a mesh, and what panels say about it."""
 
-    def __init__(self, of):
-        self.of = of  # whatever tells this result from all others: equal, the same
-        self.moves = True  # anything, from where the mesh has it
+    def __init__(self, key):
+        self.key = key  # equal keys mean equal results
+        self.moves = True  # whether any offset is non-zero
         self.places = None  # of the empties of enabled handles, in the object's space
-        self.only_moved = ()  # names of the handles that are moved without being turned or scaled
-        self.example_weights = ()  # how much of each example the pose has
-        self.is_final = True  # no slow result is to take its place
-        self.is_hurried = False  # but one that only a drag has put off
-        self.draft = None  # the Frame, where this is the draft of a bind that is under way
-        self.slow_info = None  # facts of the slow result that this is
-        self.problem = ""  # why the slow result did not come
+        self.only_moved = ()  # names of the handles that were translated without a rotation or scale
+        self.example_weights = ()  # the weight of each example in the pose
+        self.is_final = True  # no slower, better result of the same pose is to replace it
+        self.is_hurried = False  # a drag left out refinement, which follows when it pauses
+        self.draft = None  # the Frame, if this was computed by the draft of a bind that is under way
+        self.slow_info = None  # the library's figures of the slow result, if this is one
+        self.problem = ""  # why the slow result could not be computed
 
     @property
     def is_draft(self):
         return self.draft is not None
 
     def will_do(self, wait, share):
-        """Whether what is shown may stay. wait: only what is final; share: of the time, what a drag leaves now."""
+        """Whether the result may stay on the mesh. wait: only a final one may. share: of the time of a full update,
+        what a drag leaves now."""
         return self.is_final or not wait and (share < 1.0 or not self.is_hurried)
 
 
@@ -39,39 +41,40 @@ _shown = {}  # by token
 
 
 def by(mesh):
-    """What the mesh shows, or None where that is not known."""
+    """The Shown of the mesh, or None if its offsets were not written here."""
     return _shown.get(offset_attribute.token(mesh))
 
 
 def is_draft(mesh):
-    """Whether it shows the draft of a bind."""
+    """Whether the mesh shows the draft of a bind."""
     record = by(mesh)
     return record is not None and record.is_draft
 
 
-def show(mesh, offsets, of):
-    """Writes a result, but one that is there: then Blender need not evaluate the mesh anew. Returns its Shown."""
+def show(mesh, offsets, key):
+    """Writes a result, unless the mesh has the same offsets already, so that Blender needn't evaluate it again. Returns
+    its Shown."""
     present = by(mesh)
-    if present is not None and present.of == of and np.array_equal(offset_attribute.read(mesh).ravel(), offsets):
-        return _note(offset_attribute.token(mesh), offsets, Shown(of))
-    return _write(mesh, offsets, Shown(of))
+    if present is not None and present.key == key and np.array_equal(offset_attribute.read(mesh).ravel(), offsets):
+        return _note(offset_attribute.token(mesh), offsets, Shown(key))
+    return _write(mesh, offsets, Shown(key))
 
 
 def show_slow(mesh, offsets, quick, info):
-    """Writes the slow result in place of the quick one, whose Shown is given."""
+    """Replaces the quick result, whose Shown is given, by the slow one."""
     slow = copy.copy(quick)
     slow.is_final, slow.is_hurried, slow.slow_info = True, False, info
     return _write(mesh, offsets, slow)
 
 
 def show_rest(mesh):
-    """Nothing that was computed."""
+    """Removes the offsets."""
     forget(mesh)
     offset_attribute.remove(mesh)
 
 
 def show_start(mesh):
-    """The same, but for what an earlier binding has made of the mesh."""
+    """Removes the offsets, except for the deformation that the binding started from."""
     if start.is_deformed(mesh):
         show(mesh, start.with_kept(mesh, np.zeros(3 * len(mesh.vertices), np.float32)), None)
     else:
@@ -79,7 +82,7 @@ def show_start(mesh):
 
 
 def is_deformed(mesh):
-    """Whether the mesh shows another shape than its own, as far as is known without looking at all vertices."""
+    """Whether the mesh is displaced, as far as that is known without reading all offsets."""
     record = by(mesh)
     return offset_attribute.find(mesh) is not None and (record is None or record.moves)
 
@@ -96,7 +99,7 @@ def _note(token, offsets, shown):
 
 
 def keep(meshes):
-    """Forgets what was written to any others."""
+    """Drops the records of all other meshes."""
     tokens = {offset_attribute.token(mesh) for mesh in meshes}
     for token in list(_shown):  # a render may write meanwhile
         if token not in tokens:
@@ -104,7 +107,7 @@ def keep(meshes):
 
 
 def forget(mesh):
-    """The next update writes to it again."""
+    """Drops the record, so that the next update writes to the mesh again."""
     _shown.pop(offset_attribute.token(mesh), None)
 
 

@@ -32,13 +32,14 @@ class _Request:
 
 
 _requests = {}
-_ending = []  # cancelled jobs, until they have ended: closing one waits for that
+_ending = []  # cancelled jobs; they are closed when they have ended, as closing waits for that
 
 
 def request(token, work):
-    """work.start(wait) gives the native.Update of work.deformer, work.deliver(offsets, info) takes its result,
-    work.refuse(sentence) its error; work.tell() is called while it is under way. It waits for work.can_be_shown(), and
-    ends when work.is_wanted() is not true any more. It starts when handles have paused for work.pause seconds."""
+    """Requests a slow result. After handles have paused for work.pause seconds, work.start(wait) must return a
+    native.Update of work.deformer. While that runs, work.tell() is called. Its result is passed to
+    work.deliver(offsets, info) once work.can_be_shown(), its error to work.refuse(sentence). The request ends when
+    work.is_wanted() is false."""
     cancel(token)
     _requests[token] = _Request(work)
     if not bpy.app.timers.is_registered(_tick):
@@ -52,7 +53,7 @@ def cancel(token):
 
 
 def make_way(deformer):
-    """Stops what works with a deformer that another object needs now; it starts again after a pause."""
+    """Stops requests that use a deformer which another object needs at once; they start again after a pause."""
     for pending in _requests.values():
         if pending.work.deformer is deformer:
             pending.stop()
@@ -60,7 +61,7 @@ def make_way(deformer):
 
 
 def finish(token):
-    """Waits for the request of that token, if there is one."""
+    """Waits for the result of a request, if there is one."""
     pending = _requests.pop(token, None)
     if pending:
         pending.job = pending.job or pending.work.start(wait=True)
@@ -68,7 +69,7 @@ def finish(token):
 
 
 def progress(token):
-    """None without a request, else the fraction done."""
+    """The finished fraction of a request; None if there is none."""
     pending = _requests.get(token)
     if pending is None:
         return None

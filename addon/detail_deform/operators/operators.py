@@ -8,7 +8,7 @@ from ..follow import binding, life, live_transfer, registry, slow_results, statu
 from ..library.options import SETTINGS
 from ..results import bake
 from ..scene import apply_result, correspondence, mesh_data, node_group, offset_attribute, selection, stack
-from ..setup import handle_setup, region_setup
+from ..setup import at_rest, handle_setup, region_setup
 from .operator_base import HandOperator, MeshOperator
 
 
@@ -160,7 +160,7 @@ class OBJECT_OT_detail_deform_save_key(HandOperator, bpy.types.Operator):
             if ob.detail_deform.weights_by == 'SLIDERS':  # else what was saved would be seen twice
                 for example in ob.detail_deform.examples:
                     example.weight = 0.0
-            handle_setup.all_to_rest(context, ob)
+            at_rest.all_to_rest(context, ob)
         self.report({'INFO'}, f"Saved as '{name}', with value 0; the handles are at rest")
 
 

@@ -7,7 +7,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 from ..follow import hints, life
 from ..scene import handle_matrices, mesh_data
 from ..scene.selection import activate, go_to
-from ..setup import handle_setup, own_empties, region_setup
+from ..setup import at_rest, handle_setup, mirroring, own_empties, region_setup
 from .operator_base import HandOperator, MeshOperator
 from ..properties import AXES
 
@@ -115,7 +115,7 @@ class OBJECT_OT_detail_deform_handle_mirror(_HandleOperator, bpy.types.Operator)
         name="Symmetric", description="Give it no empty of its own: it mirrors every motion of this one")
 
     def run(self, context, ob):
-        remark = handle_setup.mirror(context, ob, self.handle(ob), 'XYZ'.index(self.axis), self.symmetric)
+        remark = mirroring.mirror(context, ob, self.handle(ob), 'XYZ'.index(self.axis), self.symmetric)
         if remark:
             self.report({'WARNING'}, remark)
 
@@ -136,12 +136,12 @@ class OBJECT_OT_detail_deform_handle_reset(HandOperator, _HandleOperator, bpy.ty
 
     def run(self, context, ob):
         if self.everything:
-            handle_setup.all_to_rest(context, ob)
+            at_rest.all_to_rest(context, ob)
         else:
             owner, number = handle_setup.owner(context.active_object)
             if owner == ob and self.index < 0:
                 self.index = number
-            handle_setup.to_rest(context, ob, [self.handle(ob)])
+            at_rest.to_rest(context, ob, [self.handle(ob)])
 
 
 class OBJECT_OT_detail_deform_handle_activate(HandOperator, _HandleOperator, bpy.types.Operator):
@@ -166,7 +166,7 @@ class OBJECT_OT_detail_deform_bring_back(MeshOperator, bpy.types.Operator):
         return True
 
     def run(self, context, ob):
-        handle_setup.bring_back(context, ob)
+        at_rest.bring_back(context, ob)
 
 
 class OBJECT_OT_detail_deform_own_empties(MeshOperator, bpy.types.Operator):

@@ -2,7 +2,7 @@
 """A copy of a mesh gets empties of its own in place of those of the first."""
 
 from ..follow import hints
-from . import handle_setup
+from . import empties
 
 
 def make(context, ob):
@@ -28,7 +28,7 @@ def make(context, ob):
 
 def _copy(context, ob, empty):
     copy = empty.copy()
-    handle_setup.collection_of(context, ob).objects.link(copy)
+    empties.collection_of(context, ob).objects.link(copy)
     animation = copy.animation_data
     if animation and animation.action:
         slot = getattr(animation, 'action_slot', None)  # Blender 4.4

@@ -10,7 +10,7 @@ from ..follow import binding, bound, registry
 from ..library.options import FALLOFF_ORDERS
 from ..scene import mesh_data, mirror_plane, node_group, selection
 from ..scene.mesh_data import MeshProblem
-from . import handle_setup, region_setup
+from . import handle_setup, mirroring, region_setup
 
 
 def asks_for_reach(ob):
@@ -23,7 +23,7 @@ def selected_surroundings(ob):
     chosen = selection.selected(ob)
     if not chosen.any():
         raise MeshProblem(f"No vertex is selected: {handle_setup.SELECT_FOR_HANDLE}.")
-    images = [handle_setup.mirror_image(ob, chosen, axis)[0] for axis in _symmetric_axes(ob)]
+    images = [mirroring.mirror_image(ob, chosen, axis)[0] for axis in _symmetric_axes(ob)]
     return region_setup.Around(ob, np.logical_or.reduce([chosen, *images]), chosen)
 
 
@@ -107,9 +107,9 @@ class Pull:
         for axis in _symmetric_axes(self._ob):
             handle = self._ob.detail_deform.handles[self._count]
             try:
-                remark = handle_setup.mirror(self._context, self._ob, handle, axis, symmetric=True, reaches=False)
-            except handle_setup.MirrorsItself:
-                handle_setup.keep_symmetric(self._ob, handle, axis)
+                remark = mirroring.mirror(self._context, self._ob, handle, axis, symmetric=True, reaches=False)
+            except mirroring.MirrorsItself:
+                mirroring.keep_symmetric(self._ob, handle, axis)
                 continue
             except MeshProblem as problem:  # it pulls the chosen vertices all the same
                 remark = str(problem)

@@ -17,7 +17,7 @@
 
 namespace dd::api {
 
-// The limits are far from what 32 bits number: sizes of systems are multiples of these.
+// Counts are at most INT32_MAX / 16, so that derived sizes, which are small multiples, fit int32.
 constexpr size_t kMostElements = static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 16;
 
 /// Reads a caller's struct: as many bytes as both sides know, the rest stays zero.

@@ -3,12 +3,13 @@
 
 namespace dd {
 
-/// What the kernels may read behind the last value of b, y and an inverse: what stands there has no
-/// say, but nobody may write it meanwhile.
+/// Padding: loads may read up to so many values past the end of b, y and an inverse. The values are
+/// ignored, but must be readable and must not be written concurrently.
 constexpr int kReadBeyond = 3;
 
-/// Dense blocks of a factorization, compiled once for each instruction set. Matrices are stored by
-/// columns, only their lower triangles are used; above the diagonal they may be written.
+/// Dense blocks of a factorization, compiled once for each instruction set. Matrices are stored
+/// column by column. Only their lower triangles are used; entries above the diagonal may be
+/// overwritten.
 struct DenseKernels {
   /// A = C Cᵀ in place, width×width. Returns the first column whose pivot, before the root, is not
   /// above its bound, or -1. inverse ← C⁻¹, width×width with zeros above the diagonal.

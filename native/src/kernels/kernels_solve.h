@@ -195,7 +195,7 @@ inline void backward_group(int width, const Real* values, const Source& source, 
     backward_rows<Count>(width, values, source, own);
 }
 
-/// Takes no time where the first isn't.
+/// Returns at the first non-zero value.
 template <class Real>
 inline bool all_zero(const Real* values, int count) {
   for (int k = 0; k < count; ++k)
@@ -211,7 +211,7 @@ void forward(const FactorView<Real>& factor, int first, int last, const double* 
     Real* own = x + 4 * static_cast<int64_t>(begin);
     const double* given = right + 4 * static_cast<int64_t>(begin);
     for (int k = 0; k < 4 * width; ++k) own[k] += static_cast<Real>(given[k]);
-    // As off the paths that a few entries of a right-hand side take up the tree.
+    // Skips supernodes that a sparse right-hand side doesn't reach in the elimination tree.
     if (all_zero(own, 4 * width)) continue;
 
     // C_ss⁻¹ in place, from its last rows, which need all others.

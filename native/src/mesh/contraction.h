@@ -7,18 +7,20 @@
 
 namespace dd {
 
-/// A mesh with fewer vertices, each of which stands for those around it. Its triangles are those of
-/// the given mesh whose corners went to three of them, so it is connected as that one is.
+/// A coarser mesh by merging vertices into their neighbours. Its triangles are those of the given
+/// mesh whose corners were merged into three different vertices, so its connectivity is that of the
+/// given mesh.
 struct Contraction {
-  std::vector<int> vertices;   ///< of the given mesh, ascending: those that are left
-  std::vector<int> of_vertex;  ///< n: the one it went to, by its number; -1: not in a triangle
-  Triangles triangles;         ///< of such numbers
+  std::vector<int> vertices;   ///< vertices of the given mesh that are left, ascending
+  std::vector<int> of_vertex;  ///< n: index in vertices of the one it was merged into; -1: no face
+  Triangles triangles;         ///< by indices in vertices
 };
 
-/// radii: how far from a vertex others may go to it, along edges; 0: neither goes it nor do others.
-/// Where the surface is too narrow for its radii, as a wire is, nothing goes anywhere: around each
-/// vertex that stands for others or is beside such, the triangles that are left make one fan,
-/// closed but at a border. Depends on places and not on how vertices are numbered, ties apart.
+/// radii[v]: vertices within this distance along edges may be merged into v; 0 excludes v from
+/// merging altogether. Where the surface is too narrow for its radii, as on a wire, nothing is
+/// merged: around each vertex that others were merged into, and around its neighbours, the
+/// remaining triangles form one fan, closed in the interior. The result depends on positions and
+/// not on the numbering of vertices, except for ties.
 Contraction contract(const Mesh& mesh, const std::vector<double>& radii);
 
 }  // namespace dd

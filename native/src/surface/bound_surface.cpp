@@ -15,8 +15,9 @@ namespace dd {
 
 namespace {
 
-/// Values at the handles' vertices by motions unlike each other, n: how far one solve of K is off
-/// shows in them where a part is too small for the base to tell.
+/// n values, at the handles' vertices those of a different motion for each coordinate, else 0:
+/// right-hand sides of K that reveal the error of a solve in single precision also on components
+/// so small that the displacement of the base doesn't show it.
 Eigen::VectorXd unlike_motions(const HandleCoordinates& coordinates, const Region& region,
                                const Positions& positions) {
   Eigen::VectorXd values = Eigen::VectorXd::Zero(positions.rows());
@@ -29,17 +30,18 @@ Eigen::VectorXd unlike_motions(const HandleCoordinates& coordinates, const Regio
   return values;
 }
 
-/// To refine so many functions takes next to nothing.
+/// Up to so many functions, refining each takes a negligible part of a bind.
 constexpr int kFewFunctions = 12;
 
-/// How far one solve of K may be off where it stands for a refined one, of the largest value. In
-/// single precision a frame's own solve may be off by more; in full a few functions are refined.
+/// The largest error, as a fraction of the largest value, with which one solve of K is accepted in
+/// place of iterative refinement. In single precision the solve of each frame has a larger error;
+/// in full precision a few functions are always refined.
 double exact_enough(Precision precision, int functions) {
   if (precision == Precision::single) return 5e-7;
   return functions > kFewFunctions ? 1e-8 : 0;
 }
 
-/// Runs a stage that works on another geometry than S: what fails there is not the mesh's fault.
+/// Runs a stage that works on another geometry than S, where an error is not one of the mesh.
 template <class Stage>
 auto blaming(const std::string& what, const std::string& remedy, const Stage& stage) {
   try {

@@ -11,11 +11,11 @@
 
 namespace dd {
 
-/// What a bind keeps of K for its frames.
+/// What a bind keeps for the frames of the system K.
 enum class KeptOfEnergy {
-  cheaper,    ///< the factor beyond some number of functions, where one solve is exact enough
+  cheaper,    ///< K's factor if there are many functions and one solve is exact enough, else W
   functions,  ///< W
-  factor
+  factor      ///< K's factor
 };
 
 /// Affine motions of the handles displace the base by a field that is linear in their matrices (§6,
@@ -23,17 +23,18 @@ enum class KeptOfEnergy {
 ///
 ///   δq = W C,   C of HandleCoordinates.
 ///
-/// The columns of W are a function for each coordinate: its extension by K, zero at all other
-/// constrained vertices. With few handles W is kept, and a frame needs no solve for its base. With
-/// many, where W would be more than half as large as K's factor, that is kept: a frame solves
-/// K δq = 0 with what C gives the handles' vertices, and a bind makes no functions at all. A column
-/// takes one solve where that may stand for a refined one, else as many as refining takes.
+/// Each column of W is a basis function: the solution of K w = 0 with the values of one coordinate
+/// at the handles' vertices, and zero at all other constrained vertices. With few handles W is
+/// kept, and a frame needs no solve for its base. With many, where W would have more than half as
+/// many entries as K's factor, the factor is kept instead: a frame solves K δq = 0 with the values
+/// that C prescribes at the handles' vertices, and a bind computes no basis functions. A column of
+/// W takes one solve if one_solve, else iterative refinement until it converges.
 class HandleExtension {
  public:
-  HandleExtension() = default;  ///< of nothing
+  HandleExtension() = default;  ///< of no handles
   /// positions: of S. order: of the free vertices. pool must outlive it. one_solve: whether one
-  /// will do. precision: that frames work in.
-  /// progress is told how far it is, from 0 to 1. Throws UnsolvableSurface.
+  /// solve of K is exact enough without refinement. precision: of the frames.
+  /// progress: called with the finished fraction, from 0 to 1. Throws UnsolvableSurface.
   HandleExtension(const PolyharmonicSystem& bending, const HandleCoordinates& coordinates,
                   const Region& region, const Positions& positions, const RowOrder& order,
                   ThreadPool& pool, bool one_solve, Precision precision,
@@ -49,7 +50,7 @@ class HandleExtension {
   /// 4h×4, the last column 0. out may be rest.
   void displace(const RowMatrix& coefficients, const Rows& rest, Rows& out) const;
 
-  /// W, F×coordinates, rows in order; where it is not kept, made anew in space.
+  /// W, F×coordinates, rows in order; if it is not kept, it is computed into space.
   const RowMatrix& functions(RowMatrix& space) const;
 
   double bytes() const;

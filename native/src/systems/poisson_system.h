@@ -74,8 +74,8 @@ class PoissonSystem {
 
   /// Constrained vertices of active triangles, by their rows in order(), ascending.
   const std::vector<int>& rims() const { return rims_; }
-  /// The vertices of active triangles in one line, free ones in order(), then rims: how many, the
-  /// row of each in order(), and the place of such a row.
+  /// The vertices of active triangles, numbered: free ones in order(), then rims. Their number, the
+  /// row in order() of each number, and the number of such a row.
   int active_vertex_count() const { return order_.free_count + static_cast<int>(rims_.size()); }
   int active_row(int place) const {
     return place < order_.free_count ? place : rims_[place - order_.free_count];
@@ -85,21 +85,21 @@ class PoissonSystem {
   }
   int active_vertex(int place) const { return order_.vertex_of_row[active_row(place)]; }
 
-  /// Where a section adds what one of its active triangles gives to a vertex: a row of the
-  /// right-hand side. Those of rims are read by divergence() alone.
+  /// The row of the right-hand side to which a section adds the contribution of its active
+  /// triangles to a vertex. Only divergence() reads the rows of rims.
   int target(int section, int vertex) const;
   /// The row of a section that nobody reads.
   int spare_target(int section) const { return rows_.spare(section); }
   int right_hand_side_rows() const { return static_cast<int>(right_.rows()); }
 
-  /// L p as right-hand sides hold it.
+  /// L p, in the rows of a right-hand side.
   const Rows& rest_divergence() const { return rest_divergence_; }
 
-  /// Solves for the free rows of offsets, the displacement of all vertices, of which the handles'
-  /// rows are given. add(section, rows) adds the divergences of the active triangles of a section
-  /// to rows; from any thread, each section once. at_rest: what they all add where nothing moves.
-  /// Components with a ground come out with that vertex at rest. relaxation: how many times the way
-  /// from the free rows that are given to the solution is gone.
+  /// Solves for the free rows of offsets, the displacements of all vertices; the rows of handles
+  /// are given. add(section, rows) adds the divergences of the active triangles of a section to
+  /// rows; it is called from any thread, once for each section. at_rest: the sum of these at rest.
+  /// In a component with a ground vertex that vertex stays at rest. relaxation: over-relaxation,
+  /// x ← x₀ + relaxation (x* − x₀), with x₀ the given free rows and x* the solution.
   template <class Add>
   void solve(const Rows& at_rest, const Add& add, Rows& offsets, double relaxation = 1) {
     const bool corrected = correction_steps_ > 0 && relaxation != 1;
@@ -118,8 +118,8 @@ class PoissonSystem {
     }
   }
 
-  /// What the sections add to each vertex in all, less at_rest, as rows of the result: free
-  /// vertices in order(), and from rim_begin() on rims(). Valid until the next call of any kind.
+  /// The sum of the sections' contributions to each vertex minus at_rest. Rows: free vertices in
+  /// order(), and from rim_begin() on rims(). Valid until the next call of any member.
   template <class Add>
   const Rows& divergence(const Rows& at_rest, const Add& add) {
     run_tasks(&pool_, active_.sections(), [&](int section) {

@@ -19,18 +19,24 @@ namespace dd {
 
 namespace {
 
-constexpr int kFirst = 6, kLast = 30;  // functions
-constexpr int kSpare = 20;             // functions that make the last of them exact sooner
-constexpr size_t kRoughSamples = 250;
-constexpr int kRoughStep = 3, kFineStep = 1;  // functions that a map grows by
-constexpr size_t kCompared = 8;               // maps, left and right of which are compared
-constexpr size_t kLookedAtClosely = 6;
-constexpr double kAlikeMaps = 0.05;   // of the box, on average: as good as one
-constexpr double kConvincing = 0.07;  // stretch of a map that needs nothing else to compare with
-constexpr double kMeaningful = 0.14;  // of one that may guide
-constexpr int kVerticesPerFunction = 6;
-constexpr double kAlikeStretch = 0.05;  // twice what rough maps of symmetries have for 0
-constexpr double kReversed = 0.3;  // of the largest share of triangles that keep their orientation
+// Functional maps between the lowest eigenfunctions of the Laplacians, grown from few functions to
+// many (ZoomOut): of so many functions first and last,
+constexpr int kFirst = 6, kLast = 30;
+constexpr int kVerticesPerFunction = 6;  // and no more than a sixth of the smaller mesh's vertices;
+constexpr int kSpare = 20;  // further functions to start from, so that the last converge;
+constexpr int kRoughStep = 3, kFineStep = 1;  // functions added at a time, in both passes;
+constexpr size_t kRoughSamples = 250;         // samples of the rough pass.
+constexpr size_t kCompared = 8;               // maps of which the signs of functions are tried
+constexpr size_t kLookedAtClosely = 6;        // maps that are refined in the fine pass
+constexpr double kAlikeMaps = 0.05;  // of the box: maps with a smaller mean distance are one
+// The stretch of a map (stretch_of), 0 for an isometry: below the first a map is accepted without
+// comparing others, below the second it may guide the registration.
+constexpr double kConvincing = 0.07, kMeaningful = 0.14;
+// Maps are ambiguous if their stretches differ by less: the rough maps of an exact symmetry, whose
+// stretch should be 0, have up to half of it.
+constexpr double kAlikeStretch = 0.05;
+// A map that keeps the orientation of less than this part of what the best one keeps is dropped.
+constexpr double kReversed = 0.3;
 
 /// A placement and what is known of it.
 struct Start : Placement {

@@ -9,39 +9,43 @@
 
 namespace dd {
 
-/// Whether a body's surface still faces outwards, which in the inside of a bent joint, where it
-/// folds and goes through itself, it doesn't: there no side of it is the outside. What is outwards
-/// is told by the place that each point has at its back at rest, on the far side of the body, as
-/// that keeps its side when the surface about the point turns over.
+/// How far each point of a body's surface still faces outwards in a pose. In the crease of a bent
+/// joint the surface folds and passes through itself, so its normal no longer tells outside from
+/// inside. The reference direction of a point is therefore taken from its opposite point: where the
+/// ray against its normal leaves the body at rest. That point stays on the other side of the body
+/// also where the surface around the first one turns over.
 class FarSides {
  public:
-  /// A point of the surface, and what lies about it.
+  /// A point of the surface and the triangles around it.
   struct About {
     Eigen::RowVector3d place;
     PosedSurface::Patch patch;
   };
-  /// surface: at rest; outlives this. tree: over it. at_rest: of each of so many points; called
-  /// from several threads.
+  /// surface: at rest; must outlive this. tree: over its triangles. count: of points. at_rest:
+  /// gives point i at rest; called from several threads.
   FarSides(const PosedSurface& surface, const AabbTree& tree, int count,
            const std::function<About(int)>& at_rest, ThreadPool& pool);
 
-  /// How much patch i faces outwards in the pose: 1 as at rest, 0 where it is folded up or turned
-  /// over, continuously, the larger of two measures: how much of it points outwards, which what is
-  /// only squashed keeps, and how much is left of what one sees of it from outside, which bumps
-  /// that rise from it keep. 1 where nothing is at its back, as on a sheet.
+  /// Outwardness of patch i in [0, 1], continuous in the pose: 1 at rest, 0 where it is folded up
+  /// or turned over. It is max(a, b), with A the area of the patch projected along the direction
+  /// from its opposite point, and S its own area:
+  ///   a = (A / S) over the same at rest; squashing the patch in its plane doesn't change it,
+  ///   b = (A / d²) over the same at rest, d the distance to the opposite point; bumps that rise
+  ///       from the patch, and enlarge S alone, don't change it.
+  /// 1 for a point without an opposite point, as on a sheet.
   double outwardness(int i, const About& posed) const;
 
  private:
   struct Seen {
-    double area;      // of the patch, from outside
-    double distance;  // to the far side
+    double area;      // A
+    double distance;  // d
   };
   Seen seen(int i, const About& posed) const;
 
   struct FarSide {
     PointOnTriangle point;
     Seen at_rest{0, 0};
-    double share = 1;  // of the patch, that is seen at rest
+    double share = 1;  // A / S at rest
   };
   const PosedSurface& surface_;
   std::vector<FarSide> far_;

@@ -10,31 +10,35 @@
 
 namespace dd {
 
-/// Where vertices of a source that is being fitted are drawn to.
+/// The closest points c_i on the target that attract the vertices of a source being fitted.
 struct FitGoals {
+  /// border: the closest point is on the target's border though the vertex is not on the source's,
+  /// so the vertex has no counterpart.
   enum class Found : char { none, border, goal };
 
-  Positions places;          ///< c_i of each vertex, or where it is
-  std::vector<Found> found;  ///< border: only beyond the target's, while the vertex is at none
+  Positions places;  ///< c_i of each vertex; its own position where found is not goal
+  std::vector<Found> found;
 
-  /// Of each vertex 1 where it is about as near to its goal as most, falling to 0. Where it has
-  /// none it is held back, beyond a border by 1. least: of what is far from its goal.
+  /// The weight of each vertex' attraction, by the robust error of Geman and McClure: 1 at its
+  /// goal, 1/4 at eight times the median distance to a goal, or at least if that is larger. A
+  /// vertex without a closest point gets a small weight that holds it where it is; one whose
+  /// closest point is on a border gets 1.
   Eigen::VectorXd nearness(const Positions& now, double least) const;
 };
 
-/// Finds goals on a target: nearest points whose normals are less than a right angle off, within
-/// reach, on loose parts that may correspond (PartPairs). Keeps references to the target and the
-/// pool.
+/// Finds the closest points on a target: within reach, with a normal less than 90° off, and on a
+/// component that may correspond (PartPairs). Keeps references to the target and the pool.
 class GoalFinder {
  public:
   GoalFinder(const Mesh& source, const Mesh& target, double reach, ThreadPool& pool);
 
-  /// By each vertex' nearest point. now: the source where it is.
+  /// The closest point of each vertex. now: the source as fitted so far.
   FitGoals nearest(const Mesh& now) const;
 
-  /// Of that and of what of the target has its nearest point next to the vertex the mean, the
-  /// latter weighted by its area beside the vertex' own, at most as much: ends of the target draw
-  /// those of the source, which have no reason to go there by what is nearest to them.
+  /// The mean of the closest point of a vertex and of the target's vertices whose closest point on
+  /// the source is beside it. The latter are weighted by their area over the vertex' own, at most
+  /// 1. So the ends of the target attract those of the source, whose own closest points don't lead
+  /// there.
   FitGoals both_ways(const Mesh& now) const;
 
  private:
@@ -47,7 +51,7 @@ class GoalFinder {
   AabbTree tree_;
   LooseParts source_parts_, target_parts_;
   Borders source_borders_, target_borders_;
-  Positions target_normals_;  // as long as twice the area about the vertex
+  Positions target_normals_;  // with twice the area of the triangles at the vertex for a length
 };
 
 }  // namespace dd

@@ -14,7 +14,8 @@ namespace dd {
 
 namespace {
 
-/// How well a placement is settled, and whether by all or by what is near.
+/// Iterations and samples of the iterated closest points. by_near: distances have the robust weight
+/// of near_pull(), else all have the same.
 struct Effort {
   int rounds;
   size_t samples;
@@ -22,19 +23,24 @@ struct Effort {
 };
 constexpr Effort kQuick = {4, 60}, kWhole = {12, 300}, kNear = {40, 300, true},
                  kMeasured = {0, 300};
-constexpr double kNearby = 3;       // times the median distance: a pull falls to a quarter
-constexpr double kNearest = 0.001;  // of the box: a median that is taken for no less
-// Of the box, the larger median of what lies on another: akin heads have .004, animals .01.
+
+// Lengths are fractions of the diagonal of the target's box, if nothing else is said.
+constexpr double kNearby = 3;       // times the median distance: where the robust weight is 1/4
+constexpr double kNearest = 0.001;  // a smaller median counts as this
+// The largest median distance at which one surface is said to lie on the other. Heads of one family
+// have .004, animals of different species .01.
 constexpr double kLying = 0.006;
-constexpr double kMost = 0.9;       // of the samples of a part
-constexpr double kOfPart = 0.1;     // of its own box: what is tiny is near to much
-constexpr double kSettled = 0.002;  // of the misfit, that a round changes
-constexpr size_t kPromising = 8;    // after a quick look
-constexpr int kManyMarkers = 8;
-constexpr double kMarkerShare = 0.1;  // of each marker, of the weight of all samples
-constexpr double kAlike = 0.03;       // of the box: placements closer than that are one
+// A part lies on a whole if this fraction of its samples is near, where near is at most kLying and
+// at most kOfPart of the part's own box, as all of a tiny part is within kLying of a surface by
+// chance.
+constexpr double kMost = 0.9, kOfPart = 0.1;
+constexpr double kSettled = 0.002;  // stops when a round changes the misfit by less than this part
+constexpr size_t kPromising = 8;    // placements that are kept after the quick look
+constexpr int kManyMarkers = 8;     // so many fix a similarity without closest points
+constexpr double kMarkerShare = 0.1;  // weight of a marker; all samples together have 1
+constexpr double kAlike = 0.03;       // placements with a smaller mean distance count as one
 constexpr double kAnywhere = std::numeric_limits<double>::infinity();
-constexpr double kWorthTrying = 1.5;  // of the least misfit
+constexpr double kWorthTrying = 1.5;  // larger misfits than so many times the least are dropped
 
 Positions mirror(Positions points, bool whether) {
   if (whether) points.col(0) *= -1;

@@ -22,16 +22,22 @@ namespace dd {
 
 namespace {
 
-constexpr double kAnchoring = 1e-9;  // of the energy: keeps what nothing holds in its place
-constexpr double kLongestWave = 1;   // of the box
-constexpr double kShortestWave = 4;  // edges
-constexpr double kGuided = 0.4;      // of the box: longer waves go by the alignment
-constexpr double kWorthGuiding = 2;  // times the stretch of what leaves limbs behind
-constexpr double kBothWays = 0.1;    // of the box: longer waves go by what is nearest both ways
-constexpr double kLongestAfterGuide = 0.5;  // of the box, too
-constexpr double kTipsHeld = 0.1;           // of the box: longer waves take limbs to their tips
+// The weight that holds a vertex where it is, as a fraction of its diagonal entry of the energy:
+// keeps components that nothing attracts in place.
+constexpr double kAnchoring = 1e-9;
+// A stage lets deformations of a wavelength and longer follow the closest points. The wavelengths
+// shorten from the first stage to the last, as fractions of the target box's diagonal:
+constexpr double kLongestWave = 1;          // first stage
+constexpr double kLongestAfterGuide = 0.5;  // first stage after one that followed the alignment
+constexpr double kGuided = 0.4;             // the stage that follows the alignment's map
+constexpr double kBothWays = 0.1;           // longer ones use closest points of source and target
+constexpr double kTipsHeld = 0.1;    // longer ones hold paired tips of limbs at their partners
+constexpr double kShortestWave = 4;  // last stage, in mean edge lengths of the source
+// The fit that began with the map is taken if it stretches the source less than that by closest
+// points, or on shapes that lie on one another less than this many times as much.
+constexpr double kWorthGuiding = 2;
 
-/// What leads a fit before nearest points do.
+/// The first stage of a fit, before those by closest points.
 enum class Lead { nothing, markers, tips, map };
 
 /// The system over vertices and fourth points of the source, in a unit box.

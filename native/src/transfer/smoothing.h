@@ -8,12 +8,16 @@
 
 namespace dd {
 
-constexpr double kSmooth = 0.01;  ///< of the box: the length over which places are smooth
-constexpr double kEdge = 0.25;  ///< share of what is asked for at one place that is left, at least
-constexpr double kLeastMass = 1e-3;  ///< of the mean
+/// The smoothing length of corrections, as a fraction of the target box's diagonal.
+constexpr double kSmooth = 0.01;
+/// A smoothed correction is divided by the smoothed indicator of the vertices that asked for one,
+/// so that smoothing doesn't lessen it; by at least this value, as at the edge of such an area.
+constexpr double kEdge = 0.25;
+/// The least mass of a vertex, as a fraction of the mean mass: keeps D invertible.
+constexpr double kLeastMass = 1e-3;
 
-/// Systems (length² L + D) x = D values over a surface's free vertices, which give the smooth part
-/// of values there; D are masses.
+/// Systems (length² L + D) x = D values over the free vertices of a surface. Their solution is the
+/// smooth part of values; D is a diagonal matrix of masses.
 class Smoothing {
  public:
   /// laplacian: of the free vertices. All must outlive this.

@@ -14,17 +14,19 @@ namespace dd {
 
 namespace {
 
-// Of the box.
-constexpr double kLoose = 0.05;   // δ
-constexpr double kProbed = 0.1;   // reach of probes
-constexpr double kThick = 0.02;   // between layers
-constexpr double kSlight = 1e-4;  // of shifts: less has less of a say
+// Lengths as fractions of the diagonal of the target's box.
+constexpr double kLoose = 0.05;   // δ: farther from the body, the weight of a vertex falls as d⁻²
+constexpr double kProbed = 0.1;   // the farthest that a probe looks for the body
+constexpr double kThick = 0.02;   // the largest distance between two layers of a garment
+constexpr double kSlight = 1e-4;  // a shift of this length has half the weight of a long one
 
-constexpr double kNearer = 0.25;  // of its distance at rest that a point may come nearer
+// A point may lose this fraction of its distance at rest to the body, or to the layer below.
+constexpr double kNearer = 0.25;
+// Corrections are smoothed in the first rounds; the last ones move vertices one by one.
 constexpr int kSmoothRounds = 3, kSingleRounds = 4;
 
-/// The share of what is missing that is given in one round where the source still faces outwards
-/// by so much: all rounds together give most of it by a half, and next to nothing by a tenth.
+/// The fraction of the missing distance that one round restores, by the body's outwardness there
+/// (FarSides): over all rounds most of it at 1/2, nearly none at 1/10.
 double share_of(double outwardness) { return outwardness * outwardness * outwardness; }
 
 }  // namespace

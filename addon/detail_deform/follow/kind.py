@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What life.py asks of each kind of follower. The kinds are the modules bound (meshes that follow their handles) and
+fed (meshes that follow a source by a transfer)."""
+
+from typing import Any, Protocol
+
+
+class Frame(Protocol):
+    """What an object has to show at present: handles' motions or a source's pose, taken when it is made from an
+    object, a deformer or transfer, and a depsgraph."""
+    key: Any
+    """Equal keys mean equal results."""
+    is_hurried: bool
+    """After offsets(): whether it left out refinement because share was less than 1."""
+    is_draft: bool
+    """Whether it was computed by the draft of a deformer that is still being bound."""
+
+    def offsets(self, share):
+        """(3 n,) float32: the displacements of all vertices. share: of the time of a full update, what a drag leaves;
+        less than 1 may give a quicker, rougher result."""
+
+    def written(self, record, wait):
+        """Called when the offsets have been written to the mesh. record: the shown.Shown of that, to be completed.
+        wait: whether a result that takes longer must be there on return, as in a render."""
+
+
+class Kind(Protocol):
+    """One kind of follower."""
+    cache: Any
+    """The made.Cache of its deformers or transfers, by content."""
+    Frame: type
+    """See above."""
+
+    def has(self, ob):
+        """Whether the object is a follower of this kind."""
+
+    def settings(self, ob):
+        """The settings that hold its problem, the sentence that its panel shows."""
+
+    def content_of(self, ob):
+        """The signature of the content that its deformer or transfer was made for: the key in cache."""
+
+    def others(self, ob):
+        """Other objects whose meshes are part of that content."""
+
+    def is_live(self, ob):
+        """Whether it follows by itself, without Update being pressed."""
+
+    def is_outdated(self, ob):
+        """Whether check() is needed before the next frame."""
+
+    def check(self, ob):
+        """Compares the present content with the one that was bound. A sentence if the binding is lost, else ''."""
+
+    def is_fit(self, ob, depsgraph):
+        """Whether it can follow at present."""
+
+    def is_for(self, ob, entry):
+        """Whether an entry of the cache fits the object for certain, without comparing content."""
+
+    def job(self, ob):
+        """Starts to make the deformer or transfer in the background. Raises MeshProblem."""
+
+    def refuse(self, ob, sentence):
+        """Notes why it could not be made."""
+
+    def forget(self, ob):
+        """Removes all data of this kind from the object."""
+
+    def check_frame(self, ob):
+        """Raises MeshProblem for what would make a frame wrong, such as groups that are gone."""

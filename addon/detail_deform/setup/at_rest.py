@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Puts empties back: moved ones to the places where their handles are at rest, deleted ones into the scene."""
+
+import bpy
+import numpy as np
+from mathutils import Euler, Matrix, Vector
+
+from ..follow import binding, life
+from ..scene import handle_matrices, mesh_data, seen, skin
+from . import empties
+
+
+def bring_back(context, ob):
+    """Restores the deleted empties of an object's handles: links those that still exist in the file, and makes new ones
+    for the others."""
+    whereabouts = handle_matrices.Whereabouts(context.evaluated_depsgraph_get())
+    lost = [handle for handle in handle_matrices.with_empties(ob.detail_deform)
+            if whereabouts.is_gone(handle.target)]
+    for empty in {handle.target for handle in lost if handle.target}:
+        empties.collection_of(context, ob).objects.link(empty)
+    _make_anew(context, ob, [handle for handle in lost if handle.target is None])
+    empties.stand(context, ob, [(handle.target, None) for handle in lost])
+    binding.targets_changed(ob)
+    life.refresh(ob, context.evaluated_depsgraph_get(), force=True)
+
+
+def _make_anew(context, ob, handles):
+    """Gives handles new empties, at the places from which their motions are measured."""
+    for handle, part in zip(handles, _parts_of(ob, handles)):
+        place = ob.matrix_world @ Matrix((handle_matrices.pose_of(handle) @ handle_matrices.rest(handle)).tolist())
+        extent = next(empties.places(ob, [part], align=False))[1] if len(part) else 0.05 * max(ob.dimensions)
+        size = max(extent, 1e-3)
+        empty, _ = empties.make(context, ob, handle.name, empties.without_shear(place, Vector((1, 1, 1))), size, ob)
+        handle.target = handle.own_target = empty
+    context.view_layer.update()
+    depsgraph = context.evaluated_depsgraph_get()
+    for handle in handles:
+        handle_matrices.start_from(ob, handle, depsgraph)
+
+
+def _parts_of(ob, handles):
+    """[vertices] of each of some handles; no vertices if its group is missing."""
+    groups = [handle.vertex_group for handle in handles]
+    found = dict(zip(there := sorted({*groups} & {*ob.vertex_groups.keys()}), mesh_data.members_of_each(ob, there)))
+    return [found.get(group, np.empty(0, int)) for group in groups]
+
+
+def to_rest(context, ob, handles):
+    """Puts the handles' empties where they are without deformation."""
+    movable = [h for h in handles if h.target and handle_matrices.has_home(h)]
+    _pose_anew(context, ob, [h for h in movable if not h.target.animation_data])
+    by_depth = {}
+    for handle in movable:
+        by_depth.setdefault(_depth(handle.target), []).append(handle)
+    for depth in sorted(by_depth):  # parents first: they move their children
+        depsgraph = context.evaluated_depsgraph_get()
+        for handle in by_depth[depth]:
+            _put_home(ob, handle, depsgraph)
+        context.view_layer.update()
+
+
+def _put_home(ob, handle, depsgraph):
+    pose = skin.pose_of(ob, handle.target, depsgraph) @ handle_matrices.pose_of(handle)
+    place = ob.matrix_world @ Matrix((pose @ handle_matrices.home(handle)).tolist())
+    handle.target.matrix_world = empties.without_shear(place) if any(handle.pose_matrix) else place
+    mode = handle.target.rotation_mode
+    if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix can't tell whole turns apart
+        home = Euler(handle_matrices.home_euler(handle, mode), mode)
+        handle.target.rotation_euler = handle.target.rotation_euler.to_matrix().to_euler(mode, home)
+
+
+def _pose_anew(context, ob, handles):
+    """Stores the present motion of the handles' vertices by other modifiers, as their empties move there."""
+    if not seen.needs_measuring(ob):
+        return
+    depsgraph = context.evaluated_depsgraph_get()
+    parts = _parts_of(ob, handles)
+    handles = [handle for handle, part in zip(handles, parts) if len(part)]
+    for handle, motion in zip(handles, seen.motions(ob, list(filter(len, parts)), depsgraph)):
+        empties.set_pose(ob, handle, motion, depsgraph)
+
+
+def all_to_rest(context, ob):
+    """Puts all empties back, so that the mesh shows no deformation."""
+    to_rest(context, ob, list(ob.detail_deform.handles))
+    binding.go_home(ob, context.evaluated_depsgraph_get(), wait=bpy.app.background)
+
+
+def _depth(ob):
+    return 1 + _depth(ob.parent) if ob.parent else 0

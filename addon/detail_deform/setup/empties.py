@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Empties for handles: made where their vertices are seen, in a collection of the object's own."""
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+from ..scene import handle_matrices, mesh_data, skin, start, window
+
+_COLLECTION_NAME = "{} Handles"
+
+
+def _normals(triangles, points, parts):
+    """(parts, 3): area-weighted normals of the faces around each of some arrays of vertices, of length 1, or zero."""
+    part_of = np.full(len(points), -1)
+    for number, part in enumerate(parts):
+        part_of[part] = number
+    near = triangles[(part_of[triangles] >= 0).any(axis=1)]
+    a, b, c = np.moveaxis(points.astype(float)[near], 1, 0)
+    crosses = np.cross(b - a, c - a)
+    sums, areas = np.zeros((len(parts), 3)), np.zeros(len(parts))
+    corners = part_of[near]
+    for k in range(3):
+        # A face counts once for a part, also with several corners in it.
+        first = (corners[:, k] >= 0) & (corners[:, :k] != corners[:, k:k + 1]).all(axis=1)
+        np.add.at(sums, corners[first, k], crosses[first])
+        np.add.at(areas, corners[first, k], np.linalg.norm(crosses[first], axis=1))
+    # The normals of a ring around a limb cancel out; then there is no mean normal, nor if values aren't finite.
+    lengths = np.linalg.norm(sums, axis=1)  # in double precision, as single precision can't hold the squares
+    points_somewhere = lengths > 0.2 * areas
+    sums[~points_somewhere] = 0
+    return sums / np.where(points_somewhere, lengths, 1)[:, None]
+
+
+def places(ob, parts, align):
+    """Yields, for each of some arrays of vertices, (place, extent): a world matrix at the mean of their visible
+    positions, with its Z axis along their mean normal if align is set, and half the diagonal of their box."""
+    visible = start.visible(ob)
+    normals = _normals(mesh_data.triangles(ob.data), visible, parts) if align else np.zeros((len(parts), 3))
+    turned = ob.matrix_world.to_3x3().inverted_safe().transposed()
+    for part, normal in zip(parts, normals):
+        points = visible[part]
+        low, high, middle = (ob.matrix_world @ Vector(p) for p in (points.min(0), points.max(0), points.mean(0)))
+        place = Matrix.Translation(middle)
+        if normal.any():
+            place = place @ (turned @ Vector(normal)).to_track_quat('Z', 'Y').to_matrix().to_4x4()
+        yield place, 0.5 * (high - low).length
+
+
+def collection_of(context, ob):
+    """The collection of the object's empties, which lets a user hide them all at once. Made if it isn't there, or is
+    excluded from the view layer."""
+    settings = ob.detail_deform
+    shown = set(_shown_collections(context.view_layer.layer_collection))
+    if settings.handle_collection not in shown:
+        made = bpy.data.collections.new(_COLLECTION_NAME.format(ob.name))
+        parents = [c for c in ob.users_collection if c in shown]
+        (parents or [context.scene.collection])[0].children.link(made)
+        settings.handle_collection = made
+    return settings.handle_collection
+
+
+def _shown_collections(layer):
+    """The collections of a view layer to which local objects can be added and are visible then."""
+    if layer.exclude:
+        return
+    collection = layer.collection
+    if not (collection.library or collection.override_library):
+        yield collection
+    for child in layer.children:
+        yield from _shown_collections(child)
+
+
+def make(context, ob, name, place, size, parent, bone=""):
+    """(empty, place): place is where stand() is still to put it, or None. bone: of the parent, if that is an
+    armature."""
+    empty = bpy.data.objects.new(f"{ob.name} {name}", None)
+    empty.empty_display_type = 'ARROWS'
+    empty.empty_display_size = size
+    empty.show_in_front = True
+    collection_of(context, ob).objects.link(empty)
+    if parent:
+        empty.parent = parent
+        if bone:
+            empty.parent_type, empty.parent_bone = 'BONE', bone
+            return empty, place
+        empty.matrix_parent_inverse = parent.matrix_world.inverted_safe()
+    empty.matrix_basis = place
+    return empty, None
+
+
+def stand(context, ob, made):
+    """Places the empties that are parented to bones, whose matrices are known only after an update, and adds all of
+    them to the views in which the object is in Local View. made: the results of make()."""
+    waiting = [(empty, place) for empty, place in made if place is not None]
+    views = window.local_views(ob, context.evaluated_depsgraph_get())
+    if waiting or views:
+        context.view_layer.update()
+    for empty, place in waiting:
+        empty.matrix_world = place
+    for view in views:
+        for empty, _ in made:
+            empty.local_view_set(view, True)
+
+
+def make_on_skin(context, ob, name, place, size, posed_by, motion, depsgraph, parented=True):
+    """As make(), of an empty that stands where modifiers show its vertices. place: the world matrix for the vertices
+    without these modifiers. posed_by: of skin.Rigs. motion: of seen.motions(). parented: to the object, or to the bone
+    with the largest weight on the vertices."""
+    rig, means = posed_by
+    if motion is None and means:
+        motion = skin.mean_motion(ob, rig, means, depsgraph)
+    if motion is not None:
+        posed = ob.matrix_world @ Matrix(motion.tolist()) @ ob.matrix_world.inverted_safe() @ place
+        place = without_shear(posed, place.to_scale())
+    if not (means and parented):
+        return make(context, ob, name, place, size, ob if parented else None)
+    return make(context, ob, name, place, size, rig, max(means, key=means.get))
+
+
+def without_shear(place, scale=None):
+    """The matrix without shear, which an object can't have. scale: instead of its own."""
+    where, turn, size = place.decompose()
+    return Matrix.LocRotScale(where, turn, scale or size)
+
+
+def set_pose(ob, handle, motion, depsgraph):
+    handle_matrices.set_pose(handle, handle_matrices.pose_through(ob, handle.target, motion, depsgraph))

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Mirror images of handles across planes of the object."""
+
+import bpy
+import numpy as np
+from mathutils import Matrix, kdtree
+
+from ..scene import handle_matrices, mesh_data, seen, selection, skin, start
+from ..scene.mesh_data import MeshProblem
+from . import empties, handle_setup, region_setup
+
+# The largest distance of a vertex from the mirror image of another one, as a fraction of the mean edge length. Beyond
+# half an edge the nearest vertex would be a neighbour's.
+_MIRROR_TOLERANCE = 0.25
+
+
+class MirrorsItself(MeshProblem):
+    """The handle's mirror image is the handle."""
+
+
+def mirror_image(ob, chosen, axis):
+    """(image, missing): (n,) bool, the vertices at the mirror images of the chosen ones; [chosen vertices without
+    one]."""
+    points = mesh_data.positions(ob.data)
+    ends = points[mesh_data.edges(ob.data)]
+    if not len(ends) or not chosen.any():
+        return np.zeros(len(points), bool), np.flatnonzero(chosen).tolist()
+    near = _MIRROR_TOLERANCE * float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean())
+    mirrored = points[chosen]
+    mirrored[:, axis] *= -1
+    # Only vertices within the box of the images, as building the tree takes most of the time in a large mesh.
+    candidates = np.flatnonzero(((points >= mirrored.min(0) - near) & (points <= mirrored.max(0) + near)).all(axis=1))
+    tree = kdtree.KDTree(len(candidates))
+    for vertex, point in zip(candidates.tolist(), points[candidates].tolist()):
+        tree.insert(point, vertex)
+    tree.balance()
+    image, missing = np.zeros(len(points), bool), []
+    for vertex, point in zip(np.flatnonzero(chosen).tolist(), mirrored.tolist()):
+        _, other, distance = tree.find(point)
+        if other is not None and distance <= near:
+            image[other] = True
+        else:
+            missing.append(vertex)
+    return image, missing
+
+
+def _mirrored_empty(context, ob, handle, axis, name, image):
+    source = handle.target
+    depsgraph = context.evaluated_depsgraph_get()
+    # While it is posed, its home: that is where its mirror image has its own.
+    local = (handle_matrices.home(handle) if handle_matrices.has_rest(handle) else
+             handle_matrices.local_place(ob, handle, depsgraph))
+    flip = handle_matrices.reflection('XYZ'[axis])
+    place = ob.matrix_world @ Matrix((start.motion(ob, image) @ flip @ local @ flip).tolist())
+    size = source.empty_display_size
+    if source.parent_type == 'BONE' or source.parent == ob:
+        motion = seen.motions(ob, [np.flatnonzero(image)], depsgraph)[0]
+        made = empties.make_on_skin(context, ob, name, empties.without_shear(place), size, skin.Rigs(ob).of(image),
+                                    motion, depsgraph)
+    else:
+        motion = None
+        made = empties.make(context, ob, name, place, size, source.parent if source.parent_type == 'OBJECT' else None)
+    empties.stand(context, ob, [made])
+    empty = made[0]
+    empty.empty_display_type = source.empty_display_type
+    return empty, motion
+
+
+def _mirror_reach(ob, name, first, axis):
+    """Makes the union of a handle's reach and its mirror image the reach of both the handle and its mirror images,
+    which are the handles from index first on: as they are bound together, they deform symmetrically also where both
+    reach. A group of the user's is left unchanged."""
+    handles = ob.detail_deform.handles
+    source = handles[name]
+    if source.reach not in ob.vertex_groups:
+        return
+    reach = mesh_data.members(ob, source.reach)
+    sharing = [handle for handle in handles if handle.reach == source.reach]
+    region_setup.set_reach(ob, [*sharing, *list(handles)[first:]], reach | mirror_image(ob, reach, axis)[0])
+
+
+def _mirror_region(ob, image, axis):
+    """Adds its mirror image to a region that was made here, unless it contains the mirrored handle already."""
+    settings = ob.detail_deform
+    if not settings.region or settings.region != settings.own_region:
+        return
+    region = mesh_data.members(ob, settings.region)
+    if (region & image).sum() < image.sum():
+        group = ob.vertex_groups[settings.region]
+        selection.fill_group(ob, group, region | image | mirror_image(ob, region, axis)[0])
+
+
+def keep_symmetric(ob, handle, axis):
+    """Makes a handle whose vertices lie across the object's plane symmetric: mirror images of its vertices are added to
+    its group, and its motion is restricted to symmetric ones."""
+    if handle.vertex_group == handle.own_group and not handle_setup.shares_group(ob, handle, handle.own_group):
+        chosen = mesh_data.members(ob, handle.vertex_group)
+        selection.fill_group(ob, ob.vertex_groups[handle.own_group], chosen | mirror_image(ob, chosen, axis)[0])
+    handle.symmetric |= {'XYZ'[axis]}
+
+
+def _split_middle(ob, handle, letter, chosen, image):
+    """(n,) bool: the vertices on the plane, to which the handle and its mirror image would give two different motions.
+    They get a handle of their own, which moves by the mean of both. No vertices if the handle's group is not its
+    own."""
+    middle, own = chosen & image, handle.own_group
+    if not middle.any() or handle.vertex_group != own or handle_setup.shares_group(ob, handle, own):
+        return np.zeros(len(chosen), bool)
+    selection.fill_group(ob, ob.vertex_groups[own], chosen & ~middle)
+    name = handle.name
+    group_name = selection.new_group(ob, f"{name} Middle", middle).name
+    made = handle_setup.append(ob, group_name, None)
+    made.own_group = group_name
+    made.mirrors, made.symmetric = name, {letter}
+    if start.is_deformed(ob.data):
+        made.rest_matrix = start.motion(ob, middle, start.KEPT).ravel().tolist()
+    return middle
+
+
+def mirror(context, ob, handle, axis, symmetric, reaches=True):
+    """Adds the mirror image of a handle across the object's own plane; axis: 0, 1 or 2. symmetric: it gets
+    no empty but mirrors the other's motion. reaches: whether its reach, or the region, is to hold that, too.
+
+    Returns a sentence about vertices that have no counterpart, or ''."""
+    name, letter = handle.name, 'XYZ'[axis]
+    if handle.vertex_group not in ob.vertex_groups or handle.target is None:
+        raise MeshProblem(f"Handle '{name}' has no vertex group or no empty, so there is nothing to mirror.")
+    if handle.mirrors:
+        raise MeshProblem(f"Handle '{name}' mirrors another one itself: mirror that one.")
+    if ob.mode == 'EDIT':
+        ob.update_from_editmode()
+    chosen = mesh_data.members(ob, handle.vertex_group)
+    image, missing = mirror_image(ob, chosen, axis)
+    if not image.any():
+        raise MeshProblem(f"No vertex of handle '{name}' has a counterpart across the object's {letter} axis: "
+                          "the mesh is not symmetric there, or not about its origin.")
+    if (image & chosen).sum() > 0.5 * chosen.sum():
+        raise MirrorsItself(f"Handle '{name}' lies across the object's {letter} axis: its mirror image is itself.")
+    # The list of handles is another one once one is added.
+    turns, falloff, reach, count = handle.turns, handle.falloff, handle.reach, len(ob.detail_deform.handles)
+    if symmetric:
+        image &= ~_split_middle(ob, handle, letter, chosen, image)
+        handle = None
+        if not image.any():
+            return (f"Nothing of '{name}' but what lies on the plane has a counterpart across the object's {letter} "
+                    "axis.")
+    flipped = bpy.utils.flip_name(name)
+    group_name = selection.new_group(ob, flipped if flipped != name else f"{name} Mirrored", image).name
+    empty, motion = (None, None) if symmetric else _mirrored_empty(context, ob, handle, axis, group_name, image)
+    made = handle_setup.append(ob, group_name, empty)
+    made.own_group = group_name
+    made.turns, made.falloff = turns, falloff
+    if reaches and reach:
+        _mirror_reach(ob, name, count, axis)
+    elif reaches:
+        _mirror_region(ob, image, axis)
+    if symmetric:
+        made.mirrors, made.mirror_axis = name, letter
+        if start.is_deformed(ob.data):  # where its vertices start, so that it takes the mirrored pose from there
+            made.rest_matrix = start.motion(ob, image, start.KEPT).ravel().tolist()
+    else:
+        empties.set_pose(ob, made, motion, context.evaluated_depsgraph_get())
+        handle_setup.note_homes(context, ob, [made], [np.flatnonzero(image)])
+    if not missing:
+        return ""
+    return (f"{len(missing):,} of {chosen.sum():,} vertices of '{name}' (such as vertex {missing[0]}) have no "
+            f"counterpart across the object's {letter} axis and were left out.")
