@@ -132,6 +132,16 @@ def activate(ob):
     return ob
 
 
+def in_a_collection(*objects, name="Hidden"):
+    """Moves objects of the scene's own collection into a new one inside of it, which is returned."""
+    scene, made = bpy.context.scene.collection, bpy.data.collections.new(name)
+    scene.children.link(made)
+    for ob in objects:
+        made.objects.link(ob)
+        scene.objects.unlink(ob)
+    return made
+
+
 def group(ob, name, members):
     made = ob.vertex_groups.new(name=name)
     made.add([int(v) for v in members], 1.0, 'REPLACE')

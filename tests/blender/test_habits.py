@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from conftest import activate, bind, group, make_strip, own, pull, update
+from conftest import activate, bind, group, in_a_collection, make_strip, own, pull, update
 
 pytestmark = pytest.mark.thorough
 SIZE = np.sqrt(2)
@@ -308,11 +308,7 @@ def disable_in_viewports(ob):
 
 
 def exclude_collection(ob):
-    made = bpy.data.collections.new("Kept")
-    bpy.context.scene.collection.children.link(made)
-    for each in [each for each in bpy.context.scene.collection.objects if each.type == 'MESH']:
-        made.objects.link(each)
-        bpy.context.scene.collection.objects.unlink(each)
+    made = in_a_collection(*[each for each in bpy.context.scene.collection.objects if each.type == 'MESH'], name="Kept")
     layer = bpy.context.view_layer.layer_collection.children[made.name]
     layer.exclude = True
     update()

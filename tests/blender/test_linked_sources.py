@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 
-from conftest import activate, add_empty, evaluated, group, new_scene, own, refusal, update
+from conftest import activate, add_empty, evaluated, group, in_a_collection, new_scene, own, refusal, update
 from rigs import make_rigged
 from test_transfer import add_key, copy_of_rest, raw_strip
 
@@ -21,11 +21,7 @@ def library(tmp_path):
     add_key(source, "Fat", own(source) * (1, 1.5, 1.5))
     source.data.shape_keys.key_blocks["Fat"].driver_add('value').driver.expression = "0.25"
     source.modifiers.new("Subdivision", 'SUBSURF')
-    collection = bpy.data.collections.new("Character")
-    bpy.context.scene.collection.children.link(collection)
-    for ob in (source, rig):
-        collection.objects.link(ob)
-        bpy.context.scene.collection.objects.unlink(ob)
+    in_a_collection(source, rig, name="Character")
     path = str(tmp_path / "library.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     new_scene()

@@ -202,7 +202,6 @@ def test_the_scene_is_evaluated_as_often_for_many_as_for_few(plane):
         counts.append((len(handles), these))
         bpy.data.objects.remove(bpy.context.active_object)
         activate(plane)
-        bpy.ops.object.detail_deform_handle_remove()
         while plane.detail_deform.handles:
             bpy.ops.object.detail_deform_handle_remove()
     (few, of_few), (many, of_many) = counts

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from conftest import activate, bind, evaluated, group, make_strip, own, refusal, update
+from conftest import activate, bind, evaluated, group, in_a_collection, make_strip, own, refusal, update
 
 
 def make_pair(n=25):
@@ -175,11 +175,7 @@ def test_a_hidden_base_is_followed_in_renders(hide, tmp_path):
         pose(angle)
         modifier.keyframe_insert('angle', frame=frame)
     if hide == 'collection':
-        collection = bpy.data.collections.new("Hidden")
-        bpy.context.scene.collection.children.link(collection)
-        collection.objects.link(base)
-        bpy.context.scene.collection.objects.unlink(base)
-        collection.hide_render = True
+        in_a_collection(base).hide_render = True
     bpy.context.scene.frame_set(1)
     bind(activate(ob))
     if hide != 'collection':
@@ -399,11 +395,7 @@ def test_a_hidden_cage_with_modifiers_is_bound(hide):
     smooth.levels = smooth.render_levels = 2
     ob.detail_deform.base_object = base
     if hide == 'collection':
-        hidden = bpy.data.collections.new("Hidden")
-        bpy.context.scene.collection.children.link(hidden)
-        hidden.objects.link(base)
-        bpy.context.scene.collection.objects.unlink(base)
-        hidden.hide_viewport = True
+        in_a_collection(base).hide_viewport = True
     else:
         base.hide_viewport = True
     update()

@@ -6,7 +6,7 @@ import numpy as np
 
 import pytest
 
-from conftest import (activate, bind, data_blocks, evaluated, make_strip,
+from conftest import (activate, bind, data_blocks, evaluated, in_a_collection, make_strip,
                       members, own, pull, refusal, select, update)
 
 
@@ -127,11 +127,7 @@ def test_from_an_empty_to_edit_mode_where_there_is_one(how):
     elif how == 'unselectable':
         ob.hide_select = True
     elif how == 'in a hidden collection':
-        collection = bpy.data.collections.new("Hidden")
-        bpy.context.scene.collection.children.link(collection)
-        collection.objects.link(ob)
-        bpy.context.scene.collection.objects.unlink(ob)
-        collection.hide_viewport = True
+        in_a_collection(ob).hide_viewport = True
     update()
     if bpy.ops.object.detail_deform_mesh_activate.poll():
         assert bpy.ops.object.detail_deform_mesh_activate(edit=True) == {'FINISHED'}

@@ -50,7 +50,6 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
     stay: BoolProperty(
         name="Stay in Edit Mode",
         description="Once the empty was moved in the window go on in Edit Mode, for the next pull, not with the empty")
-
     falloff: EnumProperty(**FALLOFF)
 
     _ob = _choice = _pull = _stages = _progress = _view = None

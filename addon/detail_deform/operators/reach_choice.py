@@ -57,7 +57,9 @@ class ReachChoice:
     @property
     def smoothness(self):
         """The order of the energy by which it falls off."""
-        return self.falloff != 'MESH' and not self.shared and FALLOFF_ORDERS[self.falloff] or self._of_mesh
+        if self.falloff == 'MESH' or self.shared:
+            return self._of_mesh
+        return FALLOFF_ORDERS[self.falloff]
 
     def circle(self, region):
         """Where the drawing's circle is in a region, (middle, radius) in pixels; None where it is not shown."""

@@ -26,9 +26,11 @@ def bring_back(context, ob):
 
 def _make_anew(context, ob, handles):
     """Gives handles new empties, at the places from which their motions are measured."""
-    for handle, part in zip(handles, _parts_of(ob, handles)):
+    parts = _parts_of(ob, handles)
+    placed = empties.places(ob, list(filter(len, parts)), align=False)
+    for handle, part in zip(handles, parts):
         place = ob.matrix_world @ Matrix((handle_matrices.pose_of(handle) @ handle_matrices.rest(handle)).tolist())
-        extent = next(empties.places(ob, [part], align=False))[1] if len(part) else 0.05 * max(ob.dimensions)
+        extent = next(placed)[1] if len(part) else 0.05 * max(ob.dimensions)
         size = max(extent, 1e-3)
         empty, _ = empties.make(context, ob, handle.name, empties.without_shear(place, Vector((1, 1, 1))), size, ob)
         handle.target = handle.own_target = empty

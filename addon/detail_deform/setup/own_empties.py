@@ -14,11 +14,12 @@ def make(context, ob):
         shared = {handle.target for handle in other.detail_deform.handles}
         copies = {empty: _copy(context, ob, empty)
                   for empty in {handle.target for handle in settings.handles if handle.target} & shared}
+        instead = {other: ob, **copies}
         for empty, copy in copies.items():
             place = ob.matrix_world @ other.matrix_world.inverted_safe() @ empty.matrix_world
-            if empty.parent not in {other, *copies}:  # else the rest is as it was, so that its animation goes on
+            if empty.parent not in instead:  # else the rest is as it was, so that its animation goes on
                 copy.matrix_world = place
-            _lead_to(copy, {other: ob, **copies})
+            _lead_to(copy, instead)
         for handle in settings.handles:
             if handle.target in copies:
                 handle.target = handle.own_target = copies[handle.target]

@@ -62,7 +62,6 @@ class Pull:
         """radius: of the region; 0: by the size of the selection. around: of selected_surroundings(), if known.
         falloff: of options.FALLOFFS, of what it doesn't share with handles that there were before."""
         self.radius, self.remarks, self._falloff = radius, [], falloff
-        self._smoothness = ob.detail_deform.smoothness
         self._context, self._ob, self._around = context, ob, around
         self._had_modifier = node_group.find_modifier(ob) is not None
         self._count, self._index = len(ob.detail_deform.handles), ob.detail_deform.handle_index
@@ -172,8 +171,6 @@ class Pull:
         if not self._had_modifier:
             node_group.remove_modifier(ob)
         settings.handle_index = self._index
-        if settings.smoothness != self._smoothness:
-            settings.smoothness = self._smoothness
         if earlier:
             binding.restore(ob, earlier)
         self._context.view_layer.objects.active = ob

@@ -38,10 +38,12 @@ def set_reach(ob, handles, members):
 
 
 class Kept(NamedTuple):
-    """The settings of the region and of reaches, and the vertices of the groups that were made for them."""
+    """The settings of the region and of reaches, the mesh's falloff, and the vertices of the groups that were made for
+    them."""
     region: str
     own_region: str
     pulled_region: bool
+    smoothness: int
     reaches: list  # (reach, own_reach) of each handle
     members: dict  # of each group its vertices
 
@@ -54,7 +56,7 @@ def kept(ob):
     if groups and ob.mode == 'EDIT':
         ob.update_from_editmode()
     members = dict(zip(groups, mesh_data.members_of_each(ob, groups)))
-    return Kept(settings.region, settings.own_region, settings.pulled_region, reaches, members)
+    return Kept(settings.region, settings.own_region, settings.pulled_region, settings.smoothness, reaches, members)
 
 
 def restore(ob, present):
@@ -63,6 +65,8 @@ def restore(ob, present):
         remove_own(ob)
     settings.own_region, settings.region = present.own_region, present.region
     settings.pulled_region = present.pulled_region
+    if settings.smoothness != present.smoothness:
+        settings.smoothness = present.smoothness
     for handle, (reach, own) in zip(settings.handles, present.reaches):
         if handle.own_reach != own and handle.own_reach in ob.vertex_groups:
             ob.vertex_groups.remove(ob.vertex_groups[handle.own_reach])

@@ -160,9 +160,9 @@ def expect(what, condition):
     check(what, condition())
 
 
-def call_pull(**given):
+def call_pull():
     with in_view():
-        bpy.ops.object.detail_deform_pull('INVOKE_DEFAULT', **given)
+        bpy.ops.object.detail_deform_pull('INVOKE_DEFAULT')
     yield from settle()
 
 
