@@ -20,6 +20,10 @@
 #include <string>
 #include <vector>
 
+#include "deform/mesh_transfer.h"
+#include "match/points_of_fit.h"
+#include "match/registration.h"
+#include "match/triangle_match.h"
 #include "mesh/aabb_tree.h"
 #include "mesh/point_grid.h"
 #include "mesh/topology.h"
@@ -27,9 +31,6 @@
 #include "mesh/unit_box.h"
 #include "mesh_files.h"
 #include "support/rotations.h"
-#include "transfer/mesh_transfer.h"
-#include "transfer/registration.h"
-#include "transfer/triangle_match.h"
 
 namespace {
 

@@ -45,7 +45,7 @@ dd::UpdateOptions levels(int count) {
 
 /// As the add-on does it unless told otherwise, but for the number of iterations.
 dd::UpdateOptions refined(int iterations) {
-  dd::UpdateOptions options = by(dd::MethodKind::transfer);
+  dd::UpdateOptions options = by(dd::MethodKind::detail);
   options.of_method.refined = {iterations, 0.009, 0.05};
   return options;
 }
@@ -57,8 +57,8 @@ std::vector<Row> rows() {
           {"  3 levels", levels(3)},
           {"displacement volumes", by(MethodKind::volumes)},
           {"gradient", by(MethodKind::gradient)},
-          {"transfer, whole S", by(MethodKind::transfer, false)},
-          {"transfer, rotations", by(MethodKind::transfer)},
+          {"transfer, whole S", by(MethodKind::detail, false)},
+          {"transfer, rotations", by(MethodKind::detail)},
           {"  smooth at the rims", refined(0)},
           {"  refined, 1", refined(1)},
           {"  refined, 2", refined(2)},
@@ -68,7 +68,7 @@ std::vector<Row> rows() {
 }
 
 std::vector<Row> compared_rows() {
-  return {{"transfer, rotations", by(dd::MethodKind::transfer)},
+  return {{"transfer, rotations", by(dd::MethodKind::detail)},
           {"  smooth at the rims", refined(0)},
           {"  refined, 4", refined(4)},
           {"  refined, 8", refined(8)}};

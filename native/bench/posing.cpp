@@ -143,7 +143,7 @@ void left_out(const std::vector<std::string>& files, int count, int threads) {
     const std::vector<double> matrices = motions_to(mesh, poses[left], roles, count);
     for (const bool by_examples : {true, false}) {
       const dd::UpdateOptions options =
-          options_by(by_examples ? dd::MethodKind::examples : dd::MethodKind::transfer);
+          options_by(by_examples ? dd::MethodKind::examples : dd::MethodKind::detail);
       const dd::Positions found = mesh.positions + deformer.update(matrices.data(), options);
       errors[by_examples].push_back(100 * (found - poses[left]).rowwise().norm().mean() / size);
       for (int round = 0; round < 20; ++round)
@@ -190,11 +190,11 @@ void along_an_arc(int threads) {
       return milliseconds([&] { deformer.update(motion.data(), options_by(method)); });
     };
     const double preparing = update(0, dd::MethodKind::examples);
-    update(0, dd::MethodKind::transfer);
+    update(0, dd::MethodKind::detail);
     std::vector<double> times, of_transfer;
     for (int step = 1; step <= 24; ++step) {
       times.push_back(update(5 * step, dd::MethodKind::examples));
-      of_transfer.push_back(update(5 * step, dd::MethodKind::transfer));
+      of_transfer.push_back(update(5 * step, dd::MethodKind::detail));
     }
     std::sort(times.begin(), times.end());
     std::printf("  %2d examples  %7.1f  %7.2f %7.2f, detail transfer %.2f\n", count, preparing,

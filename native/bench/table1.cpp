@@ -12,8 +12,8 @@
 #endif
 
 #include "cases.h"
+#include "reconstruction/fourth_points.h"
 #include "solver/fill_reducing_order.h"
-#include "surface/fourth_points.h"
 #include "systems/free_block.h"
 #include "systems/operators.h"
 #include "systems/tets.h"

@@ -12,12 +12,12 @@
 #include <memory>
 #include <vector>
 
+#include "deform/mesh_transfer.h"
+#include "match/registration.h"
+#include "match/triangle_match.h"
 #include "meshes.h"
 #include "timing.h"
-#include "transfer/mesh_transfer.h"
-#include "transfer/nearest_points.h"
-#include "transfer/registration.h"
-#include "transfer/triangle_match.h"
+#include "wear/nearest_points.h"
 
 namespace {
 

@@ -163,7 +163,7 @@ def test_a_null_pointer_stands_for_a_struct_of_zeros(native, structs, strip):
         assert lib.dd_job_take_transfer(job, transfer) == 0
         lib.dd_job_free(job)
         out, pose = np.empty_like(strip.positions), (strip.positions ** 2 / 20).astype(np.float32)
-        options = structs.ApplyOptions() if zeros else None
+        options = structs.ApplyOptions(gradients='WHOLE')
         assert lib.dd_transfer_apply(transfer, pose, len(pose), options, out, len(out)) == 0
         lib.dd_transfer_free(transfer)
         markers = np.int32([[0, 0], [7, 7], [191, 191]])

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The add-on's folders know those below them alone, as their imports say."""
+"""The folders of the add-on and of the core know those below them alone, as their imports and includes say."""
 
 import ast
+import re
 
 import pytest
 from conftest import ADDON
@@ -106,3 +107,40 @@ def test_both_kinds_of_what_follows_have_all_that_their_life_asks_for():
         names = {name for node in tree(kind).body for name in (
             [target.id for target in node.targets] if isinstance(node, ast.Assign) else [getattr(node, 'name', None)])}
         assert asked <= names, asked - names
+
+
+# The core's, from the bottom up; what is not in the row above a folder may be beside it, and they don't know each other.
+CORE = ADDON.parents[1] / 'native' / 'src'
+CORE_KNOWS = {
+    'support': (), 'mesh': ('support',), 'kernels': ('support', 'mesh'), 'solver': ('support', 'kernels'),
+    'systems': ('support', 'mesh', 'kernels', 'solver'),
+    'reconstruction': ('support', 'mesh', 'kernels', 'solver', 'systems'),
+    'base': ('support', 'mesh', 'kernels', 'solver', 'systems', 'reconstruction'),
+    'methods': ('support', 'mesh', 'kernels', 'solver', 'systems', 'reconstruction', 'base'),
+    'match': ('support', 'mesh', 'kernels', 'solver', 'systems', 'reconstruction'),
+    'transfer': ('support', 'mesh', 'kernels', 'solver', 'systems', 'reconstruction'),
+    'wear': ('support', 'mesh', 'kernels', 'solver', 'systems', 'reconstruction', 'transfer'),
+}
+CORE_FRONT = ('deform', 'api')  # each knows all above
+
+
+def core_arrows():
+    found = {}
+    for path in sorted(CORE.rglob('*')):
+        if path.suffix in {'.h', '.cpp'}:
+            room = path.relative_to(CORE).parts[0]
+            for other in re.findall(r'^#include "(\w+)/', path.read_text(encoding='utf-8'), re.MULTILINE):
+                if other not in {room, 'detail_deform'}:
+                    found.setdefault(room, set()).add(other)
+    return found
+
+
+def test_the_core_has_those_folders():
+    assert {path.name for path in CORE.iterdir() if path.is_dir()} == {*CORE_KNOWS, *CORE_FRONT}
+
+
+def test_a_folder_of_the_core_knows_those_below_it_alone():
+    arrows = core_arrows()
+    assert not {room: others - set(CORE_KNOWS[room]) for room, others in arrows.items()
+                if room in CORE_KNOWS and others - set(CORE_KNOWS[room])}
+    assert 'api' not in arrows['deform']

@@ -329,7 +329,7 @@ def test_a_transfer_tells_its_progress_and_can_be_cancelled(native):
 def test_offsets_are_positions_less_those_at_rest(native, structs, strip):
     transfer = native.Transfer(mesh(strip), mesh(strip))
     pose, out = bent(strip.positions), np.empty_like(strip.positions)
-    options = structs.ApplyOptions(values='OFFSETS')
+    options = structs.ApplyOptions(gradients='WHOLE', values='OFFSETS')
     assert native.library().dd_transfer_apply(transfer._handle, pose, len(pose), options, out, len(out)) == 0
     assert np.allclose(strip.positions + out, transfer.apply(pose), atol=1e-5) and np.abs(out).max() > 1
 

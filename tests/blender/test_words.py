@@ -152,7 +152,7 @@ def test_progress_is_said_in_steps(part):
 def test_every_stage_of_a_bind_has_its_step(part):
     sources = REPOSITORY / 'native' / 'src'
     stages = {"Starting"}
-    for path in ('deform/deformer.cpp', 'surface/bound_surface.cpp', 'solver/sparse_cholesky.h'):
+    for path in ('deform/deformer.cpp', 'base/bound_surface.cpp', 'solver/sparse_cholesky.h'):
         source = (sources / path).read_text(encoding='utf-8')
         stages.update(re.findall(r'(?:report|stage|factored)\b[^;]*?"([A-Z][^"]*)"', source))
     assert stages == set(part('follow.words').STEP_OF_STAGE)

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "transfer/alignment.h"
+#include "match/alignment.h"
 
 #include <cmath>
 
 #include "catch.h"
 #include "creatures.h"
-#include "transfer/registration.h"
-#include "transfer/triangle_match.h"
+#include "match/registration.h"
+#include "match/triangle_match.h"
 
 using namespace dd;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/base_proxy.h"
+#include "base/base_proxy.h"
 
 #include "cases.h"
 #include "catch.h"

@@ -115,7 +115,7 @@ TEST_CASE("the crease at a handle's rim goes with the edge length") {
     const double at_120 = measured(fine, test::usual(refine), rim_angle);
     CHECK(at_120 < 7);
     CHECK(at_120 < 0.75 * at_60);
-    CHECK(measured(fine, test::by(MethodKind::transfer, true, refine), rim_angle) > 2 * at_120);
+    CHECK(measured(fine, test::by(MethodKind::detail, true, refine), rim_angle) > 2 * at_120);
   }
 }
 
@@ -127,7 +127,7 @@ TEST_CASE("a single vertex that is pulled stands on no spike") {
     const double at_120 = measured(fine, test::usual(refine), slope_at_handle);
     CHECK(at_60 < 20);
     CHECK(at_120 < at_60);
-    CHECK(measured(fine, test::by(MethodKind::transfer, true, refine), slope_at_handle) > 45);
+    CHECK(measured(fine, test::by(MethodKind::detail, true, refine), slope_at_handle) > 45);
   }
 }
 

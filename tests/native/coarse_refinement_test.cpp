@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/coarse_refinement.h"
+#include "reconstruction/coarse/coarse_refinement.h"
 
 #include "cases.h"
 #include "catch.h"
 #include "deform.h"
 #include "mesh/measures.h"
 #include "mesh/unit_box.h"
-#include "surface/coarse_surface.h"
+#include "reconstruction/coarse/coarse_surface.h"
 
 using namespace dd;
 using test::Affine;

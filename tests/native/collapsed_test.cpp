@@ -4,8 +4,8 @@
 
 #include "catch.h"
 #include "deform.h"
+#include "deform/mesh_transfer.h"
 #include "limbs.h"
-#include "transfer/mesh_transfer.h"
 
 using namespace dd;
 using test::largest_difference;
@@ -55,7 +55,7 @@ TEST_CASE("an outside base that is a line leaves the surface at rest") {
   Deformer deformer(mesh, roles, 0, options);
   for (int refine : {0, 4}) {
     const Positions offsets =
-        deformer.update(nullptr, test::by(MethodKind::transfer, true, refine), &options.base);
+        deformer.update(nullptr, test::by(MethodKind::detail, true, refine), &options.base);
     CHECK(offsets.cwiseAbs().maxCoeff() < 1e-12);
   }
 }

@@ -21,7 +21,7 @@ inline UpdateOptions by(MethodKind method, bool rotation_only = true, int refine
 
 /// What the public interface does by default, but for the number of iterations.
 inline UpdateOptions usual(int refine = 4) {
-  UpdateOptions options = by(MethodKind::transfer, true, refine);
+  UpdateOptions options = by(MethodKind::detail, true, refine);
   options.of_method.refined.rim_smoothing = 0.05;
   return options;
 }
@@ -52,7 +52,7 @@ inline Positions surface(Deformer& deformer, const std::vector<Affine>& handles,
 /// By the paper's linear method.
 inline Positions surface(Deformer& deformer, const std::vector<Affine>& handles,
                          bool rotation_only = true) {
-  return surface(deformer, handles, by(MethodKind::transfer, rotation_only));
+  return surface(deformer, handles, by(MethodKind::detail, rotation_only));
 }
 
 /// The surface at the end of a drag of one handle through the motions from 0 to 1, which has no

@@ -52,7 +52,7 @@ TEST_CASE("draft: it is near the result, by each method that a frame can show", 
     const auto draft = draft_of(one);
     const double box = bounding_box_diagonal(one.mesh.positions);
     CHECK(draft->coarse().mesh().vertex_count() < 0.3 * one.mesh.vertex_count());
-    for (const auto& options : {test::usual(), test::usual(8), test::by(MethodKind::transfer),
+    for (const auto& options : {test::usual(), test::usual(8), test::by(MethodKind::detail),
                                 test::by(MethodKind::variational), test::by(MethodKind::gradient),
                                 test::by(MethodKind::normal), test::shown_base()}) {
       const Eigen::VectorXd error = (surface_of(*draft, {one.motion}, options) -

@@ -137,7 +137,7 @@ TEST_CASE("EXAMPLES, refined: beyond them the surface turns as by detail transfe
   };
   const double by_examples = error(refined(MethodKind::examples));
   CHECK(by_examples < 0.8 * error(refined(MethodKind::examples, 0)));
-  CHECK(by_examples < 0.8 * error(refined(MethodKind::transfer)));
+  CHECK(by_examples < 0.8 * error(refined(MethodKind::detail)));
   // The handles are met.
   const Positions result = surface(deformer, motions, refined(MethodKind::examples));
   for (size_t h = 0; h < motions.size(); ++h)
@@ -155,7 +155,7 @@ TEST_CASE("EXAMPLES, refined, without any goes where detail transfer goes") {
   std::vector<Affine> motions;
   for (double angle : {0.2, 0.4, 0.6})
     motions.push_back(test::rotation_about(angle, {1, 0, 0}, {0, 0, 0.4}, {0, 0.1 * angle, 0}));
-  UpdateOptions transfer = refined(MethodKind::transfer, 12);
+  UpdateOptions transfer = refined(MethodKind::detail, 12);
   transfer.base_deformer = BaseDeformer::linear;
   const Positions there = surface(deformer, motions, transfer);
   const Positions here = surface(deformer, motions, refined(MethodKind::examples, 12));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Which side of a body's surface is outside, in a pose.
-#include "transfer/far_sides.h"
+#include "wear/far_sides.h"
 
 #include <random>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "transfer/fit_goals.h"
+#include "match/fit_goals.h"
 
 #include "catch.h"
 #include "mesh/triangles.h"

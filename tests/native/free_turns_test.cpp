@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/free_turns.h"
+#include "base/free_turns.h"
 
 #include "cases.h"
 #include "catch.h"
@@ -238,7 +238,7 @@ TEST_CASE("handles of one vertex, of a part of its own and of all methods may on
   limb.roles[70 * 60] = 0;
   limb.roles[40 * 60 + 7] = 1;
   Deformer deformer(limb.mesh, limb.roles, 2, {});
-  for (MethodKind method : {MethodKind::transfer, MethodKind::variational, MethodKind::normal,
+  for (MethodKind method : {MethodKind::detail, MethodKind::variational, MethodKind::normal,
                             MethodKind::gradient, MethodKind::volumes, MethodKind::examples}) {
     UpdateOptions options = test::by(method);
     options.free = {1, 1};

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "transfer/functional_map.h"
+#include "match/functional_map.h"
 
 #include <cmath>
 
 #include "catch.h"
+#include "match/spectral_basis.h"
 #include "meshes.h"
-#include "transfer/spectral_basis.h"
 
 using namespace dd;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/gradients.h"
+#include "reconstruction/gradients.h"
 
 #include <Eigen/Dense>
 #include <numeric>

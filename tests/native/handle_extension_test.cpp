@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/handle_extension.h"
+#include "base/handle_extension.h"
 
 #include <Eigen/Dense>
 
+#include "base/base_surface.h"
+#include "base/harmonic_blend.h"
 #include "catch.h"
 #include "deform.h"
 #include "dense_reference.h"
 #include "meshes.h"
-#include "surface/base_surface.h"
-#include "surface/harmonic_blend.h"
 #include "systems/free_block.h"
 
 using namespace dd;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Vertices of many neighbours, which the energy's matrix would couple with one another.
+#include "base/base_surface.h"
 #include "deform.h"
 #include "dense_reference.h"
-#include "surface/base_surface.h"
 #include "systems/handle_solve.h"
 #include "systems/polyharmonic_system.h"
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "transfer/limb_tips.h"
+#include "match/limb_tips.h"
 
 #include <algorithm>
 
 #include "catch.h"
 #include "creatures.h"
-#include "transfer/alignment.h"
-#include "transfer/registration.h"
+#include "match/alignment.h"
+#include "match/registration.h"
 
 using namespace dd;
 

@@ -111,7 +111,7 @@ TEST_CASE(
   Deformer deformer(plane.mesh, roles, 2, {});
   const Affine motion = test::rotation_about(0.7, {1, 2, 0.5}, {0.2, 0, 0}, {0.3, -1, 2});
   const Positions expected = test::transformed(motion, plane.mesh.positions);
-  for (MethodKind method : {MethodKind::transfer, MethodKind::gradient, MethodKind::variational,
+  for (MethodKind method : {MethodKind::detail, MethodKind::gradient, MethodKind::variational,
                             MethodKind::normal, MethodKind::volumes})
     for (bool rotation_only : {true, false}) {
       const UpdateOptions options = by(method, rotation_only);
@@ -129,10 +129,10 @@ TEST_CASE("methods share a deformer without leaving traces in each other's resul
   const Ball ball;
   UpdateOptions turned = test::usual();
   turned.base_deformer = BaseDeformer::motions;
-  const std::vector<UpdateOptions> all = {by(MethodKind::transfer),
+  const std::vector<UpdateOptions> all = {by(MethodKind::detail),
                                           by(MethodKind::variational),
                                           by(MethodKind::gradient),
-                                          by(MethodKind::transfer, true, 3),
+                                          by(MethodKind::detail, true, 3),
                                           test::usual(),
                                           turned,
                                           test::shown_base()};
@@ -167,8 +167,8 @@ TEST_CASE("a part whose base collapses turns with the handle that alone holds it
     Deformer deformer(ball, two, 1, {});
     for (int refine : {0, 3})
       CHECK(test::largest_difference(
-                surface(deformer, {turn}, by(MethodKind::transfer, true, refine)), turned) < 1e-8);
-    CHECK(deformer.findings(MethodKind::transfer).stand_in_count == ball.triangle_count());
+                surface(deformer, {turn}, by(MethodKind::detail, true, refine)), turned) < 1e-8);
+    CHECK(deformer.findings(MethodKind::detail).stand_in_count == ball.triangle_count());
   }
   SECTION("by three vertices in a line") {
     Mesh strip = test::bumpy_plane(21, 2);
@@ -306,7 +306,7 @@ TEST_CASE("VOLUMES keeps the space between base and surface, whatever the unit")
     return sum;
   };
   const Positions base = deformer.base(), deformed_base = deformer.deformed_base();
-  const Positions transfer = surface(deformer, {plane.motion}, by(MethodKind::transfer));
+  const Positions transfer = surface(deformer, {plane.motion}, by(MethodKind::detail));
   double total = 0, by_volumes = 0, by_transfer = 0;
   std::vector<double> rest(plane.roles.size(), 0), now = rest, other = rest;
   for (Index j = 0; j < plane.mesh.triangles.rows(); ++j)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/motion_blend.h"
+#include "base/motion_blend.h"
 
 #include "cases.h"
 #include "catch.h"

@@ -3,10 +3,10 @@
 
 #include <Eigen/Dense>
 
+#include "base/base_surface.h"
 #include "catch.h"
 #include "dense_reference.h"
 #include "meshes.h"
-#include "surface/base_surface.h"
 
 using namespace dd;
 

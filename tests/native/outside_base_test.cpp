@@ -43,8 +43,8 @@ Positions warped(const Positions& p) {
   return result;
 }
 
-const std::vector<UpdateOptions> kAll = {by(MethodKind::transfer), by(MethodKind::transfer, false),
-                                         by(MethodKind::transfer, true, 4), by(MethodKind::normal),
+const std::vector<UpdateOptions> kAll = {by(MethodKind::detail), by(MethodKind::detail, false),
+                                         by(MethodKind::detail, true, 4), by(MethodKind::normal),
                                          by(MethodKind::variational)};
 
 }  // namespace
@@ -85,8 +85,8 @@ TEST_CASE("two parts that nothing holds are carried each by its own base") {
   BindOptions options;
   options.base = base;
   Deformer deformer(both, std::vector<int>(size_t(2 * n), kFree), 0, options);
-  CHECK(test::largest_difference(surface_over(deformer, moved, by(MethodKind::transfer)),
-                                 expected) < 1e-9);
+  CHECK(test::largest_difference(surface_over(deformer, moved, by(MethodKind::detail)), expected) <
+        1e-9);
 }
 
 TEST_CASE("with constrained vertices it is (14) with the given base's gradients: dense solve") {
@@ -112,7 +112,7 @@ TEST_CASE("with constrained vertices it is (14) with the given base's gradients:
     const Positions expected =
         test::dense_solve(dense.L, held, roles, dense.G.transpose() * dense.D * gradients);
     CHECK(test::largest_difference(
-              surface_over(deformer, moved, by(MethodKind::transfer, rotation_only), {turn}),
+              surface_over(deformer, moved, by(MethodKind::detail, rotation_only), {turn}),
               expected) < 1e-9);
   }
 }
@@ -125,7 +125,7 @@ TEST_CASE("the computed base given as one from outside makes no difference") {
   options.base = computed.base();
   Deformer given(plane.mesh, plane.roles, 1, options);
   CHECK(test::largest_difference(
-            surface_over(given, computed.deformed_base(), by(MethodKind::transfer), {plane.motion}),
+            surface_over(given, computed.deformed_base(), by(MethodKind::detail), {plane.motion}),
             expected) < 1e-9);
 }
 
@@ -157,8 +157,8 @@ TEST_CASE("Fig. 4: a cylinder over a base of half its radius, bent explicitly ov
     const auto measured = [&](const UpdateOptions& update) {
       return measure(figure.mesh, surface_over(deformer, figure.deformed_base, update), free);
     };
-    return Found{measured(by(MethodKind::normal)), measured(by(MethodKind::transfer, false)),
-                 measured(by(MethodKind::transfer, true)), measured(by(MethodKind::volumes))};
+    return Found{measured(by(MethodKind::normal)), measured(by(MethodKind::detail, false)),
+                 measured(by(MethodKind::detail, true)), measured(by(MethodKind::volumes))};
   };
   const Mesh mesh = test::cylinder_of_figure_4(0).mesh;
   CHECK(mesh.triangle_count() == 9900);

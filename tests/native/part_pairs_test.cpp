@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "transfer/part_pairs.h"
+#include "match/part_pairs.h"
 
 #include "catch.h"
+#include "match/registration.h"
+#include "match/triangle_match.h"
 #include "mesh/topology.h"
 #include "mesh/triangles.h"
 #include "meshes.h"
-#include "transfer/registration.h"
-#include "transfer/triangle_match.h"
 
 using namespace dd;
 

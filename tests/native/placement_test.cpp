@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "transfer/placement.h"
+#include "match/placement.h"
 
 #include <Eigen/Geometry>
 #include <cmath>
 
 #include "catch.h"
 #include "creatures.h"
+#include "match/alignment.h"
+#include "match/registration.h"
 #include "mesh/aabb_tree.h"
 #include "mesh/triangles.h"
 #include "random_meshes.h"
-#include "transfer/alignment.h"
-#include "transfer/registration.h"
 
 using namespace dd;
 

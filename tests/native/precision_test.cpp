@@ -64,9 +64,8 @@ TEST_CASE("single precision stays within 1e-5 of the box of double", "[large]") 
   for (const Example& one : examples()) {
     const auto full = bound(one, Precision::full), single = bound(one, Precision::single);
     const double box = bounding_box_diagonal(one.mesh.positions);
-    for (const auto& how :
-         {test::by(MethodKind::transfer, true), test::by(MethodKind::transfer, false),
-          test::by(MethodKind::transfer, true, 4)}) {
+    for (const auto& how : {test::by(MethodKind::detail, true), test::by(MethodKind::detail, false),
+                            test::by(MethodKind::detail, true, 4)}) {
       INFO(one.name << ", refined " << how.of_method.refined.iterations);
       const double error = test::largest_difference(test::surface(*single, {one.motion}, how),
                                                     test::surface(*full, {one.motion}, how));
@@ -82,7 +81,7 @@ TEST_CASE("single precision at rest is exact, and so is any number of threads",
     INFO(one.name);
     const auto alone = bound(one, Precision::single), three = bound(one, Precision::single, 3);
     for (int refine : {0, 4}) {
-      const auto how = test::by(MethodKind::transfer, true, refine);
+      const auto how = test::by(MethodKind::detail, true, refine);
       CHECK(test::largest_difference(test::surface(*alone, {one.motion}, how),
                                      test::surface(*three, {one.motion}, how)) == 0);
       CHECK(test::largest_difference(test::surface(*alone, {test::identity()}, how),

@@ -7,8 +7,8 @@
 #include "catch.h"
 #include "deform.h"
 #include "deform/split_motion.h"
-#include "transfer/registration.h"
-#include "transfer/triangle_match.h"
+#include "match/registration.h"
+#include "match/triangle_match.h"
 
 using namespace dd;
 using test::by;
@@ -75,7 +75,7 @@ TEST_CASE("the progress of a motion in steps never falls, by any method") {
   ball.roles = test::roles_by_height(ball.mesh, -0.6, 0.6);
   ball.motion = test::rotation_about(2.9, {0.3, 1, 0.2}, {0, 0, 0.5}, {0.1, 0, 0});
   for (const test::Case& one : {plane, ball})
-    for (MethodKind method : {MethodKind::transfer, MethodKind::variational, MethodKind::normal,
+    for (MethodKind method : {MethodKind::detail, MethodKind::variational, MethodKind::normal,
                               MethodKind::gradient, MethodKind::volumes, MethodKind::examples})
       for (int steps : {1, 3}) {
         if (method == MethodKind::examples && steps > 1) continue;

@@ -24,8 +24,8 @@ struct Way {
 };
 
 std::vector<Way> ways() {
-  std::vector<Way> all = {{"TRANSFER", by(MethodKind::transfer)},
-                          {"TRANSFER, whole gradients", by(MethodKind::transfer, false)},
+  std::vector<Way> all = {{"TRANSFER", by(MethodKind::detail)},
+                          {"TRANSFER, whole gradients", by(MethodKind::detail, false)},
                           {"TRANSFER, refined", test::usual()},
                           {"GRADIENT", by(MethodKind::gradient)},
                           {"VOLUMES", by(MethodKind::volumes), true, 1e-3},
@@ -39,7 +39,7 @@ std::vector<Way> ways() {
   }
   for (Formulation formulation :
        {Formulation::fourth_points, Formulation::fourth_points_unweighted}) {
-    all.push_back({"TRANSFER, fourth points", by(MethodKind::transfer)});
+    all.push_back({"TRANSFER, fourth points", by(MethodKind::detail)});
     all.back().options.of_method.formulation = formulation;
   }
   all.push_back({"TRANSFER, motions blended", test::usual()});

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "surface/refinement.h"
+#include "reconstruction/refinement.h"
 
 #include <Eigen/Dense>
 
@@ -16,7 +16,7 @@ using test::surface;
 
 namespace {
 
-UpdateOptions refined(int iterations) { return test::by(MethodKind::transfer, true, iterations); }
+UpdateOptions refined(int iterations) { return test::by(MethodKind::detail, true, iterations); }
 
 std::vector<char> free_vertices(const test::Case& one) {
   std::vector<char> free;

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "transfer/registration.h"
+#include "match/registration.h"
 
 #include <cmath>
 #include <random>
 
 #include "catch.h"
+#include "match/triangle_match.h"
 #include "mesh/aabb_tree.h"
 #include "mesh/measures.h"
 #include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 #include "meshes.h"
 #include "support/error.h"
-#include "transfer/triangle_match.h"
 
 using namespace dd;
 using test::largest_difference;

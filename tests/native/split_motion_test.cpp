@@ -21,7 +21,7 @@ SplitMotion in_steps(const Affine& matrix, int steps) {
   return motion;
 }
 
-Positions split(const test::Case& one, int steps, UpdateOptions update = by(MethodKind::transfer),
+Positions split(const test::Case& one, int steps, UpdateOptions update = by(MethodKind::detail),
                 const Eigen::Vector3d& turn = Eigen::Vector3d::Zero()) {
   const SplitMotion motion = in_steps(one.motion, steps);
   update.turns.assign(turn.data(), turn.data() + 3);
@@ -80,8 +80,8 @@ TEST_CASE("translations go straight, stretches grow linearly, turns may be asked
 TEST_CASE("one step is the plain update, resting handles give rest in any number") {
   auto one = test::bent_cactus();
   Deformer deformer(one.mesh, one.roles, 1, {});
-  const Positions plain = test::surface(deformer, {one.motion}, by(MethodKind::transfer, true, 2));
-  CHECK(test::largest_difference(split(one, 1, by(MethodKind::transfer, true, 2)), plain) == 0);
+  const Positions plain = test::surface(deformer, {one.motion}, by(MethodKind::detail, true, 2));
+  CHECK(test::largest_difference(split(one, 1, by(MethodKind::detail, true, 2)), plain) == 0);
   one.motion = test::identity();
   CHECK(test::largest_difference(split(one, 3), one.mesh.positions) < 1e-9);
 }
@@ -116,7 +116,7 @@ TEST_CASE("a whole turn in steps winds a bar once around, forwards everywhere an
   auto bar = test::twisted_bar();
   bar.motion = test::identity();
   const Positions wound =
-      split(bar, 12, by(MethodKind::transfer, true, 4), {0, 0, 2 * std::acos(-1.0)});
+      split(bar, 12, by(MethodKind::detail, true, 4), {0, 0, 2 * std::acos(-1.0)});
   // The angle of each ring about the axis, followed upwards.
   const int sides = 96, rings = 61;
   double last = 0, turned = 0, largest = 0;
@@ -170,7 +170,7 @@ TEST_CASE("a split refuses with the handle or the step, and can be cancelled") {
 TEST_CASE("steps begin at the bound surface, whatever it was used for before, and let go of it",
           "[large]") {
   const auto one = test::bent_cactus();
-  const auto volumes = by(MethodKind::volumes), refined = by(MethodKind::transfer, true, 4);
+  const auto volumes = by(MethodKind::volumes), refined = by(MethodKind::detail, true, 4);
   Deformer used(one.mesh, one.roles, 1, {});
   for (const UpdateOptions& before : {volumes, refined, by(MethodKind::normal)})
     test::surface(used, {test::bend(40, 0, 0.3)}, before);

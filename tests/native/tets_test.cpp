@@ -8,7 +8,7 @@
 #include "catch.h"
 #include "deform.h"
 #include "dense_reference.h"
-#include "surface/fourth_points.h"
+#include "reconstruction/fourth_points.h"
 
 using namespace dd;
 using test::Affine;
@@ -174,7 +174,7 @@ TEST_CASE("after fourth points that can't be solved for, the ones before still c
         }
       for (int j = 0; j < side; ++j) roles[(side - 1) * side + j] = 0;
       Deformer deformer(sheet, roles, 1, {});
-      UpdateOptions by_volumes = by(MethodKind::transfer), unweighted = by_volumes;
+      UpdateOptions by_volumes = by(MethodKind::detail), unweighted = by_volumes;
       by_volumes.of_method.formulation = Formulation::fourth_points;
       unweighted.of_method.formulation = Formulation::fourth_points_unweighted;
       const Positions before = test::surface(deformer, {test::identity()}, by_volumes);
@@ -193,8 +193,8 @@ TEST_CASE("transfer by fourth points comes close to the surface formulation on t
   Deformer deformer(plane.mesh, plane.roles, 1, {});
   for (bool rotation_only : {true, false}) {
     const Positions by_surface =
-        test::surface(deformer, {plane.motion}, by(MethodKind::transfer, rotation_only));
-    UpdateOptions options = by(MethodKind::transfer, rotation_only);
+        test::surface(deformer, {plane.motion}, by(MethodKind::detail, rotation_only));
+    UpdateOptions options = by(MethodKind::detail, rotation_only);
     options.of_method.formulation = Formulation::fourth_points;
     const Positions by_volume = test::surface(deformer, {plane.motion}, options);
     const double difference = test::largest_difference(by_volume, by_surface) /
@@ -214,7 +214,7 @@ TEST_CASE("weighted by volumes it is the Poisson system of the tetrahedra: §4")
   const Affine motion = test::rotation_about(0.6, {1, 0.3, 0}, {0, 0, 1}, {0.2, 0.1, 0.4});
   Deformer deformer(mesh, roles, 1, {});
   for (bool rotation_only : {true, false}) {
-    UpdateOptions options = by(MethodKind::transfer, rotation_only);
+    UpdateOptions options = by(MethodKind::detail, rotation_only);
     options.of_method.formulation = Formulation::fourth_points;
     const Positions result = test::surface(deformer, {motion}, options);
     // The same from geometric gradients, all triangles made solid, and dense gradients of the base.

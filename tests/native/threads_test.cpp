@@ -8,9 +8,9 @@
 
 #include "catch.h"
 #include "deform.h"
+#include "match/registration.h"
+#include "match/triangle_match.h"
 #include "support/thread_pool.h"
-#include "transfer/registration.h"
-#include "transfer/triangle_match.h"
 
 using namespace dd;
 using test::Affine;
@@ -18,7 +18,7 @@ using test::Affine;
 namespace {
 
 constexpr int kSide = 41;
-const auto kKinds = {MethodKind::transfer, MethodKind::variational, MethodKind::normal,
+const auto kKinds = {MethodKind::detail,   MethodKind::variational, MethodKind::normal,
                      MethodKind::gradient, MethodKind::volumes,     MethodKind::examples};
 
 Affine turn(double angle) { return test::rotation_about(angle, {0, 1, 0}, {0, 0, 0}, {0, 0, 0.2}); }

@@ -6,6 +6,10 @@
 #include <random>
 
 #include "catch.h"
+#include "deform/mesh_transfer.h"
+#include "match/points_of_fit.h"
+#include "match/registration.h"
+#include "match/triangle_match.h"
 #include "mesh/point_grid.h"
 #include "mesh/triangles.h"
 #include "mesh/unit_box.h"
@@ -13,9 +17,6 @@
 #include "random_meshes.h"
 #include "support/rotations.h"
 #include "transfer/contacts.h"
-#include "transfer/mesh_transfer.h"
-#include "transfer/registration.h"
-#include "transfer/triangle_match.h"
 
 using namespace dd;
 using test::largest_difference;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "transfer/triangle_match.h"
+#include "match/triangle_match.h"
 
 #include <cmath>
 

@@ -18,9 +18,9 @@ using test::surface;
 namespace {
 
 const std::vector<UpdateOptions> kWays = {
-    by(MethodKind::transfer), by(MethodKind::transfer, false), test::usual(),
-    test::shown_base(),       by(MethodKind::variational),     by(MethodKind::gradient),
-    by(MethodKind::normal),   by(MethodKind::volumes),         by(MethodKind::transfer, true, 16),
+    by(MethodKind::detail), by(MethodKind::detail, false), test::usual(),
+    test::shown_base(),     by(MethodKind::variational),   by(MethodKind::gradient),
+    by(MethodKind::normal), by(MethodKind::volumes),       by(MethodKind::detail, true, 16),
 };
 
 BindOptions way(Triangulation triangulation) {
@@ -46,7 +46,7 @@ TEST_CASE("TRIANGULATION: slivers in the flat faces of a bar change nothing", "[
   const test::Case bar = test::twisted_bar();
   const Mesh slivers = test::with_slivers(bar.mesh);
   for (const UpdateOptions& how :
-       {by(MethodKind::transfer), by(MethodKind::transfer, false), test::usual(),
+       {by(MethodKind::detail), by(MethodKind::detail, false), test::usual(),
         turned_by(test::usual(), BaseDeformer::motions), test::shown_base(),
         by(MethodKind::variational), by(MethodKind::gradient)}) {
     const Positions expected = deformed(bar.mesh, bar, how);
@@ -82,7 +82,7 @@ TEST_CASE("TRIANGULATION: whatever the slivers, rest is rest and a rigid motion 
             1e-9);
     // Smooth displacement isn't rotation-invariant on S itself, and the feet of normal
     // displacements and the volumes are as exact as their iterations.
-    if (how.method == MethodKind::transfer && how.output == Output::result)
+    if (how.method == MethodKind::detail && how.output == Output::result)
       CHECK(largest_difference(surface(held, {motion}, how), expected) < 1e-8);
   }
 }

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Garments and props that follow what they lie over.
 #include "catch.h"
+#include "deform/mesh_transfer.h"
 #include "mesh/triangles.h"
 #include "mesh/unit_box.h"
 #include "meshes.h"
 #include "support/rotations.h"
-#include "transfer/mesh_transfer.h"
 
 using namespace dd;
 using test::largest_difference;

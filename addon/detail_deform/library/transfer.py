@@ -48,7 +48,7 @@ class Transfer(Made):
         self.info = TransferInfo()
         call('dd_transfer_get_info', self, self.info)
 
-    def apply(self, pose, gradients='ROTATIONS', places=None):
+    def apply(self, pose, gradients='WHOLE', places=None):
         """pose: (n, 3) of the source. places: (anchors, 3), where they go. Returns (n, 3) float32 of the target."""
         pose = numbers('pose', pose, np.float32, 3)
         how = ApplyOptions(gradients=gradients, places=places)

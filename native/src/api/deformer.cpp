@@ -278,9 +278,9 @@ int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info
     note(region.loose, facts.loose_count, facts.loose_example);
     note(region.idle_handles, facts.idle_handle_count, facts.idle_handle_example);
     note(bound.degenerate_triangles(), facts.degenerate_count, facts.degenerate_example);
-    const dd::MethodFindings transfer = bound.findings(dd::MethodKind::transfer);
-    facts.stand_in_count = transfer.stand_in_count;
-    facts.coarse_vertex_count = transfer.coarse_vertex_count;
+    const dd::MethodFindings detail = bound.findings(dd::MethodKind::detail);
+    facts.stand_in_count = detail.stand_in_count;
+    facts.coarse_vertex_count = detail.coarse_vertex_count;
     const dd::MethodFindings normal = bound.findings(dd::MethodKind::normal);
     note(normal.unrepresented, facts.unrepresented_count, facts.unrepresented_example);
     facts.far_example = facts.torn_example = -1;

@@ -8,9 +8,10 @@
 
 #include "api/arguments.h"
 #include "api/job.h"
-#include "transfer/registration.h"
+#include "match/points_of_fit.h"
+#include "match/registration.h"
+#include "match/triangle_match.h"
 #include "transfer/source_points.h"
-#include "transfer/triangle_match.h"
 
 using namespace dd::api;
 

@@ -8,7 +8,7 @@
 
 #include "api/job.h"
 #include "api/options.h"
-#include "transfer/mesh_transfer.h"
+#include "deform/mesh_transfer.h"
 
 using namespace dd::api;
 

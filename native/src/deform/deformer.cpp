@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "surface/component_placement.h"
+#include "base/carried_components.h"
 
 namespace dd {
 
@@ -169,7 +169,7 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
   Turning turning;
   if (!motions)
     turning.unknown = true;
-  else if (options.method == MethodKind::transfer && options.of_method.rotation_only)
+  else if (options.method == MethodKind::detail && options.of_method.rotation_only)
     turning = motions->turning(options.base_deformer);
   method.update({coefficients_, linear_, base_, turning, options.free, moved_}, options.of_method);
   if (carried && carried_) carried_->place(base_, moved_);

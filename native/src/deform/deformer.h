@@ -5,11 +5,11 @@
 #include <memory>
 #include <vector>
 
+#include "base/base_proxy.h"
+#include "base/free_turns.h"
+#include "base/motion_blend.h"
 #include "mesh/unit_box.h"
 #include "methods/methods.h"
-#include "surface/base_proxy.h"
-#include "surface/free_turns.h"
-#include "surface/motion_blend.h"
 
 namespace dd {
 
@@ -22,7 +22,7 @@ enum class Output {
 };
 
 struct UpdateOptions {
-  MethodKind method = MethodKind::transfer;
+  MethodKind method = MethodKind::detail;
   BaseDeformer base_deformer = BaseDeformer::automatic;
   /// For each handle a rotation vector, how far it is said to have turned, 3 numbers; or none: the
   /// shortest way. See MotionBlend and ScrewMotion.

@@ -8,7 +8,7 @@
 
 #include "mesh/topology.h"
 #include "mesh/triangles.h"
-#include "surface/coarse_mesh.h"
+#include "reconstruction/coarse/coarse_mesh.h"
 
 namespace dd {
 

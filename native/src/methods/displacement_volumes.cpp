@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kReach = 4, kSoftness = 0.1;  // ℓ and √μ, in heights
+constexpr double kSearchHeights = 4, kSoftness = 0.1;  // ℓ and √μ, in heights
 
 /// A prism between triangles q and p = q + d, d linear over the triangle, swept along straight
 /// lines: V = d̄ · W / 2 with W the integral of the edges' cross product over the sweep.
@@ -53,7 +53,7 @@ SparseMatrix free_rows_in_order(const SparseMatrix& matrix, const RowOrder& orde
 }  // namespace
 
 DisplacementVolumes::DisplacementVolumes(BoundSurface& bound, const Progress& progress)
-    : bound_(bound), transfer_(bound), normal_(bound) {
+    : bound_(bound), detail_(bound), normal_(bound) {
   const RowOrder& order = bound.order();
   const std::vector<int> active = bound.faces_with_free_corners();
   triangles_.resize(static_cast<Index>(active.size()), 3);
@@ -70,7 +70,7 @@ DisplacementVolumes::DisplacementVolumes(BoundSurface& bound, const Progress& pr
   if (height_ < 1e-9) return;  // of the mesh's size: S is its own base
 
   metric_ = free_rows_in_order(bound.operators.laplacian, order);
-  const double reach = kReach * height_;
+  const double reach = kSearchHeights * height_;
   for (int r = 0; r < order.free_count; ++r) metric_.coeffRef(r, r) += masses_[r] / (reach * reach);
   FactorOptions options;
   options.stage = "Preparing to restore the volumes";
@@ -178,9 +178,9 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
 
   const int free_count = bound_.order().free_count;
   const Rows place = frame.offsets;
-  transfer_.update(frame, linear);
+  detail_.update(frame, linear);
   // The minimizer without volumes: H p₀ = L p_T + M p_N / ℓ².
-  const double reach = kReach * height_;
+  const double reach = kSearchHeights * height_;
   const RowMatrix pull = (masses_ / (reach * reach)).asDiagonal() *
                          RowMatrix((place - frame.offsets).topLeftCorner(free_count, 3));
   Rows start = bound_.rest + frame.offsets;
@@ -223,7 +223,7 @@ MethodFindings DisplacementVolumes::findings() const {
 }
 
 double DisplacementVolumes::bytes() const {
-  return transfer_.bytes() + normal_.bytes() + (factor_ ? factor_->bytes() : 0) +
+  return detail_.bytes() + normal_.bytes() + (factor_ ? factor_->bytes() : 0) +
          static_cast<double>(gradients_.size() * sizeof(Eigen::Matrix3d)) +
          static_cast<double>(triangles_.size()) * sizeof(int) +
          static_cast<double>(metric_.nonZeros()) * (sizeof(double) + sizeof(int)) +

@@ -4,8 +4,8 @@
 #include <memory>
 #include <vector>
 
+#include "methods/detail.h"
 #include "methods/normal_displacement.h"
-#include "methods/transfer.h"
 
 namespace dd {
 
@@ -16,7 +16,7 @@ namespace dd {
 ///   ‖∇p' − ∇p_T‖² + ‖p' − p_N‖² / ℓ² + ‖W(p', q') − W(p, q)‖² / μ
 ///
 /// (norms weighted by the masses). Volumes alone leave the surface free to slide and to wrinkle:
-/// the gradients of detail transfer (p_T) keep it smooth, the place of normal displacements (p_N)
+/// the gradients of MethodKind::detail (p_T) keep it smooth, the place of normal displacements (p_N)
 /// keeps it over its base; ℓ is four times, √μ a tenth of the mean height of the prisms. Local
 /// self-intersections would turn prisms inside out, which their volumes forbid.
 ///
@@ -44,7 +44,7 @@ class DisplacementVolumes : public Method {
   Rows shift_for(const Vector& wanted, const GoOn& go_on) const;
 
   BoundSurface& bound_;
-  Transfer transfer_;
+  Detail detail_;
   NormalDisplacement normal_;
   Triangles triangles_;                     // the active ones, rows for corners
   std::vector<Eigen::Matrix3d> gradients_;  // ∂V/∂p of the corners, as columns

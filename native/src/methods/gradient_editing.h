@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
+#include "base/harmonic_blend.h"
 #include "methods/method.h"
-#include "surface/corner_flux.h"
-#include "surface/harmonic_blend.h"
+#include "reconstruction/corner_flux.h"
 
 namespace dd {
 

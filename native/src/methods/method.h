@@ -4,14 +4,14 @@
 #include <optional>
 #include <vector>
 
-#include "surface/bound_surface.h"
-#include "surface/reconstruction.h"
+#include "base/bound_surface.h"
+#include "reconstruction/reconstruction.h"
 
 namespace dd {
 
 /// How the surface follows its handles. The values are those of dd_method in the public header.
 enum class MethodKind {
-  transfer = 0,
+  detail = 0,  ///< the paper's
   variational = 1,
   normal = 2,
   gradient = 3,
@@ -21,13 +21,13 @@ enum class MethodKind {
 
 struct MethodOptions {
   bool rotation_only = true;  ///< S_j reduced to its rotation
-  /// Of transfer with rotation_only: what goes beyond its linear result.
+  /// Of detail with rotation_only: what goes beyond its linear result.
   Refined refined = {};
   int levels = 1;  ///< of normal displacements: surfaces that each is displaced from the next
   double volume_tolerance = 1e-2;  ///< of displacement volumes: step to stop at, in mean heights
   int volume_iterations = 50;      ///< of displacement volumes: steps after which to stop anyway
   Formulation formulation =
-      Formulation::surface;  ///< of transfer; others than surface aren't refined
+      Formulation::surface;  ///< of detail; others than surface aren't refined
   Progress progress = {};    ///< told how far a slow method is
   /// Of examples: the pose with these weights, handles let go; else the weights that fit the
   /// handles.

@@ -4,11 +4,11 @@
 #include <iterator>
 #include <string>
 
+#include "methods/detail.h"
 #include "methods/displacement_volumes.h"
 #include "methods/examples/examples.h"
 #include "methods/gradient_editing.h"
 #include "methods/normal_displacement.h"
-#include "methods/transfer.h"
 #include "methods/variational.h"
 
 namespace dd {
@@ -28,7 +28,7 @@ std::unique_ptr<Method> make_posing(BoundSurface& bound, const Progress&) {
 
 // By MethodKind:           name                   slow   steps  base
 constexpr MethodFacts kMethods[] = {
-    {"detail transfer", false, true, true, make<Transfer>},
+    {"detail transfer", false, true, true, make<Detail>},
     {"smooth displacement", false, true, false, make<Variational>},
     {"normal displacement", false, true, false, make<NormalDisplacement>},
     {"gradient editing", false, true, true, make<GradientEditing>},

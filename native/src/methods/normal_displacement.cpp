@@ -9,7 +9,7 @@
 #include <queue>
 #include <utility>
 
-#include "surface/base_surface.h"
+#include "base/base_surface.h"
 
 namespace dd {
 
@@ -66,7 +66,7 @@ struct Prism {
 /// The prism's foot of a point by Newton's method; false when it is far outside, doesn't settle, or
 /// settles where the prism is turned inside out (beyond the centre of curvature).
 bool find_foot(const Prism& prism, const Vector3d& point, Foot& foot) {
-  constexpr double kFar = 10;
+  constexpr double kFarthestFoot = 10;
   const Vector3d e1 = prism.q1 - prism.q0, e2 = prism.q2 - prism.q0, cross = e1.cross(e2);
   const double squared = cross.squaredNorm();
   if (!(squared > 1e-60)) return false;
@@ -74,7 +74,7 @@ bool find_foot(const Prism& prism, const Vector3d& point, Foot& foot) {
   foot = prism.at(arm.cross(e2).dot(cross) / squared, e1.cross(arm).dot(cross) / squared,
                   arm.dot(cross) / std::sqrt(squared));
   for (int step = 0; step < 20; ++step) {
-    if (!(std::abs(foot.w1) + std::abs(foot.w2) < kFar)) return false;
+    if (!(std::abs(foot.w1) + std::abs(foot.w2) < kFarthestFoot)) return false;
     const Vector3d change = foot.jacobian.inverse() * (point - foot.place);
     if (!change.allFinite()) return false;
     foot = prism.at(foot.w1 + change[0], foot.w2 + change[1], foot.height + change[2]);

@@ -15,7 +15,7 @@ std::vector<int> least_assignment(const Eigen::MatrixXd& costs) {
       if (of_columns[c] >= 0) result[size_t(of_columns[c])] = static_cast<int>(c);
     return result;
   }
-  constexpr double kFar = std::numeric_limits<double>::infinity();
+  constexpr double kUnreached = std::numeric_limits<double>::infinity();
   // Prices by which no row would rather have another column. The last column is where a search for
   // a free one begins.
   std::vector<double> row_price(rows, 0), column_price(columns + 1, 0);
@@ -23,12 +23,12 @@ std::vector<int> least_assignment(const Eigen::MatrixXd& costs) {
   for (size_t row = 0; row < rows; ++row) {
     size_t column = columns;
     row_of[column] = row;
-    std::vector<double> least(columns, kFar);
+    std::vector<double> least(columns, kUnreached);
     std::vector<char> reached(columns + 1, 0);
     while (row_of[column] < rows) {
       reached[column] = 1;
       const size_t from = row_of[column];
-      double step = kFar;
+      double step = kUnreached;
       size_t next = columns;
       for (size_t c = 0; c < columns; ++c) {
         if (reached[c]) continue;

@@ -14,7 +14,7 @@ namespace dd {
 
 namespace {
 
-constexpr double kAtRims = 1.5, kReach = 2.5;  // lengths
+constexpr double kAtRims = 1.5, kReachOfRims = 2.5;  // lengths
 // What a solve may leave of a solution, and what it may leave before it is corrected.
 constexpr double kEnough = 3e-6, kWorthCorrecting = 0.02;
 
@@ -24,7 +24,7 @@ Eigen::VectorXd slope_weights(const Mesh& mesh, const Region& region,
                               double length) {
   std::vector<char> is_rim(region.role.size(), 0);
   for (int row : poisson.rims()) is_rim[poisson.order().vertex_of_row[row]] = 1;
-  const double reach = kReach * length;
+  const double reach = kReachOfRims * length;
   // Fast marching, too, wants triangles that are not obtuse.
   const std::vector<double> distance =
       operators.flipped ? geodesic_distances({mesh.positions, operators.triangles}, is_rim, reach)

@@ -48,7 +48,7 @@ Displacements::Displacements(const Mesh& source, const Mesh& target,
   factor_ = std::make_unique<SparseCholesky>(factor_free_block(block, region_));
 }
 
-void Displacements::correct(const Positions& pose, Positions& result) const {
+void Displacements::correct(const Positions& pose, Positions& result) {
   RowMatrix moved;  // what known vertices lack
   if (factor_) moved = RowMatrix::Zero(result.rows(), 3);
   pool_.parallel_for(static_cast<int64_t>(known_.size()), kLeastRange,

@@ -4,9 +4,10 @@
 #include <memory>
 #include <vector>
 
+#include "reconstruction/components.h"
 #include "solver/sparse_cholesky.h"
-#include "surface/component_placement.h"
 #include "systems/region.h"
+#include "transfer/place_correction.h"
 #include "transfer/source_points.h"
 
 namespace dd {
@@ -21,7 +22,7 @@ namespace dd {
 /// difference of shape, and from a fifth on it counts wholly. What turns as a whole is sheared
 /// where the shapes differ: poses are better followed by gradients. Vertices without a point go
 /// with those around them, what they lack to where they belong spread harmonically.
-class Displacements {
+class Displacements : public PlaceCorrection {
  public:
   /// components: of the target; those with sources that nothing holds go. All must outlive this.
   /// Throws UnsolvableSurface.
@@ -34,7 +35,7 @@ class Displacements {
   }
 
   /// pose: S'. result: T' as gradients make it; moved.
-  void correct(const Positions& pose, Positions& result) const;
+  void correct(const Positions& pose, Positions& result) override;
 
  private:
   const Mesh &source_, &target_;

@@ -13,9 +13,9 @@ namespace dd {
 namespace {
 
 // Of the box.
-constexpr double kDetail = 0.015;     // ℓ of what tells a difference of shape from detail
-constexpr double kDifferent = 0.003;  // τ
-constexpr double kReach = 0.005;      // of contacts
+constexpr double kDetail = 0.015;        // ℓ of what tells a difference of shape from detail
+constexpr double kDifferent = 0.003;     // τ
+constexpr double kContactReach = 0.005;  // of contacts
 
 constexpr double kStiff = 0.02;  // spread of gradients in a part that as good as doesn't deform
 constexpr int kClosings = 3;     // of closing
@@ -75,8 +75,8 @@ FollowedPlaces::FollowedPlaces(const Mesh& source, const Mesh& target, const Uni
       detail_.row(r) = target.positions.row(v) - rest_places_.row(r);
     }
   find_means();
-  contacts_ =
-      std::make_unique<Contacts>(rest_places_, std::move(known_part), masses_, kReach * box.scale);
+  contacts_ = std::make_unique<Contacts>(rest_places_, std::move(known_part), masses_,
+                                         kContactReach * box.scale);
   // Twice: what is left of a wave falls with the fourth power of its length.
   const std::unique_ptr<SparseCholesky> of_detail =
       smoothing.factored(kDetail, Precision::full, within(progress, 0, 0.5));

@@ -5,11 +5,12 @@
 #include <vector>
 
 #include "mesh/unit_box.h"
+#include "reconstruction/components.h"
 #include "solver/sparse_cholesky.h"
-#include "surface/component_placement.h"
 #include "systems/region.h"
 #include "transfer/contacts.h"
 #include "transfer/part_sums.h"
+#include "transfer/place_correction.h"
 #include "transfer/source_points.h"
 
 namespace dd {
@@ -35,7 +36,7 @@ namespace dd {
 /// which leaves details as the gradients make them; a loose part that doesn't deform, such as an
 /// eye or a tooth, is moved as a whole. Then what closes on the source is closed: see Contacts. All
 /// of it is continuous in the pose, and none where the source moves rigidly.
-class FollowedPlaces {
+class FollowedPlaces : public PlaceCorrection {
  public:
   /// components: of the target; those with sources that nothing holds follow. All must outlive
   /// this. Progress of two factorizations.
@@ -45,7 +46,7 @@ class FollowedPlaces {
                  ThreadPool& pool, const Progress& progress = {});
 
   /// pose: S', whose gradients were taken. result: T' as they make it; moved.
-  void correct(const Positions& pose, Positions& result);
+  void correct(const Positions& pose, Positions& result) override;
 
  private:
   /// A loose part. Means are over its rows whose place on the source is known.

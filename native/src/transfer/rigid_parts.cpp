@@ -47,7 +47,7 @@ RigidParts::RigidParts(const Mesh& source, const Mesh& target,
   }
 }
 
-void RigidParts::correct(const Positions& pose, Positions& result) const {
+void RigidParts::correct(const Positions& pose, Positions& result) {
   for (const Part& part : parts_) {
     Eigen::Matrix3d turn = Eigen::Matrix3d::Zero();
     for (int j : part.component.triangles)

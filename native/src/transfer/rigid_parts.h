@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #pragma once
 
-#include "surface/component_placement.h"
+#include "reconstruction/components.h"
+#include "transfer/place_correction.h"
 #include "transfer/source_gradients.h"
 #include "transfer/source_points.h"
 
@@ -14,7 +15,7 @@ namespace dd {
 ///   R = argmax tr(Rᵀ (Σ_i m_i (g_i − ḡ)(p_i − p̄)ᵀ + κ Σ_j area_j S_j)),
 ///
 /// with κ so small that gradients decide where places leave a turn open, as of what is thin.
-class RigidParts {
+class RigidParts : public PlaceCorrection {
  public:
   /// components: of the target; those with sources that nothing holds follow. All must outlive
   /// this.
@@ -23,7 +24,7 @@ class RigidParts {
              const SourceGradients& gradients);
 
   /// pose: S', whose gradients were taken. result: T'; such parts are put in place.
-  void correct(const Positions& pose, Positions& result) const;
+  void correct(const Positions& pose, Positions& result) override;
 
  private:
   struct Part {

@@ -18,7 +18,7 @@ namespace dd {
 namespace {
 
 // Area over squared edge of a posed triangle that has no rotation.
-constexpr double kCollapsed = 1e-5;
+constexpr double kFlatTriangle = 1e-5;
 constexpr double kTooMuch = 8;        // of its own area, that a triangle gives its gradient to
 constexpr size_t kMostInMean = 64;    // triangles
 constexpr double kLeastArea = 1e-12;  // of the part's
@@ -187,7 +187,7 @@ void SourceGradients::replace_collapsed(const Positions& pose) {
   const auto has_area = [&](int j) {
     const Eigen::Matrix3d e = edges_and_normal(pose, source_.triangles, j);
     const double longest = std::max(e.col(0).squaredNorm(), e.col(1).squaredNorm());
-    return e.col(0).cross(e.col(1)).norm() > kCollapsed * longest;
+    return e.col(0).cross(e.col(1)).norm() > kFlatTriangle * longest;
   };
   std::vector<int> collapsed;
   for (size_t i = 0; i < used_.size(); ++i) {

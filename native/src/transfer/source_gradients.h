@@ -7,9 +7,9 @@
 #include "mesh/correspondence.h"
 #include "mesh/mesh.h"
 #include "mesh/topology.h"
+#include "reconstruction/gradients.h"
 #include "support/similarity.h"
 #include "support/thread_pool.h"
-#include "surface/gradients.h"
 
 namespace dd {
 

@@ -1,44 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "transfer/source_points.h"
 
+#include "mesh/surface_walk.h"
 #include "mesh/triangles.h"
 
 namespace dd {
-
-namespace {
-
-/// Walks from one triangle to the next as long as that brings it nearer to a point.
-class Walk {
- public:
-  explicit Walk(const Mesh& mesh)
-      : mesh_(mesh), edges_(mesh.triangles), of_half_edges_(edges_.of_half_edges()) {}
-
-  PointOnTriangle to(const Eigen::Vector3d& point, int from) const {
-    PointOnTriangle best = nearest_on_triangle(mesh_, from, point);
-    for (bool nearer = true; nearer;) {
-      nearer = false;
-      const PointOnTriangle here = best;
-      for (int k = 0; k < 3; ++k) {
-        if (here.weights[(k + 2) % 3] > 1e-9) continue;  // off this edge
-        for (const Edges::HalfEdge& side :
-             edges_.of(of_half_edges_[3 * size_t(here.triangle) + k])) {
-          const PointOnTriangle there = nearest_on_triangle(mesh_, side.triangle(), point);
-          if (!(there.squared_distance < best.squared_distance)) continue;
-          best = there;
-          nearer = true;
-        }
-      }
-    }
-    return best;
-  }
-
- private:
-  const Mesh& mesh_;
-  Edges edges_;
-  std::vector<int> of_half_edges_;
-};
-
-}  // namespace
 
 SourcePoints::SourcePoints(const Mesh& source, const Mesh& target, const Fans& fans,
                            const SourceGradients& gradients, const Similarity& placement,
@@ -54,7 +20,7 @@ SourcePoints::SourcePoints(const Mesh& source, const Mesh& target, const Fans& f
       }
     return;
   }
-  const Walk walk(source);
+  const SurfaceWalk walk(source);
   pool.parallel_for(target.vertex_count(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (int v = static_cast<int>(begin); v < end; ++v) {
       if (!given.empty() && given[size_t(v)].triangle >= 0) {
@@ -76,24 +42,6 @@ SourcePoints::SourcePoints(const Mesh& source, const Mesh& target, const Fans& f
           of_sources / count + placement.rotation.transpose() * arm / placement.scale, first);
     }
   });
-}
-
-std::vector<PointOnTriangle> points_of_fit(const Mesh& fitted, const Mesh& target,
-                                           const Correspondence& correspondence, ThreadPool& pool) {
-  const Fans fans(target.triangles, target.vertex_count());
-  const Walk walk(fitted);
-  std::vector<PointOnTriangle> points(static_cast<size_t>(target.vertex_count()));
-  pool.parallel_for(target.vertex_count(), kLeastRange, [&](int64_t begin, int64_t end) {
-    for (int v = static_cast<int>(begin); v < end; ++v)
-      for (int j : fans.of(v))
-        for (int k = correspondence.begin[j]; k < correspondence.begin[j + 1]; ++k) {
-          const PointOnTriangle found =
-              walk.to(target.positions.row(v).transpose(), correspondence.source[k]);
-          PointOnTriangle& nearest = points[size_t(v)];
-          if (found.squared_distance < nearest.squared_distance) nearest = found;
-        }
-  });
-  return points;
 }
 
 }  // namespace dd

@@ -37,11 +37,4 @@ class SourcePoints {
   std::vector<PointOnTriangle> points_;
 };
 
-/// The points that a source which was deformed onto a target has next to each vertex of it, reached
-/// over edges from the triangles that correspond to those about the vertex: more exact than what
-/// these tell by themselves, as the source's triangles needn't be small. No triangle where none
-/// about it has a source.
-std::vector<PointOnTriangle> points_of_fit(const Mesh& fitted, const Mesh& target,
-                                           const Correspondence& correspondence, ThreadPool& pool);
-
 }  // namespace dd

@@ -5,7 +5,7 @@
 
 #include "kernels/kernels.h"
 #include "methods/examples/example_surface.h"
-#include "surface/gradients.h"
+#include "reconstruction/gradients.h"
 
 namespace dd {
 

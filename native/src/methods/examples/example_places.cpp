@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "surface/component_placement.h"
+#include "reconstruction/components.h"
 
 namespace dd {
 

@@ -10,8 +10,8 @@
 
 #include "mesh/topology.h"
 #include "mesh/unit_box.h"
+#include "reconstruction/gradients.h"
 #include "support/rotations.h"
-#include "surface/gradients.h"
 
 namespace dd {
 

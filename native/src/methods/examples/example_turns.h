@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "surface/factored_surface.h"
+#include "reconstruction/factored_surface.h"
 
 namespace dd {
 

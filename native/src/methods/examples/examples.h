@@ -7,7 +7,7 @@
 #include "methods/examples/handle_residual.h"
 #include "methods/examples/stance.h"
 #include "methods/method.h"
-#include "surface/coarse_surface.h"
+#include "reconstruction/coarse/coarse_surface.h"
 
 namespace dd {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "surface/bound_surface.h"
+#include "base/bound_surface.h"
 
 namespace dd {
 

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "base/handle_extension.h"
+
+#include <algorithm>
+
+namespace dd {
+
+namespace {
+
+/// m×coordinates, rows as Region::handle_vertices.
+SparseMatrix values_at_handles(const HandleCoordinates& coordinates, const Region& region,
+                               const Positions& positions) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (size_t i = 0; i < region.handle_vertices.size(); ++i) {
+    const int v = region.handle_vertices[i], h = region.role[v];
+    const auto values = coordinates.at(positions.row(v), h);
+    for (int k = 0; k < coordinates.count(h); ++k)
+      entries.emplace_back(static_cast<int>(i), coordinates.begin(h) + k, values[k]);
+  }
+  SparseMatrix result(Index(region.handle_vertices.size()), coordinates.count());
+  result.setFromTriplets(entries.begin(), entries.end());
+  return result;
+}
+
+}  // namespace
+
+HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
+                                 const HandleCoordinates& coordinates, const Region& region,
+                                 const Positions& positions, const RowOrder& order,
+                                 ThreadPool& pool, bool one_solve, Precision precision,
+                                 KeptOfEnergy kept, const std::function<void(double)>& progress)
+    : coordinates_(coordinates),
+      values_(values_at_handles(coordinates, region, positions)),
+      pool_(&pool) {
+  for (int v : region.free) row_of_free_.push_back(order.row_of_vertex[v]);
+  const int64_t entries = int64_t{coordinates.count()} * region.free_count();
+  // A frame reads W once and the factor up to twice, but a bind solves for each column of W.
+  const bool keep =
+      kept == KeptOfEnergy::factor || (kept == KeptOfEnergy::cheaper && one_solve &&
+                                       2 * entries > bending.factor()->factor().entries());
+  std::unique_ptr<HandleSolve> solve;
+  if (keep || one_solve) solve = std::make_unique<HandleSolve>(bending, region, &pool);
+  if (keep) {
+    solve->prepare_frames(values_, row_of_free_, precision);
+    solve_ = std::move(solve);
+    return;
+  }
+  if (solve) {
+    functions_ = extended_by(*solve, progress);
+    return;
+  }
+  PolyharmonicSystem::Space space;
+  space.values = Rows::Zero(positions.rows(), 4);
+  functions_ = extended(
+      [&](const Rows& values) -> const Rows& {
+        for (Index i = 0; i < values.rows(); ++i)
+          space.values.row(region.handle_vertices[size_t(i)]) = values.row(i);
+        return bending.extend(space);
+      },
+      progress);
+}
+
+template <class Extend>
+RowMatrix HandleExtension::extended(const Extend& extend,
+                                    const std::function<void(double)>& progress) const {
+  const Index count = coordinates_.count();
+  const int free_count = static_cast<int>(row_of_free_.size());
+  RowMatrix result(free_count, count);
+  std::vector<int> free_of_row(row_of_free_.size());
+  for (int r = 0; r < free_count; ++r) free_of_row[row_of_free_[r]] = r;
+  Rows values = Rows::Zero(values_.rows(), 4);
+  for (Index first = 0; first < count; first += 4) {
+    const Index width = std::min<Index>(4, count - first);
+    values.setZero();
+    values.leftCols(width) = values_.middleCols(first, width);
+    const Rows& some = extend(values);
+    pool_->parallel_for(free_count, kLeastRange, [&](int64_t begin, int64_t end) {
+      for (int64_t row = begin; row < end; ++row)
+        for (Index c = 0; c < width; ++c)
+          result(row, first + c) = some(free_of_row[size_t(row)], c);
+    });
+    if (progress) progress(static_cast<double>(first + width) / static_cast<double>(count));
+  }
+  return result;
+}
+
+RowMatrix HandleExtension::extended_by(const HandleSolve& solve,
+                                       const std::function<void(double)>& progress) const {
+  HandleSolve::Space space;
+  return extended([&](const Rows& values) -> const Rows& { return solve.extend(values, space); },
+                  progress);
+}
+
+const RowMatrix& HandleExtension::functions(RowMatrix& space) const {
+  if (!solve_) return functions_;
+  space = extended_by(*solve_, {});
+  return space;
+}
+
+void HandleExtension::displace(const RowMatrix& coefficients, const Rows& rest, Rows& out) const {
+  const RowMatrix reduced = coordinates_.reduced(coefficients);
+  if (solve_) {
+    solve_->add_extended(reduced, rest, out);
+    return;
+  }
+  pool_->parallel_for(functions_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    kernels().blend(static_cast<int>(end - begin), static_cast<int>(functions_.cols()),
+                    functions_.row(begin).data(), reduced.data(), rest.row(begin).data(),
+                    out.row(begin).data());
+  });
+}
+
+double HandleExtension::bytes() const {
+  return static_cast<double>(functions_.size()) * sizeof(double) +
+         static_cast<double>(values_.nonZeros()) * (sizeof(double) + sizeof(int)) +
+         static_cast<double>(row_of_free_.size() * sizeof(int)) + (solve_ ? solve_->bytes() : 0);
+}
+
+}  // namespace dd

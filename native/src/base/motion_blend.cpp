@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "base/motion_blend.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "mesh/triangles.h"
+#include "support/rotations.h"
+
+namespace dd {
+
+namespace {
+
+constexpr int kTerms = 3 + 3 + 12 + 12 + 3 + 1;
+// Of the root of the area, which is the same however the mesh is turned; a box's diagonal isn't.
+constexpr double kLeastRadius = 0.015;
+constexpr double kQuarterTurn = kPi / 2, kLinearUntil = 0.75 * kPi;
+constexpr double kUnrefined = 3.5 * kPi;  // from this turn on
+constexpr double kRefinedAtHalfTurn = 0.7;
+
+/// The largest distance between any two.
+double diameter(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& point : points) mean += point / static_cast<double>(points.size());
+  // By how far they are from the mean: no two are farther apart than both from there.
+  std::vector<std::pair<double, size_t>> from_mean;
+  from_mean.reserve(points.size());
+  for (size_t i = 0; i < points.size(); ++i) from_mean.emplace_back((points[i] - mean).norm(), i);
+  std::sort(from_mean.rbegin(), from_mean.rend());
+  double largest = 0;
+  for (size_t i = 1; i < from_mean.size() && from_mean[i].first + from_mean[0].first > largest; ++i)
+    for (size_t j = 0; j < i && from_mean[i].first + from_mean[j].first > largest; ++j)
+      largest =
+          std::max(largest, (points[from_mean[i].second] - points[from_mean[j].second]).norm());
+  return largest;
+}
+
+/// Share of the linear base in what a handle does.
+double linear_share(double angle) { return angle < kPi ? 0.5 * (1 + std::cos(angle)) : 0; }
+
+/// How much of λ a handle of this radius leaves, its centre going so far. What turns little has no
+/// say: both ways agree there.
+double share_about_centre(const Eigen::Vector3d& turn, const Eigen::Vector3d& shift,
+                          double radius) {
+  const double angle = turn.norm();
+  if (angle == 0) return 1;
+  const double sideways = (shift - turn * (turn.dot(shift) / (angle * angle))).norm();
+  // Beyond the largest number it is none.
+  const double veto = sideways < 4 * radius ? std::max(0.5 * sideways / radius - 1, 0.0) : 1;
+  return 1 - veto * std::min(1.0, 4 * angle / kPi);
+}
+
+/// Without a sign change at any number of turns.
+Eigen::Quaterniond quaternion_by(const Eigen::Vector3d& turn) {
+  const double half = 0.5 * turn.norm();
+  Eigen::Quaterniond q;
+  q.w() = std::cos(half);
+  q.vec() = (half > 1e-8 ? 0.5 * std::sin(half) / half : 0.5) * turn;
+  return q;
+}
+
+}  // namespace
+
+MotionBlend::MotionBlend(const BoundSurface& bound)
+    : bound_(bound),
+      terms_(RowMatrix::Zero(bound.region.handle_count, kTerms)),
+      coefficients_(RowMatrix::Zero(4 * bound.region.handle_count, 4)) {
+  const Region& region = bound.region;
+  std::vector<double> squares(size_t(region.handle_count), 0.0);
+  std::vector<int> counts(squares.size(), 0);
+  for (int v : region.handle_vertices) {
+    const int h = region.role[v];
+    squares[h] += (bound.mesh.positions.row(v) - bound.coordinates.centres().row(h)).squaredNorm();
+    ++counts[h];
+  }
+  const double least =
+      kLeastRadius * std::sqrt(triangle_areas(bound.mesh.positions, bound.mesh.triangles).sum());
+  for (size_t h = 0; h < squares.size(); ++h)
+    radii_.push_back(std::max(least, std::sqrt(squares[h] / counts[h])));
+}
+
+HarmonicBlend& MotionBlend::harmonic() {
+  if (!harmonic_) harmonic_ = std::make_unique<HarmonicBlend>(bound_);
+  return *harmonic_;
+}
+
+void MotionBlend::take(const std::vector<Affine>& motions, const std::vector<double>& turns) {
+  const bool fixed = bound_.order().count() > bound_.order().fixed_begin;
+  const auto said = [&](size_t h) -> Eigen::Vector3d {
+    if (turns.empty()) return Eigen::Vector3d::Zero();
+    return Eigen::Map<const Eigen::Vector3d>(turns.data() + 3 * h);
+  };
+  for (size_t h = 0; h < motions.size(); ++h)
+    if (!said(h).allFinite())
+      throw Error(Status::argument, "The turn of handle " + std::to_string(h) + " is not finite.");
+
+  const auto centre = [&](size_t h) -> Eigen::Vector3d {
+    return bound_.coordinates.centres().row(Index(h)).transpose();
+  };
+  Eigen::Vector3d reference_turn = Eigen::Vector3d::Zero();
+  reference_shift_.setZero();
+  reference_.setIdentity();
+  if (!fixed && !motions.empty()) {
+    reference_turn = said(0);
+    reference_ = rotation_or(motions[0].leftCols<3>(), reference_turn);
+    reference_shift_ =
+        motions[0].leftCols<3>() * centre(0) + motions[0].col(3) - reference_ * centre(0);
+  }
+  rotations_found_ = false;
+  largest_ = 0;
+  about_centres_ = 1;
+  std::vector<Eigen::Vector3d> angles;
+  if (fixed) angles.push_back(Eigen::Vector3d::Zero());
+  for (size_t h = 0; h < motions.size(); ++h) {
+    const Eigen::Matrix3d A = reference_.transpose() * motions[h].leftCols<3>();
+    const Eigen::Vector3d shift = reference_.transpose() * (motions[h].col(3) - reference_shift_);
+    const Eigen::Vector3d turn = reference_.transpose() * (said(h) - reference_turn);
+    const Eigen::Vector3d rest = rotation_vector(rotation_by(-turn) * rotation_or(A, turn));
+    angles.push_back(turn + rest);
+    largest_ = std::max(largest_, turn.norm() + rest.norm() + reference_turn.norm());
+    const double keep = linear_share(angles.back().norm());
+    Affine change;
+    change << A - Eigen::Matrix3d::Identity(), shift;
+    auto row = terms_.row(Index(h));
+    row.segment<3>(0) = turn.transpose();
+    row.segment<3>(3) = rest.transpose();
+    for (int k = 0; k < 3; ++k) {
+      row.segment<4>(6 + 4 * k) = keep * change.row(k);
+      row.segment<4>(18 + 4 * k) = change.row(k);
+    }
+    const Eigen::Vector3d moved = change.leftCols<3>() * centre(h) + change.col(3);
+    row.segment<3>(30) = centre(h).transpose();
+    row[33] = 1;
+    about_centres_ *= share_about_centre(angles.back(), moved, radii_[h]);
+    auto block = coefficients_.middleRows<4>(4 * Index(h));
+    block.topLeftCorner<3, 3>() = keep * change.leftCols<3>().transpose();
+    block.bottomLeftCorner<1, 3>() = keep * moved.transpose();
+  }
+  farthest_ = diameter(angles);
+}
+
+double MotionBlend::share(BaseDeformer deformer) const {
+  if (deformer == BaseDeformer::motions) return 1;
+  if (deformer == BaseDeformer::linear) return 0;
+  return std::clamp((farthest_ - kLinearUntil) / (kPi - kLinearUntil), 0.0, 1.0);
+}
+
+void MotionBlend::find_rotations() {
+  if (rotations_found_) return;
+  const RowOrder& order = bound_.order();
+  HarmonicBlend& harmonic = this->harmonic();
+  harmonic.take(terms_.leftCols<6>());
+  const Eigen::Quaterniond first(reference_);
+  if (rotations_.rows() == 0) {
+    rotations_ = Rows::Zero(order.count(), 4);
+    rotations_.col(3).setOnes();
+  }
+  const auto put = [&](int64_t row, const double* term) {
+    const Eigen::Quaterniond q = first * quaternion_by(Eigen::Map<const Eigen::Vector3d>(term)) *
+                                 quaternion_by(Eigen::Map<const Eigen::Vector3d>(term + 3));
+    rotations_.row(row) = q.coeffs().transpose();
+  };
+  bound_.poisson->pool().parallel_for(order.free_count, kLeastRange,
+                                      [&](int64_t begin, int64_t end) {
+                                        const RowMatrix blended = harmonic.rows(begin, end);
+                                        for (int64_t r = begin; r < end; ++r)
+                                          put(r, blended.row(r - begin).data());
+                                      });
+  for (int r = order.free_count; r < order.fixed_begin; ++r)
+    put(r, terms_.row(bound_.region.role[order.vertex_of_row[r]]).data());
+  rotations_found_ = true;
+}
+
+void MotionBlend::move(const Rows& displacement, double share, Rows& base) {
+  find_rotations();
+  if (!of_base_) of_base_ = std::make_unique<TurnedFlux>(bound_, bound_.base, rotations_);
+  solved_ = displacement;
+  bound_.poisson->solve(
+      of_base_->at_rest(), [&](int section, double* rows) { of_base_->add(section, rows); },
+      solved_);
+  HarmonicBlend& harmonic = this->harmonic();
+  harmonic.take(terms_.rightCols<28>());
+  kept_.setZero(bound_.order().free_count, 4);
+  bound_.extension.displace(coefficients_, kept_, kept_);  // Σ s W C
+  const Eigen::Quaterniond first(reference_);
+  bound_.poisson->pool().parallel_for(kept_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
+    const RowMatrix terms = harmonic.rows(begin, end);
+    for (int64_t i = 0; i < end - begin; ++i) {
+      const double* term = terms.row(i).data();
+      const auto changed = [&](int k, const Eigen::Vector3d& x) -> Eigen::Vector3d {
+        const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> change(term + k);
+        return change.leftCols<3>() * x + change.col(3);
+      };
+      const Eigen::Vector3d rest = bound_.rest_base.row(begin + i).head<3>();
+      // Less Σ s a (M q − q).
+      const Eigen::Vector3d left =
+          Eigen::Vector3d(kept_.row(begin + i).head<3>()) - changed(0, rest);
+      Eigen::Vector3d turned = rest + Eigen::Vector3d(solved_.row(begin + i).head<3>());
+      if (about_centres_ > 0) {
+        Eigen::Vector3d about = rest;  // far from all handles
+        if (term[27] > 1e-12) {
+          const Eigen::Vector3d centre = Eigen::Map<const Eigen::Vector3d>(term + 24) / term[27];
+          about = centre + changed(12, centre) +
+                  first.conjugate() * (quaternion(rotations_, begin + i) * (rest - centre));
+        }
+        turned += about_centres_ * (reference_ * about + reference_shift_ - turned);
+      }
+      auto row = base.row(begin + i).head<3>();
+      row += share * ((turned + reference_ * left).transpose() - row);
+    }
+  });
+}
+
+Turning MotionBlend::turning(BaseDeformer deformer) {
+  Turning result;
+  result.known_share = share(deformer) * (1 - about_centres_);
+  if (largest_ <= kQuarterTurn && result.known_share == 0) return result;
+  find_rotations();
+  if (largest_ > kQuarterTurn) result.gauge = &rotations_;
+  if (result.known_share > 0) {
+    if (!of_surface_)
+      of_surface_ = std::make_unique<TurnedFlux>(bound_, bound_.mesh.positions, rotations_);
+    result.known = of_surface_.get();
+    result.known_rotations = &rotations_;
+  }
+  const auto falls = [&](double begin, double end) {
+    return std::clamp((end - farthest_) / (end - begin), 0.0, 1.0);
+  };
+  result.share = farthest_ < kPi ? 1 - (1 - kRefinedAtHalfTurn) * (1 - falls(kLinearUntil, kPi))
+                                 : kRefinedAtHalfTurn * falls(kPi, kUnrefined);
+  return result;
+}
+
+double MotionBlend::bytes() const {
+  const auto doubles =
+      kept_.size() + terms_.size() + coefficients_.size() + solved_.size() + rotations_.size();
+  return static_cast<double>(doubles) * sizeof(double) + (harmonic_ ? harmonic_->bytes() : 0) +
+         (of_base_ ? of_base_->bytes() : 0) + (of_surface_ ? of_surface_->bytes() : 0);
+}
+
+}  // namespace dd

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "mesh/correspondence.h"
+#include "mesh/unit_box.h"
+#include "reconstruction/components.h"
+#include "reconstruction/corner_flux.h"
+#include "reconstruction/reconstruction.h"
+#include "support/similarity.h"
+#include "transfer/place_correction.h"
+#include "transfer/source_gradients.h"
+#include "transfer/source_points.h"
+#include "wear/worn_places.h"
+
+namespace dd {
+
+/// What decides where a transferred pose is: gradients leave the place of each component open.
+enum class Anchor {
+  source = 0,    ///< every component moves along with its source
+  centroid = 1,  ///< the centre of the surface stays
+  vertices = 2,  ///< the mean of the given vertices stays, or goes to the mean of given places
+  pinned = 3     ///< each of the given vertices stays, or goes to its given place
+};
+
+/// What goes where its source went. The values are those of dd_placing in the public header.
+enum class Placing {
+  vertices = 0,      ///< each component, then each vertex: see FollowedPlaces, WornPlaces
+  components = 1,    ///< each component as a whole: see ComponentPlaces
+  parts = 2,         ///< each component as a whole, which keeps its shape: see RigidParts
+  displacements = 3  ///< each vertex as far as its source: see Displacements
+};
+
+struct TransferOptions {
+  Formulation formulation = Formulation::surface;
+  Anchor anchor = Anchor::source;
+  Placing placing = Placing::components;  ///< of components without a pinned vertex
+  std::vector<int> anchors;               ///< target vertices, for Anchor::vertices and pinned
+  /// How the source lies to the target; null: as the correspondences say. See fitted_placement().
+  const Similarity* placement = nullptr;
+  /// Where the target lies over the source, and is worn by it: by that placement, or as they stand.
+  const NearestPoints* worn = nullptr;
+  double gap = -1;  ///< of what is worn, by vertices: see WornPlaces
+  /// The point of the source that each vertex of the target corresponds to, as far as that is
+  /// known; else, or where this is empty, as the correspondences say. See points_of_fit().
+  std::vector<PointOnTriangle> points = {};
+  Precision precision = Precision::full;
+  int threads = 0;  ///< 0: as many as the machine has, at most 8
+};
+
+/// The similarity that takes the centres of source triangles next to those of the target triangles
+/// they correspond to, weighted by the target's areas: see fitted_stance().
+Similarity fitted_placement(const Mesh& source, const Mesh& target,
+                            const Correspondence& correspondence);
+
+/// Surface deformation transfer (§5) from a source pair S → S' to another mesh T: the gradients of
+/// the source's triangles go to those of T (SourceGradients), and L p' = div(S_jᵀ) (14) on T.
+/// Factored once; a pose is a pass over the triangles and one back-substitution.
+///
+/// What gradients leave open is then placed by a list of corrections: ComponentPlaces, what Placing
+/// names, KeptTogether, and the anchors.
+class MeshTransfer {
+ public:
+  /// Both meshes as for validate(); correspondence in their triangles. Throws Error; progress from
+  /// 0 to 1.
+  MeshTransfer(Mesh source, Mesh target, const Correspondence& correspondence,
+               const TransferOptions& options, const Progress& progress = {});
+  ~MeshTransfer();
+
+  /// pose: S', in the source's units. places: of the anchors, or null for their places at rest.
+  /// rotation_only: S_j reduced to its rotation, which Placing::vertices and displacements can't be
+  /// combined with. Returns T', valid until the next call. Throws Error.
+  const Positions& apply(const Positions& pose, bool rotation_only,
+                         const Positions* places = nullptr);
+
+  const Mesh& source() const { return source_; }
+  const Mesh& target() const { return target_; }
+  int anchor_count() const { return static_cast<int>(anchors_.size()); }
+  const Similarity& placement() const { return placement_; }
+  /// Whether the target corresponds to a mirror image of the source, and is deformed as one.
+  bool mirrored() const { return placement_.mirrored; }
+
+  const SourceGradients& gradients() const { return *gradients_; }
+  /// Components of the target none of whose triangles has a source, and a vertex of one.
+  int unmatched_component_count() const { return unmatched_component_count_; }
+  int unmatched_component_example() const { return unmatched_component_example_; }
+  /// Target vertices without a triangle, which stay at rest.
+  int loose_count() const { return static_cast<int>(region_.loose.size()); }
+  const std::vector<int>& degenerate_triangles() const { return degenerate_; }
+  /// Vertices of a target that is worn which are through the source at rest.
+  int through_count() const { return worn_ ? static_cast<int>(worn_->through().size()) : 0; }
+  int through_example() const { return through_count() > 0 ? worn_->through().front() : -1; }
+  /// How far its vertices are from the source, on the mean.
+  double worn_distance() const { return worn_distance_; }
+  /// Unknowns, and non-zeros of the system: of the surface's (14) or of the fourth points' (10).
+  int unknowns() const { return unknowns_; }
+  double nonzeros() const { return nonzeros_; }
+
+ private:
+  struct OnTarget;
+
+  void factor(const TransferOptions& options, const Progress& progress);
+  void find_components();
+  void add_corrections(const TransferOptions& options, const Progress& progress);
+  Positions checked_places(const Positions* places) const;
+  void solve(const Positions& anchor_places);
+  void keep_anchors(const Positions& anchor_places);
+  Eigen::RowVector3d shift_to_anchor(const Positions& anchor_places) const;
+
+  ThreadPool pool_;
+  Mesh source_, target_;
+  Anchor anchor_;
+  std::vector<int> anchors_;
+  Similarity placement_;
+  std::unique_ptr<SourceGradients> gradients_;
+  std::unique_ptr<OnTarget> on_target_;
+
+  UnitBox box_;  // of the target; all below is solved in it
+  Region region_;
+  std::vector<int> degenerate_;
+  Eigen::VectorXd areas_;
+  std::unique_ptr<FactoredSurface> surface_;     // of (14)
+  std::unique_ptr<FourthPoints> fourth_points_;  // of (10)
+  RowOrder order_;
+  int unknowns_ = 0;
+  double nonzeros_ = 0;
+
+  std::vector<Component> components_;                          // triangles: those with a source
+  std::unique_ptr<SourcePoints> points_;                       // of corrections by them
+  std::vector<std::unique_ptr<PlaceCorrection>> corrections_;  // in this order
+  bool need_whole_gradients_ = false;                          // the corrections
+  const WornPlaces* worn_ = nullptr;                           // among them, or null
+  double worn_distance_ = 0;
+  int unmatched_component_count_ = 0, unmatched_component_example_ = -1;
+  Rows offsets_;  // in order_, unit box
+  Positions result_;
+};
+
+}  // namespace dd

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "match/coarse_shape.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "mesh/contraction.h"
+#include "mesh/topology.h"
+#include "mesh/triangles.h"
+#include "mesh/unit_box.h"
+
+namespace dd {
+
+namespace {
+
+constexpr int kVertices = 2500;
+constexpr int kSamples = 1000;
+constexpr int kAttempts = 4;
+
+/// The triangles of the part with the largest area, or all where it has not even half of it.
+Triangles main_part(const Mesh& mesh) {
+  const Components parts(mesh.triangles, mesh.vertex_count());
+  const Eigen::VectorXd areas = triangle_areas(mesh.positions, mesh.triangles);
+  std::vector<double> sums(static_cast<size_t>(parts.count), 0.0);
+  for (Index j = 0; j < areas.size(); ++j)
+    sums[size_t(parts.of_vertex[size_t(mesh.triangles(j, 0))])] += areas[j];
+  const auto largest = static_cast<int>(std::max_element(sums.begin(), sums.end()) - sums.begin());
+  if (sums[size_t(largest)] < 0.5 * areas.sum()) return mesh.triangles;
+  Triangles chosen(mesh.triangles.rows(), 3);
+  Index count = 0;
+  for (Index j = 0; j < mesh.triangles.rows(); ++j)
+    if (parts.of_vertex[size_t(mesh.triangles(j, 0))] == largest)
+      chosen.row(count++) = mesh.triangles.row(j);
+  return chosen.topRows(count);
+}
+
+}  // namespace
+
+std::vector<int> farthest_points(const Positions& positions, int count) {
+  std::vector<int> chosen;
+  Eigen::VectorXd apart =
+      Eigen::VectorXd::Constant(positions.rows(), std::numeric_limits<double>::infinity());
+  Eigen::RowVector3d from = positions.colwise().mean();
+  for (int i = 0; i < std::min<Index>(count, positions.rows()); ++i) {
+    const Eigen::VectorXd distances = (positions.rowwise() - from).rowwise().squaredNorm();
+    if (i == 0)
+      apart = distances;
+    else
+      apart = apart.cwiseMin(distances);
+    Index next = 0;
+    apart.maxCoeff(&next);
+    if (i == 0) apart.setConstant(std::numeric_limits<double>::infinity());
+    chosen.push_back(static_cast<int>(next));
+    from = positions.row(next);
+  }
+  return chosen;
+}
+
+struct CoarseShape::Part {
+  Part(const Mesh& given, const Triangles& triangles) {
+    const Mesh part = {UnitBox(given.positions).into(given.positions), triangles};
+    // A vertex that is left stands for about twice the square of the radius.
+    double radius =
+        std::sqrt(triangle_areas(part.positions, part.triangles).sum() / (2 * kVertices));
+    // What is no surface anywhere is left as it is, unless it is looked at more roughly.
+    for (int attempt = 0; attempt < kAttempts; ++attempt, radius *= 1.5) {
+      made = contract(part, std::vector<double>(static_cast<size_t>(part.vertex_count()), radius));
+      if (made.vertices.size() < 2 * kVertices) break;
+    }
+    mesh.triangles = made.triangles;
+    mesh.positions.resize(static_cast<Index>(made.vertices.size()), 3);
+    for (size_t i = 0; i < made.vertices.size(); ++i)
+      mesh.positions.row(static_cast<Index>(i)) = part.positions.row(made.vertices[i]);
+    unit = part.positions;
+  }
+  Contraction made;
+  Mesh mesh;
+  Positions unit;  // of all vertices
+};
+
+CoarseShape::CoarseShape(const Mesh& given) : CoarseShape(Part(given, main_part(given))) {}
+
+CoarseShape::CoarseShape(Part&& part)
+    : mesh(std::move(part.mesh)),
+      vertices(std::move(part.made.vertices)),
+      of_vertex(std::move(part.made.of_vertex)),
+      triangle_normals(dd::triangle_normals(mesh.positions, mesh.triangles)),
+      normals(summed_normals(mesh.positions, mesh.triangles)),
+      areas(triangle_areas(mesh.positions, mesh.triangles)),
+      samples(farthest_points(mesh.positions, kSamples)),
+      tree(mesh),
+      connected(Components(mesh.triangles, mesh.vertex_count()).count == 1) {
+  // Vertices of other parts go by the nearest of this one.
+  for (size_t v = 0; v < of_vertex.size(); ++v) {
+    if (of_vertex[v] >= 0) continue;
+    const PointOnTriangle near = tree.nearest(part.unit.row(static_cast<Index>(v)).transpose(), 10,
+                                              [](int) { return true; });
+    if (near.triangle < 0) continue;
+    Index corner = 0;
+    near.weights.maxCoeff(&corner);
+    of_vertex[v] = mesh.triangles(near.triangle, corner);
+  }
+}
+
+}  // namespace dd

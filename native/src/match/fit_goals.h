@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "match/part_pairs.h"
+#include "mesh/aabb_tree.h"
+#include "mesh/topology.h"
+#include "support/thread_pool.h"
+
+namespace dd {
+
+/// The closest points c_i on the target that attract the vertices of a source being fitted.
+struct FitGoals {
+  /// border: the closest point is on the target's border though the vertex is not on the source's,
+  /// so the vertex has no counterpart.
+  enum class Found : char { none, border, goal };
+
+  Positions places;  ///< c_i of each vertex; its own position where found is not goal
+  std::vector<Found> found;
+
+  /// The weight of each vertex' attraction, by the robust error of Geman and McClure: 1 at its
+  /// goal, 1/4 at eight times the median distance to a goal, or at least if that is larger. A
+  /// vertex without a closest point gets a small weight that holds it where it is; one whose
+  /// closest point is on a border gets 1.
+  Eigen::VectorXd nearness(const Positions& now, double least) const;
+};
+
+/// Finds the closest points on a target: within reach, with a normal less than 90° off, and on a
+/// component that may correspond (PartPairs). Keeps references to the target and the pool.
+class GoalFinder {
+ public:
+  GoalFinder(const Mesh& source, const Mesh& target, double reach, ThreadPool& pool);
+
+  /// The closest point of each vertex. now: the source as fitted so far.
+  FitGoals nearest(const Mesh& now) const;
+
+  /// The mean of the closest point of a vertex and of the target's vertices whose closest point on
+  /// the source is beside it. The latter are weighted by their area over the vertex' own, at most
+  /// 1. So the ends of the target attract those of the source, whose own closest points don't lead
+  /// there.
+  FitGoals both_ways(const Mesh& now) const;
+
+ private:
+  /// normals: of the vertices of now.
+  FitGoals nearest(const Mesh& now, const Positions& normals) const;
+
+  const Mesh& target_;
+  ThreadPool& pool_;
+  double reach_;
+  AabbTree tree_;
+  LooseParts source_parts_, target_parts_;
+  Borders source_borders_, target_borders_;
+  Positions target_normals_;  // with twice the area of the triangles at the vertex for a length
+};
+
+}  // namespace dd

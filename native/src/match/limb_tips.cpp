@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "match/limb_tips.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "mesh/geodesic_distances.h"
+
+namespace dd {
+
+namespace {
+
+constexpr size_t kTipSamples = 30;
+constexpr double kTipsApart = 0.08;  // of the farthest: two tips are no nearer
+constexpr double kStandsOut = 1.25;  // times as far from the whole as what is nearest to it
+constexpr size_t kMostTips = 8;
+constexpr size_t kEnoughMarked = 40;  // which say more than tips
+constexpr int kFewestPoints = 4;      // points in all that tell left from right
+constexpr double kAsNothing = 0.05;   // of the farthest two: so much is as good as nothing
+
+std::vector<double> distances_over(const Mesh& mesh, int vertex,
+                                   double farthest = std::numeric_limits<double>::infinity()) {
+  std::vector<char> source(static_cast<size_t>(mesh.vertex_count()), 0);
+  source[size_t(vertex)] = 1;
+  return geodesic_distances(mesh, source, farthest);
+}
+
+/// What is compared of a shape: its tips, then what is marked.
+struct TipPoints {
+  TipPoints(const CoarseShape& shape, const std::vector<int>& marked) : count(0) {
+    std::vector<std::vector<double>> away;
+    away.reserve(marked.size());
+    for (int v : marked) away.push_back(distances_over(shape.mesh, v));
+    std::vector<int> tips = limb_tips(shape.mesh, shape.samples);
+    double farthest = 0;
+    for (const std::vector<double>& each : away)
+      farthest = std::max(farthest, *std::max_element(each.begin(), each.end()));
+    const auto is_marked = [&](int tip) {
+      return std::any_of(away.begin(), away.end(), [&](const std::vector<double>& each) {
+        return each[size_t(tip)] < kTipsApart * farthest;
+      });
+    };
+    tips.erase(std::remove_if(tips.begin(), tips.end(), is_marked), tips.end());
+    count = static_cast<int>(tips.size());
+    vertices = std::move(tips);
+    vertices.insert(vertices.end(), marked.begin(), marked.end());
+    const Index all = static_cast<Index>(vertices.size());
+    places = rows_of(shape.mesh.positions, vertices, vertices.size());
+    apart.resize(all, all);
+    for (Index i = 0; i < all; ++i) {
+      const std::vector<double> from =
+          i < count ? distances_over(shape.mesh, vertices[size_t(i)]) : away[size_t(i - count)];
+      for (Index j = 0; j < all; ++j) apart(i, j) = from[size_t(vertices[size_t(j)])];
+    }
+    // By their logarithms distances of limbs that are longer throughout are compared.
+    if (all > 0) apart = (apart.array() / apart.maxCoeff() + kAsNothing).log();
+  }
+
+  std::vector<int> vertices;
+  int count;  // of tips
+  Positions places;
+  Eigen::MatrixXd apart;
+};
+
+/// Tries all ways to give each tip of one shape another one of the other.
+class TipPairing {
+ public:
+  TipPairing(const TipPoints& few, const TipPoints& many, const Positions& placed_few,
+             const Positions& placed_many)
+      : few_(few), many_(many), placed_few_(placed_few), placed_many_(placed_many) {
+    const int marked = static_cast<int>(few.vertices.size()) - few.count;
+    for (int k = 0; k < marked; ++k) chosen_.push_back({few.count + k, many.count + k});
+    taken_.assign(static_cast<size_t>(many.count), 0);
+    double sum = 0;
+    for (size_t k = 0; k < chosen_.size(); ++k) sum += difference(chosen_[k], k);
+    const size_t all = few.vertices.size();
+    pairs_ = static_cast<double>(all * (all - 1)) / 2;
+    choose(0, sum, 0);
+  }
+
+  const Pairs& best() const { return best_; }
+
+ private:
+  /// To the first ones that were chosen, by distances over the surfaces.
+  double difference(const std::array<int, 2>& pair, size_t first) const {
+    double sum = 0;
+    for (size_t k = 0; k < first; ++k)
+      sum += std::abs(few_.apart(pair[0], chosen_[k][0]) - many_.apart(pair[1], chosen_[k][1]));
+    return sum;
+  }
+
+  void choose(int tip, double difference_so_far, double way_so_far) {
+    const double cost = difference_so_far / pairs_ + way_so_far / few_.count;
+    if (cost >= least_) return;
+    if (tip == few_.count) {
+      const double whole = cost + misfit();
+      if (whole >= least_) return;
+      least_ = whole;
+      best_ = chosen_;
+      return;
+    }
+    for (int other = 0; other < many_.count; ++other) {
+      if (taken_[size_t(other)]) continue;
+      const std::array<int, 2> pair = {tip, other};
+      const double more = difference(pair, chosen_.size());
+      const double way = (placed_few_.row(tip) - placed_many_.row(other)).norm();
+      taken_[size_t(other)] = 1;
+      chosen_.push_back(pair);
+      choose(tip + 1, difference_so_far + more, way_so_far + way);
+      chosen_.pop_back();
+      taken_[size_t(other)] = 0;
+    }
+  }
+
+  /// The mean distance that a similarity leaves.
+  double misfit() const {
+    const Index count = static_cast<Index>(chosen_.size());
+    Positions from(count, 3), to(count, 3);
+    for (Index k = 0; k < count; ++k) {
+      from.row(k) = few_.places.row(chosen_[size_t(k)][0]);
+      to.row(k) = many_.places.row(chosen_[size_t(k)][1]);
+    }
+    const Similarity fit = fitted_similarity(from, to, Eigen::VectorXd::Ones(count));
+    return (fit.all(from) - to).rowwise().norm().mean();
+  }
+
+  const TipPoints &few_, &many_;
+  const Positions &placed_few_, &placed_many_;
+  Pairs chosen_, best_;
+  std::vector<char> taken_;
+  double pairs_ = 0, least_ = 1e300;
+};
+
+}  // namespace
+
+std::vector<int> limb_tips(const Mesh& mesh, const std::vector<int>& samples) {
+  const size_t count = std::min(kTipSamples, samples.size());
+  std::vector<double> sum(static_cast<size_t>(mesh.vertex_count()), 0.0);
+  double farthest = 0;
+  for (size_t k = 0; k < count; ++k) {
+    const std::vector<double> from = distances_over(mesh, samples[k]);
+    for (size_t v = 0; v < sum.size(); ++v) sum[v] += from[v];
+    farthest = std::max(farthest, *std::max_element(from.begin(), from.end()));
+  }
+  std::vector<int> order(sum.size());
+  for (size_t v = 0; v < order.size(); ++v) order[v] = static_cast<int>(v);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return sum[size_t(a)] > sum[size_t(b)]; });
+  // From the farthest on: what lies about one that was looked at is no tip.
+  std::vector<char> passed(sum.size(), 0);
+  std::vector<int> tips;
+  for (int v : order) {
+    if (tips.size() == kMostTips || sum[size_t(v)] < kStandsOut * sum[size_t(order.back())]) break;
+    if (passed[size_t(v)]) continue;
+    const std::vector<double> about = distances_over(mesh, v, kTipsApart * farthest);
+    bool highest = true;
+    for (size_t w = 0; w < sum.size(); ++w) {
+      if (!(about[w] < kTipsApart * farthest)) continue;
+      highest &= sum[w] <= sum[size_t(v)];
+      if (sum[w] <= sum[size_t(v)]) passed[w] = 1;
+    }
+    if (highest) tips.push_back(v);
+  }
+  return tips;
+}
+
+Pairs paired_tips(const CoarseShape& source, const CoarseShape& target, const Similarity& placement,
+                  const Pairs& marked) {
+  if (marked.size() > kEnoughMarked) return {};
+  std::vector<int> marks[2];
+  for (const auto& pair : marked)
+    for (int side = 0; side < 2; ++side) marks[side].push_back(pair[size_t(side)]);
+  const TipPoints points[2] = {TipPoints(source, marks[0]), TipPoints(target, marks[1])};
+  const int few = points[0].count <= points[1].count ? 0 : 1;
+  if (points[few].count == 0 || points[few].places.rows() < kFewestPoints) return {};
+  const Positions placed[2] = {placement.all(points[0].places), points[1].places};
+  const TipPairing pairing(points[few], points[1 - few], placed[few], placed[1 - few]);
+  Pairs result;
+  for (const std::array<int, 2>& pair : pairing.best()) {
+    if (pair[0] >= points[few].count) continue;  // marked
+    std::array<int, 2> found;
+    found[size_t(few)] = points[few].vertices[size_t(pair[0])];
+    found[size_t(1 - few)] = points[1 - few].vertices[size_t(pair[1])];
+    result.push_back(found);
+  }
+  return result;
+}
+
+}  // namespace dd

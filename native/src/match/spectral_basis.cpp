@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "match/spectral_basis.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+
+#include "solver/sparse_cholesky.h"
+#include "systems/operators.h"
+
+namespace dd {
+
+namespace {
+
+constexpr int kIterations = 16;  // the last of 30 functions changes by less than a percent then
+
+/// Combined so that they are orthonormal by the masses.
+RowMatrix orthonormal(const RowMatrix& functions, const Eigen::VectorXd& masses) {
+  const Eigen::MatrixXd weighted = masses.asDiagonal() * functions;
+  Eigen::MatrixXd products = functions.transpose() * weighted;
+  products.diagonal().array() += 1e-14 * products.trace();
+  const Eigen::LLT<Eigen::MatrixXd> factor(products);
+  return factor.matrixL().solve(functions.transpose()).transpose();
+}
+
+}  // namespace
+
+SpectralBasis spectral_basis(const Mesh& mesh, int count, const std::vector<int>& seeds,
+                             ThreadPool* pool) {
+  const SurfaceOperators surface =
+      surface_operators(mesh.positions, mesh.triangles, Triangulation::delaunay);
+  const Eigen::VectorXd masses = surface.masses / surface.masses.sum();
+  SparseMatrix shifted = surface.laplacian;
+  for (Index v = 0; v < masses.size(); ++v) shifted.coeffRef(v, v) += masses[v];
+  FactorOptions options;
+  options.pool = pool;
+  const SparseCholesky factor(shifted, options);
+
+  // Each source as strong as another, times its mass.
+  RowMatrix right = RowMatrix::Zero(mesh.vertex_count(), static_cast<Index>(seeds.size()));
+  for (size_t i = 0; i < seeds.size(); ++i) right(seeds[i], static_cast<Index>(i)) = 1;
+  SpectralBasis basis;
+  for (int round = 0; round < kIterations; ++round) {
+    const RowMatrix functions = orthonormal(orthonormal(factor.solve(right, pool), masses), masses);
+    const RowMatrix applied = surface.laplacian * functions;
+    const Eigen::MatrixXd energies = functions.transpose() * applied;
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> ritz(energies);
+    const RowMatrix best = functions * ritz.eigenvectors();
+    right = masses.asDiagonal() * best;
+    if (round + 1 < kIterations) continue;
+    basis.values = ritz.eigenvalues().head(count);
+    basis.functions = best.leftCols(count);
+  }
+  return basis;
+}
+
+}  // namespace dd

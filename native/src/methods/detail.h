@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <memory>
+
+#include "methods/method.h"
+#include "reconstruction/base_gradients.h"
+#include "reconstruction/reconstruction.h"
+
+namespace dd {
+
+/// The paper's method (§6, Fig. 2): the base's deformation gradients S_j (15), or their rotations,
+/// are carried over to S by L p' = div(S_jᵀ) (14), and refined if asked.
+class Detail : public Method {
+ public:
+  explicit Detail(BoundSurface& bound);
+  void update(const Frame& frame, const MethodOptions& options) override;
+  MethodFindings findings() const override;
+  double bytes() const override;
+
+ private:
+  std::unique_ptr<BaseGradients> gradients_;
+  Reconstruction reconstruction_;
+};
+
+}  // namespace dd

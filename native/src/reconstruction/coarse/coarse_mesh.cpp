@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "reconstruction/coarse/coarse_mesh.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <utility>
+
+#include "mesh/contraction.h"
+#include "mesh/geodesic_distances.h"
+
+namespace dd {
+
+namespace {
+
+constexpr double kGrowth = 0.5;  // of radii with the distance from what is constrained
+
+/// How far others may go to each vertex.
+std::vector<double> radii_of(const Mesh& part, const Region& region, double spacing) {
+  const auto n = static_cast<size_t>(part.vertex_count());
+  std::vector<char> constrained(n, 0);
+  for (int v : part.triangles.reshaped()) constrained[v] = region.role[v] != kFree;
+  const std::vector<double> distance = geodesic_distances(part, constrained, spacing / kGrowth);
+  std::vector<double> radii(n, 0);
+  for (int v : region.free) radii[v] = std::min(spacing, kGrowth * distance[v]);
+  // Triangles at rims stay as they are.
+  for (int j = 0; j < part.triangle_count(); ++j)
+    for (int k = 0; k < 3; ++k)
+      if (constrained[part.triangles(j, k)])
+        for (int other = 0; other < 3; ++other) radii[part.triangles(j, other)] = 0;
+  return radii;
+}
+
+/// Weights of a point in a triangle, seen along its normal.
+Eigen::Vector3d weights_in(const Mesh& mesh, int j, const Eigen::RowVector3d& point) {
+  const Positions& p = mesh.positions;
+  const Triangles& t = mesh.triangles;
+  const Eigen::RowVector3d a = p.row(t(j, 0)), u = p.row(t(j, 1)) - a, v = p.row(t(j, 2)) - a,
+                           x = point - a;
+  const double uu = u.dot(u), uv = u.dot(v), vv = v.dot(v), det = uu * vv - uv * uv;
+  if (!(det > 1e-12 * uu * vv)) return {-1e9, -1e9, -1e9};
+  const double s = (vv * x.dot(u) - uv * x.dot(v)) / det, r = (uu * x.dot(v) - uv * x.dot(u)) / det;
+  return {1 - s - r, s, r};
+}
+
+}  // namespace
+
+std::vector<int> triangles_with(const std::vector<char>& marked, const Triangles& triangles) {
+  std::vector<int> found;
+  for (int j = 0; j < static_cast<int>(triangles.rows()); ++j) {
+    const auto corners = triangles.row(j);
+    if (std::any_of(corners.begin(), corners.end(), [&](int v) { return marked[v] != 0; }))
+      found.push_back(j);
+  }
+  return found;
+}
+
+CoarseMesh::CoarseMesh(const Mesh& part, const Region& region, double spacing) {
+  Contraction made = contract(part, radii_of(part, region, spacing));
+  mesh = {part.positions(made.vertices, kAllIndices), std::move(made.triangles)};
+  vertices = std::move(made.vertices);
+  of_vertex = std::move(made.of_vertex);
+  for (int v : vertices) {
+    roles.push_back(region.role[v]);
+    free_count += roles.back() == kFree;
+  }
+}
+
+PointOnTriangle point_near(const Mesh& mesh, const Fans& fans, const Eigen::RowVector3d& point,
+                           int vertex) {
+  constexpr int kSteps = 3;
+  PointOnTriangle best;
+  double least = -1e8;
+  for (int step = 0; step < kSteps; ++step) {
+    const double before = least;
+    for (int j : fans.of(vertex)) {
+      const Eigen::Vector3d weights = weights_in(mesh, j, point);
+      if (weights.minCoeff() <= least) continue;
+      least = weights.minCoeff();
+      best.triangle = j;
+      best.weights = weights;
+    }
+    if (least >= 0 || least == before) break;
+    int corner = 0;
+    best.weights.maxCoeff(&corner);
+    if (mesh.triangles(best.triangle, corner) == vertex) break;
+    vertex = mesh.triangles(best.triangle, corner);
+  }
+  if (best.triangle < 0) return best;
+  best.weights = best.weights.cwiseMax(0);
+  best.weights /= best.weights.sum();
+  best.place = place_of(best, mesh.positions, mesh.triangles).transpose();
+  best.squared_distance = (point.transpose() - best.place).squaredNorm();
+  return best;
+}
+
+}  // namespace dd

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "reconstruction/coarse/coarse_surface.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "mesh/topology.h"
+#include "reconstruction/coarse/coarse_mesh.h"
+
+namespace dd {
+
+namespace {
+
+constexpr double kMostLeft = 0.6;  // of the free vertices: beyond, it isn't worth it
+
+/// The faces that a coarse surface is made of: with a corner among the active vertices.
+Mesh active_part(const FactoredSurface& fine) {
+  std::vector<char> active(static_cast<size_t>(fine.mesh.vertex_count()), 0);
+  for (int i = 0; i < fine.poisson->active_vertex_count(); ++i)
+    active[fine.poisson->active_vertex(i)] = 1;
+  const std::vector<int> faces = triangles_with(active, fine.mesh.triangles);
+  return {fine.mesh.positions, fine.mesh.triangles(faces, kAllIndices)};
+}
+
+}  // namespace
+
+std::unique_ptr<CoarseSurface> CoarseSurface::make(const FactoredSurface& fine, double spacing) {
+  const Region& region = fine.region;
+  const Mesh part = active_part(fine);
+  CoarseMesh made(part, region, spacing);
+  if (made.free_count > kMostLeft * region.free_count()) return nullptr;
+
+  std::unique_ptr<CoarseSurface> coarse(new CoarseSurface);
+  coarse->region_ = region_of(std::move(made.roles), region.handle_count);
+  for (int v : region.grounds) coarse->region_.grounds.push_back(made.of_vertex[v]);
+  coarse->surface_ = std::make_unique<FactoredSurface>(std::move(made.mesh), coarse->region_,
+                                                       Triangulation::delaunay);
+  BlockOptions options;
+  options.pool = &fine.poisson->pool();
+  options.precision = fine.poisson->precision();
+  FactoredSurface& surface = *coarse->surface_;
+  try {
+    surface.factor(free_block(surface.operators.laplacian, coarse->region_), options);
+  } catch (const UnsolvableSurface&) {
+    return nullptr;  // no fault of the fine surface's, whose vertices it doesn't name
+  }
+  coarse->vertex_ = std::move(made.vertices);
+  coarse->of_vertex_ = std::move(made.of_vertex);
+  for (int v : surface.order().vertex_of_row)
+    coarse->fine_row_.push_back(fine.order().row_of_vertex[coarse->vertex_[v]]);
+  return coarse;
+}
+
+void CoarseSurface::restrict(const Rows& fine, Rows& coarse) const {
+  coarse.resize(static_cast<Index>(fine_row_.size()), 4);
+  for (size_t r = 0; r < fine_row_.size(); ++r)
+    coarse.row(static_cast<Index>(r)) = fine.row(fine_row_[r]);
+}
+
+std::vector<CoarseSurface::Share> CoarseSurface::shares(const FactoredSurface& fine) const {
+  const Triangles& t = surface_->mesh.triangles;
+  const Fans fans(t, surface_->mesh.vertex_count());
+  // -1: of a constrained vertex that no active triangle has.
+  const auto place = [&](int vertex) {
+    const int row = surface_->order().row_of_vertex[vertex];
+    const std::vector<int>& rims = surface_->poisson->rims();
+    const bool active =
+        row < surface_->order().free_count || std::binary_search(rims.begin(), rims.end(), row);
+    return active ? surface_->poisson->active_place(row) : -1;
+  };
+  // Of a vertex without a place, one that has: the nearest by edges.
+  const auto near_with_place = [&](int vertex) {
+    std::vector<int> front{vertex};
+    std::vector<char> reached(static_cast<size_t>(surface_->mesh.vertex_count()), 0);
+    for (size_t i = 0; i < front.size(); ++i) {
+      if (place(front[i]) >= 0) return front[i];
+      for (int j : fans.of(front[i]))
+        for (int k = 0; k < 3; ++k)
+          if (!std::exchange(reached[t(j, k)], 1)) front.push_back(t(j, k));
+    }
+    return vertex;
+  };
+  std::vector<Share> shares;
+  for (int i = 0; i < fine.poisson->active_vertex_count(); ++i) {
+    const int v = fine.poisson->active_vertex(i);
+    const int near = of_vertex_[v];
+    PointOnTriangle at;
+    if (vertex_[near] != v) at = point_near(surface_->mesh, fans, fine.mesh.positions.row(v), near);
+    if (at.triangle < 0) at.weights = {1, 0, 0};
+    Share share;
+    for (int k = 0; k < 3; ++k) {
+      const int corner = at.triangle < 0 ? near : t(at.triangle, k);
+      share.place[k] = place(corner);
+      if (share.place[k] < 0) share.place[k] = std::max(0, place(near_with_place(corner)));
+      share.weight[k] = at.weights[k];
+    }
+    shares.push_back(share);
+  }
+  return shares;
+}
+
+double CoarseSurface::bytes() const {
+  return surface_->bytes() +
+         static_cast<double>((vertex_.size() + of_vertex_.size() + fine_row_.size()) * sizeof(int));
+}
+
+}  // namespace dd

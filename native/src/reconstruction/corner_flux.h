@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include <vector>
+
+#include "reconstruction/factored_surface.h"
+
+namespace dd {
+
+/// What gradients X_j of active triangles add to a right-hand side of (14): X_j g_k at corner k,
+/// g_k the corner's flux on S. The one place where turned flux is scattered by matrices; kernels do
+/// the same for whole blocks of triangles.
+class CornerFlux {
+ public:
+  /// Of all active triangles.
+  explicit CornerFlux(const FactoredSurface& surface);
+  /// Of chosen ones: places among the active triangles, ascending.
+  CornerFlux(const FactoredSurface& surface, const std::vector<int>& chosen);
+
+  /// gradient_of(k, triangle) gives X_j of the k-th of these triangles.
+  template <class GradientOf>
+  void add(int section, const GradientOf& gradient_of, double* rows) const {
+    for (int k = begin_[section]; k < begin_[section + 1]; ++k) {
+      const Corners& corners = corners_[k];
+      const Eigen::Matrix3d turned = gradient_of(k, corners.triangle) * corners.flux;
+      for (int c = 0; c < 3; ++c)
+        Eigen::Map<Eigen::Vector3d>(rows + 4 * Index(corners.target[c])) += turned.col(c);
+    }
+  }
+  int size() const { return static_cast<int>(corners_.size()); }
+  double bytes() const { return static_cast<double>(corners_.size() * sizeof(Corners)); }
+
+ private:
+  struct Corners {
+    Eigen::Matrix3d flux;  // a corner a column
+    int target[3];         // rows of a right-hand side
+    int triangle;
+  };
+  std::vector<Corners> corners_;
+  std::vector<int> begin_;  // by section
+};
+
+}  // namespace dd

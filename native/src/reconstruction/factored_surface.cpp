@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "reconstruction/factored_surface.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace dd {
+
+FactoredSurface::FactoredSurface(Mesh its_mesh, const Region& its_region,
+                                 Triangulation triangulation)
+    : mesh(std::move(its_mesh)),
+      region(its_region),
+      operators(surface_operators(mesh.positions, mesh.triangles, triangulation)) {}
+
+void FactoredSurface::factor(SparseMatrix block, BlockOptions options) {
+  if (!dissection) dissection = free_dissection(block, region, mesh.positions, options.pool);
+  options.dissection = &*dissection;
+  poisson = std::make_unique<PoissonSystem>(mesh, region, operators, std::move(block), options);
+  rest = in_order(mesh.positions, order());
+  double area = 0;
+  for (int j : poisson->active().triangles) area += operators.metric.areas[j];
+  active_size = std::sqrt(area);
+}
+
+std::vector<int> FactoredSurface::faces_with_free_corners() const {
+  if (!operators.flipped) return poisson->active().triangles;
+  std::vector<int> faces;
+  for (int j = 0; j < mesh.triangle_count(); ++j) {
+    const auto corners = mesh.triangles.row(j);
+    if (std::any_of(corners.begin(), corners.end(), [&](int v) { return region.role[v] == kFree; }))
+      faces.push_back(j);
+  }
+  return faces;
+}
+
+double FactoredSurface::bytes() const {
+  const auto doubles = mesh.positions.size() + operators.metric.cotangents.size() +
+                       operators.metric.areas.size() + operators.masses.size() + rest.size();
+  return static_cast<double>(doubles) * sizeof(double) +
+         static_cast<double>(mesh.triangles.size() + operators.triangles.size()) * sizeof(int) +
+         static_cast<double>(operators.laplacian.nonZeros()) * (sizeof(double) + sizeof(int)) +
+         poisson->bytes();
+}
+
+Rows in_order(const Positions& positions, const RowOrder& order) {
+  Rows rows = Rows::Zero(order.count(), 4);
+  for (int r = 0; r < order.count(); ++r)
+    rows.row(r).head<3>() = positions.row(order.vertex_of_row[r]);
+  return rows;
+}
+
+}  // namespace dd

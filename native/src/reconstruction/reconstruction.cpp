@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "reconstruction/reconstruction.h"
+
+#include <algorithm>
+#include <future>
+#include <utility>
+
+#include "support/beside.h"
+
+namespace dd {
+
+void Reconstruction::solve(const GradientSource& gradients, Formulation formulation,
+                           Rows& offsets) {
+  if (formulation == Formulation::surface) {
+    solve_by(gradients, nullptr, 0, offsets);
+    return;
+  }
+  const FourthPointWeights weights = formulation == Formulation::fourth_points
+                                         ? FourthPointWeights::volumes
+                                         : FourthPointWeights::ones;
+  // Made before the present one is let go: it may be refused.
+  if (!fourth_points_ || fourth_points_->weights() != weights)
+    fourth_points_ = std::make_unique<FourthPoints>(surface_.mesh, surface_.region,
+                                                    surface_.faces_with_free_corners(), weights);
+  fourth_points_->solve(gradients, surface_.order(), offsets);
+}
+
+void Reconstruction::solve_by(const FluxSource& source, ClampedPoisson* clamps, double held,
+                              Rows& offsets) {
+  const auto add = [&](int section, double* rows) { source.add(section, rows); };
+  if (clamps && held == 1) {
+    clamps->solve(source.at_rest(), add, offsets);
+    return;
+  }
+  surface_.poisson->solve(source.at_rest(), add, offsets);
+  if (!clamps || held == 0) return;
+  const Rows creased = offsets;
+  clamps->step(source.at_rest(), add, offsets);
+  offsets = creased + held * (offsets - creased);
+}
+
+void Reconstruction::solve_unrefined(BaseGradients& gradients, const BasePose& pose,
+                                     const Turning& turning, ClampedPoisson* clamps, double held,
+                                     Rows& offsets) {
+  const auto solve = [&](const FluxSource& source) { solve_by(source, clamps, held, offsets); };
+  const auto by_base = [&] {
+    gradients.take(pose, true);
+    solve(gradients);
+  };
+  turning.solve(by_base, solve, offsets);
+}
+
+ClampedPoisson* Reconstruction::prepare(const Refined& refined, bool is_refined) {
+  const double length = refined.rotation_smoothing * surface_.active_size;
+  std::future<void> refinement;
+  if (is_refined && refined_length_ != length)
+    refinement =
+        beside(surface_.poisson->pool().count(), [this, length] { prepare_refinement(length); });
+  ClampedPoisson* const clamps = clamped(refined.rim_smoothing);
+  if (refinement.valid()) refinement.get();
+  return clamps;
+}
+
+void Reconstruction::prepare_refinement(double length) {
+  std::unique_ptr<CoarseRefinement> coarse;
+  if (base_) coarse = CoarseRefinement::make(surface_, *base_, length);
+  std::unique_ptr<Refinement> whole =
+      coarse ? nullptr : make_refinement(surface_, length, surface_.operators.masses);
+  coarse_refinement_ = std::move(coarse);
+  refinement_ = std::move(whole);
+  refined_length_ = length;
+}
+
+void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, const BasePose& pose,
+                           const Turning& turning, Rows& offsets) {
+  const bool is_refined = refined.iterations > 0 && turning.share > 0;
+  ClampedPoisson* const clamps = prepare(refined, is_refined);
+  // The last iteration holds the slope at rims; so does what that leaves of the unrefined result.
+  const double held =
+      refined.iterations == 0 ? 1 : std::min({1.0, 5 * turning.share, 5 * (1 - turning.share)});
+  if (!is_refined) {
+    solve_unrefined(gradients, pose, turning, clamps, held, offsets);
+    return;
+  }
+  const bool mixed = turning.share < 1;
+  if (mixed || refinement_) solve_unrefined(gradients, pose, turning, clamps, held, offsets);
+  Rows unrefined;
+  if (mixed) unrefined = offsets;
+  if (coarse_refinement_) {
+    coarse_refinement_->find(refined.iterations, pose, turning, offsets);
+    solve_by(*coarse_refinement_, clamps, 1, offsets);
+  } else {
+    refinement_->find(refined.iterations, turning, offsets);
+    solve_refined(clamps, turning.share, offsets);
+  }
+  if (mixed) offsets = unrefined + turning.share * (offsets - unrefined);
+}
+
+void Reconstruction::solve_from(const Rows& posed, const Refined& refined, Rows& offsets) {
+  ClampedPoisson* const clamps = prepare(refined, true);
+  refinement_->find_from(posed, std::max(1, refined.iterations), offsets);
+  solve_refined(clamps, 1, offsets);
+}
+
+void Reconstruction::solve_refined(ClampedPoisson* clamps, double relaxation, Rows& offsets) {
+  const auto add = [&](int section, double* rows) { refinement_->add(section, rows); };
+  if (clamps)
+    clamps->step(refinement_->at_rest(), add, offsets);
+  else
+    surface_.poisson->solve(refinement_->at_rest(), add, offsets, relaxation);
+}
+
+ClampedPoisson* Reconstruction::clamped(double rim_smoothing) {
+  if (rim_smoothing == 0) return nullptr;
+  const double length = rim_smoothing * surface_.active_size;
+  if (clamped_ && clamped_->length() == length) return clamped_.get();
+  clamped_ = std::make_unique<ClampedPoisson>(surface_.mesh, surface_.region, surface_.operators,
+                                              *surface_.poisson, *surface_.dissection, length);
+  return clamped_.get();
+}
+
+double Reconstruction::bytes() const {
+  return (fourth_points_ ? fourth_points_->bytes() : 0) + (clamped_ ? clamped_->bytes() : 0) +
+         (refinement_ ? refinement_->bytes() : 0) +
+         (coarse_refinement_ ? coarse_refinement_->bytes() : 0);
+}
+
+}  // namespace dd

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#pragma once
+
+#include "reconstruction/gradient_source.h"
+#include "reconstruction/turn_pass.h"
+
+namespace dd {
+
+/// What a field of rotations adds to (14), for the surface or for its base at rest.
+class TurnedFlux : public GradientSource {
+ public:
+  /// of: n×3. rotations: quaternions in the surface's order, which may change between two solves.
+  TurnedFlux(const FactoredSurface& surface, const Positions& of, const Rows& rotations);
+  void add(int section, double* rows) const override {
+    pass_.add(rotations_.data(), section, rows);
+  }
+  const Rows& at_rest() const override { return at_rest_; }
+  Eigen::Matrix3d at(int triangle) const override;
+  double bytes() const;
+
+ private:
+  const FactoredSurface& surface_;
+  const Rows& rotations_;
+  TurnPass<double> pass_;
+  Rows at_rest_;
+};
+
+}  // namespace dd
