@@ -285,7 +285,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
 
 _HEARD = {'method': _method_changed, 'weights_by': _weights_by_changed, 'base': _base_changed,
           'preview': _preview_changed, 'soft_border': _look_changed}
-_HEARD_BY_STRUCT = {options.BIND: _input_changed, options.UPDATE: _look_changed}
+_HEARD_BY_STRUCT = {options.BIND: _input_changed, **dict.fromkeys(options.OF_UPDATE, _look_changed)}
 declare(DetailDeformSettings, options.SETTINGS,
         lambda option: _HEARD.get(option.name, _HEARD_BY_STRUCT.get(option.struct)))
 

@@ -217,7 +217,7 @@ void frame(const Scene& scene, const Bandwidth& bandwidth, Report& report) {
   std::vector<float> out(3 * static_cast<size_t>(scene.mesh.vertex_count()));
   const auto update = [&](dd::Deformer& deformer, int iterations) {
     return [&deformer, &out, &scene, options = refined(iterations)] {
-      deformer.update_to(out.data(), false, scene.lift.data(), options);
+      deformer.update_to(out.data(), 3, false, scene.lift.data(), options);
     };
   };
 
@@ -336,7 +336,7 @@ void scale(const std::vector<int>& sides, Report& report) {
     for (int round = -1; round < 9; ++round)
       for (int k = 0; k < 2; ++k) {
         const double ms = milliseconds(
-            [&] { bound->update_to(out.data(), false, scene.lift.data(), refined(4 * k)); });
+            [&] { bound->update_to(out.data(), 3, false, scene.lift.data(), refined(4 * k)); });
         if (round >= 0) times[1 + k].push_back(ms);
       }
     for (int round = 0; round < 9; ++round)

@@ -27,7 +27,7 @@ def draft_of(bind, seconds=60):
     raise AssertionError("no draft came")
 
 
-@pytest.mark.parametrize('threads', [1, 0])
+@pytest.mark.parametrize('threads', [1, None])
 def test_it_is_near_the_result_and_outlives_the_bind(native, dense, threads):
     bind = native.Bind(*dense, 1, draft=1, threads=threads)
     draft = draft_of(bind)
@@ -47,8 +47,8 @@ def test_values_may_be_positions(native, structs, dense):
     bind = native.Bind(*dense, 1, draft=1)
     draft = draft_of(bind)
     out = np.empty(dense[0].size, np.float32)
-    options = structs.UpdateOptions(values='POSITIONS')
-    native.library().dd_draft_update(draft._handle, MOTION, 1, options, out, len(dense[0]))
+    options = native.filled(structs.UpdateOptions, values='POSITIONS')
+    native.library().dd_draft_update(draft._handle, MOTION, 1, options, structs.points_out(out))
     assert np.abs(out - dense[0].ravel() - draft.offsets(MOTION)).max() < 1e-6
     bind.cancel()
 
@@ -78,14 +78,14 @@ def test_bad_calls_get_a_sentence(native, dense):
     call = part('library.loading').call
     bind = native.Bind(*dense, 1, draft=1)
     draft = draft_of(bind)
-    for motion, sentence in ((MOTION[:0], 'for 0 handles, not 1'), (MOTION * np.nan, 'handle 0'),
+    for motion, sentence in ((MOTION[:0], 'for 0 handles, not 1'), (MOTION * np.nan, 'Handle 0'),
                              (MOTION * 1e39, 'too large')):
         with pytest.raises(native.NativeError, match=sentence):
             draft.offsets(motion)
     with pytest.raises(native.NativeError, match='has no examples'):
         draft.offsets(MOTION, method='EXAMPLES')
     with pytest.raises(native.NativeError, match='for 3 vertices'):
-        call('dd_draft_update', draft, MOTION, 1, None, np.empty(9, np.float32), 3)
+        call('dd_draft_update', draft, MOTION, 1, None, part('library.structs').points_out(np.empty(9, np.float32)))
     bind.cancel()
     transfer = native.TransferJob(dense[:2], dense[:2], np.array([[0, 0]], np.int32))
     handle = ctypes.c_void_p()

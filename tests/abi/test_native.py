@@ -9,7 +9,7 @@ import threading
 import numpy as np
 import pytest
 
-from conftest import ADDON, IDENTITY, Strip, rotation, sheet
+from conftest import ADDON, IDENTITY, Strip, part, rotation, sheet
 
 
 def bound(native, mesh, handles=1, **options):
@@ -18,7 +18,8 @@ def bound(native, mesh, handles=1, **options):
 
 def update(native, deformer, motion, out, options=None):
     """The status of one frame."""
-    return native.library().dd_deformer_update(deformer, motion, len(motion), options, out, out.size // 3)
+    points = part('library.structs').points_out(out)
+    return native.library().dd_deformer_update(deformer, motion, len(motion), options, points)
 
 
 def test_version_and_instruction_set(native, structs):
@@ -68,7 +69,7 @@ def test_single_precision_is_close_to_double_and_threads_change_nothing(native):
     double = bound(native, wide, precision='DOUBLE').offsets(motion).copy()
     single = bound(native, wide, threads=1).offsets(motion).copy()
     assert 0 < np.abs(single - double).max() < 1e-5 * box
-    for threads in (0, 2, 5):
+    for threads in (None, 2, 5):
         assert (bound(native, wide, threads=threads).offsets(motion) == single).all()
 
 
@@ -165,10 +166,10 @@ def test_bad_matrices(native, strip):
         deformer.offsets(np.concatenate([IDENTITY, IDENTITY]))
     bad = IDENTITY.copy()
     bad[0, 1, 1] = np.inf
-    with pytest.raises(native.NativeError, match='handle 0 is not finite'):
+    with pytest.raises(native.NativeError, match='Handle 0 has a matrix that is not finite'):
         deformer.offsets(bad)
     bad[0, 1, 1] = 1e39
-    with pytest.raises(native.NativeError, match='handle 0 is too large'):
+    with pytest.raises(native.NativeError, match='Handle 0 is moved so far'):
         deformer.offsets(bad)
     assert np.isfinite(deformer.offsets(IDENTITY)).all()
 
@@ -179,7 +180,7 @@ def test_of_two_handles_the_one_that_is_too_far_is_named(native, strip):
     for far in (0, 1):
         matrices = np.concatenate([IDENTITY, IDENTITY])
         matrices[far, 0, 3] = 1e39
-        with pytest.raises(native.NativeError, match=f'handle {far} is too large'):
+        with pytest.raises(native.NativeError, match=f'Handle {far} is moved so far'):
             deformer.offsets(matrices)
 
 
@@ -188,32 +189,44 @@ def test_null_pointers_and_unset_sizes_are_refused(native, structs, strip):
     deformer, handle = bound(native, strip), ctypes.c_void_p()
     out = np.zeros(strip.positions.size, np.float32)
     argument_error, count = 1, len(strip.positions)
-    surface = structs.Mesh(positions=strip.positions, triangles=strip.triangles)
-    unset, short, motion = structs.Info(), structs.UpdateOptions(gradients=2), IDENTITY.copy()
+    surface = structs.mesh(strip.positions, strip.triangles)
+    whole, less = structs.points_out(out), structs.points_out(out)
+    unset, short, motion = structs.Info(), native.filled(structs.UpdateOptions, gradients=2), IDENTITY.copy()
     unset.struct_size, short.struct_size = 0, 12
+    wild, less.count = native.filled(structs.UpdateOptions, values=7), count - 1
+    overlapping, odd = structs.points_out(out), structs.points_out(out)
+    overlapping.stride, odd.stride = 8, 13
+    nested = native.filled(structs.UpdateOptions, normal=structs.NormalOptions(levels=1))
+    ctypes.cast(nested.normal, ctypes.POINTER(structs.NormalOptions)).contents.struct_size = 0
     calls = [
         lib.dd_job_poll(None, structs.Progress()),
         lib.dd_job_cancel(None),
         lib.dd_job_finish(None),
         lib.dd_job_take_deformer(None, handle),
         lib.dd_job_take_draft(None, handle),
-        lib.dd_draft_update(None, motion, 1, None, out, count),
-        lib.dd_bind_start(None, strip.roles, count, 1, None, handle),
-        lib.dd_bind_start(structs.Mesh(), None, count, 1, None, handle),
-        lib.dd_bind_start(surface, None, count, 1, None, handle),
-        lib.dd_bind_start(surface, strip.roles, count, 1, None, None),
+        lib.dd_draft_update(None, motion, 1, None, whole),
+        lib.dd_deformer_bind_start(None, strip.roles, count, 1, None, handle),
+        lib.dd_deformer_bind_start(structs.Mesh(), None, count, 1, None, handle),
+        lib.dd_deformer_bind_start(surface, None, count, 1, None, handle),
+        lib.dd_deformer_bind_start(surface, strip.roles, count, 1, None, None),
         lib.dd_deformer_get_info(deformer._handle, None),
         lib.dd_deformer_get_info(deformer._handle, unset),
         lib.dd_deformer_get_info(None, structs.Info()),
-        lib.dd_update_start(None, motion, 1, None, handle),
-        lib.dd_update_start(deformer._handle, None, 1, None, handle),
-        lib.dd_update_start(deformer._handle, motion, 1, None, None),
-        lib.dd_deformer_update(None, motion, 1, None, out, count),
-        lib.dd_deformer_update(deformer._handle, None, 1, None, out, count),
-        lib.dd_deformer_update(deformer._handle, motion, 1, None, None, count),
-        lib.dd_deformer_update(deformer._handle, motion, 1, None, out, count - 1),
-        lib.dd_deformer_update(deformer._handle, motion, 1, short, out, count),
-        lib.dd_deformer_update(deformer._handle, motion, 1, structs.UpdateOptions(values=7), out, count),
+        lib.dd_deformer_update_start(None, motion, 1, None, handle),
+        lib.dd_deformer_update_start(deformer._handle, None, 1, None, handle),
+        lib.dd_deformer_update_start(deformer._handle, motion, 1, None, None),
+        lib.dd_deformer_update(None, motion, 1, None, whole),
+        lib.dd_deformer_update(deformer._handle, None, 1, None, whole),
+        lib.dd_deformer_update(deformer._handle, motion, 1, None, None),
+        lib.dd_deformer_update(deformer._handle, motion, 1, None, less),
+        lib.dd_deformer_update(deformer._handle, motion, 1, None, overlapping),
+        lib.dd_deformer_update(deformer._handle, motion, 1, None, odd),
+        lib.dd_deformer_update(deformer._handle, motion, 1, short, whole),
+        lib.dd_deformer_update(deformer._handle, motion, 1, nested, whole),
+        lib.dd_last_error(None),
+        lib.dd_update_options_init(None, 99),
+        lib.dd_update_options_init(short, 2),
+        lib.dd_deformer_update(deformer._handle, motion, 1, wild, whole),
     ]
     assert calls == [argument_error] * len(calls)
     assert lib.dd_last_message().decode() == 'options.values is 7, not between 0 and 1.'
@@ -364,7 +377,7 @@ def test_a_library_of_another_version_is_refused(tmp_path):
     assert 'of another version' in answer and '99' in answer
 
 
-METHODS = ('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT', 'VOLUMES', 'EXAMPLES')
+METHODS = ('DETAIL', 'VARIATIONAL', 'NORMAL', 'GRADIENT', 'VOLUMES', 'EXAMPLES')
 
 
 def test_methods_differ_and_switch_on_one_deformer(native, strip):
@@ -395,16 +408,18 @@ def test_refine_output_levels_and_smoothness_do_something(native, strip):
 
 
 @pytest.mark.parametrize('field, value, named', [
-    ('method', 7, 'method'), ('method', -1, 'method'), ('refine', -2, 'refine'),
-    ('refine', 10**6, 'refine'), ('output', 2, 'output'), ('levels', 21, 'levels'),
-    ('levels', -1, 'levels'), ('gradients', 2, 'gradients'), ('values', -1, 'values'),
-    ('formulation', 3, 'formulation'), ('steps', -1, 'steps'), ('steps', 1001, 'steps'),
-    ('volume_iterations', -1, 'volume_iterations'), ('volume_tolerance', float('nan'), 'volume_tolerance')])
-def test_unknown_update_options_are_refused(native, structs, strip, field, value, named):
+    ('method', 7, 'method'), ('method', -1, 'method'), ('refine', -1, 'refinement.iterations'),
+    ('refine', 10**6, 'refinement.iterations'), ('output', 2, 'output'), ('levels', 21, 'normal.levels'),
+    ('levels', 0, 'normal.levels'), ('gradients', 2, 'gradients'),
+    ('formulation', 3, 'formulation'), ('steps', 0, 'steps'), ('steps', 1001, 'steps'),
+    ('rim_smoothing', 1.5, 'refinement.rim_smoothing'), ('rotation_smoothing', -1, 'refinement.rotation_smoothing'),
+    ('example_stiffness', -1, 'examples.stiffness'), ('volume_iterations', -1, 'volumes.iterations'),
+    ('volume_tolerance', float('nan'), 'volumes.tolerance')])
+def test_unknown_update_options_are_refused(native, strip, field, value, named):
     deformer = bound(native, strip)
-    options = structs.UpdateOptions(**{field: value})
     out = np.zeros(strip.positions.size, np.float32)
-    status = update(native, deformer._handle, np.ascontiguousarray(IDENTITY), out, options)
+    how = part('library.deformer').update_options(**{field: value})
+    status = update(native, deformer._handle, np.ascontiguousarray(IDENTITY), out, how)
     assert status == 1 and f'options.{named}' in native.library().dd_last_message().decode()
 
 
@@ -444,9 +459,9 @@ def test_a_split_reports_progress_and_can_be_cancelled(native):
 
 
 @pytest.mark.parametrize('change, sentence', [
-    (dict(steps=-1), 'steps is -1'), (dict(turns=np.zeros((2, 3))), 'turns is for 2 handles, not 1'),
-    (dict(motion=np.zeros((1, 3, 4))), 'Handle 0: its motion flattens'),
-    (dict(method='TRANSFER', refine=-2), 'options.refine')])
+    (dict(steps=0), 'steps is 0'), (dict(turns=np.zeros((2, 3))), 'turns is for 2 handles, not 1'),
+    (dict(motion=np.zeros((1, 3, 4))), 'Handle 0 flattens'),
+    (dict(method='DETAIL', refine=-1), 'options.refinement.iterations')])
 def test_unusable_splits_are_refused(native, strip, change, sentence):
     arguments = {'motion': rotation(1, (0, 0, 0)), 'steps': 3, **change}
     with pytest.raises(native.NativeError, match=sentence):
@@ -467,7 +482,7 @@ def test_a_handle_that_only_places_takes_its_turn_from_the_surface(native, strip
     assert np.abs(there - (0, 0, 0.3)).max() < 1e-5
     for change, sentence in ((dict(handle_turns=[2]), 'handle_turns is 2'),
                              (dict(handle_turns=[1, 0]), 'for 2 handles'),
-                             (dict(handle_turns=[1], pivots=[(0, np.nan, 0)]), 'pivot of handle 0'),
+                             (dict(handle_turns=[1], pivots=[(0, np.nan, 0)]), 'Handle 0 has a pivot that is not f'),
                              (dict(handle_turns=[1], pivots=[(0, 1e30, 0)]), 'too far from its vertices'),
                              (dict(handle_turns=[1], pivots=[(0, 1e7, 0)]), 'too far from its vertices'),
                              (dict(handle_turns=[1], pivots=np.zeros((2, 3))), 'for 2 handles')):
@@ -500,7 +515,7 @@ def test_a_base_of_its_own_topology_carries_the_details(native, strip):
     expected = strip.positions @ motion[:, :3].T + motion[:, 3]
     assert np.abs(strip.positions + deformer.offsets(none, base=moved).reshape(-1, 3) - expected).max() < 1e-3
     for change, sentence in (({'base_triangles': np.zeros((0, 3))}, 'no triangles'),
-                             ({'base_triangles': [(0, 1, 9)]}, 'base: '),
+                             ({'base_triangles': [(0, 1, 9)]}, 'of the base '),
                              ({'base': np.zeros((0, 3))}, 'no vertices'), ({'base': None}, 'no options.base')):
         with pytest.raises(native.NativeError, match=sentence):
             native.Bind(strip.positions, strip.triangles, roles, 0, **{**asked, **change}).finish()

@@ -6,7 +6,7 @@ import pytest
 
 from conftest import Strip, rotation
 
-METHODS = ('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT')
+METHODS = ('DETAIL', 'VARIATIONAL', 'NORMAL', 'GRADIENT')
 
 
 @pytest.mark.parametrize('folded', [False, True])

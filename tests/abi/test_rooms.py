@@ -109,7 +109,7 @@ def test_both_kinds_of_what_follows_have_all_that_their_life_asks_for():
         assert asked <= names, asked - names
 
 
-# The core's, from the bottom up; what is not in the row above a folder may be beside it, and they don't know each other.
+# The core's, from the bottom up, with those that each may know.
 CORE = ADDON.parents[1] / 'native' / 'src'
 CORE_KNOWS = {
     'support': (), 'mesh': ('support',), 'kernels': ('support', 'mesh'), 'solver': ('support', 'kernels'),

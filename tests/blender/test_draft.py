@@ -21,7 +21,7 @@ class Binding:
         bind = part('library.native').Bind
         progress = bind.progress
         monkeypatch.setattr(bind, 'progress',
-                            lambda job: (True, 0.4, "Computing the base surface") if self._held else progress(job))
+                            lambda job: (True, 0.4, 'BASE') if self._held else progress(job))
         self.life, self.shown = part('follow.life'), part('follow.shown')
         self.begin()
 

@@ -174,7 +174,7 @@ def test_handles_only_on_another_part():
     ob.detail_deform.region = 'region'
     add_handle(ob, 'handle', add_empty('Empty', (0, 0, 0)))
     update()
-    assert_refused(ob, "No handle can move any vertex of the region")
+    assert_refused(ob, "on other loose parts of the mesh than the handles")
 
 
 def test_nothing_fixed_and_no_handle_in_a_part():
@@ -297,7 +297,7 @@ def test_handles_far_out_of_range_are_reported():
     shown = evaluated(ob)
     ob.detail_deform.handles[0].target.location.z = 3e38
     update()
-    assert "The matrix of handle 'right' is too large" in ob.detail_deform.status
+    assert "Handle 'right' is moved so far that" in ob.detail_deform.status
     assert np.abs(evaluated(ob) - shown).max() < 1e-6
     ob.detail_deform.handles[0].target.location.z = 0.1
     update()

@@ -246,7 +246,7 @@ def test_the_papers_result_can_be_reached_to_the_bit(bar, part, degrees):
     bound = native.Bind(rest, part('scene.mesh_data').triangles(bar.data), roles, 1).finish()
     places = matrices.local_places(bar, bpy.context.evaluated_depsgraph_get())
     # -1 is DD_NONE: what asks for neither.
-    offsets = bound.offsets(matrices.motions(bar.detail_deform, places), refine=-1, rim_smoothing=-1,
+    offsets = bound.offsets(matrices.motions(bar.detail_deform, places), refine=0, rim_smoothing=0,
                             base_deformer='LINEAR')
     assert np.array_equal(part('scene.offset_attribute').read(bar.data), offsets.reshape(-1, 3))
     assert np.array_equal(evaluated(bar).astype(np.float32), rest + offsets.reshape(-1, 3))

@@ -140,7 +140,7 @@ def test_progress_is_said_in_steps(part):
         cancelled = False
 
         def progress(self):
-            return True, 0.41, "Factoring the Poisson system"
+            return True, 0.41, 'POISSON'
 
     bound.cache._jobs[ob.detail_deform.signature] = Job()
     try:
@@ -150,12 +150,17 @@ def test_progress_is_said_in_steps(part):
 
 
 def test_every_stage_of_a_bind_has_its_step(part):
-    sources = REPOSITORY / 'native' / 'src'
-    stages = {"Starting"}
+    sources, stages = REPOSITORY / 'native' / 'src', {'STARTING'}
     for path in ('deform/deformer.cpp', 'base/bound_surface.cpp', 'solver/sparse_cholesky.h'):
         source = (sources / path).read_text(encoding='utf-8')
-        stages.update(re.findall(r'(?:report|stage|factored)\b[^;]*?"([A-Z][^"]*)"', source))
+        stages.update(word.upper() for word in re.findall(r'Stage::(\w+)', source))
     assert stages == set(part('follow.words').STEP_OF_STAGE)
+
+
+def test_each_subject_and_remedy_of_the_library_has_its_words(part):
+    words, structs = part('follow.words'), part('library.structs')
+    assert set(words._SUBJECTS) == set(structs.SUBJECTS) - {'NONE'}
+    assert set(words._REMEDIES) == set(structs.REMEDIES) - {'NONE', 'CALL', 'WAIT'}
 
 
 def test_the_status_counts_in_plain_words():
@@ -173,16 +178,20 @@ def test_handles_and_examples_are_called_by_name(part):
     add_from(ob, own(ob)[:, 0] < 0.3)
     ob.detail_deform.examples.add().name = "Bent"
     words, error = part('follow.words'), part('library.native').NativeError
-    for told, said in (("Handle 0: its motion flattens.", "Handle 'right': its motion flattens."),
-                       ("The matrix of handle 1 is not finite.", "The matrix of handle 'Handle' is not finite."),
-                       ("Example 0 has 2 vertices.", "Example 'Bent' has 2 vertices."),
-                       ("The turn of handle 7 is not finite.", "The turn of handle 7 is not finite.")):
-        assert words.said(ob, error(told)) == said
+    for message, subject, index, remedy, said in (
+            ("flattens", 'HANDLE', 0, 'CALL', "Handle 'right' flattens."),
+            ("has none", 'HANDLE', 1, 'ASSIGN_VERTICES', "Handle 'Handle' has none: give it at least one."),
+            ("has 2 vertices", 'EXAMPLE', 0, 'NONE', "Example 'Bent' has 2 vertices."),
+            ("collapses", 'VERTEX', 7, 'SMOOTH_METRIC_LESS', "Vertex 7 collapses: lower Smoothing."),
+            ("has a turn that is not finite", 'HANDLE', 7, 'CALL', "Handle 7 has a turn that is not finite."),
+            ("Nothing is there", 'NONE', -1, 'NONE', "Nothing is there.")):
+        assert words.said(ob, error("", message=message, subject=subject, index=index, remedy=remedy)) == said
+    assert words.said(ob, error("It was cancelled.")) == "It was cancelled."
     ob.detail_deform.steps = 3
     bind(ob)
     ob.detail_deform.handles[0].target.scale = (-1, 1, 1)
     update()
-    assert ob.detail_deform.status.startswith("Handle 'right': its motion flattens or mirrors")
+    assert ob.detail_deform.status.startswith("Handle 'right' flattens or mirrors")
     assert "'right'" in refusal(bpy.ops.object.detail_deform_update)
 
 

@@ -184,7 +184,6 @@ TEST_CASE("few, small, flat and torn meshes are placed or refused, and a search 
     }
   CHECK(register_onto(torn, source, {}, {}).allFinite());
   CHECK(register_onto(source, torn, {}, {}).allFinite());
-  CHECK_THROWS_WITH(
-      align(source, source, {}, 0, [](double done, const char*) { return done < 0.2; }),
-      contains("cancelled"));
+  CHECK_THROWS_WITH(align(source, source, {}, 0, [](double done, Stage) { return done < 0.2; }),
+                    contains("cancelled"));
 }

@@ -12,20 +12,18 @@ typedef char pinned_status[DD_OK == 0 && DD_ERROR_ARGUMENT == 1 && DD_ERROR_MESH
                                    DD_ERROR_BUSY == 7 && DD_ERROR_INTERNAL == 8
                                ? 1
                                : -1];
-/* Zero is every option's default. */
-typedef char pinned_options[DD_ROLE_FREE == -1 && DD_ROLE_FIXED == -2 && DD_NONE == -1 &&
-                                    DD_METRIC_SURFACE == 0 && DD_METRIC_BASE == 1 &&
-                                    DD_METHOD_TRANSFER == 0 && DD_GRADIENTS_ROTATIONS == 0 &&
-                                    DD_GRADIENTS_WHOLE == 1 && DD_OUTPUT_RESULT == 0 &&
-                                    DD_OUTPUT_BASE == 1 && DD_VALUES_POSITIONS == 0 &&
-                                    DD_VALUES_OFFSETS == 1 && DD_JOB_RUNNING == 0 &&
-                                    DD_JOB_DONE == 1 && DD_JOB_FAILED == 2
+typedef char pinned_options[DD_ROLE_FREE == -1 && DD_ROLE_FIXED == -2 && DD_METRIC_SURFACE == 0 &&
+                                    DD_METRIC_BASE == 1 && DD_METHOD_DETAIL == 0 &&
+                                    DD_GRADIENTS_ROTATIONS == 0 && DD_GRADIENTS_WHOLE == 1 &&
+                                    DD_OUTPUT_RESULT == 0 && DD_OUTPUT_BASE == 1 &&
+                                    DD_VALUES_POSITIONS == 0 && DD_VALUES_OFFSETS == 1 &&
+                                    DD_JOB_RUNNING == 0 && DD_JOB_DONE == 1 && DD_JOB_FAILED == 2
                                 ? 1
                                 : -1];
 
 enum { kColumns = 6, kVertices = 2 * kColumns, kTriangles = 2 * (kColumns - 1) };
 
-static int check(int32_t status, const char* call) {
+static int check(dd_status status, const char* call) {
   if (status != DD_OK) printf("%s: %d %s\n", call, (int)status, dd_last_message());
   return status == DD_OK;
 }
@@ -37,8 +35,9 @@ int main(void) {
   dd_mesh mesh;
   dd_job* job = NULL;
   dd_progress progress = {.struct_size = sizeof progress};
-  dd_bind_options bind_options = {.struct_size = sizeof bind_options};
-  dd_update_options update_options = {.struct_size = sizeof update_options};
+  dd_bind_options bind_options;
+  dd_update_options update_options;
+  dd_points_out first, second;
   dd_deformer* deformer = NULL;
   dd_deformer_info info;
   int i, failed = 0;
@@ -58,24 +57,34 @@ int main(void) {
     int k;
     for (k = 0; k < 6; ++k) triangles[6 * i + k] = quad[k];
   }
-  mesh.positions = positions;
-  mesh.vertex_count = kVertices;
+  mesh.vertices.first = positions;
+  mesh.vertices.count = kVertices;
+  mesh.vertices.stride = 3 * sizeof(float);
+  first.first = out;
+  second.first = again;
+  first.count = second.count = kVertices;
+  first.stride = second.stride = mesh.vertices.stride;
+  if (!check(dd_bind_options_init(&bind_options, sizeof bind_options), "dd_bind_options_init") ||
+      !check(dd_update_options_init(&update_options, sizeof update_options),
+             "dd_update_options_init"))
+    return 1;
   mesh.triangles = triangles;
   mesh.triangle_count = kTriangles;
-  if (!check(dd_bind_start(&mesh, roles, kVertices, 1, &bind_options, &job), "dd_bind_start"))
+  if (!check(dd_deformer_bind_start(&mesh, roles, kVertices, 1, &bind_options, &job),
+             "dd_deformer_bind_start"))
     return 1;
   if (!check(dd_job_finish(job), "dd_job_finish")) return 1;
   if (!check(dd_job_poll(job, &progress), "dd_job_poll")) return 1;
   if (!check(dd_job_take_deformer(job, &deformer), "dd_job_take_deformer")) return 1;
   dd_job_free(job);
-  if (!check(dd_deformer_update(deformer, lift, 1, NULL, out, kVertices), "dd_deformer_update"))
-    return 1;
+  if (!check(dd_deformer_update(deformer, lift, 1, NULL, &first), "dd_deformer_update")) return 1;
   if (!check(dd_deformer_get_info(deformer, &info), "dd_deformer_get_info")) return 1;
   /* The same as a job, of which the deformer may be freed. */
-  if (!check(dd_update_start(deformer, lift, 1, &update_options, &job), "dd_update_start"))
+  if (!check(dd_deformer_update_start(deformer, lift, 1, &update_options, &job),
+             "dd_deformer_update_start"))
     return 1;
   dd_deformer_free(deformer);
-  if (!check(dd_job_get_update(job, again, kVertices), "dd_job_get_update")) return 1;
+  if (!check(dd_job_get_update(job, &second), "dd_job_get_update")) return 1;
   dd_job_free(job);
 
   failed |= progress.state != DD_JOB_DONE || progress.fraction != 1;

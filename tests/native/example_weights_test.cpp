@@ -151,9 +151,9 @@ TEST_CASE("EXAMPLES: what can't be used is refused with a sentence") {
   CHECK_THAT(blame({p, p.topRows(20)}), contains("Example 1 has 20 vertices, the mesh 56"));
   Positions broken = p;
   broken(7, 1) = std::nan("");
-  CHECK_THAT(blame({p, p, broken}), contains("Example 2: vertex 7"));
+  CHECK_THAT(blame({p, p, broken}), contains("Example 2 has a coordinate, of vertex 7,"));
   broken(7, 1) = 1e35;
-  CHECK_THAT(blame({broken}), contains("Example 0: vertex 7"));
+  CHECK_THAT(blame({broken}), contains("Example 0 has a coordinate, of vertex 7,"));
 
   Deformer deformer(limb.mesh, roles, 1, with({limb.bent(30, 0.5)}));
   const auto refused = [&](const std::vector<double>& weights) {
@@ -162,7 +162,7 @@ TEST_CASE("EXAMPLES: what can't be used is refused with a sentence") {
   };
   CHECK_THAT(refused({1, 2}), contains("There are 2 example weights, but 1 examples"));
   CHECK_THAT(refused({}), contains("There are 0 example weights"));
-  CHECK_THAT(refused({std::nan("")}), contains("weight of example 0 is not finite"));
+  CHECK_THAT(refused({std::nan("")}), contains("Example 0 has a weight that is not finite"));
   SplitMotion motion;
   const Affine still = test::identity();
   motion.matrices.assign(still.data(), still.data() + 12);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -60,22 +61,36 @@ constexpr double kLift[12] = {0.9, 0.1, 0, 0, -0.1, 0.9, 0, 0, 0, 0, 1, 0.3};
 constexpr float kUntouched = -77;
 
 dd_bind_options bind_options(int threads) {
-  auto options = defaults<dd_bind_options>();
+  dd_bind_options options;
+  REQUIRE(dd_bind_options_init(&options, sizeof options) == DD_OK);
   options.threads = threads;
   return options;
 }
 
-dd_update_options update_options(dd_method method, int refine = DD_NONE) {
-  auto options = defaults<dd_update_options>();
+const dd_refinement_options* refined(int iterations) {
+  static std::map<int, dd_refinement_options> made;
+  dd_refinement_options& options = made[iterations];
+  REQUIRE(dd_refinement_options_init(&options, sizeof options) == DD_OK);
+  options.iterations = iterations;
+  return &options;
+}
+
+dd_update_options update_options(dd_method method, int iterations = 0) {
+  dd_update_options options;
+  REQUIRE(dd_update_options_init(&options, sizeof options) == DD_OK);
   options.method = method;
-  options.refine = refine;
+  options.refinement = refined(iterations);
   return options;
 }
+
+dd_points points(const Floats& positions) { return test::FlatMesh::points(positions); }
+dd_points_out into(Floats& positions) { return test::FlatMesh::points_out(positions); }
 
 int32_t bind(const dd_bind_options& options, dd_deformer** deformer) {
   const dd_mesh mesh = ball().mesh();
   dd_job* job = nullptr;
-  int32_t status = dd_bind_start(&mesh, ball().roles.data(), mesh.vertex_count, 1, &options, &job);
+  int32_t status =
+      dd_deformer_bind_start(&mesh, ball().roles.data(), mesh.vertices.count, 1, &options, &job);
   if (status == DD_OK) status = dd_job_take_deformer(job, deformer);
   dd_job_free(job);
   return status;
@@ -96,8 +111,9 @@ Work bound(std::string name, dd_bind_options options) {
             dd_deformer* deformer = nullptr;
             int32_t status = fallible([&] { return bind(options, &deformer); });
             if (status == DD_OK) {
-              const dd_update_options how = update_options(DD_METHOD_TRANSFER);
-              status = dd_deformer_update(deformer, kLift, 1, &how, out.data(), out.size() / 3);
+              const dd_update_options how = update_options(DD_METHOD_DETAIL);
+              const dd_points_out to = into(out);
+              status = dd_deformer_update(deformer, kLift, 1, &how, &to);
             }
             dd_deformer_free(deformer);
             return status;
@@ -109,8 +125,9 @@ Work updated(std::string name, dd_update_options how, dd_bind_options options = 
   return {std::move(name), [=](Floats& out, const Fallible& fallible) {
             dd_deformer* deformer = nullptr;
             int32_t status = bind(options, &deformer);
-            const auto update = [&](Floats& into) {
-              return dd_deformer_update(deformer, kLift, 1, &how, into.data(), into.size() / 3);
+            const auto update = [&](Floats& result) {
+              const dd_points_out to = into(result);
+              return dd_deformer_update(deformer, kLift, 1, &how, &to);
             };
             if (status == DD_OK) status = fallible([&] { return update(out); });
             if (status != DD_OK) {
@@ -143,32 +160,41 @@ std::vector<Work> works() {
   how.metric_smoothing = 1;
   all.push_back(bound("bind on a smoothed surface", how));
 
-  all.push_back(updated("transfer, refined", update_options(DD_METHOD_TRANSFER, 2)));
+  all.push_back(updated("transfer, refined", update_options(DD_METHOD_DETAIL, 2)));
   for (int formulation : {1, 2}) {
-    dd_update_options fourth = update_options(DD_METHOD_TRANSFER);
-    fourth.formulation = formulation;
+    dd_update_options fourth = update_options(DD_METHOD_DETAIL);
+    fourth.formulation = static_cast<dd_formulation>(formulation);
     all.push_back(updated("transfer by fourth points " + std::to_string(formulation), fourth));
   }
   all.push_back(updated("variational", update_options(DD_METHOD_VARIATIONAL)));
   dd_update_options levels = update_options(DD_METHOD_NORMAL);
-  levels.levels = 2;
+  static dd_normal_options two_levels;
+  REQUIRE(dd_normal_options_init(&two_levels, sizeof two_levels) == DD_OK);
+  two_levels.levels = 2;
+  levels.normal = &two_levels;
   all.push_back(updated("normal displacement", levels));
   all.push_back(updated("gradient editing", update_options(DD_METHOD_GRADIENT)));
   dd_update_options volumes = update_options(DD_METHOD_VOLUMES);
-  volumes.volume_iterations = 2;
+  static dd_volumes_options twice;
+  REQUIRE(dd_volumes_options_init(&twice, sizeof twice) == DD_OK);
+  twice.iterations = 2;
+  volumes.volumes = &twice;
   all.push_back(updated("displacement volumes", volumes));
   how = bind_options(2);
-  how.examples = examples.data();
+  static const dd_points example = points(examples);
+  how.examples = &example;
   how.example_count = 1;
-  how.example_vertex_count = examples.size() / 3;
   all.push_back(updated("examples", update_options(DD_METHOD_EXAMPLES), how));
   static const double weight = 0.5;
   dd_update_options given = update_options(DD_METHOD_EXAMPLES);
-  given.example_weights = &weight;
-  given.example_weight_count = 1;
+  static dd_examples_options by_weight;
+  REQUIRE(dd_examples_options_init(&by_weight, sizeof by_weight) == DD_OK);
+  by_weight.weights = &weight;
+  by_weight.weight_count = 1;
+  given.examples = &by_weight;
   all.push_back(updated("examples by weights", given, how));
   static const int32_t freely = DD_HANDLE_TURNS_FREE;
-  for (dd_method method : {DD_METHOD_TRANSFER, DD_METHOD_EXAMPLES}) {
+  for (dd_method method : {DD_METHOD_DETAIL, DD_METHOD_EXAMPLES}) {
     dd_update_options placed = update_options(method);
     placed.handle_turns = &freely;
     placed.handle_turn_count = 1;
@@ -176,26 +202,25 @@ std::vector<Work> works() {
   }
   how = bind_options(2);
   static const Floats cage_moved = turned(cage().positions);
-  how.base = cage().positions.data();
-  how.base_count = cage().positions.size() / 3;
+  static const dd_points cage_rest = points(cage().positions), cage_now = points(cage_moved);
+  how.base = &cage_rest;
   how.base_triangles = cage().triangles.data();
   how.base_triangle_count = cage().triangles.size() / 3;
-  dd_update_options carried = update_options(DD_METHOD_TRANSFER);
-  carried.base = cage_moved.data();
-  carried.base_count = how.base_count;
+  dd_update_options carried = update_options(DD_METHOD_DETAIL);
+  carried.base = &cage_now;
   all.push_back(updated("a cage", carried, how));
 
   all.push_back({"in steps", [](Floats& out, const Fallible& fallible) {
-                   dd_update_options in_steps = update_options(DD_METHOD_TRANSFER);
+                   dd_update_options in_steps = update_options(DD_METHOD_DETAIL);
                    in_steps.steps = 2;
                    dd_deformer* deformer = nullptr;
                    dd_job* job = nullptr;
+                   const dd_points_out to = into(out);
                    const int32_t result = fallible([&] {
                      int32_t status = bind(bind_options(2), &deformer);
                      if (status == DD_OK)
-                       status = dd_update_start(deformer, kLift, 1, &in_steps, &job);
-                     if (status == DD_OK)
-                       status = dd_job_get_update(job, out.data(), out.size() / 3);
+                       status = dd_deformer_update_start(deformer, kLift, 1, &in_steps, &job);
+                     if (status == DD_OK) status = dd_job_get_update(job, &to);
                      return status;
                    });
                    dd_job_free(job);
@@ -204,69 +229,73 @@ std::vector<Work> works() {
                  }});
   for (const auto& [formulation, pairs_of] :
        {std::pair{0, 0}, {1, 0}, {0, int(DD_PAIRS_OF_NEAREST)}})
-    all.push_back({"transfer between meshes " + std::to_string(formulation + pairs_of),
-                   [=, formulation = formulation, pairs_of = pairs_of](Floats& out,
-                                                                       const Fallible& fallible) {
-                     const dd_mesh source = ball().mesh(), target = other_ball().mesh();
-                     const Floats pose = turned(ball().positions);
-                     auto options = defaults<dd_transfer_options>();
-                     options.threads = 2;
-                     options.formulation = formulation;
-                     options.pairs_of = pairs_of;
-                     options.placing = DD_PLACING_VERTICES;
-                     dd_job* job = nullptr;
-                     dd_transfer* transfer = nullptr;
-                     const int32_t result = fallible([&] {
-                       int32_t status =
-                           dd_transfer_start(&source, &target, nullptr, 0, &options, &job);
-                       if (status == DD_OK) status = dd_job_take_transfer(job, &transfer);
-                       if (status == DD_OK)
-                         status = dd_transfer_apply(transfer, pose.data(), source.vertex_count,
-                                                    nullptr, out.data(), target.vertex_count);
-                       return status;
-                     });
-                     dd_job_free(job);
-                     dd_transfer_free(transfer);
-                     return result;
-                   }});
+    all.push_back(
+        {"transfer between meshes " + std::to_string(formulation + pairs_of),
+         [=, formulation = formulation, pairs_of = pairs_of](Floats& out,
+                                                             const Fallible& fallible) {
+           const dd_mesh source = ball().mesh(), target = other_ball().mesh();
+           const Floats pose = turned(ball().positions);
+           dd_transfer_options options;
+           REQUIRE(dd_transfer_options_init(&options, sizeof options) == DD_OK);
+           options.threads = 2;
+           options.formulation = static_cast<dd_formulation>(formulation);
+           options.pairs_of = static_cast<dd_pairs_of>(pairs_of);
+           const dd_points posed = points(pose);
+           const dd_points_out to = {out.data(), target.vertices.count, 3 * sizeof(float)};
+           options.placing = DD_PLACING_VERTICES;
+           dd_job* job = nullptr;
+           dd_transfer* transfer = nullptr;
+           const int32_t result = fallible([&] {
+             int32_t status = dd_transfer_start(&source, &target, nullptr, 0, &options, &job);
+             if (status == DD_OK) status = dd_job_take_transfer(job, &transfer);
+             if (status == DD_OK) status = dd_transfer_apply(transfer, &posed, nullptr, &to);
+             return status;
+           });
+           dd_job_free(job);
+           dd_transfer_free(transfer);
+           return result;
+         }});
   for (const size_t marker_count : {6, 0})
-    all.push_back({"match by markers: " + std::to_string(marker_count),
-                   [=](Floats& out, const Fallible& fallible) {
-                     const dd_mesh source = ball().mesh(), target = other_ball().mesh();
-                     const std::vector<int32_t> markers = {0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5};
-                     auto options = defaults<dd_match_options>();
-                     options.threads = 2;
-                     options.stages = options.rounds = 1;
-                     dd_job* job = nullptr;
-                     dd_match* match = nullptr;
-                     const int32_t result = fallible([&] {
-                       int32_t status = dd_match_start(&source, &target, markers.data(),
-                                                       marker_count, &options, &job);
-                       if (status == DD_OK) status = dd_job_take_match(job, &match);
-                       if (status == DD_OK)
-                         status = dd_match_get_positions(match, out.data(), source.vertex_count);
-                       return status;
-                     });
-                     dd_job_free(job);
-                     dd_match_free(match);
-                     return result;
-                   }});
+    all.push_back(
+        {"match by markers: " + std::to_string(marker_count),
+         [=](Floats& out, const Fallible& fallible) {
+           const dd_mesh source = ball().mesh(), target = other_ball().mesh();
+           const std::vector<int32_t> markers = {0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5};
+           dd_match_options options;
+           REQUIRE(dd_match_options_init(&options, sizeof options) == DD_OK);
+           const dd_points_out to = {out.data(), source.vertices.count, 3 * sizeof(float)};
+           options.threads = 2;
+           options.stages = options.rounds = 1;
+           dd_job* job = nullptr;
+           dd_match* match = nullptr;
+           const int32_t result = fallible([&] {
+             int32_t status =
+                 dd_match_start(&source, &target, markers.data(), marker_count, &options, &job);
+             if (status == DD_OK) status = dd_job_take_match(job, &match);
+             if (status == DD_OK) status = dd_match_get_positions(match, &to);
+             return status;
+           });
+           dd_job_free(job);
+           dd_match_free(match);
+           return result;
+         }});
   all.push_back({"distances", [](Floats& out, const Fallible& fallible) {
                    const dd_mesh mesh = ball().mesh();
-                   std::vector<int32_t> sources(mesh.vertex_count, 0);
+                   std::vector<int32_t> sources(mesh.vertices.count, 0);
                    sources[0] = 1;
                    return fallible([&] {
-                     return dd_distances(&mesh, sources.data(), sources.size(), out.data(),
-                                         sources.size());
+                     return dd_mesh_distances(&mesh, sources.data(), sources.size(), out.data(),
+                                              sources.size());
                    });
                  }});
   all.push_back({"vertex gradients", [](Floats& out, const Fallible& fallible) {
                    const dd_mesh mesh = ball().mesh();
                    const Floats now = turned(ball().positions);
-                   Floats found(9 * mesh.vertex_count, out[0]);
+                   Floats found(9 * mesh.vertices.count, out[0]);
+                   const dd_points deformed = points(now);
                    const int32_t status = fallible([&] {
-                     return dd_vertex_gradients(&mesh, now.data(), mesh.vertex_count, found.data(),
-                                                mesh.vertex_count);
+                     return dd_mesh_vertex_gradients(&mesh, &deformed, found.data(),
+                                                     mesh.vertices.count);
                    });
                    std::copy_n(found.begin(), std::min(found.size(), out.size()), out.begin());
                    return status;
@@ -274,43 +303,18 @@ std::vector<Work> works() {
   all.push_back({"measures", [](Floats& out, const Fallible& fallible) {
                    const dd_mesh mesh = ball().mesh();
                    const Floats now = turned(ball().positions);
+                   const dd_points deformed = points(now);
                    auto options = defaults<dd_measure_options>();
-                   options.base = mesh.positions;
-                   options.deformed_base = now.data();
-                   options.base_count = options.deformed_base_count = mesh.vertex_count;
+                   options.base = &mesh.vertices;
+                   options.deformed_base = &deformed;
                    auto measures = defaults<dd_measures>();
                    const int32_t status = fallible([&] {
-                     return dd_measure(&mesh, ball().roles.data(), mesh.vertex_count, now.data(),
-                                       mesh.vertex_count, &options, &measures);
+                     return dd_mesh_measure(&mesh, ball().roles.data(), mesh.vertices.count,
+                                            &deformed, &options, &measures);
                    });
                    if (status == DD_OK) out[0] = static_cast<float>(measures.stretch);
                    return status;
                  }});
-  all.push_back(
-      {"solid", [](Floats& out, const Fallible& fallible) {
-         const std::vector<double> corners = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 1};
-         const std::vector<int32_t> tets = {0, 1, 2, 3, 4, 3, 2, 1};
-         const std::vector<int32_t> roles = {0, DD_ROLE_FIXED, DD_ROLE_FREE, 0, DD_ROLE_FREE};
-         std::vector<double> moved(corners.size()), solved(corners.size());
-         const std::vector<double> gradients(18, 0.5);
-         dd_tets* solid = nullptr;
-         const int32_t result = fallible([&] {
-           const dd_tet_mesh mesh = {corners.data(), 5, tets.data(), 2};
-           int32_t status = dd_tets_create(&mesh, roles.data(), roles.size(), 1, &solid);
-           size_t entries = 0;
-           for (int which : {0, 1, 2})
-             if (status == DD_OK)
-               status = dd_tets_get_operator(solid, which, nullptr, nullptr, nullptr, 0, &entries);
-           if (status == DD_OK)
-             status =
-                 dd_tets_solve(solid, corners.data(), 5, gradients.data(), 2, solved.data(), 5);
-           if (status == DD_OK) status = dd_tets_update(solid, kLift, 1, moved.data(), 5);
-           return status;
-         });
-         dd_tets_free(solid);
-         if (result == DD_OK) std::copy(moved.begin(), moved.end(), out.begin());
-         return result;
-       }});
   return all;
 }
 

@@ -24,12 +24,17 @@ struct FlatMesh {
   }
   size_t vertex_count() const { return positions.size() / 3; }
   size_t triangle_count() const { return triangles.size() / 3; }
-  dd_mesh mesh() const {
-    return {positions.data(), vertex_count(), triangles.data(), triangle_count()};
+  dd_mesh mesh() const { return {points(positions), triangles.data(), triangle_count()}; }
+
+  static dd_points points(const std::vector<float>& values) {
+    return {values.data(), values.size() / 3, 3 * sizeof(float)};
+  }
+  static dd_points_out points_out(std::vector<float>& values) {
+    return {values.data(), values.size() / 3, 3 * sizeof(float)};
   }
 };
 
-/// Options that say how large they are, and all else by default.
+/// A struct that a call fills in, which says how large it is.
 template <class Options>
 Options defaults() {
   Options options{};

@@ -198,7 +198,7 @@ TEST_CASE("what fails on another geometry than the mesh's is not blamed on the m
   const auto blame = [&](const BindOptions& options) {
     return test::refusal([&] { Deformer(plane.mesh, plane.roles, 1, options); }, Status::numeric);
   };
-  CHECK_THAT(blame({BaseMetric::surface, 1e9}), contains("lower Smoothing"));
+  CHECK_THAT(blame({BaseMetric::surface, 1e9}), contains("lower metric_smoothing"));
 }
 
 TEST_CASE("NORMAL reconstructs S at rest at every level count, and follows rigid motions") {
@@ -342,7 +342,7 @@ TEST_CASE("VOLUMES tells how far it is, can be cancelled, and says when it stopp
   Deformer deformer(plane.mesh, plane.roles, 1, {});
   UpdateOptions options = by(MethodKind::volumes);
   int calls = 0;
-  options.of_method.progress = [&](double fraction, const char*) {
+  options.of_method.progress = [&](double fraction, Stage) {
     CHECK((fraction >= 0 && fraction < 1));
     return ++calls < 2;
   };

@@ -182,7 +182,7 @@ TEST_CASE("blended motions: handles have their places whatever their matrices ar
   const double nan = std::nan("");
   CHECK(test::refusal([&] { surface(deformer, motions, blended({0, 0, 0, nan, 0, 0, 0, 0, 0})); },
                       Status::argument)
-            .find("handle 1") != std::string::npos);
+            .find("Handle 1") != std::string::npos);
 }
 
 TEST_CASE("blended motions: an arc is the same after any pose, and after one that was refused") {

@@ -20,8 +20,8 @@ struct Told {
   std::vector<double> fractions;
 
   Progress listener() {
-    return [this](double fraction, const char* stage) {
-      fractions.push_back(stage && *stage ? fraction : -1);
+    return [this](double fraction, Stage stage) {
+      fractions.push_back(stage <= Stage::done ? fraction : -1);
       return true;
     };
   }

@@ -234,7 +234,7 @@ TEST_CASE("a factorization can be cancelled, and says how far it is") {
   const System system;
   BlockOptions options;
   std::vector<double> told;
-  options.progress = [&](double fraction, const char*) {
+  options.progress = [&](double fraction, Stage) {
     told.push_back(fraction);
     return true;
   };
@@ -242,7 +242,7 @@ TEST_CASE("a factorization can be cancelled, and says how far it is") {
   CHECK(told.size() > 5);
   CHECK(std::is_sorted(told.begin(), told.end()));
   CHECK(told.back() <= 1);
-  options.progress = [](double fraction, const char*) { return fraction < 0.3; };
+  options.progress = [](double fraction, Stage) { return fraction < 0.3; };
   CHECK_THROWS_AS(factor_free_block(system.A, system.region, options), Error);
 }
 

@@ -151,20 +151,18 @@ TEST_CASE("a split refuses with the handle or the step, and can be cancelled") {
   const SplitMotion motion = in_steps(test::bend(70, 0, 0.7), 4);
   Deformer deformer(one.mesh, one.roles, 1, {});
   std::vector<double> fractions;
-  split_update(deformer, motion, {}, [&](double fraction, const char*) {
+  split_update(deformer, motion, {}, [&](double fraction, Stage) {
     fractions.push_back(fraction);
     return true;
   });
   CHECK(std::is_sorted(fractions.begin(), fractions.end()));
   CHECK(fractions.back() == 1);
   int calls = 0;
-  CHECK_THAT(test::refusal(
-                 [&] {
-                   split_update(deformer, motion, {},
-                                [&](double, const char*) { return ++calls < 9; });
-                 },
-                 Status::cancelled),
-             contains("cancelled"));
+  CHECK_THAT(
+      test::refusal(
+          [&] { split_update(deformer, motion, {}, [&](double, Stage) { return ++calls < 9; }); },
+          Status::cancelled),
+      contains("cancelled"));
 }
 
 TEST_CASE("steps begin at the bound surface, whatever it was used for before, and let go of it",
@@ -203,7 +201,7 @@ TEST_CASE("displacement volumes can be stopped in the midst of a step, which lea
   Deformer fresh(one.mesh, one.roles, 1, {});
   int calls = 0;
   std::vector<double> fractions;
-  const Positions whole = split_update(fresh, motion, options, [&](double fraction, const char*) {
+  const Positions whole = split_update(fresh, motion, options, [&](double fraction, Stage) {
                             ++calls;
                             fractions.push_back(fraction);
                             return true;
@@ -213,7 +211,7 @@ TEST_CASE("displacement volumes can be stopped in the midst of a step, which lea
   Deformer stopped(one.mesh, one.roles, 1, {});
   for (int last : {1, 2, calls / 4, calls / 2}) {
     int left = last;
-    const auto stop = [&](double, const char*) { return --left > 0; };
+    const auto stop = [&](double, Stage) { return --left > 0; };
     CHECK_THAT(
         test::refusal([&] { split_update(stopped, motion, options, stop); }, Status::cancelled),
         contains("cancelled"));

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Threads change nothing; [threads] is what the thread sanitizer looks at.
+#include <atomic>
 #include <chrono>
+#include <fstream>
 #include <memory>
 #include <stdexcept>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -122,4 +125,60 @@ TEST_CASE("several callers of one pool, and tasks that call it, get all of their
   pool.run(1, [&](int) { ++sum; });
   pool.run(kTasks, [](int) {});
   CHECK(sum == 1);
+}
+
+namespace {
+
+int threads_of_this_process() {
+#ifdef __linux__
+  std::ifstream status("/proc/self/status");
+  for (std::string word; status >> word;)
+    if (word == "Threads:") {
+      int count = 0;
+      status >> count;
+      return count;
+    }
+#endif
+  return -1;
+}
+
+}  // namespace
+
+TEST_CASE("all pools share the process's workers, which end with the last of them", "[threads]") {
+  const int before = threads_of_this_process();
+  {
+    std::vector<std::unique_ptr<Deformer>> idle;
+    for (int k = 0; k < 10; ++k) idle.push_back(bound(6, 8, 13));
+    if (before > 0) CHECK(threads_of_this_process() <= before + 7);
+    const ThreadPool more(10);
+    CHECK(more.count() == 10);
+    if (before > 0) CHECK(threads_of_this_process() <= before + 9);
+  }
+  if (before > 0) CHECK(threads_of_this_process() == before);
+}
+
+TEST_CASE("callers beyond as many as can be helped work alone", "[threads]") {
+  // More at once than there are rounds: each caller's sum is right and its exception its own.
+  constexpr int kCallers = 40, kTasks = 300;
+  std::vector<std::thread> callers;
+  std::atomic<int> right{0}, caught{0};
+  for (int k = 0; k < kCallers; ++k)
+    callers.emplace_back([&, k] {
+      ThreadPool pool(4);
+      for (int round = 0; round < 20; ++round) {
+        std::atomic<int> sum{0};
+        pool.run(kTasks, [&](int i) { sum += i; });
+        right += sum == kTasks * (kTasks - 1) / 2;
+        try {
+          pool.run(kTasks, [&](int i) {
+            if (i == k) throw std::runtime_error(std::to_string(k));
+          });
+        } catch (const std::runtime_error& error) {
+          caught += error.what() == std::to_string(k);
+        }
+      }
+    });
+  for (std::thread& caller : callers) caller.join();
+  CHECK(right == 20 * kCallers);
+  CHECK(caught == 20 * kCallers);
 }

@@ -584,7 +584,8 @@ TEST_CASE("points that no search gives are refused") {
   CHECK_NOTHROW(refused(3, middle, n));
   CHECK_NOTHROW(refused(-1, Eigen::Vector3d::Zero(), n));
   CHECK_THROWS_WITH(refused(3, middle, n - 1), contains("There are points of"));
-  CHECK_THROWS_WITH(refused(mesh.triangle_count(), middle, n), contains("point of vertex 0 is in"));
+  CHECK_THROWS_WITH(refused(mesh.triangle_count(), middle, n),
+                    contains("Vertex 0 of the target has its point in"));
   CHECK_THROWS_WITH(refused(-2, middle, n), contains("triangle -2"));
   for (const Eigen::Vector3d& weights :
        {Eigen::Vector3d(1, 1, 0), Eigen::Vector3d(2, -1, 0),

@@ -121,7 +121,7 @@ class Deformer:
             at_rest = native.at_rest(len(other.numbers))
             stepped = at_rest.copy()
             stepped[np.flatnonzero(other.numbers == handle)[0], 0, 3] = other.size
-            before, after = (made.offsets(matrices, output='BASE', method='TRANSFER', base_deformer='LINEAR', refine=0)
+            before, after = (made.offsets(matrices, output='BASE', method='DETAIL', base_deformer='LINEAR', refine=0)
                              for matrices in (at_rest, stepped))
             steps = np.zeros(self.vertex_count)
             steps[other.rows] = (after - before)[::3] / other.size
@@ -223,7 +223,7 @@ class _Update:
     def progress(self):
         """(running, fraction, stage)"""
         with self._lock:
-            running, fraction, stage = self._job.progress() if self._job else (False, 0.0, "Done")
+            running, fraction, stage = self._job.progress() if self._job else (False, 0.0, 'DONE')
             if not running and self._left and not self.cancelled:
                 try:
                     if self._job:

@@ -34,7 +34,7 @@ def quick(told, share=1.0):
     the time of such an update that is available; passes of Refine are left out accordingly."""
     if told['method'] == 'VOLUMES':
         kept = {name: told[name] for name in _KEPT_OF_SLOW if name in told}
-        return {'method': 'TRANSFER', 'refine': 0, **kept}
+        return {'method': 'DETAIL', 'refine': 0, **kept}
     found = {**told, 'steps': 1}
     passes = found.get('refine')
     if share < 1.0 and passes:  # a pass takes about as long as an update without passes

@@ -90,7 +90,7 @@ class Cache:
         """Raises native.NativeError if the job has failed before."""
         if content in self._failed:
             failed = self._failed[content]
-            raise native.NativeError(str(failed), failed.status, failed.vertices)
+            raise failed.about(failed.index, failed.vertices)
 
     def forget_failure(self, content):
         """Lets the job be tried again."""

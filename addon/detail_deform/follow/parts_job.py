@@ -19,7 +19,7 @@ class PartsJob:
     def progress(self):
         """(running, fraction, stage)"""
         with self._lock:
-            states = [(False, 1.0, "Done") if made else job.progress() for job, made in zip(self._jobs, self._made)]
+            states = [(False, 1.0, 'DONE') if made else job.progress() for job, made in zip(self._jobs, self._made)]
         sizes = [len(part.positions) for part in self._parts]
         fraction = sum(size * state[1] for size, state in zip(sizes, states)) / sum(sizes)
         running = [state for state in states if state[0]]

@@ -7,7 +7,6 @@ import bpy
 import numpy as np
 
 from ..library import native
-from ..library.options import next_to_none
 from ..scene import mesh_data, proportions, wider
 from ..scene.loose import Loose
 from ..scene.mesh_data import MeshProblem
@@ -57,7 +56,7 @@ class How(NamedTuple):
     @property
     def least_gap(self):
         """As the library takes it."""
-        return next_to_none(self.gap) if self.keep_outside else -1.0
+        return self.gap if self.keep_outside else -1.0
 
 
 class Preparation:

@@ -6,7 +6,6 @@ form the first part, which is bound to the region. composed.py combines the part
 """
 
 import contextlib
-import re
 
 import numpy as np
 
@@ -65,7 +64,7 @@ class Part:
                  for name, value in of_all.items()}
         if not self.is_whole and found.get('method') == 'EXAMPLES':
             found = {name: value for name, value in found.items() if name not in _OF_EXAMPLES}
-            found['method'] = 'TRANSFER'
+            found['method'] = 'DETAIL'
         return found
 
     @property
@@ -148,15 +147,14 @@ class Part:
 
     @contextlib.contextmanager
     def in_numbers_of_all(self):
-        """Errors of the library that are raised meanwhile name handles, vertices and triangles of the whole mesh."""
-        numbers = {'handle': lambda number: int(self.numbers[number]), 'vertex': self.vertex, 'triangle': self.triangle}
+        """Errors of the library that are raised meanwhile are about handles, vertices and triangles of the whole
+        mesh."""
+        numbers = {'HANDLE': lambda number: int(self.numbers[number]), 'VERTEX': self.vertex, 'TRIANGLE': self.triangle}
         try:
             yield
         except native.NativeError as error:
-            said = re.sub(r"\b(handle|vertex|triangle) (\d+)\b",
-                          lambda found: f"{found[1]} {numbers[found[1].lower()](int(found[2]))}", str(error),
-                          flags=re.IGNORECASE)
-            raise native.NativeError(said, error.status, [self.vertex(number) for number in error.vertices]) from error
+            index = numbers[error.subject](error.index) if error.subject in numbers else error.index
+            raise error.about(index, [self.vertex(number) for number in error.vertices]) from error
 
 
 class Surface:

@@ -38,7 +38,7 @@ _ending = []  # cancelled jobs; they are closed when they have ended, as closing
 def request(token, work):
     """Requests a slow result. After handles have paused for work.pause seconds, work.start(wait) must return a
     native.Update of work.deformer. While that runs, work.tell() is called. Its result is passed to
-    work.deliver(offsets, info) once work.can_be_shown(), its error to work.refuse(sentence). The request ends when
+    work.deliver(offsets, info) once work.can_be_shown(), its error to work.refuse(error). The request ends when
     work.is_wanted() is false."""
     cancel(token)
     _requests[token] = _Request(work)
@@ -97,7 +97,7 @@ def _tick():
             if error.busy:  # another object's update is under way
                 continue
             cancel(token)
-            pending.work.refuse(str(error))
+            pending.work.refuse(error)
         except Exception:
             cancel(token)  # nothing would end it any more
             raise

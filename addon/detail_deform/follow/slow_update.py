@@ -43,9 +43,10 @@ class SlowUpdate:
                 shown.show_slow(ob.data, placed.offsets(ob, offsets, self.deformer.fades), record, info)
         redraw_panels()
 
-    def refuse(self, sentence):
+    def refuse(self, error):
+        """error: a native.NativeError."""
         for ob in self._owners():
-            record, problem = shown.by(ob.data), words.named(ob, sentence)
+            record, problem = shown.by(ob.data), words.said(ob, error)
             if record is not None:
                 record.problem = problem
             ob.detail_deform.problem = problem
@@ -59,7 +60,7 @@ class SlowUpdate:
         try:  # in a render another thread, which must not set up timers
             self.deliver(*self.start(wait=True).finish())
         except native.NativeError as error:
-            self.refuse(str(error))
+            self.refuse(error)
 
     def tell(self):
         if self._is_slow:

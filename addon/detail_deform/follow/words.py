@@ -1,21 +1,45 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What goes wrong, as it is told; what the C library says, in the words of those who use it: the stages of a bind as
-steps, and handles and examples, which it knows by their numbers, by their names."""
-
-import re
+"""Errors and progress in the user's words: sentences are made of what the C library tells of an error (what it is
+about, by number, and what can be done), with the names of handles and examples and the labels of buttons."""
 
 from ..library.native import NativeError
 from ..scene import examples, handle_matrices
 from ..scene.mesh_data import MeshProblem
 
 TOLD = (MeshProblem, NativeError, MemoryError)  # to the user, as a sentence
-_NO_MEMORY = "There is not enough memory for a mesh of this size."  # as the C library says it
+_NO_MEMORY = "There is not enough memory for a mesh of this size."
 STEPS = 3
-# The step that a stage belongs to: the mesh's equations, the base surface, the handles.
-STEP_OF_STAGE = {
-    "Starting": 1, "Building operators": 1, "Factoring the Poisson system": 1,
-    "Factoring the base surface's energy": 2, "Computing the base surface": 2,
-    "Computing the handles' basis functions": 3, "Factoring the energy on the base": 3, "Done": 3}
+# The step that a stage of a bind belongs to: the mesh's equations, the base surface, the handles.
+STEP_OF_STAGE = {'STARTING': 1, 'OPERATORS': 1, 'POISSON': 1, 'ENERGY': 2, 'BASE': 2, 'HANDLES': 3,
+                 'ENERGY_ON_BASE': 3, 'DONE': 3}
+# What the subject of an error is called where it has no name in Blender. {}: its number.
+_SUBJECTS = {'VERTEX': "Vertex {}", 'TRIANGLE': "Triangle {}", 'HANDLE': "Handle {}", 'EXAMPLE': "Example {}",
+             'PAIR': "Pair {}",
+             'SOURCE_VERTEX': "Vertex {} of the source", 'SOURCE_TRIANGLE': "Triangle {} of the source",
+             'TARGET_VERTEX': "Vertex {} of the target", 'TARGET_TRIANGLE': "Triangle {} of the target",
+             'BASE_VERTEX': "Vertex {} of the base object", 'BASE_TRIANGLE': "Triangle {} of the base object"}
+# What the user can do about it.
+_REMEDIES = {
+    'FREE_RESOURCES': "close other programs, or give Blender more memory and threads",
+    'VALIDATE_MESH': "validate the mesh",
+    'MOVE_VERTEX': "delete or move that vertex",
+    'ADD_FACES': "the method works on surfaces, add faces",
+    'DISSOLVE_FACES': "merge doubled vertices and dissolve degenerate faces there, add a handle, or leave that part "
+                      "out of the region",
+    'ADD_HANDLE': "add at least one that moves some vertices",
+    'ASSIGN_VERTICES': "give it at least one",
+    'HANDLE_ON_PART': "put a handle on the part that should deform",
+    'FREE_VERTICES': "make the region larger, or give the handles fewer vertices",
+    'FIX_VERTICES': "leave some vertices out of the region",
+    'MOVE_LESS': "put it back",
+    'SMOOTH_METRIC_LESS': "lower Smoothing",
+    'SURFACE_METRIC': "set Measure On to Surface, or hold that part by one more handle",
+    'PIN_FEWER': "pin fewer vertices",
+    'WHOLE_GRADIENTS': "switch Keep Proportions off, or choose other Places",
+    'MATCH_MESHES': "choose another Match By",
+    'MOVE_TARGET': "bring this mesh nearer to the source",
+    'CORRECT_MARKERS': "take one of these markers away",
+    'SAME_VERTICES': "choose a copy of this mesh with the same vertices"}
 
 
 def step(stage):
@@ -23,23 +47,32 @@ def step(stage):
 
 
 def said(ob, error):
-    """The sentence of one of TOLD about an object."""
-    return named(ob, str(error)) if isinstance(error, NativeError) else sentence(error)
+    """The sentence of one of TOLD about an object, with the names of its handles and examples."""
+    return _composed(error, _names(ob)) if isinstance(error, NativeError) else sentence(error)
 
 
 def sentence(error):
-    """The same without the names of handles and examples."""
-    return _NO_MEMORY if isinstance(error, MemoryError) else str(error)
+    """The same without those names."""
+    if isinstance(error, MemoryError):
+        return _NO_MEMORY
+    return _composed(error, {}) if isinstance(error, NativeError) else str(error)
 
 
-def named(ob, sentence):
+def _names(ob):
     settings = ob.detail_deform
-    names = {'handle': [handle.name for handle in handle_matrices.enabled_handles(settings)],
-             'example': [examples.title(example) for example in examples.enabled(settings)]}
+    return {'HANDLE': [f"Handle '{handle.name}'" for handle in handle_matrices.enabled_handles(settings)],
+            'EXAMPLE': [f"Example '{examples.title(example)}'" for example in examples.enabled(settings)]}
 
-    def by_name(found):
-        kind, number = found[1], int(found[2])
-        known = names[kind.lower()]
-        return f"{kind} '{known[number]}'" if number < len(known) else found[0]
 
-    return re.sub(r"\b(handle|example) (\d+)\b", by_name, sentence, flags=re.IGNORECASE)
+def _composed(error, names):
+    """names: {subject: [name of each]}"""
+    if not error.message:  # the add-on's own
+        return str(error)
+    known = names.get(error.subject, ())
+    if 0 <= error.index < len(known):
+        subject = known[error.index]
+    else:
+        subject = _SUBJECTS.get(error.subject, "").format(error.index)
+    text = f"{subject} {error.message}".lstrip()
+    remedy = _REMEDIES.get(error.remedy)
+    return f"{text}: {remedy}." if remedy else f"{text}."

@@ -6,16 +6,23 @@ import threading
 import numpy as np
 
 from .jobs import Job, Made
-from .loading import Owned, call, call_when_free, count, vertices
-from .structs import COUNTS, FINDINGS, ROLES, BindOptions, Info, Mesh, UpdateInfo, UpdateOptions, numbers
+from . import structs
+from .loading import Owned, call, call_when_free, count, filled, vertices
+from .structs import FINDINGS, ROLES, BindOptions, Info, UpdateInfo, UpdateOptions, numbers, points_out
 
 ROLE_FREE, ROLE_FIXED = ROLES['FREE'], ROLES['FIXED']
 
 
-def update_options(refine=None, **options):
-    """dd_update_options for offsets, by the names of its fields and of its enums' values. refine: 0 is none, and None
-    the default."""
-    return UpdateOptions(refine=COUNTS['NONE'] if refine == 0 else refine, values='OFFSETS', **options)
+def update_options(**options):
+    """dd_update_options for offsets, by the names of its fields and of its enums' values; for single methods' settings
+    by the keywords of structs.OF_METHODS. None stands for the default."""
+    of_methods = {}
+    for keyword, (field, name) in structs.OF_METHODS.items():
+        value = options.pop(keyword, None)
+        if value is not None:
+            of_methods.setdefault(field, {})[name] = value
+    nested = {field: filled(UpdateOptions.kinds[field].struct, **values) for field, values in of_methods.items()}
+    return filled(UpdateOptions, values='OFFSETS', **options, **nested)
 
 
 def at_rest(handle_count):
@@ -31,8 +38,8 @@ class Bind(Job):
         number below handle_count. options: by the names of dd_bind_options' fields; base (n, 3), examples
         (count, n, 3). All are copied."""
         roles = numbers('roles', roles, np.int32)
-        super().__init__('dd_bind_start', Mesh(positions=positions, triangles=triangles), roles, len(roles),
-                         handle_count, BindOptions(**options))
+        super().__init__('dd_deformer_bind_start', structs.mesh(positions, triangles), roles, len(roles), handle_count,
+                         filled(BindOptions, **options))
         self._vertex_count, self._example_count = len(roles), count(options.get('examples'))
 
     def draft(self):
@@ -62,7 +69,7 @@ class Draft(Owned):
         found = np.empty(3 * self.vertex_count, np.float32)
         with self._lock:
             call('dd_draft_update', self, matrices, len(matrices), update_options(base=base, **options),
-                 found, self.vertex_count)
+                 points_out(found))
         return found
 
 
@@ -97,8 +104,7 @@ class Deformer(Made):
         how = update_options(base=base, example_weights=example_weights, **options)
         found = np.empty(3 * self.info.vertex_count, np.float32)
         with self._lock:
-            call_when_free('dd_deformer_update', self, matrices, len(matrices), how, found,
-                           self.info.vertex_count)
+            call_when_free('dd_deformer_update', self, matrices, len(matrices), how, points_out(found))
             self.info = self._read_info()
         return found
 
@@ -131,14 +137,14 @@ class Update(Job):
         that is in use, where NativeError says so otherwise."""
         matrices = numbers('matrices', matrices, np.float64, 3, 4)
         self._vertex_count = deformer.info.vertex_count
-        super().__init__('dd_update_start', deformer, matrices, len(matrices), update_options(**options),
+        super().__init__('dd_deformer_update_start', deformer, matrices, len(matrices), update_options(**options),
                          call=call_when_free if wait else call)
 
     def finish(self):
         """Waits; (3 n,) float32 offsets and UpdateInfo, or NativeError. The work is over either way."""
         offsets, info = np.empty(3 * self._vertex_count, np.float32), UpdateInfo()
         try:
-            call('dd_job_get_update', self, offsets, self._vertex_count)
+            call('dd_job_get_update', self, points_out(offsets))
             call('dd_job_get_update_info', self, info)
         finally:
             self.close()

@@ -4,7 +4,7 @@
 import time
 
 from .loading import Owned, call, vertices
-from .structs import JOB_STATES, NativeError, Progress
+from .structs import JOB_STATES, STAGE_NAMES, NativeError, Progress
 
 _POLL_SECONDS = 0.02
 
@@ -20,10 +20,10 @@ class Job(Owned):
         self._make(start, *arguments, call=call)
 
     def progress(self):
-        """(running, fraction, stage)"""
+        """(running, fraction, stage): a name of structs.STAGES."""
         progress = Progress()
         call('dd_job_poll', self, progress)
-        return progress.state == JOB_STATES['RUNNING'], progress.fraction, progress.stage.decode()
+        return progress.state == JOB_STATES['RUNNING'], progress.fraction, STAGE_NAMES[progress.stage]
 
     def fractions(self):
         """Generator of the fraction done, until it is over."""

@@ -128,7 +128,26 @@ def call(function, *arguments):
         lib = library()
         status = getattr(lib, function)(*arguments)
         if status != structs.STATUS['OK']:
-            raise NativeError(lib.dd_last_message().decode('utf-8', 'replace'), status)
+            raise _failure(lib, status)
+
+
+def _failure(lib, status):
+    told = structs.Failure()
+    lib.dd_last_error(told)
+    return NativeError(lib.dd_last_message().decode('utf-8', 'replace'), status,
+                       message=told.message.decode('utf-8', 'replace'), subject=_name(structs.SUBJECTS, told.subject),
+                       index=told.index, remedy=_name(structs.REMEDIES, told.remedy))
+
+
+def _name(enum, number):
+    return next((name for name, its_number in enum.items() if its_number == number), 'NONE')
+
+
+def filled(kind, **values):
+    """A struct of options with the library's defaults, and with these values in their place; None: the default."""
+    made = kind()
+    call(f'{kind.__name__}_init', made, ctypes.sizeof(made))
+    return made.fill(**values)
 
 
 def call_when_free(function, *arguments):

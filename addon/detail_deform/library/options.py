@@ -9,6 +9,10 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 BIND, UPDATE, TRANSFER, APPLY = 'dd_bind_options', 'dd_update_options', 'dd_transfer_options', 'dd_apply_options'
+# Of an update: settings of single methods.
+REFINEMENT, NORMAL = 'dd_refinement_options', 'dd_normal_options'
+VOLUMES, EXAMPLES = 'dd_volumes_options', 'dd_examples_options'
+OF_UPDATE = (UPDATE, REFINEMENT, NORMAL, VOLUMES, EXAMPLES)
 
 
 class Need(NamedTuple):
@@ -50,12 +54,20 @@ class Option:
         return self.fills.struct if self.fills else ""
 
     @property
+    def keyword(self):
+        """What binds and updates call it: as here where a struct of its own has it, for single methods."""
+        return self.fills.name if self.fills.struct in (BIND, UPDATE) else self.name
+
+    @property
     def argument(self):
         """As the operator has it."""
         return dataclasses.replace(self, tooltip=self.told or self.tooltip)
 
 
 # Values of enums. The order is that of the C library's numbers where it knows them.
+
+# A method's name in scripts and files, where the library has another one.
+METHOD_CALLED = {'TRANSFER': 'DETAIL'}
 
 METHODS = (
     ('TRANSFER', "Detail Transfer",
@@ -165,12 +177,8 @@ def _gradients(rotation_only):
     return 'ROTATIONS' if rotation_only else 'WHOLE'
 
 
-def _or_none(length):
-    return length or -1  # a zero would stand for the default
-
-
-def next_to_none(value):
-    return max(value, 1e-6)  # a zero would stand for the default
+def _method(method):
+    return METHOD_CALLED.get(method, method)
 
 
 _COMPUTED = Need('base', ('COMPUTED',))
@@ -181,7 +189,7 @@ _WITHOUT_REFINE = "It has no effect while Quality of large bends is 0."
 SETTINGS = (
     Option('method', METHODS, "Method",
            "How the surface follows its handles. Switching needs no new Bind",
-           fills=Field(UPDATE, 'method', 'dd_method'), section='METHOD', compared=COMPARED_METHODS),
+           fills=Field(UPDATE, 'method', 'dd_method', _method), section='METHOD', compared=COMPARED_METHODS),
     Option('rotation_only', bool, "Keep Detail Size",
            "Details only turn with the surface and keep their size. Off: they are stretched and sheared with it too",
            default=True, fills=Field(UPDATE, 'gradients', 'dd_gradients', _gradients), section='METHOD',
@@ -189,7 +197,8 @@ SETTINGS = (
     Option('refine', int, "Quality of large bends",
            "Passes that take out stretch and shrinking where the surface bends far, by Examples where it goes beyond "
            "them. Each takes about as long as an update without. 0: none, the paper's result",
-           default=4, limits=dict(min=0, soft_max=16, max=1000), fills=Field(UPDATE, 'refine', int), section='METHOD',
+           default=4, limits=dict(min=0, soft_max=16, max=1000), fills=Field(REFINEMENT, 'iterations', int),
+           section='METHOD',
            needs=(_by('TRANSFER', 'EXAMPLES'), _NO_SLIDERS,
                   Need('base', ('COMPUTED',), "A base object is followed as it is, so no bend of it is improved."),
                   Need('rotation_only', (True,), "Large bends are improved only with Keep Detail Size: switch it on.",
@@ -202,7 +211,7 @@ SETTINGS = (
            "area), so that the mesh's density doesn't matter. Short bends sharply, and a thick shape may fold; long is "
            "stiff",
            default=0.009, limits=dict(min=0.009, soft_max=0.05, max=1.0, precision=3, step=0.1),
-           fills=Field(UPDATE, 'rotation_smoothing', float), section='METHOD',
+           fills=Field(REFINEMENT, 'rotation_smoothing', float), section='METHOD',
            needs=(_by('TRANSFER', 'EXAMPLES'), _NO_SLIDERS, Need('base', ('COMPUTED',)),
                   Need('rotation_only', (True,), by=('TRANSFER',)),
                   Need('formulation', ('SURFACE',), by=('TRANSFER',)),
@@ -211,27 +220,27 @@ SETTINGS = (
            "Width of the band around handles and fixed parts in which the surface leaves them smoothly, without a "
            "crease or spike, as a share of the size of the region (the square root of its area). 0: the paper's result",
            default=0.05, limits=dict(min=0.0, soft_max=0.2, max=1.0, precision=3, step=1),
-           fills=Field(UPDATE, 'rim_smoothing', float, _or_none), section='METHOD',
+           fills=Field(REFINEMENT, 'rim_smoothing', float), section='METHOD',
            needs=(_by('TRANSFER', 'EXAMPLES'), _NO_SLIDERS,
                   Need('rotation_only', (True,), "Without Keep Detail Size there is no crease to smooth.",
                        by=('TRANSFER',)),
                   Need('formulation', ('SURFACE',),
                        "Rims are smoothed only by Formulation > Surface (For Comparison).", by=('TRANSFER',)),
                   Need('refine', range(1, 1001), _WITHOUT_REFINE, by=('EXAMPLES',))),
-           off=-1),
+           off=0.0),
     Option('levels', int, "Levels",
            "Surfaces between the detailed and the smooth one, each displaced from the next smoother one: shorter "
            "displacements, which intersect later",
-           default=1, limits=dict(min=1, max=20, soft_max=5), fills=Field(UPDATE, 'levels', int), section='COMPARISON',
+           default=1, limits=dict(min=1, max=20, soft_max=5), fills=Field(NORMAL, 'levels', int), section='COMPARISON',
            needs=(_by('NORMAL'),)),
     Option('volume_tolerance', float, "Tolerance",
            "The search for the volumes ends when no vertex moves by more than this from one pass to the next, as a "
            "share of the details' mean height",
-           default=0.01, limits=dict(min=1e-6, max=1.0, precision=4), fills=Field(UPDATE, 'volume_tolerance', float),
+           default=0.01, limits=dict(min=1e-6, max=1.0, precision=4), fills=Field(VOLUMES, 'tolerance', float),
            section='COMPARISON', needs=(_by('VOLUMES'),)),
     Option('volume_iterations', int, "Iterations",
            "Passes after which the search for the volumes stops anyway",
-           default=50, limits=dict(min=1, max=10000, soft_max=500), fills=Field(UPDATE, 'volume_iterations', int),
+           default=50, limits=dict(min=1, max=10000, soft_max=500), fills=Field(VOLUMES, 'iterations', int),
            section='COMPARISON', needs=(_by('VOLUMES'),)),
     Option('output', OUTPUTS, "Show", "What is seen of the deformation",
            fills=Field(UPDATE, 'output', 'dd_output'), section='METHOD'),
@@ -242,7 +251,7 @@ SETTINGS = (
            "How much the mesh keeps to single examples and between rest and example, rather than to what fits the "
            "handles most closely by mixing and exaggerating them",
            default=1.0, limits=dict(min=0.0, soft_max=10.0, max=1e4),
-           fills=Field(UPDATE, 'example_stiffness', float, next_to_none), section='EXAMPLES',
+           fills=Field(EXAMPLES, 'stiffness', float), section='EXAMPLES',
            needs=(_by('EXAMPLES'), Need('weights_by', ('HANDLES',)))),
 
     Option('base', _BASES, "Base", "Where the smooth base surface comes from. Takes effect at the next Bind",
@@ -326,7 +335,7 @@ TRANSFER_SETTINGS = (
            "How far outside at least, as a share of this mesh's size, or three quarters as far as at rest where that "
            "is less",
            default=0.005, limits=dict(min=0.0, soft_max=0.1, max=10.0, precision=4, step=0.1),
-           fills=Field(TRANSFER, 'gap', float, next_to_none), section='TRANSFER',
+           fills=Field(TRANSFER, 'gap', float), section='TRANSFER',
            needs=(*_WORN, Need('keep_outside', (True,))),
            told="How far outside of the source it is kept at least, as a share of the mesh's size; as in the panel "
                 "unless given"),
@@ -366,12 +375,13 @@ def value(option, settings):
     return option.fills.value(getattr(settings, option.name))
 
 
-_OF_STRUCT = {struct: [option for option in SETTINGS if option.struct == struct] for struct in (BIND, UPDATE)}
+_OF_CALL = {BIND: [option for option in SETTINGS if option.struct == BIND],
+            UPDATE: [option for option in SETTINGS if option.struct in OF_UPDATE]}
 
 
-def asked(struct, settings):
-    """{field: value} of a struct of the header, of those that matter now."""
-    told = {option.fills.name: value(option, settings) for option in _OF_STRUCT[struct]}
+def asked(call, settings):
+    """{keyword: value} of a bind or an update, of those that matter now."""
+    told = {option.keyword: value(option, settings) for option in _OF_CALL[call]}
     return {name: value for name, value in told.items() if value is not None}
 
 

@@ -3,17 +3,16 @@
 
 import numpy as np
 
-from .loading import call
-from .structs import Measures, MeasureOptions, Mesh, numbers
+from .loading import call, filled
+from .structs import Measures, MeasureOptions, mesh, numbers, points
 
 
 def measure(rest, deformed, triangles, roles, base=None, deformed_base=None):
     """Measures of a deformation; all positions (n, 3), roles as for Bind."""
     found = Measures()
-    deformed = numbers('deformed', deformed, np.float32, 3)
     roles = numbers('roles', roles, np.int32)
-    call('dd_measure', Mesh(positions=rest, triangles=triangles), roles, len(roles), deformed, len(deformed),
-         MeasureOptions(base=base, deformed_base=deformed_base), found)
+    call('dd_mesh_measure', mesh(rest, triangles), roles, len(roles), points('deformed', deformed),
+         filled(MeasureOptions, base=base, deformed_base=deformed_base), found)
     return found
 
 
@@ -22,14 +21,13 @@ def distances(positions, triangles, sources):
     positions: (n, 3); triangles: (m, 3); sources: (n,) bool."""
     sources = numbers('sources', sources, np.int32)
     found = np.empty(len(positions), np.float32)
-    call('dd_distances', Mesh(positions=positions, triangles=triangles), sources, len(sources), found, len(found))
+    call('dd_mesh_distances', mesh(positions, triangles), sources, len(sources), found, len(found))
     return found
 
 
 def vertex_gradients(rest, deformed, triangles):
     """(n, 3, 3) float32: at each vertex the mean deformation gradient (15) of the triangles around it, from rest to
     deformed; both (n, 3)."""
-    deformed = numbers('deformed', deformed, np.float32, 3)
     found = np.empty((len(rest), 3, 3), np.float32)
-    call('dd_vertex_gradients', Mesh(positions=rest, triangles=triangles), deformed, len(deformed), found, len(found))
+    call('dd_mesh_vertex_gradients', mesh(rest, triangles), points('deformed', deformed), found, len(found))
     return found

@@ -7,12 +7,9 @@ import threading
 import numpy as np
 
 from .jobs import Job, Made
-from .loading import call, call_when_free, count
-from .structs import ApplyOptions, MatchInfo, MatchOptions, Mesh, TransferInfo, TransferOptions, numbers
-
-
-def _mesh(positions, triangles):
-    return Mesh(positions=positions, triangles=triangles)
+from .loading import call, call_when_free, count, filled
+from .structs import (ApplyOptions, MatchInfo, MatchOptions, TransferInfo, TransferOptions, mesh, numbers, points,
+                      points_out)
 
 
 def _pairs(values):
@@ -26,8 +23,8 @@ class TransferJob(Job):
         """source, target: (positions (n, 3), triangles (m, 3)). pairs: (k, 2), or None for the same topology.
         options: by the names of dd_transfer_options' fields. All are copied."""
         pairs = _pairs(pairs)
-        super().__init__('dd_transfer_start', _mesh(*source), _mesh(*target), pairs, count(pairs),
-                         TransferOptions(**options))
+        super().__init__('dd_transfer_start', mesh(*source), mesh(*target), pairs, count(pairs),
+                         filled(TransferOptions, **options))
         self.vertex_count = len(target[0])
 
     def finish(self):
@@ -48,13 +45,13 @@ class Transfer(Made):
         self.info = TransferInfo()
         call('dd_transfer_get_info', self, self.info)
 
-    def apply(self, pose, gradients='WHOLE', places=None):
+    def apply(self, pose, gradients=None, places=None):
         """pose: (n, 3) of the source. places: (anchors, 3), where they go. Returns (n, 3) float32 of the target."""
-        pose = numbers('pose', pose, np.float32, 3)
-        how = ApplyOptions(gradients=gradients, places=places)
+        pose = points('pose', pose)
+        how = filled(ApplyOptions, gradients=gradients, places=places)
         found = np.empty((self._vertex_count, 3), np.float32)
         with self._lock:
-            call_when_free('dd_transfer_apply', self, pose, len(pose), how, found, len(found))
+            call_when_free('dd_transfer_apply', self, pose, how, points_out(found))
         return found
 
 
@@ -73,8 +70,8 @@ class Match(Job):
         self.info, self.points = MatchInfo(), None
         markers = _pairs(np.reshape(markers, (-1, 2)))
         self._vertex_count, self._target_counts = len(source[0]), tuple(map(len, target))
-        super().__init__('dd_match_start', _mesh(*source), _mesh(*target), markers, len(markers),
-                         MatchOptions(**options))
+        super().__init__('dd_match_start', mesh(*source), mesh(*target), markers, len(markers),
+                         filled(MatchOptions, **options))
 
     def finish(self):
         """Waits. (pairs (k, 2) int32, confidence (m,) float32 of the target's triangles, (n, 3) float32 the source on
@@ -87,7 +84,7 @@ class Match(Job):
         confidence = np.empty(triangle_count, np.float32)
         call('dd_match_get_confidence', found, confidence, len(confidence))
         fitted = np.empty((self._vertex_count, 3), np.float32)
-        call('dd_match_get_positions', found, fitted, len(fitted))
+        call('dd_match_get_positions', found, points_out(fitted))
         call('dd_match_get_info', found, self.info)
         self.points = np.empty(vertex_count, np.int32), np.empty((vertex_count, 3), np.float32)
         call('dd_match_get_points', found, *self.points, vertex_count)

@@ -20,23 +20,37 @@ namespace dd::api {
 // Counts are at most INT32_MAX / 16, so that derived sizes, which are small multiples, fit int32.
 constexpr size_t kMostElements = static_cast<size_t>(std::numeric_limits<int32_t>::max()) / 16;
 
-/// Reads a caller's struct: as many bytes as both sides know, the rest stays zero.
+constexpr uint32_t kLargestStruct = 4096;  // bytes, far beyond any of ours
+
+/// Reads a caller's struct: as many bytes as both sides know; the rest, or all of it where null is
+/// given, has the defaults.
 template <class Struct>
-Struct read_struct(const Struct* given) {
-  Struct values{};
+Struct read_struct(const Struct* given, const Struct& defaults, const char* name = "options") {
+  Struct values = defaults;
   if (!given) return values;
-  require(given->struct_size >= sizeof(uint32_t) && given->struct_size <= 4096,
-          "options.struct_size is not set.");
+  require(given->struct_size >= sizeof(uint32_t) && given->struct_size <= kLargestStruct,
+          std::string(name) + ".struct_size is not set");
   std::memcpy(&values, given, std::min<size_t>(given->struct_size, sizeof(Struct)));
   return values;
+}
+
+/// Fills a caller's struct of that size with the defaults.
+template <class Struct>
+void init_struct(Struct* target, size_t size, Struct defaults) {
+  require(target, "options is null");
+  require(size >= sizeof(uint32_t) && size <= kLargestStruct, "size is no size of the options");
+  defaults.struct_size = static_cast<uint32_t>(size);
+  std::memset(target, 0, size);
+  std::memcpy(target, &defaults, std::min(size, sizeof(Struct)));
 }
 
 /// Fills a caller's struct with as many bytes as it has room for.
 template <class Struct>
 void write_struct(const char* name, Struct* target, Struct values) {
-  require(target, std::string(name) + " is null.");
+  require(target, std::string(name) + " is null");
   const uint32_t room = target->struct_size;
-  require(room >= sizeof(uint32_t) && room <= 4096, std::string(name) + ".struct_size is not set.");
+  require(room >= sizeof(uint32_t) && room <= kLargestStruct,
+          std::string(name) + ".struct_size is not set");
   values.struct_size = room;
   std::memcpy(target, &values, std::min<size_t>(room, sizeof(Struct)));
 }
@@ -44,40 +58,41 @@ void write_struct(const char* name, Struct* target, Struct values) {
 inline void require_between(const char* name, int64_t value, int64_t least, int64_t most) {
   require(value >= least && value <= most, std::string(name) + " is " + std::to_string(value) +
                                                ", not between " + std::to_string(least) + " and " +
-                                               std::to_string(most) + ".");
+                                               std::to_string(most) + "");
 }
 
-/// An option that is one of an enum's values, 0 to last.
+/// An option that is one of an enum's values, first to last.
 template <class Enum>
-Enum choice(const char* name, int32_t value, Enum last) {
-  require_between(name, value, 0, static_cast<int32_t>(last));
+Enum choice(const char* name, int32_t value, Enum last, Enum first = Enum{}) {
+  require_between(name, value, static_cast<int32_t>(first), static_cast<int32_t>(last));
   return static_cast<Enum>(value);
 }
 
-/// An option of which 0 stands for fallback.
-inline int number(const char* name, int32_t value, int32_t most, int fallback) {
-  require_between(name, value, 0, most);
-  return value == 0 ? fallback : value;
+/// A number of zero or more.
+inline double weight(const char* name, double value) {
+  require(value >= 0 && std::isfinite(value), std::string(name) + " must be zero or more");
+  return value;
 }
-inline double number(const char* name, double value, double fallback) {
-  require(value >= 0 && std::isfinite(value), std::string(name) + " must be zero or more.");
-  return value == 0 ? fallback : value;
+/// A fraction of a whole.
+inline double fraction(const char* name, double value) {
+  require(value >= 0 && value <= 1, std::string(name) + " must be between 0 and 1");
+  return value;
 }
-/// A share of a whole.
-inline double share(const char* name, double value, double fallback) {
-  require(value >= 0 && value <= 1, std::string(name) + " must be between 0 and 1.");
-  return value == 0 ? fallback : value;
+inline int whole(const char* name, int32_t value, int32_t least, int32_t most) {
+  require_between(name, value, least, most);
+  return value;
 }
+inline bool yes_or_no(const char* name, int32_t value) { return whole(name, value, 0, 1) == 1; }
 
-inline int threads(int32_t value) { return number("options.threads", value, 1024, 0); }
+inline int threads(int32_t value) { return whole("options.threads", value, 1, 1024); }
 
 /// An array of given things that must be as many as wanted; kind: what they are, "vertices".
 template <class Value>
 void require_count(const char* name, const Value* array, size_t given, size_t wanted,
                    const char* kind) {
   require(given == wanted, std::string(name) + " is for " + std::to_string(given) + " " + kind +
-                               ", not " + std::to_string(wanted) + ".");
-  require(array || given == 0, std::string(name) + " is null.");
+                               ", not " + std::to_string(wanted) + "");
+  require(array || given == 0, std::string(name) + " is null");
 }
 
 /// The same of an array that may be left out. Returns whether it is there.
@@ -90,17 +105,58 @@ bool is_given(const char* name, const Value* array, size_t given, size_t wanted,
 
 inline size_t count_of(int value) { return static_cast<size_t>(value); }
 
+/// Points of a caller as they lie in memory: rows of three, of any stride.
+template <class Float>
+using Strided = Eigen::Map<Float, Eigen::Unaligned, Eigen::OuterStride<>>;
 using FloatRows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
-inline Positions read_positions(const float* positions, size_t count) {
-  return Eigen::Map<const FloatRows>(positions, static_cast<Index>(count), 3).cast<double>();
+constexpr size_t kPoint = 3 * sizeof(float);
+
+/// Whether there are points: null, or none, stands for that. Refuses what can't be points.
+template <class Points>
+bool has_points(const std::string& name, const Points* points) {
+  if (!points) return false;
+  require(points->first || points->count == 0, name + ".first is null");
+  require(points->count < kMostElements, name + " has more points than can be numbered");
+  require(points->count == 0 || (points->stride >= kPoint && points->stride <= kLargestStruct &&
+                                 points->stride % sizeof(float) == 0),
+          name + ".stride is " + std::to_string(points->stride) +
+              ", which is no multiple of 4 of at least 12 bytes");
+  return true;
 }
 
-/// Positions that may be left out: empty then.
-inline Positions read_optional_positions(const char* name, const float* positions, size_t given,
+inline Positions read_positions(const std::string& name, const dd_points& points) {
+  has_points(name, &points);
+  return Strided<const FloatRows>(
+             points.first, static_cast<Index>(points.count), 3,
+             Eigen::OuterStride<>(static_cast<Index>(points.stride / sizeof(float))))
+      .cast<double>();
+}
+
+/// Points that must be there and as many as wanted; kind: what they are of, "vertices".
+inline Positions read_positions(const std::string& name, const dd_points* points, size_t wanted,
+                                const char* kind = "vertices") {
+  require(points, name + " is null");
+  require(points->count == wanted, name + " is for " + std::to_string(points->count) + " " + kind +
+                                       ", not " + std::to_string(wanted));
+  return read_positions(name, *points);
+}
+
+/// Points that may be left out: empty then.
+inline Positions read_optional_positions(const std::string& name, const dd_points* points,
                                          size_t wanted, const char* kind = "vertices") {
-  if (!is_given(name, positions, given, wanted, kind)) return {};
-  return read_positions(positions, given);
+  return points ? read_positions(name, points, wanted, kind) : Positions{};
+}
+
+/// Where a result goes, checked.
+inline Strided<FloatRows> result_points(const char* name, const dd_points_out* points,
+                                        size_t wanted) {
+  require(points, std::string(name) + " is null");
+  require(points->count == wanted, std::string(name) + " is for " + std::to_string(points->count) +
+                                       " vertices, not " + std::to_string(wanted));
+  has_points(name, points);
+  return {points->first, static_cast<Index>(points->count), 3,
+          Eigen::OuterStride<>(static_cast<Index>(points->stride / sizeof(float)))};
 }
 
 /// values: 3×4, row-major.
@@ -114,19 +170,18 @@ inline Similarity read_similarity(const char* name, const double* values) {
   read.shift = matrix.col(3);
   const Eigen::Matrix3d product = read.rotation.transpose() * read.rotation;
   require(matrix.allFinite() && read.scale > 0 && product.isIdentity(1e-4),
-          std::string(name) + " is not a rotation or reflection with a scale and a shift.");
+          std::string(name) + " is not a rotation or reflection with a scale and a shift");
   return read;
 }
 
 inline Mesh read_mesh(const char* name, const dd_mesh* mesh) {
   const std::string what = name;
-  require(mesh, what + " is null.");
-  require(mesh->positions || mesh->vertex_count == 0, what + ".positions is null.");
-  require(mesh->triangles || mesh->triangle_count == 0, what + ".triangles is null.");
-  require(mesh->vertex_count < kMostElements && mesh->triangle_count < kMostElements,
-          what + " has more vertices or triangles than this library can number.");
+  require(mesh, what + " is null");
+  require(mesh->triangles || mesh->triangle_count == 0, what + ".triangles is null");
+  require(mesh->triangle_count < kMostElements,
+          what + " has more triangles than this library can number");
   return {
-      read_positions(mesh->positions, mesh->vertex_count),
+      read_positions(what + ".vertices", mesh->vertices),
       Eigen::Map<const Triangles>(mesh->triangles, static_cast<Index>(mesh->triangle_count), 3)};
 }
 
@@ -136,8 +191,8 @@ inline std::vector<int> read_roles(const int32_t* roles, size_t given, size_t wa
 }
 
 inline Pairs read_pairs(const char* name, const int32_t* values, size_t count) {
-  require(values || count == 0, std::string(name) + " is null.");
-  require(count < kMostElements, std::string(name) + " has more pairs than can be numbered.");
+  require(values || count == 0, std::string(name) + " is null");
+  require(count < kMostElements, std::string(name) + " has more pairs than can be numbered");
   Pairs pairs(count);
   for (size_t i = 0; i < count; ++i) pairs[i] = {values[2 * i], values[2 * i + 1]};
   return pairs;
@@ -146,25 +201,27 @@ inline Pairs read_pairs(const char* name, const int32_t* values, size_t count) {
 /// Numbers of vertices, as many as there are; where capacity is 0 their count alone.
 inline void write_vertices(const std::vector<int>& vertices, int32_t* out, size_t capacity,
                            size_t* vertex_count) {
-  require(vertex_count, "vertex_count is null.");
+  require(vertex_count, "vertex_count is null");
   if (capacity > 0) {
-    require(out, "out is null.");
+    require(out, "out is null");
     require(capacity >= vertices.size(), "capacity is " + std::to_string(capacity) +
                                              ", but there are " + std::to_string(vertices.size()) +
-                                             " vertices.");
+                                             " vertices");
     std::copy(vertices.begin(), vertices.end(), out);
   }
   *vertex_count = vertices.size();
 }
 
 /// n×3 as floats; refuses what leaves their range.
-inline void write_floats(const Positions& values, float* out) {
+template <class Target>
+void write_floats(const Positions& values, Target&& out) {
   // A sum finds what is not a number, which no comparison does.
   if (!(values.cwiseAbs().sum() >= 0) ||
       !(values.cwiseAbs().maxCoeff() < 0.5 * std::numeric_limits<float>::max()))
     throw Error(Status::numeric,
-                "The motion is too large: the surface leaves the range of single precision.");
-  Eigen::Map<FloatRows>(out, values.rows(), 3) = values.cast<float>();
+                "The motion is too large: the surface leaves the range of single precision",
+                Remedy::move_less);
+  out = values.cast<float>();
 }
 
 }  // namespace dd::api

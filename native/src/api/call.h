@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What every function of the C ABI does: exceptions become a status and a sentence.
+// What every function of the C ABI does: exceptions become a status and a description.
 #pragma once
 
 #include <atomic>
@@ -13,36 +13,58 @@
 
 namespace dd::api {
 
-// A plain array: it needs no destructor at thread exit, which the library might not live to see.
-inline thread_local char last_message[1024] = "";
+/// What went wrong, in plain arrays: it needs no destructor at thread exit, which the library might
+/// not live to see.
+struct Problem {
+  dd_status status = DD_OK;
+  Subject subject;
+  Remedy remedy = Remedy::none;
+  char message[1024] = "";  // dd_error.message
+  char text[1024] = "";     // dd_last_message()
 
-inline void remember(const char* sentence) {
-  std::snprintf(last_message, sizeof last_message, "%s", sentence);
-}
+  void set(const Error& error) noexcept {
+    set(static_cast<dd_status>(error.status()), error.message().c_str(), error.what());
+    subject = error.subject();
+    remedy = error.remedy();
+  }
+  void set(dd_status its_status, const char* its_message, const char* its_text) noexcept {
+    status = its_status;
+    subject = {};
+    remedy = Remedy::none;
+    std::snprintf(message, sizeof message, "%s", its_message);
+    std::snprintf(text, sizeof text, "%s", its_text);
+  }
+};
 
-/// Runs the body of a C function; whatever it throws becomes a status and a sentence.
+inline thread_local Problem last_problem;
+
+/// Runs the body of a C function; whatever it throws becomes this thread's last problem.
 template <class Body>
-int32_t guarded(Body&& body) noexcept {
+dd_status guarded(Body&& body) noexcept {
   try {
     body();
     return DD_OK;
   } catch (const Error& error) {
-    remember(error.what());
-    return static_cast<int32_t>(error.status());
+    last_problem.set(error);
   } catch (const std::bad_alloc&) {
-    remember("There is not enough memory for a mesh of this size.");
-    return DD_ERROR_MEMORY;
+    last_problem.set(DD_ERROR_MEMORY, "There is not enough memory for a mesh of this size",
+                     "There is not enough memory for a mesh of this size.");
+    last_problem.remedy = Remedy::free_resources;
   } catch (const std::exception& error) {
-    remember(error.what());
-    return DD_ERROR_INTERNAL;
+    last_problem.set(DD_ERROR_INTERNAL, error.what(), error.what());
   } catch (...) {
-    remember("An unknown error occurred.");
-    return DD_ERROR_INTERNAL;
+    last_problem.set(DD_ERROR_INTERNAL, "An unknown error occurred", "An unknown error occurred.");
   }
+  return last_problem.status;
 }
 
-inline void require(bool condition, const std::string& sentence) {
-  if (!condition) throw Error(Status::argument, sentence);
+/// Refuses a call that is wrong by itself; message: without its full stop.
+inline void require(bool condition, const std::string& message) {
+  if (!condition) throw Error(Status::argument, message, Remedy::call);
+}
+/// The same of fixed text, which costs nothing where there is nothing to refuse.
+inline void require(bool condition, const char* message) {
+  if (!condition) throw Error(Status::argument, message, Remedy::call);
 }
 
 /// The use of an object by one call or one job at a time, from here to its end or release().
@@ -50,7 +72,8 @@ class InUse {
  public:
   InUse(std::atomic<bool>& flag, const char* what) : flag_(&flag) {
     if (flag.exchange(true))
-      throw Error(Status::busy, std::string("This ") + what + " is in use by another thread.");
+      throw Error(Status::busy, std::string("This ") + what + " is in use by another thread",
+                  Remedy::wait);
   }
   InUse(InUse&& other) noexcept : flag_(other.flag_) { other.flag_ = nullptr; }
   InUse& operator=(InUse&&) = delete;

@@ -26,7 +26,7 @@ struct Bound {
 
 /// What an update gives that is a job.
 struct Updated {
-  std::vector<float> values;
+  FloatRows values;
   dd_update_info info{};
 };
 
@@ -44,7 +44,7 @@ struct dd_draft {
 namespace {
 
 Bound& bound_of(const dd_deformer* deformer) {
-  require(deformer, "deformer is null.");
+  require(deformer, "deformer is null");
   return *deformer->bound;
 }
 
@@ -144,8 +144,8 @@ class BindJob final : public JobFor<dd_deformer> {
 };
 
 /// The update, as steps where there are any; let_go: see split_update().
-dd::SplitResult update_in_steps(dd::Deformer& deformer, const Update& update, float* out,
-                                const dd::Progress& progress = {},
+dd::SplitResult update_in_steps(dd::Deformer& deformer, const Update& update,
+                                Strided<FloatRows> out, const dd::Progress& progress = {},
                                 const std::function<void()>& let_go = {}) {
   dd::SplitResult result =
       dd::split_update(deformer, update.motion, update.options, progress, update.base(), let_go);
@@ -158,77 +158,80 @@ dd::SplitResult update_in_steps(dd::Deformer& deformer, const Update& update, fl
 
 extern "C" {
 
-int32_t dd_bind_start(const dd_mesh* mesh, const int32_t* roles, size_t role_count,
-                      int32_t handle_count, const dd_bind_options* options, dd_job** job) {
+dd_status dd_deformer_bind_start(const dd_mesh* mesh, const int32_t* roles, size_t role_count,
+                                 int32_t handle_count, const dd_bind_options* options,
+                                 dd_job** job) {
   return guarded([&] {
-    require(job, "job is null.");
+    require(job, "job is null");
     dd::Mesh surface = read_mesh("mesh", mesh);
-    std::vector<int> of_vertices = read_roles(roles, role_count, mesh->vertex_count);
-    dd::BindOptions how = read_bind_options(options, mesh->vertex_count);
+    const size_t vertices = mesh->vertices.count;
+    std::vector<int> of_vertices = read_roles(roles, role_count, vertices);
+    Bind bind = read_bind_options(options, vertices);
     auto started = std::make_unique<BindJob>();
-    started->run(std::move(surface), std::move(of_vertices), handle_count, std::move(how),
-                 wants_draft(options));
+    started->run(std::move(surface), std::move(of_vertices), handle_count, std::move(bind.options),
+                 bind.with_draft);
     *job = started.release();
   });
 }
 
-int32_t dd_job_take_draft(dd_job* job, dd_draft** draft) {
+dd_status dd_job_take_draft(dd_job* job, dd_draft** draft) {
   return guarded([&] {
-    require(job, "job is null.");
-    require(draft, "draft is null.");
+    require(job, "job is null");
+    require(draft, "draft is null");
     auto* bind = dynamic_cast<BindJob*>(job);
-    require(bind, std::string("This job is ") + job->name() + ", which has no draft.");
+    require(bind, std::string("This job is ") + job->name() + ", which has no draft");
     *draft = bind->take_draft().release();
   });
 }
 
-int32_t dd_draft_update(dd_draft* draft, const double* matrices, size_t matrix_count,
-                        const dd_update_options* options, float* out, size_t out_count) {
+dd_status dd_draft_update(dd_draft* draft, const double* matrices, size_t matrix_count,
+                          const dd_update_options* options, const dd_points_out* out) {
   return guarded([&] {
-    require(draft, "draft is null.");
+    require(draft, "draft is null");
     const InUse in_use(draft->busy, "draft");
     dd::Draft& surface = *draft->draft;
     require_matrices(surface.coarse(), matrices, matrix_count);
-    require_count("out", out, out_count, count_of(static_cast<int>(surface.rest().rows())),
-                  "vertices");
+    Strided<FloatRows> result =
+        result_points("out", out, count_of(static_cast<int>(surface.rest().rows())));
     const Update update = read_update_options(options, surface.coarse());
     const dd::Positions& offsets = surface.update(matrices, update.options);
     if (update.values == Values::positions)
-      write_floats(surface.rest() + offsets, out);
+      write_floats(surface.rest() + offsets, result);
     else
-      write_floats(offsets, out);
+      write_floats(offsets, result);
   });
 }
 
 void dd_draft_free(dd_draft* draft) { delete draft; }
 
-int32_t dd_job_take_deformer(dd_job* job, dd_deformer** deformer) {
+dd_status dd_job_take_deformer(dd_job* job, dd_deformer** deformer) {
   return guarded([&] { take(job, "deformer", deformer); });
 }
 
-int32_t dd_deformer_update(dd_deformer* deformer, const double* matrices, size_t matrix_count,
-                           const dd_update_options* options, float* out, size_t out_count) {
+dd_status dd_deformer_update(dd_deformer* deformer, const double* matrices, size_t matrix_count,
+                             const dd_update_options* options, const dd_points_out* out) {
   return guarded([&] {
     Bound& bound = bound_of(deformer);
     const InUse in_use = use(bound);
     dd::Deformer& surface = bound.deformer;
     require_matrices(surface, matrices, matrix_count);
-    require_count("out", out, out_count, count_of(surface.mesh().vertex_count()), "vertices");
+    Strided<FloatRows> result = result_points("out", out, count_of(surface.mesh().vertex_count()));
     Update update = read_update_options(options, surface);
     if (update.motion.steps == 1) {
-      surface.update_to(out, update.values == Values::positions, matrices, update.options,
-                        update.base());
+      surface.update_to(result.data(), result.outerStride(), update.values == Values::positions,
+                        matrices, update.options, update.base());
       return;
     }
     update.motion.matrices.assign(matrices, matrices + 12 * matrix_count);
-    update_in_steps(surface, update, out);
+    update_in_steps(surface, update, result);
   });
 }
 
-int32_t dd_update_start(dd_deformer* deformer, const double* matrices, size_t matrix_count,
-                        const dd_update_options* options, dd_job** job) {
+dd_status dd_deformer_update_start(dd_deformer* deformer, const double* matrices,
+                                   size_t matrix_count, const dd_update_options* options,
+                                   dd_job** job) {
   return guarded([&] {
-    require(job, "job is null.");
+    require(job, "job is null");
     Bound& bound = bound_of(deformer);
     InUse in_use = use(bound);
     require_matrices(bound.deformer, matrices, matrix_count);
@@ -239,9 +242,11 @@ int32_t dd_update_start(dd_deformer* deformer, const double* matrices, size_t ma
                         update = std::move(update)](const dd::Progress& progress) mutable {
                          InUse first_step = std::move(in_use);
                          auto made = std::make_unique<Updated>();
-                         made->values.resize(count_of(3 * bound->deformer.mesh().vertex_count()));
+                         made->values.resize(bound->deformer.mesh().vertex_count(), 3);
+                         const Strided<FloatRows> values(made->values.data(), made->values.rows(),
+                                                         3, Eigen::OuterStride<>(3));
                          const dd::SplitResult result =
-                             update_in_steps(bound->deformer, update, made->values.data(), progress,
+                             update_in_steps(bound->deformer, update, values, progress,
                                              [&] { first_step.release(); });
                          made->info.volumes_converged = result.volumes_converged;
                          made->info.volume_error = result.volume_error;
@@ -250,19 +255,18 @@ int32_t dd_update_start(dd_deformer* deformer, const double* matrices, size_t ma
   });
 }
 
-int32_t dd_job_get_update(dd_job* job, float* out, size_t out_count) {
+dd_status dd_job_get_update(dd_job* job, const dd_points_out* out) {
   return guarded([&] {
-    const std::vector<float>& values = result_of<Updated>(job, "update")->values;
-    require_count("out", out, out_count, values.size() / 3, "vertices");
-    std::copy(values.begin(), values.end(), out);
+    const FloatRows& values = result_of<Updated>(job, "update")->values;
+    result_points("out", out, static_cast<size_t>(values.rows())) = values;
   });
 }
 
-int32_t dd_job_get_update_info(dd_job* job, dd_update_info* info) {
+dd_status dd_job_get_update_info(dd_job* job, dd_update_info* info) {
   return guarded([&] { write_struct("info", info, result_of<Updated>(job, "update")->info); });
 }
 
-int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info) {
+dd_status dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info) {
   return guarded([&] {
     Bound& of = bound_of(deformer);
     const InUse in_use = use(of);
@@ -295,8 +299,8 @@ int32_t dd_deformer_get_info(const dd_deformer* deformer, dd_deformer_info* info
   });
 }
 
-int32_t dd_deformer_get_vertices(const dd_deformer* deformer, int32_t finding, int32_t* out,
-                                 size_t capacity, size_t* vertex_count) {
+dd_status dd_deformer_get_vertices(const dd_deformer* deformer, dd_finding finding, int32_t* out,
+                                   size_t capacity, size_t* vertex_count) {
   return guarded([&] {
     Bound& bound = bound_of(deformer);
     const InUse in_use = use(bound);
@@ -305,8 +309,8 @@ int32_t dd_deformer_get_vertices(const dd_deformer* deformer, int32_t finding, i
   });
 }
 
-int32_t dd_deformer_get_example_weights(const dd_deformer* deformer, double* out,
-                                        size_t out_count) {
+dd_status dd_deformer_get_example_weights(const dd_deformer* deformer, double* out,
+                                          size_t out_count) {
   return guarded([&] {
     Bound& bound = bound_of(deformer);
     const InUse in_use = use(bound);

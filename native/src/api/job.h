@@ -42,7 +42,7 @@ struct dd_job {
         end(dd::api::guarded([&] {
           Work mine = std::move(work);  // what it holds is let go of before the job is seen to end
           try {
-            mine([this](double fraction, const char* stage) { return go_on(fraction, stage); });
+            mine([this](double fraction, dd::Stage stage) { return go_on(fraction, stage); });
           } catch (const dd::Error& error) {
             vertices_ = error.vertices();
             throw;
@@ -50,26 +50,25 @@ struct dd_job {
         }));
       });
     } catch (const std::system_error&) {
-      throw dd::Error(dd::Status::memory,
-                      "The system has no thread to spare for this work: close other programs, or "
-                      "allow this one more threads.");
+      throw dd::Error(dd::Status::memory, "The system has no thread to spare for this work",
+                      dd::Remedy::free_resources);
     }
   }
 
  private:
   void wait();
-  bool go_on(double fraction, const char* stage);
-  void end(int32_t status);
+  bool go_on(double fraction, dd::Stage stage);
+  void end(dd_status status);
 
   const char* name_;
   std::thread worker_;
   std::atomic<double> fraction_{0};
-  std::atomic<const char*> stage_{"Starting"};
+  std::atomic<dd::Stage> stage_{dd::Stage::starting};
   std::atomic<bool> cancelled_{false};
-  std::atomic<int32_t> state_{DD_JOB_RUNNING};
+  std::atomic<dd_job_state> state_{DD_JOB_RUNNING};
   // Written by the worker before state_ leaves DD_JOB_RUNNING, read after.
-  int32_t status_ = DD_OK;
-  char message_[sizeof dd::api::last_message] = "";
+  dd_status status_ = DD_OK;
+  dd::api::Problem problem_;
   std::vector<int> vertices_;
 };
 
@@ -104,18 +103,18 @@ void start_job(const char* name, dd_job** job, Work work) {
 /// The result of a job that has made an Object, when it is there. what: the word for it.
 template <class Object>
 std::unique_ptr<Object>& result_of(dd_job* job, const char* what) {
-  require(job, "job is null.");
+  require(job, "job is null");
   auto* found = dynamic_cast<JobFor<Object>*>(job);
-  require(found, std::string("This job is ") + job->name() + ", which gives no " + what + ".");
+  require(found, std::string("This job is ") + job->name() + ", which gives no " + what + "");
   found->finish();
-  require(found->result != nullptr, std::string("The ") + what + " of this job was taken already.");
+  require(found->result != nullptr, std::string("The ") + what + " of this job was taken already");
   return found->result;
 }
 
 /// Gives what a job has made to the caller.
 template <class Object>
 void take(dd_job* job, const char* what, Object** target) {
-  require(target, std::string(what) + " is null.");
+  require(target, std::string(what) + " is null");
   *target = result_of<Object>(job, what).release();
 }
 

@@ -7,11 +7,11 @@
 #include <vector>
 
 #include "api/arguments.h"
+#include "api/defaults.h"
 #include "api/job.h"
 #include "match/points_of_fit.h"
 #include "match/registration.h"
 #include "match/triangle_match.h"
-#include "transfer/source_points.h"
 
 using namespace dd::api;
 
@@ -26,11 +26,11 @@ namespace {
 
 dd::RegistrationOptions read_options(const dd_match_options& options) {
   dd::RegistrationOptions how;
-  how.stages = number("options.stages", options.stages, 1000, how.stages);
-  how.rounds = number("options.rounds", options.rounds, 1000, how.rounds);
-  how.smoothness = number("options.smoothness", options.smoothness, how.smoothness);
-  how.identity = number("options.identity", options.identity, how.identity);
-  how.reach = number("options.reach", options.reach, how.reach);
+  how.stages = whole("options.stages", options.stages, 1, 1000);
+  how.rounds = whole("options.rounds", options.rounds, 1, 1000);
+  how.smoothness = weight("options.smoothness", options.smoothness);
+  how.identity = weight("options.identity", options.identity);
+  how.reach = weight("options.reach", options.reach);
   how.threads = threads(options.threads);
   return how;
 }
@@ -44,19 +44,19 @@ std::optional<dd::Similarity> read_stance(const dd_match_options& options) {
 
 extern "C" {
 
-int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32_t* markers,
-                       size_t marker_count, const dd_match_options* options, dd_job** job) {
+dd_status dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32_t* markers,
+                         size_t marker_count, const dd_match_options* options, dd_job** job) {
   return guarded([&] {
-    require(job, "job is null.");
-    const dd_match_options read = read_struct(options);
+    require(job, "job is null");
+    const dd_match_options read = read_struct(options, match_defaults());
     start_job<dd_match>(
         "a match", job,
         [given = read_mesh("source", source), to = read_mesh("target", target),
          pairs = read_pairs("markers", markers, marker_count), how = read_options(read),
          stance = read_stance(read)](const dd::Progress& progress) {
           auto made = std::make_unique<dd_match>();
-          dd::validate(given, "source");
-          dd::validate(to, "target");
+          dd::validate(given, dd::MeshOf::source);
+          dd::validate(to, dd::MeshOf::target);
           const bool mirrored = dd::marked_as_mirror_image(given, to, pairs);
           const dd::Mesh from = mirrored ? dd::mirror_image(given) : given;
           const dd::Similarity* beside = stance && !mirrored ? &*stance : nullptr;
@@ -73,7 +73,7 @@ int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32
           if (mirrored)  // whose triangles go round the other way
             for (dd::PointOnTriangle& point : made->points)
               std::swap(point.weights[1], point.weights[2]);
-          dd::report(progress, 1, "Done");
+          dd::report(progress, 1, dd::Stage::done);
           made->facts.ambiguous = alignment.ambiguous;
           made->facts.mirrored = mirrored;
           made->facts.confidence = dd::mean_confidence(made->match, to);
@@ -82,45 +82,45 @@ int32_t dd_match_start(const dd_mesh* source, const dd_mesh* target, const int32
   });
 }
 
-int32_t dd_job_take_match(dd_job* job, dd_match** match) {
+dd_status dd_job_take_match(dd_job* job, dd_match** match) {
   return guarded([&] { take(job, "match", match); });
 }
 
-int32_t dd_match_get_positions(const dd_match* match, float* out, size_t out_count) {
+dd_status dd_match_get_positions(const dd_match* match, const dd_points_out* out) {
   return guarded([&] {
-    require(match, "match is null.");
-    require_count("out", out, out_count, static_cast<size_t>(match->registered.rows()), "vertices");
-    write_floats(match->registered, out);
+    require(match, "match is null");
+    write_floats(match->registered,
+                 result_points("out", out, static_cast<size_t>(match->registered.rows())));
   });
 }
 
-int32_t dd_match_get_pairs(const dd_match* match, int32_t* pairs, size_t capacity,
-                           size_t* pair_count) {
+dd_status dd_match_get_pairs(const dd_match* match, int32_t* out, size_t capacity,
+                             size_t* pair_count) {
   return guarded([&] {
-    require(match, "match is null.");
-    require(pair_count, "pair_count is null.");
+    require(match, "match is null");
+    require(pair_count, "pair_count is null");
     const dd::Correspondence& found = match->match.correspondence;
     const size_t count = found.source.size();
     if (capacity > 0) {
-      require(pairs, "pairs is null.");
+      require(out, "out is null");
       require(capacity >= count, "capacity is " + std::to_string(capacity) + ", but there are " +
-                                     std::to_string(count) + " pairs.");
+                                     std::to_string(count) + " pairs");
       for (int j = 0; j < found.target_count(); ++j)
         for (int k = found.begin[j]; k < found.begin[j + 1]; ++k) {
-          *pairs++ = found.source[k];
-          *pairs++ = j;
+          *out++ = found.source[k];
+          *out++ = j;
         }
     }
     *pair_count = count;
   });
 }
 
-int32_t dd_match_get_points(const dd_match* match, int32_t* triangles, float* weights,
-                            size_t vertex_count) {
+dd_status dd_match_get_points(const dd_match* match, int32_t* triangles, float* weights,
+                              size_t vertex_count) {
   return guarded([&] {
-    require(match, "match is null.");
+    require(match, "match is null");
     require_count("triangles", triangles, vertex_count, match->points.size(), "vertices");
-    require(weights, "weights is null.");
+    require(weights, "weights is null");
     for (const dd::PointOnTriangle& point : match->points) {
       *triangles++ = point.triangle;
       for (double weight : point.weights)
@@ -129,18 +129,18 @@ int32_t dd_match_get_points(const dd_match* match, int32_t* triangles, float* we
   });
 }
 
-int32_t dd_match_get_confidence(const dd_match* match, float* out, size_t out_count) {
+dd_status dd_match_get_confidence(const dd_match* match, float* out, size_t out_count) {
   return guarded([&] {
-    require(match, "match is null.");
+    require(match, "match is null");
     const std::vector<float>& confidence = match->match.confidence;
     require_count("out", out, out_count, confidence.size(), "triangles");
     std::copy(confidence.begin(), confidence.end(), out);
   });
 }
 
-int32_t dd_match_get_info(const dd_match* match, dd_match_info* info) {
+dd_status dd_match_get_info(const dd_match* match, dd_match_info* info) {
   return guarded([&] {
-    require(match, "match is null.");
+    require(match, "match is null");
     write_struct("info", info, match->facts);
   });
 }

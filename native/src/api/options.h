@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Options of binds and updates, checked, with defaults in place of zeros.
+// Options of binds and updates, checked and taken over.
 #pragma once
 
 #include "api/arguments.h"
@@ -7,8 +7,13 @@
 
 namespace dd::api {
 
-BindOptions read_bind_options(const dd_bind_options* given, size_t vertex_count);
-bool wants_draft(const dd_bind_options* given);
+/// A bind, with all that it depends on beside the mesh and its roles.
+struct Bind {
+  BindOptions options;
+  bool with_draft = false;
+};
+
+Bind read_bind_options(const dd_bind_options* given, size_t vertex_count);
 
 enum class Values { positions = 0, offsets = 1 };
 
@@ -25,9 +30,8 @@ struct Update {
 /// All but the matrices, which an update that is no job reads where they are.
 Update read_update_options(const dd_update_options* given, const Deformer& deformer);
 
-inline bool rotations_only(int32_t gradients) {
-  enum class Gradients { rotations, whole };
-  return choice("options.gradients", gradients, Gradients::whole) == Gradients::rotations;
+inline bool rotations_only(dd_gradients gradients) {
+  return choice("options.gradients", gradients, DD_GRADIENTS_WHOLE) == DD_GRADIENTS_ROTATIONS;
 }
 
 }  // namespace dd::api

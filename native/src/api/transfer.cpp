@@ -6,6 +6,7 @@
 #include <optional>
 #include <utility>
 
+#include "api/defaults.h"
 #include "api/job.h"
 #include "api/options.h"
 #include "deform/mesh_transfer.h"
@@ -41,7 +42,7 @@ void read_points(const dd_transfer_options& options, Given& given) {
   if (!options.point_triangles && !options.point_weights) return;
   require(given.pairs_of != Given::PairsOf::nearest,
           "options.point_triangles is not null, but options.pairs_of is DD_PAIRS_OF_NEAREST, which "
-          "finds the points.");
+          "finds the points");
   const size_t count = count_of(given.target.vertex_count());
   require_count("options.point_triangles", options.point_triangles, options.point_triangle_count,
                 count, "vertices");
@@ -62,19 +63,17 @@ void read_options(const dd_transfer_options& options, Given& given) {
   how.formulation =
       choice("options.formulation", options.formulation, dd::Formulation::fourth_points_unweighted);
   how.anchor = choice("options.anchor", options.anchor, dd::Anchor::pinned);
-  require(options.anchors || options.anchor_count == 0, "options.anchors is null.");
+  require(options.anchors || options.anchor_count == 0, "options.anchors is null");
   require(options.anchor_count < kMostElements,
-          "options.anchor_count is more than can be numbered.");
+          "options.anchor_count is more than can be numbered");
   how.anchors.assign(options.anchors, options.anchors + options.anchor_count);
   how.precision = choice("options.precision", options.precision, dd::Precision::full);
   how.threads = threads(options.threads);
-  require(std::isfinite(options.gap), "options.gap is not finite.");
+  require(std::isfinite(options.gap), "options.gap is not finite");
   how.gap = options.gap;
   how.placing = choice("options.placing", options.placing, dd::Placing::displacements);
   read_points(options, given);
 }
-
-constexpr double kUsualGap = 0.005;
 
 std::unique_ptr<dd_transfer> transfer_of(const Given& given, const dd::Progress& progress) {
   dd::TransferOptions how = given.options;
@@ -82,13 +81,12 @@ std::unique_ptr<dd_transfer> transfer_of(const Given& given, const dd::Progress&
   if (given.pairs_of != Given::PairsOf::nearest)
     return std::make_unique<dd_transfer>(given.source, given.target, given.correspondence(), how,
                                          progress);
-  dd::validate(given.source, "source");
-  dd::validate(given.target, "target");
+  dd::validate(given.source, dd::MeshOf::source);
+  dd::validate(given.target, dd::MeshOf::target);
   dd::ThreadPool pool(how.threads);
   const dd::NearestPoints points(given.source, given.target,
                                  given.placement.value_or(dd::Similarity{}), pool);
   how.worn = &points;
-  if (how.gap == 0) how.gap = kUsualGap;
   return std::make_unique<dd_transfer>(given.source, given.target,
                                        points.correspondence(given.source, given.target), how,
                                        dd::within(progress, 0.1, 1));
@@ -98,17 +96,17 @@ std::unique_ptr<dd_transfer> transfer_of(const Given& given, const dd::Progress&
 
 extern "C" {
 
-int32_t dd_transfer_start(const dd_mesh* source, const dd_mesh* target, const int32_t* pairs,
-                          size_t pair_count, const dd_transfer_options* options, dd_job** job) {
+dd_status dd_transfer_start(const dd_mesh* source, const dd_mesh* target, const int32_t* pairs,
+                            size_t pair_count, const dd_transfer_options* options, dd_job** job) {
   return guarded([&] {
-    require(job, "job is null.");
+    require(job, "job is null");
     Given given;
     given.source = read_mesh("source", source);
     given.target = read_mesh("target", target);
     if (pairs || pair_count > 0) given.pairs = read_pairs("pairs", pairs, pair_count);
-    read_options(read_struct(options), given);
+    read_options(read_struct(options, transfer_defaults()), given);
     require(!given.pairs || given.pairs_of != Given::PairsOf::nearest,
-            "pairs is not null, but options.pairs_of is DD_PAIRS_OF_NEAREST, which finds them.");
+            "pairs is not null, but options.pairs_of is DD_PAIRS_OF_NEAREST, which finds them");
     start_job<dd_transfer>("a transfer", job,
                            [given = std::move(given)](const dd::Progress& progress) {
                              return transfer_of(given, progress);
@@ -116,35 +114,36 @@ int32_t dd_transfer_start(const dd_mesh* source, const dd_mesh* target, const in
   });
 }
 
-int32_t dd_job_take_transfer(dd_job* job, dd_transfer** transfer) {
+dd_status dd_job_take_transfer(dd_job* job, dd_transfer** transfer) {
   return guarded([&] { take(job, "transfer", transfer); });
 }
 
-int32_t dd_transfer_apply(dd_transfer* transfer, const float* pose, size_t pose_count,
-                          const dd_apply_options* options, float* out, size_t out_count) {
+dd_status dd_transfer_apply(dd_transfer* transfer, const dd_points* pose,
+                            const dd_apply_options* options, const dd_points_out* out) {
   return guarded([&] {
-    require(transfer, "transfer is null.");
+    require(transfer, "transfer is null");
     const InUse in_use(transfer->busy, "transfer");
     dd::MeshTransfer& bound = transfer->transfer;
-    require_count("pose", pose, pose_count, count_of(bound.source().vertex_count()), "vertices");
-    require_count("out", out, out_count, count_of(bound.target().vertex_count()), "vertices");
-    const dd_apply_options how = read_struct(options);
+    const dd::Positions posed =
+        read_positions("pose", pose, count_of(bound.source().vertex_count()));
+    Strided<FloatRows> result = result_points("out", out, count_of(bound.target().vertex_count()));
+    const dd_apply_options how = read_struct(options, apply_defaults());
     const bool rotation_only = rotations_only(how.gradients);
     const Values values = choice("options.values", how.values, Values::offsets);
-    const dd::Positions places = read_optional_positions(
-        "options.places", how.places, how.place_count, count_of(bound.anchor_count()), "anchors");
-    const dd::Positions& posed = bound.apply(read_positions(pose, pose_count), rotation_only,
-                                             places.size() ? &places : nullptr);
+    const dd::Positions places = read_optional_positions("options.places", how.places,
+                                                         count_of(bound.anchor_count()), "anchors");
+    const dd::Positions& found =
+        bound.apply(posed, rotation_only, places.size() ? &places : nullptr);
     if (values == Values::offsets)
-      write_floats(posed - bound.target().positions, out);
+      write_floats(found - bound.target().positions, result);
     else
-      write_floats(posed, out);
+      write_floats(found, result);
   });
 }
 
-int32_t dd_transfer_get_info(const dd_transfer* transfer, dd_transfer_info* info) {
+dd_status dd_transfer_get_info(const dd_transfer* transfer, dd_transfer_info* info) {
   return guarded([&] {
-    require(transfer, "transfer is null.");
+    require(transfer, "transfer is null");
     const dd::MeshTransfer& bound = transfer->transfer;
     dd_transfer_info facts{};
     facts.unmatched_count = bound.gradients().unmatched_count();

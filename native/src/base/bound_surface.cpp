@@ -42,14 +42,13 @@ double exact_enough(Precision precision, int functions) {
 }
 
 /// Runs a stage that works on another geometry than S, where an error is not one of the mesh.
-template <class Stage>
-auto blaming(const std::string& what, const std::string& remedy, const Stage& stage) {
+template <class Work>
+auto blaming(const std::string& message, Remedy remedy, const Work& work) {
   try {
-    return stage();
+    return work();
   } catch (const UnsolvableSurface& error) {
-    throw Error(Status::numeric,
-                what + " near vertex " + std::to_string(error.vertex()) + ": " + remedy,
-                {error.vertex()});
+    const int v = error.vertex();
+    throw Error(Status::numeric, {Subject::vertex, v}, message, remedy, {v});
   }
 }
 
@@ -72,7 +71,7 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
     : FactoredSurface(std::move(surface), its_region, options.triangulation),
       coordinates(region, mesh.positions),
       examples(options.examples) {
-  report(progress, 0.05, "Factoring the Poisson system");
+  report(progress, 0.05, Stage::poisson);
   SparseMatrix block = free_block(operators.laplacian, region);
   dissection = free_dissection(block, region, mesh.positions, &pool);
   const bool computed = options.base.size() == 0;
@@ -104,8 +103,7 @@ BoundSurface::BoundSurface(Mesh surface, const Region& its_region, const BindOpt
 void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, Energy&& on_surface,
                                 const Progress& progress) {
   how.symbolic = on_surface.symbolic;
-  const auto factored = [&](const SurfaceOperators& metric, double begin, double end,
-                            const char* stage) {
+  const auto factored = [&](const SurfaceOperators& metric, double begin, double end, Stage stage) {
     report(progress, begin, stage);
     how.progress = within(progress, begin, end);
     how.stage = stage;
@@ -121,15 +119,13 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
     return HandleExtension(bending, coordinates, region, mesh.positions, order(), *how.pool,
                            one_solve_error <= exact_enough(options.precision, coordinates.count()),
                            options.precision, KeptOfEnergy::cheaper, [&](double done) {
-                             report(progress, begin + done * (end - begin),
-                                    "Computing the handles' basis functions");
+                             report(progress, begin + done * (end - begin), Stage::handles);
                            });
   };
   const Eigen::VectorXd motions = unlike_motions(coordinates, region, mesh.positions);
   const auto solve_on = [&](const SurfaceOperators& metric, double begin) {
-    const PolyharmonicSystem bending =
-        factored(metric, begin, begin + 0.2, "Factoring the base surface's energy");
-    report(progress, begin + 0.2, "Computing the base surface");
+    const PolyharmonicSystem bending = factored(metric, begin, begin + 0.2, Stage::energy);
+    report(progress, begin + 0.2, Stage::base);
     double one_solve_error = 0;
     base = base_surface(bending, region, mesh.positions, motions, &one_solve_error);
     (options.base_metric == BaseMetric::base ? surface_extension : extension) =
@@ -137,9 +133,9 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
   };
 
   if (options.base_metric == BaseMetric::surface && options.metric_smoothing > 0) {
-    blaming("The surface smoothed by " + edge_lengths(options.metric_smoothing) +
+    blaming("lies where the surface smoothed by " + edge_lengths(options.metric_smoothing) +
                 " edge lengths can't be solved for",
-            "lower Smoothing.", [&] {
+            Remedy::smooth_metric_less, [&] {
               const SurfaceOperators faired =
                   surface_operators(faired_surface(mesh, operators, options.metric_smoothing),
                                     mesh.triangles, options.triangulation);
@@ -149,16 +145,13 @@ void BoundSurface::compute_base(const BindOptions& options, BlockOptions how, En
     solve_on(operators, 0.15);
   }
   if (options.base_metric == BaseMetric::base) {
-    blaming("The base surface collapses",
-            "its stiffness can't be measured there. Set Measure On to Surface, or hold "
-            "that part by one more handle.",
-            [&] {
+    blaming("lies where the base surface collapses, so that its stiffness can't be measured",
+            Remedy::surface_metric, [&] {
               // The mesh's own triangles: where the base is crumpled, intrinsic ones gather it
               // further (on Fig. 3's thorns they make 13 intersections, these none).
               const SurfaceOperators on_base = surface_operators(base, mesh.triangles);
               if (operators.flipped) how.symbolic = nullptr;
-              const PolyharmonicSystem bending =
-                  factored(on_base, 0.6, 0.8, "Factoring the energy on the base");
+              const PolyharmonicSystem bending = factored(on_base, 0.6, 0.8, Stage::energy_on_base);
               double one_solve_error = 1;
               if (coordinates.count() > kFewFunctions)
                 base_surface(bending, region, base, motions, &one_solve_error);

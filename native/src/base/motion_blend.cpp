@@ -94,7 +94,8 @@ void MotionBlend::take(const std::vector<Affine>& motions, const std::vector<dou
   };
   for (size_t h = 0; h < motions.size(); ++h)
     if (!said(h).allFinite())
-      throw Error(Status::argument, "The turn of handle " + std::to_string(h) + " is not finite.");
+      throw Error(Status::argument, {Subject::handle, Index(h)}, "has a turn that is not finite",
+                  Remedy::call);
 
   const auto centre = [&](size_t h) -> Eigen::Vector3d {
     return bound_.coordinates.centres().row(Index(h)).transpose();

@@ -19,18 +19,18 @@ namespace {
 constexpr double kFarthestPivot = 1e4;
 
 void validate_example(const Positions& example, int number, const Mesh& mesh) {
-  const std::string name = "Example " + std::to_string(number);
+  const Subject subject{Subject::example, number};
   if (example.rows() != mesh.vertex_count())
-    throw Error(Status::argument, name + " has " + std::to_string(example.rows()) +
-                                      " vertices, the mesh " + std::to_string(mesh.vertex_count()) +
-                                      ": examples are poses of the same vertices.");
+    throw Error(Status::argument, subject,
+                "has " + std::to_string(example.rows()) + " vertices, the mesh " +
+                    std::to_string(mesh.vertex_count()),
+                Remedy::same_vertices);
   if (std::vector<int> lost = unusable_places(example); !lost.empty()) {
     const std::string first = std::to_string(lost.front());
-    throw Error(Status::argument,
-                name + ": vertex " + first +
-                    " has a coordinate that is not finite or too far away to compute with. Move "
-                    "that vertex.",
-                std::move(lost));
+    throw Error(Status::argument, subject,
+                "has a coordinate, of vertex " + first +
+                    ", that is not finite or too far away to compute with",
+                Remedy::move_vertex, std::move(lost));
   }
 }
 
@@ -56,22 +56,22 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
       mesh_(validated(std::move(mesh))),
       region_(split_region(mesh_, roles, handle_count,
                            options.base.size() ? MovedBy::base : MovedBy::handles)) {
-  report(progress, 0.02, "Building operators");
+  report(progress, 0.02, Stage::operators);
   box_ = UnitBox(mesh_.positions);
   BindOptions in_unit = options;
   if (options.base_triangles.size()) {
     Mesh proxy{options.base, options.base_triangles};
-    validate(proxy, "base");
+    validate(proxy, MeshOf::base);
     proxy.positions = box_.into(proxy.positions);
     proxy_ = std::make_unique<BaseProxy>(Mesh{box_.into(mesh_.positions), mesh_.triangles},
                                          std::move(proxy));
     in_unit.base = box_.into(mesh_.positions);  // as it carries S at rest
   } else {
     if (options.base.size() && options.base.rows() != mesh_.vertex_count())
-      throw Error(Status::argument, "The base has " + std::to_string(options.base.rows()) +
-                                        " vertices, the mesh " +
-                                        std::to_string(mesh_.vertex_count()) +
-                                        ": without triangles of its own it must be a copy.");
+      throw Error(Status::argument,
+                  "The base has " + std::to_string(options.base.rows()) + " vertices, the mesh " +
+                      std::to_string(mesh_.vertex_count()),
+                  Remedy::same_vertices);
     in_unit.base = box_.into(options.base);
   }
   for (size_t i = 0; i < options.examples.size(); ++i) {
@@ -87,7 +87,7 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
   base_ = bound_->rest_base;
   moved_ = Rows::Zero(base_.rows(), 4);
   offsets_ = Positions::Zero(mesh_.vertex_count(), 3);
-  report(progress, 1.0, "Done");
+  report(progress, 1.0, Stage::done);
 }
 
 Deformer::~Deformer() = default;
@@ -99,7 +99,7 @@ const Positions& Deformer::update(const double* matrices, const UpdateOptions& o
   return offsets_;
 }
 
-void Deformer::update_to(float* out, bool positions, const double* matrices,
+void Deformer::update_to(float* out, Index stride, bool positions, const double* matrices,
                          const UpdateOptions& options, const Positions* deformed_base) {
   move(matrices, options, deformed_base);
   require_floats();
@@ -110,7 +110,7 @@ void Deformer::update_to(float* out, bool positions, const double* matrices,
       for (int c = 0; c < 3; ++c) {
         const double offset = box_.scale * moved_(r, c);
         const double value = positions ? mesh_.positions(v, c) + offset : offset;
-        out[3 * static_cast<size_t>(v) + c] = static_cast<float>(value);
+        out[stride * v + c] = static_cast<float>(value);
       }
     }
   });
@@ -138,10 +138,9 @@ void Deformer::require_floats() {
       farthest = h;
     }
   }
-  throw Error(Status::numeric,
-              "The matrix of handle " + std::to_string(farthest) +
-                  " is too large: the deformed surface leaves the range of single precision. Put "
-                  "that handle back.");
+  throw Error(Status::numeric, {Subject::handle, farthest},
+              "is moved so far that the deformed surface leaves the range of single precision",
+              Remedy::move_less);
 }
 
 void Deformer::move(const double* matrices, const UpdateOptions& options,
@@ -196,9 +195,9 @@ void Deformer::turn_free(const UpdateOptions& options, std::vector<double>& turn
   for (int h = 0; h < region_.handle_count; ++h)
     if (free[h] &&
         !((pivots.row(h) - bound_->coordinates.centres().row(h)).norm() < kFarthestPivot))
-      throw Error(Status::argument, "The pivot of handle " + std::to_string(h) +
-                                        " is too far from its vertices to turn about. Put it "
-                                        "among them.");
+      throw Error(Status::argument, {Subject::handle, h},
+                  "has a pivot too far from its vertices to turn about: put it among them",
+                  Remedy::call);
   std::vector<MotionBlend::Affine> motions = this->motions();
   if (options.method == MethodKind::examples) {
     // Which says itself how they turn.
@@ -259,9 +258,11 @@ void Deformer::take_base(const Positions* deformed) {
   if (!deformed || deformed->rows() != base_vertex_count())
     throw Error(Status::argument,
                 "This surface was bound to a base from outside, and the update "
-                "has no deformed base with as many vertices.");
+                "has no deformed base with as many vertices",
+                Remedy::call);
   if (!deformed->allFinite())
-    throw Error(Status::argument, "The deformed base has coordinates that are not finite.");
+    throw Error(Status::argument, "The deformed base has coordinates that are not finite",
+                Remedy::move_vertex);
   const Positions base = box_.into(*deformed);
   base_ = in_order(proxy_ ? proxy_->carry(base, pool_) : base, bound_->order());
 }
@@ -281,8 +282,8 @@ void Deformer::take_matrices(const double* matrices) {
   for (int h = 0; h < region_.handle_count; ++h) {
     const Affine matrix(matrices + 12 * static_cast<Index>(h));
     if (!matrix.allFinite())
-      throw Error(Status::argument,
-                  "The matrix of handle " + std::to_string(h) + " is not finite.");
+      throw Error(Status::argument, {Subject::handle, h}, "has a matrix that is not finite",
+                  Remedy::call);
     linear_[h] = matrix.leftCols<3>();
     const Eigen::Matrix3d change = linear_[h] - Eigen::Matrix3d::Identity();
     const Eigen::RowVector3d centre =
@@ -308,7 +309,8 @@ void Deformer::scale_to_mesh(const Rows& rows, Positions& vectors) const {
   }
   if (!std::isfinite(sum))
     throw Error(Status::numeric,
-                "The handles' matrices are too large: the deformed surface is not finite.");
+                "The handles' matrices are too large: the deformed surface is not finite",
+                Remedy::move_less);
 }
 
 Positions Deformer::place_in_mesh(const Rows& rows) const {

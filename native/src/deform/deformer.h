@@ -56,10 +56,11 @@ class Deformer {
   const Positions& update(const double* matrices, const UpdateOptions& options,
                           const Positions* deformed_base = nullptr);
 
-  /// The same, straight to floats, n×3: the displacement, or the positions. Throws Error(numeric)
-  /// too where the result leaves their range. Whatever is thrown, out stays as it was.
-  void update_to(float* out, bool positions, const double* matrices, const UpdateOptions& options,
-                 const Positions* deformed_base = nullptr);
+  /// The same, straight to floats: the displacement, or the positions, of each vertex three, stride
+  /// floats apart. Throws Error(numeric) too where the result leaves their range. Whatever is
+  /// thrown, out stays as it was.
+  void update_to(float* out, Index stride, bool positions, const double* matrices,
+                 const UpdateOptions& options, const Positions* deformed_base = nullptr);
 
   /// The matrices of an update, 12 numbers a handle, with the rotations of those that only place
   /// put in; and the turns, where there are any.

@@ -107,7 +107,8 @@ const Positions& Draft::update(const double* matrices, UpdateOptions options) {
   if (options.method == MethodKind::examples)
     throw Error(Status::argument,
                 "A draft has no examples, which say where vertices of handles go that it doesn't "
-                "have: wait for the bind.");
+                "have: wait for the bind",
+                Remedy::wait);
   if (!options.free.empty() && options.pivots.size() == 0) options.pivots = centres_;
   const Positions deformed = coarse_rest_ + coarse_->update(matrices, options) / box_.scale;
   const Positions carried = carrier_->carry(deformed, pool_);

@@ -20,7 +20,7 @@ namespace {
 
 constexpr double kWeightsAddUp = 1e-3;  // to this
 
-Mesh validated(Mesh mesh, const char* which) {
+Mesh validated(Mesh mesh, MeshOf which) {
   validate(mesh, which);
   return mesh;
 }
@@ -28,16 +28,18 @@ Mesh validated(Mesh mesh, const char* which) {
 std::vector<int> checked_anchors(const TransferOptions& options, const Mesh& target) {
   if (options.anchor == Anchor::source || options.anchor == Anchor::centroid) return {};
   if (options.anchors.empty())
-    throw Error(Status::argument, "There is no anchor: name the vertices that stay in place.");
+    throw Error(Status::argument, "There is no anchor: name the vertices that stay in place",
+                Remedy::call);
   std::vector<char> seen(static_cast<size_t>(target.vertex_count()), 0);
   for (int v : options.anchors) {
     if (v < 0 || v >= target.vertex_count())
-      throw Error(Status::argument, "Anchor " + std::to_string(v) +
-                                        " is no vertex of the target, which has " +
-                                        std::to_string(target.vertex_count()) + ".");
-    if (seen[v]++)
       throw Error(Status::argument,
-                  "Vertex " + std::to_string(v) + " is named as an anchor more than once.");
+                  "Anchor " + std::to_string(v) + " is no vertex of the target, which has " +
+                      std::to_string(target.vertex_count()),
+                  Remedy::call);
+    if (seen[v]++)
+      throw Error(Status::argument, {Subject::target_vertex, v},
+                  "is named as an anchor more than once", Remedy::call);
   }
   return options.anchors;
 }
@@ -46,20 +48,21 @@ void check_points(const std::vector<PointOnTriangle>& points, const Mesh& source
                   const Mesh& target) {
   if (points.empty()) return;
   if (points.size() != static_cast<size_t>(target.vertex_count()))
-    throw Error(Status::argument, "There are points of " + std::to_string(points.size()) +
-                                      " vertices, and the target has " +
-                                      std::to_string(target.vertex_count()) + ".");
+    throw Error(Status::argument,
+                "There are points of " + std::to_string(points.size()) +
+                    " vertices, and the target has " + std::to_string(target.vertex_count()),
+                Remedy::call);
   for (size_t v = 0; v < points.size(); ++v) {
     const PointOnTriangle& point = points[v];
     if (point.triangle < -1 || point.triangle >= source.triangle_count())
-      throw Error(Status::argument, "The point of vertex " + std::to_string(v) +
-                                        " is in triangle " + std::to_string(point.triangle) +
-                                        ", and the source has " +
-                                        std::to_string(source.triangle_count()) + ".");
+      throw Error(Status::argument, {Subject::target_vertex, Index(v)},
+                  "has its point in triangle " + std::to_string(point.triangle) +
+                      ", and the source has " + std::to_string(source.triangle_count()),
+                  Remedy::call);
     if (point.triangle >= 0 && !(std::abs(point.weights.sum() - 1) <= kWeightsAddUp &&
                                  point.weights.minCoeff() >= -kWeightsAddUp))
-      throw Error(Status::argument, "The weights of the point of vertex " + std::to_string(v) +
-                                        " are negative or don't add up to 1.");
+      throw Error(Status::argument, {Subject::target_vertex, Index(v)},
+                  "has a point whose weights are negative or don't add up to 1", Remedy::call);
   }
 }
 
@@ -105,18 +108,18 @@ struct MeshTransfer::OnTarget : GradientSource {
 MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& correspondence,
                            const TransferOptions& options, const Progress& progress)
     : pool_(options.threads),
-      source_(validated(std::move(source), "source")),
-      target_(validated(std::move(target), "target")),
+      source_(validated(std::move(source), MeshOf::source)),
+      target_(validated(std::move(target), MeshOf::target)),
       anchor_(options.anchor),
       anchors_(checked_anchors(options, target_)),
       box_(target_.positions) {
   if (correspondence.target_count() != target_.triangle_count())
-    throw Error(Status::argument, "The correspondences are for " +
-                                      std::to_string(correspondence.target_count()) +
-                                      " triangles, and the target has " +
-                                      std::to_string(target_.triangle_count()) + ".");
+    throw Error(Status::argument,
+                "The correspondences are for " + std::to_string(correspondence.target_count()) +
+                    " triangles, and the target has " + std::to_string(target_.triangle_count()),
+                Remedy::call);
   check_points(options.points, source_, target_);
-  report(progress, 0.02, "Looking at the meshes");
+  report(progress, 0.02, Stage::meshes);
   if (options.placement)
     placement_ = *options.placement;
   else if (!options.worn)
@@ -128,7 +131,7 @@ MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& corre
   if (options.worn) worn_distance_ = options.worn->distance;
   add_corrections(options, within(progress, 0.6, 1));
   result_ = target_.positions;
-  report(progress, 1.0, "Done");
+  report(progress, 1.0, Stage::done);
 }
 
 MeshTransfer::~MeshTransfer() = default;
@@ -140,7 +143,8 @@ void MeshTransfer::factor(const TransferOptions& options, const Progress& progre
   if (pinned)
     for (int v : anchors_) roles[v] = 0;
   if (std::find(roles.begin(), roles.end(), kFree) == roles.end())
-    throw Error(Status::argument, "Every vertex is pinned, so nothing can follow: pin fewer.");
+    throw Error(Status::argument, "Every vertex is pinned, so nothing can follow",
+                Remedy::pin_fewer);
   region_ = split_region(unit, roles, pinned ? 1 : 0, MovedBy::base);
 
   if (options.formulation == Formulation::surface) {
@@ -234,30 +238,33 @@ void MeshTransfer::find_components() {
 
 Positions MeshTransfer::checked_places(const Positions* places) const {
   if (places && places->rows() != anchor_count())
-    throw Error(Status::argument, "There are " + std::to_string(places->rows()) + " places for " +
-                                      std::to_string(anchor_count()) + " anchors.");
+    throw Error(Status::argument,
+                "There are " + std::to_string(places->rows()) + " places for " +
+                    std::to_string(anchor_count()) + " anchors",
+                Remedy::call);
   Positions result(anchor_count(), 3);
   for (int i = 0; i < anchor_count(); ++i) result.row(i) = target_.positions.row(anchors_[i]);
   if (places) result = *places;
-  if (!result.allFinite()) throw Error(Status::argument, "The place of an anchor is not finite.");
+  if (!result.allFinite())
+    throw Error(Status::argument, "The place of an anchor is not finite", Remedy::call);
   return result;
 }
 
 const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
                                      const Positions* places) {
   if (pose.rows() != source_.vertex_count())
-    throw Error(Status::argument, "The pose has " + std::to_string(pose.rows()) +
-                                      " vertices, and the source " +
-                                      std::to_string(source_.vertex_count()) + ".");
-  if (rotation_only && need_whole_gradients_)
     throw Error(Status::argument,
-                "Places by vertices or by displacements need whole gradients: transfer these, or "
-                "place components or parts.");
+                "The pose has " + std::to_string(pose.rows()) + " vertices, and the source " +
+                    std::to_string(source_.vertex_count()),
+                Remedy::call);
+  if (rotation_only && need_whole_gradients_)
+    throw Error(Status::argument, "Places by vertices or by displacements need whole gradients",
+                Remedy::whole_gradients);
   if (!pose.allFinite())
     for (Index v = 0; v < pose.rows(); ++v)
       if (!pose.row(v).allFinite())
-        throw Error(Status::argument,
-                    "Vertex " + std::to_string(v) + " of the source's pose is not finite.");
+        throw Error(Status::argument, {Subject::source_vertex, v}, "is not finite in the pose",
+                    Remedy::move_vertex);
   const Positions anchor_places = checked_places(places);
 
   gradients_->take(pose, rotation_only, pool_);
@@ -266,7 +273,8 @@ const Positions& MeshTransfer::apply(const Positions& pose, bool rotation_only,
   keep_anchors(anchor_places);
   if (!result_.allFinite())
     throw Error(Status::numeric,
-                "The transferred pose is not finite: the source's pose is too large.");
+                "The transferred pose is not finite: the source's pose is too large",
+                Remedy::move_less);
   return result_;
 }
 

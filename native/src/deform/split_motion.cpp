@@ -12,12 +12,12 @@
 namespace dd {
 
 ScrewMotion::ScrewMotion(const Affine& motion, const Eigen::Vector3d& about,
-                         const Eigen::Vector3d& turn)
+                         const Eigen::Vector3d& turn, int handle)
     : motion_(motion), about_(about) {
   const Eigen::Matrix3d A = motion.leftCols<3>();
   if (!(A.determinant() > 1e-12 * std::pow(A.norm(), 3)))
-    throw Error(Status::argument,
-                "its motion flattens or mirrors, which can't be split into steps. Use one step.");
+    throw Error(Status::argument, {Subject::handle, handle},
+                "flattens or mirrors, which can't be split into steps: use one step", Remedy::call);
   const Eigen::Matrix3d R = polar_rotation(A);
   stretch_ = R.transpose() * A - Eigen::Matrix3d::Identity();
   turn_ = rotation_vector_near(Eigen::AngleAxisd(R), turn);
@@ -59,13 +59,10 @@ std::vector<ScrewMotion> screw_motions(const Deformer& bound, const std::vector<
     Eigen::Vector3d turn = Eigen::Vector3d::Zero();
     if (!turns.empty())
       turn = Eigen::Map<const Eigen::Vector3d>(turns.data() + 3 * static_cast<size_t>(h));
-    try {
-      if (!matrix.allFinite() || !turn.allFinite())
-        throw Error(Status::argument, "its matrix is not finite.");
-      screws.emplace_back(matrix, centres.row(h).transpose(), turn);
-    } catch (const Error& error) {
-      throw Error(error.status(), "Handle " + std::to_string(h) + ": " + error.what());
-    }
+    if (!matrix.allFinite() || !turn.allFinite())
+      throw Error(Status::argument, {Subject::handle, h}, "has a matrix that is not finite",
+                  Remedy::call);
+    screws.emplace_back(matrix, centres.row(h).transpose(), turn, h);
   }
   return screws;
 }
@@ -89,10 +86,12 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
                          const Progress& progress, const Positions* deformed_base,
                          const std::function<void()>& let_go) {
   if (bound.outside_base() && motion.steps != 1)
-    throw Error(Status::argument, "A base from outside has no motion that could be split.");
+    throw Error(Status::argument, "A base from outside has no motion that could be split",
+                Remedy::call);
   if (!facts(update.method).in_steps && motion.steps != 1)
     throw Error(Status::argument,
-                "Posing by example goes to any pose in one step: steps would forget the rest.");
+                "Posing by example goes to any pose in one step: steps would forget the rest",
+                Remedy::call);
   std::vector<ScrewMotion> screws;  // of no need, and maybe not to be had, for one step
   if (motion.steps > 1) {
     std::vector<double> turns;
@@ -106,7 +105,7 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
   result.offsets = Positions::Zero(rest.rows(), 3);
   for (int step = 1; step <= motion.steps; ++step) {
     const double before = double(step - 1) / motion.steps, now = double(step) / motion.steps;
-    const auto tell = [&](double within_step, const char* stage) {
+    const auto tell = [&](double within_step, Stage stage) {
       return !progress || progress(before + within_step * (now - before), stage);
     };
     // A method that is slow takes the larger part of a step.
@@ -117,7 +116,7 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
       options.turns.clear();  // a step's motion is part of the whole one's
       options.free.clear();
     }
-    options.of_method.progress = [&](double fraction, const char* stage) {
+    options.of_method.progress = [&](double fraction, Stage stage) {
       return tell(bound_at + (1 - bound_at) * fraction, stage);
     };
     const auto advance = [&](Deformer& deformer) {
@@ -133,23 +132,25 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     };
     try {
       if (step == 1) {
-        report(tell, 0, "Deforming");
+        report(tell, 0, Stage::deforming);
         advance(bound);
         if (let_go) let_go();
         continue;
       }
       Deformer deformer(surface, bound.region().role, bound.region().handle_count,
-                        bound.bind_options(), [&](double fraction, const char* stage) {
+                        bound.bind_options(), [&](double fraction, Stage stage) {
                           return tell(bound_at * std::min(fraction, 0.999), stage);
                         });
       advance(deformer);
     } catch (const Error& error) {
       if (error.status() == Status::cancelled || motion.steps == 1) throw;
-      throw Error(error.status(), "In step " + std::to_string(step) + " of " +
-                                      std::to_string(motion.steps) + ": " + error.what());
+      throw Error(error.status(), error.subject(),
+                  error.message() + ", in step " + std::to_string(step) + " of " +
+                      std::to_string(motion.steps),
+                  error.remedy(), error.vertices());
     }
   }
-  report(progress, 1.0, "Done");
+  report(progress, 1.0, Stage::done);
   return result;
 }
 

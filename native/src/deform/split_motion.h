@@ -16,8 +16,9 @@ class ScrewMotion {
   using Affine = Eigen::Matrix<double, 3, 4>;
   /// about: the centre of the stretch. turn: rotation vector (axis times radians) near which the
   /// logarithm of R is taken, so that more than half a turn can be asked for; zero: the shortest.
-  /// Throws Error(argument) when A has no inverse or mirrors.
-  ScrewMotion(const Affine& motion, const Eigen::Vector3d& about, const Eigen::Vector3d& turn);
+  /// Throws Error(argument) about that handle when A has no inverse or mirrors.
+  ScrewMotion(const Affine& motion, const Eigen::Vector3d& about, const Eigen::Vector3d& turn,
+              int handle = 0);
 
   /// M(s): the identity at 0, M at 1.
   Affine at(double s) const;

@@ -60,7 +60,7 @@ class Aligning {
     const int fewest = std::min(source_.mesh.vertex_count(), target_.mesh.vertex_count());
     count_ = std::min(kLast, fewest / kVerticesPerFunction);
     if (count_ <= kFirst || !source_.connected || !target_.connected) return false;
-    report(progress, 0, "Looking for the meshes' smoothest functions");
+    report(progress, 0, Stage::functions);
     for (int side = 0; side < 2; ++side) {
       const CoarseShape& shape = side == 0 ? source_ : target_;
       std::vector<int> seeds = shape.samples;
@@ -71,7 +71,7 @@ class Aligning {
   }
 
   void map_all(std::vector<Start>& starts, const Progress& progress) {
-    report(progress, 0, "Comparing placements");
+    report(progress, 0, Stage::placements);
     map_from(starts, 0);
     // Of two like halves a pose often brings the left one to lie on the right: a map that takes
     // left to right keeps lengths, too. The one that doesn't differs in the signs of functions.
@@ -79,7 +79,7 @@ class Aligning {
     std::stable_sort(ordered.begin(), ordered.end(),
                      [](const Start& a, const Start& b) { return a.score() < b.score(); });
     if (ordered[0].orientation > 0 && ordered[0].stretch < kConvincing) return;
-    report(progress, 0.5, "Comparing left and right");
+    report(progress, 0.5, Stage::sides);
     const size_t known = starts.size();
     for (const Start& base : differing(ordered, kCompared))
       for (int signs = 1; signs < 1 << (kFirst - 1); ++signs) {
@@ -268,15 +268,16 @@ Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target) {
   for (size_t i = 0; i < markers.size(); ++i) {
     for (int side = 0; side < 2; ++side)
       if (markers[i][side] < 0 || markers[i][side] >= count[side])
-        throw Error(Status::argument, "A marker names vertex " + std::to_string(markers[i][side]) +
-                                          " of the " + (side == 0 ? "source" : "target") +
-                                          ", which has " + std::to_string(count[side]) + ".");
+        throw Error(Status::argument, {Subject::pair, Index(i)},
+                    "of markers names vertex " + std::to_string(markers[i][side]) + " of the " +
+                        (side == 0 ? "source" : "target") + ", which has " +
+                        std::to_string(count[side]),
+                    Remedy::call);
     if (i > 0 && markers[i][0] == markers[i - 1][0])
-      throw Error(Status::argument, "The markers contradict one another: vertex " +
-                                        std::to_string(markers[i][0]) +
-                                        " of the source is paired with the vertices " +
-                                        std::to_string(markers[i - 1][1]) + " and " +
-                                        std::to_string(markers[i][1]) + " of the target.");
+      throw Error(Status::argument, {Subject::source_vertex, markers[i][0]},
+                  "is paired by markers with the vertices " + std::to_string(markers[i - 1][1]) +
+                      " and " + std::to_string(markers[i][1]) + " of the target",
+                  Remedy::correct_markers);
   }
   return markers;
 }
@@ -294,7 +295,7 @@ bool marked_as_mirror_image(const Mesh& source, const Mesh& target, const Pairs&
 
 Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int threads,
                 const Progress& progress, const Similarity* stance) {
-  report(progress, 0.01, "Looking at the meshes");
+  report(progress, 0.01, Stage::meshes);
   const Pairs markers = checked_markers(given, source, target);
   const CoarseShape from(source), onto(target);
   const UnitBox boxes[2] = {UnitBox(source.positions), UnitBox(target.positions)};
@@ -311,7 +312,7 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   ThreadPool pool(threads);
   Aligning aligning(from, onto, marked, pool);
   const bool mapped = aligning.find_functions(within(progress, 0.1, 0.3));
-  report(progress, 0.3, "Placing the source on the target");
+  report(progress, 0.3, Stage::placing);
   std::vector<Placement> placed;
   if (places.suffice()) placed.push_back(placement_by(places, from, onto));
   const auto add_placements = [&](std::vector<Placement>& all, const MarkedPlaces& marks) {
@@ -337,7 +338,7 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
                                 [](const Start& start) { return start.mirrored; }),
                  starts.end());
   if (mapped) {
-    report(progress, 0.8, "Refining the correspondence");
+    report(progress, 0.8, Stage::map);
     starts = aligning.looked_at_closely(starts, upright_of(starts));
   }
   const size_t best = best_of(starts, rivals);

@@ -82,7 +82,7 @@ class Registration {
     Positions wanted = now_.positions;
     hold_tips(kLongestWave, wanted);
     factor(progress);
-    report(progress, 0.5, "Fitting the source to the target");
+    report(progress, 0.5, Stage::fitting);
     solve(wanted);
   }
 
@@ -97,7 +97,7 @@ class Registration {
     hold_tips(wave, found.places);
     factor(progress);
     for (int round = 0; round < options_.rounds; ++round) {
-      report(progress, 0.5 + 0.5 * round / options_.rounds, "Fitting the source to the target");
+      report(progress, 0.5 + 0.5 * round / options_.rounds, Stage::fitting);
       if (round > 0) found = goals();
       hold_tips(wave, found.places);
       solve(found.places);
@@ -108,7 +108,7 @@ class Registration {
   void run_guided(const Progress& progress) {
     pulls_.setConstant(vertex_count_, pull_of(kGuided));
     factor(progress);
-    report(progress, 0.5, "Fitting the source to the target");
+    report(progress, 0.5, Stage::fitting);
     solve(guided_goals());
   }
 
@@ -123,7 +123,7 @@ class Registration {
         triangle_metric(mesh.positions, mesh.triangles).degenerate;  // ascending
     for (int j = 0; j < mesh.triangle_count(); ++j)
       if (!std::binary_search(thin.begin(), thin.end(), j)) usable.push_back(j);
-    if (usable.empty()) throw Error(Status::mesh, "The source has no triangle with an area.");
+    if (usable.empty()) throw Error(Status::mesh, "The source has no triangle with an area");
     return usable;
   }
 
@@ -180,7 +180,7 @@ class Registration {
     how.pool = &pool_;
     how.symbolic = symbolic_;
     how.progress = within(progress, 0, 0.5);
-    how.stage = "Factoring the fit to the target";
+    how.stage = Stage::fitting;
     std::unique_ptr<Dissection> dissection;
     if (!symbolic_) {
       dissection =
@@ -326,14 +326,14 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
     if (mean_stretch(start, guided) < worth * mean_stretch(start, fitted))
       fitted = std::move(guided);
   }
-  report(progress, 1, "Done");
+  report(progress, 1, Stage::done);
   return box.out_of(fitted);
 }
 
 Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& markers,
                         const RegistrationOptions& options, const Progress& progress) {
-  validate(source, "source");
-  validate(target, "target");
+  validate(source, MeshOf::source);
+  validate(target, MeshOf::target);
   const Alignment alignment =
       align(source, target, markers, options.threads, within(progress, 0, 0.2));
   return register_onto(source, target, markers, alignment, options, within(progress, 0.2, 1));

@@ -76,7 +76,7 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
   std::vector<PointOnTriangle> found[2];
   ThreadPool pool(threads);
   for (const int from : {0, 1}) {
-    report(progress, 0.5 * from, "Looking for corresponding triangles");
+    report(progress, 0.5 * from, Stage::correspondence);
     const Mesh& mesh = *meshes[from];
     const AabbTree tree(*meshes[1 - from]);
     const PartPairs pairs(mesh, parts[from], *meshes[1 - from], parts[1 - from]);
@@ -107,7 +107,7 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
   }
   match.correspondence =
       triangle_correspondence(pairs, registered.triangle_count(), target.triangle_count());
-  report(progress, 1, "Done");
+  report(progress, 1, Stage::done);
   return match;
 }
 

@@ -14,15 +14,17 @@ namespace {
 
 void check_range(const Pairs& pairs, int sources, int targets, const char* what) {
   if (pairs.empty())
-    throw Error(Status::argument, std::string("There is no pair of corresponding ") + what + ".");
+    throw Error(Status::argument, std::string("There is no pair of corresponding ") + what,
+                Remedy::match_meshes);
   const int count[2] = {sources, targets};
   for (size_t i = 0; i < pairs.size(); ++i)
     for (int side = 0; side < 2; ++side)
       if (pairs[i][side] < 0 || pairs[i][side] >= count[side])
-        throw Error(Status::argument, "Pair " + std::to_string(i) + " names number " +
-                                          std::to_string(pairs[i][side]) + " of the " +
-                                          (side == 0 ? "source" : "target") + ", which has " +
-                                          std::to_string(count[side]) + " " + what + ".");
+        throw Error(Status::argument, {Subject::pair, Index(i)},
+                    "names number " + std::to_string(pairs[i][side]) + " of the " +
+                        (side == 0 ? "source" : "target") + ", which has " +
+                        std::to_string(count[side]) + " " + what,
+                    Remedy::call);
 }
 
 /// The same pairs by target, each once.
@@ -49,8 +51,8 @@ Correspondence triangle_correspondence(const Pairs& pairs, int source_triangles,
 }
 
 Correspondence vertex_correspondence(const Pairs& pairs, const Mesh& source, const Mesh& target) {
-  validate(source, "source");
-  validate(target, "target");
+  validate(source, MeshOf::source);
+  validate(target, MeshOf::target);
   check_range(pairs, source.vertex_count(), target.vertex_count(), "vertices");
   std::vector<std::vector<int>> partners(static_cast<size_t>(target.vertex_count()));
   for (const auto& [from, to] : pairs) partners[to].push_back(from);
@@ -80,27 +82,26 @@ Correspondence vertex_correspondence(const Pairs& pairs, const Mesh& source, con
     for (int from : best) found.push_back({from, j});
   }
   if (found.empty())
-    throw Error(Status::argument,
-                "None of the paired vertices belongs to a triangle on both sides.");
+    throw Error(Status::argument, "None of the paired vertices belongs to a triangle on both sides",
+                Remedy::match_meshes);
   return by_target(found, target.triangle_count());
 }
 
 Correspondence same_topology(const Mesh& source, const Mesh& target) {
   if (source.vertex_count() != target.vertex_count() ||
       source.triangle_count() != target.triangle_count())
-    throw Error(Status::argument, "The source has " + std::to_string(source.vertex_count()) +
-                                      " vertices and " + std::to_string(source.triangle_count()) +
-                                      " triangles, the target " +
-                                      std::to_string(target.vertex_count()) + " and " +
-                                      std::to_string(target.triangle_count()) +
-                                      ": they are not of the same topology.");
+    throw Error(Status::argument,
+                "The source has " + std::to_string(source.vertex_count()) + " vertices and " +
+                    std::to_string(source.triangle_count()) + " triangles, the target " +
+                    std::to_string(target.vertex_count()) + " and " +
+                    std::to_string(target.triangle_count()) + ": they are not of the same topology",
+                Remedy::match_meshes);
   if (source.triangles != target.triangles) {
     Index j = 0;
     while (source.triangles.row(j) == target.triangles.row(j)) ++j;
-    throw Error(Status::argument,
-                "Triangle " + std::to_string(j) +
-                    " joins other vertices in the source than in the target: they "
-                    "are not of the same topology.");
+    throw Error(Status::argument, {Subject::target_triangle, j},
+                "joins other vertices than in the source: they are not of the same topology",
+                Remedy::match_meshes);
   }
   Correspondence result;
   for (int j = 0; j < target.triangle_count(); ++j) {

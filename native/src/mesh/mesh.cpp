@@ -19,21 +19,45 @@ std::vector<int> unusable_places(const Positions& positions) {
   return found;
 }
 
-void validate(const Mesh& mesh) {
+namespace {
+
+/// Kinds of subjects of a mesh's errors, and its name.
+struct Named {
+  const char* name;
+  Subject::Kind vertex, triangle;
+};
+
+Named named(MeshOf which) {
+  switch (which) {
+    case MeshOf::source:
+      return {"The source", Subject::source_vertex, Subject::source_triangle};
+    case MeshOf::target:
+      return {"The target", Subject::target_vertex, Subject::target_triangle};
+    case MeshOf::base:
+      return {"The base", Subject::base_vertex, Subject::base_triangle};
+    default:
+      return {"The mesh", Subject::vertex, Subject::triangle};
+  }
+}
+
+}  // namespace
+
+void validate(const Mesh& mesh, MeshOf which) {
   const int n = mesh.vertex_count();
-  if (n == 0) throw Error(Status::mesh, "The mesh has no vertices: there is nothing to deform.");
+  const Named of = named(which);
+  const std::string name = of.name;
+  if (n == 0) throw Error(Status::mesh, name + " has no vertices", Remedy::add_faces);
   if (mesh.triangle_count() == 0)
-    throw Error(Status::mesh, "The mesh has no faces: the method works on surfaces, add faces.");
+    throw Error(Status::mesh, name + " has no faces", Remedy::add_faces);
   if (std::vector<int> lost = unusable_places(mesh.positions); !lost.empty()) {
     const int v = lost.front();
-    std::ostringstream sentence;
-    sentence << "Vertex " << v;
+    std::ostringstream message;
     if (mesh.positions.row(v).allFinite())
-      sentence << " has a coordinate of " << mesh.positions.row(v).cwiseAbs().maxCoeff()
-               << ", which is too far away to compute with: delete or move that vertex.";
+      message << "has a coordinate of " << mesh.positions.row(v).cwiseAbs().maxCoeff()
+              << ", which is too far away to compute with";
     else
-      sentence << " has a coordinate that is not a finite number: delete or move that vertex.";
-    throw Error(Status::mesh, sentence.str(), std::move(lost));
+      message << "has a coordinate that is not a finite number";
+    throw Error(Status::mesh, {of.vertex, v}, message.str(), Remedy::move_vertex, std::move(lost));
   }
   std::vector<int> of_folded;
   int folded = -1;
@@ -41,9 +65,10 @@ void validate(const Mesh& mesh) {
     const auto corners = mesh.triangles.row(t);
     for (int k = 0; k < 3; ++k) {
       if (corners[k] < 0 || corners[k] >= n)
-        throw Error(Status::mesh, "Triangle " + std::to_string(t) + " refers to vertex " +
-                                      std::to_string(corners[k]) + ", but there are only " +
-                                      std::to_string(n) + ": validate the mesh.");
+        throw Error(Status::mesh, {of.triangle, t},
+                    "refers to vertex " + std::to_string(corners[k]) + ", but there are only " +
+                        std::to_string(n),
+                    Remedy::validate_mesh);
     }
     if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0]) {
       if (folded < 0) folded = t;
@@ -51,19 +76,10 @@ void validate(const Mesh& mesh) {
     }
   }
   if (folded >= 0)
-    throw Error(Status::mesh,
-                "Triangle " + std::to_string(folded) + " uses one vertex twice: validate the mesh.",
+    throw Error(Status::mesh, {of.triangle, folded}, "uses one vertex twice", Remedy::validate_mesh,
                 std::move(of_folded));
   if (!(bounding_box_diagonal(mesh.positions) > 0))
-    throw Error(Status::mesh, "All vertices are at one point: the mesh has no surface to deform.");
-}
-
-void validate(const Mesh& mesh, const char* which) {
-  try {
-    validate(mesh);
-  } catch (const Error& error) {
-    throw Error(error.status(), std::string("The ") + which + ": " + error.what());
-  }
+    throw Error(Status::mesh, name + " has all vertices at one point, so no surface to deform");
 }
 
 Mesh mirror_image(Mesh mesh) {

@@ -22,13 +22,13 @@ constexpr double kFarthest = 1e30;
 /// The vertices with a coordinate that is not finite or beyond it.
 std::vector<int> unusable_places(const Positions& positions);
 
+/// Which of several meshes an error is about.
+enum class MeshOf { itself, source, target, base };
+
 /// Throws Error(mesh) naming the first vertex or triangle that makes the mesh unusable, with the
 /// vertices of all: nothing in it, coordinates that are not finite or beyond kFarthest, vertex
 /// numbers out of range or twice in a triangle, no extent.
-void validate(const Mesh& mesh);
-
-/// The same of one of several meshes, which the sentence then begins with: "The source: ...".
-void validate(const Mesh& mesh, const char* which);
+void validate(const Mesh& mesh, MeshOf which = MeshOf::itself);
 
 /// In x, with triangles that go round as their outer sides say.
 Mesh mirror_image(Mesh mesh);

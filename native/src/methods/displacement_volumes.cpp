@@ -73,8 +73,8 @@ DisplacementVolumes::DisplacementVolumes(BoundSurface& bound, const Progress& pr
   const double reach = kSearchHeights * height_;
   for (int r = 0; r < order.free_count; ++r) metric_.coeffRef(r, r) += masses_[r] / (reach * reach);
   FactorOptions options;
-  options.stage = "Preparing to restore the volumes";
-  if (progress) options.progress = [&](double, const char* stage) { return progress(0, stage); };
+  options.stage = Stage::volumes;
+  if (progress) options.progress = [&](double, Stage stage) { return progress(0, stage); };
   try {
     factor_ = std::make_unique<SparseCholesky>(metric_, options);
   } catch (const SingularMatrix& singular) {
@@ -190,7 +190,7 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
   Rows surface = start, shift = Rows::Zero(free_count, 4);
   double first_change = 0, done = 0;
   // A round takes as long as a frame, a step as long as a hundred: it must be possible to stop.
-  const auto go_on = [&] { report(options.progress, done, "Restoring the volumes"); };
+  const auto go_on = [&] { report(options.progress, done, Stage::restoring); };
   converged_ = false;
   for (int step = 0; step < options.volume_iterations && !converged_; ++step) {
     const Vector missing = missing_volumes(surface, frame.base);
@@ -198,7 +198,8 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
     const double largest = change.cwiseAbs().maxCoeff() / height_;
     if (!std::isfinite(largest))
       throw Error(Status::numeric,
-                  "The volumes can't be restored: the handles' motion is too large.");
+                  "The volumes can't be restored: the handles' motion is too large",
+                  Remedy::move_less);
     if (largest > kLongestStep) change *= kLongestStep / largest;
     shift += change;
     surface.topRows(free_count) = start.topRows(free_count) + shift;

@@ -41,7 +41,7 @@ static_assert(std::size(kMethods) == kMethodCount);
 const MethodFacts& facts(MethodKind method) {
   const int number = static_cast<int>(method);
   if (number < 0 || number >= kMethodCount)
-    throw Error(Status::argument, "There is no method " + std::to_string(number) + ".");
+    throw Error(Status::argument, "There is no method " + std::to_string(number), Remedy::call);
   return kMethods[number];
 }
 

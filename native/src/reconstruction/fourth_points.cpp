@@ -35,9 +35,8 @@ TetMesh with_fourth_points(const Mesh& mesh, const std::vector<int>& triangles) 
     const Eigen::Vector3d e2 = mesh.positions.row(corner[2]).transpose() - first;
     const Eigen::Vector3d cross = e1.cross(e2);
     if (!(cross.norm() > 1e-9 * std::max(e1.squaredNorm(), e2.squaredNorm())))
-      throw Error(Status::mesh, "Triangle " + std::to_string(triangles[static_cast<size_t>(i)]) +
-                                    " has no area, so it has no fourth point: use the surface "
-                                    "formulation, or dissolve degenerate faces.");
+      throw Error(Status::mesh, {Subject::triangle, triangles[static_cast<size_t>(i)]},
+                  "has no area, so it has no fourth point", Remedy::dissolve_faces);
     result.positions.row(n + i) = (first + cross / std::sqrt(cross.norm())).transpose();
     result.tets.row(i) << corner[0], corner[1], corner[2], static_cast<int>(n + i);
   }

@@ -13,8 +13,7 @@
 namespace dd {
 
 SingularMatrix::SingularMatrix(int row)
-    : Error(Status::numeric,
-            "The system has no unique solution at row " + std::to_string(row) + "."),
+    : Error(Status::numeric, "The system has no unique solution at row " + std::to_string(row)),
       row_(row) {}
 
 SparseCholesky::SparseCholesky(const SparseMatrix& A, const FactorOptions& options)

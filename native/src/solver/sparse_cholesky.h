@@ -56,9 +56,9 @@ struct FactorOptions {
   /// leaves up to 1e-13 of it in a singular Laplacian of 65,000 rows.
   double smallest_pivot = 1e-12;
   Precision precision = Precision::full;
-  ThreadPool* pool = nullptr;  ///< null: the caller's thread alone
-  Progress progress = {};      ///< asked now and then, from any thread but one at a time
-  const char* stage = "Factoring the Poisson system";  ///< what it is told
+  ThreadPool* pool = nullptr;    ///< null: the caller's thread alone
+  Progress progress = {};        ///< asked now and then, from any thread but one at a time
+  Stage stage = Stage::poisson;  ///< what it is told
 };
 
 /// The factor of a symmetric positive definite matrix, A = C Cᵀ, in supernodes: for each the

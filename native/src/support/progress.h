@@ -7,18 +7,40 @@
 
 namespace dd {
 
-/// Told of each stage of a bind before it starts: the fraction done and what comes next (static
-/// text). Returning false cancels.
-using Progress = std::function<bool(double fraction, const char* stage)>;
+/// What is being done. The values are those of dd_stage in the public header.
+enum class Stage {
+  starting = 0,
+  operators,
+  poisson,
+  energy,
+  base,
+  handles,
+  energy_on_base,
+  deforming,
+  volumes,
+  restoring,
+  meshes,
+  functions,
+  placements,
+  map,
+  sides,
+  placing,
+  fitting,
+  correspondence,
+  done,
+};
 
-inline void report(const Progress& progress, double fraction, const char* stage) {
-  if (progress && !progress(fraction, stage)) throw Error(Status::cancelled, "It was cancelled.");
+/// Called before each stage with the fraction done and what comes next. Returning false cancels.
+using Progress = std::function<bool(double fraction, Stage stage)>;
+
+inline void report(const Progress& progress, double fraction, Stage stage) {
+  if (progress && !progress(fraction, stage)) throw Error(Status::cancelled, "It was cancelled");
 }
 
 /// Progress of a part of the work: 0 to 1 there are begin to end of the whole.
 inline Progress within(const Progress& whole, double begin, double end) {
   if (!whole) return {};
-  return [&whole, begin, end](double fraction, const char* stage) {
+  return [&whole, begin, end](double fraction, Stage stage) {
     return whole(begin + fraction * (end - begin), stage);
   };
 }

@@ -3,36 +3,38 @@
 
 #include <algorithm>
 #include <atomic>
-#include <condition_variable>
 #include <cstdint>
-#include <exception>
-#include <mutex>
-#include <thread>
-#include <vector>
+#include <memory>
 
 namespace dd {
 
 constexpr int kLeastRange = 512;  ///< rows, triangles and the like that are worth a task
 
-/// A few threads that share out the tasks of one caller at a time; who comes meanwhile, from
-/// another thread or from within a task, works alone. Between the parts of a frame, which are some
-/// tens of microseconds apart, they wait awake; else they sleep.
+/// As many threads as the machine has, at most 8: what threads = 0 stands for.
+int usual_thread_count();
+
+class Workers;
+
+/// Runs the tasks of one caller at a time on the process's worker threads, which all pools share; a
+/// second caller, from another thread or from within a task, works alone. Workers exist as long as
+/// any pool does. Between the parts of a frame, some tens of microseconds apart, they spin; else
+/// they sleep.
 class ThreadPool {
  public:
-  /// count: threads at work, the caller among them; 0: as many as the machine has, at most 8. Where
-  /// the system starts no more threads there are fewer.
+  /// count: the most threads at work for this pool, the caller among them; 0: usual_thread_count().
+  /// Where the system starts no more threads there are fewer.
   explicit ThreadPool(int count = 0);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
 
-  int count() const { return static_cast<int>(helpers_.size()) + 1; }
+  int count() const { return count_; }
 
   /// Calls task(0) to task(task_count − 1), each once, in any order and from any of the threads;
   /// returns when all are done. Rethrows the first exception.
   template <class Task>
   void run(int task_count, const Task& task) {
-    if (task_count <= 1 || helpers_.empty() || taken_.exchange(true)) {
+    if (task_count <= 1 || count_ == 1 || taken_.exchange(true)) {
       for (int i = 0; i < task_count; ++i) task(i);
       return;
     }
@@ -50,29 +52,12 @@ class ThreadPool {
 
  private:
   using Call = void (*)(const void* task, int index);
-  /// By who has taken the helpers, whom it lets go.
+  /// By the caller that has set taken_, which this clears.
   void share(Call call, const void* task, int task_count);
-  void help();
-  void work();
 
-  std::vector<std::thread> helpers_;
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  std::atomic<unsigned> round_{0};  ///< grows with each share()
-  std::atomic<bool> leave_{false};
-  std::atomic<bool> taken_{false};  ///< by a caller
-  std::atomic<int> next_{0};
-  // A helper announces itself in inside_ before it looks whether the round is open, the caller
-  // closes it before it looks who is inside.
-  std::atomic<bool> open_{false};
-  std::atomic<int> inside_{0};
-  int asleep_ = 0;  ///< under mutex_
-
-  // Of the current round.
-  Call call_ = nullptr;
-  const void* task_ = nullptr;
-  int task_count_ = 0;
-  std::exception_ptr failure_;  ///< under mutex_
+  std::shared_ptr<Workers> workers_;
+  int count_ = 1;
+  std::atomic<bool> taken_{false};
 };
 
 /// Calls task(0) to task(count − 1), shared out where there is a pool.

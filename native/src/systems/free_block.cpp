@@ -44,13 +44,10 @@ RowMatrix free_rows(const RowMatrix& values, const Region& region) {
 }
 
 UnsolvableSurface::UnsolvableSurface(int vertex)
-    : Error(
-          Status::numeric,
-          "The surface can't be solved for near vertex " + std::to_string(vertex) +
-              ": its triangles are degenerate, or too far from what holds them. Merge doubled "
-              "vertices and dissolve degenerate faces there, add a handle, or leave that part out "
-              "of the region.",
-          {vertex}),
+    : Error(Status::numeric, {Subject::vertex, vertex},
+            "lies where the surface can't be solved for, since triangles are degenerate or too far "
+            "from what holds them",
+            Remedy::dissolve_faces, {vertex}),
       vertex_(vertex) {}
 
 Dissection free_dissection(const SparseMatrix& block, const Region& region,

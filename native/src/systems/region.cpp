@@ -14,13 +14,11 @@ namespace {
 
 void check_coverage(const std::vector<int>& roles, int handle_count, MovedBy moved_by) {
   if (handle_count < (moved_by == MovedBy::base ? 0 : 1))
-    throw Error(Status::region, "There is no handle: add at least one that moves some vertices.");
+    throw Error(Status::region, "There is no handle", Remedy::add_handle);
   check_roles(roles, handle_count);
   if (std::find(roles.begin(), roles.end(), kFree) == roles.end())
-    throw Error(
-        Status::region,
-        "No vertex is free to follow: every vertex is fixed or in a handle. Make the region "
-        "larger, or give the handles fewer vertices.");
+    throw Error(Status::region, "No vertex is free to follow, every one is fixed or in a handle",
+                Remedy::free_vertices);
 }
 
 /// Handles without a free vertex beside them.
@@ -43,18 +41,19 @@ std::vector<int> idle_handles(const Mesh& mesh, const Region& region) {
 
 void check_roles(const std::vector<int>& roles, int handle_count) {
   if (handle_count > static_cast<int>(roles.size()))
-    throw Error(Status::region, "There are more handles than vertices.");
+    throw Error(Status::region, "There are more handles than vertices", Remedy::call);
   std::vector<char> used(static_cast<size_t>(handle_count), 0);
   for (size_t v = 0; v < roles.size(); ++v) {
     if (roles[v] < kFixed || roles[v] >= handle_count)
-      throw Error(Status::region, "Vertex " + std::to_string(v) + " has the role " +
-                                      std::to_string(roles[v]) + ", which is no handle.");
+      throw Error(Status::region, {Subject::vertex, Index(v)},
+                  "has the role " + std::to_string(roles[v]) + ", which is no handle",
+                  Remedy::call);
     if (roles[v] >= 0) used[roles[v]] = 1;
   }
   const auto unused = std::find(used.begin(), used.end(), 0);
   if (unused != used.end())
-    throw Error(Status::region, "Handle " + std::to_string(unused - used.begin()) +
-                                    " has no vertices: give it at least one.");
+    throw Error(Status::region, {Subject::handle, unused - used.begin()}, "has no vertices",
+                Remedy::assign_vertices);
 }
 
 Region region_of(std::vector<int> roles, int handle_count) {
@@ -108,12 +107,11 @@ Region split_region(const Mesh& mesh, const std::vector<int>& roles, int handle_
   Region region = region_of(std::move(kept), handle_count);
   if (region.free.empty()) {
     std::vector<int>& unreached = resting.empty() ? loose : resting;
-    const std::string first = std::to_string(unreached.front());
-    throw Error(Status::region,
-                "No handle can move any vertex of the region: the handles are on other loose parts "
-                "of the mesh than the region (vertex " +
-                    first + ", for one). Put a handle on the part that should deform.",
-                std::move(unreached));
+    const int first = unreached.front();
+    throw Error(Status::region, {Subject::vertex, first},
+                "and the rest of the region are on other loose parts of the mesh than the handles, "
+                "so that none can move them",
+                Remedy::handle_on_part, std::move(unreached));
   }
   region.resting = std::move(resting);
   region.resting_component_count = resting_component_count;

@@ -28,9 +28,10 @@ double signed_volume(const TetMesh& mesh, Index j) {
 Region checked_region(const std::vector<int>& roles, int handle_count) {
   check_roles(roles, handle_count);
   Region region = region_of(roles, handle_count);
-  if (region.free.empty()) throw Error(Status::region, "No vertex is free to follow.");
+  if (region.free.empty())
+    throw Error(Status::region, "No vertex is free to follow", Remedy::free_vertices);
   if (region.free.size() == roles.size())
-    throw Error(Status::region, "Nothing holds the mesh: fix some vertices.");
+    throw Error(Status::region, "Nothing holds the mesh", Remedy::fix_vertices);
   return region;
 }
 
@@ -41,25 +42,26 @@ SparseCholesky factored(const SparseMatrix& laplacian, const Region& region,
   try {
     return factor_free_block(free_block(laplacian, region), region, options);
   } catch (const UnsolvableSurface& error) {
-    throw Error(Status::numeric, "The solid can't be solved for near vertex " +
-                                     std::to_string(error.vertex()) +
-                                     ": nothing holds the part that it belongs to.");
+    throw Error(
+        Status::numeric, {Subject::vertex, error.vertex()},
+        "lies where the solid can't be solved for: nothing holds the part that it belongs to",
+        Remedy::fix_vertices);
   }
 }
 
 }  // namespace
 
 void validate(const TetMesh& mesh) {
-  if (mesh.tet_count() == 0) throw Error(Status::mesh, "The mesh has no tetrahedra.");
+  if (mesh.tet_count() == 0) throw Error(Status::mesh, "The mesh has no tetrahedra");
   for (int v = 0; v < mesh.vertex_count(); ++v)
     if (!mesh.positions.row(v).allFinite())
-      throw Error(Status::mesh, "Vertex " + std::to_string(v) + " is not finite.");
+      throw Error(Status::mesh, {Subject::vertex, v}, "is not finite", Remedy::move_vertex);
   for (Index j = 0; j < mesh.tet_count(); ++j) {
     const std::string name = "Tetrahedron " + std::to_string(j);
     for (int k = 0; k < 4; ++k)
       if (mesh.tets(j, k) < 0 || mesh.tets(j, k) >= mesh.vertex_count())
         throw Error(Status::mesh, name + " refers to vertex " + std::to_string(mesh.tets(j, k)) +
-                                      ", which there is not.");
+                                      ", which there is not");
     double longest = 0;
     for (int k = 1; k < 4; ++k)
       longest = std::max(
@@ -69,11 +71,11 @@ void validate(const TetMesh& mesh) {
       std::ostringstream sentence;
       sentence << name << " has an edge of length " << longest << ", too "
                << (longest < 1 ? "small" : "large")
-               << " to compute with: give the mesh another unit.";
+               << " to compute with: give the mesh another unit";
       throw Error(Status::mesh, sentence.str());
     }
     if (!(std::abs(signed_volume(mesh, j)) > 1e-14 * longest * longest * longest))
-      throw Error(Status::mesh, name + " has no volume.");
+      throw Error(Status::mesh, name + " has no volume");
   }
 }
 
@@ -164,8 +166,8 @@ Positions edit_by_gradients(const TetPoisson& poisson, const TetMesh& mesh,
   for (int h = 0; h < handle_count; ++h) {
     const Affine matrix(matrices + 12 * static_cast<Index>(h));
     if (!matrix.allFinite())
-      throw Error(Status::argument,
-                  "The matrix of handle " + std::to_string(h) + " is not finite.");
+      throw Error(Status::argument, {Subject::handle, h}, "has a matrix that is not finite",
+                  Remedy::call);
     linear.push_back(matrix.leftCols<3>());
   }
   Positions constrained = mesh.positions;
@@ -188,7 +190,8 @@ Positions edit_by_gradients(const TetPoisson& poisson, const TetMesh& mesh,
   const Positions result = poisson.solve(constrained, gradients);
   if (!result.allFinite())
     throw Error(Status::numeric,
-                "The handles' matrices are too large: the edited solid is not finite.");
+                "The handles' matrices are too large: the edited solid is not finite",
+                Remedy::move_less);
   return result;
 }
 

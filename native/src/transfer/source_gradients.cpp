@@ -47,7 +47,8 @@ void SourceGradients::match(const Mesh& target, const Correspondence& correspond
       unmatched_example_ = j;
   }
   if (unmatched_count_ == m)
-    throw Error(Status::argument, "No triangle of the target corresponds to one of the source.");
+    throw Error(Status::argument, "No triangle of the target corresponds to one of the source",
+                Remedy::match_meshes);
   if (unmatched_count_ > 0)
     fill_from_neighbours(matched_by, target.triangles, target.vertex_count());
 

@@ -46,9 +46,8 @@ NearestPoints::NearestPoints(const Mesh& source, const Mesh& target, const Simil
   });
   for (size_t v = 0; v < of_vertices.size(); ++v)
     if (of_vertices[v].triangle < 0)
-      throw Error(Status::argument, "Vertex " + std::to_string(v) +
-                                        " of the target is too far from the source to tell what "
-                                        "it lies over.");
+      throw Error(Status::argument, {Subject::target_vertex, Index(v)},
+                  "is too far from the source to tell what it lies over", Remedy::move_target);
   for (const PointOnTriangle& point : of_vertices)
     distance += placement.scale * std::sqrt(point.squared_distance) / target.vertex_count();
 }

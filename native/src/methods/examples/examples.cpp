@@ -39,9 +39,10 @@ void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
   if (options.example_weights) return show(*options.example_weights, options, frame.offsets);
   const size_t limited = options.example_limits.size() / 2;
   if (limited != 0 && limited != bound_.examples.size())
-    throw Error(Status::argument, "There are limits of " + std::to_string(limited) +
-                                      " examples, but " + std::to_string(bound_.examples.size()) +
-                                      " examples.");
+    throw Error(Status::argument,
+                "There are limits of " + std::to_string(limited) + " examples, but " +
+                    std::to_string(bound_.examples.size()) + " examples",
+                Remedy::call);
   const WeightLimits limits(options.example_limits, Index(bound_.examples.size()));
   std::vector<HandleHold> hold(static_cast<size_t>(bound_.region.handle_count), HandleHold::whole);
   for (size_t h = 0; h < frame.free.size(); ++h)
@@ -63,7 +64,8 @@ void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
                         options.example_stiffness, limits);
   if (!weights_.allFinite())
     throw Error(Status::numeric,
-                "No weights of the examples fit the handles: their motion is too large.");
+                "No weights of the examples fit the handles: their motion is too large",
+                Remedy::move_less);
   const bool beyond = options.refined.iterations > 0;
   if (!coarsely)
     fit_->system().give(weights_, offsets);
@@ -128,14 +130,15 @@ template <class Real>
 void Examples<Real>::show(const std::vector<double>& weights, const MethodOptions& options,
                           Rows& offsets) {
   if (weights.size() != bound_.examples.size())
-    throw Error(Status::argument, "There are " + std::to_string(weights.size()) +
-                                      " example weights, but " +
-                                      std::to_string(bound_.examples.size()) + " examples.");
+    throw Error(Status::argument,
+                "There are " + std::to_string(weights.size()) + " example weights, but " +
+                    std::to_string(bound_.examples.size()) + " examples",
+                Remedy::call);
   const Eigen::Map<const Eigen::VectorXd> given(weights.data(), Index(weights.size()));
   for (Index i = 0; i < given.size(); ++i)
     if (!std::isfinite(given[i]))
-      throw Error(Status::argument,
-                  "The weight of example " + std::to_string(i) + " is not finite.");
+      throw Error(Status::argument, {Subject::example, i}, "has a weight that is not finite",
+                  Remedy::call);
   weights_ = given;
   let_go(options.rotation_only, offsets);
   // Stances are mixed as their turns and their centres are.
@@ -156,7 +159,8 @@ MethodFindings Examples<Real>::findings() const {
   if (!weights_.allFinite())
     throw Error(Status::numeric,
                 "The last update by examples failed, so there are no weights: its handles' "
-                "matrices were too large.");
+                "matrices were too large",
+                Remedy::move_less);
   MethodFindings findings;
   findings.example_weights.assign(weights_.begin(), weights_.end());
   return findings;
