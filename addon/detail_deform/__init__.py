@@ -14,7 +14,7 @@ bl_info = {
 }
 
 if any(name.startswith(f'{__name__}.') for name in sys.modules):
-    # Blender loads this file again: the others are as they were, maybe of another version.
+    # Blender executes only this file again: the other modules in memory may be of another version.
     from importlib import reload
 
     from . import reloading
@@ -47,13 +47,14 @@ def register():
     _is_registered = True
     import bpy
     if getattr(bpy.app, 'module', False):
-        # As a Python module, Blender 4.2 crashes and 4.5 hangs at exit unless all is taken back.
+        # As a Python module, Blender 4.2 crashes and 4.5 hangs at exit unless everything is unregistered.
         import atexit
         atexit.register(unregister)
 
 
 def unregister():
-    """Once: at exit, Blender as a Python module disables what it has enabled after we have taken all back."""
+    """Does nothing the second time: at exit, Blender as a Python module disables its add-ons after atexit has called
+    this."""
     global _is_registered
     if not _is_registered:
         return

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's properties from the table of options."""
+"""Declares Blender's properties from the table of options."""
 
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from .library.options import numbers_of
 
 _MAKERS = {bool: BoolProperty, int: IntProperty, float: FloatProperty, str: StringProperty}
-USED, COMPARED = "To Deform", "For Comparison"  # headings in a menu
+USED, COMPARED = "To Deform", "For Comparison"  # headings in an enum's menu
 
 
 def _items(option):
-    """Of an enum. Numbers are those of the table, wherever a value stands in the menu."""
+    """The items of an enum for bpy.props. A value has its number in the table, whatever its position in the menu."""
     if not option.compared:
         return option.kind
     numbers = numbers_of(option.kind)
@@ -22,7 +22,7 @@ def _items(option):
 def declare(cls, options, update_of=lambda option: None, flags_of=None):
     """Adds a property for each option to a class that is not registered yet.
 
-    update_of, flags_of: the function that hears of changes, and bpy.props' options, for an Option."""
+    update_of: returns the property's update callback for an Option. flags_of: returns bpy.props' options for it."""
     for option in options:
         make, more = _MAKERS.get(option.kind, EnumProperty), dict(option.limits)
         if make is EnumProperty:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's events: a handle moved, the frame changed, a mesh was edited, a step was undone."""
+"""Handlers of Blender's events: a handle moved, the frame changed, a mesh was edited, a step was undone."""
 
 import bpy
 from bpy.app.handlers import persistent
@@ -8,7 +8,7 @@ from .follow import auto_bind, drag, edits, factored, life, registry
 from .results import missing_examples
 from .ui import known_markers, preview
 
-# With nothing bound, neither of these two goes through what a scene has or what was changed.
+# While nothing is bound, neither of the next two handlers iterates over a scene's objects or over the updates.
 
 
 @persistent
@@ -39,8 +39,8 @@ def _render_begins(*_):
 
 @persistent
 def _before_saving(*_):
-    """A file holds the whole result, also where it is saved right after a drag; of a heavy mesh that is still being
-    bound its draft."""
+    """Replaces a quick result of a drag by the refined one, so that the file holds that. While a bind is under way,
+    the file holds the draft."""
     _show_whole(bpy.context.evaluated_depsgraph_get())
 
 
@@ -52,7 +52,7 @@ def _show_whole(depsgraph):
 
 @persistent
 def _data_is_replaced(*_):
-    """Before undo, redo and loading: no object outlives them."""
+    """Runs before undo, redo and loading, which invalidate all references to objects."""
     registry.forget()
     edits.forget_addresses()
 
@@ -66,7 +66,7 @@ def _data_replaced(*_):
 
 @persistent
 def _file_loaded(*_):
-    """No undo leads back: the memory of what was bound in the last file is given back."""
+    """Undo can't lead back to the last file, so the deformers and transfers cached for it are freed."""
     _data_replaced()
     missing_examples.forget()
     life.drop_unused(spares=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Object.detail_deform: what the user sets, what a binding stores, what can be read."""
+"""Object.detail_deform: the user's settings, the stored state of a binding, and read-only status."""
 
 import bpy
 from bpy.props import (BoolProperty, CollectionProperty, EnumProperty, FloatProperty,
@@ -23,12 +23,12 @@ def _region_changed(self, context):
 
 
 def _name_changed(self, context):
-    """Handles are told apart by name; those that mirror this one keep to it."""
+    """Makes the name unique, and renames the handle in those that mirror it."""
     others = [h for h in self.id_data.detail_deform.handles if h != self]
     taken = {h.name for h in others}
     if self.name in taken:
         self.name = next(name for name in (f"{self.name}.{k:03d}" for k in range(1, 10000)) if name not in taken)
-        return  # having come here again
+        return  # the assignment has called this function again
     earlier, self.earlier_name = self.earlier_name, self.name
     for handle in others:
         if earlier and handle.mirrors == earlier:
@@ -41,7 +41,7 @@ def _target_changed(self, context):
 
 def _base_object_changed(self, context):
     if self.base_object != self.base_rest_of:
-        outside_base.forget_rest(self)  # that of another object
+        outside_base.forget_rest(self)  # it belongs to the former base object
     self.base_rest_of = self.base_object
     _base_changed(self, context)
 
@@ -60,7 +60,7 @@ def _influence_changed(self, context):
 
 
 def _method_changed(self, context):
-    life.check(self.id_data)  # examples matter to one of them
+    life.check(self.id_data)  # examples are content of one method only
     _look_changed(self, context)
 
 
@@ -74,7 +74,7 @@ def _example_changed(self, context):
 
 
 def _weights_by_changed(self, context):
-    """The sliders go on from what the handles asked for."""
+    """Sets the sliders to the weights that the handles asked for, so that the pose is kept."""
     if self.weights_by == 'SLIDERS' and status.weights_are_found(self.id_data):
         found = [(example, example.found_weight) for example in self.examples if example.enabled]
         for example, weight in found:
@@ -140,7 +140,7 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
         name="Pose Matrix", size=16, options={'HIDDEN'},
         description="How modifiers had moved the vertices when the empty was placed on them, beside its bone")
     earlier_name: StringProperty(options={'HIDDEN'})
-    # What was made for it, and goes with it.
+    # Created for this handle, and removed with it.
     own_group: StringProperty(options={'HIDDEN'})
     own_reach: StringProperty(options={'HIDDEN'})
     own_target: PointerProperty(type=bpy.types.Object, options={'HIDDEN'})
@@ -185,7 +185,7 @@ class DetailDeformMissingExample(bpy.types.PropertyGroup):
         description="How far from this pose the examples leave the mesh in the mean, in percent of its size")
     largest_error: FloatProperty(
         name="Largest Error", precision=2, description="The same of the vertex that is farthest from its place")
-    mark: StringProperty(options={'HIDDEN'})  # by which its errors are known for as long as the file is open
+    mark: StringProperty(options={'HIDDEN'})  # key of its errors, which are kept in memory only
 
 
 class DetailDeformExpression(bpy.types.PropertyGroup):
@@ -198,7 +198,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         description="Vertex group of the part that may deform: the vertices with a weight over 0.5. The rest of the "
                     "mesh stays where it is. Empty: the whole mesh may deform")
     own_region: StringProperty(options={'HIDDEN'})
-    pulled_region: BoolProperty(options={'HIDDEN'})  # made by Pull, which may change it
+    pulled_region: BoolProperty(options={'HIDDEN'})  # whether Pull made the region, and may change it
     join_split: BoolProperty(
         name="Join Split Vertices", default=True, update=_input_changed,
         description="Take vertices for one where two borders of the mesh lie on one another, as importers split it "
@@ -213,11 +213,11 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         type=DetailDeformExample, name="Examples",
         description="Poses that the method Examples mixes, beside the rest shape")
     example_index: IntProperty(name="Active Example", options={'HIDDEN'})
-    posed_by: StringProperty(options={'HIDDEN'})  # type and name of the modifiers whose poses are examples, one a line
+    posed_by: StringProperty(options={'HIDDEN'})  # modifiers whose poses are examples: lines of type and name
     missing_examples: CollectionProperty(
         type=DetailDeformMissingExample, name="Missing Examples",
         description="Poses of which the examples make something else, the worst first")
-    missing_of: StringProperty(options={'HIDDEN'})  # the binding for which they were looked for
+    missing_of: StringProperty(options={'HIDDEN'})  # signature of the binding when the list was made
     missing_index: IntProperty(name="Active Pose", options={'HIDDEN'}, update=_preview_changed)
     show_error: BoolProperty(
         name="Show Error", update=_preview_changed,
@@ -235,8 +235,8 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         name="Base Rest Matrix", size=16, options={'HIDDEN'},
         description="Place of the base object relative to this one when it was bound, row by row")
     base_rest_mesh: PointerProperty(type=bpy.types.Mesh, options={'HIDDEN'})  # in this object's space
-    base_rest_made: BoolProperty(options={'HIDDEN'})  # whether that is what its modifiers made, or its own mesh
-    base_rest_of: PointerProperty(type=bpy.types.Object, options={'HIDDEN'})  # the base object that has this rest
+    base_rest_made: BoolProperty(options={'HIDDEN'})  # whether that is the evaluated mesh, not its own
+    base_rest_of: PointerProperty(type=bpy.types.Object, options={'HIDDEN'})  # the base object with this rest
     influence: StringProperty(
         name="Influence", update=_influence_changed,
         description="Vertex group by whose weights the result is shown, as with other modifiers: a soft border, or a "
@@ -261,13 +261,13 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
         name="Update Time", get=lambda self: status.update_ms(self.id_data),
         description="Milliseconds from a handle's move to the stored result, last time")
 
-    # The binding, kept in the file: the content it was made for, how that has changed since, and
-    # what keeps the handles from being followed.
+    # The binding, saved with the file: the signature of its content, how the content has changed since (stale), and
+    # why the handles can't be followed (problem).
     signature: StringProperty(options={'HIDDEN'})
     stale: StringProperty(options={'HIDDEN'})
     bound_points: StringProperty(options={'HIDDEN'})
-    known_groups: StringProperty(options={'HIDDEN'})  # names of its vertex groups, line by line, as they were last
-    begun_as: StringProperty(options={'HIDDEN'})  # its name when it was bound or began to follow: a copy has another
+    known_groups: StringProperty(options={'HIDDEN'})  # last names of its vertex groups, one a line
+    begun_as: StringProperty(options={'HIDDEN'})  # its name at Bind or Follow, which tells copies apart
     proportions: FloatVectorProperty(
         name="Proportions", size=9, options={'HIDDEN'},
         description="How the object was scaled in the scene when it was bound, row by row: its surface is deformed as "
@@ -276,7 +276,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     problem: StringProperty(options={'HIDDEN'})
     render_problem: StringProperty(options={'HIDDEN'})
     cache_modifier: StringProperty(options={'HIDDEN'})
-    cached_points: StringProperty(options={'HIDDEN'})  # carried.points when its cache began to play
+    cached_points: StringProperty(options={'HIDDEN'})  # carried.points() when its cache began to play
     baked_file: StringProperty(options={'HIDDEN'})
     dependency: FloatProperty(
         name="Dependency", options={'HIDDEN', 'ANIMATABLE'},

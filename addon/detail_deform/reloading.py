@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The add-on's modules loaded again where Blender loads its top file alone: up to 4.1 when another version took the
-place of one that was in use, and in any Blender by Reload Scripts."""
+"""Reloads the add-on's modules when Blender reloads only its top-level file: up to 4.1 when a new version replaces one
+that is in use, and in any Blender by Reload Scripts."""
 
 import ast
 import sys
@@ -9,8 +9,8 @@ from pathlib import Path
 
 
 def again(package, folder):
-    """Each module after those that it imports, as their files say now, so that what is taken from a module is of its
-    present version. What a new version brings is imported by those who use it; what it hasn't any more nobody uses."""
+    """Reloads each loaded module after those that its present file imports, so that names imported from a module are of
+    the new version. New modules are loaded by their importers; removed ones have none."""
     for parts in _in_order(Path(folder)):
         module = sys.modules.get('.'.join((package, *parts)))
         if module and module.__name__ != __name__:
@@ -18,7 +18,8 @@ def again(package, folder):
 
 
 def _in_order(folder):
-    """The modules below a folder, ('scene', 'reach') for scene/reach.py, after those that they import."""
+    """The modules below a folder, ('scene', 'reach') for scene/reach.py, each after those that it imports: depth-first,
+    in post-order."""
     paths = {_parts(path.relative_to(folder)): path for path in sorted(folder.rglob('*.py'))}
     begun, order = {()}, []
 
@@ -39,7 +40,7 @@ def _parts(path):
 
 
 def _imports(path, parts):
-    """Of a file's own package what it imports, and what may be modules of that."""
+    """Yields the modules that a file imports relatively, its packages, and imported names, which may be modules."""
     package = parts if path.name == '__init__.py' else parts[:-1]
     yield package
     for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):

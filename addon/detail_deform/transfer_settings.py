@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Object.detail_deform.transfer: from where and how deformations are carried over to this mesh."""
+"""Object.detail_deform.transfer: the source and the settings of deformation transfer to this mesh."""
 
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringProperty
@@ -25,7 +25,7 @@ def _preview_changed(self, context):
 
 
 class DetailDeformTransferFailure(bpy.types.PropertyGroup):
-    """A target that a transfer to many has failed on; its name is the one that the object had then."""
+    """A target on which Transfer to Selected failed; its name is that of the object at that time."""
     target: PointerProperty(name="Target", type=bpy.types.Object, description="Mesh object that was to get it")
     reason: StringProperty(name="Reason", description="Why it failed, and what to do")
 
@@ -55,7 +55,7 @@ class DetailDeformTransfer(bpy.types.PropertyGroup):
     problem: StringProperty(options={'HIDDEN'})
 
 
-_READ_AT_THE_START = {'filepath', 'pairs_of'}  # of following or transferring
+_READ_AT_THE_START = {'filepath', 'pairs_of'}  # only when following or a transfer starts: no update callback
 declare(DetailDeformTransfer, TRANSFER_SETTINGS,
         lambda option: None if option.name in _READ_AT_THE_START else _changed)
 

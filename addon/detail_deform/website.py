@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the project is at home, if the build was told so (DETAIL_DEFORM_WEBSITE): reports go to its /issues."""
+"""The project's home page, filled in by the build (DETAIL_DEFORM_WEBSITE), or ''. Reports go to its /issues."""
 
 WEBSITE = ""

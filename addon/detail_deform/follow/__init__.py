@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One life for all that follows: bound or fed by a source, noticed stale, restored, undone."""
+"""The life cycle of followers, meshes that follow handles or a source: made, updated, found stale, ended."""

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is no longer as it was bound is bound again by itself, with its pose, where that takes next to no time. In the
-window only: scripts say when."""
+"""Re-binds stale objects automatically, keeping their pose, if that is quick. In the window only: scripts bind
+explicitly."""
 
 import bpy
 
 from ..scene.window import redraw_panels
 from . import binding, bound, registry, words
 
-_LIMIT_SECONDS = 0.5
-_SECONDS_A_VERTEX = 1e-5  # at most, for what Python reads of a mesh
-# A dragged slider changes a setting many times a second.
+_LIMIT_SECONDS = 0.5  # estimated time up to which an object is bound automatically; stated in the manual
+_SECONDS_A_VERTEX = 1e-5  # upper bound for the time in which Python reads a mesh and its groups
+# Without a further change, before binding: a dragged slider changes a setting many times a second.
 _PAUSE_SECONDS = 0.2
 
 
 def soon():
-    """Something was found to be stale."""
+    """To be called when an object was found stale: binds it after a pause."""
     if bpy.app.background:
         return
     clear()
@@ -33,7 +33,7 @@ def _is_wanted(ob):
 
 
 def _seconds(ob):
-    """How long it takes about, by the last time."""
+    """Estimated time of a re-bind, from that of the last bind; infinite if that is unknown."""
     entry = bound.cache.find(ob.detail_deform.signature)
     if entry is None:
         return float('inf')
@@ -42,10 +42,10 @@ def _seconds(ob):
 
 
 def _bind_again():
-    """Timer."""
+    """Timer callback."""
     for ob in filter(_is_wanted, registry.of_scene(bpy.context.evaluated_depsgraph_get())):
         try:
             binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=True)
-        except words.TOLD as problem:  # the user is in the midst of it
+        except words.TOLD as problem:  # no report: the user may be in the middle of an edit
             ob.detail_deform.problem = words.sentence(problem)
     redraw_panels()

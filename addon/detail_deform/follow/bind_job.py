@@ -1,25 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A bind and then the first update, both in the background: that one prepares the method, which takes long too."""
+"""A bind, then a first update, both in the background: the first update prepares the method, which takes long too."""
 
 import threading
 
 
 from ..library import native
 
-_SHARE_OF_BIND = 0.7  # of the time, about
+# Fraction of the progress that is the bind's. By the ratios in native/README.md it takes 0.6 to 0.7 of both times.
+_SHARE_OF_BIND = 0.7
 _STAGE = "preparing the first update"
 
 
 class BindJob:
-    """A job like those of native. The second half begins when progress() finds that the first has ended: who waits for
-    the deformer alone, as a render does, gets it without."""
+    """Has the interface of native's jobs. progress() starts the update once the bind has ended. finish() alone, as in a
+    render, only binds."""
 
     def __init__(self, bind, handle_count, asked):
-        """bind: the native.Bind. asked: of the update, by the names of native.update_options."""
+        """bind: the native.Bind. asked: the options of the update, by the names of native.update_options."""
         self._bind, self._update, self._deformer, self._error = bind, None, None, None
         self._rest = native.at_rest(handle_count)
         self._asked = asked
-        self._lock = threading.Lock()  # a render may finish it while the window looks at its progress
+        self._lock = threading.Lock()  # a render may call finish() while the window polls progress()
         self.cancelled = False
 
     def progress(self):
@@ -35,7 +36,7 @@ class BindJob:
             return False, 1.0, _STAGE
 
     def _prepare(self):
-        """Whether the update has begun."""
+        """Finishes the bind and starts the update. Whether both succeeded."""
         bind, self._bind = self._bind, None
         try:
             self._deformer = bind.finish()
@@ -44,12 +45,12 @@ class BindJob:
             return False
         try:
             self._update = self._deformer.update(self._rest, **self._asked)
-        except native.NativeError:  # the first that is asked for will say it
+        except native.NativeError:  # the next update raises it again
             return False
         return True
 
     def draft(self):
-        """As of native.Bind."""
+        """As native.Bind.draft()."""
         with self._lock:
             return self._bind.draft() if self._bind else None
 
@@ -60,7 +61,7 @@ class BindJob:
                 job.cancel()
 
     def finish(self):
-        """The native.Deformer, or native.NativeError."""
+        """Returns the native.Deformer, or raises native.NativeError."""
         with self._lock:
             if self._bind:
                 bind, self._bind = self._bind, None

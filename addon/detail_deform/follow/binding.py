@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bind and Unbind, and what a binding must be told of."""
+"""Bind, Unbind, and the changes of settings that a binding must react to."""
 
 from typing import NamedTuple
 
@@ -13,12 +13,13 @@ from . import bound, content, hints, life, registry
 
 
 def bind(ob, depsgraph, wait, keep_rest):
-    """Starts to bind the object's region to its handles, and with wait also finishes.
+    """Starts to bind the object's region to its handles; with wait, or if the deformer is cached, also finishes.
 
-    keep_rest: the empties' rest places stay those of the last Bind, so that a pose survives a
-    change of the mesh. Where a handle has come that has none, all begin where they are now, and so does the surface
-    (scene/start.py).
-    Raises MeshProblem or native.NativeError; the object then has no binding.
+    keep_rest: the empties' rest places stay those of the last Bind, so that the pose survives an edit of the mesh. If a
+    handle was added to the deformed surface, the present places of all handles and the present surface become the new
+    start instead (scene/start.py).
+    Raises MeshProblem or native.NativeError. Faults of the input that are found at once leave the present binding;
+    after any other error the object has none.
     """
     registry.check_mesh(ob)
     native.library()
@@ -38,7 +39,7 @@ def bind(ob, depsgraph, wait, keep_rest):
     roles = known.of_all
     poses = _poses(ob, roles, depsgraph, only_new=keep_rest)
     places = handle_matrices.local_places(ob, depsgraph, poses)
-    # What these refuse leaves the present binding.
+    # The checks up to bound.refuse() leave the present binding when they raise.
     if not keep_rest or _has_come(settings):
         handle_matrices.check_rest(settings, places)
     options = None if settings.base == 'OBJECT' else content.options(ob)
@@ -46,10 +47,10 @@ def bind(ob, depsgraph, wait, keep_rest):
         if not wait and life.is_drafted(ob):
             raise MeshProblem(f"'{ob.name}' is still being bound, and the added handle starts from the result: wait "
                               "for it, and bind then.")
-        life.settle(ob)  # what is shown now is what the surface starts from
-    bound.refuse(ob, "")  # from here on there is none, until it is complete
+        life.settle(ob)  # the final result of the present pose is the new start
+    bound.refuse(ob, "")  # from here on an error leaves no binding
     if settings.base == 'OBJECT':
-        # What is hidden is evaluated where it is needed only, and so its modifiers are looked at.
+        # Blender evaluates a hidden base object only if a modifier depends on it.
         stack.ensure_modifier(ob)
         _need_base(ob)
         depsgraph.view_layer.update()
@@ -61,12 +62,12 @@ def bind(ob, depsgraph, wait, keep_rest):
     for number, pose in poses.items():
         handle_matrices.set_pose(handle_matrices.enabled_handles(settings)[number], pose)
     _find_start(ob, places, keep_rest, handle_matrices.rest_places(ob, places, roles, depsgraph))
-    handle_matrices.motions(settings, places)  # refuses places that can't be inverted
+    handle_matrices.motions(settings, places)  # raises if a rest place is singular
 
     signature = content.signature(content.shape_signature(ob, topology), known, options)
     life.start(bound, signature, lambda: bound.begin(ob, signature, known, options, joined))
     settings.signature, settings.bound_points = signature, carried.points(ob.data)
-    hints.of_region(ob, known, joined)  # here they are known, and the panels need not read the groups
+    hints.of_region(ob, known, joined)  # memoized while the roles are at hand: reading groups is slow
     bound.note_handles(settings)
     settings.begun_as = ob.name
     registry.forget()
@@ -81,7 +82,7 @@ def bind(ob, depsgraph, wait, keep_rest):
 
 
 def _poses(ob, roles, depsgraph, only_new):
-    """{number: handle_matrices.pose_through()} of the handles with empties; only_new: of those without a rest."""
+    """{number: handle_matrices.pose_through()} of the handles with empties; only_new: those without a rest place."""
     chosen = {number: handle.target for number, handle in enumerate(handle_matrices.enabled_handles(ob.detail_deform))
               if handle.target and not handle.mirrors and not (only_new and handle_matrices.has_rest(handle))}
     if not chosen or not seen.needs_measuring(ob) or ob.detail_deform.base == 'OBJECT':
@@ -94,7 +95,7 @@ def _poses(ob, roles, depsgraph, only_new):
 
 
 def _find_start(ob, places, keep_rest, rest_places):
-    """Where the surface and the handles start from."""
+    """Stores the start: the shape that is bound, and the places that the handles' motions are relative to."""
     settings = ob.detail_deform
     if settings.base == 'OBJECT' or not keep_rest:
         start.forget(ob.data)
@@ -107,11 +108,12 @@ def _find_start(ob, places, keep_rest, rest_places):
 
 
 def go_home(ob, depsgraph, wait):
-    """Where the handles are home again: the surface starts from the mesh as it is without any deformation."""
+    """Makes the undeformed mesh the start again, by a new bind, if the start was deformed or a handle was added. To be
+    called when all handles are back at their home places."""
     settings = ob.detail_deform
     if settings.signature and (start.forget_deformation(ob.data) or _has_come(settings)):
         handle_matrices.go_home(settings)
-        offset_attribute.remove(ob.data)  # nor does what it shows count
+        offset_attribute.remove(ob.data)  # else bind() would take the shown deformation as the start
         bind(ob, depsgraph, wait, keep_rest=True)
 
 
@@ -122,7 +124,7 @@ def _has_come(settings):
 
 
 def show_again(ob):
-    """Where the modifier of a bound object was removed, it gets another one."""
+    """Adds the modifier of a bound object again if it was removed."""
     if ob.detail_deform.signature and node_group.find_modifier(ob) is None:
         stack.ensure_modifier(ob)
         influence_changed(ob)
@@ -136,7 +138,7 @@ def influence_changed(ob):
 
 
 def targets_changed(ob):
-    """To be told when a handle of a bound object gets another empty, or the object another base."""
+    """Makes a bound object depend on its empties and base. To be called when any of them is replaced."""
     settings = ob.detail_deform
     if not settings.signature:
         return
@@ -145,7 +147,7 @@ def targets_changed(ob):
 
 
 def _need_base(ob):
-    """The modifier needs the base object's geometry, so that it is evaluated wherever the surface is."""
+    """Makes the modifier depend on the base object's geometry, so that Blender evaluates it along with the surface."""
     settings, modifier = ob.detail_deform, node_group.find_modifier(ob)
     if modifier:
         node_group.set_base(modifier, settings.base_object if settings.base == 'OBJECT' else None)
@@ -156,14 +158,14 @@ _OF_MESHES = (offset_attribute.KEPT, offset_attribute.KEYED)
 
 
 class Kept(NamedTuple):
-    """The binding as it is, for whoever begins another one that may not come about."""
+    """The state of a binding, to be restored if the bind that replaces it is cancelled."""
     state: list  # values of _STATE
-    places: list  # of each handle
-    attributes: list  # of the mesh; None for each that it hasn't
+    places: list  # values of handle_matrices.KEPT, for each handle
+    attributes: list  # vectors of the attributes _OF_MESHES; None for each that the mesh lacks
 
 
 def kept(ob):
-    """What restore() brings back."""
+    """The present Kept, for restore()."""
     settings = ob.detail_deform
     return Kept([getattr(settings, name) for name in _STATE],
                 [[getattr(handle, name)[:] for name in handle_matrices.KEPT] for handle in settings.handles],
@@ -191,12 +193,12 @@ def restore(ob, present):
 
 
 def cancel(ob):
-    """Stops a bind under way; the timer then takes back what it began."""
+    """Cancels a bind under way; the timer of life.py then removes the incomplete binding."""
     bound.cache.cancel(ob.detail_deform.signature)
 
 
 def unbind(ob, keep_rest=False):
-    """Forgets the binding; the mesh shows its rest shape. keep_rest: the handles still know where they are at rest."""
+    """Removes the binding; the mesh shows its rest shape. keep_rest: the handles keep their home places as rest."""
     homes = [handle_matrices.kept_home(handle) for handle in ob.detail_deform.handles] if keep_rest else ()
     life.end(bound, ob)
     for handle, kept in zip(ob.detail_deform.handles, homes):
@@ -204,7 +206,7 @@ def unbind(ob, keep_rest=False):
 
 
 def make_base_object(ob):
-    """The computed base as an object, which becomes the base at the next Bind."""
+    """Makes an object of the computed base surface, which is the base from the next Bind on. Raises MeshProblem."""
     settings = ob.detail_deform
     entry = bound.cache.find(settings.signature)
     if entry is None or settings.stale or settings.base == 'OBJECT':

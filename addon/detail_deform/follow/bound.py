@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A kind of life, what is bound to handles: where its content is another one, it is stale until it is bound again."""
+"""Meshes that are bound to handles, as a kind.Kind. When their content changes, they are stale until the next Bind."""
 
 import copy
 
@@ -16,9 +16,9 @@ from .bind_job import BindJob
 from .parts_job import PartsJob
 from .slow_update import SlowUpdate
 
-cache = made.Cache(spare=3)  # of native.Deformer, and while that is made of native.Draft
+cache = made.Cache(spare=3)  # of native.Deformer or composed.Deformer; of drafts while a bind is under way
 
-_DRAFT_FROM = 100_000  # vertices: with fewer a bind ends before one is missed
+_DRAFT_FROM = 100_000  # vertices. Tuned: at 40,401 a draft comes only 150 ms before the result (native/README.md)
 
 
 def has(ob):
@@ -38,16 +38,16 @@ def is_live(ob):
 
 
 def others(ob):
-    """Objects whose meshes are content too."""
+    """Other objects whose meshes are part of the content: examples."""
     return [example.object for example in ob.detail_deform.examples if example.object]
 
 
-# Whether the content is still that which was bound
+# Whether the content is unchanged
 
 def check(ob):
-    """Notes how mesh, groups and options differ from what was bound. Returns a sentence where the binding is lost.
+    """Stores how mesh, groups and options differ from those that were bound. Returns a sentence if the binding is lost.
 
-    By content: swapped vertices and re-painted weights count, a mesh that is as it was does not.
+    Hashes are compared: swapped vertices and re-painted weights make a difference, an edit that was undone does not.
     """
     of = ob.detail_deform
     if ob.mode == 'EDIT':
@@ -63,8 +63,8 @@ def check(ob):
         if stale not in {content.TOPOLOGY_CHANGED, content.VERTICES_MOVED}:
             _show_whole(ob)
         of.stale = stale
-        if stale == content.TOPOLOGY_CHANGED or not shown.is_draft(ob.data):  # whose result is still to come
-            shown.forget(ob.data)  # an edit may have reached the offsets too
+        if stale == content.TOPOLOGY_CHANGED or not shown.is_draft(ob.data):  # a draft stays until its result comes
+            shown.forget(ob.data)  # the edit may have changed the stored offsets
     return ""
 
 
@@ -84,11 +84,11 @@ def carry_along(ob, depsgraph):
     if len(before) == len(now) and carried.went_along(motion, before, now):
         carried.carry(ob, motion)
     else:
-        of.bound_points = carried.points(ob.data)  # the user moved all vertices: later changes are told from here on
+        of.bound_points = carried.points(ob.data)  # the user moved all vertices: later motions are relative to this
 
 
 def _show_whole(ob):
-    """Refines a quick result that a drag has left, as a stale object gets no further frames."""
+    """Replaces the quick result of a drag by the refined one, as a stale object gets no further frames."""
     record = shown.by(ob.data)
     if record is not None and record.is_hurried:
         try:
@@ -135,7 +135,7 @@ def is_for(ob, entry):
 # Made and lost
 
 def begin(ob, signature, roles, options, joined):
-    """The job. roles: content.Roles. joined: the object's split.Joined."""
+    """Starts to bind, and returns the job. roles: content.Roles. joined: the object's split.Joined."""
     of, triangles = ob.detail_deform, mesh_data.triangles(ob.data)
     hung = content.hung(ob, roles.of_all, triangles)
     placed.know(ob, signature, joined, triangles, hung)
@@ -143,7 +143,7 @@ def begin(ob, signature, roles, options, joined):
     told = options | {name: space.to(options[name]) for name in ('examples', 'base') if name in options}
     told['draft'] = _has_draft(len(hung))
     parts = content.parts_to_bind(ob, roles, joined, triangles, hung)
-    if of.base == 'OBJECT':  # whose pose is another one by then
+    if of.base == 'OBJECT':  # without a first update: the base may have moved by then
         return native.Bind(*parts[0].bind_arguments(), **told)
     asked = look.quick(with_free(look.asked(of), of))
     jobs = [BindJob(native.Bind(*part.bind_arguments(), **part.options(told)), len(part.numbers), part.asked(asked))
@@ -152,12 +152,12 @@ def begin(ob, signature, roles, options, joined):
 
 
 def _has_draft(vertex_count):
-    """Without a window nobody sees one."""
+    """Whether to ask for a draft: only for large meshes, and only if a window shows it."""
     return vertex_count >= _DRAFT_FROM and not bpy.app.background
 
 
 def with_free(asked, of):
-    """With what is said of free handles."""
+    """The options of an update, with those for free handles if there are any."""
     free = handle_matrices.free(of)
     if not free.any():
         return asked
@@ -171,7 +171,7 @@ def job(ob):
 
 
 def refuse(ob, sentence):
-    """It could not be bound."""
+    """Stores why the object could not be bound, and that it has no binding."""
     _forget(ob.detail_deform)
     ob.detail_deform.problem = sentence
 
@@ -181,7 +181,7 @@ def _forget(of):
 
 
 def forget(ob):
-    """All that belongs to the binding."""
+    """Removes all data of the binding from the object."""
     of = ob.detail_deform
     _forget(of)
     for handle in of.handles:
@@ -232,7 +232,7 @@ class Frame:
             self.key += (self._turns.tobytes(),)
 
     def by(self, deformer):
-        """The same frame by another deformer."""
+        """A copy of the frame for another deformer, one that is no draft."""
         frame = copy.copy(self)
         frame._deformer, frame.is_draft = deformer, False
         return frame
@@ -242,7 +242,7 @@ class Frame:
         return self.key[0] == ob.detail_deform.signature
 
     def offsets(self, share):
-        """As kind.Frame: the quick result where the method has a slow one, or share is less than 1."""
+        """As kind.Frame: the quick result if the method has a slow one, or if share is less than 1."""
         slow_results.cancel(offset_attribute.token(self._ob.data))
         slow_results.make_way(self._deformer)
         told = self._told()

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A deformer that consists of several parts (reaches.py).
 
-The parts deform the surface one after the other. The displacements d of a part are added to the positions p that
-earlier parts have produced, rotated by their deformation gradients: p' = p + F d. F is smoothed, as the gradients of
-details would add these details a second time. The motion of a part's handles is taken relative to the surface at that
-point, so that their vertices end where the empties are. So a handle moves nothing outside of its reach, and a part
-whose handles haven't moved costs nothing.
+The parts deform the surface one after the other: p' = p + F d, where p are the positions that the earlier parts have
+produced, F their deformation gradients and d the displacements of the part. F is smoothed, as gradients of details
+would add these details a second time. The motion of a part's handles is taken relative to the surface at that point, so
+that their vertices end where the empties are. So a handle moves nothing outside of its reach, and a part whose handles
+haven't moved costs nothing.
 """
 
 import copy
@@ -16,8 +16,8 @@ from mathutils import Matrix
 
 from ..library import native
 
-# The surface around a handle that has turned by less (radians) is taken to have turned the shortest way; for larger
-# turns the whole turns are counted.
+# Radians: only handles that have turned farther count in the estimate of the surface's whole turns. Safety: a margin
+# below π, at which the shortest rotation vector flips.
 _HALF = 0.75 * np.pi
 
 
@@ -45,10 +45,10 @@ class _Composition:
         Deformer.arriving."""
         self.offsets = np.zeros((vertex_count, 3), np.float32)
         self._matrices, self._asked, self._width = matrices, asked, width
-        self._shows_base = asked.get('output') == 'BASE'  # then the parts' base displacements are summed as they are
+        self._shows_base = asked.get('output') == 'BASE'  # then base displacements are added up without F
         self._gradients, self._is_changed = None, False
         turns = asked.get('turns')
-        # Of handles of parts that were updated already: relative to the surface that these have found.
+        # (h, 3) rotation vectors. Those of a part that was updated: relative to the surface before its update.
         self._turns = np.zeros((len(matrices), 3)) if turns is None else turns.copy()
         self._turn, self._arriving = self._turns.any(axis=1), arriving
 
@@ -71,8 +71,8 @@ class _Composition:
 
     def _relative_turns(self, part, turns):
         """(h, 3) rotation vectors: how far its handles turn relative to the surface. The surface's own rotation is
-        known from F up to whole turns. These follow from the handles that have turned it, each times the share of its
-        motion that arrives at the handle."""
+        known from F up to whole turns. The whole turns are estimated from the handles that have turned it, each times
+        the share of its motion that arrives at the handle."""
         result = turns.copy()
         far = np.flatnonzero(np.linalg.norm(self._turns, axis=1) > _HALF)
         arrives = self._arriving(part, far) if len(far) else np.zeros((len(turns), 0))
@@ -161,8 +161,8 @@ class Deformer:
 
     @property
     def info(self):
-        """As native.Deformer.info; a draft has none. Figures of the first part, which is the largest, findings of
-        any."""
+        """As native.Deformer.info; a draft has none. Figures are sums or those of the first part, the largest; findings
+        are of any part."""
         info = copy.copy(self._made[0].info)
         info.vertex_count = self.vertex_count
         info.handle_count = sum(len(part.numbers) for part in self._parts)

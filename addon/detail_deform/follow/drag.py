@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tells whether a handle is being dragged: updates follow one another while the window's event loop runs in between.
-During a script the loop doesn't run, and playback is reported by ended()."""
+"""Detects whether a handle is being dragged: updates follow one another, and the window's event loop runs in between.
+During a script the loop doesn't run, and in playback each frame change calls ended()."""
 
 import bpy
 
 _TICK_SECONDS = 0.05
-_PAUSE_TICKS = 10  # a drag has ended after so many without an update; counted, as drawing may delay them
-_LIMIT_MS = 50.0  # an update of a drag may take so long: 20 frames a second
+_PAUSE_TICKS = 10  # without an update, which end a drag: 0.5 s. Ticks, not time, as slow drawing delays them
+_LIMIT_MS = 50.0  # longest time of an update during a drag: 20 frames a second
 
 
 class _Drag:
@@ -32,7 +32,8 @@ def _tick():
 
 
 def share(full_ms):
-    """The part of an update's time that a drag leaves; 1 if nothing is being dragged. full_ms: of the last full one."""
+    """The time that a drag leaves for an update, as a fraction of a full update's; 1 if nothing is being dragged.
+    full_ms: the time of the last full update; 0 if unknown."""
     return min(1.0, _LIMIT_MS / full_ms) if _drag.goes_on and full_ms else 1.0
 
 

@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Edited meshes, compared with what was made for them: at once, or in the window when editing pauses."""
+"""Compares edited meshes with the content that was bound: at once, or in the window when editing pauses."""
 
 import bpy
 
 from ..scene.window import redraw_panels
 from . import bound, life, registry
 
-# A paint stroke tags the mesh at every dab, a dragged slider of a shape key at every step: in the
-# window comparing waits until that has paused for so long.
+# Without a further edit, before meshes are compared in the window: a paint stroke tags the mesh at every dab, a dragged
+# slider of a shape key at every step.
 _PAUSE_SECONDS = 0.3
-_to_compare = set()  # addresses of objects, which are only compared
-_ALL = None  # among them: after undo objects may have other addresses
+_to_compare = set()  # addresses of objects; never dereferenced
+_ALL = None  # an entry that stands for all members: undo may change the addresses of objects
 
 
 def note(members, edited):
-    """edited: data-blocks whose geometry was changed."""
+    """Compares the members that a change of geometry affects. edited: data-blocks with changed geometry."""
     for ob in members:
         others = life.kind_of(ob).others(ob)
         if not life.is_known(ob) and (ob.data in edited or any(other.data in edited for other in others)):
-            _edited(ob)  # the object alone is tagged by whatever its modifiers depend on
+            _edited(ob)  # not the object's own tag: it is set by any change of what its modifiers depend on
         base = ob.detail_deform.base_object
         if base and base.data in edited:
             bound.check_base(ob)
@@ -48,7 +48,7 @@ def _forget_to_compare():
 
 
 def forget_addresses():
-    """Before undo, redo and loading."""
+    """To be called before undo, redo and loading."""
     if _to_compare:
         _to_compare.add(_ALL)
 

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Transfers that were factored, kept for when they are asked for again, as after an edit of the source's shape keys.
+"""A cache of factored transfers, for repeated runs, as after an edit of the source's shape keys.
 
-They are found by content, as in made: meshes that are alike share one. Where they are more than may be kept, those that
-are kept stay, if the present run has used them: a run over the same meshes in the same order finds them again, where
-keeping the newest would find none.
+Keys are signatures of content, as in made: equal meshes share an entry. When the cache is full, only entries that the
+present run has not used are evicted: a repeated run over the same meshes in the same order then finds the others, where
+LRU would find none.
 """
 
 from ..scene import correspondence
 from . import prepared
 
-_MOST_BYTES = 1 << 30
-_BYTES_A_ROW = 1400  # measured: of the system's rows and the source's vertices alike
+_MOST_BYTES = 1 << 30  # of all entries: trades memory for repeated factorizations; stated in the manual
+_BYTES_A_ROW = 1400  # measured, for each row of the system and each vertex of the source
 
-_kept = {}  # by content: (Prepared, bytes)
-_used = set()  # contents, in this run
+_kept = {}  # {content: (Prepared, bytes)}
+_used = set()  # contents that the present run has used
 
 
 def begin_run():
@@ -26,7 +26,8 @@ def clear():
 
 
 def prepare(source, target, matched, how):
-    """Generator of the fraction done; gives the Prepared of these objects. Raises MeshProblem or native.NativeError."""
+    """Generator: yields the fraction done and returns the Prepared of these objects, from the cache if it is there.
+    Raises MeshProblem or native.NativeError."""
     by = 'TOPOLOGY' if matched.is_by_topology else correspondence.digest_of(matched)
     content = prepared.content(source, target, by, how, matched.stance is not None)
     if content not in _kept:
@@ -43,7 +44,7 @@ def prepare(source, target, matched, how):
 
 
 def _keep(content, found, size):
-    """Whether there was room."""
+    """Adds an entry, evicting the oldest unused ones. Whether there was room."""
     if size > _MOST_BYTES:
         return False
     for other in [other for other in _kept if other not in _used]:

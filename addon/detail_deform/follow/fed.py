@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Meshes that follow a source by a transfer, as a kind.Kind. When their content changes, the transfer is prepared again
-without being asked for."""
+automatically."""
 
 import contextlib
 
@@ -39,8 +39,8 @@ def others(ob):
 
 
 def depth(ob):
-    """The number of followers in the chain from this object to a source that follows nothing; at most ten, as a chain
-    may be closed."""
+    """The number of followers in the chain from this object to a source that follows nothing; cut off at ten, as the
+    chain may be a cycle."""
     found = 0
     while ob is not None and ob.detail_deform.transfer.live and found < 10:
         ob, found = ob.detail_deform.transfer.source, found + 1
@@ -99,11 +99,12 @@ def is_outdated(ob):
 
 
 def is_fit(ob, depsgraph):
-    """Whether there is a source to follow and a modifier that shows the result; else the problem is stored."""
+    """Whether there is a source to follow and a modifier that shows the result; else the problem is stored. False, too,
+    while the source is in Edit Mode."""
     of, problem = ob.detail_deform.transfer, ""
     if of.source is None or not _is_in_a_scene(of.source, depsgraph):
         problem = GONE
-    elif of.source.type != 'MESH':  # Blender asks nobody when a script chooses
+    elif of.source.type != 'MESH':  # the property's poll function is not called for scripts
         problem = _NO_MESH
     elif node_group.find_modifier(ob) is None:
         problem = _NOT_SHOWN
@@ -155,12 +156,12 @@ def check_frame(ob):
     pass
 
 
-_shared = None  # {(source, what of it is evaluated, depsgraph): pose}, during shared_poses()
+_shared = None  # {(source, vertex count of its Wider, depsgraph): pose} by addresses; None outside shared_poses()
 
 
 @contextlib.contextmanager
 def shared_poses():
-    """Meanwhile each source that isn't deformed by this add-on is evaluated once, for all its followers."""
+    """Context in which each source that this add-on doesn't deform is evaluated once, for all its followers."""
     global _shared
     _shared = {}
     try:
@@ -173,7 +174,7 @@ def _pose(source, depsgraph, wide):
     of = source.detail_deform
     if _shared is None or of.signature or of.transfer.live:
         return source_pose.evaluated_pose(source, depsgraph, wide)
-    key = source.as_pointer(), wide and wide.count, depsgraph.as_pointer()  # a render has one of its own
+    key = source.as_pointer(), wide and wide.count, depsgraph.as_pointer()  # a render has its own depsgraph
     if key not in _shared:
         _shared[key] = source_pose.evaluated_pose(source, depsgraph, wide)
     return _shared[key]

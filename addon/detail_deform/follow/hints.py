@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the shape of a region, or empties that two meshes share, will make go wrong: sentences for the status."""
+"""Warnings for the status: regions, examples and empties that will give unexpected results."""
 
 import numpy as np
 
@@ -8,21 +8,23 @@ from ..scene import components, examples, handle_matrices, mesh_data, split, way
 from ..scene.mesh_data import MeshProblem
 from . import content, misshapen, registry
 
-# Of how far an example moves the region: as far may it move what lies beside.
+# Largest displacement by an example of fixed vertices beside the region, as a fraction of that of the region. Above it
+# a warning: lower values warn of examples that fade out, higher ones miss visible stubs.
 _BESIDE = 0.2
-_MOST = 8
-_of_regions = {}  # by signature: the sentences, as reading groups takes a while
+_MOST = 8  # entries of _of_regions
+_of_regions = {}  # memoized: {(signature, method): sentences}, as reading groups is slow
 
 
 def of_region(ob, roles=None, joined=None):
-    """Of a bound object. roles: content.Roles, and joined: its split.Joined, where they are known."""
+    """Warnings about the region and the examples of a bound object; memoized. roles: its content.Roles, joined: its
+    split.Joined, if the caller has them."""
     key = (ob.detail_deform.signature, ob.detail_deform.method)
     if key not in _of_regions:
         try:
             joined = joined or split.Joined(ob)
             roles = roles or content.roles_of(ob, joined=joined)
             found = list(_of_region(ob, roles, joined.between(mesh_data.edges(ob.data))))
-        except MeshProblem:  # it is stale, or about to be
+        except MeshProblem:  # the object is stale, or about to be
             return ()
         while len(_of_regions) >= _MOST:
             del _of_regions[next(iter(_of_regions))]
@@ -58,7 +60,7 @@ def _of_region(ob, roles, edges):
 
 
 def _around(part, edges):
-    """(k,) roles and (e, 2) edges of a part's vertices and those beside them, numbered anew."""
+    """(k,) roles and (e, 2) edges of a part's vertices and their one-ring, which is fixed; renumbered from 0."""
     if part.is_whole:
         return part.roles, edges
     inside = np.zeros(edges.max(initial=-1) + 1, bool)
@@ -71,10 +73,10 @@ def _around(part, edges):
 
 
 def _move_as_a_whole(roles, edges):
-    """Numbers of handles that are alone on a part of which nothing is fixed and something follows."""
+    """Numbers of the handles that are alone on a connected component with free vertices and without fixed ones."""
     inside = roles != native.ROLE_FIXED
     parts = components.least(len(roles), edges[inside[edges].all(axis=1)])
-    is_held = np.zeros(len(roles), bool)  # of a part, by its number: what is fixed is beside it
+    is_held = np.zeros(len(roles), bool)  # by a component's number: whether a fixed vertex is beside it
     is_held[parts[inside & _beside(edges, ~inside)]] = True
     follows = np.zeros(len(roles), bool)
     follows[parts[roles == native.ROLE_FREE]] = True
@@ -84,7 +86,7 @@ def _move_as_a_whole(roles, edges):
 
 
 def _beside(edges, chosen):
-    """(n,) bool: what an edge leads to from the chosen ones, and these."""
+    """(n,) bool: the neighbours of the chosen vertices, and the chosen ones that have an edge."""
     a, b = edges.T
     touched = chosen[a] | chosen[b]
     found = np.zeros(len(chosen), bool)
@@ -101,7 +103,7 @@ def _of_examples(ob, region, border):
         title = examples.title(example)
         moved = np.linalg.norm(pose - rest, axis=1)
         if border.any() and moved[border].max() > _BESIDE * moved[region].max():
-            # It bends more of the mesh than the region holds: of a tip alone it leaves a stub.
+            # The example bends more of the mesh than the region: where it is cut off it leaves a stub.
             vertex = int(np.flatnonzero(border)[moved[border].argmax()])
             yield (f"Example '{title}' also moves what lies beside the region (such as vertex "
                    f"{vertex}), which stays: of the pose a flat stub may be left. Make the region larger, to where the "
@@ -112,7 +114,7 @@ def _of_examples(ob, region, border):
 
 
 def goes_by_its_mesh(ob):
-    """(name, why) of a handle whose empty goes by vertices of the mesh that it moves; None where none does."""
+    """(name, reason) of a handle whose empty depends on vertices that it moves (a feedback loop), or None."""
     search = way_back.Search(ob)
     for handle in handle_matrices.with_empties(ob.detail_deform):
         why = handle.target and search.of_place(handle.target)
@@ -129,14 +131,14 @@ def gone_empties(ob, depsgraph):
 
 
 def is_posed_alike(ob, other):
-    """Whether a copy of a mesh goes on with empties that are children of the first: then they count in its space."""
+    """Whether the empties that ob shares are children of other: then motions are relative to other, and both get the
+    same pose."""
     return all(handle.target.parent == other for handle in handle_matrices.enabled_handles(ob.detail_deform)
                if handle.target and handle.target == handle.own_target and handle.target.parent != ob)
 
 
 def shares_empties_with(ob):
-    """The mesh that this one was copied from, or its copy, where the copy goes on with the empties of the first; None
-    where its empties are its own."""
+    """The object of which ob is a copy, or a copy of ob, if both have the same empties; None if ob has its own."""
     for handle in handle_matrices.enabled_handles(ob.detail_deform):
         empty = handle.target
         if empty is None or empty.parent == ob or handle.own_target != empty:

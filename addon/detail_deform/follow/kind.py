@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What life.py asks of each kind of follower. The kinds are the modules bound (meshes that follow their handles) and
-fed (meshes that follow a source by a transfer)."""
+"""The interface that life.py requires of each kind of follower. The kinds are the modules bound (meshes that follow
+their handles) and fed (meshes that follow a source by a transfer)."""
 
 from typing import Any, Protocol
 
 
 class Frame(Protocol):
-    """What an object has to show at present: handles' motions or a source's pose, taken when it is made from an
-    object, a deformer or transfer, and a depsgraph."""
+    """The input of one update of an object: its handles' motions or its source's pose. They are read when the frame is
+    constructed, from an object, a deformer or transfer, and a depsgraph."""
     key: Any
     """Equal keys mean equal results."""
     is_hurried: bool
@@ -16,12 +16,12 @@ class Frame(Protocol):
     """Whether it was computed by the draft of a deformer that is still being bound."""
 
     def offsets(self, share):
-        """(3 n,) float32: the displacements of all vertices. share: of the time of a full update, what a drag leaves;
-        less than 1 may give a quicker, rougher result."""
+        """(3 n,) float32: the displacements of all vertices. share: the time that a drag leaves, as a fraction of a
+        full update's; less than 1 may give a quicker, rougher result."""
 
     def written(self, record, wait):
-        """Called when the offsets have been written to the mesh. record: the shown.Shown of that, to be completed.
-        wait: whether a result that takes longer must be there on return, as in a render."""
+        """Called after the offsets were written to the mesh. record: their shown.Shown, which this completes. wait:
+        whether a slow result must be finished before this returns, as in a render."""
 
 
 class Kind(Protocol):
@@ -35,7 +35,7 @@ class Kind(Protocol):
         """Whether the object is a follower of this kind."""
 
     def settings(self, ob):
-        """The settings that hold its problem, the sentence that its panel shows."""
+        """The property group whose `problem`, a sentence, its panel shows."""
 
     def content_of(self, ob):
         """The signature of the content that its deformer or transfer was made for: the key in cache."""
@@ -44,7 +44,7 @@ class Kind(Protocol):
         """Other objects whose meshes are part of that content."""
 
     def is_live(self, ob):
-        """Whether it follows by itself, without Update being pressed."""
+        """Whether it is updated automatically, without Update being pressed."""
 
     def is_outdated(self, ob):
         """Whether check() is needed before the next frame."""
@@ -53,19 +53,20 @@ class Kind(Protocol):
         """Compares the present content with the one that was bound. A sentence if the binding is lost, else ''."""
 
     def is_fit(self, ob, depsgraph):
-        """Whether it can follow at present."""
+        """Whether it can be updated at present."""
 
     def is_for(self, ob, entry):
         """Whether an entry of the cache fits the object for certain, without comparing content."""
 
     def job(self, ob):
-        """Starts to make the deformer or transfer in the background. Raises MeshProblem."""
+        """Starts to make the deformer or transfer in the background, and returns the job. Raises MeshProblem or
+        native.NativeError."""
 
     def refuse(self, ob, sentence):
-        """Notes why it could not be made."""
+        """Stores why its deformer or transfer could not be made."""
 
     def forget(self, ob):
         """Removes all data of this kind from the object."""
 
     def check_frame(self, ob):
-        """Raises MeshProblem for what would make a frame wrong, such as groups that are gone."""
+        """Raises MeshProblem for faults that would make a frame wrong, such as missing vertex groups."""

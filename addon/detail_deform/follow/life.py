@@ -2,8 +2,8 @@
 """The life cycle of followers, objects whose mesh follows handles or a source.
 
 Their deformer or transfer is made in the background, their offsets are brought up to date, a change of their content is
-noticed, and they are ended. What differs between the two kinds of followers is in the modules bound and fed, by the
-names of kind.Kind.
+noticed, and they are ended. What differs between the two kinds of followers is in the modules bound and fed, which
+implement kind.Kind.
 """
 
 import time
@@ -18,7 +18,7 @@ from .kind import Kind
 
 KINDS: tuple[Kind, ...] = (fed, bound)
 
-_POLL_SECONDS = 0.05
+_POLL_SECONDS = 0.05  # interval of polls: about the delay with which a job's end is noticed
 _known = None  # an object whose content is known to be unchanged: see take_in()
 
 when_stale = []  # functions that are called when an object's content has changed since it was bound
@@ -132,7 +132,7 @@ def _replace_draft(ob):
 
 
 def end_drag(members):
-    """From the next refresh on they show the whole result: a frame has come, or a file is written."""
+    """Ends a drag: the next refresh shows the full result. To be called at frame changes and before saving."""
     drag.ended()
     for ob in members:
         record = shown.by(ob.data)
@@ -151,7 +151,7 @@ def wait(ob, depsgraph):
 
 def take_in(ob, view_layer):
     """Evaluates a view layer after something was written to an object whose content is known to be unchanged. The
-    update that Blender makes later would look like an edit of the user's, and compare all content again."""
+    update that Blender makes later would look like an edit by the user, and all content would be compared again."""
     global _known
     _known = ob
     try:

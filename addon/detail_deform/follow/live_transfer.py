@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A mesh begins to follow the deformation of another one, says how it fares, and stops."""
+"""Starts and ends following the deformation of another mesh, and describes the state of a follower."""
 
 import bpy
 
@@ -11,7 +11,7 @@ from . import binding, fed, life, registry
 
 
 def check_start(ob, source):
-    """Raises MeshProblem where an object can't follow that source, whatever corresponds."""
+    """Raises MeshProblem if the object can't follow that source, whatever the correspondence."""
     if ob.detail_deform.signature:
         raise MeshProblem(f"'{ob.name}' is bound to handles, which move it already: press Unbind first.")
     offset_attribute.check_name(ob)
@@ -31,8 +31,8 @@ def _check_circle(source, ob):
 
 
 def start(context, ob, source, matched=None):
-    """matched: the correspondence to go by from now on and to be kept; None: as the settings say. Raises MeshProblem
-    or native.NativeError; nothing is changed then."""
+    """Starts following. matched: the correspondence to use and to store; None: the one that the settings choose.
+    Raises MeshProblem or native.NativeError; nothing is changed then."""
     settings, depsgraph = ob.detail_deform.transfer, context.evaluated_depsgraph_get()
     check_start(ob, source)
     used, content = matched or fed.matched(source, ob), fed.content(source, ob, matched)
@@ -41,7 +41,7 @@ def start(context, ob, source, matched=None):
         life.finish(fed, content)
     if matched:
         correspondence.store(matched, source, ob)
-        if matched.pairs_of != NEAREST:  # which is found again the next time
+        if matched.pairs_of != NEAREST:  # nearest points are found anew at each start
             settings.correspondence = 'STORED'
     forget_strange(ob)
     modifier = stack.ensure_modifier(ob)
@@ -50,7 +50,7 @@ def start(context, ob, source, matched=None):
     settings.prepared_for = content
     settings.live, ob.detail_deform.begun_as = True, ob.name
     registry.forget()
-    node_group.set_base(modifier, source)  # evaluated where it is hidden, too
+    node_group.set_base(modifier, source)  # so that a hidden source is evaluated, too
     binding.influence_changed(ob)
     life.refresh(ob, context.evaluated_depsgraph_get(), force=True)
     life.drop_unused()
@@ -61,19 +61,19 @@ def stop(ob):
     if not fed.has(ob):
         return
     life.end(fed, ob)
-    if not ob.detail_deform.handles:  # nobody else has use for it
+    if not ob.detail_deform.handles:  # handles would need it at the next Bind
         node_group.remove_modifier(ob)
 
 
 def source_changed(ob):
-    """To follow another one."""
+    """To be called when another source was chosen: makes the modifier depend on it."""
     settings, modifier = ob.detail_deform.transfer, node_group.find_modifier(ob)
     if settings.live and modifier:
         node_group.set_base(modifier, settings.source)
 
 
 def state(ob):
-    """How a follower fares, in a sentence; of what follows nobody, what is wrong, if anything is."""
+    """The state of a follower in sentences; of an object that follows nothing its problem, or ''."""
     settings = ob.detail_deform.transfer
     if not settings.live:
         return settings.problem

@@ -44,12 +44,13 @@ def quick(told, share=1.0):
 
 
 def steps(settings):
-    """The number of steps; 1 with a base object, whose motion can't be divided."""
+    """The number of steps; 1 for Examples, and with a base object, whose motion can't be divided."""
     return options.value(_STEPS, settings)
 
 
 def soft_border(settings):
-    """The width as a fraction of the way to the handles; 0 with a base object, which moves the border itself."""
+    """The width as a fraction of the way to the handles; 0 for the output Base, and with a base object, which moves the
+    border itself."""
     return settings.soft_border if settings.base == 'COMPUTED' and settings.output == 'RESULT' else 0.0
 
 

@@ -17,20 +17,21 @@ class Entry:
         self.made = made
         self.update_ms = 0.0
         self.full_ms = 0.0  # of the last update with all refinement
-        self.owners = set()  # objects that were found to have this content
+        self.owners = set()  # tuples of addresses of objects and meshes that have this content: fed._owner()
 
 
 class Cache:
     """The entries of one kind, and the jobs that make them. Jobs have the methods of native.Bind: progress(), cancel(),
-    cancelled, finish(), close(), and draft(), which returns a rough stand-in once it is there, once, else None."""
+    cancelled, finish(), close(), and draft(), which returns a rough deformer the first time that it is ready, else
+    None."""
 
     def __init__(self, spare):
-        """spare: how many entries are kept though no object uses them, so that undo finds them; the newest are."""
+        """spare: the number of unused entries, the newest ones, that are kept so that undo finds them."""
         self._spare = spare
         self._entries = {}  # by signature, like the next three
         self._jobs = {}
         self._drafts = {}  # entries with the drafts of jobs
-        self._failed = {}  # sentences: why a job failed
+        self._failed = {}  # native.NativeError of jobs that failed
         self._ending = []  # cancelled jobs; closing one waits until its thread has ended
         self._finishing = threading.Lock()  # a render and the window may wait for the same job
 
@@ -119,7 +120,7 @@ class Cache:
         self._ending[:] = [job for job in self._ending if job.progress()[0]]
 
     def keep(self, contents, spares=True):
-        """Drops entries, failures and jobs of all other contents, but for the newest entries, which are spares."""
+        """Drops entries, failures and jobs of all other contents. spares: keeps the newest unused entries."""
         for content in [content for content in self._jobs if content not in contents]:
             self.let_go(content)
         self._forget_ended()

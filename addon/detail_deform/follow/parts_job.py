@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The binds of several parts (reaches.py), as one job like those of native."""
+"""The binds of several parts (reaches.py), as one job with the interface of native's."""
 
 import threading
 
@@ -12,7 +12,7 @@ class PartsJob:
         self._parts, self._jobs, self._vertex_count = parts, jobs, vertex_count
         self._made = [None] * len(parts)
         self._drafts = [None] * len(parts)
-        self._lock = threading.Lock()  # a render may finish it while the window looks at its progress
+        self._lock = threading.Lock()  # a render may call finish() while the window polls progress()
         self.cancelled = self._was_drafted = False
         self._failed = None
 
@@ -26,7 +26,7 @@ class PartsJob:
         return bool(running), fraction, (running or states)[0][2]
 
     def draft(self):
-        """As of native.Bind: there once each part has one, or is done."""
+        """As native.Bind.draft(): ready once each part has a draft or is bound."""
         with self._lock:
             if self._was_drafted or self._failed:
                 return None
@@ -40,7 +40,7 @@ class PartsJob:
                     try:
                         self._finish(number)
                     except native.NativeError as error:
-                        self._failed = error  # who waits for all will be told
+                        self._failed = error  # finish() raises it
                         self._cancel()
                         return None
             made = [draft or made for draft, made in zip(self._drafts, self._made)]
@@ -61,7 +61,7 @@ class PartsJob:
             job.cancel()
 
     def finish(self):
-        """The Deformer, or native.NativeError."""
+        """Returns the composed Deformer, or raises native.NativeError."""
         with self._lock:
             try:
                 if self._failed:

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From the offsets that the library computes to those that are written to a mesh: with a soft border, copied to split
-vertices, continued to vertices in no face, relative to the mesh's own vertices, and with closed mirror seams."""
+"""Converts the offsets that the library computes to those that are written to a mesh: with a soft border, copied to
+split vertices, continued to vertices in no face, relative to the mesh's own vertices, and with closed mirror seams."""
 
 import numpy as np
 
 from ..scene import loose, mesh_data, mirror_plane, proportions, soft_border, split, start
 from . import content, look, registry
 
-# How many entries each cache below keeps: at least so many, and so many for each follower, as undo returns to the
-# previous content.
+# Entries that each cache below keeps (LRU): at least _LEAST, and _EACH for each follower: its present content, and the
+# previous one for undo.
 _LEAST, _EACH = 8, 2
 
 # Caches by the signature of the content:
@@ -63,14 +63,14 @@ def _of(made_for, kept, make, fits=lambda found: True):
     found = kept.pop(made_for, None)
     if found is None or not fits(found):
         found = make()
-    kept[made_for] = found  # last in order, as the newest
+    kept[made_for] = found  # at the end: the most recently used
     for old in list(kept)[:-max(_LEAST, _EACH * len(registry.members()))]:
         del kept[old]
     return found
 
 
 def know(ob, signature, joined, triangles, hung):
-    """Stores what a bind has read of the mesh already. hung: (n,) bool, of content.hung."""
+    """Caches what a bind has read of the mesh, so that the first frame needn't. hung: (n,) bool, of content.hung."""
     _of(signature, _joined, lambda: joined)
     _of(signature, _hanging, lambda: _Hanging(ob, triangles, hung), lambda hanging: hanging.fits(ob))
 
@@ -81,7 +81,7 @@ def _find_hanging(ob):
 
 
 class _Hanging:
-    """The vertices in no face that are connected with the surface by edges, and go along with it."""
+    """The vertices in no face that edges connect with the surface, and that follow it."""
 
     def __init__(self, ob, triangles, hung):
         self._edge_count = len(ob.data.edges)  # the signature doesn't contain loose edges

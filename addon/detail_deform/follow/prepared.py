@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A transfer between two objects, factored."""
+"""A factored transfer between two objects, and the job that makes it."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,8 @@ from ..scene.mesh_data import MeshProblem
 
 
 def _spaces(source, target, stance):
-    """Each as it is proportioned in the scene; the source of a stance as it stands to the target."""
+    """[proportions.Space] of source and target. With a stance, (4, 4) from the source's space to the target's, the
+    source is placed relative to the target; else each space only has the object's proportions."""
     own = [proportions.Space(proportions.of(ob)) for ob in (source, target)]
     if stance is None:
         return own
@@ -22,23 +23,24 @@ def _spaces(source, target, stance):
 
 
 class Prepared:
-    """A factored transfer between two objects, in spaces as they are proportioned in the scene."""
+    """A factored transfer between two objects, computed in the proportions that they have in the scene."""
 
     def __init__(self, transfer, source, target, worn, loose, wide, unfollowed):
-        """source, target: the proportions.Space of each. loose: the target's Loose. wide: the source's wider.Wider, or
-        None. unfollowed: as of wider.unfollowed."""
+        """source, target: the proportions.Space of each. worn: whether the correspondence is by nearest points. loose:
+        the target's Loose. wide: the source's wider.Wider, or None. unfollowed: of wider.unfollowed()."""
         self.info, self.worn, self.wide, self.unfollowed = transfer.info, worn, wide, unfollowed
         self._transfer, self._source, self._target, self._loose = transfer, source, target, loose
 
     def apply(self, pose, rotation_only):
-        """(n, 3) float32 of the target, from the source's; of its own vertices, or of all that are followed."""
+        """(n, 3) float32: the target's positions for a pose of the source. pose: (k, 3), the positions of the source's
+        own vertices, or of all those of wide."""
         gradients = 'ROTATIONS' if rotation_only else 'WHOLE'
         pose = self._source.to(pose if self.wide is None else self.wide.of(pose))
         return self._target.back(self._loose.place(self._transfer.apply(pose, gradients), pose))
 
 
 class How(NamedTuple):
-    """What a transfer depends on beside meshes and correspondences, as in transfer_settings."""
+    """The settings that a transfer depends on, beside meshes and correspondence; named as in transfer_settings."""
     anchor: str
     anchor_group: str
     formulation: str
@@ -48,9 +50,9 @@ class How(NamedTuple):
 
     @classmethod
     def of(cls, settings):
-        """settings: whatever has them."""
+        """settings: an object with attributes of these names, and rotation_only."""
         how = cls(*(getattr(settings, name) for name in cls._fields))
-        # What keeps its proportions goes by turns alone, and needs no more.
+        # Where rotations alone are carried over, whole components are placed.
         return how._replace(placing='COMPONENTS') if settings.rotation_only else how
 
     @property
@@ -60,8 +62,8 @@ class How(NamedTuple):
 
 
 class Preparation:
-    """A transfer between two objects that is being factored: a job like those of native. Blender's data are read at the
-    start alone."""
+    """The job that factors a transfer between two objects, with the interface of native's. Only the constructor reads
+    Blender's data."""
 
     def __init__(self, source, target, matched, how, precision='DOUBLE'):
         """how: a How. Raises MeshProblem or native.NativeError."""
@@ -79,7 +81,7 @@ class Preparation:
         more = {}
         if self._worn:
             more['gap'] = how.least_gap
-            if np.linalg.det(self._spaces[0].linear) < 0:  # what is outside stays so in a mirror
+            if np.linalg.det(self._spaces[0].linear) < 0:  # a reflection turns triangles inside out: turn them back
                 meshes[0][1] = np.ascontiguousarray(sides[0][:, ::-1])
         if matched.points is not None:
             more['point_triangles'], more['point_weights'] = matched.points
@@ -94,10 +96,10 @@ class Preparation:
         return self._job.cancelled
 
     def draft(self):
-        """None, always."""
+        """None: there are no drafts of transfers."""
 
     def finish(self):
-        """The Prepared, or native.NativeError."""
+        """Returns the Prepared, or raises native.NativeError."""
         return Prepared(self._job.finish(), *self._spaces, self._worn, self._loose, self._wide, self._unfollowed)
 
 
@@ -108,8 +110,8 @@ def _unfollowed(source, followed, shape, stance):
 
 
 def content(source, target, by, how, worn):
-    """What a prepared transfer depends on: equal texts, equal content. by: the same of what corresponds. worn: whether
-    that is what is nearest."""
+    """A signature of all that a prepared transfer depends on: equal texts mean equal content. by: a signature of the
+    correspondence. worn: whether that is by nearest points."""
     anchors = ""
     if how.anchor_group in target.vertex_groups and how.anchor in {'VERTICES', 'PINNED'}:
         anchors = mesh_data.signature(mesh_data.members(target, how.anchor_group))
@@ -134,7 +136,7 @@ def _anchors(target, how):
 
 
 def remarks(transfer):
-    """What the user may not expect of these meshes, in sentences."""
+    """Generator of sentences: properties of these meshes that may surprise the user."""
     info = transfer.info
     if transfer.unfollowed:
         yield transfer.unfollowed

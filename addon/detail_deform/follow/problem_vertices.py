@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The vertices that the status speaks of: where a sentence names one, all of them."""
+"""The vertices with the problems that the status reports: all of them, where a sentence names one as an example."""
 
 import numpy as np
 
 from . import bound
 
-# What a bound surface's facts count, and the status names one of.
+# Findings that native.Deformer.info counts, and of which the status names an example.
 _FINDINGS = ('RESTING', 'LOOSE', 'FAR', 'TORN', 'DEGENERATE', 'UNREPRESENTED')
 _HARMLESS = 'DEGENERATE'
-_MOST = 8
-_refused = {}  # by the object's name: what was said, of how many vertices, and which
+_MOST = 8  # entries of _refused
+_refused = {}  # {object's name: (problem, vertex count of the mesh, vertices with the problem)}
 
 
 def note(ob, error):
-    """Keeps what a refusal is about, until another one comes. error: a native.NativeError."""
+    """Stores the vertices that an error is about, until the object's next one. error: a native.NativeError."""
     _refused.pop(ob.name, None)
     while len(_refused) >= _MOST:
         del _refused[next(iter(_refused))]
@@ -23,12 +23,12 @@ def note(ob, error):
 
 def _of_refusal(ob):
     problem, count, vertices = _refused.get(ob.name, ("", 0, ()))
-    # Undo, another mesh or another name may have come in between.
+    # Undo, another mesh or renaming may have made the entry invalid.
     return vertices if problem and (problem, count) == (ob.detail_deform.problem, len(ob.data.vertices)) else ()
 
 
 def _findings(ob):
-    """The deformer and what it found that the status speaks of, which is nothing where it has a problem to tell."""
+    """(deformer, its findings that the status reports); (None, ()) if the status reports a problem instead."""
     settings = ob.detail_deform
     entry = bound.cache.find(settings.signature)
     if entry is None or settings.stale or settings.problem or not bound.is_for(ob, entry):
@@ -39,17 +39,17 @@ def _findings(ob):
 
 
 def are_known(ob):
-    """Cheap enough to be asked whenever a panel is drawn."""
+    """Whether there are any. Cheap enough for each drawing of a panel."""
     return len(_of_refusal(ob)) > 0 or len(_findings(ob)[1]) > 0
 
 
 def need_a_look(ob):
-    """Whether there are any of which the status says something urgent."""
+    """Whether there are any besides those of harmless findings."""
     return len(_of_refusal(ob)) > 0 or any(finding != _HARMLESS for finding in _findings(ob)[1])
 
 
 def of(ob):
-    """(n,) bool"""
+    """(n,) bool: the vertices with any of the problems."""
     chosen = np.zeros(len(ob.data.vertices), bool)
     chosen[np.asarray(_of_refusal(ob), np.intp)] = True
     deformer, findings = _findings(ob)

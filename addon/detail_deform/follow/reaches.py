@@ -19,12 +19,13 @@ _REST = np.eye(4)[:3]
 # The motion of a handle counts as none up to this difference from the identity: rounding in double precision; of
 # translations as a fraction of the part's size.
 _STILL = 1e-12
-# If the determinant of F at a handle is smaller, the surface there is too flat to tell a rotation, and F = I is used.
+# Least det F at a handle. Safety: a flatter surface tells no rotation, and F, which relative() inverts, is nearly
+# singular: F = I is used then.
 _FLATTEST = 1e-3
 # The fit of F has no slope along directions in which the squared extent of the part is less than this fraction of the
 # largest, as across a flat part.
 _LEAST_VARIATION = 1e-4
-# Options of the method Examples. Parts other than the first use detail transfer instead of it.
+# Options of the method Examples. Parts with a reach use detail transfer instead of it.
 _OF_EXAMPLES = ('example_weights', 'example_limits', 'gradients')
 # Options with a row for each handle.
 _OF_HANDLES = ('turns', 'handle_turns', 'pivots')

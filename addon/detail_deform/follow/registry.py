@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The objects that are bound or follow a source, known without going through the scene at every update.
+"""A cached list of the members: the objects that are bound or follow a source. Updates need not search the file.
 
-Each of them has a modifier with our node group. So those who use that group tell when an object may have come or
-gone by a way that isn't seen here, as by a copy or with another file: then, and after undo and loading, all objects
-are looked at once. Objects are let go of before undo and loading, which replace them.
+Each member has a modifier with the add-on's node group. A changed user count of that group shows that a member may
+have come or gone unnoticed, as by copying or appending: then, and after undo and loading, all objects are searched
+once. The list is dropped before undo and loading, which replace the objects that it refers to.
 """
 
 import bpy
@@ -12,8 +12,8 @@ from ..scene import handle_matrices, mesh_data, node_group
 from ..scene.mesh_data import MeshProblem
 from . import shown
 
-_members = None  # None: to be looked for
-_uses = 0  # of the node group, when they were
+_members = None  # None: unknown
+_uses = 0  # user count of the node group at the last search
 
 
 def _is_member(ob):
@@ -34,18 +34,18 @@ def members():
     if known is None or uses != _uses or not all(map(_is_there, known)):
         known = [ob for ob in bpy.data.objects if _is_member(ob)]
         _members, _uses = known, uses
-        shown.keep(ob.data for ob in known)  # one that was deleted may have left megabytes
+        shown.keep(ob.data for ob in known)  # the record of a deleted mesh may hold megabytes
     return [ob for ob in known if _is_member(ob)]
 
 
 def of_scene(depsgraph):
-    """Those in the scene that this depsgraph evaluates."""
+    """The members in the scene that this depsgraph evaluates."""
     return [ob for ob in members() if handle_matrices.in_scene(ob, depsgraph)]
 
 
 def check_mesh(ob):
-    """As mesh_data.check_object, but for objects that have one mesh, as linked copies have: that which was bound, or
-    began to follow, moves it for all. Raises MeshProblem."""
+    """As mesh_data.check_object, but a member may share its mesh with other objects, as linked copies do, if it is the
+    one that was bound or began to follow: it deforms the mesh for all. Raises MeshProblem."""
     if not (mesh_data.is_shared(ob.data) and _is_member(ob)):
         mesh_data.check_object(ob)
         return
@@ -58,8 +58,8 @@ def check_mesh(ob):
 
 
 def _owner(ob):
-    """Of the objects with one mesh the one that began. A copy has the same settings, among them empties that are the
-    first one's children, and its name."""
+    """Of the objects that share a mesh, the one that was bound or began to follow. The settings of its copies tell:
+    their empties are its children, and begun_as is its name. Else the first member by name."""
     of = ob.detail_deform
     parents = (handle.own_target.parent for handle in of.handles if handle.own_target)
     for first in (*parents, bpy.data.objects.get(of.begun_as)):
@@ -69,7 +69,7 @@ def _owner(ob):
 
 
 def forget():
-    """They are to be looked for: one was bound or begins to follow, or all objects are about to be replaced or have
-    been, by undo, redo or loading."""
+    """Drops the list. To be called when an object is bound or begins to follow, and before and after undo, redo and
+    loading, which replace all objects."""
     global _members
     _members = None

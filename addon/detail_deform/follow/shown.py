@@ -32,8 +32,8 @@ class Shown:
         return self.draft is not None
 
     def will_do(self, wait, share):
-        """Whether the result may stay on the mesh. wait: only a final one may. share: of the time of a full update,
-        what a drag leaves now."""
+        """Whether the result may stay on the mesh. wait: only a final one may. share: the time that a drag leaves now,
+        as a fraction of a full update's."""
         return self.is_final or not wait and (share < 1.0 or not self.is_hurried)
 
 
@@ -82,7 +82,7 @@ def show_start(mesh):
 
 
 def is_deformed(mesh):
-    """Whether the mesh is displaced, as far as that is known without reading all offsets."""
+    """Whether the mesh is displaced; true, too, if only reading all its offsets could tell."""
     record = by(mesh)
     return offset_attribute.find(mesh) is not None and (record is None or record.moves)
 

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Slow results (in several steps, or by a slow method), computed in the background once an object's
-handles rest.
+"""Slow results (in several steps, by a slow method, or with refinement that a drag has left out), computed in the
+background once an object's handles rest.
 
-Nothing here knows Blender's objects: a request has a token, starts a native.Update and hands its offsets
-over.
+Nothing here refers to Blender's objects: a request has a token, starts a native.Update and passes on its offsets.
 """
 
 import time
@@ -12,7 +11,7 @@ import bpy
 
 from ..library import native
 
-_TICK_SECONDS = 0.1
+_TICK_SECONDS = 0.1  # interval of the timer
 
 
 class _Request:
@@ -99,7 +98,7 @@ def _tick():
             cancel(token)
             pending.work.refuse(error)
         except Exception:
-            cancel(token)  # nothing would end it any more
+            cancel(token)  # an error ends the timer, and nothing else would end the request
             raise
     _ending[:] = [job for job in _ending if job.progress()[0]]
     return _TICK_SECONDS if _requests or _ending else None

@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The slow result that is to take the place of a quick one."""
+"""The computation of a slow result, which replaces a quick one."""
 
 from ..library import native
 from ..scene import offset_attribute
 from ..scene.window import redraw_panels
 from . import placed, registry, shown, slow_results, words
 
-# A drag moves the handles many times a second: work starts when that has paused for so long.
+# Without a further move of the handles, before the work starts: on a slow result, and on refinement that a drag has
+# left out. A drag moves the handles many times a second.
 _PAUSE_SECONDS, _DRAG_PAUSE_SECONDS = 0.3, 0.15
 
 
 class SlowUpdate:
-    """Work for slow_results: for whatever mesh still shows the quick result when this is done."""
+    """Work for slow_results. Its result goes to each mesh that still shows the quick one when it is done."""
 
     def __init__(self, ob, deformer, motions, asked, is_slow):
-        """motions, asked: as the deformer's update() takes them. is_slow: not only put off by a drag."""
+        """motions, asked: the arguments of the deformer's update(). is_slow: whether the method or its steps are slow;
+        else a drag has left out refinement."""
         self.token = offset_attribute.token(ob.data)
         self.deformer = deformer
         self._motions, self._asked, self._is_slow = motions, asked, is_slow
@@ -24,7 +26,7 @@ class SlowUpdate:
         return bool(self._owners())
 
     def can_be_shown(self):
-        """Not while all are edited."""
+        """Whether any of the objects is out of Edit Mode."""
         return any(ob.mode != 'EDIT' for ob in self._owners())
 
     def _owners(self):
@@ -32,11 +34,12 @@ class SlowUpdate:
                 if ob.detail_deform.signature and offset_attribute.token(ob.data) == self.token]
 
     def start(self, wait):
-        """The native.Update. wait: for another one that has the deformer in use. Raises native.NativeError."""
+        """Starts and returns the native.Update. wait: until the deformer is free, where native.NativeError says else
+        that it is in use. Raises native.NativeError."""
         return self.deformer.update(self._motions, wait=wait, **self._asked)
 
     def deliver(self, offsets, info):
-        # Two meshes hold the same where one is a copy of the other.
+        # Copies of a mesh have the same token.
         quick = [(ob, shown.by(ob.data)) for ob in self._owners() if ob.mode != 'EDIT']
         for ob, record in quick:
             if record is not None:
@@ -53,11 +56,11 @@ class SlowUpdate:
         redraw_panels()
 
     def run(self, wait):
-        """wait: here and now, or when the handles pause."""
+        """wait: computes the result at once; else when the handles pause."""
         if not wait:
             slow_results.request(self.token, self)
             return
-        try:  # in a render another thread, which must not set up timers
+        try:  # maybe in the thread of a render, which must not register timers
             self.deliver(*self.start(wait=True).finish())
         except native.NativeError as error:
             self.refuse(error)

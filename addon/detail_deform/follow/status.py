@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What can be read of a binding: whether it stands, what it took, and how things are in sentences."""
+"""Read-only properties of a binding: whether it is valid, its times, and its state in sentences."""
 
 import bpy
 
@@ -7,7 +7,9 @@ from ..scene import carried, examples, handle_matrices, node_group, offset_attri
 from . import bound, hints, look, shown, slow_results, words
 
 
-_UNEVEN = 1.05  # by so much a turn by 90° stretches what it turns, at most
+# Ratio of the largest to the smallest change of scale since Bind, among all directions: the factor by which a turn of
+# 90° stretches a detail at most. Above it Re-bind is advised.
+_UNEVEN = 1.05
 
 
 def is_bound(ob):
@@ -26,30 +28,30 @@ def update_ms(ob):
 
 
 def example_weight(ob, example):
-    """How much of an example the handles asked for."""
+    """The weight of an example in the shown pose; 0 if unknown."""
     weights = example_weights(ob)
     number = next((k for k, e in enumerate(examples.enabled(ob.detail_deform)) if e == example), len(weights))
     return weights[number] if number < len(weights) else 0.0
 
 
 def weights_are_found(ob):
-    """Whether the handles have asked for weights since Bind."""
+    """Whether the weights of examples in the shown pose are known."""
     return bool(example_weights(ob))
 
 
 def example_weights(ob):
-    """Those that the handles have asked for, of the examples that are enabled; nothing where that is not known."""
+    """The weights of the enabled examples in the shown pose; empty if unknown."""
     record = shown.by(ob.data)
     return record.example_weights if record else ()
 
 
 def text(ob):
-    """One or more sentences; the first says how things stand."""
+    """The status in one or more sentences, the overall state first."""
     return ' '.join(filter(None, (urgent(ob), harmless(ob))))
 
 
 def harmless(ob):
-    """What is so and does no harm: a sentence, or ''."""
+    """A finding that needs no action: a sentence, or ''."""
     settings = ob.detail_deform
     entry = bound.cache.find(settings.signature)
     if entry is None or settings.stale or settings.problem or not entry.made.info.degenerate_count:
@@ -60,7 +62,7 @@ def harmless(ob):
 
 
 def urgent(ob):
-    """The same without what does no harm."""
+    """The status without harmless()."""
     settings = ob.detail_deform
     under_way = bound.cache.under_way(settings.signature)
     if under_way:
@@ -102,7 +104,7 @@ def _summary(settings, info):
 
 
 def _shown_slow(ob):
-    """Which of the two results is shown, and what there is to know about it."""
+    """Generator of sentences: whether the quick or the slow result is shown, and how exact the slow one is."""
     settings = ob.detail_deform
     what = "by Displacement Volumes" if settings.method == 'VOLUMES' else ""
     if look.steps(settings) > 1:
@@ -125,7 +127,7 @@ def _names(names):
 
 
 def _remarks(ob, info):
-    """What the user may not expect of this mesh, or of this method."""
+    """Generator of sentences: what may surprise the user about this mesh or this method."""
     modifier = node_group.find_modifier(ob)
     is_hidden = modifier is not None and not modifier.show_viewport
     plays_keys = is_hidden and ob.detail_deform.method == 'EXAMPLES' and examples.are_keyed(ob)

@@ -75,7 +75,7 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
     def run(self, context, ob):
         start, end = self.frame_range(context)
         path = self.filepath or _usual_path(ob)
-        # These write nothing to the mesh.
+        # These two don't write to the mesh, which may have several users then.
         (registry.check_mesh if self.mode in {'CACHE', 'ALEMBIC'} else mesh_data.check_object)(ob)
         if self.mode == 'ALEMBIC':
             alembic.write(context, ob, start, end, path[:-4] + '.abc' if path.lower().endswith('.pc2') else path)
@@ -93,12 +93,12 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
 
     def _watched(self, ob, work):
         for done in work:
-            self.keeps_part = ob.detail_deform.weights_by == 'SLIDERS'  # keyed, and now looked at
+            self.keeps_part = ob.detail_deform.weights_by == 'SLIDERS'  # keyed by now; what follows compares
             yield done
 
     def _cache(self, context, ob, start, end, path, whole):
         yield from bake.to_cache(context, ob, start, end, path, whole)
-        if self.use and (start, end) == whole:  # a part alone has nothing to show elsewhere
+        if self.use and (start, end) == whole:  # a part lacks the other frames
             bake.use_cache(ob, path, whole[0])
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a drag in the viewport begins: a handle is made or taken, Blender's own Move goes on until the button is let go,
-and who began in Edit Mode is there again; and Move with the way back alone, for Pull. Macros, as only these hand the
-event on by which Move knows which button that is."""
+"""Operators for drags in the viewport: a handle is made or selected, Blender's own Move runs until the button is
+released, and Edit Mode is entered again if the drag began there; for Pull, only Move and that return. They are macros,
+as only macros pass on the event from which Move knows the button."""
 
 import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Who began in Edit Mode is there again after a drag, which goes on in Object Mode, where empties are moved."""
+"""Returns to Edit Mode after a drag that began there. The drag itself is in Object Mode, where empties are moved."""
 
 import bpy
 
 from ..scene import selection
 
 _edited = []  # names of the objects that were in Edit Mode, the active one first
-_window = None  # where that was
+_window = None  # in which they were
 
 
 def note(context):
-    """Where the drag begins; all that is in Edit Mode now."""
+    """Stores the window and the objects in Edit Mode at the beginning of a drag."""
     global _window
     active, _window = context.active_object, context.window
     names = [ob.name for ob in context.objects_in_mode] if active and active.mode == 'EDIT' else []
@@ -28,7 +28,7 @@ class OBJECT_OT_detail_deform_edit_again(bpy.types.Operator):
     bl_options = {'INTERNAL'}
 
     def execute(self, context):
-        # Once the macro has ended: undo takes what is made in Object Mode for a step of its own, and Tab for another.
+        # After the macro has ended, as the drag in Object Mode and the change of mode are two steps of undo.
         if _edited and not bpy.app.background:
             bpy.app.timers.register(_edit_again)
         return {'FINISHED'}
@@ -48,7 +48,7 @@ def _edit_again():
         selection.activate(context, there[0])
         for ob in there:
             ob.select_set(True)
-        bpy.ops.object.mode_set('EXEC_DEFAULT', True, mode='EDIT')  # with a step of undo
+        bpy.ops.object.mode_set('EXEC_DEFAULT', True, mode='EDIT')  # True: with an undo step
 
 
 def register():

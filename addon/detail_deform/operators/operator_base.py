@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What all operators share."""
+"""Base classes of the operators."""
 
 import time
 
@@ -9,17 +9,18 @@ from ..follow import words
 from ..scene import mesh_data
 from ..setup import handle_setup
 
-_TICK_SECONDS = 0.05
+_TICK_SECONDS = 0.05  # interval of the timer, and the time for work in each call: 20 redraws a second
 PATH_OPTIONS = {'SKIP_SAVE'} | ({'PATH_SUPPORTS_BLEND_RELATIVE'} if bpy.app.version >= (4, 5) else set())
 
 
 class MeshOperator:
-    """Undo, a poll message, and a report for every sentence the user should see."""
+    """Base of operators on a mesh object: undo, poll messages, and reports of errors. A subclass has run(context, ob),
+    which returns the operator's result, or None for {'FINISHED'}."""
     bl_options = {'REGISTER', 'UNDO'}
 
     @classmethod
     def object_of(cls, context):
-        """What it works on, a mesh object if it can be found."""
+        """The object that the operator works on; poll() requires a mesh object."""
         return context.active_object
 
     @classmethod
@@ -43,22 +44,22 @@ class MeshOperator:
             self.report({'ERROR'}, words.said(ob, problem))
             return {'CANCELLED'}
         if context.active_object and context.active_object.mode == 'EDIT':
-            # A step of undo in Edit Mode holds the mesh alone, unless data-blocks have come or gone: the
-            # settings must go back with it.
+            # An undo step in Edit Mode stores the mesh alone, unless data-blocks were added or removed. Undo must
+            # restore the settings, too.
             bpy.data.texts.remove(bpy.data.texts.new("."))
         return result
 
     def check_usable(self, ob):
-        """Raises MeshProblem where it may not work on this object."""
+        """Raises MeshProblem if the operator must not change this object."""
         mesh_data.check_editable(ob)
 
     def given(self, name, otherwise):
-        """A property's value where the caller has set it."""
+        """The property's value if the caller has set it, else `otherwise`."""
         return getattr(self, name) if self.properties.is_property_set(name) else otherwise
 
     @classmethod
     def in_edit_mode(cls, ob):
-        """For poll_object of what takes the vertices selected in Edit Mode."""
+        """poll_object() of operators on the vertices selected in Edit Mode."""
         if ob.mode != 'EDIT':
             cls.poll_message_set("Select vertices in Edit Mode")
             return False
@@ -66,7 +67,7 @@ class MeshOperator:
 
 
 class HandOperator(MeshOperator):
-    """Also while an empty is active, for the mesh that it pulls."""
+    """Base of operators that also work while a handle's empty is active, on the mesh that it moves."""
 
     @classmethod
     def object_of(cls, context):
@@ -74,7 +75,7 @@ class HandOperator(MeshOperator):
 
 
 class Progress:
-    """What the window shows while an operator works: the cursor and the status bar, and the timer that wakes it."""
+    """Progress of a modal operator in the cursor and the status bar, and the timer that wakes the operator."""
 
     def __init__(self, context):
         self._timer = context.window_manager.event_timer_add(_TICK_SECONDS, window=context.window)
@@ -82,7 +83,7 @@ class Progress:
 
     @staticmethod
     def tell(context, doing, done):
-        """Returns the text."""
+        """Shows the fraction done, and returns the status text."""
         text = f"{doing}, {100 * done:.0f}%. Esc: cancel"
         context.window_manager.progress_update(done)
         context.workspace.status_text_set(text)
@@ -95,20 +96,20 @@ class Progress:
 
 
 class LongOperator(MeshOperator):
-    """Work that goes on for a while, as a generator that yields the fraction done: from the window (interactive)
-    with progress and Esc, from scripts at once."""
-    doing = ""  # as the status bar says it
+    """Base of operators whose work is a generator that yields the fraction done. If interactive, it runs modally, with
+    progress and Esc; else it runs to its end at once."""
+    doing = ""  # text for the status bar
     interactive = False
-    keeps_part = False  # whether something was done that stays when the rest is cancelled: then undo takes it back
+    keeps_part = False  # whether cancelling keeps a part of the work: then the operator finishes, with an undo step
     _work = _progress = None
 
     def frame_range(self, context):
-        """First and last frame, of those that work on frames: the scene's unless given."""
+        """(first, last) frame: frame_start and frame_end of the operator where given, else of the scene."""
         return (self.given('frame_start', context.scene.frame_start),
                 self.given('frame_end', context.scene.frame_end))
 
     def start(self, context, work):
-        """What run() returns."""
+        """Starts the work. Returns the result for run()."""
         self._work = work
         if not self.interactive:
             for _ in work:
@@ -139,16 +140,16 @@ class LongOperator(MeshOperator):
         return {'RUNNING_MODAL'}
 
     def cancel(self, context):
-        """Blender ends it by itself, as when its window is closed."""
+        """Called when Blender ends the operator, as when its window is closed."""
         if self._work:
             self._end(context)
 
     def _end(self, context, result=None):
-        """What modal() returns: result, or what is right for work that was cut short."""
+        """Closes the work. Returns the result for modal(): the given one, or that of unfinished work."""
         try:
             self._work.close()
         finally:
             self._progress.end(context)
             self._work = self._progress = None
-        self.interactive = False  # it may be repeated without a dialog
+        self.interactive = False  # a repeat calls execute() without invoke()
         return result or ({'FINISHED'} if self.keeps_part else {'CANCELLED'})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user can do; scripts call these as bpy.ops.object.detail_deform_..."""
+"""Operators for the modifier, binding and applying; scripts call these as bpy.ops.object.detail_deform_..."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
@@ -124,7 +124,7 @@ class OBJECT_OT_detail_deform_update(HandOperator, bpy.types.Operator):
 
 
 def _settle_what_is_seen(ob):
-    """Raises MeshProblem where the deformation isn't what is seen."""
+    """Waits for the final result. Raises MeshProblem if the live deformation is not what is displayed."""
     mesh_data.check_object(ob)
     modifier = node_group.find_modifier(ob)
     if node_group.find_cache(ob):
@@ -157,7 +157,7 @@ class OBJECT_OT_detail_deform_save_key(HandOperator, bpy.types.Operator):
             _settle_what_is_seen(ob)
             name = apply_result.save_key(ob, self.name or "Expression")
             ob.detail_deform.expressions.add().name = name
-            if ob.detail_deform.weights_by == 'SLIDERS':  # else what was saved would be seen twice
+            if ob.detail_deform.weights_by == 'SLIDERS':  # else they would add to the saved key
                 for example in ob.detail_deform.examples:
                     example.weight = 0.0
             at_rest.all_to_rest(context, ob)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators for examples that an armature makes; scripts call these as bpy.ops.object.detail_deform_examples... and
-detail_deform_example..."""
+"""Operators that make examples of an armature's poses; scripts call these as bpy.ops.object.detail_deform_examples...
+and detail_deform_example..."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty
@@ -16,7 +16,7 @@ def _listed(names):
 
 
 class _OfPoses(LongOperator):
-    """Goes through poses of the mesh."""
+    """Base of operators that iterate over poses of the mesh."""
 
     frame_start: IntProperty(name="First Frame", options={'SKIP_SAVE'}, description="That of the scene unless given")
     frame_end: IntProperty(name="Last Frame", options={'SKIP_SAVE'}, description="That of the scene unless given")

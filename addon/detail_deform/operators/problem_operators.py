@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a sentence to the place that it is about."""
+"""Selects the vertices that a message is about."""
 
 import bpy
 import numpy as np
@@ -34,7 +34,7 @@ class OBJECT_OT_detail_deform_select_problem(HandOperator, bpy.types.Operator):
         self.report({'INFO'}, f"{count:,} {'vertex is' if count == 1 else 'vertices are'} selected")
 
 
-# Beyond, and at no number at all, a view can't go.
+# Largest coordinate that is brought into view; safety: a view can't go farther, nor to values that aren't finite.
 _FARTHEST = 1e6
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pull: from scripts at once, from the window with its reach chosen by eye, and then in the hand."""
+"""Pull: without interaction from scripts; in the window with a choice of the radius, then Move on the new empty."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
@@ -13,8 +13,8 @@ from . import edit_again
 from .operator_base import MeshOperator, Progress
 from .reach_choice import ReachChoice, View
 
-_under_way = []  # the one that goes on in the window, to be ended when the add-on is switched off
-# What moves the view goes on while a reach is chosen and while it is bound.
+_under_way = []  # the running modal operator, which is ended when the add-on is disabled
+# Events that navigate the view, which pass through while the radius is chosen and while the object is bound.
 _NAVIGATION = ('MIDDLEMOUSE', 'TRACKPAD', 'MOUSEROTATE', 'MOUSESMARTZOOM', 'NDOF')
 
 RADIUS = {
@@ -28,8 +28,8 @@ FALLOFF = {
 
 
 class PullOperator(MeshOperator):
-    """Where there is something to pull. It leaves with the empty active: there its slider is still to be had, which
-    takes it back first."""
+    """Polls for a mesh in Edit Mode, and for a handle's empty: Pull leaves its empty active, and Adjust Last Operation
+    polls there before it undoes Pull and repeats it."""
 
     @classmethod
     def poll(cls, context):
@@ -57,7 +57,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
     def run(self, context, ob):
         _check_mode(ob)
         pull = pulling.Pull(context, ob, self.radius, falloff=self.falloff)
-        # Its slider must not make the window stand still.
+        # A repeat binds in the background: a slider of Adjust Last Operation must not block the window.
         for _ in pull.stages(wait=bpy.app.background or not self.options.is_repeat):
             pass
         self._finished(context, ob, pull, "Move the empty (G); F9 changes how far the region reaches")
@@ -107,7 +107,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
             self._view.area.header_text_set(text)
 
     def modal(self, context, event):
-        if self not in _under_way:  # the add-on was switched off meanwhile
+        if self not in _under_way:  # the add-on was disabled meanwhile
             return {'CANCELLED'}
         if event.type.startswith(_NAVIGATION):
             return {'PASS_THROUGH'}
@@ -143,7 +143,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         return {'RUNNING_MODAL'}
 
     def _hand_over(self, context):
-        """The empty goes with the mouse at once."""
+        """Ends, and starts Move: the new empty follows the mouse."""
         ob, pull, view = self._ob, self._pull, self._view
         self._end(context, None)
         self._finished(context, ob, pull, "Move the empty, and click")
@@ -154,7 +154,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         return {'FINISHED'}
 
     def cancel(self, context):
-        """Blender ends it by itself, as when its window is closed."""
+        """Called when Blender ends the operator, as when its window is closed."""
         self._end(context, None)
 
     def _end(self, context, result):
@@ -179,7 +179,8 @@ def _check_mode(ob):
 
 
 def _view(context):
-    """Where it is chosen and moved: the view that it was called from, or the window's largest; None without one."""
+    """The View for the choice and for Move: the one from which Pull was called, or the window's largest; None without
+    any."""
     areas = [area for area in context.window.screen.areas if area.type == 'VIEW_3D']
     if not areas:
         return None

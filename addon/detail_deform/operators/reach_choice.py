@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How far a region reaches, chosen by eye: with the mouse, its wheel or a number, while the view shows it."""
+"""Interactive choice of a region's radius: with the mouse, its wheel or a typed number, with a preview in the view."""
 
 from typing import NamedTuple
 
@@ -11,10 +11,10 @@ from mathutils import Vector
 from ..library.options import FALLOFF_ORDERS, FALLOFFS
 from .reach_drawing import ReachDrawing
 
-_WHEEL, _FINE = 1.1, 0.1
-_LEAST = 1e-3  # of the first guess
+_WHEEL, _FINE = 1.1, 0.1  # factor of the radius for a notch of the wheel; speed while Shift is held
+_LEAST = 1e-3  # least radius / first guess; safety: the wheel couldn't enlarge 0, and the shader divides by it
 _KEYS = "Mouse, wheel: reach    Shift: finely    0-9: type it    Enter, click: pull    Esc, right click: cancel"
-_TAB = {False: "    Tab: afterwards (Object Mode)", True: "    Tab: afterwards (Edit Mode)"}  # whether it stays there
+_TAB = {False: "    Tab: afterwards (Object Mode)", True: "    Tab: afterwards (Edit Mode)"}  # by ReachChoice.stay
 _SHARED = ", with what the handles move that it reaches"
 
 
@@ -25,11 +25,11 @@ class View(NamedTuple):
 
 
 class ReachChoice:
-    """While it goes on, hear() takes the window's events."""
+    """Pass the window's events to hear() until it returns an answer, then call close()."""
 
     def __init__(self, context, view, ob, around, others, event, stay=False, falloff='MESH'):
-        """around: a region_setup.Around, whose distances are computed once. others: [pulling.Other]. stay: in Edit Mode
-        afterwards; Tab changes it. falloff: of FALLOFFS; S changes it."""
+        """around: a region_setup.Around, whose distances are computed once. others: [pulling.Other]. stay: return to
+        Edit Mode afterwards; Tab toggles it. falloff: one of FALLOFFS; S cycles through them."""
         self.stay, self.falloff, self._of_mesh = stay, falloff, ob.detail_deform.smoothness
         self.around, self._view, self._units = around, view, context.scene.unit_settings
         self._guessed = self._moved = around.first_guess()
@@ -46,35 +46,35 @@ class ReachChoice:
 
     @property
     def radius(self):
-        """In the world's unit."""
+        """The chosen radius, in world units."""
         return max(self._typed_length() or self._moved, _LEAST * self._guessed)
 
     @property
     def shared(self):
-        """Numbers of the others that are reached: what they move moves, too."""
+        """Indices of the others within the radius, whose reach is shared."""
         return [number for number, distance in enumerate(self._shared_from) if self.radius >= distance]
 
     @property
     def smoothness(self):
-        """The order of the energy by which it falls off."""
+        """The order of the base energy, 1 to 3, which determines the falloff."""
         if self.falloff == 'MESH' or self.shared:
             return self._of_mesh
         return FALLOFF_ORDERS[self.falloff]
 
     def circle(self, region):
-        """Where the drawing's circle is in a region, (middle, radius) in pixels; None where it is not shown."""
+        """(centre, radius) of the circle in pixels of a region; None if it isn't drawn there."""
         if region != self._view.region:
             return None
         middle, unit = self._on_screen()
         return middle and (middle, (self._extent + self.radius) / unit)
 
     def hear(self, context, event):
-        """'CONFIRM', 'CANCEL', or None while it goes on."""
+        """Handles an event. Returns 'CONFIRM', 'CANCEL', or None to go on."""
         if event.type in {'ESC', 'RIGHTMOUSE'} and event.value == 'PRESS':
             return 'CANCEL'
         if event.type in {'RET', 'NUMPAD_ENTER'} and event.value == 'PRESS':
             return 'CONFIRM'
-        if event.type == 'LEFTMOUSE' and event.value == 'RELEASE':  # so that it may be dragged, too
+        if event.type == 'LEFTMOUSE' and event.value == 'RELEASE':  # so that a drag works, too
             return 'CONFIRM'
         if event.type in {'MOUSEMOVE', 'INBETWEEN_MOUSEMOVE'}:
             self._move(event)
@@ -92,7 +92,7 @@ class ReachChoice:
         return None
 
     def close(self, context):
-        """May be called twice."""
+        """Removes the preview. May be called twice."""
         self._drawing.close()
         self._view.area.header_text_set(None)
         self._view.area.tag_redraw()
@@ -102,7 +102,7 @@ class ReachChoice:
         return Vector((event.mouse_x - self._view.region.x, event.mouse_y - self._view.region.y))
 
     def _on_screen(self):
-        """The middle of what was chosen, and what a pixel is there in the world's unit."""
+        """(centre of the chosen vertices in pixels, or None behind the eye; world units per pixel at its depth)."""
         region, view = self._view.region, self._view.region.data
         middle = location_3d_to_region_2d(region, view, self._middle)
         if middle is None:  # behind the eye
@@ -111,8 +111,8 @@ class ReachChoice:
         return middle, max((ends[1] - ends[0]).length / 100, 1e-30)
 
     def _move(self, event):
-        """As much as the mouse goes away from the middle, so does the circle; as it comes nearer, too, once it has been
-        within the circle: before, it is on its way back from the menu or the panel that was clicked."""
+        """Changes the radius as the mouse's distance from the centre changes. It decreases only once the mouse has been
+        within the circle: before, the mouse is on its way back from the menu or the panel that was clicked."""
         before, self._mouse = self._mouse, self._place_of(event)
         middle, unit = self._on_screen()
         if self._typed or middle is None:
@@ -130,7 +130,7 @@ class ReachChoice:
             self._typed += event.ascii.replace(',', '.')
 
     def _typed_length(self):
-        """0 where nothing that makes sense was typed."""
+        """The typed length in world units; 0 if none, or no valid one, was typed."""
         units = self._units
         try:
             if units.system == 'NONE':

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators that make handles and regions; scripts call these as bpy.ops.object.detail_deform_..."""
+"""Operators for handles and regions; scripts call these as bpy.ops.object.detail_deform_..."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
@@ -13,7 +13,7 @@ from ..properties import AXES
 
 
 class _HandleOperator(MeshOperator):
-    """One of the handle with a given number, or of the active one."""
+    """Base of operators on the handle with a given number, or on the active one."""
 
     index: IntProperty(name="Index", default=-1, min=-1, options={'SKIP_SAVE', 'HIDDEN'},
                        description="Number of the handle; the active one when -1")
@@ -240,7 +240,7 @@ class OBJECT_OT_detail_deform_region_around(MeshOperator, bpy.types.Operator):
         description="Number of edges up to which the surface may deform")
 
     def invoke(self, context, event):
-        # A button in Properties has no panel to adjust it in afterwards.
+        # A popup, as Properties have no panel Adjust Last Operation.
         return context.window_manager.invoke_props_popup(self, event)
 
     def draw(self, context):

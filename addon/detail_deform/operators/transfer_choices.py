@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the operators that transfer, to one mesh or to many, are asked alike."""
+"""Properties that the operators for transfer to one mesh and to many have in common."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
@@ -60,7 +60,7 @@ class TransferChoices(LongOperator):
             column.prop(self, 'names_file')
 
     def wanted(self, context, source, **others):
-        """transfer.Wanted of these choices and of others. Raises MeshProblem."""
+        """The transfer.Wanted of these properties and the given other fields. Raises MeshProblem."""
         names = {}
         if self.names_file and self.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
             names = key_names.read(bpy.path.abspath(self.names_file))

@@ -14,7 +14,7 @@ from ..scene.mesh_data import MeshProblem
 from .operator_base import PATH_OPTIONS, MeshOperator
 from .transfer_choices import WHAT, TransferChoices
 
-_OF_TARGET = [option.name for option in TRANSFER_SETTINGS if option.name != 'correspondence']  # by its panel
+_OF_TARGET = [option.name for option in TRANSFER_SETTINGS if option.name != 'correspondence']  # in its panel
 _TITLES = {name: title for name, title, _ in WHAT}
 
 
@@ -40,7 +40,7 @@ class OBJECT_OT_detail_deform_transfer_many(TransferChoices, bpy.types.Operator)
         description="Names of the mesh objects to transfer to; the selected ones unless given")
 
     def check_usable(self, ob):
-        """Nothing of it is changed, so it may be another file's."""
+        """Accepts linked objects, as the source isn't changed."""
 
     def invoke(self, context, event):
         self.frame_start, self.frame_end = self.frame_range(context)
@@ -64,7 +64,7 @@ class OBJECT_OT_detail_deform_transfer_many(TransferChoices, bpy.types.Operator)
                              lists=self.lists, cache_path="")
         transfer.check(source, common)
         if self.what == 'ANIMATION' and self.bake_as == 'CACHE':
-            point_cache.absolute('//')  # each goes beside this file
+            point_cache.absolute('//')  # refuses a file that was never saved: the caches go beside it
         heading = f"Detail Deform: from '{source.name}', {_TITLES[self.what]}"
         return self.start(context, self._reported(transfer_many.begin(
             context, source, rows, lambda target: self._wanted_of(common, target), heading, self._tell), rows))

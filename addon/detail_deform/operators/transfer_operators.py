@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators that carry deformations from one mesh to another; scripts call these as
+"""Operators for deformation transfer from one mesh to another; scripts call these as
 bpy.ops.object.detail_deform_transfer..."""
 
 import bpy
@@ -80,7 +80,7 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
         return self.start(context, self._reported(source, ob, transfer.begin(context, source, ob, wanted)))
 
     def _as_in_panel(self, settings):
-        """{name: value} of each setting, as in the panel unless given."""
+        """{name: value} of all transfer settings: the operator's where given, else the panel's."""
         return {option.name: self.given(option.name, getattr(settings, option.name)) for option in TRANSFER_SETTINGS}
 
     def _reported(self, source, ob, work):
@@ -122,7 +122,7 @@ class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
         matched = yield from matching.search(source, ob)
         correspondence.store(matched, source, ob)
         ob.detail_deform.transfer.correspondence = 'STORED'
-        ob.detail_deform.transfer.show_match = True  # before anything goes by it
+        ob.detail_deform.transfer.show_match = True  # to be checked before the match is used
         if matched.ambiguous:
             self.report({'WARNING'}, matching.ambiguity(source, ob))
         if matched.mirrored:
@@ -238,7 +238,7 @@ class OBJECT_OT_detail_deform_transfer_live(LongOperator, bpy.types.Operator):
                      description="Follow; off: stop, and show the rest shape")
 
     def invoke(self, context, event):
-        # Only searching takes so long that it needs a way out.
+        # Only a search takes so long that it must be cancellable.
         self.interactive = self.on and context.active_object.detail_deform.transfer.correspondence == 'MARKERS'
         return self.execute(context)
 

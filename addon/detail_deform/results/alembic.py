@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The object as all its modifiers make it, in an Alembic file."""
+"""Export of an object, evaluated with all its modifiers, to an Alembic file."""
 
 import os
 
@@ -9,19 +9,19 @@ from ..scene import files, node_group, pc2
 from ..scene.mesh_data import MeshProblem
 from . import bake, frames, point_cache
 
-_COMPLETE = b'Ogawa\xff'  # its sixth byte is written last
+_COMPLETE = b'Ogawa\xff'  # begins a complete file: the exporter writes the sixth byte last
 
 
 def write(context, ob, start, end, path):
-    """Writes the object as all its modifiers make it, for programs of all kinds."""
+    """Writes the object, evaluated with all its modifiers, for other programs. Raises MeshProblem."""
     bake.modifier_of(ob)
     if not bpy.app.build_options.alembic:
         raise MeshProblem("This Blender was built without Alembic: bake a Mesh Cache, or use an official build.")
     path = point_cache.absolute(path)
     frames.check_range(start, end)
     for _ in bake.over_frames(context, ob, start, start):
-        pass  # what is wrong is said before the export begins
-    with point_cache.disk(path, "written"):  # when a disk becomes full during an export, Blender itself ends
+        pass  # raises errors before the export begins
+    with point_cache.disk(path, "written"):  # a full disk during an export would terminate Blender
         unfinished = files.unfinished(path, '.abc')  # Blender would add this ending
         pc2.check_room(path, (end + 1 - start) * _bytes_a_frame(ob, context))
     try:
@@ -38,14 +38,14 @@ def write(context, ob, start, end, path):
 
 
 def _bytes_a_frame(ob, context):
-    """Places of the vertices and normals of the faces' corners."""
+    """float32 positions of vertices and normals of face corners."""
     mesh = ob.evaluated_get(context.evaluated_depsgraph_get()).data
     return 12 * (len(mesh.vertices) + len(mesh.loops))
 
 
 def _check_complete(path, least):
-    """Raises OSError where the exporter got stuck, as on a full disk, or had nothing to write, of which it says
-    nothing. least: bytes, fewer than one frame takes, whatever renders leave of the mesh."""
+    """Raises OSError if the exporter stopped early, as on a full disk, or wrote no mesh; it reports neither. least:
+    bytes, fewer than one frame takes, however few vertices the modifiers leave in renders."""
     with open(path, 'rb') as file:
         if file.read(len(_COMPLETE)) != _COMPLETE:
             raise OSError(0, "the export has stopped before its end, as it does when the disk is full")
@@ -54,8 +54,8 @@ def _check_complete(path, least):
 
 
 def _collections_around(scene, ob):
-    """Those that are disabled in renders, and with them what is in them. Raises MeshProblem where one that can't be
-    enabled hides the object."""
+    """The collections with the object that are disabled in renders and can be enabled. Raises MeshProblem if a linked
+    one, which can't be, hides the object."""
     found = [collection for collection in scene.collection.children_recursive
              if collection.hide_render and ob in collection.all_objects[:]]
     linked = [collection for collection in found if collection.library]
@@ -67,13 +67,13 @@ def _collections_around(scene, ob):
 
 
 def _is_in(collection, ob, without):
-    """Whether it is there by other ways than through these collections."""
+    """Whether the object is in the collection, also by way of children, but not through those in `without`."""
     return ob in collection.objects[:] or any(_is_in(child, ob, without) for child in collection.children
                                               if child not in without)
 
 
 class _Exported:
-    """While it lasts, the object is all that is selected, and shown and followed as an exporter sees it."""
+    """Context in which only the object is selected, and is visible to an exporter and updated live."""
 
     def __init__(self, context, ob):
         self._context, self._ob, self._modifier = context, ob, node_group.find_modifier(ob)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The deformation of a range of frames, kept where the add-on is not needed: a cache or shape keys."""
+"""Bakes the deformation of a range of frames to a cache or shape keys, which play without the add-on."""
 
 from ..follow import life
 from ..scene import below, carried, mesh_data, node_group, offset_attribute, stack
@@ -8,7 +8,7 @@ from . import frames, keyed_keys, point_cache
 
 
 class _ShownUpTo:
-    """While it lasts, the object's stack is shown up to this modifier and no further."""
+    """Context in which the viewport shows the object's modifier stack up to this modifier only."""
 
     def __init__(self, ob, modifier):
         modifiers = list(ob.modifiers)
@@ -19,7 +19,8 @@ class _ShownUpTo:
         self._shown = [(m, m.show_viewport, m.show_render) for m in (self._modifier, *self._behind)]
         self._modifier.show_viewport = True
         for modifier in self._behind:
-            modifier.show_render |= modifier.show_viewport  # else an armature would be switched off for its handles too
+            # scene/skin.py ignores armatures that are hidden in both, and handles on their bones would lose the pose.
+            modifier.show_render |= modifier.show_viewport
             modifier.show_viewport = False
 
     def __exit__(self, *_):
@@ -28,7 +29,7 @@ class _ShownUpTo:
 
 
 def modifier_of(ob):
-    """Of a bound object. Raises MeshProblem."""
+    """The modifier that shows the deformation of a bound object. Raises MeshProblem if there is none."""
     modifier = node_group.find_modifier(ob)
     if not ob.detail_deform.signature or modifier is None:
         raise MeshProblem(f"'{ob.name}' is not bound, so there is nothing to bake: press Bind first.")
@@ -36,7 +37,7 @@ def modifier_of(ob):
 
 
 def over_frames(context, ob, start, end):
-    """As frames.walk(), of a bound object. Raises MeshProblem where it can't be followed."""
+    """As frames.walk(), for a bound object. Raises MeshProblem at a frame that it can't follow."""
     life.wait(ob, context.evaluated_depsgraph_get())
     settings, shown = ob.detail_deform, offset_attribute.read(ob.data)
     try:
@@ -45,13 +46,13 @@ def over_frames(context, ob, start, end):
                 raise MeshProblem(f"Frame {frame}: {settings.stale or settings.problem}")
             yield frame
     finally:
-        if not settings.live:  # nothing else brings back what was shown
+        if not settings.live:  # no update restores the offsets
             offset_attribute.write(ob.data, shown.ravel())
 
 
 def to_cache(context, ob, start, end, path, whole=None):
-    """Generator: writes a point cache of what the object's modifiers up to Detail Deform make of it; yields the
-    fraction done. whole: as of point_cache.write()."""
+    """Generator: writes a point cache of the object, evaluated with its modifiers up to Detail Deform; yields the
+    fraction done. whole: as for point_cache.write(). Raises MeshProblem."""
     first, last = whole or (start, end)
     frames.check_range(start, end)
     frames.check_time(context.scene)
@@ -73,7 +74,7 @@ def to_cache(context, ob, start, end, path, whole=None):
 
 
 def _evaluated(context, ob, modifier, start, end):
-    """Generator of (n, 3) float32: what the modifiers up to this one make of it in each frame."""
+    """Generator of (n, 3) float32: the positions in each frame, evaluated with the modifiers up to this one."""
     count = None
     with _ShownUpTo(ob, modifier):
         for frame in over_frames(context, ob, start, end):
@@ -91,7 +92,7 @@ def _show(modifier, shown):
 
 
 def use_cache(ob, path, start):
-    """Shows a cache whose first frame is start in place of the live deformation."""
+    """Plays a cache, whose first frame is start, in place of the live deformation. Raises MeshProblem."""
     modifier = modifier_of(ob)
     points, before = point_cache.point_count(path), len(ob.data.vertices)
     if points != before and list(ob.modifiers).index(modifier) == 0:
@@ -101,15 +102,15 @@ def use_cache(ob, path, start):
         cache = ob.modifiers.new(node_group.CACHE_NAME, 'MESH_CACHE')
         ob.detail_deform.cache_modifier = cache.name
     ob.detail_deform.cached_points = carried.points(ob.data)
-    stack.move_behind(ob, cache, modifier)  # before it has a file, which doesn't fit at the end of the stack
+    stack.move_behind(ob, cache, modifier)  # first: at the end of the stack its file may not fit the vertex count
     node_group.set_up_cache(cache, path, start)
-    # Nothing is computed any more for what is not shown.
+    # A hidden modifier is not updated: this saves its time.
     _show(modifier, False)
     _show(cache, True)
 
 
 def drop_cache(ob):
-    """Back from the cache to the live deformation; the file stays."""
+    """Removes the cache's modifier, not its file, and shows the live deformation again."""
     cache, modifier = node_group.find_cache(ob), node_group.find_modifier(ob)
     if cache:
         ob.modifiers.remove(cache)
@@ -118,7 +119,7 @@ def drop_cache(ob):
 
 
 def to_shape_keys(context, ob, start, end):
-    """Generator: a shape key a frame, keyed so that they play; yields the fraction done."""
+    """Generator: adds a shape key for each frame, with keyframes that play them; yields the fraction done."""
     modifier = modifier_of(ob)
     frames.check_time(context.scene)
     earlier = next(m for m in ob.modifiers if m == modifier or m.show_viewport or m.show_render)
@@ -131,7 +132,7 @@ def to_shape_keys(context, ob, start, end):
 
 
 def _offsets(context, ob, modifier, start, end):
-    """Generator of (n, 3): what is shown in each frame."""
+    """Generator of (n, 3): the offsets in each frame, as far as Factor and Influence show them."""
     with _ShownUpTo(ob, modifier):
         for _ in over_frames(context, ob, start, end):
             yield offset_attribute.read(ob.data) * node_group.amount(ob, modifier)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A walk over a range of frames, with what is followed brought to each."""
+"""Steps through a range of frames, and updates followers in each."""
 
 from ..follow import life
 from ..scene.mesh_data import MeshProblem
@@ -11,14 +11,14 @@ def check_range(start, end):
 
 
 def check_time(scene):
-    """Raises MeshProblem where what is baked would play at other times than it was taken at."""
+    """Raises MeshProblem if the scene remaps its time, so that baked frames would play at other times."""
     if scene.render.frame_map_old != scene.render.frame_map_new:
         raise MeshProblem("The scene remaps its time (Output > Frame Range > Time Stretching), so what is baked would "
                           "play at other times than it was taken at: set Old and New alike to bake.")
 
 
 def settle(context, ob):
-    """Brings an object that is bound to the end of what its handles ask for, slow results included."""
+    """Updates a bound object to the present pose of its handles, and waits for slow results."""
     if ob.detail_deform.signature:
         life.refresh(ob, context.evaluated_depsgraph_get())
         life.settle(ob)
@@ -26,8 +26,8 @@ def settle(context, ob):
 
 
 def walk(context, ob, start, end):
-    """Generator of the frames from start to end, with scene and object brought to each. Leaves the scene at the frame
-    where it was."""
+    """Generator of the frames from start to end, with scene and object updated to each. Restores the scene's frame at
+    the end."""
     check_range(start, end)
     with Present(context.scene):
         for frame in range(start, end + 1):
@@ -37,7 +37,7 @@ def walk(context, ob, start, end):
 
 
 class Present:
-    """While it lasts other frames may be gone to."""
+    """Context that restores the scene's frame at its end."""
 
     def __init__(self, scene):
         self._scene = scene

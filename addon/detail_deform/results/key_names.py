@@ -1,21 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Names of shape keys that mean the same on two rigs: by a text file, or because they differ in spelling alone. Nothing
-here knows Blender."""
+"""Matches names of shape keys on two rigs: by a text file, or if they differ in spelling only. Doesn't use Blender."""
 
 import re
 
 from ..scene import files
 from ..scene.mesh_data import MeshProblem
 
-_PARTED_BY = ('\t', '->', ',')  # the first of these that a line has
+_PARTED_BY = ('\t', '->', ',')  # in this order, the first that occurs in a line
 _SIDES = {'l': 'l', 'left': 'l', 'r': 'r', 'right': 'r'}
 _WORDS = re.compile(r'(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[0-9])(?=[^\W0-9])|(?<=[^\W0-9])(?=[0-9])')
 _NO_LETTERS = re.compile(r'[\W_]+')
 
 
 def read(path):
-    """{source's name: target's name} from a file of one pair a line. Empty lines and those that begin with # are passed
-    over. Raises MeshProblem."""
+    """{source's name: target's name} from a file of one pair a line. Empty lines and those that begin with # are
+    skipped. Raises MeshProblem."""
     names = {}
     try:
         for number, line in enumerate(files.read_lines(path), 1):
@@ -41,20 +40,21 @@ def _add(names, path, number, line):
 
 
 def form(name):
-    """What names have in common that differ in case, separators and the spelling of left and right alone; None where
-    nothing is left of one. A side is a word of its own, parted by a capital, digit or separator: Bright is no B_R."""
+    """Normal form (text, side), equal for names that differ only in case, separators, and the spelling or place of left
+    and right; None without letters and digits. A side must be a word of its own, set off by a capital, digit or
+    separator: Bright is not B_R."""
     words = [word for part in _NO_LETTERS.split(name) for word in _WORDS.sub(' ', part).casefold().split()]
     words = [_SIDES.get(word, word) if len(words) > 1 else word for word in words]
     sides = [word for word in words if word in {'l', 'r'}]
-    if len(sides) == 1:  # wherever it stands
+    if len(sides) == 1:  # at any place in the name
         return ''.join(word for word in words if word not in sides), sides[0]
     whole = ''.join(words)
     return (whole, "") if whole else None
 
 
 def places(names, of_target, mapping, alike):
-    """{source's name: target's name} of shape keys; None where the place is another key's. of_target: names there.
-    mapping: as of read(). alike: whether names of the same form are the same."""
+    """{source's name: target's name}, or None where another key goes to that name. names: the source's keys. of_target:
+    the target's. mapping: of read(), comes first. alike: whether names of the same form() match."""
     of_target, of_source = dict.fromkeys(of_target), set(names)
     found = {name: mapping[name] for name in names if name in mapping}
     taken, same_form = set(found.values()), {}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A range of frames as shape keys that are keyed so that they play."""
+"""A range of frames as shape keys, with keyframes that play them."""
 
 import contextlib
 
@@ -10,7 +10,7 @@ _NAME = "Detail Deform {}"
 
 
 def check(ob):
-    """Raises MeshProblem where keyed shape keys can't be added."""
+    """Raises MeshProblem if keyed shape keys can't be added."""
     present = ob.data.shape_keys
     if present and not present.use_relative:
         raise MeshProblem("The mesh has absolute shape keys, which can't be added to: make them relative first.")
@@ -19,8 +19,8 @@ def check(ob):
 
 
 def add(ob, offsets, start, end):
-    """Generator: a shape key for each frame from start to end, once all are there; yields the fraction done and
-    returns their names. offsets: a generator of (n, 3), one for each frame."""
+    """Generator: adds a shape key for each frame from start to end, once all offsets are computed; yields the fraction
+    done and returns the keys' names. offsets: a generator of (n, 3), one for each frame."""
     found, names = [], []
     with contextlib.closing(offsets):
         for of_frame in offsets:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The weights that handles ask for over a range of frames, keyed: of the examples' sliders, or of their shape keys."""
+"""Keyframes of the example weights that fit the handles over a range of frames: for the sliders or the shape keys."""
 
 import contextlib
 
@@ -10,12 +10,12 @@ from ..scene import actions, examples, mesh_data, offset_attribute
 from ..scene.mesh_data import MeshProblem
 from . import bake, frames, pose_samples
 
-_SAMPLES = 1000  # vertices of the mesh by which frames are compared
-_SAID = 0.01  # of the mesh's size
+_SAMPLES = 1000  # vertices, at most, at which frames are compared
+_SAID = 0.01  # error above which the user is told, as a fraction of the mesh's size, its box's diagonal
 
 
 def check(ob, of_keys=False):
-    """of_keys: the keys' values are to be keyed, not the sliders. Raises MeshProblem."""
+    """Raises MeshProblem if the weights can't be keyed. of_keys: as values of shape keys, not of the sliders."""
     settings = ob.detail_deform
     bake.modifier_of(ob)
     if settings.method != 'EXAMPLES' or settings.weights_by != 'HANDLES' or not examples.enabled(settings):
@@ -26,7 +26,7 @@ def check(ob, of_keys=False):
             raise MeshProblem(f"Example '{examples.title(example)}' is an object and has no shape key that could be "
                               "keyed: bake the sliders, or make examples of shape keys.")
         if of_keys:
-            examples.positions_of(ob, example)  # the key is there
+            examples.positions_of(ob, example)  # raises if the key is missing
         owner, names = example, ['weight']
         if of_keys:
             owner, names = ob.data.shape_keys.key_blocks[example.name], ['value', 'mute']
@@ -37,8 +37,8 @@ def check(ob, of_keys=False):
 
 
 def to_sliders(context, ob, start, end, tell):
-    """Generator: keys the examples' sliders and has these say the weights; yields the fraction done. tell: takes a
-    sentence where that isn't what handles make."""
+    """Generator: keys the examples' sliders with the weights, and takes the weights from these from now on; yields the
+    fraction done. tell: called with a sentence if the result differs from that of the handles."""
     check(ob)
     frames.check_time(context.scene)
     found, seen = [], []
@@ -59,8 +59,8 @@ def to_sliders(context, ob, start, end, tell):
 
 
 def to_key_values(context, ob, start, end, tell):
-    """Generator: keys the values of the examples' shape keys, which then show the mix in place of the deformation, as
-    far as a mix of keys can; yields the fraction done. tell: as above."""
+    """Generator: keys the values of the examples' shape keys, whose linear mix then replaces the deformation; yields
+    the fraction done. tell: as for to_sliders()."""
     check(ob, of_keys=True)
     frames.check_time(context.scene)
     keys = [_of_samples(examples.positions_of(ob, e) - mesh_data.rest(ob.data))
@@ -83,7 +83,7 @@ def to_key_values(context, ob, start, end, tell):
 
 
 def _over_frames(context, ob, start, end):
-    """Generator of each frame's weights that handles ask for, and by how much vertices are moved."""
+    """Generator, for each frame, of the weights that fit the handles and the offsets of the sampled vertices."""
     with contextlib.closing(bake.over_frames(context, ob, start, end)) as walk:
         for _ in walk:
             yield status.example_weights(ob), _of_samples(offset_attribute.read(ob.data))

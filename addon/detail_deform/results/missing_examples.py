@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which example is missing: poses are shown to the handles alone, and what the present examples make of these is
-compared with the poses themselves."""
+"""Finds poses that lack an example: the examples reconstruct each pose from its handles alone, and the result is
+compared with the pose."""
 
 import contextlib
 import uuid
@@ -16,15 +16,15 @@ from ..scene.mesh_data import MeshProblem
 from . import pose_frames, posed_examples
 from .pose_samples import Samples, size
 
-MOST = 10  # that are told
-_LEAST = 1e-3  # of the mesh's size: an error that nobody looks for
-_SHARE = 0.8  # of the work, to find them; then they are looked at once more
+MOST = 10  # poses that are listed
+_LEAST = 1e-3  # root mean square error of a listed pose at least, as a fraction of the mesh's size
+_SHARE = 0.8  # fraction of the progress that is the first pass, over all poses; the second is over the chosen ones
 
-_errors = {}  # by the mark of a row of a list, which goes with it whatever is renamed: (n,) float32
+_errors = {}  # {mark of a list's row: (n,) float32}: a mark stays the same when the object or the row is renamed
 
 
 class Missed(NamedTuple):
-    """Errors are shares of the mesh's size: the mean, the largest and the root of the mean square."""
+    """Errors of a reconstructed pose, as fractions of the mesh's size. usual: the root mean square."""
     pose: pose_frames.Pose
     mean: float
     largest: float
@@ -32,9 +32,9 @@ class Missed(NamedTuple):
 
 
 def find(context, ob, poses):
-    """Generator: yields the fraction done, and returns all the Missed in the order of poses, and by the numbers of
-    those that an example should be made of, the worst first, the errors of the vertices. Of poses that are alike, so
-    that an example of one would serve the others, only the worst. Raises MeshProblem."""
+    """Generator: yields the fraction done and returns ([Missed] of all poses, {index of a pose: (n,) errors}). The
+    latter has the poses that deserve an example, the worst first. A pose that is nearer to one of these than its own
+    error is left out, as that example would serve it, too. Raises MeshProblem."""
     check(ob)
     life.wait(ob, context.evaluated_depsgraph_get())
     if ob.detail_deform.stale or ob.detail_deform.problem:
@@ -56,7 +56,7 @@ def find(context, ob, poses):
 
 
 def check(ob):
-    """Raises MeshProblem."""
+    """Raises MeshProblem unless the object is bound with the method Examples and has modifiers that pose it."""
     settings = ob.detail_deform
     if settings.method != 'EXAMPLES' or settings.base != 'COMPUTED':
         raise MeshProblem("Only handles that mix examples can lack one: set Method to Examples and Base to Computed.")
@@ -77,7 +77,7 @@ def _apart(samples, found, whole):
 
 
 class _ByHandles:
-    """What the examples make of poses of which they are told where the handles are."""
+    """Reconstructs poses from the examples and the motions of the handles."""
 
     def __init__(self, ob):
         settings = ob.detail_deform
@@ -94,9 +94,9 @@ class _ByHandles:
         self._bound, self._rest = start.shape(ob).astype(np.float64), start.shape_at_rest(ob)
 
     def errors(self, positions):
-        """Of each vertex that follows, its distance from these."""
+        """(k,) distances of the free vertices, as reconstructed, from a pose. positions: (n, 3), the pose."""
         motions = np.array([motion[:3] for motion in start.motions_to(self._ob, self._parts, positions)])
-        for number in np.flatnonzero(self._free):  # which are placed alone
+        for number in np.flatnonzero(self._free):  # free handles: translations only
             part = self._parts[number]
             motions[number] = np.eye(4)[:3]
             motions[number, :, 3] = positions[part].mean(axis=0) - self._bound[part].mean(axis=0)
@@ -105,14 +105,14 @@ class _ByHandles:
         return np.linalg.norm(self._rest + found.reshape(-1, 3) - positions, axis=1)[self._is_free]
 
     def everywhere(self, errors):
-        """(n,) float32: zero where the handles or nothing moves."""
+        """(n,) float32: the errors of the free vertices, and 0 for all others."""
         result = np.zeros(len(self._is_free), np.float32)
         result[self._is_free] = errors
         return result
 
 
 def errors_of(ob):
-    """(n,) float32: of the active pose on the list; None where they are not known, as in a file that was opened."""
+    """(n,) float32: the errors of the list's active pose; None if unknown, as after loading a file."""
     settings = ob.detail_deform
     if not 0 <= settings.missing_index < len(settings.missing_examples):
         return None
@@ -130,7 +130,7 @@ def forget():
 
 
 def tell(ob, found, of_each):
-    """Puts on the object's list what find() returns."""
+    """Replaces the object's list by the result of find()."""
     rows = ob.detail_deform.missing_examples
     for row in rows:
         _errors.pop(row.mark, None)
@@ -146,7 +146,8 @@ def tell(ob, found, of_each):
 
 
 def add(context, ob, index):
-    """Makes an example of one of the list, takes it off and binds again. Returns its name. Raises MeshProblem."""
+    """Makes an example of a pose on the list, removes the pose from the list and re-binds. Returns the example's name.
+    Raises MeshProblem."""
     rows = ob.detail_deform.missing_examples
     row = rows[index]
     pose = pose_frames.Pose(row.name, row.frame, row.action)

@@ -1,32 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a transfer has made on a target."""
+"""The outcome of a transfer to one target."""
 
 import dataclasses
 
-_NAMED = 3  # of a list
+_NAMED = 3  # names of a list that a sentence gives; the others are counted
 
 
 @dataclasses.dataclass
 class Outcome:
-    names: list = dataclasses.field(default_factory=list)  # of the shape keys that were made or given a new shape
-    frames: int = 0  # of an animation
-    left_out: dict = dataclasses.field(default_factory=dict)  # {source's key: why}
-    remarks: list = dataclasses.field(default_factory=list)  # what the user may not expect, in sentences
+    names: list = dataclasses.field(default_factory=list)  # shape keys that were made or given a new shape
+    frames: int = 0  # number of frames of an animation
+    left_out: dict = dataclasses.field(default_factory=dict)  # {name of the source's key: reason}
+    remarks: list = dataclasses.field(default_factory=list)  # sentences: what may surprise the user
     matched_by: str = ""
     seconds: float = 0.0
 
     def made(self):
-        """In words."""
+        """The result as the beginning of a sentence."""
         if self.frames:
             return f"{self.frames:,} keyed shape keys" if self.names else f"{self.frames:,} frames"
         return f"Shape {'key' if len(self.names) == 1 else 'keys'} {listed(self.names)}"
 
     def count(self):
-        """The same in a column."""
+        """The same for a column of a table."""
         return f"{self.frames:,} frames" if self.frames else f"{len(self.names):,} key{'s' * (len(self.names) != 1)}"
 
     def notes(self):
-        """What the user may not expect, in sentences."""
+        """All sentences: the keys that were left out, and the remarks."""
         return [*([f"Left out: {reasons(self.left_out)}."] if self.left_out else []), *self.remarks]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Point caches: where they go, and their writing frame by frame."""
+"""Point caches (PC2): their paths, and writing them frame by frame."""
 
 import contextlib
 import os
@@ -11,7 +11,8 @@ from ..scene.mesh_data import MeshProblem
 
 
 def absolute(path):
-    """Of a path as Blender writes it. Raises MeshProblem where it is relative to a file never saved."""
+    """The absolute path of one in Blender's notation. Raises MeshProblem if it is empty, or relative to a file that was
+    never saved."""
     if not path:
         raise MeshProblem("There is no file to bake to: choose one in File.")
     if path.startswith('//') and not bpy.data.filepath:
@@ -21,8 +22,8 @@ def absolute(path):
 
 
 def usual_path(ob, present):
-    """Beside the file, under a name that no other object's cache or Alembic file has; '' for a file that was never
-    saved. present: the modifier that will play it, if it is there already."""
+    """The default path: beside the file, with a name that no other object's cache or Alembic file has; '' if the file
+    was never saved. present: the modifier that will play the cache, or None."""
     if not bpy.data.filepath:
         return ""
     stem = os.path.splitext(os.path.basename(bpy.data.filepath))[0]
@@ -42,8 +43,8 @@ def _played(present):
 
 
 def _baked_of_others(ob, name):
-    """What was baked of objects whose files would be called alike. (A copy, which has another name, has the path of
-    what was baked of the first.)"""
+    """Paths of files baked of other objects whose names give the same file name. Other names don't count, as a copy of
+    an object keeps the path of the original's file."""
     return [other.detail_deform.baked_file for other in bpy.data.objects
             if other != ob and other.detail_deform.baked_file
             and files.folded(files.name_for(other.name)) == files.folded(name)]
@@ -51,7 +52,7 @@ def _baked_of_others(ob, name):
 
 @contextlib.contextmanager
 def disk(path, what):
-    """What the disk or a file refuses, as a sentence."""
+    """Context that turns OSError and pc2.NotACache into MeshProblem. what: read or written, for the sentence."""
     try:
         yield
     except OSError as error:
@@ -61,7 +62,7 @@ def disk(path, what):
 
 
 def point_count(path):
-    """Of the cache there. Raises MeshProblem where it is none."""
+    """The number of points in the cache. Raises MeshProblem if the file is no cache."""
     with disk(path, "read"):
         return pc2.read_header(absolute(path))[0]
 
@@ -70,7 +71,7 @@ def write(path, poses, start, end, whole=None):
     """Generator: writes a cache; yields the fraction done.
 
     poses: a generator of (n, 3) float32, one for each frame from start to end. whole: first and last frame of the
-    cache, of which start to end are written now; None: these are all."""
+    cache, if only the part from start to end is written now."""
     first, last = whole or (start, end)
     path, writer, done = absolute(path), None, False
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The poses that a mesh has: in frames, at keys, at markers, in a library of poses."""
+"""Poses of a mesh: in frames, at keyframes, at markers, in a pose library; and its shape in each of them."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from . import frames
 
 
 class Pose(NamedTuple):
-    """name: of the frame, marker or action. action: name of one that is a pose; else the scene's."""
+    """name: of the frame, marker or action. action: the name of an action that is the pose; '': the scene at frame."""
     name: str
     frame: float
     action: str = ""
@@ -24,7 +24,8 @@ def in_range(start, end, step):
 
 
 def at_keys(ob):
-    """Of the objects that its modifiers go by, else of its own. Raises MeshProblem."""
+    """[Pose] at the keyframes of the objects that its posing modifiers refer to, or else of its own. Raises MeshProblem
+    if there are none."""
     carriers = list(dict.fromkeys(m.object for m in posers.of(ob) if getattr(m, 'object', None)))
     found = sorted({time for carrier in carriers for time in actions.times(carrier)}) or actions.times(ob)
     if not found:
@@ -34,7 +35,7 @@ def at_keys(ob):
 
 
 def at_markers(scene):
-    """Raises MeshProblem."""
+    """[Pose] at the timeline's markers. Raises MeshProblem if there are none."""
     markers = sorted(scene.timeline_markers, key=lambda marker: marker.frame)
     if not markers:
         raise MeshProblem("The timeline has no markers: set one at each pose, or choose a range of frames.")
@@ -42,7 +43,7 @@ def at_markers(scene):
 
 
 def in_library(ob):
-    """Raises MeshProblem."""
+    """[Pose] of the file's actions that are one pose of its armatures. Raises MeshProblem if there are none."""
     found = [Pose(action.name, frame, action.name) for rig in posers.rigs(ob)
              for action, frame in actions.poses(bpy.data.actions, rig)]
     if not found:
@@ -52,15 +53,15 @@ def in_library(ob):
 
 
 def walk(context, ob, poses):
-    """Generator of (n, 3) float32, the mesh in each of them by what poses it alone. Leaves frame, poses, selection
-    and modifiers as they were. Raises MeshProblem."""
+    """Generator of (n, 3) float32: the mesh in each pose, evaluated with only the modifiers that pose it (posers.py).
+    Restores frame, poses, selection and modifiers at the end. Raises MeshProblem."""
     rigs, taken = posers.rigs(ob), [_action(pose) for pose in poses if pose.action]
     try:
         with (actions.Unkeyed(context.scene, rigs, taken) as unkeyed, actions.Unselected(rigs),
               frames.Present(context.scene), posers.Alone(ob) as alone):
             for pose in poses:
                 if pose.action:
-                    unkeyed.put_back()  # nothing is left of the pose before
+                    unkeyed.put_back()  # removes what the pose before has set
                 _go_to(context, pose, rigs)
                 positions = alone.pose(context.evaluated_depsgraph_get())
                 if not np.isfinite(positions).all():

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much poses differ, by so few points that a thousand poses of a heavy mesh fit into memory."""
+"""Distances between poses, from so few sample points that a thousand poses of a heavy mesh fit into memory."""
 
 import numpy as np
 
 from ..scene import mesh_data
 
-_MOST_POINTS = 2000
-_MOST_NUMBERS = 4_000_000  # points of all poses together: 48 MB
+_MOST_POINTS = 2000  # sample points
+_MOST_NUMBERS = 4_000_000  # sample points of all poses together: 48 MB; a pose has 50 at least
 
 
 class Samples:
-    """Points of the surface, spread evenly over it, in so many poses."""
+    """Sample points, spread evenly over the surface, in up to count poses."""
 
     def __init__(self, ob, count):
         self._of = _spread(ob.data, min(_MOST_POINTS, max(50, _MOST_NUMBERS // max(count, 1))))
@@ -18,15 +18,15 @@ class Samples:
         self.count = 0
 
     def add(self, positions):
-        """positions: of all vertices."""
+        """Adds a pose. positions: (n, 3), of all vertices."""
         points = positions[self._of]
         self._taken[self.count] = points - points.mean(axis=0)
         self.count += 1
 
     def distances(self, number):
-        """(count,) float64: root mean square distance of each pose from this one, without what moves either as a
-        whole. With H = Σ p qᵀ about the centres, min over rotations of Σ |R p − q|² is Σ |p|² + |q|² − 2 tr(Σ') of H's
-        singular values, the last one negative where H mirrors."""
+        """(count,) float64: root mean square distance of each pose from this one, after the best rigid alignment
+        (Kabsch). With H = Σ p qᵀ about the centres, min over rotations of Σ |R p − q|² is Σ |p|² + |q|² − 2 tr(Σ'). Σ'
+        are the singular values of H, the last one negated if det H < 0."""
         other = self._taken[number].astype(np.float64)
         result = np.empty(self.count)
         for begin in range(0, self.count, 64):
@@ -39,8 +39,8 @@ class Samples:
         return result
 
     def farthest(self, count, least):
-        """Numbers of so many poses, each the one that is farthest from those before; from number 0 at first, which is
-        not among them. Fewer where the others are nearer than least."""
+        """Farthest point sampling: indices of count poses, each the farthest from those before and from pose 0, which
+        is not among them. Fewer if all others are nearer than least."""
         found, nearest = [], self.distances(0)
         while len(found) < count and nearest.max(initial=0) > least:
             found.append(int(nearest.argmax()))
@@ -49,7 +49,7 @@ class Samples:
 
 
 def _spread(mesh, count):
-    """Numbers of vertices: where the mesh has small faces, no more of them for its area than elsewhere."""
+    """Indices of vertices, spread evenly by area, whatever the sizes of faces; at most count."""
     areas = np.empty(len(mesh.polygons), np.float32)
     mesh.polygons.foreach_get('area', areas)
     if len(mesh.vertices) <= count or not areas.sum() > 0:
@@ -61,5 +61,5 @@ def _spread(mesh, count):
 
 
 def size(ob):
-    """The diagonal of the mesh's box at rest."""
+    """The diagonal of the mesh's bounding box at rest."""
     return float(np.linalg.norm(np.ptp(mesh_data.rest(ob.data), axis=0))) if len(ob.data.vertices) else 0.0

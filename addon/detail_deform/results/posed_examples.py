@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Examples that are poses which the mesh has by its armature, or by other modifiers: each a shape key."""
+"""Examples, each a shape key, made of poses that an armature or other modifiers give the mesh."""
 
 import contextlib
 
@@ -10,14 +10,14 @@ from ..scene.mesh_data import MeshProblem
 from . import pose_frames
 from .pose_samples import Samples, size
 
-MOST = 1000  # examples, by the library
-_SAME = 1e-4  # of the mesh's size: poses nearer than that are one
+MOST = 1000  # examples; the library's limit (kMostExamples)
+_SAME = 1e-4  # fraction of the mesh's size: poses that differ less are the same
 
 
 def add(context, ob, poses, count=0):
-    """Generator: an example of each of the poses but those that are examples already, as the rest is; yields the
-    fraction done, and returns the names, and those of other shape keys that change from pose to pose, as drivers have
-    them. count: of so many alone, those that differ most. Raises MeshProblem; nothing is added then."""
+    """Generator: makes an example of each pose that differs from the rest and from all examples; yields the fraction
+    done. Returns (names of the examples, names of shape keys whose values differ between the poses, as by drivers).
+    count: takes only so many poses, those that differ most; 0: all. Raises MeshProblem; nothing is added then."""
     mesh_data.check_object(ob)
     keys = mesh_data.relative_keys(ob)
     posers.of(ob)
@@ -50,7 +50,7 @@ def _is_same(positions, other, least):
 
 
 def _known(ob):
-    """Of the rest and of the examples, as far as they are there."""
+    """[(n, 3)] positions of the rest, and of the examples whose shape key or object exists."""
     result = [mesh_data.rest(ob.data)]
     for example in ob.detail_deform.examples:
         with contextlib.suppress(MeshProblem):
@@ -59,8 +59,8 @@ def _known(ob):
 
 
 def make(ob, name, positions):
-    """Returns the key's name: of one that is there and holds that pose, as where an example was taken off the list, or
-    of a new one."""
+    """Adds an example with these positions, and returns its shape key's name. A key of that name that already holds the
+    pose is used, as after an example was removed from the list; else a new one is made."""
     keys = ob.data.shape_keys
     key = keys and keys.key_blocks.get(name)
     if not key or not _is_same(mesh_data.key_shape(ob, key), positions, _SAME * size(ob)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The deformation of one mesh carried over to another: its pose, its shape keys, its animation."""
+"""Carries the deformation of one mesh over to another: its pose, its shape keys, its animation."""
 
 import dataclasses
 import time
@@ -12,13 +12,13 @@ from ..setup import matching
 from . import frames, keyed_keys, point_cache, transferred_keys
 from .outcome import Outcome
 
-_SHARE_OF_SEARCH, _SHARE_OF_FACTOR = 0.8, 0.3  # of the whole; of the rest
+_SHARE_OF_SEARCH, _SHARE_OF_FACTOR = 0.8, 0.3  # fractions of the progress: of the whole, and of the rest
 _TITLES = {name: title for name, title, _ in CORRESPONDENCES}
 
 
 @dataclasses.dataclass
 class Wanted:
-    """What is carried over and how: the operator's properties, those of the panel where they are not given."""
+    """What is carried over, and how: the operator's properties, or the panel's settings where these are not given."""
     what: str
     correspondence: str  # or 'AUTOMATIC'
     filepath: str
@@ -39,16 +39,16 @@ class Wanted:
     start: int
     end: int
     cache_path: str
-    lists: str = ""  # a folder
+    lists: str = ""  # a folder of pair lists, each named as its target
 
 
 def usual_path(ob):
-    """Where an animation's cache goes unless the user says otherwise."""
+    """The default path of an animation's cache."""
     return point_cache.usual_path(ob, transferred.find_cache(ob))
 
 
 def check(source, wanted):
-    """What is wrong with the question, whatever the target. Raises MeshProblem."""
+    """Raises MeshProblem for faults of the options that don't depend on the target."""
     if wanted.what == 'ANIMATION':
         frames.check_range(wanted.start, wanted.end)
     elif wanted.what != 'POSE':
@@ -56,8 +56,9 @@ def check(source, wanted):
 
 
 def begin(context, source, target, wanted):
-    """Generator of the work; yields the fraction done and returns the Outcome. What is wrong with the question is said
-    here and now, and until all is there nothing is changed. Raises MeshProblem or native.NativeError."""
+    """Checks the options at once, and returns a generator that does the work, yields the fraction done and returns the
+    Outcome. It changes the target only after all results are computed. Both raise MeshProblem or native.NativeError.
+    """
     mesh_data.check_object(target)
     correspondence.check_source(source, target)
     settings, keys = target.detail_deform.transfer, None
@@ -106,14 +107,14 @@ def _all(context, source, target, keys, wanted):
 
 
 class _Closed:
-    """A transfer whose results leave seams closed."""
+    """A prepared.Prepared whose results keep the target's seams closed (placed.Closing)."""
 
     def __init__(self, transfer, target):
         self._transfer, self.wide, self._rest = transfer, transfer.wide, mesh_data.rest(target.data)
         self._closing = placed.Closing(target)
 
     def apply(self, pose, rotation_only):
-        """(n, 3): as of native.Transfer."""
+        """As prepared.Prepared.apply()."""
         moved = self._transfer.apply(pose, rotation_only)
         offsets = (moved - self._rest).ravel()
         closed = self._closing.of(offsets)
@@ -121,7 +122,8 @@ class _Closed:
 
 
 def share(work, begin, end):
-    """Of a longer work: its fractions as part of the whole; returns what it returns."""
+    """Generator: runs work, a generator of fractions, as the part from begin to end of a longer one; returns its
+    result."""
     while True:
         try:
             done = next(work)
@@ -158,7 +160,7 @@ def _carry_animation(context, transfer, source, target, wanted):
 
 
 def _poses(context, transfer, source, wanted):
-    """Generator of (n, 3): the target in each frame."""
+    """Generator of (n, 3): the target's positions in each frame."""
     for _ in frames.walk(context, source, wanted.start, wanted.end):
         pose = source_pose.evaluated_pose(source, context.evaluated_depsgraph_get(), transfer.wide)
         yield transfer.apply(pose, wanted.rotation_only)

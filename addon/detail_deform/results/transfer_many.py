@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One source's deformation carried over to many meshes, one after the other."""
+"""Carries the deformation of one source over to many meshes, one after the other."""
 
 import contextlib
 
@@ -9,11 +9,11 @@ from . import transfer, transfer_table
 
 
 def begin(context, source, rows, wanted_of, heading, tell):
-    """Generator of the work; yields the fraction done. What fails leaves its target as it is. What was done stays when
-    this is closed, and is noted then, too.
+    """Generator that does the work; yields the fraction done. A target whose transfer fails is left as it is. Closing
+    the generator keeps the finished targets, and writes the table.
 
-    rows: of the table, one a target; they are filled in. wanted_of: gives the Wanted of a target. heading: of the
-    table. tell: hears whose turn it is."""
+    rows: transfer_table.Row of each target; outcome or failure is filled in. wanted_of: a function that returns the
+    Wanted of a target. heading: of the table. tell: called with the name and number of each target."""
     factored.begin_run()
     try:
         for number, row in enumerate(rows):
@@ -29,7 +29,7 @@ def begin(context, source, rows, wanted_of, heading, tell):
 
 
 def _one(context, source, row, wanted_of):
-    """Generator: as of transfer.begin()."""
+    """Generator: as that of transfer.begin(), for the target of a row."""
     if row.target is None or row.target.type != 'MESH':
         raise MeshProblem(f"There is no mesh object '{row.name}' to transfer to: correct its name.")
     with contextlib.closing(transfer.begin(context, source, row.target, wanted_of(row.target))) as work:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What became of a transfer to many: a table in a text, and with the source what failed."""
+"""Reports on a transfer to many targets: a table in a text data-block, and a list of failures with the source."""
 
 import dataclasses
 
@@ -8,13 +8,13 @@ import bpy
 from .outcome import Outcome, listed
 
 TEXT_NAME = "Detail Deform Transfer"
-_OURS = 'detail_deform_table'  # of the text: the name we gave it. Under another one it is the user's
+_OURS = 'detail_deform_table'  # property of the text: its name when it was made. A renamed text is the user's
 _HEAD = ("Target", "Matched By", "Made", "Seconds", "Remarks")
 
 
 @dataclasses.dataclass
 class Row:
-    """A target: what was made, or why nothing was; neither where it was not done before the end."""
+    """A target with its outcome or failure; with neither if the run was cancelled before its turn ended."""
     name: str
     target: bpy.types.Object
     outcome: Outcome = None
@@ -32,7 +32,7 @@ def any_begun(rows):
 
 
 def summary(rows):
-    """(kind of report, sentence)"""
+    """(type of an operator's report, sentence)"""
     done, failed = sum(bool(row.outcome) for row in rows), [row.name for row in rows if row.failure]
     cancelled = len(rows) - done - len(failed)
     said = f"{done:,} of {len(rows):,} targets done"
@@ -42,7 +42,7 @@ def summary(rows):
 
 
 def write(source, heading, rows):
-    """Into the text, in place of the last table, and the list of what failed with the source, if it may be changed."""
+    """Replaces the table in the text, and updates the source's list of failures if the source can be changed."""
     cells = [_HEAD, *(row.cells() for row in rows)]
     widths = [max(len(row[column]) for row in cells) for column in range(len(_HEAD))]
     lines = ['  '.join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in cells]
@@ -52,21 +52,21 @@ def write(source, heading, rows):
         kept[_OURS] = kept.name
     kept.clear()
     kept.write('\n'.join([heading, summary(rows)[1] + ".", "", *lines, ""]))
-    kept.cursor_set(0)  # where the Text Editor begins
+    kept.cursor_set(0)  # the Text Editor shows the text from there on
     for row in rows:
         if row.outcome or row.failure:
             note(source, row.name, row.target, row.failure)
 
 
 def text():
-    """The one with the table; None where there is none."""
+    """The text data-block with the table, or None."""
     return next((text for text in bpy.data.texts if text.get(_OURS) == text.name and not text.library), None)
 
 
 def note(source, name, target, failure):
-    """Keeps with the source why a target failed, in place of what was kept of it; '': it did not. target: None where
-    there is none of that name."""
-    if source.library or source.override_library:  # which has no room for new entries
+    """Replaces a target's entry in the source's list of failures. failure: a sentence; '': there is none, and the entry
+    is removed. target: None if no object has that name."""
+    if source.library or source.override_library:  # linked data and overrides take no new entries
         return
     failed = source.detail_deform.transfer.failed
     present = [number for number, entry in enumerate(failed)
@@ -79,6 +79,6 @@ def note(source, name, target, failure):
 
 
 def failed_target(entry):
-    """The object, by whatever name; None where it was deleted."""
-    target = entry.target  # which keeps it in memory when it is deleted
+    """The object of an entry, also if it was renamed; None if it was deleted."""
+    target = entry.target  # the pointer keeps a deleted object in memory
     return target if target and target.users_scene else None

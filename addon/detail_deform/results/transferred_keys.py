@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The source's pose and shape keys, carried over as shape keys."""
+"""Transfers the source's pose and shape keys as shape keys."""
 
 import fnmatch
 
@@ -16,7 +16,8 @@ _POSE_NAME = "{} Pose"
 
 
 def chosen(source, active_only, pattern):
-    """The source's shape keys beside its basis. Raises MeshProblem when there is none."""
+    """The active shape key of the source, or those whose names fit the pattern; never its basis. Raises MeshProblem if
+    there is none."""
     blocks = mesh_data.relative_keys(source)
     if not blocks:
         raise MeshProblem(f"'{source.name}' has no shape keys to transfer: choose Current Pose, or another source.")
@@ -32,7 +33,7 @@ def chosen(source, active_only, pattern):
 
 
 def check(target):
-    """Raises MeshProblem where shape keys can't be added."""
+    """Raises MeshProblem if shape keys can't be added."""
     if target.data.shape_keys and not target.data.shape_keys.use_relative:
         raise MeshProblem(f"'{target.name}' has absolute shape keys, which can't be added to: "
                           "make them relative first.")
@@ -43,8 +44,8 @@ def _offset(prepared, target, pose, rotation_only):
 
 
 def from_pose(context, prepared, source, target, wanted):
-    """Generator: the source's present pose as a shape key that is shown; yields the fraction done and returns the
-    Outcome."""
+    """Generator: transfers the source's present pose as a shape key with the value 1; yields the fraction done and
+    returns the Outcome."""
     frames.settle(context, source)
     pose = source_pose.evaluated_pose(source, context.evaluated_depsgraph_get(), prepared.wide)
     offsets = _offset(prepared, target, pose, wanted.rotation_only)
@@ -61,14 +62,14 @@ def from_pose(context, prepared, source, target, wanted):
 
 
 def _origin(source, key, name):
-    """As of transferred.Keys.put(). key: None for a pose."""
+    """The origin for transferred.Keys.put(). key: None for a pose."""
     return {'source': source.name, 'key': key and key.name, 'name': name}
 
 
 def from_keys(prepared, source, target, keys, wanted):
-    """Generator: shape keys with the names, ranges and values of the source's; yields the fraction done and returns the
-    Outcome. One that was there before keeps its value, drivers and animation, and what of its range and group the user
-    has changed. Nothing is changed before all shapes are there."""
+    """Generator: transfers shape keys with their names, ranges and values; yields the fraction done and returns the
+    Outcome. A present key that gets a new shape keeps its value, drivers and animation, and its range and group if the
+    user has changed them. Nothing is changed before all shapes are computed."""
     present = target.data.shape_keys
     there = [key.name for key in present.key_blocks if key != present.reference_key] if present else []
     places = key_names.places([key.name for key in keys], there, wanted.names, wanted.alike_names)
@@ -103,10 +104,10 @@ def from_keys(prepared, source, target, keys, wanted):
 
 
 def _shapes(prepared, source, target, keys, places, rotation_only):
-    """Generator of the fraction done; gives {key's name: offsets} and {key's name: why there are none}. places: of
-    key_names.places(). Raises MeshProblem where there are none at all."""
+    """Generator: yields the fraction done and returns ({key's name: offsets}, {key's name: why it has none}). places:
+    of key_names.places(). Raises MeshProblem if no key has offsets."""
     offsets, left_out = {}, {}
-    # Where the target has the group, its key is masked by that.
+    # Only by groups that the target lacks: the others mask the target's key itself.
     masks = mesh_data.key_masks(source, [key for key in keys if key.vertex_group not in target.vertex_groups])
     for number, key in enumerate(keys, 1):
         try:
@@ -125,8 +126,9 @@ def _shapes(prepared, source, target, keys, places, rotation_only):
 
 
 def _settle(target, key, copy, given, kept):
-    """Range, vertex group, and of a new key the value; returns the first two. given: what it was given before, None for
-    a new key. What is otherwise now, the user has changed, which is noted in kept."""
+    """Sets a copy's range and vertex group, and a new copy's value and mute; returns the source's range and group.
+    given: what the copy was given before; None for a new one. Range or group that differ from given are the user's:
+    they stay, and the copy's name is added to kept."""
     theirs = {'range': [key.slider_min, key.slider_max],
               'vertex group': key.vertex_group if key.vertex_group in target.vertex_groups else ""}
     ours = {'range': [copy.slider_min, copy.slider_max], 'vertex group': copy.vertex_group}
@@ -143,7 +145,7 @@ def _settle(target, key, copy, given, kept):
 def _set_range(key, ends):
     key.slider_max = ends[1]
     key.slider_min = ends[0]
-    key.slider_max = ends[1]  # one can't pass the other
+    key.slider_max = ends[1]  # again: neither can pass the other
 
 
 def _set_group(key, name):
@@ -154,20 +156,21 @@ _FOLLOW = {'range': _set_range, 'vertex group': _set_group}
 
 
 def _beside(target, made):
-    """made: {name that was asked for: name that the key has}"""
+    """Remarks on keys that got another name, as a key of the target's own has theirs. made: {requested name: actual}"""
     there = set(target.data.shape_keys.key_blocks.keys()) - set(made.values())
     others = [f"'{made[name]}' beside '{name}'" for name in made if made[name] != name and name in there]
     return [f"Made beside keys of its own, which Replace would take: {', '.join(others)}."] if others else []
 
 
 def _of_source(source, target):
-    """{name: key of the source} of the keys that were made of its."""
+    """{name of the target's key: name of the source's} of the keys that were transferred from this source."""
     return {name: given['key'] for name, given in transferred.made_keys(target).items()
             if given.get('source') == source.name and given.get('key')}
 
 
 def _elsewhere(source, target, keys, made):
-    """keys: those of the source that have gone to the keys made."""
+    """Remarks on keys that were transferred under other names before. keys: names of the source's that were
+    transferred now. made: names of the target's that they went to."""
     left = [name for name, key in _of_source(source, target).items() if key in keys and name not in made]
     return [f"Left as they are, for what they were made of has another name here now: {listed(left)}. Remove them, or "
             "set their values to 0."] if left else []
@@ -180,8 +183,8 @@ def _gone(source, target):
 
 
 def _copy_drivers(source_keys, name, target_keys, copy_name, keep):
-    """Those of a key's value and range. What they read from the source's own keys stays there. keep: those that are
-    there stay, as the user may have changed them."""
+    """Copies the drivers of a key's value, range and mute. Variables that read the source's keys still do. keep:
+    present drivers stay, as the user may have changed them."""
     animation = source_keys.animation_data
     if animation is None:
         return

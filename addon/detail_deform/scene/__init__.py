@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is read from and written to Blender's data."""
+"""Reads from and writes to Blender's data: meshes, groups, attributes, modifiers, matrices, caches."""

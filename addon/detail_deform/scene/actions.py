@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What actions key, in Blenders with slots and without, and what they would overwrite."""
+"""F-curves and keys of actions, with and without action slots; saving and restoring what a pose overwrites."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ _CHANNELS = ('location', 'rotation_euler', 'rotation_quaternion', 'rotation_axis
 
 
 def curves(action, slot=None):
-    """The F-curves of an action, of one slot alone where that is given."""
+    """[FCurve] of an action, of all its slots unless one is given."""
     if not hasattr(action, 'layers') or not action.layers:  # before 4.4
         return list(getattr(action, 'fcurves', ()))
     slots = [slot] if slot else list(action.slots)
@@ -20,20 +20,20 @@ def curves(action, slot=None):
 
 
 def is_driven(owner, name):
-    """Whether a driver sets this property, which then no key does."""
+    """Whether a driver sets this property, so that keys have no effect on it."""
     animation = owner.id_data.animation_data
     return bool(animation and animation.drivers.find(owner.path_from_id(name)))
 
 
 def is_keyed(owner, name):
-    """Whether keys of an action, or of one that is played by a strip, set this property."""
+    """Whether the active action or that of an NLA strip of _strips() has an F-curve for this property."""
     animation, path = owner.id_data.animation_data, owner.path_from_id(name)
     found = [animation.action, *(strip.action for strip in _strips(animation))] if animation else ()
     return any(curve.data_path == path for action in found if action for curve in curves(action))
 
 
 def times(ob):
-    """The frames, not all whole, at which an object's action has keys, or those that its strips play, in order."""
+    """[float], sorted: the frames, possibly fractional, of all keys in an object's active action and NLA strips."""
     animation = ob.animation_data
     if not animation:
         return []
@@ -50,14 +50,14 @@ def _times(action, slot):
 
 
 def _strips(animation):
-    """Of the nonlinear animation, those that count: of all tracks but muted ones, or of the one that is alone."""
+    """The unmuted NLA strips with an action: of the soloed track if there is one, else of all unmuted tracks."""
     tracks = [track for track in animation.nla_tracks if track.is_solo] or [
         track for track in animation.nla_tracks if not track.mute]
     return [strip for track in tracks for strip in track.strips if strip.action and not strip.mute]
 
 
 def _times_in(strip, of_action):
-    """When a strip plays these times of its action."""
+    """Generator: the scene frames at which an NLA strip plays these key times of its action, with its repeats."""
     begin, end = strip.action_frame_start, strip.action_frame_end
     inside = [end + begin - time if strip.use_reverse else time for time in of_action if begin <= time <= end]
     length = (end - begin) * strip.scale
@@ -69,9 +69,9 @@ def _times_in(strip, of_action):
 
 
 def key(owner, name, start, values):
-    """Keys a property with a value in each frame from start, in place of the keys that are there. The property itself
-    isn't set, which would bring what goes by it up to date for each."""
-    owner.keyframe_insert(name, frame=start)  # makes what is missing up to the curve
+    """Inserts one key a frame from start, and replaces the keys in that range. The property itself isn't set, as each
+    assignment would trigger its update callback."""
+    owner.keyframe_insert(name, frame=start)  # creates animation data, action, slot and curve where missing
     animation, path = owner.id_data.animation_data, owner.path_from_id(name)
     curve = next(curve for curve in curves(animation.action, getattr(animation, 'action_slot', None))
                  if curve.data_path == path)
@@ -85,7 +85,7 @@ def key(owner, name, start, values):
 
 
 def poses(actions, rig):
-    """(action, frame) of those that are one pose which the armature object can take."""
+    """Generator of (action, frame): the actions that key a single frame of bones, at least one of which rig has."""
     for action in actions:
         keyed = [curve for curve in curves(action) if curve.data_path.startswith('pose.bones["')]
         frames = {round(float(key.co.x), 3) for curve in keyed for key in curve.keyframe_points}
@@ -94,11 +94,12 @@ def poses(actions, rig):
 
 
 class Unkeyed:
-    """While it lasts frames may be gone to and poses taken: places and poses that are in no key come back."""
+    """Context manager that saves transforms, pose channels and custom properties and restores them on exit, so that
+    changes of frame and applied poses don't lose values without keys."""
 
     def __init__(self, scene, rigs=(), taken=()):
-        """rigs: armature objects that are posed by more than their animation. taken: actions that these take poses
-        of, which may key anything."""
+        """rigs: armature objects to save whether or not they are animated, beside all animated local objects. taken:
+        actions that will be applied to rigs; all properties that they key are saved too."""
         owners = {*rigs, *(ob for ob in scene.objects if ob.animation_data and not ob.library)}
         self._owners = [*owners, *(bone for ob in owners if ob.pose for bone in ob.pose.bones)]
         paths = dict.fromkeys(curve.data_path for action in taken for curve in curves(action))
@@ -127,12 +128,12 @@ class Unkeyed:
 
 
 def _own_numbers(owner):
-    """The custom properties by which rigs are switched."""
+    """{name: value} of the numeric custom properties, such as the switches of a rig."""
     return {name: value for name, value in owner.items() if isinstance(value, (int, float))}
 
 
 class _Property(NamedTuple):
-    """What a data path leads to. is_own: a custom property."""
+    """The property that a data path refers to. is_own: whether it is a custom property."""
     owner: object
     name: str
     is_own: bool
@@ -149,7 +150,7 @@ class _Property(NamedTuple):
 
 
 def _property(ob, path):
-    """None where the object has none there."""
+    """The _Property at a data path; None where the path does not resolve."""
     is_own = path.endswith('"]')
     before, _, name = path[:-2].rpartition('["') if is_own else path.rpartition('.')
     try:
@@ -161,8 +162,8 @@ def _property(ob, path):
 
 
 class Unselected:
-    """While it lasts no bone of these armature objects is selected: poses reach the selected ones alone, and all where
-    there are none."""
+    """Context manager that deselects all bones of these armature objects: Blender applies a pose to the selected bones,
+    or to all if none is selected."""
 
     def __init__(self, rigs):
         self._bones = [bone for rig in rigs for bone in _selectable(rig)]
@@ -182,7 +183,7 @@ def _selectable(rig):
 
 
 def reset(rig):
-    """Puts all bones of an armature object to rest."""
+    """Sets the pose channels of all bones to the rest pose."""
     for bone in rig.pose.bones:
         bone.location, bone.scale = (0, 0, 0), (1, 1, 1)
         bone.rotation_euler, bone.rotation_quaternion = (0, 0, 0), (1, 0, 0, 0)

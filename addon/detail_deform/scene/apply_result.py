@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The shown deformation made part of the mesh, for good."""
+"""Writes the displayed deformation into the mesh, as vertex positions or as a shape key."""
 
 import numpy as np
 
@@ -9,13 +9,13 @@ SHAPE_KEY_NAME = 'Detail Deform'
 
 
 def shown_offsets(ob):
-    """(n, 3) float32: as far as the modifier's Factor and Influence show the deformation."""
+    """(n, 3) float32: the offsets times the modifier's Factor and Influence weights."""
     modifier = node_group.find_modifier(ob)
     return offset_attribute.read(ob.data) * (node_group.amount(ob, modifier) if modifier else 1.0)
 
 
 def save_key(ob, name):
-    """A shape key, not shown yet, that holds the deformation as it is shown. Returns its name."""
+    """Adds a shape key of value 0 that holds the displayed deformation. Returns its name. Raises MeshProblem."""
     offsets = shown_offsets(ob)
     if mesh_data.is_nothing(ob.data, offsets):
         raise mesh_data.MeshProblem("Nothing is deformed that could be saved: move a handle first.")
@@ -23,8 +23,8 @@ def save_key(ob, name):
 
 
 def apply(ob, mode):
-    """mode: 'MESH' moves the vertices (of every shape key too, so that keys keep their effect);
-    'SHAPE_KEY' adds a key. As far as the modifier's Factor and Influence show the deformation."""
+    """Applies shown_offsets(). mode: 'MESH' moves the vertices, and those of every shape key, so that keys keep their
+    effect; 'SHAPE_KEY' adds a key of value 1."""
     mesh, offsets = ob.data, shown_offsets(ob)
     if mode == 'SHAPE_KEY':
         add_key(ob, SHAPE_KEY_NAME, offsets).value = 1.0
@@ -43,16 +43,16 @@ def _move(points, offsets):
 
 
 def set_key(ob, key, offsets):
-    """Makes a present shape key move the mesh by these offsets."""
+    """Overwrites an existing shape key: the rest shape plus offsets, (n, 3), relative to the reference key."""
     key.relative_key = ob.data.shape_keys.reference_key
     key.data.foreach_set('co', (mesh_data.rest(ob.data) + offsets).ravel())
 
 
 def add_key(ob, name, offsets):
-    """A new shape key that moves the mesh by these offsets, not shown yet."""
+    """Adds a shape key of value 0 that moves the mesh by offsets, (n, 3). Returns the key."""
     if not ob.data.shape_keys:
         ob.shape_key_add(name="Basis", from_mix=False)
     key = ob.shape_key_add(name=name, from_mix=False)
-    key.value = 0.0  # from 5.2 on they come with 1
+    key.value = 0.0  # from 5.2 on, new keys have the value 1
     _move(key.data, offsets)
     return key

@@ -1,26 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A mesh as its modifiers move its own vertices, below those that make others: before the first of these, with what
-moves points behind it that goes by a point's place or groups alone, as an armature behind a Mirror does.
+"""Evaluates a mesh with those modifiers alone that keep its vertices: all modifiers before the first that changes the
+vertex count, and after it those that depend on a point's position and groups alone, as an Armature after a Mirror.
 
-The modifiers are evaluated once more on Blender's evaluated copy of the object, of which others are switched off for
-the time being: nothing in the file is touched or needed for it, so it works in a frame, in a render, and of an object
-that is linked."""
+The modifiers are re-evaluated on Blender's evaluated copy of the object, with the other modifiers temporarily disabled.
+Nothing in the file is changed, so it works during a frame change, in a render, and for a linked object."""
 
 import contextlib
 
 from . import mesh_data, node_group
 
+# Modifiers that move vertices. All but MESH_SEQUENCE_CACHE keep the vertex count.
 MOVERS = {'ARMATURE', 'CAST', 'CLOTH', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE', 'HOOK', 'LAPLACIANDEFORM',
           'LAPLACIANSMOOTH', 'LATTICE', 'MESH_CACHE', 'MESH_DEFORM', 'MESH_SEQUENCE_CACHE', 'SHRINKWRAP',
           'SIMPLE_DEFORM', 'SMOOTH', 'SOFT_BODY', 'SURFACE_DEFORM', 'WARP', 'WAVE'}
+# Those whose effect on a point depends on its position and vertex groups alone, not on other points.
 _BY_POINT = {'ARMATURE', 'CURVE', 'LATTICE'}
 _KEEPERS = {'DATA_TRANSFER', 'NORMAL_EDIT', 'TRIANGULATE', 'UV_PROJECT', 'UV_WARP', 'VERTEX_WEIGHT_EDIT',
-            'VERTEX_WEIGHT_MIX', 'VERTEX_WEIGHT_PROXIMITY', 'WEIGHTED_NORMAL'}  # of vertices, where they are
+            'VERTEX_WEIGHT_MIX', 'VERTEX_WEIGHT_PROXIMITY', 'WEIGHTED_NORMAL'}  # keep vertices and their positions
+# Those that are taken to change the vertex count whatever their settings; for SUBSURF, MIRROR and ARRAY see _makes().
 _MAKERS = {'EXPLODE', 'MULTIRES', 'PARTICLE_INSTANCE', 'REMESH', 'SCREW', 'SKIN', 'SOLIDIFY', 'WIREFRAME'}
 
 
 def _makes(modifier, flag):
-    """Whether it makes other vertices, whatever the mesh."""
+    """Whether a modifier with these settings changes the vertex count, whatever the mesh. flag: of _flag()."""
     if modifier.type == 'SUBSURF':
         return (modifier.render_levels if flag == 'show_render' else modifier.levels) > 0
     if modifier.type == 'MIRROR':
@@ -34,6 +36,7 @@ def _flag(depsgraph):
     return 'show_render' if depsgraph.mode == 'RENDER' else 'show_viewport'
 
 
+# Whether a modifier may change the vertex count: any type but those known to keep it, and the deformation's own.
 def _perhaps_makes(ob, modifier):
     if modifier.type == 'MESH_SEQUENCE_CACHE':
         return True
@@ -41,13 +44,14 @@ def _perhaps_makes(ob, modifier):
 
 
 def _chosen(ob, flag, cut):
-    """Those that are followed where the one of that number is the first that makes vertices: (k,) bool."""
+    """(k,) bool: the enabled modifiers that are evaluated if modifier number cut is the first to change the vertex
+    count: all before it, and after it those of _BY_POINT and the deformation's own."""
     own = node_group.find_modifier(ob)
     return [getattr(m, flag) and (k < cut or m.type in _BY_POINT or m == own) for k, m in enumerate(ob.modifiers)]
 
 
 def _first(ob, flag):
-    """The number of the first that is sure to make vertices; None where there is none."""
+    """Index of the first enabled modifier that certainly changes the vertex count; None if there is none."""
     return next((k for k, m in enumerate(ob.modifiers) if getattr(m, flag) and _makes(m, flag)), None)
 
 
@@ -55,13 +59,13 @@ _SHOWN_IN = ('show_viewport', 'show_render', 'levels', 'render_levels')
 
 
 def differs_in_renders(ob, scene):
-    """Whether renders may show other vertices of it than the viewport."""
+    """Whether renders may evaluate the object to other vertices than the viewport does."""
     return bool(unlike_in_renders(ob, scene))
 
 
 def unlike_in_renders(ob, scene):
-    """The modifiers that may make other vertices in renders than in the viewport: by levels, by Simplify, by what is
-    shown in one of them alone, by drivers of these, and by nodes that ask where they are."""
+    """[modifier] whose vertices may differ between renders and the viewport: through subdivision levels, Simplify,
+    being enabled in one of them alone, drivers on these properties, or an Is Viewport node."""
     paths = [curve.data_path for curve in ob.animation_data.drivers] if ob.animation_data else ()
     driven = {path for path in paths if path.startswith('modifiers[') and path.rpartition('.')[2] in _SHOWN_IN}
 
@@ -75,7 +79,7 @@ def unlike_in_renders(ob, scene):
 
 
 def _levels(modifier, scene, flag):
-    """As Simplify leaves them; 0 of modifiers that have none."""
+    """The subdivision levels as limited by Simplify; 0 for modifiers without levels."""
     if modifier.type not in {'SUBSURF', 'MULTIRES'}:
         return 0
     render, in_render = scene.render, flag == 'show_render'
@@ -85,17 +89,17 @@ def _levels(modifier, scene, flag):
 
 
 def _asks_where(tree):
-    """Whether nodes give something else in the viewport than in renders."""
+    """Whether a node tree contains an Is Viewport node, so that its result may differ in renders."""
     return any(node.bl_idname == 'GeometryNodeIsViewport' for node in node_group.all_nodes(tree))
 
 
 @contextlib.contextmanager
 def deformed(ob, evaluated, depsgraph):
-    """While it lasts, the evaluated mesh with the mesh's own vertices, and (k,) bool, which of the modifiers have made
-    it. None, and none, where there is no such mesh."""
+    """Context manager: (evaluated mesh with the original's vertex count, (k,) bool of the modifiers that produced it).
+    (None, []) where no cut of the stack keeps the count. The mesh is valid inside the context only."""
     flag, count = _flag(depsgraph), len(ob.data.vertices)
     first = _first(ob, flag)
-    is_edited = ob.mode == 'EDIT'  # where the evaluated mesh may be none that can be read
+    is_edited = ob.mode == 'EDIT'  # in Edit Mode the evaluated mesh may have no readable data
     if first is None and len(evaluated.data.vertices) == count and not is_edited:
         yield evaluated.data, [getattr(m, flag) for m in ob.modifiers]
         return
@@ -113,14 +117,14 @@ def deformed(ob, evaluated, depsgraph):
 
 
 def by(ob, depsgraph, chosen, count=None):
-    """(n, 3) float32: what these of its modifiers alone make of the mesh's own vertices, or of so many; None where they
-    make others. chosen: (k,) bool."""
+    """(n, 3) float32: the positions with the chosen modifiers alone; None if their result doesn't have count vertices,
+    by default those of the mesh. chosen: (k,) bool."""
     with _alone(ob, depsgraph, chosen) as mesh:
         return mesh_data.positions(mesh) if len(mesh.vertices) == (count or len(ob.data.vertices)) else None
 
 
 def surface(ob, depsgraph, chosen):
-    """((n, 3) float32, (m, 3) int32): vertices and triangles that these modifiers alone make."""
+    """((n, 3) float32, (m, 3) int32): positions and triangles with the chosen modifiers alone. chosen: (k,) bool."""
     with _alone(ob, depsgraph, chosen) as mesh:
         return mesh_data.positions(mesh), mesh_data.triangles(mesh)
 
@@ -133,10 +137,10 @@ def _alone(ob, depsgraph, chosen):
 def _with_alone(evaluated, depsgraph, flag, chosen):
     before = [False] * len(evaluated.modifiers)
     evaluated.modifiers.foreach_get(flag, before)
-    # Unlike a property's own way, this tells Blender of no change.
+    # foreach_set, unlike assignment, triggers no update.
     evaluated.modifiers.foreach_set(flag, chosen)
     try:
-        # With these arguments it is made anew of the modifiers.
+        # With these arguments to_mesh() re-evaluates the modifiers.
         yield evaluated.to_mesh(preserve_all_data_layers=True, depsgraph=depsgraph)
     finally:
         evaluated.to_mesh_clear()
@@ -144,12 +148,12 @@ def _with_alone(evaluated, depsgraph, flag, chosen):
 
 
 def left_out(ob, depsgraph):
-    """What is not followed of what moves it, for it comes behind what makes vertices: a sentence, or ''. Nodes there
-    aren't asked whether they move any."""
+    """A sentence that names the modifiers whose motion is not followed, as they come after one that changes the vertex
+    count; or ''. Geometry Nodes there are always named, whether or not they move vertices."""
     flag = 'show_viewport'
     first = _first(ob, flag)
     if first is None and len(ob.evaluated_get(depsgraph).data.vertices) != len(ob.data.vertices):
-        # One of these has made them, and what comes behind the last is lost by any.
+        # One of several has changed the count. What comes after the last of them is lost whichever it was.
         first = max((k for k, m in enumerate(ob.modifiers) if getattr(m, flag) and _perhaps_makes(ob, m)), default=None)
     if first is None:
         return ""

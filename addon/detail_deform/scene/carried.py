@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Carries along what is kept in an object's own space where that space has changed under it.
+"""Transforms the data stored in an object's local space after Set Origin or Apply has changed that space.
 
-Set Origin and Apply move all vertices of a mesh by one affine motion and the object by its inverse, so that nothing is
-seen to move. The places of handles at rest, and offsets, are told in the same space and have to go along. To know the
-motion, some of the vertices' positions are kept from the bind, as text that is saved and undone with the object.
+Both transform all vertices by one affine map and the object by its inverse, so nothing moves in the world. Rest places
+of handles, offsets and the base's rest are stored in local space and must be transformed too. The map is recovered from
+sample vertices whose positions are stored at Bind, as text that is saved and undone with the object.
 """
 
 import numpy as np
@@ -11,13 +11,17 @@ import numpy as np
 from . import handle_matrices, mesh_data, offset_attribute, outside_base
 from .offset_attribute import KEPT, KEYED, NAME
 
-_POINTS = 64  # vertices, evenly through the mesh's list: four in general position would do
-_EXACT = 1e-5  # of the mesh's size: what single precision leaves of an affine motion, and less than an edit
-_FLAT = 1e-5  # of a mesh's largest extent, the smallest that tells how it was scaled that way
+_POINTS = 64  # sample vertices, evenly spaced by index; an affine map needs four in general position, more reveal edits
+# Fraction of the samples' largest extent (along an axis): residuals below it count as single-precision rounding of an
+# affine map, residuals above it as an edit.
+_EXACT = 1e-5
+# Fraction of the samples' largest singular value: along a direction with a smaller one the scale can't be recovered.
+# Its cube bounds |det| of the map, as a fraction of its largest singular value cubed: below, it counts as singular.
+_FLAT = 1e-5
 
 
 def points(mesh):
-    """Of what is bound, for motion_since."""
+    """The sample positions as hexadecimal text, for motion_since()."""
     return _chosen(mesh).tobytes().hex()
 
 
@@ -27,11 +31,11 @@ def _chosen(mesh):
 
 
 def motion_since(mesh, kept):
-    """(4, 4): the affine motion that has taken the vertices from where these points were kept; None where there is
-    none, as after an edit, or none is known."""
+    """(4, 4): the affine map from the positions in kept, of points(), to the present ones. None where that is the
+    identity up to rounding, where the vertices were edited, or where kept is unreadable or too flat to tell it."""
     try:
         before = np.frombuffer(bytes.fromhex(kept), np.float32).reshape(-1, 3).astype(np.float64)
-    except (TypeError, ValueError):  # in a file that something else has written to
+    except (TypeError, ValueError):  # the file was modified by something else
         return None
     after = _chosen(mesh).astype(np.float64)
     if not len(before) or len(before) != len(after) or not (np.isfinite(before).all() and np.isfinite(after).all()):
@@ -39,7 +43,7 @@ def motion_since(mesh, kept):
     found = _affine(before, after)
     if found is None:
         return None
-    # What single precision rounds off depends on how far from the origin the mesh is, before and after.
+    # Rounding errors grow with the distance from the origin, before and after. 1e-6: some 10 float32 epsilons.
     linear = np.abs(found[:3, :3]).sum(axis=1).max()
     rounded = 1e-6 * (np.abs(after).max() + linear * np.abs(before).max())
     allowed = _EXACT * np.ptp(after, axis=0).max() + rounded
@@ -49,13 +53,14 @@ def motion_since(mesh, kept):
 
 
 def _affine(before, after):
-    """(4, 4): the affine motion that fits best; None where these points don't tell one, or it has no inverse."""
+    """(4, 4): the least-squares affine map; None where the points are collinear or the map is singular."""
     middle, there = before.mean(axis=0), after.mean(axis=0)
     _, extents, axes = np.linalg.svd(before - middle, full_matrices=False)
     if len(extents) < 3 or extents[1] <= _FLAT * extents[0]:
         return None
     known = 3 if extents[2] > _FLAT * extents[0] else 2
-    # Along the principal axes; of a plane the third is the normal, which goes as the two in it do.
+    # In principal axes. For planar points the image of the normal is not determined: it is taken as the normal of the
+    # image plane, scaled by the square root of the change of area in the plane.
     moved = np.linalg.lstsq((before - middle) @ axes[:known].T, after - there, rcond=None)[0]
     if known == 2:
         normal = np.cross(*moved)
@@ -69,13 +74,14 @@ def _affine(before, after):
 
 
 def went_along(motion, before, now):
-    """Whether places went along with the vertices, rather than stay where they were in the object's space, as where all
-    vertices were moved in Edit Mode. before, now: (k, 4, 4) places in the object's space."""
+    """Whether places moved with the vertices by motion, as after Set Origin, or stayed fixed in the object's space, as
+    where all vertices were moved in Edit Mode. before, now: (k, 4, 4) places in the object's space."""
     return np.linalg.norm(now - motion @ before) < np.linalg.norm(now - before)
 
 
 def carry(ob, motion):
-    """motion: of motion_since."""
+    """Transforms everything stored in the object's space by motion, (4, 4) of motion_since(), and takes new sample
+    points."""
     settings, back = ob.detail_deform, np.linalg.inv(motion)
     for handle in settings.handles:
         if handle.mirrors or handle.symmetric:
@@ -84,7 +90,7 @@ def carry(ob, motion):
         for name in ('rest_matrix', 'home_matrix'):
             place = np.array(getattr(handle, name), np.float64).reshape(4, 4)
             if place.any():
-                # Of one that mirrors another, it is a motion and no place.
+                # For a handle that mirrors another it is a motion, not a place: conjugated.
                 setattr(handle, name, (motion @ place @ (back if handle.mirrors else np.eye(4))).ravel().tolist())
         if any(handle.pose_matrix):
             handle.pose_matrix = (motion @ handle_matrices.pose_of(handle) @ back).ravel().tolist()
@@ -93,7 +99,7 @@ def carry(ob, motion):
         settings.base_rest_matrix = (motion @ place).ravel().tolist()
     if settings.base_rest_mesh:
         positions = mesh_data.positions(settings.base_rest_mesh) @ motion[:3, :3].T + motion[:3, 3]
-        if settings.base_rest_mesh.users > 1:  # a copy of the object has it, too
+        if settings.base_rest_mesh.users > 1:  # shared with a copy of the object
             settings.base_rest_mesh = settings.base_rest_mesh.copy()
         settings.base_rest_mesh.vertices.foreach_set('co', positions.astype(np.float32).ravel())
     for name in (NAME, KEPT, KEYED):
@@ -105,15 +111,15 @@ def carry(ob, motion):
 
 
 def places(ob, depsgraph):
-    """(k, 4, 4) float64: where what moves the surface is now, in the object's space: the base object, or the empties of
-    enabled handles. Raises MeshProblem."""
+    """(k, 4, 4) float64: the present places, in the object's space, of the base object or of the empties of the enabled
+    handles. Raises MeshProblem."""
     if ob.detail_deform.base == 'OBJECT':
         return outside_base.place(ob, depsgraph)[None]
     return handle_matrices.places_of(ob, handle_matrices.with_empties(ob.detail_deform), depsgraph)
 
 
 def rest_places(settings):
-    """(k, 4, 4) float64: the same at rest."""
+    """(k, 4, 4) float64: the rest places of the same."""
     if settings.base == 'OBJECT':
         return np.array(settings.base_rest_matrix, np.float64).reshape(1, 4, 4)
     return np.array([handle_matrices.rest(handle) for handle in handle_matrices.with_empties(settings)])

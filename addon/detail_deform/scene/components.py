@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What pairs of numbers hold together."""
+"""Connected components of a graph that is given by its edges."""
 
 import numpy as np
 
 
 def least(count, pairs):
-    """(count,) intp: for each number the least of those that pairs, (p, 2), join it to."""
+    """(count,) intp: for each node the smallest node of its connected component. pairs: (p, 2), the edges."""
     result = np.arange(count)
     while True:
         pairs = pairs[result[pairs[:, 0]] != result[pairs[:, 1]]]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which triangles of a source correspond to those of a target, and how that is kept with the target's mesh."""
+"""Correspondences between the triangles of a source and a target, and their storage with the target's mesh."""
 
 import array
 
@@ -13,16 +13,16 @@ _PROPERTY = 'detail_deform_match'
 
 
 class Matched:
-    """Two meshes with their corresponding triangles.
+    """A correspondence between two meshes.
 
-    source_triangles, target_triangles: (m, 3); pairs: (k, 2) of their numbers, or of those of vertices as
-    pairs_of says, None where the topology is the same; confidence: (m,) of the target's triangles, 0 to 1."""
+    source_triangles, target_triangles: (m, 3). pairs: (k, 2) indices of triangles, or of vertices, according to
+    pairs_of; None where the topology is the same. confidence: (m,) in [0, 1], one a target triangle."""
 
     pairs_of = 'TRIANGLES'
-    points = None  # of each vertex of the target: a triangle of the source, or -1, (n,), and three weights, (n, 3)
-    stance = None  # of NEAREST: (4, 4) from the source's space to the target's
-    ambiguous = False  # whether the source fits about as well turned otherwise
-    mirrored = False  # whether markers say that the target is the source's mirror image
+    points = None  # per target vertex: a source triangle or -1, (n,), and barycentric weights, (n, 3)
+    stance = None  # with NEAREST: (4, 4) from the source's local space to the target's
+    ambiguous = False  # whether another rotation of the source fits about as well
+    mirrored = False  # whether the markers show the target to be the source's mirror image
 
     def __init__(self, source_triangles, target_triangles, pairs, confidence):
         self.source_triangles, self.target_triangles = source_triangles, target_triangles
@@ -34,7 +34,7 @@ class Matched:
 
 
 def check_source(source, target):
-    """Raises MeshProblem when nothing can be transferred from this object to that."""
+    """Raises MeshProblem where source and target can't be those of a transfer, or one is in Edit Mode."""
     if source is None or source.type != 'MESH':
         raise MeshProblem("There is no source: choose in Source the mesh object whose deformation should be carried "
                           "over.")
@@ -45,7 +45,7 @@ def check_source(source, target):
 
 
 def by_topology(source, target):
-    """Each triangle is its own source."""
+    """The identity correspondence of two meshes of the same topology. Raises MeshProblem where it differs."""
     counts = [(len(ob.data.vertices), len(ob.data.polygons)) for ob in (source, target)]
     is_same = mesh_data.is_same_topology(source.data, target.data)
     if not is_same and counts[0] != counts[1]:
@@ -62,8 +62,8 @@ def by_topology(source, target):
 
 
 def by_nearest(source, target):
-    """What a target lies over on its source, as both stand in the scene now. Raises MeshProblem where it lies over
-    nothing."""
+    """A correspondence by nearest points, stored as the present placement of the source relative to the target. Raises
+    MeshProblem where an object is scaled to 0, or their boxes are farther apart than the target's diagonal."""
     try:
         matrix = target.matrix_world.inverted() @ source.matrix_world
         matrix.inverted()
@@ -87,16 +87,17 @@ def _nearest(source, target, stance):
     return matched
 
 
-# Kept with the target's mesh, in the file
+# Storage with the target's mesh, in the file
 
 def store(matched, source, target):
-    """Keeps a correspondence with the target, by which its mesh and the source's are known again."""
+    """Stores a correspondence in a custom property of the target's mesh, with the signatures of both topologies, which
+    fits() compares."""
     kept = {'source': source.name, 'pairs_of': matched.pairs_of, 'digest': digest_of(matched),
             'source_topology': mesh_data.topology_signature(source.data),
             'target_topology': mesh_data.topology_signature(target.data)}
-    if matched.pairs_of == NEAREST:  # which is found whenever it is prepared
+    if matched.pairs_of == NEAREST:  # the nearest points themselves are searched for at preparation
         kept.update(stance=matched.stance.ravel().tolist(), **_present_points(source, target))
-    else:  # Of faces with more corners Blender makes triangles by their shape, which may change.
+    else:  # With the triangles: Blender's triangulation of n-gons depends on their shape, which may change.
         kept.update({name: _as_list(getattr(matched, name)) for name in _LISTS})
         if matched.points is not None:
             kept.update(zip(_POINTS, map(_as_list, matched.points)))
@@ -108,8 +109,8 @@ def _present_points(source, target):
 
 
 def carry_stance(source, target):
-    """How they stood is kept from the one's own space to the other's: where Set Origin or Apply has changed either, it
-    goes along."""
+    """Updates the stored stance, which maps the source's local space to the target's, where Set Origin or Apply has
+    changed either space."""
     kept = _kept(target)
     if kept is None or kept['pairs_of'] != NEAREST or source.name != kept['source']:
         return
@@ -125,7 +126,7 @@ def carry_stance(source, target):
         kept['stance'] = along.ravel().tolist()
         matched = _nearest(source, target, along)
         kept['digest'] = digest_of(matched)
-    # Else all vertices were moved by hand, and what comes next counts from there.
+    # Otherwise the vertices were moved in Edit Mode: the stance stays, with new sample points for the next comparison.
     for name, text in _present_points(source, target).items():
         kept[name] = text
 
@@ -136,13 +137,13 @@ def _as_list(values):
 
 
 _TEXTS = ('source', 'pairs_of', 'digest', 'source_topology', 'target_topology')
-_LISTS = {'source_triangles': 3, 'target_triangles': 3, 'pairs': 2, 'confidence': 1}  # so many numbers to each
+_LISTS = {'source_triangles': 3, 'target_triangles': 3, 'pairs': 2, 'confidence': 1}  # columns of each array
 
-_POINTS = ('point_triangles', 'point_weights')  # where a search has found them
+_POINTS = ('point_triangles', 'point_weights')  # optional: present where a search has found points
 
 
 def _kept(target):
-    """None where there is nothing, or something that no search has left."""
+    """The stored correspondence; None where there is none, or the property is malformed."""
     kept = target.data.get(_PROPERTY)
     if not (hasattr(kept, 'keys') and all(isinstance(kept.get(name), str) for name in _TEXTS) and
             (_is_stance(kept.get('stance')) if kept['pairs_of'] == NEAREST else _are_pairs(kept))):
@@ -158,7 +159,7 @@ def _are_pairs(kept):
 
 
 def _points_of(kept, vertex_count):
-    """None where it has none that such a mesh can have."""
+    """The stored points of a correspondence; None where there are none of this vertex count."""
     values = [kept.get(name) for name in _POINTS]
     if not all(hasattr(each, 'typecode') for each in values) or [vertex_count, 3 * vertex_count] != [*map(len, values)]:
         return None
@@ -173,19 +174,19 @@ def _is_stance(values):
 
 
 def digest_of(matched):
-    """A short text: equal texts, equal correspondences."""
+    """A hash of a correspondence as short text."""
     by = matched.pairs if matched.stance is None else matched.stance
     points = ''.join(map(mesh_data.signature, matched.points or ()))
     return f"{matched.pairs_of}-{mesh_data.signature(by)}{points}"
 
 
 def digest(target):
-    """A short text: equal texts, equal correspondences kept."""
+    """digest_of() the stored correspondence, or ''."""
     return _kept(target)['digest'] if is_stored(target) else ""
 
 
 def is_by_nearest(target):
-    """Whether what is kept is how they stood."""
+    """Whether the stored correspondence is one by nearest points, that is, a stance."""
     kept = _kept(target)
     return kept is not None and kept['pairs_of'] == NEAREST
 
@@ -195,13 +196,14 @@ def is_stored(target):
 
 
 def stored_for(target):
-    """Name of the object that a correspondence is kept for; '' where none is."""
+    """Name of the source of the stored correspondence; '' where none is stored."""
     kept = _kept(target)
     return kept['source'] if kept else ""
 
 
 def fits(source, target):
-    """Whether a correspondence of these two as they are is kept."""
+    """Whether a correspondence is stored that is valid for the present topologies of source and target; by nearest
+    points, whether it is for the source of this name."""
     kept = _kept(target)
     if kept is not None and kept['pairs_of'] == NEAREST:
         return kept['source'] == source.name
@@ -210,7 +212,7 @@ def fits(source, target):
 
 
 def stored(source, target):
-    """The correspondence kept with the target. Raises MeshProblem where it doesn't fit these objects any more."""
+    """The stored Matched. Raises MeshProblem where there is none, or a topology has changed since."""
     kept = _kept(target)
     if kept is None:
         raise MeshProblem(f"'{target.name}' has no Saved Match yet: press Find Match, or give a List.")
@@ -233,8 +235,8 @@ def forget(target):
 
 
 def vertex_confidence(target):
-    """(n,) float32: how well the surface about each vertex is matched, 0 to 1; None where nothing is kept that
-    fits the mesh."""
+    """(n,) float32: mean confidence of the triangles at each vertex, in [0, 1]; None where nothing is stored that fits
+    the target's topology."""
     kept = _kept(target)
     if (kept is None or kept['pairs_of'] == NEAREST or
             kept['target_topology'] != mesh_data.topology_signature(target.data)):

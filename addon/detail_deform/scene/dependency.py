@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Keeps the empties of a bound object evaluated wherever they are hidden.
+"""Keeps the empties of a bound object evaluated even where they are hidden.
 
-A render leaves out objects that are disabled in renders, or whose collection is, as those of a rig
-often are; nothing then moves them from frame to frame. A driver is something that the object visibly
-needs, so Blender evaluates what it reads. Its value is of no use.
+A render doesn't evaluate objects that are disabled in renders, or are in a disabled collection, as those of rigs often
+are, so their transforms stay as they were. A driver on the bound object is a dependency on every object that it reads,
+which Blender then evaluates. The driver's value is not used.
 """
 
 _PROPERTY = 'dependency'
 
 
 def depend_on(ob, targets):
-    """Makes the object need these objects' places, and no others as before. Only what differs is written: for each
-    thing written Blender finds out anew what all objects of the scene need, and it compares the name of a new variable
-    with all others."""
+    """Makes the object depend on the transforms of targets, and on no others. Only differences are written: each change
+    makes Blender rebuild the relations of the scene's dependency graph, and a new variable's name is compared with
+    those of all others."""
     needed = _needed(ob)
     if needed is None:
         release(ob)
@@ -38,7 +38,7 @@ def _find(ob):
 
 
 def _needed(ob):
-    """In which ways it needs which objects so far; None without a driver that works."""
+    """[(variable type, object)] that the driver reads; None without a working driver."""
     found = _find(ob)
     if found is None or found.mute or found.driver.type != 'SUM':
         return None
@@ -46,7 +46,7 @@ def _needed(ob):
 
 
 def release(ob):
-    """Leaves the object's animation data as it would be without the driver."""
+    """Removes the driver, and the object's animation data if nothing else is in it."""
     animation = ob.animation_data
     if _find(ob) is None:
         return

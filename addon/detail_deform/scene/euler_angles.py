@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rotations told by Euler angles, which know whole turns, where a matrix doesn't."""
+"""Rotations as Euler angles, which preserve whole turns, unlike matrices."""
 
 import numpy as np
 from mathutils import Euler, Quaternion
@@ -9,7 +9,7 @@ _ORDERS = {'XYZ', 'XZY', 'YXZ', 'YZX', 'ZXY', 'ZYX'}
 
 
 def told(target):
-    """(Euler angles, their order) of the empty's own rotation."""
+    """(Euler angles in radians, their order) of the empty's local rotation, converted from its rotation mode."""
     if target.rotation_mode == 'QUATERNION':
         return target.rotation_quaternion.to_euler()[:], 'XYZ'
     if target.rotation_mode == 'AXIS_ANGLE':
@@ -19,27 +19,28 @@ def told(target):
 
 
 def in_order(euler, own, order):
-    """The same rotation by Euler angles of another order. own: '' where it was not kept, as in old files."""
+    """The same rotation as Euler angles of another order. own: the angles' present order; '' if unknown, as in old
+    files: then they are returned unchanged."""
     if own == order or own not in _ORDERS:
         return tuple(euler)
     return Euler(euler, own).to_matrix().to_euler(order)[:]
 
 
 def _principal(angles):
-    """The same angles in [-π, π]."""
+    """The angles modulo 2π, in [-π, π]."""
     return angles - 2 * np.pi * np.round(angles / (2 * np.pi))
 
 
 def channel_turns(euler, rest, order, animated=True):
-    """(3,) float64: how far each channel of an Euler rotation of this order has turned since rest, with whole turns.
+    """(3,) float64: the change of each Euler channel since rest, in radians and with whole turns.
 
     Two triples of angles give the same rotation: (x, y, z), and (x + π, π - y, z + π) where Y is the middle channel.
-    What sets an empty by a matrix, as Blender's Keep Transform does, may change from one to the other. So the other
-    triple for rest counts where the present angles, whole turns aside, are at most half as far from it. (Where it
-    counts as soon as it is nearer, empties that turn on by two channels at once jump on their way.)
+    Setting an empty's matrix, as Blender's Keep Transform does, may switch from one to the other. So the change is
+    taken from the second triple of rest where the present angles, modulo 2π, are less than half as far from it as from
+    the first. (With the nearer of the two instead, empties that turn about two channels at once jump on their way.)
 
-    animated: False where the angles were set once, so that the other triple as it stands in the formula, where a matrix
-    gives one in [-π, π], has not turned either.
+    animated: False where the angles were set once: then the second triple exactly as in the formula, not reduced to
+    [-π, π], counts as no change, too.
     """
     euler, rest = np.asarray(euler, np.float64), np.asarray(rest, np.float64)
     middle = 'XYZ'.index(order[1])
@@ -49,16 +50,17 @@ def channel_turns(euler, rest, order, animated=True):
         return euler - rest
     if not animated and np.abs(euler - other).max() < 1e-4:
         return np.zeros(3)
-    # Angles that a matrix gave are in [-π, π] and know no whole turns; what lies beyond was turned on to, from there.
+    # Angles in [-π, π] may come from a matrix, which carries no whole turns: the change is taken modulo 2π. Angles
+    # beyond were reached by turning on from there: the full change counts.
     other = _principal(other)
-    at_the_end = np.abs(other) > np.pi - 1e-4  # π and -π are the same angle: the sign of the present one
+    at_the_end = np.abs(other) > np.pi - 1e-4  # π and -π are the same angle: take the sign of the present one
     change = euler - np.where(at_the_end, np.copysign(np.pi, euler), other)
     return np.where(np.abs(euler) <= np.pi + 1e-4, _principal(change), change)
 
 
 def channel_axes(euler, order):
-    """(3, 3): in the columns the axes about which the channels X, Y and Z of such a rotation turn, as the later ones
-    have turned them."""
+    """(3, 3): the columns are the axes about which the channels X, Y and Z turn, each rotated by the channels that are
+    applied after it."""
     axes, later = np.empty((3, 3)), np.eye(3)
     for letter in reversed(order):
         channel = 'XYZ'.index(letter)

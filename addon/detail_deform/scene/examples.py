@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Example poses: shape keys of the mesh, or other objects of the same topology."""
+"""Example poses of MeshIK: shape keys of the mesh, or other objects of the same topology."""
 
 import numpy as np
 
@@ -16,14 +16,14 @@ def title(example):
 
 
 def positions(ob):
-    """(count, n, 3) float32 of the enabled examples, or None where there are none. Raises MeshProblem."""
+    """(count, n, 3) float32: positions of the enabled examples; None if there are none. Raises MeshProblem."""
     chosen = enabled(ob.detail_deform)
     masks = mesh_data.key_masks(ob, _keys(ob))
     return np.stack([positions_of(ob, example, masks) for example in chosen]) if chosen else None
 
 
 def positions_of(ob, example, masks=None):
-    """(n, 3) float32. masks: as of mesh_data.key_shape."""
+    """(n, 3) float32: positions of one example. masks: as for mesh_data.key_shape(). Raises MeshProblem."""
     if example.object is not None:
         return _positions_of_object(ob, example.object)
     if example.is_object:
@@ -49,12 +49,12 @@ def _positions_of_object(ob, other):
 
 
 def weights(settings):
-    """Those of the sliders."""
+    """The slider weights of the enabled examples."""
     return tuple(example.weight for example in enabled(settings))
 
 
 def limits(settings):
-    """The least and the largest weight of each that handles may ask for; None where none is limited."""
+    """((least, largest), …): bounds on the weight that the handles may give each example; None if none has bounds."""
     chosen = enabled(settings)
     if not any(example.limited for example in chosen):
         return None
@@ -63,7 +63,7 @@ def limits(settings):
 
 
 def add_keys(ob):
-    """Adds the mesh's shape keys that are no examples yet; the number of them. Raises MeshProblem."""
+    """Adds all shape keys of the mesh that aren't examples yet. Returns their number. Raises MeshProblem."""
     keys = mesh_data.relative_keys(ob)
     if not keys:
         raise MeshProblem(f"'{ob.name}' has no shape keys: make one for each example pose, or select posed copies "
@@ -77,7 +77,7 @@ def add_keys(ob):
 
 
 def add_objects(ob, others):
-    """Adds posed copies of the object. Raises MeshProblem; nothing is added then."""
+    """Adds posed copies of the object as examples. Raises MeshProblem, and then adds none."""
     others = [other for other in others if other != ob and other.type == 'MESH']
     if not others:
         raise MeshProblem(f"Select posed copies of '{ob.name}' first, and '{ob.name}' last: the copies become "
@@ -95,17 +95,17 @@ def add_objects(ob, others):
 
 
 def _keys(ob):
-    """Those of the examples that are shape keys."""
+    """[ShapeKey] of the enabled examples that are shape keys."""
     keys = ob.data.shape_keys
     blocks = keys.key_blocks if keys else {}
     return [blocks[e.name] for e in enabled(ob.detail_deform) if e.object is None and e.name in blocks]
 
 
 def are_keyed(ob):
-    """Whether values of examples' shape keys are keyed, as baked ones are."""
+    """Whether the value of an example's shape key is animated, as after a bake."""
     return any(actions.is_keyed(key, 'value') for key in _keys(ob))
 
 
 def shown_keys(ob):
-    """Names of the examples that are shape keys with a value, which comes on top of what is found."""
+    """Names of the example shape keys with a non-zero value, which adds to the weights that the method finds."""
     return [key.name for key in _keys(ob) if key.value and not key.mute]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that are read, those that are not finished, and what they may be called. Nothing here knows Blender."""
+"""Reading files, names of unfinished files, and rules for file names. Independent of Blender."""
 
 import contextlib
 import os
@@ -8,17 +8,21 @@ import sys
 import unicodedata
 
 _UNFINISHED = '.unfinished'
-_UNITS = 'utf-16-le' if sys.platform == 'win32' else 'utf-8'  # what the system counts in a name: two bytes, or one
-_MOST = 2 * 255 if sys.platform == 'win32' else 255  # bytes of these
-_MOST_OF_A_NAME = 200  # bytes of a data-block's name as that of a file, to which more is added
-_MOST_OF_A_PATH = 259  # for programs on Windows that nothing else is set up for
-_DRIVE = re.compile(r'^([\\/]{2}[?.][\\/])?([A-Za-z]:)?')  # and what comes before one, or before a device
-_FORBIDDEN = '<>:"|?*'  # in names on Windows
+# Limits of the systems: a file name has at most 255 UTF-16 code units on Windows, 255 bytes elsewhere.
+_UNITS = 'utf-16-le' if sys.platform == 'win32' else 'utf-8'
+_MOST = 2 * 255 if sys.platform == 'win32' else 255  # bytes in _UNITS
+# Bytes of a data-block's name within a file name: leaves at least 55 for what is appended. Safety: a longer file name
+# is refused.
+_MOST_OF_A_NAME = 200
+_MOST_OF_A_PATH = 259  # characters: Windows' limit (MAX_PATH without the final zero) unless long paths are enabled
+_DRIVE = re.compile(r'^([\\/]{2}[?.][\\/])?([A-Za-z]:)?')  # device prefix and drive, both optional
+_FORBIDDEN = '<>:"|?*'  # characters that Windows refuses in names
 _DEVICES = {'CON', 'PRN', 'AUX', 'NUL', *(f'{kind}{number}' for kind in ('COM', 'LPT') for number in range(1, 10))}
 
 
 def check(path):
-    """Raises OSError where a path, which another's file may hold, leads to what has no end or waits for a writer."""
+    """Raises OSError where a path, possibly from an untrusted file, is no regular file: reading a device or pipe may
+    never end. On Windows also for names that it reserves."""
     if sys.platform == 'win32':
         _check_names(path)
     if os.path.exists(path) and not os.path.isfile(path):
@@ -26,12 +30,12 @@ def check(path):
 
 
 def read_lines(path):
-    """Generator: the lines of a text in UTF-8. Raises OSError, also where it is in another encoding."""
+    """Generator: the lines of a text file. Raises OSError, also where it is not in UTF-8."""
     check(path)
     try:
         with open(path, encoding='utf-8-sig') as file:
             for line in file:
-                if '\0' in line:  # UTF-16 without a mark
+                if '\0' in line:  # UTF-16 without a byte order mark
                     raise UnicodeError
                 yield line
     except UnicodeError as error:
@@ -39,8 +43,8 @@ def read_lines(path):
 
 
 def unfinished(path, ending=''):
-    """Where a file is written until it is complete, by a name that is longer. Raises OSError where the system would not
-    take the name."""
+    """The temporary path that a file is written to until it is complete. Raises OSError where its name, which is
+    longer, exceeds the system's limit."""
     if sys.platform == 'win32':
         _check_names(path)
     name = os.path.basename(path)
@@ -51,7 +55,7 @@ def unfinished(path, ending=''):
 
 
 def _check_names(path):
-    """Raises OSError where Windows takes a part of a path for something else."""
+    """Raises OSError where a part of a path is a device name or has a character that Windows refuses."""
     for name in re.split(r'[\\/]', _DRIVE.sub('', path)):
         if _is_device(name):
             raise OSError(0, f"'{name}' is the name of a device on Windows: choose another one")
@@ -65,13 +69,13 @@ def _is_device(name):
 
 
 def _beginning(name, most, encoding='utf-8'):
-    """As much of a name as has so many bytes."""
+    """The longest prefix of a name with at most this many encoded bytes."""
     encoded = name.encode(encoding, 'surrogateescape' if encoding == 'utf-8' else 'surrogatepass')
     return name if len(encoded) <= most else encoded[:most].decode(encoding, 'ignore')
 
 
 def reason(error, path):
-    """Why the system refuses a file, in words."""
+    """The reason of an OSError, as part of a sentence for users."""
     if sys.platform == 'win32' and isinstance(error, FileNotFoundError) and len(path) > _MOST_OF_A_PATH:
         return (f"its path has {len(path):,} characters, and Windows takes {_MOST_OF_A_PATH} of them: choose a shorter "
                 "one")
@@ -79,25 +83,25 @@ def reason(error, path):
 
 
 def name_for(name):
-    """A data-block's name as that of a file, on any system."""
+    """A data-block's name made valid as a file name on every system."""
     name = ''.join('_' if letter in _FORBIDDEN + '\\/' or ord(letter) < 32 else letter for letter in name)
     return _beginning('_' + name if _is_device(name) else name, _MOST_OF_A_NAME)
 
 
 def folded(path):
-    """Equal of paths that Windows or macOS take for the same, which know no case and more than one way to write an
-    accent: what is made on another system may be opened there."""
+    """A key that is equal for paths that differ in case or Unicode normalization alone: Windows and macOS take them for
+    the same, and a file made on another system may be opened there."""
     return unicodedata.normalize('NFC', unicodedata.normalize('NFC', path).casefold())
 
 
 def name_on_disk(path):
-    """Of the file that a path leads to, which may be spelled in another way; '' where there is none."""
+    """The name of an existing file as its folder lists it, which may differ by folded() alone; '' if there is none."""
     folder, name = os.path.split(path)
     names = os.listdir(folder or '.') if os.path.exists(path) else []
     return name if name in names else next((each for each in names if folded(each) == folded(name)), "")
 
 
 def take_away(path):
-    """An unfinished file, as far as the disk lets: what went wrong before is what is said."""
+    """Removes an unfinished file. Errors are suppressed, so that the original error is reported."""
     with contextlib.suppress(OSError):
         os.remove(path)

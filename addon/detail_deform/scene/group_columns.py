@@ -1,25 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vertex groups read a whole group at a time.
+"""Reads whole vertex groups in bulk.
 
-Python goes through them vertex by vertex. Geometry Nodes copy a group into an attribute, which is read at once: of an
-object in a scene of its own, both gone when this is done."""
+Python can read them vertex by vertex only. Geometry Nodes copy each group to an attribute, which is read at once; they
+run on a temporary object in a temporary scene."""
 
 import bpy
 import numpy as np
 
 from . import mesh_data, node_group
 
-# The break-even with Python's loop, in vertices that it visits in the same time (native/README.md has the measurement).
-# The nodes of a group take as long as 2,000 vertices, the temporary scene as long as five groups. Besides, Blender
-# rebuilds its dependency graph, which takes as long as 100 vertices for each object of the file.
+# Break-even with Python's loop. Costs are in vertices that the loop visits in the same time; measured, see
+# native/README.md. Each group's nodes cost 2,000 vertices, the temporary scene as much as five groups, and rebuilding
+# the relations of the dependency graphs 100 vertices for each object of the file.
 _VERTICES_A_GROUP, _SCENE = 2000, 5
 _VERTICES_AN_OBJECT = 100
-_MOST_GROUPS = 64  # bounds the memory, n floats each
-_SAMPLES = 50  # vertices of each group, and of all, whose weights are compared with Python's
+_MOST_GROUPS = 64  # bounds the memory: n floats a group
+_SAMPLES = 50  # about as many members of each group, and vertices of the mesh, are compared with Python's weights
 
 
 def entries(ob, names):
-    """As mesh_data.group_entries, but for weights of 0. For Bind: it makes data, and takes them away again."""
+    """As mesh_data.group_entries(), without entries of weight 0. For Bind alone, as it creates and removes temporary
+    data-blocks."""
     columns = _columns(ob.data, list(dict.fromkeys(names))) if _pays(ob.data, names) else {}
     if not columns or not all(_is_of(ob, name, *column) for name, column in columns.items()):
         return mesh_data.group_entries(ob, names)
@@ -29,9 +30,10 @@ def entries(ob, names):
 
 
 def _pays(mesh, names):
-    """Whether it can be done, and is the faster way. In Edit Mode the groups are elsewhere; of a group and an attribute
-    with one name, nodes see but one; what drives the mesh, its keys or its materials would be evaluated, too, and may
-    be any rig; and a render must not find what it works on gone."""
+    """Whether nodes can read these groups and are faster than the loop. Not in Edit Mode, where the groups are in the
+    BMesh. Not where an attribute has a group's name, as nodes see only one of them. Not where the mesh, its keys or
+    materials have drivers, which would be evaluated with all that they depend on. Not during a render job, which may
+    hold the temporary data."""
     least = _VERTICES_A_GROUP * (len(names) + _SCENE) + _VERTICES_AN_OBJECT * len(bpy.data.objects)
     if not 0 < len(names) <= _MOST_GROUPS or len(mesh.vertices) < least or mesh.is_editmode:
         return False
@@ -42,8 +44,8 @@ def _pays(mesh, names):
 
 
 def _is_of(ob, name, members, weights):
-    """Whether it is the group that was copied: nodes give something else, or nothing, for a name that means something
-    to Blender, as "position" and "crease", which are others in each version. What has no member may be such a one."""
+    """Whether the copy is the group's, by samples: for a built-in name, such as "position" or "crease", nodes give
+    another attribute or none. These names depend on Blender's version. A copy without members counts as failed."""
     if not len(members):
         return False
     group, count = ob.vertex_groups[name].index, len(ob.data.vertices)
@@ -56,7 +58,7 @@ def _is_of(ob, name, members, weights):
 
 
 def _columns(mesh, names):
-    """By name the vertices with a weight, and their weights; {} where nodes don't give one."""
+    """{name: (vertices, weights)} of the non-zero weights of each group; {} where the nodes fail for one of them."""
     made = []
     try:
         made.append(scene := bpy.data.scenes.new(node_group.NAME))
@@ -79,7 +81,7 @@ def _columns(mesh, names):
         return result
     finally:
         for item in made:
-            bpy.data.batch_remove([item])  # all at once they take the mesh's users for changed
+            bpy.data.batch_remove([item])  # one by one: removed together, they tag the users of the mesh as changed
 
 
 def _copy_of(number):
@@ -87,7 +89,7 @@ def _copy_of(number):
 
 
 def _copy(nodes, names):
-    """Makes the nodes that copy each of these groups into an attribute."""
+    """Adds the nodes that store each of these groups as an attribute, named by _copy_of()."""
     for in_out in ('INPUT', 'OUTPUT'):
         node_group.new_socket(nodes, 'Geometry', 'NodeSocketGeometry', in_out)
     last = nodes.nodes.new('NodeGroupInput').outputs[0]
@@ -104,15 +106,16 @@ def _copy(nodes, names):
 
 
 def _shown(sockets, name):
-    """Of those with this name, one for each type, that of the node's type."""
+    """The enabled socket of this name: nodes have one for each data type."""
     return next(socket for socket in sockets if socket.name == name and socket.enabled)
 
 
 def _depsgraph(scene):
-    """The evaluated depsgraph of a scene that has none yet; None where Blender doesn't make one, as while its interface
-    is locked. An update of the view layer would also write what is animated into the originals, and a change of the
-    frame is told to all who listen, who would be shown a scene that nobody has made. The statistics make a depsgraph
-    that writes nothing back, and of the first evaluation of a depsgraph Blender tells nobody."""
+    """The evaluated depsgraph of a new scene; None where Blender doesn't create one, as while its interface is locked.
+
+    An update of the view layer would write animated values back to the originals, and a change of the frame would call
+    handlers with a scene unknown to the user. Scene.statistics() creates a depsgraph that writes nothing back, and the
+    first evaluation of a depsgraph calls no handlers."""
     layer = scene.view_layers[0]
     scene.statistics(layer)
     if layer.depsgraph is not None:

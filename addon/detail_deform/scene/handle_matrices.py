@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From empties to the 3×4 matrices that the library takes."""
+"""Computes the 3×4 matrices of handles, as the library takes them, from their empties."""
 
 import bpy
 import numpy as np
@@ -8,7 +8,7 @@ from . import euler_angles, mesh_data, skin, symmetric
 from .mesh_data import MeshProblem
 
 
-# What a handle keeps of its binding.
+# The properties of a handle that a binding sets.
 KEPT = ('rest_matrix', 'rest_euler', 'rest_order', 'home_matrix', 'home_euler', 'home_order', 'mirror_space',
         'pose_matrix')
 
@@ -18,28 +18,28 @@ def enabled_handles(settings):
 
 
 def with_empties(settings):
-    """Those of them that don't mirror another one."""
+    """The enabled handles that don't mirror another one, and so have an empty."""
     return [handle for handle in enabled_handles(settings) if not handle.mirrors]
 
 
 def in_scene(ob, depsgraph):
-    """Whether the object is evaluated as one of the scene's own. Being pointed to is enough to be evaluated, but
-    outside the scene the place means nothing."""
+    """Whether the object belongs to the depsgraph's scene and is evaluated there. An object that is only referred to is
+    evaluated too, but its transform then is meaningless."""
     return Whereabouts(depsgraph).has(ob)
 
 
 class Whereabouts:
-    """Of objects, for many at once: what goes through all that a scene or a file has does so once."""
+    """Whether objects are in the scene, or deleted. For many at once: sets of all objects are built once, if needed."""
 
     def __init__(self, depsgraph):
         self._depsgraph, self._in_scene, self._anywhere = depsgraph, None, None
 
     def has(self, ob):
-        """As in_scene."""
+        """As in_scene()."""
         layer = self._depsgraph.view_layer
         if not ob.evaluated_get(self._depsgraph).is_evaluated:
             return False
-        # The first tests are quick and nearly always enough; the last goes through all objects.
+        # Fast and nearly always sufficient; the last test below goes through all objects.
         if ob.visible_get(view_layer=layer) or ob.hide_get(view_layer=layer):
             return True
         if self._in_scene is None:
@@ -47,7 +47,7 @@ class Whereabouts:
         return ob in self._in_scene
 
     def is_gone(self, empty):
-        """Whether an empty was deleted: from the file, or from all scenes, where what refers to it still keeps it."""
+        """Whether an empty was deleted: from the file, or from all collections while references keep the data-block."""
         if empty is None:
             return True
         if self.has(empty):
@@ -63,15 +63,15 @@ def evaluated_world(ob, depsgraph, what):
 
 
 def _evaluated_worlds(named, depsgraph, out=None):
-    """(k, 4, 4) float64 of [(object, what it is)]. out: whether each is not in_scene, if that is known. Raises
-    MeshProblem."""
+    """(k, 4, 4) float64: evaluated world matrices. named: [(object, what messages call it)]. out: (k,) bool, whether
+    each is not in_scene(), if known. Raises MeshProblem."""
     rows = []
     for number, (ob, what) in enumerate(named):
         if out[number] if out is not None else not in_scene(ob, depsgraph):
             raise MeshProblem(f"{what} '{ob.name}' is not in this scene, or is disabled or excluded so that "
                               "its place is not known: bring it back, or choose another one.")
         world = ob.evaluated_get(depsgraph).matrix_world
-        rows += (*world[0], *world[1], *world[2], *world[3])  # numpy takes far longer over one
+        rows += (*world[0], *world[1], *world[2], *world[3])  # numpy converts a Matrix far more slowly
     worlds = np.array(rows, np.float64).reshape(-1, 4, 4)
     for number in np.flatnonzero(~np.isfinite(worlds).all(axis=(1, 2))):
         ob, what = named[number]
@@ -81,9 +81,9 @@ def _evaluated_worlds(named, depsgraph, out=None):
 
 
 def _flat(matrices):
-    """(...) bool: which of these have no inverse. A scale of 1e-6 is a legal, if odd, unit; one of zero leaves
-    nothing to divide by."""
-    with np.errstate(invalid='ignore'):  # what is not a number shows in what is made of it
+    """(...) bool: which of these have a singular linear part: |det| < 1e-30, as of a scale of 1e-10. Safety before
+    an inverse; a scale of 1e-6 is a legal, if odd, unit."""
+    with np.errstate(invalid='ignore'):  # NaN passes here: the result shows it
         return np.abs(np.linalg.det(matrices[..., :3, :3])) < 1e-30
 
 
@@ -94,19 +94,19 @@ def _inverse_or_refuse(matrix, sentence):
 
 
 def world_to_local(ob, depsgraph):
-    """(4, 4): the inverse of the object's evaluated world matrix."""
+    """(4, 4): the inverse of the object's evaluated world matrix. Raises MeshProblem where it is singular."""
     return _inverse_or_refuse(evaluated_world(ob, depsgraph, "Object"),
                               f"'{ob.name}' has a scale of zero: give it a size.")
 
 
 def local_places(ob, depsgraph, poses=None, last=None):
-    """(h, 4, 4) float32: the place of each enabled handle's empty in the object's own space, evaluated, before the pose
-    of its bone and of modifiers. poses: {number: pose_through()} of handles for which this counts in place of the one
-    that they have. last: as of places_of. Raises MeshProblem naming the handle."""
+    """(h, 4, 4) float32: the evaluated place of each enabled handle's empty in the object's local space, with the pose
+    of its bone and of modifiers undone. The identity for handles that mirror another. poses: {number: pose_through()},
+    replaces a handle's stored pose. last: as for places_of(). Raises MeshProblem that names the handle."""
     handles = enabled_handles(ob.detail_deform)
     own = [number for number, handle in enumerate(handles) if not handle.mirrors]
     places = np.empty((len(handles), 4, 4), np.float32)
-    places[:] = np.eye(4)  # of one that mirrors another: it has no place of its own
+    places[:] = np.eye(4)  # stays for handles that mirror another
     posed = _of_enabled(ob.detail_deform, 'pose_matrix', 16).any(axis=1)
     places[own] = places_of(ob, [handles[number] for number in own], depsgraph,
                             [(poses or {}).get(number, _pose(handles[number]) if posed[number] else None)
@@ -116,14 +116,16 @@ def local_places(ob, depsgraph, poses=None, last=None):
 
 
 def local_place(ob, handle, depsgraph):
-    """(4, 4) float64: of one."""
+    """(4, 4) float64: places_of() one handle."""
     return places_of(ob, [handle], depsgraph)[0]
 
 
 def places_of(ob, handles, depsgraph, poses=None, last=None):
-    """(k, 4, 4) float64: of some that have empties. poses: of each, in place of its own. One that was bound and whose
-    empty was deleted stays where that was last. last: what this returned last; without it, one of whose empty nothing
-    is left is at rest."""
+    """(k, 4, 4) float64: local places of handles with empties, as of local_places(). A bound handle whose empty was
+    deleted stays at the empty's last place.
+
+    poses: one (4, 4) or None for each handle, replaces the stored pose. last: the previous result, used for handles of
+    whose empty nothing is left; without it they are at rest. Raises MeshProblem."""
     places, whereabouts = np.empty((len(handles), 4, 4)), Whereabouts(depsgraph)
     out = [handle.target is None or not whereabouts.has(handle.target) for handle in handles]
     gone = [is_out and has_rest(handle) and whereabouts.is_gone(handle.target) for is_out, handle in zip(out, handles)]
@@ -160,7 +162,8 @@ def places_of(ob, handles, depsgraph, poses=None, last=None):
 
 
 def _world_of_gone(empty, depsgraph):
-    """(4, 4): where an empty is that was deleted; None where nothing is left to tell it."""
+    """(4, 4): world matrix of a deleted empty whose data-block still exists, by its bone's present pose if it is
+    parented to one; None where it can't be known."""
     if empty is None:
         return None
     rig = empty.parent
@@ -177,8 +180,9 @@ def _world_of_gone(empty, depsgraph):
 
 
 def _owners(ob, handles):
-    """Of each handle the object in whose space its empty moves it: the object, but for a copy of a mesh that goes on
-    with the empties that were made for the first and are its children. So it is posed alike wherever it stands."""
+    """[object]: for each handle the object in whose local space its empty's motion is measured. It is ob, except for a
+    copy that still uses the empties made for, and parented to, the original mesh: then the original, so that the copy
+    is posed alike wherever it stands."""
     owners, kept = [ob] * len(handles), {}
     for number, handle in enumerate(handles):
         parent = handle.target.parent
@@ -192,23 +196,24 @@ def _owners(ob, handles):
 
 
 def _pose(handle):
-    """(4, 4), or None: pose_through() of when its empty was placed."""
+    """(4, 4): pose_through() from when the handle's empty was placed; None if there is none or it is malformed."""
     if not any(handle.pose_matrix):
         return None
     pose = np.array(handle.pose_matrix, np.float64).reshape(4, 4)
-    # Anything else is in a file that something has written to.
+    # The file may have been modified by something else.
     return pose if np.isfinite(pose).all() and not _flat(pose) else None
 
 
 def pose_of(handle):
-    """(4, 4): by which modifiers had moved its vertices when its empty was placed, beside the pose of its bone."""
+    """(4, 4): the motion of the handle's vertices by modifiers when its empty was placed, without that of the empty's
+    bone; the identity if none is stored."""
     pose = _pose(handle)
     return np.eye(4) if pose is None else pose
 
 
 def pose_through(ob, empty, motion, depsgraph):
-    """(4, 4): of a motion of scene/seen.py what the bone of an empty, if any, doesn't tell; None where there is no
-    motion. Raises MeshProblem."""
+    """(4, 4): the rest of a motion of seen.motions() after that of the bone that carries the empty, if any, is divided
+    out: bone⁻¹ motion. None where motion is None or the bone's is singular. Raises MeshProblem."""
     if motion is None:
         return None
     bone = skin.pose_of(ob, empty, depsgraph)
@@ -216,7 +221,7 @@ def pose_through(ob, empty, motion, depsgraph):
 
 
 def set_pose(handle, pose):
-    """pose: of pose_through."""
+    """Stores a pose of pose_through(), or none."""
     if pose is None:
         handle.property_unset('pose_matrix')
     else:
@@ -224,9 +229,9 @@ def set_pose(handle, pose):
 
 
 def rest_places(ob, places, roles, depsgraph):
-    """(h, 4, 4) float32: where the empties would be at rest. It is where they are, but for those on the bones of an
-    armature that is switched off, which no longer poses the mesh: of the place as it is and that with the bone at rest,
-    the one nearer to the handle's vertices. roles: of the binding."""
+    """(h, 4, 4) float32: rest places of the empties: their present ones, except on bones of a disabled armature, which
+    no longer poses the mesh. There it is the present place or that with the bone at rest, whichever is nearer to the
+    centroid of the handle's vertices. roles: (n,) of the binding."""
     result, rest = places.copy(), None
     for number, handle in enumerate(enabled_handles(ob.detail_deform)):
         if handle.mirrors or handle.target is None or handle.target.parent_type != 'BONE':
@@ -243,7 +248,7 @@ def rest_places(ob, places, roles, depsgraph):
 
 
 def mirrored(handles):
-    """(number, number of the one it mirrors) of the handles that mirror another one's motion."""
+    """Generator of (number, number of its source) for the handles that mirror another one. Raises MeshProblem."""
     for number, handle in enumerate(handles):
         if not handle.mirrors:
             continue
@@ -255,35 +260,37 @@ def mirrored(handles):
 
 
 def reflection(axis):
-    """(4, 4): across the object's plane at right angles to its axis X, Y or Z."""
+    """(4, 4): the reflection across the plane through the object's origin normal to its axis X, Y or Z."""
     return np.diag([*(-1.0 if letter == axis else 1.0 for letter in 'XYZ'), 1.0])
 
 
 def _reflection_of(handle):
-    """(4, 4): that by which the handle mirrors another one's motion, across the plane as it was when it was bound."""
+    """(4, 4): the reflection by which the handle mirrors another's motion, across the plane as it was at Bind."""
     return _in_mirror_space(handle, reflection(handle.mirror_axis))
 
 
 def _planes_of(handle):
-    """[(4, 4)]: the reflections that leave its own motion as it is."""
+    """[(4, 4)]: the reflections under which the handle's own motion is kept invariant."""
     return [_in_mirror_space(handle, reflection(letter)) for letter in sorted(handle.symmetric)]
 
 
+# The reflection conjugated by mirror_space: from the object's space at Bind to the present one.
 def _in_mirror_space(handle, flip):
     if not any(handle.mirror_space):
         return flip
     space = np.array(handle.mirror_space, np.float64).reshape(4, 4)
-    if not np.isfinite(space).all() or _flat(space):  # in a file that something else has written to
+    if not np.isfinite(space).all() or _flat(space):  # the file was modified by something else
         return flip
     return space @ flip @ np.linalg.inv(space)
 
 
 def motions(settings, places):
-    """(h, 3, 4) float64: rest to present of each enabled handle, in the object's own space.
+    """(h, 3, 4) float64: affine motion of each enabled handle from rest to places, in the object's local space. places:
+    (h, 4, 4) float32 of local_places(). Raises MeshProblem.
 
-    Both places are relative to the object (as for Blender's Hook modifier): what moves the object
-    together with its empties moves no vertex. They are single precision on both sides, so that an
-    empty that did not move gives the identity to the last digit.
+    Both places are relative to the object, as for Blender's Hook modifier: moving the object together with its empties
+    moves no vertex. Both are rounded to single precision, so that an empty that did not move gives the identity
+    without any rounding error.
     """
     rests = _rests(settings)
     for number in np.flatnonzero(_flat(rests)):
@@ -297,7 +304,7 @@ def motions(settings, places):
 
 
 def _symmetric(settings):
-    """(number, handle) of the enabled ones whose motion is its own mirror image."""
+    """[(number, handle)] of the enabled handles whose motion is kept its own mirror image."""
     flags = np.empty(len(settings.handles), np.int32)
     settings.handles.foreach_get('symmetric', flags)
     return [(number, handle) for number, handle in enumerate(enabled_handles(settings)) if handle.symmetric
@@ -305,7 +312,7 @@ def _symmetric(settings):
 
 
 def _of_enabled(settings, name, size):
-    """(h, size) float64: an array that each enabled handle has under this name."""
+    """(h, size) float64: the array property of this name of each enabled handle."""
     values = np.empty(size * len(settings.handles), np.float32)
     settings.handles.foreach_get(name, values)
     enabled = [number for number, handle in enumerate(settings.handles) if handle.enabled]
@@ -313,14 +320,14 @@ def _of_enabled(settings, name, size):
 
 
 def _rests(settings):
-    """(h, 4, 4) float64: rest() of each enabled handle."""
+    """(h, 4, 4) float64: rest() of each enabled handle, read in bulk."""
     rests = _of_enabled(settings, 'rest_matrix', 16)
     rests[~rests.any(axis=1)] = np.eye(4).ravel()
     return rests.reshape(-1, 4, 4)
 
 
 def _with_mirrored(settings, places):
-    """(h, 4, 4) float64: the places, and of those that mirror another one as of _mirrored_place."""
+    """(h, 4, 4) float64: the places, with those of handles that mirror another from _mirrored_place()."""
     handles, result = enabled_handles(settings), places.astype(np.float64)
     for number, source in mirrored(handles):
         result[number] = _mirrored_place(handles[number], handles[source], result[source])
@@ -328,7 +335,8 @@ def _with_mirrored(settings, places):
 
 
 def _mirrored_place(handle, source, place):
-    """(4, 4): where the source's motion from home to this place takes, mirrored, the object's own place."""
+    """(4, 4): the source's motion from its home to place, mirrored; for a symmetric handle, made its own mirror image.
+    It serves as the place of the mirroring handle, which has none of its own."""
     if not has_home(source):
         return np.eye(4)
     motion = place @ np.linalg.inv(home(source))
@@ -339,13 +347,14 @@ def _mirrored_place(handle, source, place):
 
 
 def only_move(motions):
-    """(h,) bool: which of these (h, 3, 4) motions are translations, to what single precision leaves of one."""
+    """(h,) bool: which of these (h, 3, 4) motions are non-zero translations: their linear part is the identity to 1e-5,
+    some 100 float32 epsilons."""
     turned = np.abs(motions[:, :, :3] - np.eye(3)).max(axis=(1, 2), initial=0)
     return (turned < 1e-5) & motions[:, :, 3].any(axis=1)
 
 
 def free(settings):
-    """(h,) bool: the handles that only place; those that mirror another one are as that one is."""
+    """(h,) bool: which enabled handles are free, that is, only place. Handles that mirror another one are as it is."""
     handles = enabled_handles(settings)
     result = np.array([handle.turns == 'FREE' for handle in handles], bool)
     for number, source in mirrored(handles):
@@ -354,7 +363,7 @@ def free(settings):
 
 
 def pivots(settings):
-    """(h, 3) float64: where each handle's empty was bound, in the object's own space."""
+    """(h, 3) float64: pivots of the enabled handles: their empties' positions at Bind, in the object's local space."""
     handles = enabled_handles(settings)
     result = _rests(settings)[:, :3, 3].copy()
     for number, handle in enumerate(handles):
@@ -369,8 +378,8 @@ def pivots(settings):
 
 
 def hand_over(ob, empties):
-    """These empties, which were made for the object, will be those of its copies alone: places that these count in its
-    space are told in their own from now on, so that nothing moves."""
+    """Converts the rests and homes of copies of the object that use these empties from the object's space to their own,
+    so that nothing moves when the object lets go of the empties. See _owners()."""
     for other in bpy.data.objects if empties else ():
         if other.type != 'MESH' or other == ob:
             continue
@@ -385,7 +394,7 @@ def hand_over(ob, empties):
             there, here = (np.linalg.inv(space @ pose) @ empty for space in (first, own))
             for name in ('rest_matrix', 'home_matrix'):
                 place = np.array(getattr(handle, name), np.float64).reshape(4, 4)
-                if place.any():  # the motion from there stays the same
+                if place.any():  # changed so that the motion from there to the present place is the same
                     setattr(handle, name, (place @ np.linalg.inv(there) @ here).ravel().tolist())
 
 
@@ -394,8 +403,8 @@ def has_rest(handle):
 
 
 def rest(handle):
-    """(4, 4): the place from which its motion is counted. Of one that mirrors another, the motion that its vertices
-    have made since home."""
+    """(4, 4): the place relative to which the handle's motion is measured. For one that mirrors another: the motion of
+    its vertices from home to the start of the binding. The identity if none is stored."""
     return np.array(handle.rest_matrix, np.float64).reshape(4, 4) if has_rest(handle) else np.eye(4)
 
 
@@ -404,39 +413,39 @@ def has_home(handle):
 
 
 def home(handle):
-    """(4, 4): its place on the mesh as it is without any deformation."""
+    """(4, 4): the handle's place on the undeformed mesh; rest(), unless it was bound to a deformed one."""
     return np.array(handle.home_matrix, np.float64).reshape(4, 4) if any(handle.home_matrix) else rest(handle)
 
 
 def home_euler(handle, order):
-    """The empty's own rotation at home, as Euler angles of this order."""
+    """The empty's local rotation at home, as Euler angles of this order."""
     _, euler, own = _home(handle)
     return euler_angles.in_order(euler, own, order)
 
 
 def _home(handle):
-    """(matrix, Euler angles, their order) as it is kept."""
+    """(flat matrix, Euler angles, their order): the home as stored."""
     if any(handle.home_matrix):
         return handle.home_matrix[:], handle.home_euler[:], handle.home_order
     return handle.rest_matrix[:], handle.rest_euler[:], handle.rest_order
 
 
 def kept_home(handle):
-    """(matrix, Euler angles, their order) as a handle keeps its rest; a matrix of zeros where it has none."""
+    """As _home(); a matrix of zeros for handles that have no home or mirror another."""
     if handle.mirrors or not has_home(handle):
         return [0.0] * 16, (0.0, 0.0, 0.0), ''
     return _home(handle)
 
 
 def set_home(handle, matrix):
-    """Of a handle that is made where the mesh is deformed."""
+    """Stores the home, (4, 4), of a handle that is added to a deformed mesh."""
     handle.home_matrix = np.asarray(matrix, np.float32).ravel().tolist()
     if handle.target:
         handle.home_euler, handle.home_order = euler_angles.told(handle.target)
 
 
 def check_rest(settings, places):
-    """Raises MeshProblem where the present places can't be rest."""
+    """Raises MeshProblem where one of these places is singular, so that it can't become a rest."""
     handles = enabled_handles(settings)
     for number in np.flatnonzero(_flat(places.astype(np.float64))):
         if not handles[number].mirrors:
@@ -445,7 +454,7 @@ def check_rest(settings, places):
 
 
 def store_rest(settings, places, only_new):
-    """Takes the present places as rest, and as home; only_new: as rest for handles that have none yet."""
+    """Stores these places as rest and home. only_new: as rest of handles without one; homes are kept."""
     for handle, place in zip(enabled_handles(settings), places):
         if not only_new:
             handle.property_unset('home_matrix')
@@ -455,7 +464,7 @@ def store_rest(settings, places, only_new):
 
 
 def start_here(settings, places):
-    """Takes the present places as rest; home stays where it was, of those that had none where they were bound."""
+    """Stores these places as rest. Homes are kept; a handle without one keeps its previous rest as its home."""
     found = dict(zip((handle.name for handle in enabled_handles(settings)), _with_mirrored(settings, places)))
     for handle in settings.handles:
         if has_rest(handle) and not handle.mirrors and not any(handle.home_matrix):
@@ -465,13 +474,13 @@ def start_here(settings, places):
         if handle.enabled:
             _set_rest(handle, found[handle.name])
         elif not handle.mirrors:
-            handle.property_unset('rest_matrix')  # where it stands when it comes back moves nothing
+            handle.property_unset('rest_matrix')  # when enabled again, its then present place becomes its rest
         elif source and source.name in found:
             _set_rest(handle, _mirrored_place(handle, source, found[source.name]))
 
 
 def start_from(ob, handle, depsgraph):
-    """Of a handle with a new empty, whose place stands for the rest of the one before."""
+    """Makes the place of a handle's new empty its rest, in place of its earlier empty's, and converts its home."""
     before, place = rest(handle), local_place(ob, handle, depsgraph)
     if any(handle.home_matrix):
         set_home(handle, place @ np.linalg.inv(before) @ home(handle))
@@ -485,7 +494,7 @@ def _set_rest(handle, place):
 
 
 def go_home(settings):
-    """Counts motions from the homes again."""
+    """Resets the rest of every handle to its home."""
     for handle in settings.handles:
         if handle.mirrors:
             handle.property_unset('rest_matrix')
@@ -495,15 +504,15 @@ def go_home(settings):
 
 
 def turns(settings, places, depsgraph, proportions):
-    """(h, 3) float64: how far each handle has turned since rest, whole turns among it, as a rotation vector in the
-    space to which proportions, (3, 3), take the object's: the sum of what the channels of the empty's Euler rotation
-    have turned, about the axes that these have now. It is the rotation itself where only one of them turns. Zero where
-    the rotation is told in another way: a matrix alone can't tell whole turns apart."""
+    """(h, 3) float64: rotation vector, with whole turns, of each handle since rest, in the object's space transformed
+    by proportions, (3, 3). It is the sum of the changes of the empty's Euler channels, each about its present axis:
+    exact where only one channel turns. Zero where the rotation comes from elsewhere, such as quaternions or a parent:
+    whole turns can't be read from a matrix."""
     result = np.zeros((len(places), 3))
     handles = enabled_handles(settings)
     rests = [tuple(rest) for rest in _of_enabled(settings, 'rest_euler', 3).tolist()]
     for number, handle in enumerate(handles):
-        if handle.mirrors or handle.target is None:  # which is at rest
+        if handle.mirrors or handle.target is None:  # without an empty it counts as unturned
             continue
         target = handle.target.evaluated_get(depsgraph)
         order = target.rotation_mode
@@ -517,8 +526,8 @@ def turns(settings, places, depsgraph, proportions):
             animated=target.animation_data is not None)
         basis = np.array(target.matrix_basis, np.float64)[:3, :3]
         if _flat(basis):
-            continue  # without size there is nothing to turn
-        # From the empty's parent space to the object's. Of axes of rotation, which a mirror turns round.
+            continue  # singular: it has no rotation
+        # From the empty's parent space to the object's. Axes of rotation are axial vectors: a reflection negates them.
         space = proportions @ places[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis)
         axes = np.sign(np.linalg.det(space)) * space @ euler_angles.channel_axes(euler, order)
         result[number] = (change * axes / np.linalg.norm(axes, axis=0)).sum(axis=1)
@@ -530,5 +539,5 @@ def turns(settings, places, depsgraph, proportions):
             planes = [proportions @ flip[:3, :3] @ back for flip in _planes_of(handle)]
             result[number] = symmetric.turn(given, planes)
         elif number in sources:
-            result[number] = -(proportions @ _reflection_of(handle)[:3, :3] @ back) @ given  # as axes of rotation do
+            result[number] = -(proportions @ _reflection_of(handle)[:3, :3] @ back) @ given  # axial, so negated
     return result

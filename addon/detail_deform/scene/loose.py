@@ -1,22 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vertices of a mesh that are in no face, as those of whiskers and laces: a transfer computes deformation gradients of
-faces, so these go with faces. What hangs by edges on some of the surface's vertices goes with the surface there, and
-where on several, with each the more the nearer; what hangs on nothing, with the face that it lies over."""
+"""Loose vertices, which are in no face, such as whiskers and laces: deformation gradients don't reach them, so each is
+carried by frames of faces. A component of loose edges is carried by the faces at its roots, the surface vertices that
+it is attached to, with inverse-square distance weights if there are several; without roots, by the nearest face."""
 
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from . import components
 
-_MOST_ROOTS = 16  # of one thing; with more it lies over the surface, and goes with what is nearest
+# Roots of one component of loose edges; with more it is taken to lie along the surface, and each of its vertices is
+# carried by the nearest face. It also bounds the time: each root takes a shortest-path search over the component.
+_MOST_ROOTS = 16
 
 
 class Loose:
-    """Of a mesh at rest: its loose vertices and, for each, faces that it goes with."""
+    """The loose vertices of a mesh at rest, and for each the faces that carry it."""
 
     def __init__(self, rest, triangles, edges, source_rest=None, chosen=None):
-        """rest: (n, 3); triangles: (m, 3); edges: (e, 2). source_rest: (n, 3), of a source of the same topology, whose
-        loose vertices move by themselves, too. chosen: (n,) bool, those of them that count, where not all do."""
+        """rest: (n, 3); triangles: (m, 3); edges: (e, 2). source_rest: (n, 3) of a transfer's source with the same
+        topology, whose loose vertices' own motion is added. chosen: (n,) bool, restricts the loose vertices."""
         in_face = _in_faces(len(rest), triangles)
         self._vertices = np.flatnonzero(~in_face if chosen is None else ~in_face & chosen)
         if not len(triangles):
@@ -26,7 +28,7 @@ class Loose:
         rest = rest.astype(np.float64)
         rows, faces, weights = _anchors(rest, triangles, edges, in_face, self._vertices)
         self._rows, self._corners, self._weights = rows, triangles[faces], weights[:, None]
-        self._turns = _areas(rest, self._corners) > 0  # a face without area only moves along
+        self._turns = _areas(rest, self._corners) > 0  # a face without area only translates
         self._own = _in_frames(self._frames(rest), rest[self._vertices[rows]])
         self._source = None
         if source_rest is not None:
@@ -39,7 +41,7 @@ class Loose:
         return len(self._vertices) > 0
 
     def _frames(self, positions):
-        """(middles (k, 3), (k, 3, 3) with axes as columns: along the first side, across, and the normal)."""
+        """(centroids (k, 3), (k, 3, 3) orthonormal axes as columns: along the first edge, across, normal)."""
         a, b, c = np.moveaxis(positions.astype(np.float64)[self._corners], 1, 0)
         along = _unit(b - a)
         normal = _unit(np.cross(b - a, c - a))
@@ -48,8 +50,8 @@ class Loose:
         return (a + b + c) / 3, axes
 
     def place(self, positions, pose=None):
-        """(n, 3) float32 positions with the loose ones where they go, by those of faces. pose: (n, 3) of the source, if
-        there is one."""
+        """(n, 3) float32: positions, with the loose vertices placed by the frames of their faces. pose: (n, 3), the
+        source's positions, if source_rest was given."""
         if not self:
             return positions
         frames = self._frames(positions)
@@ -67,8 +69,8 @@ class Loose:
 
 
 def roots(count, triangles, edges):
-    """(count,) intp: for a vertex in no face one of those in faces that it hangs on by edges, -1 where it hangs on
-    none; itself for all others."""
+    """(count,) intp: for a loose vertex one of the roots of its component, -1 if that has none; for a vertex of a face
+    itself."""
     in_face, result = _in_faces(count, triangles), np.arange(count)
     if in_face.all():
         return result
@@ -89,7 +91,7 @@ def _in_faces(count, triangles):
 
 
 def _areas(positions, corners):
-    """(k,): twice the area of each."""
+    """(k,): twice the triangles' areas."""
     a, b, c = np.moveaxis(positions[corners], 1, 0)
     return np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
@@ -103,7 +105,8 @@ def _in_frames(frames, points):
 
 
 def _anchors(rest, triangles, edges, in_face, vertices):
-    """Rows among the loose vertices, faces and weights: several rows of a vertex have weights with the sum 1."""
+    """(rows, faces, weights): index into vertices, carrying face and weight. A vertex may have several rows; their
+    weights add up to 1."""
     number = np.full(len(rest), -1)
     number[vertices] = np.arange(len(vertices))
     edges = edges[(in_face[edges] | (number[edges] >= 0)).all(axis=1)]
@@ -111,7 +114,7 @@ def _anchors(rest, triangles, edges, in_face, vertices):
     at_root = in_face[edges].sum(axis=1) == 1
     roots, ends = _sides(edges[at_root], in_face)
     face_of = np.full(len(rest), -1)
-    by_area = np.argsort(_areas(rest, triangles), kind='stable')  # so that the largest of its faces counts
+    by_area = np.argsort(_areas(rest, triangles), kind='stable')  # the last assignment, the largest face, counts
     face_of[triangles[by_area]] = by_area[:, None]
     root_parts = parts[number[ends]]
     counts = np.bincount(np.unique(np.stack([root_parts, roots]), axis=1)[0].astype(int), minlength=len(vertices))
@@ -139,13 +142,13 @@ def _anchors(rest, triangles, edges, in_face, vertices):
 
 
 def _sides(edges, in_face):
-    """(vertices in faces, the loose ones at the other end)."""
+    """(vertices in faces, loose vertices): the two ends of edges between surface and loose vertices."""
     swapped = ~in_face[edges[:, 0]]
     return np.where(swapped, edges[:, 1], edges[:, 0]), np.where(swapped, edges[:, 0], edges[:, 1])
 
 
 def _lengths(rest, edges, chosen, root):
-    """Of the chosen vertices, how far each is from the root along edges among them."""
+    """(k,): shortest path length along edges from root to each chosen vertex (Bellman-Ford); 1e300 if unreachable."""
     number = np.full(len(rest), -1)
     number[chosen] = np.arange(len(chosen))
     ends = number[edges[(number[edges] >= 0).all(axis=1)]]
@@ -164,7 +167,7 @@ def _lengths(rest, edges, chosen, root):
 def _nearest_faces(rest, triangles, vertices):
     if not len(vertices):
         return np.empty(0, int)
-    # In a box of unit size: the tree works in single precision.
+    # Normalized to a unit box, as the tree works in single precision.
     shift, size = rest.min(axis=0), np.ptp(rest, axis=0).max() or 1.0
     points = (rest - shift) / size
     tree = BVHTree.FromPolygons(points.tolist(), triangles.tolist())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the library needs from a Blender mesh."""
+"""Reads from Blender meshes what the library needs: positions, faces, keys, groups, roles."""
 
 import hashlib
 import itertools
@@ -9,9 +9,8 @@ import numpy as np
 
 from ..library import native
 
-MEMBER_WEIGHT = 0.5
-# Of the size of the mesh.
-_NOTHING = 1e-6
+MEMBER_WEIGHT = 0.5  # a vertex is a member of a group if its weight is larger; tooltips and messages say so
+_NOTHING = 1e-6  # fraction of the mesh's largest extent: offsets up to it count as none, too small to be seen
 
 
 class MeshProblem(Exception):
@@ -27,14 +26,14 @@ def _file(library):
 
 
 def why_not_editable(ob):
-    """A sentence where a mesh object's settings or mesh belong to another file, or ''."""
+    """A sentence where a mesh object or its mesh is linked from another file or an override; otherwise ''."""
     mesh, library = ob.data, ob.library or ob.data.library
     if ob.override_library or mesh.override_library:
         file = f" of '{_file(library)}'" if library else ""
         return (f"'{ob.name}' is a library override{file}, whose settings, groups and mesh can't be changed: make it "
                 f"local ({_MAKE_LOCAL}).")
     if ob.library:
-        # It alone would be local and in no scene.
+        # Made local alone it would be in no scene.
         with_all = ob.users_collection and all(collection.library for collection in ob.users_collection)
         return (f"'{ob.name}' is linked from another file, '{_file(library)}', so nothing can be stored in its mesh: "
                 f"make it local ({_MAKE_ALL_LOCAL if with_all else _MAKE_LOCAL}).")
@@ -45,7 +44,7 @@ def why_not_editable(ob):
 
 
 def check_editable(ob):
-    """Raises MeshProblem when the object's settings or mesh belong to another file."""
+    """Raises MeshProblem where the object is no mesh object, or why_not_editable()."""
     if ob is None or ob.type != 'MESH':
         raise MeshProblem("Select a mesh object: only meshes can be deformed.")
     problem = why_not_editable(ob)
@@ -58,7 +57,7 @@ def is_shared(mesh):
 
 
 def check_object(ob):
-    """Raises MeshProblem when the object's mesh must not or can't be written to."""
+    """Raises MeshProblem where the mesh can't be written to, is shared with other objects, or is in Edit Mode."""
     check_editable(ob)
     mesh = ob.data
     if is_shared(mesh):
@@ -82,12 +81,12 @@ def positions(mesh):
 
 
 def rest(mesh):
-    """(n, 3) float32: without shape keys, which start from their basis and not from the mesh's own vertices."""
+    """(n, 3) float32: the reference shape key, from which Blender evaluates keys, else the mesh's own vertices."""
     return key_positions(mesh.shape_keys.reference_key) if mesh.shape_keys else positions(mesh)
 
 
 def some_of_rest(mesh, count=16):
-    """(k, 3) float64: a few of these, evenly through the mesh's list, without reading them all."""
+    """(k, 3) float64: at most count points of rest(), evenly spaced by index, without reading all of them."""
     points = mesh.shape_keys.reference_key.data if mesh.shape_keys else mesh.vertices
     chosen = np.linspace(0, len(points) - 1, min(count, len(points))).astype(np.intp).tolist()
     return np.array([points[k].co for k in chosen]).reshape(-1, 3)
@@ -95,14 +94,14 @@ def some_of_rest(mesh, count=16):
 
 def key_positions(key):
     """(n, 3) float32 of a shape key."""
-    points = getattr(key, 'points', key.data)  # from 4.1 on, and copied at once, where data are asked one by one
+    points = getattr(key, 'points', key.data)  # points, from 4.1 on, are copied in bulk; data are read one by one
     values = np.empty(3 * len(points), np.float32)
     points.foreach_get('co', values)
     return values.reshape(-1, 3)
 
 
 def relative_keys(ob):
-    """The shape keys beside the basis. Raises MeshProblem where they are absolute."""
+    """[ShapeKey] without the reference key. Raises MeshProblem where they are absolute."""
     keys = ob.data.shape_keys
     blocks = [key for key in keys.key_blocks if key != keys.reference_key] if keys else []
     if blocks and not keys.use_relative:
@@ -111,14 +110,14 @@ def relative_keys(ob):
 
 
 def key_masks(ob, keys):
-    """{name: (n,) float32 weights} of the vertex groups that mask some of these keys."""
+    """{group name: (n,) float32 weights} of the vertex groups that mask these keys."""
     names = list({key.vertex_group for key in keys if key.vertex_group in ob.vertex_groups})
     return dict(zip(names, group_weights(ob, names))) if names else {}
 
 
 def key_change(key, masks):
-    """(n, 3) float32: by how much the key moves each vertex at the value 1. masks: as of key_masks, or none of them for
-    a key without its mask."""
+    """(n, 3) float32: offsets of the vertices by the key at the value 1. masks: of key_masks(); {} ignores the key's
+    mask."""
     change = key_positions(key) - key_positions(key.relative_key)
     if key.vertex_group in masks:
         change *= masks[key.vertex_group][:, None]
@@ -126,25 +125,25 @@ def key_change(key, masks):
 
 
 def key_shape(ob, key, masks=None):
-    """(n, 3) float32: the rest as this key alone deforms it, whatever it is relative to. masks: as of key_change, read
-    where they aren't given."""
+    """(n, 3) float32: rest() plus key_change() of this key, whatever key it is relative to. masks: as for key_change();
+    None: they are read."""
     return rest(ob.data) + key_change(key, key_masks(ob, [key]) if masks is None else masks)
 
 
 def is_nothing(mesh, vectors):
-    """Whether these (n, 3) vectors move nothing that could be seen."""
+    """Whether these (n, 3) offsets are too small to be seen: at most _NOTHING."""
     largest = np.abs(vectors).max(initial=0)
     return bool(not largest or largest <= _NOTHING * np.ptp(positions(mesh), axis=0).max())
 
 
 def key_mix(ob, without=()):
-    """(n, 3) float32: by how much the shape keys, as their values are now, move the mesh's own vertices. Zero for
-    absolute ones, which have no values. without: names of keys that don't count."""
+    """(n, 3) float32: offsets of the mesh's own vertices by the shape keys at their present values. Zero for absolute
+    keys, which have no values. without: names of keys to leave out."""
     keys = ob.data.shape_keys
     if not keys or not keys.use_relative:
         return np.zeros((len(ob.data.vertices), 3), np.float32)
     if ob.show_only_shape_key and ob.active_shape_key and ob.active_shape_key.name not in without:
-        pinned = ob.active_shape_key  # as it is, whatever it is relative to
+        pinned = ob.active_shape_key  # shown at full value, whatever key it is relative to
         mix = rest(ob.data)
         mix += (key_positions(pinned) - mix) * key_masks(ob, [pinned]).get(pinned.vertex_group, np.ones(1))[:, None]
     else:
@@ -164,13 +163,13 @@ def triangles(mesh):
 
 
 def faces_of_triangles(mesh):
-    """(m,) int32: the number of the face that each of triangles() is of."""
+    """(m,) int32: index of the face that each triangle of triangles() is part of."""
     mesh.calc_loop_triangles()
     return _indices(mesh.loop_triangles, 'polygon_index')
 
 
 def faces(mesh):
-    """(corners,) int32 and (faces,) int32: the vertices at the corners of all faces, and where each face starts."""
+    """(corners,) int32 vertices at the corners of all faces, and (faces,) int32 index of each face's first corner."""
     corners = np.empty(len(mesh.loops), np.int32)
     if not copied(mesh, '.corner_vert', 'value', corners):
         corners = _indices(mesh.loops, 'vertex_index')
@@ -178,16 +177,16 @@ def faces(mesh):
 
 
 def _indices(items, name, each=1):
-    """(each × items,) int32. Blender has them without a sign, and copies them to the same at once; to any others one by
-    one, which takes ten times as long."""
+    """(each × items,) int32. Read as uint32, the type that Blender declares, they are copied in bulk; to any other type
+    they are converted one by one, which takes ten times as long."""
     values = np.empty(each * len(items), np.uint32)
     items.foreach_get(name, values)
     return values.view(np.int32)
 
 
 def copied(mesh, name, field, values):
-    """Whether values could be filled from an attribute, which Blender copies at once where it asks vertices and corners
-    one by one. 3.4 has none, nor has a mesh in Edit Mode."""
+    """Fills values from an attribute, in bulk; vertices and corners are read one by one. Returns False if there is
+    none: 3.4 has no such attributes, and in Edit Mode they are empty."""
     attribute = mesh.attributes.get(name)
     if attribute is None or not len(attribute.data):
         return False
@@ -196,16 +195,16 @@ def copied(mesh, name, field, values):
 
 
 def group_entries(ob, names):
-    """What the named groups hold: vertices, for each the place of its group among the names, and the weight. A group
-    that is named twice counts for each."""
+    """(vertices, places, weights): an entry for each vertex in each named group; places are the groups' indices in
+    names. A group that is named twice has entries for both."""
     places = {}
     for place, name in enumerate(names):
         places.setdefault(ob.vertex_groups[name].index, []).append(place)
-    # There is no foreach_get for vertex groups in any version, so this is the slow way (group_columns.py has a faster
-    # one for Bind); it runs when something is bound or edited, never in a frame.
+    # No version has foreach_get for vertex groups, so this is a slow loop (group_columns.py is faster, for Bind). It
+    # runs at Bind and when something is edited, never in a frame.
     vertices, groups, weights = [], [], []
     for index, vertex in enumerate(ob.data.vertices):
-        for element in vertex.groups[:]:  # in 5.2 a slice takes less than an iterator
+        for element in vertex.groups[:]:  # in 5.2 slicing is faster than iterating
             if (group := element.group) in places:
                 vertices.append(index)
                 groups.append(group)
@@ -220,7 +219,7 @@ def group_entries(ob, names):
 
 
 def group_weights(ob, names):
-    """(groups, n) float32: the weight of every vertex in the named groups, 0 outside."""
+    """(groups, n) float32: weights of all vertices in the named groups, 0 for non-members."""
     vertices, places, weights = group_entries(ob, names)
     result = np.zeros((len(names), len(ob.data.vertices)), np.float32)
     result[places, vertices] = weights
@@ -228,7 +227,7 @@ def group_weights(ob, names):
 
 
 def members(ob, *names):
-    """(n,) bool: the vertices of a group, or of any of several."""
+    """(n,) bool: the vertices that are members of at least one of these groups."""
     vertices, _, weights = group_entries(ob, names)
     result = np.zeros(len(ob.data.vertices), bool)
     result[vertices[weights > MEMBER_WEIGHT]] = True
@@ -236,7 +235,7 @@ def members(ob, *names):
 
 
 def members_of_each(ob, groups, entries=None):
-    """[vertices] of each of these groups, in their order; of '' all. entries: what reads the groups."""
+    """[vertices]: the members of each group; all vertices for ''. entries: as for handles_of_vertices()."""
     named = list(dict.fromkeys(filter(None, groups)))
     vertices, places, weights = (entries or group_entries)(ob, named)
     is_member = weights > MEMBER_WEIGHT
@@ -248,9 +247,9 @@ def members_of_each(ob, groups, entries=None):
 
 
 def handles_of_vertices(ob, region, groups, entries=None):
-    """Of each vertex the number of the group, among these, that it belongs to, the one with the largest weight; -1:
-    none. And (n,) bool, whether it is in the region, which may be '': then all are; and of each group, whether it has
-    any vertex at all. entries: what reads the groups, group_entries where it isn't given."""
+    """(winner, inside, has_any). winner: (n,) index of the group of which the vertex is a member with the largest
+    weight; -1 for none. inside: (n,) bool, members of the region; all if that is ''. has_any: (groups,) bool, whether a
+    group has members. entries: the function that reads the groups, group_entries() by default."""
     vertices, places, weights = (entries or group_entries)(ob, [*groups, *[region] * bool(region)])
     is_member = weights > MEMBER_WEIGHT
     vertices, places, weights = vertices[is_member], places[is_member], weights[is_member]
@@ -259,7 +258,7 @@ def handles_of_vertices(ob, region, groups, entries=None):
     inside[vertices[~in_handle]] = True
     has_any = np.zeros(len(groups), bool)
     has_any[places[in_handle]] = True
-    # The largest weight last, of equal ones the first group.
+    # The last assignment counts: the largest weight comes last, and of equal weights the first group.
     order = np.lexsort((-places[in_handle], weights[in_handle]))
     winner = np.full(len(ob.data.vertices), -1)
     winner[vertices[in_handle][order]] = places[in_handle][order]
@@ -267,15 +266,15 @@ def handles_of_vertices(ob, region, groups, entries=None):
 
 
 def edges(mesh):
-    """(e, 2) int32: the vertices of every edge."""
+    """(e, 2) int32: vertices of the edges."""
     return _indices(mesh.edges, 'vertices', 2).reshape(-1, 2)
 
 
 def check_groups(ob, region, handles):
-    """Raises MeshProblem when the region or a handle refers to no group of the object.
+    """Raises MeshProblem where the region or a handle refers to no vertex group of the object.
 
     region: group name, '' for the whole mesh. handles: [(handle name, group name)]."""
-    there = set(ob.vertex_groups.keys())  # asked one by one, each would go through all names
+    there = set(ob.vertex_groups.keys())  # a lookup in vertex_groups is linear in their number
     for what, group in [("The region", region)] * bool(region) + [
             (f"Handle '{name}'", group) for name, group in handles]:
         if not group:
@@ -286,11 +285,10 @@ def check_groups(ob, region, handles):
 
 
 def roles(ob, region, handles, need_handles=True, entries=None):
-    """(n,) int32 roles for native.Bind; region and handles as of check_groups, entries of handles_of_vertices.
+    """(n,) int32 roles for native.Bind. region and handles: as for check_groups(); entries: for handles_of_vertices().
 
-    A vertex is in a group when its weight is over 0.5; in two handles it belongs to the one with
-    the larger weight; outside the region and every handle it is fixed.
-    Raises MeshProblem naming the group or handle.
+    A vertex is in a group if its weight is over 0.5. In two handles it belongs to the one with the larger weight;
+    outside the region and every handle it is fixed. Raises MeshProblem that names the group or handle.
     """
     check_groups(ob, region, handles)
     winner, inside, has_any = handles_of_vertices(ob, region, [group for _, group in handles], entries)
@@ -330,26 +328,29 @@ def topology_signature(mesh):
 
 
 def signature(array):
-    """A short text: equal texts, equal content."""
+    """A hash of an array's bytes as short text."""
     return _digest(array)
 
 
-# Two meshes of the same vertices
+# Comparison of two meshes with the same vertices
 
-_MOST_CORNERS = 12  # of a face that may be triangulated in the other mesh: it has 220 triples of corners
+# Corners of a face that is_same_topology() recognizes triangulated in the other mesh. Bounds the memory: all triples of
+# corners are listed, 220 for 12.
+_MOST_CORNERS = 12
 
 
 def is_same_topology(mesh, other):
-    """Whether the faces of two meshes join the same vertices: in any order, begun at any corner and wound either way,
-    and triangulated in one of them."""
+    """Whether the faces of two meshes join the same vertices. Faces may differ in order, first corner and winding, and
+    may be triangulated in one of the meshes."""
     if len(mesh.vertices) != len(other.vertices):
         return False
     return topology_signature(mesh) == topology_signature(other) or _join_alike(mesh, other)
 
 
 def is_copy(mesh, other):
-    """The same of meshes of which nobody has said so. Where faces come in another order, as of a grid whose vertices
-    are numbered from its other end, the vertices of one number have to lie about at the same places, too."""
+    """As is_same_topology(), where the user has not declared the meshes to correspond. Unless the faces are in the same
+    order, vertices with the same index must also lie at similar places: a grid that is numbered from its other end has
+    the same topology and is no copy."""
     if len(mesh.vertices) != len(other.vertices):
         return False
     return topology_signature(mesh) == topology_signature(other) or (
@@ -361,14 +362,15 @@ def _join_alike(mesh, other):
 
 
 def _lie_alike(shape, other):
-    """Whether vertices of one number are nearer to one another than to the middle, at the same size."""
+    """Whether vertices with the same index are nearer to one another than to the centroid, in the root mean square,
+    with both shapes centred and scaled to the same size."""
     sides = [side.astype(np.float64) - side.mean(axis=0) for side in (shape, other)]
     one, another = (side / max(np.linalg.norm(side), 1e-300) for side in sides)
     return np.linalg.norm(one - another) < 1
 
 
 def _is_made_of(mesh, parts):
-    """Whether these (m, 3) triangles are a triangulation of the mesh's faces."""
+    """Whether these (m, 3) triangles are a triangulation of the faces: k - 2 lie in each face of k corners."""
     corners, begins = faces(mesh)
     sizes = np.diff(begins, append=len(corners))
     if not len(sizes) or sizes.max() > _MOST_CORNERS or (sizes - 2).sum() != len(parts):
@@ -391,7 +393,7 @@ def _is_made_of(mesh, parts):
 
 
 def _keys_of_triples(triples, vertex_count):
-    """(m,) int64: equal for the same three vertices in any order."""
+    """(m,) int64 keys, equal for the same three vertices in any order."""
     low, middle, high = np.sort(triples, axis=1).astype(np.int64).T
-    _, ranks = np.unique(low * vertex_count + middle, return_inverse=True)  # so that the next product fits
+    _, ranks = np.unique(low * vertex_count + middle, return_inverse=True)  # so that ranks * n fits in 64 bits
     return ranks * vertex_count + high

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vertices on the plane of a Mirror modifier stay on it, as both halves of the seam.
+"""Keeps vertices on the plane of a Mirror modifier on it, so that the seam between the halves stays closed.
 
-What the deformation would move them across it is taken from the vertices around, too, less and less towards handles and
-fixed vertices."""
+Their displacement normal to the plane is subtracted, from the surrounding vertices too, with a weight that falls to 0
+towards handles and fixed vertices."""
 
 import numpy as np
 from mathutils import kdtree
@@ -10,21 +10,24 @@ from mathutils import kdtree
 from ..library import native
 from . import mesh_data, node_group, split, start
 
-_NEAREST = 4  # vertices of the seam that a vertex goes by
+# Seam vertices whose displacements, weighted by inverse squared distance, are averaged for another vertex. More are
+# smoother along the seam, and slower to find.
+_NEAREST = 4
 
 
 def _mirrors(ob):
-    """The Mirror modifiers behind the deformation's."""
+    """[modifier]: the shown Mirror modifiers after the deformation's."""
     return [m for m in node_group.behind(ob) if m.type == 'MIRROR' and m.show_viewport]
 
 
 def is_mirrored(ob, axis):
-    """Whether a Mirror modifier makes the other half, so that the mesh has none of its own."""
+    """Whether a Mirror modifier mirrors across this axis (0 to 2), so that the mesh itself is one half."""
     return any(m.use_axis[axis] for m in _mirrors(ob))
 
 
 def _planes(ob):
-    """(point, unit normal, distance within which vertices are merged) of each, in the object's own space."""
+    """Generator of (point, unit normal, distance up to which vertices count as on the plane) for each plane of the
+    Mirror modifiers that merge or clip, in the object's local space."""
     for modifier in _mirrors(ob):
         if not (modifier.use_mirror_merge or modifier.use_clip):
             continue
@@ -34,29 +37,29 @@ def _planes(ob):
             to_local = np.linalg.inv(worlds[0]) @ worlds[1]
         for axis in range(3):
             if modifier.use_axis[axis]:
-                normal = np.linalg.inv(to_local[:3, :3])[axis]  # normals go by the inverse transpose
-                # Blender merges what is twice as near, once on either side.
+                normal = np.linalg.inv(to_local[:3, :3])[axis]  # normals transform by the inverse transpose
+                # Blender merges a vertex with its image, twice as far away as the plane.
                 yield to_local[:3, 3], normal / np.linalg.norm(normal), 0.5 * modifier.merge_threshold
 
 
 def key(ob):
-    """Equal keys, equal planes, but for rounding: where the mesh and the mirror's object are carried along."""
+    """A hashable key that is equal for equal planes up to rounding, as when mesh and mirror object move together."""
     return tuple((*np.round(point, 5).tolist(), *np.round(normal, 5).tolist(), distance)
                  for point, normal, distance in _planes(ob))
 
 
 class Seam:
-    """Of one plane: the vertices on it, and how much each vertex goes by which of them."""
+    """One plane: the vertices on it, and the weights by which other vertices take part in their correction."""
 
     def __init__(self, ob, roles, plane):
-        """roles: (n,) of the binding."""
+        """roles: (n,) of the binding. plane: of _planes()."""
         point, self._normal, distance = plane
         shape = start.shape_at_rest(ob).astype(np.float64)
         on_plane = np.abs((shape - point) @ self._normal) <= distance
         self._on_plane = np.flatnonzero(on_plane)
         if not len(self._on_plane):
             return
-        # A handle on the plane is held by it, all others and what is fixed hold against it.
+        # Handles with a vertex on the plane take part in the correction; all other handles and fixed vertices don't.
         across = np.unique(roles[on_plane & (roles >= 0)])
         held = ~on_plane & (roles != native.ROLE_FREE) & ~np.isin(roles, across)
         places, triangles, joined = shape.astype(np.float32), mesh_data.triangles(ob.data), split.Joined(ob)
@@ -74,7 +77,7 @@ class Seam:
         self._sources, self._weights = self._nearest(shape)
 
     def _nearest(self, shape):
-        # In a box of unit size: the tree takes squares in single precision, which 1e20 leaves.
+        # Normalized to a unit box: the tree squares distances in single precision, which overflows from some 1e19 on.
         shape = (shape - shape.min(axis=0)) / np.ptp(shape, axis=0).max()
         tree = kdtree.KDTree(len(self._on_plane))
         for number, vertex in enumerate(self._on_plane.tolist()):
@@ -89,7 +92,7 @@ class Seam:
         return sources, weights / weights.sum(axis=1, keepdims=True)
 
     def close(self, offsets):
-        """Takes out of (n, 3) offsets what leaves the plane."""
+        """Subtracts from offsets, (n, 3), in place, the displacement of the seam normal to the plane."""
         if not len(self._on_plane):
             return
         left = offsets[self._on_plane] @ self._normal
@@ -98,7 +101,7 @@ class Seam:
 
 
 class Seams:
-    """Of all planes of an object. roles: (n,) of the binding; None where nothing is held, as of a follower."""
+    """The seams at all planes of an object. roles: (n,) of the binding; None: all are free, as of a follower."""
 
     def __init__(self, ob, roles=None):
         self.key = key(ob)
@@ -107,7 +110,7 @@ class Seams:
         self._seams = [Seam(ob, roles, plane) for plane in _planes(ob)]
 
     def closed(self, offsets):
-        """(3 n,) float32 offsets, with the seams closed."""
+        """(3 n,) float32: offsets with all seams closed."""
         result = offsets.reshape(-1, 3).astype(np.float64)
         for seam in self._seams:
             seam.close(result)

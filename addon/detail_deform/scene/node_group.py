@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Geometry Nodes modifier that shows the result: position + Factor × Influence × offset attribute."""
+"""The Geometry Nodes modifier that displays the result: position + Factor × Influence × offset attribute."""
 
 import os
 
@@ -11,7 +11,7 @@ from . import mesh_data, offset_attribute
 NAME = 'Detail Deform'
 CACHE_NAME = 'Detail Deform Cache'
 _MARK = 'detail_deform_nodes'
-_VERSION = 2  # of the nodes: 2 brought Influence
+_VERSION = 2  # of the node group: 2 added Influence
 
 
 _INPUTS = {'Geometry': 'NodeSocketGeometry', 'Factor': 'NodeSocketFloat', 'Influence': 'NodeSocketString',
@@ -25,8 +25,8 @@ def new_socket(group, name, kind, in_out='INPUT'):
 
 
 def _new_interface(group):
-    """Sockets of the group; returns that of Factor. Nothing uses Base: a modifier that has an object
-    there needs that object's geometry, so Blender evaluates it even where it is hidden."""
+    """Creates the sockets of the group; returns that of Factor. No node uses Base: as an input of the modifier it is a
+    dependency on the base object's geometry, which Blender then evaluates even where it is hidden."""
     made = {name: new_socket(group, name, kind) for name, kind in _INPUTS.items()}
     new_socket(group, 'Geometry', 'NodeSocketGeometry', 'OUTPUT')
     made['Influence'].description = "Vertex group by whose weights the deformation is shown; all of it when empty"
@@ -72,7 +72,7 @@ def _make_group():
     offset.inputs['Name'].default_value = offset_attribute.NAME
     weights, weight = attribute('FLOAT', -1600, -400)
     link(source.outputs['Influence'], weights.inputs['Name'])
-    # Inverted: 1 - weight. Without a group's name: 1.
+    # The weight, or 1 - weight if Invert is on; 1 where no group is named.
     invert = source.outputs['Invert']
     shown = math('MULTIPLY_ADD', -1200, math('MULTIPLY_ADD', -1400, invert, -2.0, 1.0), weight, invert)
     length = node('FunctionNodeStringLength', -1600, -600)
@@ -99,18 +99,18 @@ def find_modifier(ob):
 
 
 def behind(ob):
-    """The modifiers behind the object's, or all of them where it has none yet."""
+    """[modifier]: those after the deformation's in the stack; all if it has none yet."""
     modifiers, modifier = list(ob.modifiers), find_modifier(ob)
     return modifiers[modifiers.index(modifier) + 1:] if modifier else modifiers
 
 
 def uses():
-    """How often this file uses the group: another number, other modifiers."""
+    """Number of users of the add-on's node groups in this file; it changes when modifiers come or go."""
     return sum(group.users for group in bpy.data.node_groups if _MARK in group)
 
 
 def find_cache(ob):
-    """The modifier that plays a baked cache in the place of this one."""
+    """The Mesh Cache modifier that plays a bake in place of the deformation's; None if there is none."""
     cache = ob.modifiers.get(ob.detail_deform.cache_modifier)
     return cache if cache and cache.type == 'MESH_CACHE' else None
 
@@ -122,7 +122,7 @@ def is_shown(ob, depsgraph):
 
 
 def ensure_modifier(ob):
-    """The object's modifier, with the present nodes; added at the end of the stack when there is none."""
+    """The deformation's modifier with the nodes of this version; added at the end of the stack if there is none."""
     modifier = find_modifier(ob)
     if modifier and modifier.node_group[_MARK] == _VERSION:
         return modifier
@@ -130,13 +130,13 @@ def ensure_modifier(ob):
     if modifier is None:
         modifier = ob.modifiers.new(NAME, 'NODES')
         modifier.show_expanded = False
-        modifier.show_on_cage = True  # what is selected for the next pull is what is seen
+        modifier.show_on_cage = True  # so that selecting for the next pull happens on the displayed surface
     modifier.node_group = group or _make_group()
     return modifier
 
 
 def remove_modifier(ob):
-    """Removes the modifier, and the node group when nobody else uses it."""
+    """Removes the deformation's modifier, and its node group if it has no other user."""
     modifier = find_modifier(ob)
     if modifier is None:
         return
@@ -147,28 +147,28 @@ def remove_modifier(ob):
 
 
 def set_up_cache(cache, path, start):
-    """Has a Mesh Cache modifier play a point cache from this frame on."""
+    """Sets up a Mesh Cache modifier to play a point cache from frame start on."""
     cache.cache_format = 'PC2'
-    # Blender and Python each have a place of their own for a path that says neither drive nor folder.
+    # Blender and Python resolve relative paths against different folders.
     cache.filepath = path if path.startswith('//') else os.path.abspath(path)
     cache.frame_start = start
     cache.interpolation = 'LINEAR'
 
 
 def _socket(group, name):
-    """None where the nodes have none of that name and kind."""
+    """The input socket of this name and its type in _INPUTS; None if the node group has none."""
     sockets = (group.interface.items_tree if hasattr(group, 'interface') else group.inputs)
     return next((s for s in sockets if s.name == name and getattr(s, 'in_out', 'INPUT') == 'INPUT'
                  and getattr(s, 'bl_socket_idname', "").startswith(_INPUTS[name])), None)
 
 
 def _inputs(modifier):
-    """The modifier's input values by identifier, from 5.2 on; None before."""
+    """The struct of the modifier's input values by identifier, from 5.2 on; None before."""
     return getattr(getattr(modifier, 'properties', None), 'inputs', None)
 
 
 def all_nodes(tree):
-    """Of any node tree, with those of the groups in it; each tree once."""
+    """Generator: all nodes of a node tree, or none of None, and of the node groups in it; each tree once."""
     trees, seen = [tree] * (tree is not None), set()
     while trees:
         tree = trees.pop()
@@ -179,8 +179,8 @@ def all_nodes(tree):
 
 
 def texts(modifier):
-    """The texts among the inputs of a modifier of any nodes, or of none: names of attributes and groups."""
-    if modifier.node_group is None:  # 5.2 then has neither inputs nor properties to ask for
+    """{str}: the strings among the inputs of any Geometry Nodes modifier, which may name attributes and groups."""
+    if modifier.node_group is None:  # in 5.2 it then has no inputs or properties
         return set()
     inputs = _inputs(modifier)
     if inputs is None:
@@ -194,7 +194,7 @@ def texts(modifier):
 def _get(modifier, name):
     usual, found = {'Factor': 1.0, 'Influence': "", 'Invert': False}[name], None
     socket, inputs = _socket(modifier.node_group, name), _inputs(modifier)
-    if socket is not None:  # it is of an older version, or edited
+    if socket is not None:  # missing in groups of an older version or edited ones
         found = (getattr(inputs, socket.identifier).value if inputs is not None else
                  modifier.get(socket.identifier, socket.default_value))
     return found if isinstance(found, str if name == 'Influence' else (bool, int, float)) else usual
@@ -214,12 +214,12 @@ def _set(modifier, name, value):
             del modifier[identifier]
     else:
         modifier[identifier] = value
-    # Setting the value alone tells Blender neither to evaluate nor what the object now depends on.
+    # Setting the value alone neither tags the object for evaluation nor updates its dependencies.
     modifier.node_group = modifier.node_group
 
 
 def factor_property(modifier):
-    """The modifier's Factor as layout.prop() takes it; None where its nodes have none."""
+    """(data, property) of the modifier's Factor for layout.prop(); None if its node group has none."""
     socket = _socket(modifier.node_group, 'Factor')
     if socket is None:
         return None
@@ -228,12 +228,12 @@ def factor_property(modifier):
 
 
 def factor(modifier):
-    """The modifier's Factor; 1 when it is driven by an attribute."""
+    """The modifier's Factor; 1 if it has no numeric value, as when an attribute supplies it."""
     return float(_get(modifier, 'Factor'))
 
 
 def amount(ob, modifier):
-    """How much of the offsets is shown: a number, or (n, 1) of each vertex."""
+    """The factor by which offsets are displayed: a number, or (n, 1) per vertex where there is an influence group."""
     name, invert = _get(modifier, 'Influence'), bool(_get(modifier, 'Invert'))
     if not name:
         return factor(modifier)
@@ -249,5 +249,5 @@ def set_influence(modifier, group_name, invert):
 
 
 def set_base(modifier, base):
-    """Makes the modifier need this object's geometry, or none."""
+    """Makes the object depend on the geometry of base, an object or None."""
     _set(modifier, 'Base', base)

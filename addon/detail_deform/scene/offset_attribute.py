@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The attributes that a mesh is given: by what each vertex is moved, and where a binding starts from."""
+"""The add-on's attributes of a mesh: the displayed offsets, and the offsets from which a binding starts."""
 
 import itertools
 import uuid
@@ -9,24 +9,25 @@ import numpy as np
 
 from .mesh_data import MeshProblem
 
-NAME = 'detail_deform_offset'  # what the modifier shows
-KEPT, KEYED = 'detail_deform_kept', 'detail_deform_keyed'  # as start.py has them
+NAME = 'detail_deform_offset'  # the offsets that the modifier displays
+KEPT, KEYED = 'detail_deform_kept', 'detail_deform_keyed'  # see start.py
 _KIND = ('FLOAT_VECTOR', 'POINT')
-# Beside the attribute a mesh keeps a token that no other writing of offsets ever has. Both are copied, saved and
-# undone with the mesh, so equal tokens mean equal offsets, whatever objects and meshes are called by now.
+# Custom property of the mesh: a token unique to each write of offsets. It is copied, saved and undone together with the
+# attribute, so equal tokens mean equal offsets, whatever the names of objects and meshes are by now.
 _TOKEN = 'detail_deform_written'
 _session = uuid.uuid4().hex[:12]
 _numbers = itertools.count()
 
 
 def find(mesh, name=NAME):
-    """The attribute, or None: one of that name but of another kind is not ours."""
+    """The attribute of this name; None if there is none, or one of another type or domain, which is the user's."""
     attribute = mesh.attributes.get(name)
     return attribute if attribute is not None and (attribute.data_type, attribute.domain) == _KIND else None
 
 
 def check_name(ob):
-    """Raises MeshProblem where something of the user's has an attribute's name, and would be shown or lost."""
+    """Raises MeshProblem where a group, UV map or other attribute of the user's has one of the add-on's names: it
+    would be displayed as offsets, or overwritten."""
     mesh = ob.data
     for name in (NAME, KEPT, KEYED):
         what = ""
@@ -42,8 +43,8 @@ def check_name(ob):
 
 
 def write(mesh, offsets):
-    """offsets: (3 n,) float32. Creates the attribute where there is none; the caller has checked its name. Returns
-    the token by which the mesh is known to hold these."""
+    """Writes the displayed offsets, (3 n,) float32, and creates the attribute if missing; the caller has called
+    check_name(). Returns the token of this write."""
     put(mesh, NAME, offsets)
     mesh[_TOKEN] = written = f"{_session}-{next(_numbers)}"
     mesh.update_tag()
@@ -51,22 +52,22 @@ def write(mesh, offsets):
 
 
 def put(mesh, name, vectors):
-    """vectors: (3 n,) float32."""
+    """Writes vectors, (3 n,) float32, to the attribute of this name; creates it if missing."""
     attribute = find(mesh, name) or mesh.attributes.new(name, *_KIND)
     attribute.data.foreach_set('vector', vectors)
 
 
 def token(mesh):
-    """That of the offsets which the mesh holds; None where it holds none that are known."""
+    """The token of the offsets that the mesh holds; None if it holds none, or some without a token."""
     return mesh.get(_TOKEN) if find(mesh) is not None else None
 
 
 def read(mesh, name=NAME):
-    """(n, 3) float32; zero where there is no attribute."""
+    """(n, 3) float32: the attribute of this name; zero if there is none."""
     attribute = find(mesh, name)
     if attribute is None:
         return np.zeros((len(mesh.vertices), 3), np.float32)
-    if mesh.is_editmode:  # attributes are empty there
+    if mesh.is_editmode:  # attributes are empty in Edit Mode
         edited = bmesh.from_edit_mesh(mesh)
         layer = edited.verts.layers.float_vector[name]
         values = itertools.chain.from_iterable(vertex[layer] for vertex in edited.verts)
@@ -77,7 +78,7 @@ def read(mesh, name=NAME):
 
 
 def remove(mesh):
-    """A missing attribute reads as zero: the mesh shows its rest shape."""
+    """Removes the displayed offsets. A missing attribute reads as zero: the mesh shows its rest shape."""
     if _TOKEN in mesh:
         del mesh[_TOKEN]
     if take_away(mesh, NAME):
@@ -85,7 +86,7 @@ def remove(mesh):
 
 
 def take_away(mesh, name):
-    """Whether there was one."""
+    """Removes the attribute of this name. Returns whether there was one."""
     attribute = find(mesh, name)
     if attribute is not None:
         mesh.attributes.remove(attribute)

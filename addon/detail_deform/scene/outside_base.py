@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A base surface from outside: another object, deformed by whatever it has. A copy of the mesh is followed vertex by
-vertex, another mesh by nearest points."""
+"""An outside base surface: another object, deformed by its modifiers, edits or any other means. A base with the mesh's
+own topology corresponds vertex by vertex, a proxy of another topology by nearest points."""
 
 import bmesh
 import bpy
@@ -10,7 +10,7 @@ from . import below, handle_matrices, mesh_data, offset_attribute, start
 from .mesh_data import MeshProblem
 
 
-_MOST_LIVE = 50_000  # vertices of a cage that is followed while it is edited: 20 ms
+_MOST_LIVE = 50_000  # vertices of a cage that is followed in Edit Mode: reading them one by one takes 20 ms a frame
 
 
 def _base_object(ob):
@@ -31,13 +31,14 @@ def _moved(positions, matrix):
 
 
 def rest(ob):
-    """What native.Bind is told of the base object, in the object's space as of the bind: its own mesh, or what was
-    kept of it. With triangles where it is not a copy of the mesh, vertex for vertex and face for face."""
+    """{'base', 'base_triangles'}: arguments of native.Bind for the base at rest, in the object's local space at Bind:
+    the kept rest mesh or, in older files, the base's own. base_triangles only if the base is no copy of the
+    mesh, vertex for vertex and face for face."""
     base, kept = _base_object(ob), ob.detail_deform.base_rest_mesh
     if kept:
         found = {'base': mesh_data.positions(kept)}
         mesh = kept
-    else:  # of an earlier version
+    else:  # a file of an earlier version
         matrix = np.array(ob.detail_deform.base_rest_matrix, np.float64).reshape(4, 4)
         found = {'base': _moved(mesh_data.positions(base.data), matrix)}
         mesh = base.data
@@ -47,14 +48,14 @@ def rest(ob):
 
 
 def place(ob, depsgraph):
-    """(4, 4): from the base object's space to the object's, now."""
+    """(4, 4): from the base object's present local space to the object's."""
     world = handle_matrices.evaluated_world(_base_object(ob), depsgraph, "Base object")
     return handle_matrices.world_to_local(ob, depsgraph) @ world
 
 
 def deformed_positions(ob, depsgraph):
-    """(n, 3) float32: what the base object's modifiers make of it, in the object's space, now. Where nothing was kept
-    of what they made at Bind, below those that make vertices."""
+    """(n, 3) float32: the base's present deformed positions in the object's local space. With all of its modifiers if
+    their result was kept as rest at Bind, otherwise without those that change the vertex count. Raises MeshProblem."""
     base, kept = _base_object(ob), ob.detail_deform.base_rest_mesh
     evaluated = base.evaluated_get(depsgraph)
     if kept and ob.detail_deform.base_rest_made:
@@ -75,8 +76,8 @@ def deformed_positions(ob, depsgraph):
 
 
 def _edited_positions(base):
-    """(n, 3) float32 of a cage that is edited now, where no modifier moves it; None of others, and of large ones, whose
-    vertices take too long to be asked one by one."""
+    """(n, 3) float32: positions of a base in Edit Mode that no modifier moves; None for others, and for more than
+    _MOST_LIVE vertices, which are read one by one."""
     if base.mode != 'EDIT' or len(base.data.vertices) > _MOST_LIVE or any(
             m.show_viewport and m.type in below.MOVERS for m in base.modifiers):
         return None
@@ -92,12 +93,12 @@ def _check_count(base, made, bound):
 
 
 def store_rest(ob, depsgraph, only_new):
-    """Takes the base object's present place and mesh as rest; only_new: when there is none yet. Its own mesh is kept,
-    so that edits of it deform; where its modifiers make vertices, the same in renders, what they make now, for its own
-    mesh isn't comparable."""
+    """Stores the base's present place and mesh as rest; only_new: unless a rest that still fits is stored. The stored
+    mesh is the base's own, so that edits of it deform. If its modifiers change the vertex count, alike in renders, it
+    is their present result, as the own mesh is not comparable with later ones."""
     settings, base = ob.detail_deform, _base_object(ob)
     mesh = base.evaluated_get(depsgraph).data
-    # Where renders have others, the base is followed below what makes them.
+    # Where renders have other vertices, the base is followed without the modifiers that change the count.
     makes_vertices = (len(mesh.vertices) != len(base.data.vertices)
                       and not below.differs_in_renders(base, depsgraph.scene))
     if only_new and any(settings.base_rest_matrix):
@@ -110,20 +111,21 @@ def store_rest(ob, depsgraph, only_new):
     if makes_vertices and not mesh.polygons:
         raise MeshProblem(f"The modifiers of the base object '{base.name}' leave no faces to follow.")
     present = place(ob, depsgraph)
-    # As single precision, which is what is stored, on both sides.
+    # Rounded to the single precision in which it is stored, so that both are the same.
     settings.base_rest_matrix = present = present.astype(np.float32).ravel().tolist()
     forget_kept(settings)
     _keep(settings, base, mesh if makes_vertices else base.data, np.array(present).reshape(4, 4), makes_vertices)
 
 
 def _keep(settings, base, mesh, matrix, is_made):
-    """matrix: from the base object's space to the object's."""
+    """Stores a copy of mesh as the base's rest. matrix: from the base's local space to the object's. is_made: whether
+    mesh is the result of modifiers."""
     settings.base_rest_mesh = _made_like(f"{base.name} Rest", mesh, _moved(mesh_data.positions(mesh), matrix))
     settings.base_rest_made = is_made
 
 
 def _made_like(name, mesh, places):
-    """A new mesh with the same faces, and the vertices at these places, (n, 3); without anything else."""
+    """A new mesh with the faces of mesh and its vertices at places, (n, 3), without any other data."""
     corners, begins = mesh_data.faces(mesh)
     made = bpy.data.meshes.new(name)
     made.vertices.add(len(places))
@@ -132,20 +134,20 @@ def _made_like(name, mesh, places):
     made.vertices.foreach_set('co', np.asarray(places, np.float32).ravel())
     made.loops.foreach_set('vertex_index', corners)
     made.polygons.foreach_set('loop_start', begins)
-    if bpy.app.version < (4, 0):  # later they are counted
+    if bpy.app.version < (4, 0):  # from 4.0 on it is derived
         made.polygons.foreach_set('loop_total', np.diff(begins, append=len(corners)))
     made.update(calc_edges=True)
     return made
 
 
 def forget_rest(settings):
-    """That of the base object as it was bound: with the next Bind it has one anew."""
+    """Removes the stored rest of the base; the next Bind stores a new one."""
     settings.property_unset('base_rest_matrix')
     forget_kept(settings)
 
 
 def forget_kept(settings):
-    """Lets go of the mesh that was kept as the base's rest."""
+    """Removes the stored rest mesh, unless a copy of the object uses it."""
     kept = settings.base_rest_mesh
     settings.base_rest_mesh = None
     settings.property_unset('base_rest_made')
@@ -154,7 +156,7 @@ def forget_kept(settings):
 
 
 def make(ob, positions):
-    """A new object beside the given one with its mesh and vertex groups at other positions."""
+    """A new base object with a copy of the object's mesh at positions, (n, 3), in the same collections and place."""
     mesh = ob.data.copy()
     mesh.name = f"{ob.name} Base"
     offset_attribute.remove(mesh)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Point caches as the Mesh Cache modifier reads them (PC2): a header, then float32 positions frame by frame.
+"""Point caches (PC2) as the Mesh Cache modifier reads them: a header, then float32 positions frame by frame.
 
-Nothing here knows Blender. Whatever the disk refuses comes as OSError.
+Independent of Blender. Errors of the file system are raised as OSError.
 """
 
 import contextlib
@@ -18,22 +18,23 @@ _MARK = b'POINTCACHE2\0'
 
 
 class NotACache(Exception):
-    """A sentence about a file that is no point cache, or another one than is wanted."""
+    """A sentence about a file that is no point cache, is incomplete, or has another size than expected."""
 
 
+# In bytes.
 def size(point_count, frame_count):
     return _HEADER.size + 12 * point_count * frame_count
 
 
 def read_header(path):
-    """(points, frames) of a cache. Raises NotACache."""
+    """(point count, frame count) of a cache. Raises NotACache."""
     files.check(path)
     with open(path, 'rb') as file:
         head = file.read(_HEADER.size)
     if len(head) < _HEADER.size or not head.startswith(_MARK):
         raise NotACache(f"'{path}' is not a point cache (PC2).")
     _, _, points, _, _, frames = _HEADER.unpack(head)
-    if min(points, frames) < 0:  # of which the size may fit
+    if min(points, frames) < 0:  # two negative numbers could match the file size
         raise NotACache(f"'{path}' is not a point cache (PC2).")
     if os.path.getsize(path) != size(points, frames):
         raise NotACache(f"'{path}' is not complete: it should have {size(points, frames):,} bytes and has "
@@ -42,17 +43,17 @@ def read_header(path):
 
 
 def check_room(path, needed):
-    """Raises OSError where the disk has no room for so many bytes."""
+    """Raises OSError where the disk has less than needed bytes free."""
     free = shutil.disk_usage(os.path.dirname(path) or '.').free
     if free < needed:
         raise OSError(0, f"the file takes {needed / 1e6:,.0f} MB and there are {free / 1e6:,.0f} MB left")
 
 
 class Writer:
-    """Writes frames first to last - 1 of a cache of frame_count, all of them or a part.
+    """Writes frames first to last - 1 of a cache of frame_count frames.
 
-    A whole cache replaces what was there when it is complete, and leaves that alone if it never is. A
-    part is written in place, into a file that other parts, written by whomever, fill up.
+    A whole cache is written to a temporary file, which replaces path when finished and is removed if given up. A part
+    is written in place, into a file of full size that other processes may fill at the same time.
     """
 
     def __init__(self, path, point_count, frame_count, first=0, last=None):
@@ -69,7 +70,7 @@ class Writer:
             self._write_header()
 
     def _open_part(self):
-        # Several processes may get here at once: the file has no size or its full size at any moment.
+        # Several processes may run this at once: at any moment the file is empty or has its full size.
         file = os.fdopen(os.open(self._target, os.O_RDWR | os.O_CREAT | getattr(os, 'O_BINARY', 0), 0o666), 'r+b')
         present = os.fstat(file.fileno()).st_size
         if present not in {0, size(self.points, self._frames)}:
@@ -95,7 +96,7 @@ class Writer:
             os.replace(self._target, self._path)
 
     def give_up(self):
-        with contextlib.suppress(OSError):  # what could not be written still can't
+        with contextlib.suppress(OSError):  # closing flushes, which fails again after a failed write
             self._file.close()
         if not self._part:
             files.take_away(self._target)

@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The modifiers that pose a mesh: its armatures with what else moves vertices before them, or where there is none, all
-that move vertices. Examples of its poses are made with these alone; what comes behind them, and what makes vertices,
-works on the result of the examples as it did on the pose."""
+"""The modifiers that pose a mesh: its armatures and the deforming modifiers before them, or without armatures all
+deforming modifiers. Example poses are evaluated with these alone; later modifiers, and those that change the vertex
+count, act on the result of the examples as they did on the pose."""
 
 from . import node_group, source_pose
 from .below import MOVERS
 from .mesh_data import MeshProblem
 
-# Whose copies of the mesh each go a way of their own, which one mesh can't.
+# Each of their copies of the mesh is posed differently, which one example mesh can't represent.
 _COPIERS = {'ARRAY', 'MIRROR', 'SCREW'}
 
 
 def of(ob):
-    """Raises MeshProblem where there are none, or what they make is more than a pose of the mesh."""
+    """[modifier]: those that pose the mesh. Raises MeshProblem if there are none, or a modifier before the last of them
+    copies the mesh."""
     known = remembered(ob)
     shown = [m for m in _others(ob) if m.show_viewport or m in known]
     found = _of_type(shown, {'ARMATURE'}) or _of_type(shown, MOVERS) or _of_type(shown, {'NODES'})
@@ -32,13 +33,13 @@ def _of_type(modifiers, types):
 
 
 def rigs(ob):
-    """The armature objects among what poses it."""
+    """[armature object] of the modifiers of of()."""
     return [m.object for m in of(ob) if m.type == 'ARMATURE']
 
 
 def remembered(ob):
-    """The modifiers of whose poses there are examples. For each of those that has lost its name, as by being renamed,
-    another one of its type is taken."""
+    """[modifier] from whose poses examples were made, by their stored types and names. For a name that no longer
+    exists, as after renaming, the first other modifier of the same type is taken."""
     others, found, gone = _others(ob), [], []
     for line in ob.detail_deform.posed_by.split('\n'):
         kind, _, name = line.partition(' ')
@@ -51,22 +52,22 @@ def remembered(ob):
 
 
 def _others(ob):
-    """All its modifiers but the add-on's own."""
+    """[modifier]: all but the add-on's own."""
     return [m for m in ob.modifiers if m not in (node_group.find_modifier(ob), node_group.find_cache(ob))]
 
 
 def remember(ob):
-    """That its examples are made of what these modifiers do."""
+    """Stores the modifiers of of() as those from whose poses the examples are made."""
     ob.detail_deform.posed_by = '\n'.join(f'{m.type} {m.name}' for m in of(ob))
 
 
 def twice(ob):
-    """Names of the modifiers that are seen to do once more what examples have been made of."""
+    """[str]: names of the shown modifiers from which examples were made: their pose is applied twice."""
     return [m.name for m in remembered(ob) if m.show_viewport] if ob.detail_deform.examples else []
 
 
 def switch_off(ob):
-    """In renders too. Returns their names."""
+    """Disables the modifiers from which examples were made, in renders too. Returns their names."""
     found = [m for m in remembered(ob) if m.show_viewport or m.show_render]
     for modifier in found:
         modifier.show_viewport = modifier.show_render = False
@@ -74,7 +75,7 @@ def switch_off(ob):
 
 
 class Alone:
-    """While it lasts, these modifiers are shown and no others; shape keys keep their values."""
+    """Context manager: of the modifiers only those of of() are shown in the viewport; shape keys keep their values."""
 
     def __init__(self, ob):
         self._ob, self._names = ob, {m.name for m in of(ob)}
@@ -93,5 +94,5 @@ class Alone:
                 modifier.show_viewport = shown[modifier.name]
 
     def pose(self, depsgraph):
-        """(n, 3) float32: of the mesh's vertices, in its own space. Raises MeshProblem."""
+        """(n, 3) float32: evaluated positions of the mesh's vertices in its local space. Raises MeshProblem."""
         return source_pose.evaluated_pose(self._ob, depsgraph)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The shape that a mesh has in the scene, however it is turned: its object's scale, and the shear that a turned object
-has of a parent whose scale differs from axis to axis."""
+"""The stretch from a mesh's local space to its shape in the scene, without rotation: the object's scale, and the shear
+of a rotated child of a non-uniformly scaled parent."""
 
 from typing import NamedTuple
 
@@ -8,14 +8,16 @@ import numpy as np
 
 from . import mesh_data
 
-_FLAT = 1e-6  # of the largest scale: less is none, which has no inverse
-_NOISE_DIGITS = 5  # of a matrix in single precision that is turned; more change no shape
+# Fraction of the largest scale; safety: a smaller one counts as zero, as the stretch then has no usable inverse. Its
+# cube bounds the determinant of a stored stretch.
+_FLAT = 1e-6
+_NOISE_DIGITS = 5  # decimals of the stretch that count: further ones change with the rotation of a float32 matrix
 
 
 def of(ob):
-    """(3, 3) float32, symmetric: P of the object's world matrix Q P with a rotation or reflection Q, the largest scale
-    as 1: alike along all axes, it changes no shape. A place p of the mesh, as a row, is p P in the scene's proportions.
-    """
+    """(3, 3) float32, symmetric: the stretch P of the polar decomposition Q P of the object's world matrix, with Q a
+    rotation or reflection, divided by its largest scale, as uniform scale changes no shape. A row vector p of the mesh
+    is p P in the scene's proportions. The identity if P is so up to rounding."""
     linear, one = np.array(ob.matrix_world, np.float64)[:3, :3], np.eye(3, dtype=np.float32)
     if not np.isfinite(linear).all():
         return one
@@ -28,17 +30,17 @@ def of(ob):
 
 
 class Space(NamedTuple):
-    """From an object's own space to one that is proportioned as the scene is."""
-    linear: np.ndarray  # (3, 3), in single precision where nothing is shifted
+    """An affine map from an object's local space to one with the scene's proportions."""
+    linear: np.ndarray  # (3, 3), float32 where shift is zero
     shift: np.ndarray = np.zeros(3, np.float32)  # (3,)
 
     def is_own(self):
-        """Whether it is the object's own."""
+        """Whether the map is the identity."""
         return not self.shift.any() and (self.linear == np.eye(3)).all()
 
     def to(self, points):
         """(n, 3) float32"""
-        if self.is_own():  # a frame's time
+        if self.is_own():  # saves time in each frame
             return points
         return (points @ self.linear.T + self.shift).astype(np.float32, copy=False)
 
@@ -49,7 +51,7 @@ class Space(NamedTuple):
         return ((points - self.shift) @ np.linalg.inv(self.linear).T).astype(np.float32, copy=False)
 
     def motions(self, motions):
-        """(k, 3, 4) or (k, 4, 4) float64 motions of the object's own space, told in this one."""
+        """(k, 3, 4) or (k, 4, 4) float64: motions of the object's local space, conjugated to this space."""
         if self.is_own():
             return motions
         into = np.eye(4)
@@ -58,23 +60,23 @@ class Space(NamedTuple):
 
 
 def bound(settings):
-    """The Space in which an object's surface is bound: as it was proportioned then."""
+    """The Space in which an object's surface is bound: its proportions at Bind."""
     linear = np.array(settings.proportions, np.float32).reshape(3, 3)
     if not linear.any() or not np.isfinite(linear).all() or abs(np.linalg.det(linear)) < _FLAT**3:
-        linear = np.eye(3, dtype=np.float32)  # of an earlier version, or in a file that something has written to
+        linear = np.eye(3, dtype=np.float32)  # a file of an earlier version, or modified by something else
     return Space(linear)
 
 
 def changed_since(ob):
-    """How much more the object has come to be scaled along one direction than along another since it was bound: 1 where
-    it keeps its shape."""
+    """Anisotropy of the change of the object's stretch since Bind: its largest singular value over its smallest, 1 if
+    the shape is unchanged."""
     sizes = np.linalg.svd(of(ob).astype(np.float64) @ np.linalg.inv(bound(ob.detail_deform).linear), compute_uv=False)
     return float(sizes[0] / sizes[2])
 
 
 def stance(source, target):
-    """(3, 4) float64: how the source stands to the target in the scene, both as they are proportioned: a rotation,
-    scale and shift, with a reflection where one of them is mirrored. None where one is flat."""
+    """(3, 4) float64: the similarity from the source's space to the target's, both in the scene's proportions; it
+    includes a reflection where one of them is mirrored. None where one is flat or not finite."""
     worlds = [np.array(ob.matrix_world, np.float64) for ob in (source, target)]
     for world in worlds:
         if not np.isfinite(world).all():
@@ -88,10 +90,10 @@ def stance(source, target):
 
 
 def signature(ob):
-    """A short text: equal texts, equal proportions."""
-    return mesh_data.signature(np.round(of(ob), _NOISE_DIGITS) + np.float32(0))  # which has no negative zero
+    """A hash of the rounded proportions as short text."""
+    return mesh_data.signature(np.round(of(ob), _NOISE_DIGITS) + np.float32(0))  # turns -0 into 0
 
 
 def shape(ob):
-    """(n, 3) float32: the mesh at rest, as it is proportioned in the scene."""
+    """(n, 3) float32: the mesh at rest in the scene's proportions."""
     return mesh_data.rest(ob.data) @ of(ob)

@@ -1,21 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How far shape keys have taken the vertices of handles since the start that they were bound to: as far off stands an
-empty from its vertices. Cheap enough for every redraw: by a few vertices of each handle."""
+"""The shift of handles' vertices by shape keys since Bind, and so their distance from their empties. Fast enough for
+every redraw, as a few vertices of each handle are sampled."""
 
 import numpy as np
 
 from . import mesh_data, offset_attribute
 
-_VERTICES = 4  # of each handle, but of all together no more than
+# Sampled vertices a handle, and of all handles together (but at least one a handle): bound the time of a redraw.
+_VERTICES = 4
 _ALL_VERTICES = 256
-_MOST = 8
-_samples = {}  # by the binding's signature: {group: its vertices}
+_MOST = 8  # bindings whose samples are cached; the oldest is dropped
+_samples = {}  # {signature of the binding: {group: [vertex]}}
 
 
 def shifts(ob, handles):
-    """(h, 3): in the world, of each of some handles."""
+    """(h, 3) float64: mean shift of the sampled vertices of each of these handles, in world space."""
     result, keys = np.zeros((len(handles), 3)), ob.data.shape_keys
-    if ob.mode == 'EDIT' or ob.detail_deform.stale:  # attributes are elsewhere, and vertices may have gone
+    if ob.mode == 'EDIT' or ob.detail_deform.stale:  # no attributes to read, or indices out of date
         return result
     shown = [key for key in keys.key_blocks if key.value and not key.mute and key != key.relative_key] if keys else []
     kept = offset_attribute.find(ob.data, offset_attribute.KEYED)
@@ -33,7 +34,7 @@ def shifts(ob, handles):
 
 
 def _samples_of(ob, groups):
-    """[vertices] of each of these groups; none where it is gone."""
+    """[[vertex]]: the samples of each of these groups; [] if the group no longer exists."""
     known = _samples.get(ob.detail_deform.signature)
     if known is None:
         while len(_samples) >= _MOST:
@@ -49,10 +50,10 @@ def _samples_of(ob, groups):
 
 
 def _weight(ob, group, vertex):
-    """Of a key that a vertex group masks."""
+    """Weight of a vertex in the group that masks a key; 1 without one."""
     if not group or group not in ob.vertex_groups:
         return 1.0
     try:
         return ob.vertex_groups[group].weight(vertex)
-    except RuntimeError:  # it is not in the group
+    except RuntimeError:  # the vertex is not in the group
         return 0.0

@@ -1,21 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether what is computed reaches the modifier that shows it."""
+"""Whether the offset attribute and the influence reach the modifier that displays them."""
 
 from . import node_group, offset_attribute
 
-# Modifiers that may put another mesh, without its attributes, in the place of the one they get. All others hand
-# them on.
+# Modifiers that may replace their input by another mesh without its attributes. All others keep the attributes.
 _MAY_REPLACE = {'NODES', 'REMESH', 'SKIN', 'MESH_SEQUENCE_CACHE', 'OCEAN', 'FLUID', 'EXPLODE', 'PARTICLE_INSTANCE',
                 'VOLUME_TO_MESH'}
 
 
 def why_not(ob, depsgraph):
-    """A sentence where the modifiers before Detail Deform leave nothing of the mesh that it could deform, or ''.
-    Cheap enough for every update."""
+    """A sentence where modifiers before Detail Deform replace the mesh, so that the offsets don't reach it; or ''.
+    Fast enough for every update."""
     ours = node_group.find_modifier(ob)
     shown = [m for m in ob.modifiers if m == ours or _may_replace(m, depsgraph)]
     before = shown[:shown.index(ours)] if ours else []
-    # Where one behind Detail Deform may take the offsets away again, nothing is known.
+    # If one after Detail Deform may remove the attribute again, its absence proves nothing.
     if not before or shown[-1] != ours:
         return ""
     into, out_of = ob.data.evaluated_get(depsgraph), ob.evaluated_get(depsgraph).data
@@ -27,7 +26,7 @@ def why_not(ob, depsgraph):
 
 
 def influence_gone(ob):
-    """A sentence where the influence refers to no group of the object, or ''."""
+    """A sentence where the influence names neither a vertex group nor an attribute of the object; or ''."""
     name, invert = ob.detail_deform.influence, ob.detail_deform.invert_influence
     if not name or name in ob.vertex_groups or name in ob.data.attributes:
         return ""

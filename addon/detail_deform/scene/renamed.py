@@ -1,27 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vertex groups that were renamed: what names them here goes along. Blender tells nobody, but a group keeps its place
-in the list, so the names as they were last are kept with the object."""
+"""Detects renamed vertex groups and updates the settings that refer to them by name. Blender sends no notification, but
+a renamed group keeps its index, so the last known names are stored with the object."""
 
-_APART = '\n'  # no name of Blender's has one
+_APART = '\n'  # separator: no name in Blender contains it
 
 
 def note(ob):
-    """The names as they are now. Cheap where nothing has changed."""
+    """Stores the present names of the vertex groups, if they have changed."""
     names = _APART.join(group.name for group in ob.vertex_groups)
     if ob.detail_deform.known_groups != names:
         ob.detail_deform.known_groups = names
 
 
 def follow(ob):
-    """Has region, influence and handles name groups as they are called now. Whether any was called otherwise."""
+    """Replaces names of renamed groups in region, influence, anchors and handles. Returns whether any was replaced."""
     settings = ob.detail_deform
     if not settings.known_groups:
         return False
     known, now = settings.known_groups.split(_APART), [group.name for group in ob.vertex_groups]
-    if known == now or len(known) != len(now):  # some have come or gone
+    if known == now or len(known) != len(now):  # groups were added or removed
         return False
     there = set(now)
-    # One that took the place of another, by being moved in the list, has been there before.
+    # A group that was moved within the list has a name that was known before: not renamed.
     renamed = {old: new for old, new in zip(known, now) if old != new and old not in there and new not in known}
     if not renamed:
         return False
@@ -31,12 +31,12 @@ def follow(ob):
               if getattr(owner, name) in renamed]
     for owner, name, new in namers:
         setattr(owner, name, new)
-    settings.pulled_region = was_pulled  # it is no choice of the user's
+    settings.pulled_region = was_pulled  # undo the update callback: the user has not chosen another region
     return bool(namers)
 
 
 def _namers(settings):
-    """(owner, property) of all that name a group."""
+    """Generator of (owner, property name) for all settings that name a vertex group."""
     yield from ((settings, name) for name in ('region', 'own_region', 'influence'))
     yield settings.transfer, 'anchor_group'
     yield from ((handle, name) for handle in settings.handles

@@ -1,34 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where modifiers show a mesh's own vertices, and the similarity by which those behind the deformation take some of
-them there. With it an empty stands on the surface that is seen and pulls the way it is moved, whatever poses the mesh:
-curves, lattices, hooks, several armatures. Where one armature alone does, the bone that carries the empty gives its
-motion in every frame (skin.py); this one is measured when the empty is placed."""
+"""The displayed positions of a mesh's own vertices, and the similarities by which the modifiers after the deformation
+take parts of it there. With them an empty stands on the displayed surface and pulls in the direction in which it is
+moved, whether curves, lattices, hooks or several armatures pose the mesh. The similarity is measured once, when the
+empty is placed. With a single armature the motion of the empty's bone is used instead, in every frame (skin.py)."""
 
 import numpy as np
 
 from . import below, mesh_data, node_group, skin, stack, start
 
-# They add something of their own to the vertices' places, so that what is pulled goes the way it is pulled; all others
-# map places to places, and turn what is pulled with the rest.
+# These add displacements of their own to the positions, so a pull keeps its direction through them. All others map
+# positions to positions, and so rotate a pull too.
 _ADDERS = {'CORRECTIVE_SMOOTH', 'DISPLACE', 'LAPLACIANSMOOTH', 'SHRINKWRAP', 'SMOOTH', 'CLOTH', 'SOFT_BODY'}
 
 
 def _movers(ob):
-    """The numbers of the modifiers that are shown and may move vertices, the deformation's own left out."""
+    """[int]: indices of the shown modifiers that may move vertices, without the deformation's own."""
     own = node_group.find_modifier(ob)
     return [k for k, m in enumerate(ob.modifiers)
             if m.show_viewport and m != own and (m.type in below.MOVERS or m.type == 'NODES')]
 
 
 def needs_measuring(ob):
-    """Whether anything but one plain armature poses it."""
+    """Whether modifiers other than a single plain armature (skin.is_plain) pose the mesh."""
     modifiers = [ob.modifiers[k] for k in _movers(ob)]
     return bool(modifiers) and not (len(modifiers) == 1 and skin.is_plain(ob, modifiers[0]))
 
 
 def positions(ob, depsgraph):
-    """(n, 3) float32: where the modifiers show the mesh's own vertices, in the object's space; None where they make
-    others of them in a way that can't be followed."""
+    """(n, 3) float32: displayed positions of the mesh's own vertices, in local space; None if the modifiers change the
+    vertex count in a way that can't be followed."""
     if not _movers(ob):
         return start.visible(ob)
     with below.deformed(ob, ob.evaluated_get(depsgraph), depsgraph) as (mesh, _):
@@ -36,8 +36,8 @@ def positions(ob, depsgraph):
 
 
 def motions(ob, parts, depsgraph):
-    """(4, 4) float64 for each of some arrays of vertices: from where the mesh's own shape has them to where they are
-    seen. None for each where that is the same, where bones tell it, or where it can't be known."""
+    """[(4, 4) float64]: for each array of vertices in parts the similarity from start.visible() to the displayed
+    positions. [None, …] where they are the same, a bone's motion is used instead, or it can't be measured."""
     unknown = [None] * len(parts)
     if not needs_measuring(ob):
         return unknown
@@ -45,7 +45,7 @@ def motions(ob, parts, depsgraph):
         if mesh is None or not any(used[k] for k in _movers(ob)):
             return unknown
         after = mesh_data.positions(mesh)
-    # Before the first pull there is no modifier of its own: as if it stood where it will.
+    # Before the first pull the deformation has no modifier: take the index at which it will be added.
     modifiers, own = list(ob.modifiers), node_group.find_modifier(ob)
     end = modifiers.index(own) + 1 if own else stack.place_of(ob)
     adders = [use and k >= end and m.type in _ADDERS for k, (m, use) in enumerate(zip(modifiers, used))]
@@ -59,7 +59,7 @@ def motions(ob, parts, depsgraph):
 
 
 def _through(motion, place, there):
-    """(4, 4): the same turn and size, so that it takes one place to another."""
+    """(4, 4): the linear part of motion, with the translation that takes place to there."""
     result = motion.copy()
     result[:3, 3] = there - motion[:3, :3] @ place
     return result

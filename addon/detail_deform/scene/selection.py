@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is selected: objects, vertices in Edit Mode, and vertex groups made of these."""
+"""Selection of objects and of vertices in Edit Mode, and vertex groups made of selections."""
 
 from contextlib import contextmanager
 
@@ -12,7 +12,7 @@ from .mesh_data import MeshProblem
 
 
 def activate(context, ob):
-    """Selects this object alone."""
+    """Selects this object alone and makes it active."""
     for other in context.selected_objects:
         other.select_set(False)
     ob.select_set(True)
@@ -20,7 +20,7 @@ def activate(context, ob):
 
 
 def change_mode(ob, mode):
-    """Of the active object. Raises MeshProblem where Blender doesn't."""
+    """Changes the mode of the active object. Raises MeshProblem where Blender can't."""
     if ob.hide_viewport and ob.mode != 'EDIT':
         raise MeshProblem(f"'{ob.name}' is disabled in viewports, where Blender changes no mode: enable it first, by "
                           "its monitor icon.")
@@ -29,7 +29,8 @@ def change_mode(ob, mode):
 
 @contextmanager
 def object_mode(ob):
-    """Of the active object, meanwhile: the copy of the mesh that another mode works on would not know of a change."""
+    """Context manager that leaves the active object's mode for Object Mode: other modes work on a copy of the mesh, and
+    would overwrite changes."""
     mode = ob.mode
     if mode != 'OBJECT':
         change_mode(ob, 'OBJECT')
@@ -41,7 +42,7 @@ def object_mode(ob):
 
 
 def go_to(context, ob, other):
-    """Leaves whatever mode the one is in and selects the other alone. Raises MeshProblem."""
+    """Puts ob into Object Mode, then selects other alone. Raises MeshProblem."""
     if other.name not in context.view_layer.objects:
         raise MeshProblem(f"'{other.name}' is not in this scene, or is in an excluded collection.")
     if ob.mode != 'OBJECT':
@@ -50,7 +51,7 @@ def go_to(context, ob, other):
 
 
 def selected(ob):
-    """(n,) bool: what is selected in Edit Mode."""
+    """(n,) bool: the vertices selected in Edit Mode."""
     ob.update_from_editmode()
     chosen = np.empty(len(ob.data.vertices), bool)
     ob.data.vertices.foreach_get('select', chosen)
@@ -58,8 +59,8 @@ def selected(ob):
 
 
 def select(ob, members, extend, hidden=False):
-    """Selects these vertices in Edit Mode, which is entered if need be. members: (n,) bool. hidden: those that are
-    hidden too, which are shown then. Raises MeshProblem."""
+    """Selects vertices in Edit Mode, which is entered if necessary. members: (n,) bool. extend: keeps the present
+    selection. hidden: reveals and selects hidden ones too; otherwise they are skipped. Raises MeshProblem."""
     if ob.mode != 'EDIT':
         change_mode(ob, 'EDIT')
     mesh = bmesh.from_edit_mesh(ob.data)
@@ -81,7 +82,7 @@ def select(ob, members, extend, hidden=False):
 
 
 def fill_group(ob, group, members):
-    """Makes these vertices, with weight 1, all that the group has. members: (n,) bool."""
+    """Makes exactly these vertices members of the group, with weight 1. members: (n,) bool."""
     if ob.mode != 'EDIT':
         group.remove(range(len(members)))
     else:
@@ -94,12 +95,12 @@ def fill_group(ob, group, members):
 
 
 def _add(ob, groups, parts):
-    """Gives each group, with weight 1, an array of vertices."""
+    """Adds to each group the array of vertices in parts, with weight 1."""
     if ob.mode != 'EDIT':
         for group, part in zip(groups, parts):
             group.add(part.tolist(), 1.0, 'REPLACE')
         return
-    # Without leaving Edit Mode, where other objects may be too.
+    # Through the BMesh, as leaving Edit Mode would take other objects out of it too.
     mesh = bmesh.from_edit_mesh(ob.data)
     weights = mesh.verts.layers.deform.verify()
     mesh.verts.ensure_lookup_table()
@@ -111,20 +112,20 @@ def _add(ob, groups, parts):
 
 
 def new_groups(ob, name, parts):
-    """A new group for each of some arrays of vertices; Blender numbers their names."""
+    """[VertexGroup]: a new group with each array of vertices in parts. Blender makes their names unique."""
     groups = [ob.vertex_groups.new(name=name) for _ in parts]
     _add(ob, groups, parts)
     return groups
 
 
 def new_group(ob, name, members):
-    """The same of (n,) bool."""
+    """A new group with the vertices of members, (n,) bool."""
     return new_groups(ob, name, [np.flatnonzero(members)])[0]
 
 
 def islands(chosen, edges):
-    """[vertices] of the parts that edges among the chosen vertices hold together, by their first vertices. chosen: (n,)
-    bool."""
+    """[vertices]: connected components of the chosen vertices through edges among them, ordered by their smallest
+    vertex. chosen: (n,) bool."""
     least = components.least(len(chosen), edges[chosen[edges].all(axis=1)])
     vertices = np.flatnonzero(chosen)
     order = np.argsort(least[vertices], kind='stable')
@@ -132,7 +133,7 @@ def islands(chosen, edges):
 
 
 def fill_own_group(ob, own, may_change, name, members):
-    """Fills the group called own, if there is one that may be changed, or else a new one. Returns its name."""
+    """Refills the group named own if it exists and may_change, otherwise fills a new one. Returns its name."""
     group = ob.vertex_groups.get(own)
     if group and may_change:
         fill_group(ob, group, members)

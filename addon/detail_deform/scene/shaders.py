@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's own shaders for points and for lines wider than a pixel, under the names that each Blender has for them.
+"""Blender's built-in shaders for points and lines wider than a pixel, by their names in each version.
 
-Only OpenGL has a size of points and a width of lines beside the shader. Vulkan and Metal draw them a pixel wide, unless
-the shader itself makes them larger, as these do.
+Only OpenGL has a point size and line width outside the shader. Vulkan and Metal draw a pixel, unless the shader itself
+sets the size, as these do.
 """
 
 import bpy
@@ -14,13 +14,13 @@ def _built_in(name):
 
 
 def points():
-    """For 'POINTS' with 'pos' and 'color', which are as large as gpu.state.point_size_set() says."""
-    # Before 4.5 Blender has no shader of this kind, and no other back end than OpenGL for Windows and Linux.
+    """For 'POINTS' with 'pos' and 'color'; the size is that of gpu.state.point_size_set()."""
+    # Before 4.5 there is no such shader, and on Windows and Linux no back end but OpenGL.
     return _built_in('POINT_FLAT_COLOR' if bpy.app.version >= (4, 5) else 'FLAT_COLOR')
 
 
 def lines(width, colour):
-    """For 'LINES' and 'LINE_STRIP' with 'pos' in three dimensions; width in pixels of the region that is drawn."""
+    """For 'LINES' and 'LINE_STRIP' with three-dimensional 'pos'; width in pixels of the drawn region."""
     import gpu
     shader = _built_in('POLYLINE_UNIFORM_COLOR')
     shader.uniform_float('viewportSize', gpu.state.viewport_get()[2:])

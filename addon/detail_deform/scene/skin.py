@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handles on a mesh that an armature poses. The deformation comes before the armature, as a shape key does, so a handle
-counts in the space of the mesh at rest; its empty stands on the posed surface, and goes with a bone."""
+"""Handles on a mesh that an armature poses. The deformation comes before the armature, as a shape key does, so handles
+move in the space of the unposed mesh, while their empties stand on the posed surface and are parented to bones."""
 
 import numpy as np
 
@@ -9,28 +9,28 @@ from .mesh_data import MeshProblem
 
 
 def _armatures(ob):
-    """Those that pose what the deformation makes, shown in the viewport or not; one that is hidden in renders too is
-    switched off, as where its poses have become examples."""
+    """[modifier]: the Armature modifiers after the deformation, except those disabled in both viewport and renders, as
+    after examples have been made of their poses."""
     return [m for m in node_group.behind(ob) if m.type == 'ARMATURE' and m.object and m.use_vertex_groups
             and (m.show_viewport or m.show_render)]
 
 
 def is_plain(ob, modifier):
-    """Whether the modifier blends the motions of bones by their weights, and nothing else."""
+    """Whether the modifier is plain linear blend skinning by vertex groups, of the whole mesh."""
     return modifier in _armatures(ob) and not (
         modifier.use_multi_modifier or modifier.vertex_group or modifier.use_deform_preserve_volume
         or modifier.use_bone_envelopes)
 
 
 class Rigs:
-    """Whose bones pose which vertices of an object: its groups are read once, when they are first asked for."""
+    """Looks up which bones pose which vertices. An armature's groups are read once, at the first call."""
 
     def __init__(self, ob):
-        self._ob, self._weights = ob, {}  # by armature object: names of bones, and their weights
+        self._ob, self._weights = ob, {}  # {armature object: (bone names, (bones, n) weights or None)}
 
     def of(self, chosen):
-        """(armature object, {bone name: mean weight}) of the first that is seen to pose the chosen vertices, of the
-        bones that do; None and nothing. chosen: (n,) bool or the vertices."""
+        """(armature object, {bone name: mean weight > 0}) of the first shown armature with weights on the chosen
+        vertices; (None, {}) if there is none. chosen: (n,) bool or vertex indices."""
         for modifier in _armatures(self._ob):
             means = self._means(modifier.object, chosen) if modifier.show_viewport else {}
             if means:
@@ -48,7 +48,7 @@ class Rigs:
 
 
 def motion(ob, rig, bone, depsgraph):
-    """(4, 4) float64: by which a bone's pose moves the mesh, in the object's own space."""
+    """(4, 4) float64: the motion of a bone from rest to its pose, in the object's local space."""
     evaluated = rig.evaluated_get(depsgraph)
     pose, rest = evaluated.pose.bones[bone].matrix, evaluated.data.bones[bone].matrix_local
     space = np.linalg.inv(np.array(ob.evaluated_get(depsgraph).matrix_world, np.float64)) @ np.array(
@@ -57,19 +57,19 @@ def motion(ob, rig, bone, depsgraph):
 
 
 def mean_motion(ob, rig, means, depsgraph):
-    """(4, 4): of bones by their weights, as the armature blends them."""
+    """(4, 4): the mean of the bones' motions by their weights (linear blend skinning). means: of Rigs.of()."""
     total = sum(means.values())
     return sum(mean / total * motion(ob, rig, bone, depsgraph) for bone, mean in means.items())
 
 
 def pose_of(ob, empty, depsgraph):
-    """(4, 4) float64: by which the bone that carries this empty moves the mesh; nothing where none does. Raises
-    MeshProblem."""
+    """(4, 4) float64: the motion of the bone that carries this empty, if its armature poses the mesh; otherwise the
+    identity. Raises MeshProblem if the bone no longer exists."""
     return _pose_of(ob, empty, _armatures(ob), depsgraph)
 
 
 def pose_that_was(ob, empty, depsgraph):
-    """The same of an armature that is switched off, as examples have been made of its poses."""
+    """pose_of() with the disabled armatures from whose poses examples were made."""
     shown = _armatures(ob)
     return _pose_of(ob, empty, [m for m in posers.remembered(ob) if m.type == 'ARMATURE' and m not in shown], depsgraph)
 

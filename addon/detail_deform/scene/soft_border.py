@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of its displacement each vertex keeps, so that it fades towards the region's border."""
+"""Weights by which displacements fade out towards the region's border."""
 
 import numpy as np
 
@@ -8,15 +8,15 @@ from . import mesh_data, proportions, split, start
 
 
 def of(ob, roles):
-    """As of ways(), of an object. roles: of its binding."""
+    """ways() of an object. roles: (n,) of its binding."""
     places = proportions.bound(ob.detail_deform).to(start.shape(ob))
     joined, triangles = split.Joined(ob), mesh_data.triangles(ob.data)
     return ways(roles, lambda chosen: joined.distances(places, triangles, chosen))
 
 
 def ways(roles, distances):
-    """(n,) float32: of the way from what is fixed to the handles, over the surface, how far each vertex is; 0 at the
-    border, 1 at handles and where nothing is fixed. distances: of all vertices from those of (n,) bool."""
+    """(n,) float32: d_fixed / (d_fixed + d_handle) by distances over the surface: 0 at the border, 1 at handles and
+    where nothing is fixed. distances: function of (n,) bool that gives all vertices' distances from the chosen ones."""
     held = roles >= 0
     fixed = (roles == native.ROLE_FIXED) & ~held
     result = np.ones(len(roles), np.float32)
@@ -29,6 +29,6 @@ def ways(roles, distances):
 
 
 def shares(ways, width):
-    """(n,) float32: 0 at the border, 1 from that share of the way on, without a slope at either end."""
+    """(n,) float32: smoothstep of ways() / width: 0 at the border, 1 from width on, with zero slope at both ends."""
     eased = np.minimum(ways / np.float32(width), 1)
     return eased * eased * (3 - 2 * eased)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How the source of a transfer is deformed now."""
+"""The present pose of the source of a transfer."""
 
 import numpy as np
 
@@ -7,22 +7,24 @@ from . import below, mesh_data, node_group, offset_attribute
 from .mesh_data import MeshProblem
 
 
-# Of the mesh's size: farther from rest no pose goes, and one vertex there would move all of the target.
+# Multiple of the mesh's largest extent: a vertex displaced farther is refused. Safety: a single such vertex would
+# displace the whole target.
 _FARTHEST = 1e6
 
 
 def check_extent(source, pose):
-    """pose: (n, 3) of the source's own vertices. Raises MeshProblem where one of them is out of all bounds."""
+    """Raises MeshProblem where a vertex of pose, (n, 3) of the source's own vertices, is farther than _FARTHEST from
+    rest."""
     some = mesh_data.some_of_rest(source.data)
-    # The mesh is as large as these at least, and reaches no farther than they do and its size: nearly always enough,
-    # and a hundredth of the time for the whole rest, which a frame has not.
+    # A sufficient bound from a few points, as the mesh's size is at least theirs, and each rest point is within the
+    # mesh's size of them. It nearly always decides, in a hundredth of the time of reading the whole rest in each frame.
     reach = np.abs(pose).max(initial=0) + np.abs(some).max(initial=0)
     if reach <= (_FARTHEST - 1) * np.ptp(some, axis=0).max(initial=0):
         return
     rest = mesh_data.rest(source.data)
     moved = np.abs(pose - rest)
     size = np.ptp(rest, axis=0).max(initial=0)
-    if moved.max(initial=0) > _FARTHEST * size > 0:  # what is no number is told by the library
+    if moved.max(initial=0) > _FARTHEST * size > 0:  # NaN passes here: the library reports it
         vertex, axis = np.unravel_index(moved.argmax(), moved.shape)
         times = moved[vertex, axis] / size
         raise MeshProblem(f"Vertex {vertex} of '{source.name}' is {times:.0e} times the mesh's size from where it is "
@@ -30,8 +32,8 @@ def check_extent(source, pose):
 
 
 def evaluated_pose(source, depsgraph, wide=None):
-    """(n, 3) float32: what the source's modifiers and shape keys make of its own vertices now. wide: its wider.Wider,
-    of all of whose vertices then. Raises MeshProblem."""
+    """(n, 3) float32: present positions of the source's own vertices by its modifiers and shape keys. wide: the
+    source's wider.Wider, if any: then of the mirrored vertices too. Raises MeshProblem."""
     evaluated = source.evaluated_get(depsgraph)
     if not evaluated.is_evaluated or evaluated == source:
         raise MeshProblem(f"'{source.name}' is hidden by its monitor icon, or in an excluded collection, so that its "
@@ -48,12 +50,13 @@ def evaluated_pose(source, depsgraph, wide=None):
 
 
 def _not_yet_shown(source, mesh, used):
-    """What Detail Deform has computed for the source itself since it was evaluated, as when it is bound or follows
-    another mesh. Right where its modifier is the last that moves vertices. used: which modifiers made the mesh."""
+    """(n, 3) float32, or 0: change of the source's own displayed offsets since it was evaluated, if it is itself bound
+    or a follower. Exact if the deformation's modifier is the last that moves vertices. used: (k,) bool, the modifiers
+    that produced mesh."""
     modifier = node_group.find_modifier(source)
     if modifier is None or not used[list(source.modifiers).index(modifier)]:
         return np.float32(0)
     change = offset_attribute.read(source.data) - offset_attribute.read(mesh)
-    if not change.any():  # reading an influence group takes a while
+    if not change.any():  # before amount(), which is slow with an influence group
         return np.float32(0)
     return (change * node_group.amount(source, modifier)).astype(np.float32)

@@ -1,32 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes that importers and game tools have split along seams of UVs or normals: where two borders lie on one another,
-edge by edge, their vertices are taken for one. Without that a surface tears open there when it is pulled.
+"""Welds meshes that importers and game tools have split along seams of UVs or normals: where two boundaries coincide
+edge by edge, their vertices are treated as one. Otherwise the surface would tear open there when pulled.
 
-For the library the faces on both sides of a seam join the first of the vertices at each place; the others have no face
-then, and are given what that one moves by. What a shape key takes apart, as lips that only touch, stays apart."""
+In the mesh given to the library, faces on both sides of a seam use the first vertex at each place, the representative.
+The other vertices are then in no face and get its displacement. Vertices that a shape key separates, as lips that only
+touch, are not welded."""
 
 import numpy as np
 
 from ..library import native
 from . import components, mesh_data
 
-_APART = 1e-5  # of the mesh's size: what a shape key moves apart by more than rounding
-_FOLDED = -0.99  # cosine between the normals of two sides that lie on one another, as those of a card with two faces
-# Of how far vertices at one place have moved, how far they are from their mean: up to the first it is what two sides of
-# a seam were told differently, from the second on they go different ways.
+_APART = 1e-5  # fraction of the mesh's largest extent: a larger distance in a shape key is a separation, not rounding
+_FOLDED = -0.99  # cosine of the angle between the normals at a seam: below it the sides are front and back of a card
+# Largest deviation of the displacements at one place from their mean, as a fraction of the mean's length: up to _CRACK
+# it is a crack, which is closed; from _ANOTHER_WAY on the sides move apart on purpose, and are kept. Between, blended.
 _CRACK, _ANOTHER_WAY = 0.1, 0.3
-_MOST = 64
-_found = {}  # by content: what _pairs() and _first() found, as that takes a while
+_MOST = 64  # results in the cache; bounds its memory
+_found = {}  # cache of _pairs() and _first(), by signatures of their input
 
 
 def _find(ob, topology):
-    """(n,) intp: for each vertex the one that stands for it, itself or the first of those at its place that are one.
-    None where each stands for itself."""
+    """(n,) intp: the representative of each vertex, the first of those welded with it. None if no vertices are
+    welded."""
     mesh = ob.data
     positions = mesh_data.positions(mesh)
     content = mesh_data.signature(positions), topology or mesh_data.topology_signature(mesh)
     pairs = _kept(content, lambda: _pairs(mesh, positions))
-    if not len(pairs):  # nearly always, and the keys need not be read
+    if not len(pairs):  # nearly always: avoids reading the keys
         return None
     keys = [mesh_data.key_positions(key) for key in (mesh.shape_keys.key_blocks if mesh.shape_keys else ())]
     return _kept((*content, 'keys', *map(mesh_data.signature, keys)), lambda: _first(pairs, positions, keys))
@@ -53,10 +54,10 @@ def _first(pairs, positions, keys):
 
 
 def _places(positions):
-    """(n,) intp: equal numbers for vertices at exactly the same place; None where there are no two."""
+    """(n,) intp: labels, equal for vertices at exactly the same place; None if all differ or any is not finite."""
     if not len(positions) or not np.isfinite(positions).all():
         return None
-    words = (positions + np.float32(0)).view(np.uint32).astype(np.uint64)  # minus zero is zero
+    words = (positions + np.float32(0)).view(np.uint32).astype(np.uint64)  # turns -0 into 0
     order = np.argsort(_mixed(words), kind='stable')
     same = (positions[order[1:]] == positions[order[:-1]]).all(axis=1)
     if not same.any():
@@ -67,7 +68,8 @@ def _places(positions):
 
 
 def _pairs(mesh, positions):
-    """(p, 2): vertices at the ends of two edges that are borders and lie on one another, their faces wound alike."""
+    """(p, 2): pairs of vertices to weld: the ends of two boundary edges that coincide and belong to consistently
+    oriented faces."""
     places = _places(positions)
     if places is None:
         return np.empty((0, 2), int)
@@ -80,7 +82,7 @@ def _pairs(mesh, positions):
     edges, owners = edges[chosen].astype(np.int64), owners[chosen]
     edges, owners = _that_come(1, edges, edges, owners)
     seams, owners = _that_come(2, places[edges], edges, owners)
-    # Next to one another, of which one runs the other way.
+    # Coinciding edges are adjacent rows. With consistent orientation one runs in the opposite direction.
     one, other = seams[::2], seams[1::2, ::-1]
     sides = owners[::2], owners[1::2]
     normals = [_normals(positions.astype(np.float64), near[side]) for side in sides]
@@ -90,7 +92,7 @@ def _pairs(mesh, positions):
 
 
 def _that_come(times, ends, edges, owners):
-    """Those of the edges whose ends, in either order, come so many times, with equal ones next to each other."""
+    """(edges, owners) of the edges whose ends, in either order, occur exactly times times; equal ones are adjacent."""
     low, high = ends.min(axis=1), ends.max(axis=1)
     keys = low * (int(ends.max(initial=0)) + 1) + high
     order = np.argsort(keys, kind='stable')
@@ -100,13 +102,13 @@ def _that_come(times, ends, edges, owners):
 
 
 def _places_of_faces(places, mesh):
-    """(faces,) uint64: equal where faces have their corners at the same places, in any order."""
+    """(faces,) uint64: hash of each face's corner places, independent of their order."""
     corners, begins = mesh_data.faces(mesh)
     return np.add.reduceat(_mixed(places[corners].astype(np.uint64)[:, None]), begins) if len(begins) else begins
 
 
 def _mixed(words):
-    """(k,) uint64 of (k, w) uint64: what falls together and isn't the same is rare."""
+    """(k,) uint64: a hash of each row of words, (k, w) uint64 with w up to 3."""
     factors = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)[:words.shape[1]]
     mixed = words @ factors
     return (mixed ^ (mixed >> np.uint64(29))) * factors[0]
@@ -119,22 +121,22 @@ def _normals(positions, triangles):
 
 
 class Joined:
-    """An object's mesh with split vertices taken for one: all of it as it is where none is split, or where the object's
-    setting says that they are not."""
+    """An object's mesh with split vertices welded. All methods leave their input unchanged if none are, or if the
+    object's setting join_split is off."""
 
     def __init__(self, ob, topology=None):
-        """topology: mesh_data.topology_signature, if it is known."""
+        """topology: mesh_data.topology_signature() of the mesh, if known."""
         self._first = _find(ob, topology) if ob.detail_deform.join_split else None
         if self._first is not None:
             self._split = np.flatnonzero(np.bincount(self._first, minlength=len(self._first))[self._first] > 1)
-            _, self._numbers = np.unique(self._first[self._split], return_inverse=True)  # of their places
+            _, self._numbers = np.unique(self._first[self._split], return_inverse=True)  # labels of welded places
 
     def between(self, vertices):
-        """int32: these numbers of vertices, as of triangles or edges, by those that stand for them."""
+        """int32: vertex indices, as of triangles or edges, replaced by their representatives."""
         return vertices if self._first is None else self._first.astype(np.int32)[vertices]
 
     def distances(self, places, triangles, chosen):
-        """(n,) float32: native.distances over the joined surface. triangles: of the mesh. chosen: (n,) bool."""
+        """(n,) float32: native.distances() over the welded surface. triangles: of the mesh. chosen: (n,) bool."""
         if self._first is None:
             return native.distances(places, triangles, chosen)
         start = np.zeros(len(chosen), bool)
@@ -142,25 +144,24 @@ class Joined:
         return native.distances(places, self.between(triangles), start)[self._first]
 
     def roles(self, of_vertices):
-        """(n,) roles of a binding in which only the vertices that stand for others have one: a handle's where any of
-        those that are one has it, fixed where one is, and otherwise free. The others are fixed, as they are in no face.
-        """
+        """(n,) roles for the welded mesh. A representative is in a handle if a vertex welded with it is, else fixed if
+        one is, else free. All other welded vertices are fixed, as they are in no face."""
         if self._first is None:
             return of_vertices
         result, first = of_vertices.copy(), self._first
         result[first[of_vertices == native.ROLE_FIXED]] = native.ROLE_FIXED
-        held = np.flatnonzero(of_vertices >= 0)[::-1]  # of several the first counts, as the last that is written
+        held = np.flatnonzero(of_vertices >= 0)[::-1]  # reversed, so that the first of several is written last
         result[first[held]] = of_vertices[held]
         result[first != np.arange(len(first))] = native.ROLE_FIXED
         return result
 
     def copied(self, offsets):
-        """(3 n,) offsets: those of the first go for all."""
+        """(3 n,) offsets: each vertex gets that of its representative."""
         return offsets if self._first is None else offsets.reshape(-1, 3)[self._first].ravel()
 
     def closed(self, offsets):
-        """(3 n,) float32 offsets that were found for each vertex: cracks are closed. Vertices of one place that go ways
-        of their own, as lips do, are left alone."""
+        """(3 n,) float32: offsets that were computed per vertex, with cracks at welded places closed by their mean.
+        Places whose vertices move apart, as lips do, are unchanged. See _CRACK."""
         if self._first is None:
             return offsets
         result = offsets.reshape(-1, 3).copy()

@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where in the modifier stack the deformation belongs. It is made for the mesh's own vertices, as a shape key is: so
-before all that moves them or makes others, and behind what overwrites their positions: what brings them from a file,
-and clothes that were bound to a body. There are modifiers that Blender lets no nodes stand before, which is said."""
+"""Where in the modifier stack the deformation belongs. It applies to the mesh's own vertices, as a shape key does: so
+it goes before modifiers that move vertices or change their count, and after those that overwrite positions: caches read
+from files, and clothes bound to a body. Some modifiers can't come after Geometry Nodes; users are told what that
+entails."""
 
 import bpy
 
 from . import node_group
 
+# Read positions from a file.
 _BRINGERS = {'MESH_CACHE', 'MESH_SEQUENCE_CACHE'}
-# What can't stand behind nodes, and why that matters.
+# Modifiers that can't come after Geometry Nodes, and the consequence for users.
 _FIXED = {'MULTIRES': "what was sculpted only moves along and doesn't turn: apply it first, or pull before you sculpt",
           'SOFT_BODY': "it doesn't feel the deformation: apply that first"}
-# What goes wrong behind a modifier of that type.
+# What goes wrong if the deformation comes after a modifier of this type.
 _DEFORMERS = {'ARMATURE', 'CAST', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE', 'HOOK', 'LAPLACIANDEFORM', 'LATTICE',
               'MESH_DEFORM', 'SIMPLE_DEFORM', 'SURFACE_DEFORM', 'WARP', 'WAVE'}
 _WRONG = {'MIRROR': "its mirrored half moves the wrong way",
@@ -20,7 +22,7 @@ _WRONG = {'MIRROR': "its mirrored half moves the wrong way",
 
 
 def overwrites(modifier):
-    """Whether its result is the same wherever the vertices that it gets are."""
+    """Whether the modifier's result does not depend on the positions of its input."""
     if modifier.type == 'SURFACE_DEFORM':
         return modifier.is_bound and modifier.strength == 1
     if modifier.type == 'LAPLACIANDEFORM':
@@ -32,14 +34,14 @@ def overwrites(modifier):
     return modifier.type == 'NODES' and any(map(_sets_positions, node_group.all_nodes(modifier.node_group)))
 
 
-# Nodes that hand on the vertices of their first input.
+# Nodes that pass on the vertices of their first input.
 _HAND_ON = {'GeometryNodeSetPosition', 'GeometryNodeStoreNamedAttribute', 'GeometryNodeCaptureAttribute',
             'GeometryNodeRemoveAttribute', 'GeometryNodeSetShadeSmooth', 'GeometryNodeSetMaterial', 'NodeReroute'}
 
 
 def _sets_positions(node):
-    """Whether it sets all positions of the geometry that its nodes get to some that come from no positions. Found by
-    going back from Set Position; where nodes are grouped, nothing is known."""
+    """Whether this Set Position node sets all positions of the modifier's input geometry to values that don't depend on
+    the vertices' positions. Follows links backwards; a node group on the way counts as unknown, and so as no."""
     if (node.bl_idname != 'GeometryNodeSetPosition' or node.mute or node.inputs['Selection'].is_linked
             or not node.inputs['Position'].is_linked):
         return False
@@ -55,7 +57,7 @@ def _is_of_input(node, sources):
 
 
 def _comes_of_positions(node, sources, seen):
-    """Whether this node, or one that it reads from, gives the vertices' own positions, or may."""
+    """Whether this node, or one upstream of it, outputs the vertices' own positions, or may, as a node group."""
     if node.bl_idname == 'GeometryNodeInputPosition' or getattr(node, 'node_tree', None) is not None:
         return True
     if node.bl_idname == 'GeometryNodeInputNamedAttribute' and node.inputs['Name'].default_value == 'position':
@@ -71,14 +73,14 @@ def move_to(ob, modifier, index):
 
 
 def move_behind(ob, modifier, other):
-    """Puts a modifier directly behind another one."""
+    """Moves a modifier directly after another one."""
     modifiers = list(ob.modifiers)
     at, behind = modifiers.index(modifier), modifiers.index(other)
     move_to(ob, modifier, behind + (at > behind))
 
 
 def place_of(ob):
-    """The number of other modifiers that the deformation's belongs behind."""
+    """The number of other modifiers that belong before the deformation's."""
     own = node_group.find_modifier(ob), node_group.find_cache(ob)
     others = [other for other in ob.modifiers if other not in own]
     last = max((k for k, other in enumerate(others) if other.type in _FIXED or overwrites(other)), default=-1)
@@ -87,7 +89,7 @@ def place_of(ob):
 
 
 def place(ob):
-    """Moves the deformation's modifier to where it belongs, with the cache that plays in its stead."""
+    """Moves the deformation's modifier to its place in the stack, and its baked cache directly after it."""
     modifier, cache = node_group.find_modifier(ob), node_group.find_cache(ob)
     move_to(ob, modifier, place_of(ob))
     if cache:
@@ -101,7 +103,8 @@ def _shown_before(ob, types):
 
 
 def before(ob):
-    """The modifiers that should stand behind the deformation's and don't."""
+    """[modifier]: those before the deformation's that belong after it. [] if a modifier of _FIXED prevents moving
+    it."""
     if _shown_before(ob, _FIXED):
         return []
     found = _shown_before(ob, _WRONG)
@@ -111,18 +114,18 @@ def before(ob):
 
 
 def hiding(ob):
-    """Those behind it that overwrite what it does."""
+    """[modifier]: the shown ones after the deformation's that overwrite its result."""
     cache = node_group.find_cache(ob)
     return [other for other in node_group.behind(ob) if other != cache and other.show_viewport and overwrites(other)]
 
 
 def is_wrong(ob):
-    """Whether another place would be better."""
+    """Whether the deformation's modifier is in the wrong place and can be moved."""
     return bool(before(ob) or hiding(ob))
 
 
 def why_not_here(ob):
-    """What is wrong with its place: a sentence, or ''."""
+    """A sentence on what is wrong with the place of the deformation's modifier, or ''."""
     over = hiding(ob)
     if over:
         return (f"'{over[-1].name}' comes behind Detail Deform in the modifier stack and sets positions whatever it "
@@ -138,12 +141,12 @@ def why_not_here(ob):
 
 
 def comes_before(ob):
-    """Names of the modifiers behind it that would be wrong before it."""
+    """[str]: names of the modifiers after the deformation's that must not come before it."""
     return [other.name for other in node_group.behind(ob) if other.type in _WRONG]
 
 
 def ensure_modifier(ob):
-    """The object's modifier, put where it belongs when there is none."""
+    """The deformation's modifier; if there is none, it is added at its place in the stack."""
     is_new = node_group.find_modifier(ob) is None
     modifier = node_group.ensure_modifier(ob)
     if is_new and len(ob.modifiers) > 1:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The shape that a binding starts from: what was seen when it was made, so that a handle that is added moves nothing.
+"""The start of a binding: the shape displayed at Bind (at Factor 1, no Influence), so that adding a handle moves
+nothing.
 
-It is the mesh's own vertices, moved by shape keys (keyed) and by what the binding before had made of them (kept).
-Both are attributes of the mesh, which are copied, saved and undone with it. Only where they are needed.
+It is the mesh's own vertices plus the offsets by shape keys (KEYED) and those of the previous binding (KEPT). Both are
+attributes of the mesh, copied, saved and undone with it, and present only where they are large enough to be seen.
 """
 
 import numpy as np
@@ -11,12 +12,13 @@ from . import examples, handle_matrices, mesh_data, node_group, offset_attribute
 from .offset_attribute import KEPT, KEYED
 
 
-# Of some vertices' extent before a modifier, that behind it: what is flattened further tells no size to pull in.
+# Least scale of a similarity, and inverse of the largest: outside of that the vertices have collapsed, or were
+# collapsed, and the scale is taken as 1. Safety: the similarity is inverted.
 _LEAST_SIZE = 1e-3
 
 
 def shape(ob):
-    """(n, 3) float32: what is bound."""
+    """(n, 3) float32: the start, in local space."""
     result = shape_at_rest(ob)
     if is_deformed(ob.data):
         result += offset_attribute.read(ob.data, KEPT)
@@ -24,7 +26,7 @@ def shape(ob):
 
 
 def shape_at_rest(ob):
-    """(n, 3) float32: the same without what an earlier binding had made of it."""
+    """(n, 3) float32: the start without the offsets of the previous binding."""
     result = mesh_data.positions(ob.data)
     if offset_attribute.find(ob.data, KEYED) is not None:
         result += offset_attribute.read(ob.data, KEYED)
@@ -36,17 +38,17 @@ def is_deformed(mesh):
 
 
 def with_kept(mesh, offsets):
-    """(3 n,) float32: from the mesh's own vertices; offsets: from the start."""
+    """(3 n,) float32: offsets from the start, (3 n,), plus those of the previous binding."""
     return offsets + offset_attribute.read(mesh, KEPT).ravel() if is_deformed(mesh) else offsets
 
 
 def visible(ob):
-    """(n, 3) float32: where the vertices are seen, before other modifiers, in any mode."""
+    """(n, 3) float32: displayed positions before other modifiers: with shape keys and offsets, in any mode."""
     return mesh_data.positions(ob.data) + mesh_data.key_mix(ob) + _seen(ob)
 
 
 def _seen(ob):
-    """(n, 3) float32: the offsets as far as Factor and Influence show them."""
+    """(n, 3) float32: the offsets times Factor and Influence; zero if the modifier is hidden."""
     modifier = node_group.find_modifier(ob)
     if not modifier or not modifier.show_viewport:
         return np.zeros((len(ob.data.vertices), 3), np.float32)
@@ -54,13 +56,13 @@ def _seen(ob):
 
 
 def motion(ob, chosen, by=offset_attribute.NAME):
-    """(4, 4): the rigid motion by which offsets, as far as they are seen or those that are kept, take the chosen
-    vertices, and their neighbours where they are few. chosen: (n,) bool."""
+    """(4, 4): the nearest rigid motion of the chosen vertices by the displayed offsets, or by the attribute KEPT. Fewer
+    than three vertices are extended by their neighbours. chosen: (n,) bool."""
     return next(motions(ob, [np.flatnonzero(chosen)], by))
 
 
 def motions(ob, parts, by=offset_attribute.NAME):
-    """The same for each of some arrays of vertices."""
+    """Generator of motion() for each array of vertices in parts."""
     moved = offset_attribute.read(ob.data, by) if by == KEPT else _seen(ob)
     if not moved.any():
         yield from (np.eye(4) for _ in parts)
@@ -70,18 +72,19 @@ def motions(ob, parts, by=offset_attribute.NAME):
 
 
 def motions_to(ob, parts, positions):
-    """The same from what is bound to another shape. positions: (n, 3)."""
+    """Generator: the nearest rigid motion of each array of vertices in parts from the start to positions, (n, 3)."""
     yield from _motions(ob, parts, shape(ob).astype(np.float64), positions.astype(np.float64))
 
 
 def similarities(ob, parts, before, after):
-    """(4, 4) for each of some arrays of vertices: the similarity that takes them from one shape to another, (n, 3)."""
+    """Generator of (4, 4): the nearest similarity of each array of vertices in parts from before to after, (n, 3)
+    each."""
     yield from _motions(ob, parts, before.astype(np.float64), after.astype(np.float64), scaled=True)
 
 
 def _motions(ob, parts, before, after, scaled=False):
     both_ways = None  # made for the first part that needs it
-    # A motion is rigid as it is seen.
+    # Rigid in the scene's proportions.
     linear = proportions.of(ob).astype(np.float64)
     before, after, space = before @ linear, after @ linear, proportions.Space(np.linalg.inv(linear))
     for part in parts:
@@ -96,7 +99,7 @@ def _motions(ob, parts, before, after, scaled=False):
 
 
 def _nearest(before, after, scaled):
-    """The nearest rigid motion of some points (Kabsch), or similarity (Umeyama)."""
+    """(4, 4): least-squares rigid motion of points (Kabsch), or similarity if scaled (Umeyama)."""
     middle, there = before.mean(0), after.mean(0)
     left, sizes, right = np.linalg.svd((after - there).T @ (before - middle))
     handed = np.linalg.det(left @ right)
@@ -112,13 +115,13 @@ def _nearest(before, after, scaled):
 
 
 def take_keys(ob):
-    """What the shape keys make of the mesh now belongs to the start, but for those that are examples: how much of
-    these there is, is to be found."""
+    """Stores the present offsets by shape keys as part of the start, except by keys that are examples, whose weights
+    the method solves for."""
     _put(ob, KEYED, mesh_data.key_mix(ob, examples.shown_keys(ob)))
 
 
 def take_deformation(ob):
-    """What the offsets make of the mesh now does, too. Returns whether that is anything."""
+    """Stores the present offset attribute as part of the start. Returns whether any is large enough to be seen."""
     return _put(ob, KEPT, offset_attribute.read(ob.data))
 
 
@@ -131,12 +134,13 @@ def _put(ob, name, vectors):
 
 
 def forget_deformation(mesh):
-    """Whether there was one."""
+    """Removes the previous binding's offsets from the start. Returns whether there were any."""
     return offset_attribute.take_away(mesh, KEPT)
 
 
 def forget_strange(ob):
-    """What came with the data of another object, as by Join, to one that neither is bound nor was."""
+    """Removes attributes that came with another object's data, as by Join, if this object is not and never was
+    bound."""
     settings = ob.detail_deform
     if not settings.signature and not any(map(handle_matrices.has_home, settings.handles)):
         forget(ob.data)
@@ -144,6 +148,6 @@ def forget_strange(ob):
 
 
 def forget(mesh):
-    """The mesh's own vertices are the start."""
+    """Removes KEPT and KEYED: the start is then the mesh's own vertices."""
     forget_deformation(mesh)
     offset_attribute.take_away(mesh, KEYED)

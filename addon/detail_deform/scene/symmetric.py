@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Motions that are their own mirror image, of handles on a plane of symmetry: as Edit Mode's symmetry keeps a vertex on
-its plane. Of a motion and its mirror image it is the middle: turns about axes at right angles to the plane are left of
-its turns, moves along the plane of its moves."""
+"""Makes motions invariant under reflection, for handles on a plane of symmetry, as Edit Mode's symmetry keeps a vertex
+on its plane. The result is the mean of a motion and its mirror image: of rotations the part about the plane's normal
+remains, of translations the part in the plane."""
 
 import numpy as np
 
 
 def motion(given, flips, pivot):
-    """(4, 4): the middle of an affine motion and its mirror images. flips: (4, 4) reflections. pivot: (3,), of which
-    the place on the planes goes to the middle of where it is taken."""
+    """(4, 4): the mean of an affine motion and its mirror images. flips: (4, 4) reflections. pivot: (3,); its
+    projection to the planes moves to the mean of its images."""
     result, point = given, np.append(pivot, 1.0)
     for flip in flips:
         point = (point + flip @ point) / 2
@@ -22,7 +22,7 @@ def motion(given, flips, pivot):
 
 
 def _middle(one, other):
-    """(3, 3): the rotation in the middle of two motions, and the mean of how they stretch."""
+    """(3, 3): the mean rotation of two linear maps times their mean stretch, by polar decomposition."""
     if np.array_equal(one, other):
         return one
     rotations, stretches = zip(*map(_polar, (one, other)))
@@ -39,14 +39,14 @@ def _polar(linear):
 
 
 def turn(given, flips):
-    """(3,): the same of a rotation vector, whole turns among it. flips: (3, 3)"""
+    """(3,): the mean of a rotation vector, with whole turns, and its mirror images. flips: (3, 3) reflections."""
     for flip in flips:
-        given = (given - flip @ given) / 2  # as axes of rotation are reflected
+        given = (given - flip @ given) / 2  # axial vectors are reflected to -flip @ v
     return given
 
 
 def point(given, flips):
-    """(3,): the nearest point on the planes. flips: (4, 4)"""
+    """(3,): the projection of a point to the planes. flips: (4, 4) reflections."""
     result = np.append(given, 1.0)
     for flip in flips:
         result = (result + flip @ result) / 2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was transferred to a mesh and stays with it: shape keys, and the modifier that plays an animation."""
+"""Results of transfers that are kept on the target: shape keys, and the modifier that plays a cached animation."""
 
 import json
 
@@ -7,27 +7,27 @@ from . import apply_result, node_group, stack
 from .mesh_data import MeshProblem
 
 CACHE_NAME = "Detail Deform Transfer"
-_MADE_KEYS = 'detail_deform_transferred_keys'  # of the mesh: {name: what it was given} of those made here, as JSON
-_LONGEST_NAME = 63  # bytes that Blender keeps of one
+_MADE_KEYS = 'detail_deform_transferred_keys'  # custom property of the mesh: JSON {key name: what note() recorded}
+_LONGEST_NAME = 63  # bytes of UTF-8: Blender's limit, to which it truncates names
 
 
 def made_keys(target):
-    """{name: {what: value}} of the keys there that were made here, as Keys.note() was told."""
+    """{name: {what: value}}: records of Keys.note() for the keys made by transfers that still exist."""
     text, keys = target.data.get(_MADE_KEYS), target.data.shape_keys
     if not isinstance(text, str) or not keys:
         return {}
     try:
         known = json.JSONDecoder().decode(text)
-    except (ValueError, RecursionError):  # names alone, as they were kept before
+    except (ValueError, RecursionError):  # earlier versions stored names alone
         known = {name: {} for name in text.split('\n')}
-    there = set(keys.key_blocks.keys())  # asked one by one, each would go through all names
+    there = set(keys.key_blocks.keys())  # a lookup in key_blocks is linear in their number
     return {name: given for name, given in known.items()
             if name in there and isinstance(given, dict)} if isinstance(known, dict) else {}
 
 
 class Keys:
-    """A target's shape keys, for putting many: what Blender finds by going through all of them is looked up once, and
-    what is kept of them is written once."""
+    """Writes many shape keys of a target: names, which Blender searches linearly, are looked up once, and the records
+    of the keys are written once, by finish()."""
 
     def __init__(self, target):
         self._target, self._made, self._done, self._last = target, made_keys(target), set(), None
@@ -38,12 +38,12 @@ class Keys:
             self._of_origin.setdefault(_told(given), []).append(name)
 
     def put(self, origin, offsets, replace):
-        """Gives the key of the name that is asked for this shape. One that was not made here stays as it is, unless it
-        may be replaced: then the one of the same origin that was made beside it gets the shape, or a new one. One that
-        has got its shape keeps it. Returns the key, and what it was given before; None for a new one. It is the
-        caller's to note() what it is given now, the origin with it.
+        """Writes offsets, (n, 3), to a shape key with the requested name. A key of that name that no transfer made is
+        overwritten only if replace is true; otherwise the transferred key of the same origin is overwritten, or a new
+        one added. No key is written twice. Returns (key, its previous record or None for a new key). The caller must
+        note() its new record, including the origin.
 
-        origin: where the shape is from, and what name is asked for: 'source', 'key', 'name'."""
+        origin: {'source', 'key', 'name'}: object and key that the shape is from, and the requested name."""
         name = _as_kept(origin['name'])
         key = self._present(name, origin, replace)
         given = self._made.get(key.name, {}) if key else None
@@ -57,25 +57,25 @@ class Keys:
         return key, given
 
     def _present(self, name, origin, replace):
-        """The key that gets the shape; None: a new one."""
+        """The existing key to overwrite; None: a new one is needed."""
         for other in [name] * replace + self._of_origin.get(_told(origin), []) + [name] * (name in self._made):
             if other in self._blocks and other not in self._done:
                 return self._blocks[other]
         return None
 
     def note(self, key, /, **given):
-        """Keeps in mind that a key was made here, and what it was given."""
+        """Records that a transfer made this key, and from what."""
         self._made[key.name] = given
 
     def finish(self):
-        """Writes that down, and makes the last one the active key."""
+        """Writes the records to the mesh, and makes the last written key active."""
         if self._last is not None:
             self._target.data[_MADE_KEYS] = json.dumps(self._made, ensure_ascii=False)
             self._target.active_shape_key_index = self._target.data.shape_keys.key_blocks.find(self._last)
 
 
 def _told(given):
-    """An origin, to look up by: of files that something else has written to, too."""
+    """A hashable key of an origin, also of malformed records in files modified by something else."""
     return tuple(repr(given.get(what)) for what in ('source', 'key', 'name'))
 
 
@@ -84,13 +84,13 @@ def _as_kept(name):
 
 
 def find_cache(target):
-    """The modifier that plays what was transferred, or None."""
+    """The modifier that plays a transferred animation, or None."""
     cache = target.modifiers.get(CACHE_NAME)
     return cache if cache and cache.type == 'MESH_CACHE' else None
 
 
 def use_cache(target, path, start):
-    """Plays a cache as the first of the target's modifiers."""
+    """Plays the cache at path from frame start on, by a modifier that is first in the target's stack."""
     cache = find_cache(target)
     if cache is None:
         cache = target.modifiers.new(CACHE_NAME, 'MESH_CACHE')
@@ -99,7 +99,7 @@ def use_cache(target, path, start):
 
 
 def check_not_shown(target):
-    """Raises MeshProblem where something that was transferred shows already, and following would double it."""
+    """Raises MeshProblem where a transferred cache or key is shown, as following live would apply it twice."""
     if find_cache(target):
         raise MeshProblem(f"'{target.name}' plays a transferred animation: remove its modifier '{CACHE_NAME}' first.")
     made = made_keys(target)

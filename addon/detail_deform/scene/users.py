@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether something of the user's needs what was made here: vertex groups and empties."""
+"""Finds other users of the vertex groups and empties that the add-on has made, before they are removed."""
 
 import bpy
 
@@ -7,8 +7,8 @@ from . import node_group
 
 
 def needed_groups(ob, names):
-    """Those of these vertex groups that modifiers, shape keys, particles, physics, nodes or constraints name, beside
-    what Detail Deform does with them. Blender keeps no list of who does: all texts that may be one are compared."""
+    """{str}: those of these vertex groups that modifiers, shape keys, particles, physics, nodes or constraints refer
+    to, apart from Detail Deform. Blender keeps no such list: all string properties are compared with the names."""
     ours, keys = node_group.find_modifier(ob), ob.data.shape_keys
     modifiers = [modifier for modifier in ob.modifiers if modifier != ours]
     found = set()
@@ -27,8 +27,8 @@ def needed_groups(ob, names):
 
 
 def needed_empties(ob, empties):
-    """Those of these empties that anything but the object's handles refers to, other than as a parent. In one pass
-    through the file: bpy.data.user_map() would tell it, and in 3.4 it never lets go of what it has named."""
+    """{object}: those of these empties that anything but the object's handles refers to, other than as a parent. One
+    pass through the file, as bpy.data.user_map() leaks references to its result in 3.4."""
     wanted, ours = set(empties), node_group.find_modifier(ob)
     found = set()
     for other in bpy.data.objects:
@@ -45,13 +45,13 @@ def needed_empties(ob, empties):
     return found & wanted
 
 
-# What may have drivers that read an empty's place.
+# Collections of bpy.data whose drivers may read an empty's transform.
 _DRIVEN = ('objects', 'shape_keys', 'armatures', 'meshes', 'curves', 'lattices', 'materials', 'node_groups', 'lights',
            'cameras', 'scenes', 'worlds')
 
 
 def _targets(constraint):
-    """Armature constraints have several."""
+    """[object or None]: the targets of a constraint; Armature constraints have several."""
     return [getattr(constraint, 'target', None), *(target.target for target in getattr(constraint, 'targets', ()))]
 
 
@@ -61,13 +61,13 @@ def _pointers(struct):
 
 
 def _texts(struct):
-    """Its texts, but what it is called itself."""
+    """{str}: the values of a struct's string properties, except its name."""
     return {getattr(struct, prop.identifier) for prop in struct.bl_rna.properties
             if prop.type == 'STRING' and prop.identifier != 'name'}
 
 
 def _parts(struct):
-    """Its settings that are structs of their own, as those of cloth, soft bodies and fluids."""
+    """Generator: nested settings structs, as of cloth, soft bodies and fluids."""
     for prop in struct.bl_rna.properties:
         if prop.type == 'POINTER' and prop.identifier != 'rna_type' and not isinstance(prop.fixed_type, bpy.types.ID):
             part = getattr(struct, prop.identifier)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether an empty goes by the surface that it moves, and so runs after itself: each update moves it on."""
+"""Detects feedback loops: an empty whose place depends on the surface that it moves is moved on by each update."""
 
 _VERTEX_PARENTS = {'VERTEX', 'VERTEX_3'}
 
 
 class Search:
-    """From empties back along parents, constraints and modifiers to the vertices of the mesh. Each object is looked at
-    once, whatever number of empties goes by it."""
+    """A search from empties through parents, constraints and modifiers to the vertices of the mesh. Each object is
+    visited once, however many empties depend on it."""
 
     def __init__(self, ob):
         self._ob, self._seen = ob, set()
@@ -19,8 +19,8 @@ class Search:
         return True
 
     def of_place(self, other):
-        """What lets an object's place go by the vertices of the mesh, in words; '' where nothing does that was not
-        found before. The mesh's own place counts for nothing, as handles are told relative to it."""
+        """A phrase that names the dependency of an object's place on the vertices of the mesh; '' if there is none, or
+        the object was visited before. The mesh's own place is no dependency, as handles are relative to it."""
         if other == self._ob or not self._is_new(other, 'place'):
             return ""
         bones = other.pose.bones if other.pose else ()
@@ -48,11 +48,11 @@ class Search:
         return ""
 
     def _shape(self, other, said):
-        """said: what goes by the vertices of this object."""
+        """said, the phrase for a dependency on other's vertices, if these depend on those of the mesh; otherwise ''."""
         return said if self._is_shaped(other) else ""
 
     def _is_shaped(self, other):
-        """Whether the vertices of an object go by those of the mesh."""
+        """Whether the vertices of an object depend on those of the mesh; False if visited before."""
         if other == self._ob:
             return True
         if not self._is_new(other, 'shape'):

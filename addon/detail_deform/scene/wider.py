@@ -1,21 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A source whose modifiers show more surface than its own mesh has, as a body that is modelled as a half: what lies
-over the mirrored half goes with that. Mirror is followed whole; what others make is not, and said where it matters."""
+"""A transfer's source whose modifiers add surface to its own mesh, as a body that is modelled as a half. The mirrored
+half is part of the source, so what lies over it follows it. Surface added by other modifiers is not followed, and users
+are told where a target lies over it."""
 
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from . import below, mesh_data, node_group
 
-_COPIERS = {'ARRAY', 'SCREW', 'NODES'}  # of which it isn't known what they make of which vertex
-_SAMPLES = 500  # of a target's vertices
-_MANY = 0.02  # of these, to be worth a word
-_NEARER = 0.5  # of how far the source's own surface is
+_COPIERS = {'ARRAY', 'SCREW', 'NODES'}  # add surface whose correspondence to the source's vertices is unknown
+_SAMPLES = 500  # vertices of the target that are tested; bounds the time
+_MANY = 0.02  # fraction of the samples that must lie over unfollowed surface for a message
+# Ratio of distances: a sample lies over unfollowed surface if that is less than half as far as the followed one.
+_NEARER = 0.5
 
 
 def reflections(source):
-    """[((4, 4), distance within which it merges vertices)] of its Mirror modifiers, axis by axis as Blender goes; of
-    one that cuts the mesh at the plane nothing, as the mesh may have both halves."""
+    """[((4, 4), merge distance or -1)]: the reflections of the shown Mirror modifiers in Blender's order of axes.
+    Modifiers that bisect the mesh are left out, as it may have both halves."""
     found = []
     for modifier in source.modifiers:
         if modifier.type != 'MIRROR' or not modifier.show_viewport or any(modifier.use_bisect_axis):
@@ -35,13 +37,13 @@ def reflections(source):
 
 
 def key(source):
-    """A short text: equal texts, equal reflections, but for rounding."""
+    """A hash of the rounded reflections as short text; '' without any."""
     found = reflections(source)
     return mesh_data.signature(np.round([[*flip.ravel(), near] for flip, near in found], 5)) if found else ""
 
 
 class Wider:
-    """A source's own vertices, and behind them the mirrored ones, in the order that Blender gives them."""
+    """A source's own vertices followed by the mirrored ones, in Blender's order."""
 
     def __init__(self, source):
         rest, triangles = mesh_data.rest(source.data).astype(np.float64), mesh_data.triangles(source.data)
@@ -61,7 +63,8 @@ class Wider:
         self._rows = [np.flatnonzero(of_copy == number) for number in range(1, len(copies))]
 
     def of(self, points):
-        """(m, 3) float32 of (n, 3) of the source's own vertices; such as have more rows have been made wider."""
+        """(m, 3) float32: points of the source's own vertices, (n, 3), with their reflections; (m, 3) is returned as it
+        is."""
         if len(points) == self.count:
             return points
         result = np.empty((self.count, 3), np.float32)
@@ -71,26 +74,26 @@ class Wider:
         return result
 
     def posed(self, source, pose, used, depsgraph):
-        """The same of a pose: where an armature comes behind Mirror, each half has one of its own. used: (k,) bool, the
-        modifiers that made the pose."""
+        """(m, 3) float32: of() a pose, (n, 3). If modifiers after Mirror, such as an armature, pose each half
+        differently, they are evaluated on both halves. used: (k,) bool, the modifiers that produced the pose."""
         mirrors = [m.type == 'MIRROR' and m.show_viewport for m in source.modifiers]
         if True not in mirrors or not any(used[mirrors.index(True):]):
-            return self.of(pose)  # also where Mirror is hidden now, which is compared a little later
+            return self.of(pose)  # also if Mirror has been hidden since: key() notices that later
         found = below.by(source, depsgraph, np.array(used) | np.array(mirrors), self.count)
-        if found is None:  # other vertices are merged in the pose
+        if found is None:  # in this pose Mirror merges other vertices than at rest
             return self.of(pose)
         found[:self._own_count] = pose
         return found
 
 
 def find(source):
-    """Its Wider, or None where its own mesh is all that is mirrored."""
+    """The source's Wider; None if no Mirror modifier adds surface."""
     return Wider(source) if reflections(source) else None
 
 
 def unfollowed(source, followed, points, depsgraph):
-    """What the source's modifiers show beside what is followed, where a target lies over that: a sentence, or ''.
-    followed: (positions, triangles) at rest. points: (n, 3) of the target at rest, in the source's space."""
+    """A sentence where the target lies over surface of the source that is not followed, or ''. followed: (positions,
+    triangles) at rest. points: (n, 3) of the target at rest, in the source's local space."""
     own = node_group.find_modifier(source)
     copiers = [m.show_viewport and m.type in _COPIERS and m != own for m in source.modifiers]
     if not any(copiers) or not len(points):

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user sees."""
+"""Windows, 3D views and panels."""
 
 import bpy
 
 
 def local_views(ob, depsgraph):
-    """The 3D views that show this object and few others alone. What local_view_get() says is no in 3.4, always."""
+    """[SpaceView3D]: the views that show this object in Local View. In 3.4 Object.local_view_get() always returns
+    False."""
     evaluated = ob.evaluated_get(depsgraph)
     spaces = (area.spaces.active for window in bpy.context.window_manager.windows for area in window.screen.areas
               if area.type == 'VIEW_3D')

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handles, regions, markers and correspondences, made and changed."""
+"""Creates and changes handles, regions, markers and correspondences."""

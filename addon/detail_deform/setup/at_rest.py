@@ -25,7 +25,7 @@ def bring_back(context, ob):
 
 
 def _make_anew(context, ob, handles):
-    """Gives handles new empties, at the places from which their motions are measured."""
+    """Gives handles new empties at their rest places, where their motions are the identity."""
     parts = _parts_of(ob, handles)
     placed = empties.places(ob, list(filter(len, parts)), align=False)
     for handle, part in zip(handles, parts):
@@ -41,14 +41,15 @@ def _make_anew(context, ob, handles):
 
 
 def _parts_of(ob, handles):
-    """[vertices] of each of some handles; no vertices if its group is missing."""
+    """[vertices] of each handle; none if its group is missing."""
     groups = [handle.vertex_group for handle in handles]
     found = dict(zip(there := sorted({*groups} & {*ob.vertex_groups.keys()}), mesh_data.members_of_each(ob, there)))
     return [found.get(group, np.empty(0, int)) for group in groups]
 
 
 def to_rest(context, ob, handles):
-    """Puts the handles' empties where they are without deformation."""
+    """Moves the handles' empties to their homes, where the surface is undeformed. Does nothing to handles without a
+    home or an empty."""
     movable = [h for h in handles if h.target and handle_matrices.has_home(h)]
     _pose_anew(context, ob, [h for h in movable if not h.target.animation_data])
     by_depth = {}
@@ -66,13 +67,14 @@ def _put_home(ob, handle, depsgraph):
     place = ob.matrix_world @ Matrix((pose @ handle_matrices.home(handle)).tolist())
     handle.target.matrix_world = empties.without_shear(place) if any(handle.pose_matrix) else place
     mode = handle.target.rotation_mode
-    if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix can't tell whole turns apart
+    if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix has no whole turns: take those of home
         home = Euler(handle_matrices.home_euler(handle, mode), mode)
         handle.target.rotation_euler = handle.target.rotation_euler.to_matrix().to_euler(mode, home)
 
 
 def _pose_anew(context, ob, handles):
-    """Stores the present motion of the handles' vertices by other modifiers, as their empties move there."""
+    """Measures and stores anew how other modifiers move the handles' vertices, as the empties are about to be placed
+    there."""
     if not seen.needs_measuring(ob):
         return
     depsgraph = context.evaluated_depsgraph_get()
@@ -83,7 +85,8 @@ def _pose_anew(context, ob, handles):
 
 
 def all_to_rest(context, ob):
-    """Puts all empties back, so that the mesh shows no deformation."""
+    """Moves all empties home, so that the mesh shows no deformation, and binds again if the binding starts from a
+    deformed shape."""
     to_rest(context, ob, list(ob.detail_deform.handles))
     binding.go_home(ob, context.evaluated_depsgraph_get(), wait=bpy.app.background)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Empties for handles: made where their vertices are seen, in a collection of the object's own."""
+"""Empties of handles: created where their vertices are displayed, in a collection of the object's own."""
 
 import bpy
 import numpy as np
@@ -11,7 +11,8 @@ _COLLECTION_NAME = "{} Handles"
 
 
 def _normals(triangles, points, parts):
-    """(parts, 3): area-weighted normals of the faces around each of some arrays of vertices, of length 1, or zero."""
+    """(p, 3): for each part, an array of vertices, the area-weighted unit normal of the triangles that touch it; zero
+    where these normals cancel out."""
     part_of = np.full(len(points), -1)
     for number, part in enumerate(parts):
         part_of[part] = number
@@ -21,20 +22,21 @@ def _normals(triangles, points, parts):
     sums, areas = np.zeros((len(parts), 3)), np.zeros(len(parts))
     corners = part_of[near]
     for k in range(3):
-        # A face counts once for a part, also with several corners in it.
+        # A triangle counts once for a part, even if several of its corners are in it.
         first = (corners[:, k] >= 0) & (corners[:, :k] != corners[:, k:k + 1]).all(axis=1)
         np.add.at(sums, corners[first, k], crosses[first])
         np.add.at(areas, corners[first, k], np.linalg.norm(crosses[first], axis=1))
-    # The normals of a ring around a limb cancel out; then there is no mean normal, nor if values aren't finite.
-    lengths = np.linalg.norm(sums, axis=1)  # in double precision, as single precision can't hold the squares
+    # The normals of a ring around a limb cancel out: below 20% of the sum of the areas the mean has no direction. The
+    # comparison is false for values that aren't finite, too.
+    lengths = np.linalg.norm(sums, axis=1)  # double precision: single may overflow
     points_somewhere = lengths > 0.2 * areas
     sums[~points_somewhere] = 0
     return sums / np.where(points_somewhere, lengths, 1)[:, None]
 
 
 def places(ob, parts, align):
-    """Yields, for each of some arrays of vertices, (place, extent): a world matrix at the mean of their visible
-    positions, with its Z axis along their mean normal if align is set, and half the diagonal of their box."""
+    """Yields (place, extent) for each part, an array of vertices: a world matrix at the mean of their displayed
+    positions, with Z along the mean normal if align is set, and half the diagonal of their bounding box."""
     visible = start.visible(ob)
     normals = _normals(mesh_data.triangles(ob.data), visible, parts) if align else np.zeros((len(parts), 3))
     turned = ob.matrix_world.to_3x3().inverted_safe().transposed()
@@ -48,8 +50,8 @@ def places(ob, parts, align):
 
 
 def collection_of(context, ob):
-    """The collection of the object's empties, which lets a user hide them all at once. Made if it isn't there, or is
-    excluded from the view layer."""
+    """The collection of the object's empties, which lets a user hide them all at once. Created if it doesn't exist, is
+    linked from another file, or is excluded from the view layer."""
     settings = ob.detail_deform
     shown = set(_shown_collections(context.view_layer.layer_collection))
     if settings.handle_collection not in shown:
@@ -61,7 +63,7 @@ def collection_of(context, ob):
 
 
 def _shown_collections(layer):
-    """The collections of a view layer to which local objects can be added and are visible then."""
+    """Yields the collections of a view layer that are not excluded and accept local objects."""
     if layer.exclude:
         return
     collection = layer.collection
@@ -72,8 +74,8 @@ def _shown_collections(layer):
 
 
 def make(context, ob, name, place, size, parent, bone=""):
-    """(empty, place): place is where stand() is still to put it, or None. bone: of the parent, if that is an
-    armature."""
+    """Creates an empty. Returns (empty, place): place is the world matrix that stand() has yet to set, or None if it is
+    set already. bone: name of the parent's bone, if the parent is an armature."""
     empty = bpy.data.objects.new(f"{ob.name} {name}", None)
     empty.empty_display_type = 'ARROWS'
     empty.empty_display_size = size
@@ -104,9 +106,9 @@ def stand(context, ob, made):
 
 
 def make_on_skin(context, ob, name, place, size, posed_by, motion, depsgraph, parented=True):
-    """As make(), of an empty that stands where modifiers show its vertices. place: the world matrix for the vertices
-    without these modifiers. posed_by: of skin.Rigs. motion: of seen.motions(). parented: to the object, or to the bone
-    with the largest weight on the vertices."""
+    """As make(), but where other modifiers display the handle's vertices. place: the world matrix before these
+    modifiers. posed_by: result of skin.Rigs.of(). motion: from seen.motions(). parented: make the empty a child of the
+    object, or of the bone with the largest mean weight on the vertices."""
     rig, means = posed_by
     if motion is None and means:
         motion = skin.mean_motion(ob, rig, means, depsgraph)
@@ -119,7 +121,7 @@ def make_on_skin(context, ob, name, place, size, posed_by, motion, depsgraph, pa
 
 
 def without_shear(place, scale=None):
-    """The matrix without shear, which an object can't have. scale: instead of its own."""
+    """The matrix without its shear, which an object's transform can't represent. scale: replaces its own scale."""
     where, turn, size = place.decompose()
     return Matrix.LocRotScale(where, turn, scale or size)
 

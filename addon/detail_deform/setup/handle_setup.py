@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handles made from a selection or a group, changed, and removed."""
+"""Creates handles from a selection or a vertex group, changes them, and removes them."""
 
 import itertools
 
@@ -13,15 +13,15 @@ from ..scene.mesh_data import MeshProblem
 from . import empties
 
 _GROUP_NAME = "Handle"
-_MOST_AT_ONCE = 1000
+_MOST_AT_ONCE = 1000  # handles; safety: each gets an empty, and more empties are too many to work with
 SELECT_FOR_HANDLE = "select those that the handle should move"
 
 
 def owner(empty):
-    """The mesh object that has this empty for a handle, and the handle's number; None and -1 for others."""
+    """(ob, number): the mesh object and the number of the handle that this empty moves; (None, -1) if there is none."""
     if empty is None or empty.type != 'EMPTY':
         return None, -1
-    # Nearly always the parent, and this is asked at every redraw.
+    # Called at every redraw, so the parent comes first: it nearly always is the owner.
     for ob in itertools.chain([empty.parent] if empty.parent else [], bpy.data.objects):
         if ob.type == 'MESH':
             for number, handle in enumerate(ob.detail_deform.handles):
@@ -31,7 +31,7 @@ def owner(empty):
 
 
 def empty_of(ob, index):
-    """Raises MeshProblem where the handle of that number, or its empty, isn't there."""
+    """The empty of the handle with this number. Raises MeshProblem if either doesn't exist."""
     handles = ob.detail_deform.handles
     if index >= len(handles):
         raise MeshProblem(f"There is no handle {index}.")
@@ -50,7 +50,8 @@ def _chosen_group(ob, name):
 
 
 def add_handles(context, ob, group_name="", each='SELECTION', parented=True, align=True):
-    """Adds one or more handles, with their empties, as the operator of that name says. Returns the first."""
+    """Adds one or more handles with their empties; the arguments are the properties of the operator handle_add.
+    Returns the first handle. Raises MeshProblem."""
     if ob.library or ob.data.library:
         mesh_data.check_object(ob)
     from_selection = ob.mode == 'EDIT'
@@ -65,7 +66,7 @@ def add_handles(context, ob, group_name="", each='SELECTION', parented=True, ali
         if not len(parts[0]):
             raise MeshProblem(f"The group '{names[0]}' has no vertex with a weight over "
                               f"{mesh_data.MEMBER_WEIGHT}: assign the vertices that the handle should move.")
-    # Many of them stand close to each other.
+    # Least display size of an empty: 5% of the object's largest dimension, and less for ten or more, which are close.
     least = max(0.05 * max(ob.dimensions) / max(1.0, len(parts) ** 0.5 / 3), 1e-3)
     rigs, made, depsgraph = skin.Rigs(ob), [], context.evaluated_depsgraph_get()
     motions = seen.motions(ob, parts, depsgraph)
@@ -97,11 +98,11 @@ def _selected_parts(ob, each):
 
 
 def note_homes(context, ob, handles, parts):
-    """Stores the homes of new handles, whose empties stand on the deformed surface: where they would stand without the
-    deformation. parts: the vertices of each."""
+    """Stores the homes of new handles: the places on the undeformed surface of their empties, which stand on the
+    deformed one. parts: the vertices of each handle."""
     if not ob.detail_deform.signature:
         return
-    context.view_layer.update()  # the empties' places
+    context.view_layer.update()  # evaluates the matrices of the new empties
     places = handle_matrices.places_of(ob, handles, context.evaluated_depsgraph_get())
     for handle, place, motion in zip(handles, places, start.motions(ob, parts)):
         home = Matrix((np.linalg.inv(motion) @ place).tolist())
@@ -153,14 +154,15 @@ def _remove_handle(ob, index, needed_groups, needed_empties):
 
 
 def shares_group(ob, handle, name):
-    """Whether the region or another handle uses the group of that name too."""
+    """Whether the region, the influence, a reach or another handle uses the vertex group of that name too."""
     settings = ob.detail_deform
     return name in {settings.region, settings.influence} or any(
         name == h.reach or h != handle and h.vertex_group == name for h in settings.handles)
 
 
 def assign(ob, handle):
-    """Gives the handle the selected vertices. A group that is not its own alone stays as it is."""
+    """Makes the selected vertices those of the handle. A group that wasn't made for it, or that something else uses
+    too, is left unchanged, and the handle gets a new one."""
     chosen = selection.selected(ob)
     if not chosen.any():
         raise MeshProblem(f"No vertex is selected: select those that '{handle.name}' should move.")

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which marker is misplaced, or which two are exchanged: told by the distances between markers along both surfaces.
+"""Detects one misplaced marker, or two exchanged ones, by the distances between markers along both surfaces.
 
-On two bodies of different build such a distance is longer on one than on the other by a factor that belongs to the
-places at its two ends: about necks, say, or about legs. A marker at a wrong place has no such factor, as it is too
-close to some markers and too far from others. What its removal mends, or an exchange of two, tells which it is.
+The log ratio of such a distance on the target to that on the source is modelled as a_i + a_j, a term for each end, as
+bodies differ by parts, such as necks or legs. A misplaced marker doesn't fit: it is too close to some markers and too
+far from others. The removal of one marker, or the exchange of two, that reduces the residual most tells which it is.
 
-A few markers can't tell that of one another. Then the shapes are fitted without them: where the others lie about where
-that fit has them, one that lies elsewhere is wrong.
+Fewer than six markers determine that model too little. Then the shapes are registered without markers: if all other
+markers are near their fitted places, one that is far from its own is wrong.
 """
 
 import time
@@ -17,26 +17,30 @@ from ..library import native
 from ..scene import mesh_data, proportions
 from . import markers
 
-_FEWEST = 6  # below, the factors explain nearly anything
+_FEWEST = 6  # markers for the model; k leave k (k − 3) / 2 degrees of freedom, and fewer fit nearly anything
 _FEWEST_BY_SHAPE = 3
-_NEAR, _FAR = 0.18, 0.3  # of the box: how far a fit by shape is off at good markers, and at wrong ones
+# Distances of a marker from its fitted place, as fractions of the diagonal of the target's box: up to _NEAR it is
+# right, beyond _FAR wrong, and in between the fit is in doubt.
+_NEAR, _FAR = 0.18, 0.3
 _POLL_SECONDS = 0.02
-# Set where a thousand random sets of good markers, on animals of random builds, raise no alarm, and then nine of ten
-# sets with two exchanged ones do, and four of five with one misplaced by a quarter of the body or more.
+# Least ratio of the residual of a misplaced marker to that of the others (root mean square), and of the residual before
+# an exchange of two markers to that after it (mean square). Tuned on animals of random builds: a thousand random sets
+# of good markers raise no alarm, nine of ten sets with two exchanged markers do, and four of five with one misplaced by
+# a quarter of the body or more.
 _MISPLACED, _EXCHANGED = 2.4, 1.7
-_SURE_FROM = 8  # markers; where they are fewer, an alarm needs more
-_NOISE = 0.01  # of a squared logarithm: nobody marks more exactly
-_CLOSE = 0.05  # of the median distance: markers as close as that say little about one another
-_CANDIDATES = 20  # for an exchange
+_SURE_FROM = 8  # markers; with k < 8 both thresholds are multiplied by 8 / k
+_NOISE = 0.01  # variance of a log ratio that marking by hand leaves at least: 10% of a distance
+_CLOSE = 0.05  # of the median distance, added to each: damps the logarithms of distances between close markers
+_CANDIDATES = 20  # markers with the largest residuals, of which all pairs are tried for an exchange: limits the time
 
 
 def doubtful(source, target):
-    """Numbers of the rows that are in doubt: one that is misplaced, two that are exchanged, or none.
-    source, target: (k, k) distances between the same markers."""
+    """The rows in doubt: one that is misplaced, two that are exchanged, or none. source, target: (k, k) distances
+    between the same markers on either mesh."""
     count = len(source)
     if count < _FEWEST:
         return ()
-    if min(np.median(source), np.median(target)) <= 0:  # most are in one place
+    if min(np.median(source), np.median(target)) <= 0:  # most markers coincide
         return ()
     caution = max(1.0, _SURE_FROM / count)
     there, here = _logarithm(source), _logarithm(target)
@@ -49,7 +53,7 @@ def doubtful(source, target):
     exchanged, pair = _best_exchange(there, here, (left ** 2).sum(0))
     if present + _NOISE > _EXCHANGED * caution * (exchanged + _NOISE) and exchanged < mended:
         return pair
-    error = max(present - mended, 0) * count / 2  # of the one alone
+    error = max(present - mended, 0) * count / 2  # mean square residual that the worst one adds to its own pairs
     return (worst,) if error > (_MISPLACED * caution) ** 2 * (mended + _NOISE) else ()
 
 
@@ -58,7 +62,7 @@ def _logarithm(distances):
 
 
 def _unexplained(factors):
-    """What no sum of a number for each row and column explains, by least squares, the diagonal left out."""
+    """(k, k): the residuals of the model a_i + a_j, fitted by least squares off the diagonal; the diagonal is zero."""
     count = len(factors)
     beside = ~np.eye(count, dtype=bool)
     sums = np.where(beside, factors, 0).sum(1)
@@ -72,7 +76,8 @@ def _mean_square(left):
 
 
 def _best_exchange(there, here, errors):
-    """What is left unexplained after the exchange of the two rows that mends most, and these."""
+    """(residual, rows): the least mean square residual after an exchange of two rows, and these. errors: (k,) sums of
+    squared residuals by row, for _CANDIDATES."""
     rows = np.sort(np.argsort(errors)[-_CANDIDATES:])
     best, pair = np.inf, ()
     for number, i in enumerate(rows):
@@ -86,8 +91,8 @@ def _best_exchange(there, here, errors):
 
 
 def _distances(ob, vertices):
-    """Generator of the share done; gives the (k, k) distances between these vertices along the surface, and straight
-    ones between its loose parts."""
+    """Generator: yields the fraction done and returns (k, k) distances between these vertices along the surface,
+    Euclidean ones between components."""
     points, triangles = proportions.shape(ob), mesh_data.triangles(ob.data)
     found = []
     for vertex in vertices:
@@ -101,11 +106,11 @@ def _distances(ob, vertices):
 
 
 def doubtful_by_shape(apart):
-    """Numbers of the rows that are in doubt, as doubtful(). apart: (k, k), of the box, how far each marker's place on
-    the target is from where a fit by shape has each on the source."""
+    """The rows in doubt, as doubtful(). apart: (k, k) distances from marker i on the target to the fitted place of
+    marker j of the source, as fractions of the diagonal of the target's box."""
     own, count = np.diag(apart), len(apart)
     wrong = np.flatnonzero(own > _FAR)
-    if (own > _NEAR).sum() > len(wrong):  # the fit itself is in doubt
+    if (own > _NEAR).sum() > len(wrong):  # some are neither near nor far: the fit is in doubt
         return ()
     if len(wrong) == 1 and count > 2:
         return (int(wrong[0]),)
@@ -115,7 +120,8 @@ def doubtful_by_shape(apart):
 
 
 def _fitted_apart(source, target, of_source, of_target):
-    """Generator of the share done; gives what doubtful_by_shape() takes."""
+    """Generator: yields the fraction done and returns the argument of doubtful_by_shape(), by a registration without
+    markers."""
     there, here = proportions.shape(source), proportions.shape(target)
     match = native.Match((there, mesh_data.triangles(source.data)), (here, mesh_data.triangles(target.data)),
                          stages=2, rounds=1, stance=proportions.stance(source, target))
@@ -134,8 +140,8 @@ def _fitted_apart(source, target, of_source, of_target):
 
 
 def search(source, target, of_source=None, of_target=None):
-    """Generator of the fraction done; gives the numbers of the markers in doubt. of_source, of_target:
-    {number: vertex}, where they are known. Raises MeshProblem or native.NativeError."""
+    """Generator: yields the fraction done and returns the numbers of the markers in doubt. of_source, of_target:
+    {number: vertex}, if they are known. Raises MeshProblem or native.NativeError."""
     of_source, of_target = of_source or markers.of(source), of_target or markers.of(target)
     both = sorted(of_source.keys() & of_target.keys())
     if len(both) < _FEWEST_BY_SHAPE:
@@ -157,7 +163,7 @@ def search(source, target, of_source=None, of_target=None):
 
 
 def sentence(numbers, source, target):
-    """What is in doubt, and what to do; '' for no numbers."""
+    """The sentence about markers in doubt, and what to do; '' for no numbers."""
     if len(numbers) == 2:
         return (f"Markers {numbers[0]} and {numbers[1]} seem to be exchanged on '{source.name}' or '{target.name}': "
                 "give each the other's number on one of them.")

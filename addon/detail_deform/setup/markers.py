@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pairs of vertices that correspond on two meshes: numbered vertex groups, or empties parented to them."""
+"""Markers: numbered vertex groups, or empties parented to the mesh. Equal numbers mark corresponding vertices."""
 
 import re
 
@@ -10,7 +10,7 @@ from ..scene.mesh_data import MeshProblem
 
 NAME = "Marker {}"
 _NUMBERED = re.compile(r'marker[\s._-]*(\d+)', re.IGNORECASE)  # "Marker 3", "marker.003", "Marker 3.001"
-FEWEST = 3  # for Automatic, which asks nobody whether a match is right
+FEWEST = 3  # common markers for Automatic, where nobody confirms the match; fewer can't be checked (marker_check)
 
 
 def _number(name):
@@ -19,10 +19,10 @@ def _number(name):
 
 
 def _by_groups(ob):
-    """{number: vertex}: of each numbered group the vertex with the largest weight."""
+    """{number: vertex}: the vertex with the largest weight in each numbered group. Raises MeshProblem."""
     groups = [(group.name, _number(group.name)) for group in ob.vertex_groups if _number(group.name) is not None]
     found = {}
-    if not groups:  # reading weights takes a while
+    if not groups:  # spares reading the weights, which is slow
         return found
     for (name, number), weights in zip(groups, mesh_data.group_weights(ob, [name for name, _ in groups])):
         if weights.max(initial=0) <= 0:
@@ -34,7 +34,7 @@ def _by_groups(ob):
 
 
 def _by_empties(ob):
-    """{number: vertex}: of each numbered empty that is parented to the object the nearest vertex."""
+    """{number: vertex}: the vertex nearest to each numbered empty that is a child of the object. Raises MeshProblem."""
     found, points = {}, None
     for child in ob.children:
         number = _number(child.name) if child.type == 'EMPTY' else None
@@ -49,7 +49,7 @@ def _by_empties(ob):
 
 
 def of(ob):
-    """{number: vertex} of a mesh object. Raises MeshProblem."""
+    """{number: vertex} of all markers of a mesh object. Raises MeshProblem."""
     if not ob.data.vertices:
         raise MeshProblem(f"'{ob.name}' has no vertices to mark: choose another mesh.")
     groups, empties = _by_groups(ob), _by_empties(ob)
@@ -60,25 +60,26 @@ def of(ob):
 
 
 def counts(ob, source):
-    """How many there are here, on the source, and with the same numbers on both, for the panel."""
+    """Numbers of markers on ob, on the source, and with the same number on both, by names alone: cheap enough for the
+    panel."""
     here, there = _numbers(ob), _numbers(source) if source else set()
     return len(here), len(there), len(here & there)
 
 
 def _numbers(ob):
-    """Those in use, by names alone."""
+    """{number} of the markers of an object, by names alone."""
     names = [*ob.vertex_groups.keys(), *(child.name for child in ob.children if child.type == 'EMPTY')]
     return {_number(name) for name in names} - {None}
 
 
 def are_enough(source, target):
-    """Whether enough numbers are on both, by names alone."""
+    """Whether source and target have at least FEWEST numbers in common, by names alone."""
     return counts(target, source)[2] >= FEWEST
 
 
 def pairs(source, target):
-    """(k, 2) int32: vertices of source and target that the same number marks, any number of them. Raises
-    MeshProblem."""
+    """(k, 2) int32: the vertices of source and target with the same marker number, by ascending numbers; k may be 0.
+    Raises MeshProblem."""
     of_source, of_target = of(source), of(target)
     both = sorted(of_source.keys() & of_target.keys())
     if of_source and of_target and not both:
@@ -88,7 +89,8 @@ def pairs(source, target):
 
 
 def add(ob, number):
-    """Marks the selected vertex, or the middle one of several, with a number; 0: the next free one."""
+    """Marks the selected vertex, or the one nearest to the mean of several, with a number; 0: the least free one.
+    Returns the name of the new group. Raises MeshProblem."""
     chosen = np.flatnonzero(selection.selected(ob))
     if not len(chosen):
         raise MeshProblem("No vertex is selected: select the one to mark.")
@@ -104,7 +106,7 @@ def add(ob, number):
 
 
 def select(ob, number):
-    """Selects the vertex that a number marks, in Edit Mode. Returns the empty that marks it, if one does. Raises
+    """Selects the vertex of a marker in Edit Mode, or returns the empty that marks it, if one does. Raises
     MeshProblem."""
     if ob.mode == 'EDIT':
         ob.update_from_editmode()

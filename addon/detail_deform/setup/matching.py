@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What corresponds on two meshes, found in the way that is asked for."""
+"""Finds the correspondence of two meshes: by topology, shape and markers, a list, nearest points, or a saved match."""
 
 import itertools
 import os
@@ -13,25 +13,26 @@ from ..scene import correspondence, files, mesh_data, proportions
 from ..scene.mesh_data import MeshProblem
 from . import marker_check, markers, pair_lists
 
-_last = ((), b'', None)  # what was found last, and of what: a transfer may be repeated with other settings
-_FITS = 0.5  # mean confidence: what fits like that doesn't hang on how the meshes stand
+_last = ((), b'', None)  # memoized for transfers with other settings: (searched_for, standing, Matched)
+_FITS = 0.5  # mean confidence above which a match is kept though an object moved: saves a search, may miss a better fit
 
 _WHERE_IT_IS_RIGHT = "If it is right, press Find Match, which takes it as it is."
 _WHERE_THEY_ARE_RIGHT = "If they are right, press Find Match, which takes them as they are."
 
 
 def _standing(shapes, stance):
-    """How the source stands beside the target, in parts of its box and no finer than is of interest."""
+    """Key of the source's placement: the corners of its box in the target's space, in units of the diagonal of the
+    target's box, rounded to 4 digits; b'' without a stance."""
     if stance is None:
         return b''
     (low, high), (least, most) = ((each.min(0, initial=0), each.max(0, initial=0)) for each in shapes)
     corners = np.array(list(itertools.product(*zip(low, high)))) @ stance[:, :3].T + stance[:, 3]
-    return (np.round(corners / max(np.linalg.norm(most - least), 1e-30), 4) + 0.0).tobytes()  # has no negative zero
+    return (np.round(corners / max(np.linalg.norm(most - least), 1e-30), 4) + 0.0).tobytes()  # −0 + 0 = +0
 
 
 def search(source, target):
-    """Generator: the correspondence found by the shapes of both objects and the markers on them; yields the fraction
-    done. Raises MeshProblem or native.NativeError."""
+    """Generator: yields the fraction done and returns the Matched, found by the shapes of both objects and the markers
+    that they have in common. Raises MeshProblem or native.NativeError."""
     global _last
     sides, pairs = (source, target), markers.pairs(source, target)
     shapes, stance = [proportions.shape(ob) for ob in sides], proportions.stance(source, target)
@@ -55,19 +56,20 @@ def search(source, target):
 
 
 def ambiguity(source, target):
-    """What is in doubt where a correspondence is ambiguous, and what to do."""
+    """The sentence for an ambiguous correspondence: what is in doubt, and what to do."""
     return (f"'{source.name}' fits '{target.name}' about as well turned another way: mark one or two places on both "
             "(Add Transfer Marker, in Edit Mode), where front and back or left and right differ.")
 
 
 def must_be_found(how):
-    """Whether it is found or read anew, and not seen from the meshes or kept with the target."""
+    """Whether this way searches or reads the correspondence, rather than deriving it from equal topology or taking the
+    match saved with the target."""
     return how in {'MARKERS', 'LIST', NEAREST}
 
 
 def automatic(source, target, folder):
-    """(how, path, pairs_of) as find() takes them, by what there is of these two. folder: where lists are called as
-    their targets; '' for none. Raises MeshProblem where there is nothing to go by."""
+    """(how, path, pairs_of) for find(): the first way for which these two objects have the data. folder: of list files
+    that are named after their targets; '' for none. Raises MeshProblem if no way applies."""
     settings = target.detail_deform.transfer
     for ob in (source, target):
         if not ob.data.polygons:
@@ -94,21 +96,22 @@ def automatic(source, target, folder):
 
 
 def list_in(folder, target):
-    """(path, pairs_of) of a target's list in a folder of lists; of the one in its panel where there is no folder."""
+    """(path, pairs_of) of a target's list file: in the folder, or the one in its panel if there is no folder. Raises
+    MeshProblem if the file is another object's."""
     settings = target.detail_deform.transfer
     if not folder:
         return settings.filepath, settings.pairs_of
     path = os.path.join(bpy.path.abspath(folder), files.name_for(target.name) + ".txt")
     owner = bpy.data.objects.get(os.path.splitext(files.name_on_disk(path))[0])
-    if owner not in {None, target} and owner.type == 'MESH':  # a disk may not tell letters apart as Blender does
+    if owner not in {None, target} and owner.type == 'MESH':  # file systems may ignore case, Blender doesn't
         raise MeshProblem(f"'{path}' is the list of '{owner.name}', and that of '{target.name}' would be called alike: "
                           "rename one of these objects.")
     return path, pair_lists.kind_of(path, settings.pairs_of)
 
 
 def find(how, source, target, path, pairs_of):
-    """Generator: the correspondence of two objects; yields the fraction done. how: as the settings' correspondence;
-    path, pairs_of: of a list. Raises MeshProblem or native.NativeError."""
+    """Generator: yields the fraction done and returns the Matched of two objects. how: a value of the setting
+    correspondence. path, pairs_of: of a list file. Raises MeshProblem or native.NativeError."""
     if how == 'MARKERS':
         doubts = yield from marker_check.search(source, target)
         if doubts:

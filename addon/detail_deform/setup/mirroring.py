@@ -9,8 +9,8 @@ from ..scene import handle_matrices, mesh_data, seen, selection, skin, start
 from ..scene.mesh_data import MeshProblem
 from . import empties, handle_setup, region_setup
 
-# The largest distance of a vertex from the mirror image of another one, as a fraction of the mean edge length. Beyond
-# half an edge the nearest vertex would be a neighbour's.
+# The largest distance between a vertex and the mirror image of its counterpart, as a fraction of the mean edge length.
+# From 0.5 on, the nearest vertex may be a neighbour of the counterpart: half of that, for safety.
 _MIRROR_TOLERANCE = 0.25
 
 
@@ -19,8 +19,8 @@ class MirrorsItself(MeshProblem):
 
 
 def mirror_image(ob, chosen, axis):
-    """(image, missing): (n,) bool, the vertices at the mirror images of the chosen ones; [chosen vertices without
-    one]."""
+    """(image, missing): (n,) bool, the vertices at the mirror images of the chosen ones, and a list of the chosen
+    vertices without a counterpart. axis: 0, 1 or 2."""
     points = mesh_data.positions(ob.data)
     ends = points[mesh_data.edges(ob.data)]
     if not len(ends) or not chosen.any():
@@ -28,7 +28,7 @@ def mirror_image(ob, chosen, axis):
     near = _MIRROR_TOLERANCE * float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean())
     mirrored = points[chosen]
     mirrored[:, axis] *= -1
-    # Only vertices within the box of the images, as building the tree takes most of the time in a large mesh.
+    # The k-d tree holds only the vertices in the box of the images: on large meshes, building it dominates the time.
     candidates = np.flatnonzero(((points >= mirrored.min(0) - near) & (points <= mirrored.max(0) + near)).all(axis=1))
     tree = kdtree.KDTree(len(candidates))
     for vertex, point in zip(candidates.tolist(), points[candidates].tolist()):
@@ -47,7 +47,7 @@ def mirror_image(ob, chosen, axis):
 def _mirrored_empty(context, ob, handle, axis, name, image):
     source = handle.target
     depsgraph = context.evaluated_depsgraph_get()
-    # While it is posed, its home: that is where its mirror image has its own.
+    # A bound handle may be posed: its home is mirrored, which gives the home of the image.
     local = (handle_matrices.home(handle) if handle_matrices.has_rest(handle) else
              handle_matrices.local_place(ob, handle, depsgraph))
     flip = handle_matrices.reflection('XYZ'[axis])
@@ -68,8 +68,8 @@ def _mirrored_empty(context, ob, handle, axis, name, image):
 
 def _mirror_reach(ob, name, first, axis):
     """Makes the union of a handle's reach and its mirror image the reach of both the handle and its mirror images,
-    which are the handles from index first on: as they are bound together, they deform symmetrically also where both
-    reach. A group of the user's is left unchanged."""
+    which are the handles from index first on. With one reach they are bound together, so that they deform symmetrically
+    where both reach. A vertex group of the user's is left unchanged."""
     handles = ob.detail_deform.handles
     source = handles[name]
     if source.reach not in ob.vertex_groups:
@@ -80,7 +80,8 @@ def _mirror_reach(ob, name, first, axis):
 
 
 def _mirror_region(ob, image, axis):
-    """Adds its mirror image to a region that was made here, unless it contains the mirrored handle already."""
+    """Adds its mirror image to a region that the add-on made, unless the region contains the mirrored handle already.
+    image: (n,) bool, the vertices of the mirrored handle."""
     settings = ob.detail_deform
     if not settings.region or settings.region != settings.own_region:
         return
@@ -91,8 +92,8 @@ def _mirror_region(ob, image, axis):
 
 
 def keep_symmetric(ob, handle, axis):
-    """Makes a handle whose vertices lie across the object's plane symmetric: mirror images of its vertices are added to
-    its group, and its motion is restricted to symmetric ones."""
+    """Makes a handle symmetric that straddles the object's plane: the mirror images of its vertices are added to its
+    group, if that is its own, and its motion is restricted to symmetric ones."""
     if handle.vertex_group == handle.own_group and not handle_setup.shares_group(ob, handle, handle.own_group):
         chosen = mesh_data.members(ob, handle.vertex_group)
         selection.fill_group(ob, ob.vertex_groups[handle.own_group], chosen | mirror_image(ob, chosen, axis)[0])
@@ -100,9 +101,8 @@ def keep_symmetric(ob, handle, axis):
 
 
 def _split_middle(ob, handle, letter, chosen, image):
-    """(n,) bool: the vertices on the plane, to which the handle and its mirror image would give two different motions.
-    They get a handle of their own, which moves by the mean of both. No vertices if the handle's group is not its
-    own."""
+    """(n,) bool: the vertices on the plane, which the handle and its mirror image would move differently. They become a
+    handle of their own that moves by the mean of both motions. None if the handle's group is not its own."""
     middle, own = chosen & image, handle.own_group
     if not middle.any() or handle.vertex_group != own or handle_setup.shares_group(ob, handle, own):
         return np.zeros(len(chosen), bool)
@@ -118,10 +118,10 @@ def _split_middle(ob, handle, letter, chosen, image):
 
 
 def mirror(context, ob, handle, axis, symmetric, reaches=True):
-    """Adds the mirror image of a handle across the object's own plane; axis: 0, 1 or 2. symmetric: it gets
-    no empty but mirrors the other's motion. reaches: whether its reach, or the region, is to hold that, too.
+    """Adds the mirror image of a handle across the object's local plane perpendicular to axis 0, 1 or 2. symmetric: the
+    image has no empty but mirrors the handle's motion. reaches: extend the handle's reach, or the region, accordingly.
 
-    Returns a sentence about vertices that have no counterpart, or ''."""
+    Returns a sentence about vertices that have no counterpart, or ''. Raises MeshProblem."""
     name, letter = handle.name, 'XYZ'[axis]
     if handle.vertex_group not in ob.vertex_groups or handle.target is None:
         raise MeshProblem(f"Handle '{name}' has no vertex group or no empty, so there is nothing to mirror.")
@@ -136,7 +136,7 @@ def mirror(context, ob, handle, axis, symmetric, reaches=True):
                           "the mesh is not symmetric there, or not about its origin.")
     if (image & chosen).sum() > 0.5 * chosen.sum():
         raise MirrorsItself(f"Handle '{name}' lies across the object's {letter} axis: its mirror image is itself.")
-    # The list of handles is another one once one is added.
+    # Read before a handle is added, which reallocates the list of handles.
     turns, falloff, reach, count = handle.turns, handle.falloff, handle.reach, len(ob.detail_deform.handles)
     if symmetric:
         image &= ~_split_middle(ob, handle, letter, chosen, image)
@@ -156,7 +156,7 @@ def mirror(context, ob, handle, axis, symmetric, reaches=True):
         _mirror_region(ob, image, axis)
     if symmetric:
         made.mirrors, made.mirror_axis = name, letter
-        if start.is_deformed(ob.data):  # where its vertices start, so that it takes the mirrored pose from there
+        if start.is_deformed(ob.data):  # motion of its vertices from home, where its own motion starts
             made.rest_matrix = start.motion(ob, image, start.KEPT).ravel().tolist()
     else:
         empties.set_pose(ob, made, motion, context.evaluated_depsgraph_get())

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A copy of a mesh gets empties of its own in place of those of the first."""
+"""Gives a copied mesh empties of its own in place of those that it shares with the original."""
 
 from ..follow import hints
 from . import empties
 
 
 def make(context, ob):
-    """Each stands to this object, and to the other copies, as the other's stands to the other."""
+    """Replaces the shared empties by copies. A copy has the transform relative to this object that the original empty
+    has relative to the other object; parents, constraints and drivers lead to the copies."""
     settings = ob.detail_deform
-    settings.handle_collection = None  # that of the other one
+    settings.handle_collection = None  # still the other object's
     other = hints.shares_empties_with(ob)
     while other:
         shared = {handle.target for handle in other.detail_deform.handles}
@@ -17,7 +18,7 @@ def make(context, ob):
         instead = {other: ob, **copies}
         for empty, copy in copies.items():
             place = ob.matrix_world @ other.matrix_world.inverted_safe() @ empty.matrix_world
-            if empty.parent not in instead:  # else the rest is as it was, so that its animation goes on
+            if empty.parent not in instead:  # else the animated local transform is kept
                 copy.matrix_world = place
             _lead_to(copy, instead)
         for handle in settings.handles:
@@ -32,7 +33,7 @@ def _copy(context, ob, empty):
     empties.collection_of(context, ob).objects.link(copy)
     animation = copy.animation_data
     if animation and animation.action:
-        slot = getattr(animation, 'action_slot', None)  # Blender 4.4
+        slot = getattr(animation, 'action_slot', None)  # from Blender 4.4 on
         identifier = slot and slot.identifier
         animation.action = animation.action.copy()
         if identifier and animation.action_slot is None:
@@ -41,7 +42,7 @@ def _copy(context, ob, empty):
 
 
 def _lead_to(copy, instead):
-    """What it hangs on: a parent, constraints, drivers."""
+    """Redirects the copy's parent, constraints and drivers. instead: {original: replacement}."""
     if copy.parent in instead:
         copy.parent = instead[copy.parent]
     for constraint in copy.constraints:

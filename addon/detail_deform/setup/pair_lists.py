@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Text files of pairs of triangles or vertices that correspond."""
+"""Text files of pairs of corresponding triangles or vertices."""
 
 import contextlib
 import os
@@ -9,14 +9,14 @@ import numpy as np
 from ..scene import correspondence, files, mesh_data
 from ..scene.mesh_data import MeshProblem
 
-_SAYS = {'TRIANGLES': "pairs of triangles", 'VERTICES': "pairs of vertices"}  # files that were written here
+_SAYS = {'TRIANGLES': "pairs of triangles", 'VERTICES': "pairs of vertices"}  # in the header of write_pairs()
 
 
 def read_pairs(path, pairs_of):
-    """(k, 2) int32 from a file with a pair of numbers a line, source then target, from 0.
+    """Reads (k, 2) int32: one pair a line, source then target, 0-based. pairs_of: 'TRIANGLES' or 'VERTICES'.
 
-    Numbers may be parted by spaces, commas, colons or semicolons; what follows them, comments after # and a
-    first line with nothing but a count are passed over."""
+    Separators are white space, commas, colons and semicolons. Further columns, comments after # and single numbers
+    before the first pair (a count) are ignored. Raises MeshProblem."""
     pairs = []
     if not path:
         raise MeshProblem("There is no list yet: choose a file in List, or another way in Match By.")
@@ -44,17 +44,18 @@ def read_pairs(path, pairs_of):
 
 
 def kind_of(path, otherwise):
-    """What a file that was written here says that it holds, as pairs_of; otherwise for any other one."""
+    """The pairs_of that the header of a file by write_pairs() names; `otherwise` for any other file."""
     try:
         with contextlib.closing(files.read_lines(path)) as lines:
             first = next(lines, "")
-    except OSError:  # which reading it says
+    except OSError:  # read_pairs() reports it
         return otherwise
     return next((kind for kind in _SAYS if _SAYS[kind] in first), otherwise)
 
 
 def write_pairs(path, matched):
-    """As read_pairs() reads them. What was there stays until they are complete."""
+    """Writes the pairs in the format of read_pairs(). An existing file is replaced only once the new one is complete.
+    Raises MeshProblem."""
     if matched.pairs is None:
         raise MeshProblem("A Saved Match by Nearest has no list of pairs: it is found by how the meshes stand.")
     unfinished = ""
@@ -68,7 +69,7 @@ def write_pairs(path, matched):
 
 
 def by_list(source, target, path, pairs_of):
-    """From a file of pairs of triangles, or of vertices."""
+    """The Matched of a file of pairs. Raises MeshProblem, also for numbers out of range."""
     matched = correspondence.Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data),
                                      read_pairs(path, pairs_of), None)
     counts = {'TRIANGLES': (len(matched.source_triangles), len(matched.target_triangles)),

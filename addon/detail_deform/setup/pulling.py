@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pull: a handle of the selected vertices, a region around it and a binding, in stages of which none takes long."""
+"""Pull: makes a handle of the selected vertices and a region around it, and binds, as a generator of short stages."""
 
 from typing import Any, NamedTuple
 
@@ -14,12 +14,13 @@ from . import handle_setup, mirroring, region_setup
 
 
 def asks_for_reach(ob):
-    """Whether the region is Pull's to make: one that the user chose stays."""
+    """Whether Pull may set the region: there is none, or Pull made it. One that the user chose is left unchanged."""
     return not ob.detail_deform.region or ob.detail_deform.pulled_region
 
 
 def selected_surroundings(ob):
-    """The region_setup.Around of the selected vertices, and of those that Edit Mode's symmetry takes with them."""
+    """The region_setup.Around of the selected vertices and of their mirror images by Edit Mode's symmetry. Raises
+    MeshProblem."""
     chosen = selection.selected(ob)
     if not chosen.any():
         raise MeshProblem(f"No vertex is selected: {handle_setup.SELECT_FOR_HANDLE}.")
@@ -28,14 +29,14 @@ def selected_surroundings(ob):
 
 
 class Other(NamedTuple):
-    """Handles that there were before a Pull: one that reaches them shares what they move."""
-    reach: str  # the group of their own; '': they go by the region
-    held: Any  # their vertices
-    moves: Any  # vertices, theirs among them or not
+    """Earlier handles with one reach. A Pull whose radius includes any of their vertices shares their reach."""
+    reach: str  # name of the group; '': they move the region
+    held: Any  # numbers of the handles' vertices
+    moves: Any  # numbers of the vertices of the reach or region, with or without those of the handles
 
 
 def others(ob, count):
-    """[Other] by the first so many handles, where their regions and reaches are Pull's to share; else none."""
+    """[Other] of the first count handles, one for each reach; empty if the region was not made by Pull."""
     settings, found = ob.detail_deform, []
     handles = [h for h in list(settings.handles)[:count] if h.enabled and h.vertex_group in ob.vertex_groups]
     if not settings.pulled_region:
@@ -56,11 +57,11 @@ def _symmetric_axes(ob):
 
 
 class Pull:
-    """stages() does it; whatever ends that early takes all of it back."""
+    """stages() does the work. If an exception or close() ends it early, it undoes all its changes."""
 
     def __init__(self, context, ob, radius=0.0, around=None, falloff='MESH'):
-        """radius: of the region; 0: by the size of the selection. around: of selected_surroundings(), if known.
-        falloff: of options.FALLOFFS, of what it doesn't share with handles that there were before."""
+        """radius: of the region, in world units; 0: guessed from the selection. around: of selected_surroundings(), if
+        known. falloff: one of options.FALLOFFS, unless the reach or region is shared with earlier handles."""
         self.radius, self.remarks, self._falloff = radius, [], falloff
         self._context, self._ob, self._around = context, ob, around
         self._had_modifier = node_group.find_modifier(ob) is not None
@@ -68,8 +69,8 @@ class Pull:
         self._edited = list(context.objects_in_mode)
 
     def stages(self, wait, watch=False):
-        """A generator that yields the fraction done. wait: for the binding, standing still; watch: for that under way.
-        Raises MeshProblem or native.NativeError."""
+        """Generator: yields the fraction done. wait: block until the object is bound. watch: yield the progress of the
+        bind in the background until it ends. Raises MeshProblem or native.NativeError."""
         ob, settings = self._ob, self._ob.detail_deform
         region = earlier = None
         try:
@@ -84,7 +85,7 @@ class Pull:
             if asks_for_reach(ob):
                 self._set_region()
                 yield 0.0
-            self._context.view_layer.update()  # the new empty's place
+            self._context.view_layer.update()  # evaluates the new empty's matrix
             binding.bind(ob, self._context.evaluated_depsgraph_get(), wait, keep_rest=bool(settings.signature))
             if watch:
                 yield from self._until_bound()
@@ -102,7 +103,7 @@ class Pull:
         return self._ob.detail_deform.handles[self._count].target
 
     def _mirror(self):
-        """Edit Mode's symmetry makes the symmetric handle, too."""
+        """Adds the symmetric handles for Edit Mode's symmetry."""
         for axis in _symmetric_axes(self._ob):
             handle = self._ob.detail_deform.handles[self._count]
             try:
@@ -110,14 +111,14 @@ class Pull:
             except mirroring.MirrorsItself:
                 mirroring.keep_symmetric(self._ob, handle, axis)
                 continue
-            except MeshProblem as problem:  # it pulls the chosen vertices all the same
+            except MeshProblem as problem:  # the selected vertices are pulled without an image
                 remark = str(problem)
             if remark:
                 self.remarks.append(remark)
 
     def _set_region(self):
-        """Around the new handles: a reach of their own, or shared with the handles that are within it, or the region
-        where one of these goes by that."""
+        """Sets what the new handles move: the region, if no handles share with this Pull or one within the radius moves
+        the region; else a reach, shared with those within the radius."""
         ob, settings = self._ob, self._ob.detail_deform
         before = others(ob, self._count)
         handles = settings.handles[self._count:]
@@ -153,7 +154,7 @@ class Pull:
             raise MeshProblem(settings.problem)
 
     def _take_back(self, region, earlier):
-        """region, earlier: what there was; None where it is still there."""
+        """Undoes the stages. region, earlier: the states to restore; None if they are unchanged."""
         try:
             self._restore(region, earlier)
         except ReferenceError:
@@ -164,7 +165,7 @@ class Pull:
         if earlier:
             if settings.signature not in earlier.state:  # this Pull has begun to bind
                 bound.cache.let_go(settings.signature)
-            settings.signature = ""  # nothing is compared with it any more
+            settings.signature = ""  # so that nothing is compared with the lost binding
         handle_setup.remove_handles(ob, range(self._count, len(settings.handles)))
         if region:
             region_setup.restore(ob, region)
@@ -176,7 +177,7 @@ class Pull:
         self._context.view_layer.objects.active = ob
         unselected = [other for other in self._edited if not other.select_get()]
         for other in unselected:
-            other.select_set(True)  # or it would not be edited again
+            other.select_set(True)  # only selected objects enter Edit Mode
         bpy.ops.object.mode_set(mode='EDIT')
         for other in unselected:
             other.select_set(False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The region made from a selection, or from what lies around the handles."""
+"""Sets the region, or reaches of handles, from a selection or by the distance from handles."""
 
 from typing import NamedTuple
 
@@ -10,10 +10,11 @@ from ..scene.mesh_data import MeshProblem
 from ..scene.start import visible
 
 _GROUP_NAME, _REACH_NAME = "Region", "Reach"
-# Of the size of the mesh: how far the region reaches unless the user says otherwise.
+# Default radius of the region, as a fraction of the diagonal of the mesh's box.
 _USUAL_RADIUS = 0.25
-# How far it reaches around a selection: in radii of a disk of its area, at least so much of the size of the mesh and
-# so many edges, so that there is something to follow a single vertex, and at most the usual radius.
+# First guess of the radius around a selection: _DISK_RADII times the radius of a disk of its area, and at most the
+# default radius, which alone took half a head along with an ear. But at least _LEAST_OF_SIZE of the box's diagonal and
+# _LEAST_EDGES mean edge lengths, so that something follows a single vertex.
 _DISK_RADII, _LEAST_OF_SIZE, _LEAST_EDGES = 2.0, 0.04, 2.0
 
 
@@ -22,12 +23,12 @@ def set_region(ob, members):
     settings = ob.detail_deform
     may_change = all(h.vertex_group != settings.own_region for h in settings.handles)
     settings.own_region = selection.fill_own_group(ob, settings.own_region, may_change, _GROUP_NAME, members)
-    settings.region = settings.own_region  # also where it was that: from now on it is not Pull's any more
+    settings.region = settings.own_region  # even if unchanged: the property's callback clears pulled_region
 
 
 def set_reach(ob, handles, members):
-    """Makes these vertices the reach of some handles, in a group of their own: that of one of them which no other
-    handle has, or a new one. members: (n,) bool."""
+    """Makes these vertices the reach of the given handles, in a group that was made for one of them and that no other
+    handle uses, or in a new group. members: (n,) bool."""
     others = [h for h in ob.detail_deform.handles if h not in handles]
     own = next((h.own_reach for h in handles if h.own_reach and not any(
         h.own_reach in {other.reach, other.vertex_group} for other in others)), "")
@@ -45,11 +46,11 @@ class Kept(NamedTuple):
     pulled_region: bool
     smoothness: int
     reaches: list  # (reach, own_reach) of each handle
-    members: dict  # of each group its vertices
+    members: dict  # {group name: its vertices}
 
 
 def kept(ob):
-    """What restore() brings back."""
+    """The present state, for restore()."""
     settings = ob.detail_deform
     reaches = [(handle.reach, handle.own_reach) for handle in settings.handles]
     groups = [name for name in {settings.own_region, *(own for _, own in reaches)} if name in ob.vertex_groups]
@@ -80,7 +81,7 @@ def restore(ob, present):
 
 
 def remove_own(ob):
-    """Takes away the group that was made for the region, unless something else uses it now."""
+    """Removes the vertex group that was made for the region, unless something else uses it now."""
     group = ob.vertex_groups.get(ob.detail_deform.own_region)
     if group and not users.needed_groups(ob, [group.name]):
         ob.vertex_groups.remove(group)
@@ -94,7 +95,8 @@ def from_selection(ob):
 
 
 def sources(ob):
-    """(n,) bool: the vertices selected in Edit Mode, or else those of all handles."""
+    """(n,) bool: the vertices selected in Edit Mode, or else those of all enabled handles. Raises MeshProblem if there
+    are none."""
     if ob.mode == 'EDIT':
         chosen = selection.selected(ob)
         if chosen.any():
@@ -108,20 +110,21 @@ def sources(ob):
 
 
 def usual_radius(ob):
-    """In the world's unit."""
+    """Default radius of the region, in world units."""
     return _USUAL_RADIUS * float(np.linalg.norm(ob.dimensions))
 
 
 def _from_origin(ob, positions):
-    """(n, 3) float32: in the world's directions and unit, from the object's origin."""
+    """(n, 3) float32: positions along the world's axes and in its unit, relative to the object's origin."""
     return (positions @ np.array(ob.matrix_world, np.float64)[:3, :3].T).astype(np.float32)
 
 
 class Around:
-    """What lies around some vertices, by distance over the surface as it is seen, in the world's unit."""
+    """Distances from some vertices along the surface as it is displayed before other modifiers, in world units."""
 
     def __init__(self, ob, start, chosen=None):
-        """start, chosen: (n,) bool; chosen: those of the start that the first guess goes by; all of it if not given."""
+        """start: (n,) bool, the vertices at distance 0. chosen: (n,) bool, those whose area determines the first guess;
+        all of the start if not given."""
         self.start, self.chosen = start, start if chosen is None else chosen
         self.origin = np.array(ob.matrix_world, np.float64)[:3, 3]
         self.places = _from_origin(ob, visible(ob))
@@ -129,20 +132,20 @@ class Around:
         self.distances = _with_loose(ob, self.triangles, split.Joined(ob).distances(self.places, self.triangles, start))
 
     def as_seen(self, ob, depsgraph):
-        """(n, 3) float32: the same places with what modifiers make of them, where that is known."""
+        """(n, 3) float32: as places, with the other modifiers applied where vertices can be followed through them."""
         posed = seen.positions(ob, depsgraph)
         return self.places if posed is None else _from_origin(ob, posed)
 
     def within(self, radius):
-        """(n,) bool: the vertices at most so far."""
+        """(n,) bool: the vertices at a distance of at most radius."""
         return self.distances <= radius
 
     def first_guess(self):
-        """How far a region should reach around what was chosen, by how large that is."""
+        """Suggested radius of the region around the chosen vertices, by their area: see _DISK_RADII."""
         near = self.triangles[self.chosen[self.triangles].any(axis=1)]
         corners = self.places[near].astype(np.float64)
         sides = corners - np.roll(corners, 1, axis=1)
-        # A vertex has a third of each triangle around it: a line of vertices has an area too.
+        # Lumped: a vertex has a third of each triangle of its one-ring, so that a line of vertices has an area too.
         area = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) @ self.chosen[near].mean(axis=1)
         size = float(np.linalg.norm(np.ptp(self.places, axis=0)))
         edge = float(np.linalg.norm(sides, axis=2).mean()) if len(near) else 0.0
@@ -151,7 +154,8 @@ class Around:
 
 
 def _with_loose(ob, triangles, distances):
-    """(n,) float32: vertices in no face are as far as what they hang on by edges."""
+    """(n,) float32: the distances, with vertices in no face no farther than the face's vertex to which edges connect
+    them."""
     hung = loose.roots(len(distances), triangles, mesh_data.edges(ob.data))
     return np.where(hung >= 0, np.minimum(distances, distances[hung]), distances)
 
@@ -162,7 +166,7 @@ def within(ob, start, radius):
 
 
 def grown(ob, start, steps):
-    """(n,) bool: the vertices that so many edges lead to."""
+    """(n,) bool: the start and the vertices within so many edges of it (that number of one-rings)."""
     a, b = split.Joined(ob).between(mesh_data.edges(ob.data)).T
     reached = start.copy()
     for _ in range(steps):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panel Examples: which there are, where they come from, and which are missing."""
+"""The panel Examples: the list, buttons that add examples, and the missing ones."""
 
 import bpy
 

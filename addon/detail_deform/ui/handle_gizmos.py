@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A dot at each handle of the active mesh, or of the mesh that the active empty pulls: a drag moves it at once."""
+"""A dot at each handle of the active mesh, or of the mesh that the active empty pulls: dragging it moves the handle."""
 
 import bpy
 from mathutils import Matrix, Vector
@@ -9,12 +9,12 @@ from ..setup import handle_setup
 from . import tool
 from .preview import handle_colour
 
-_SIZE = 0.1
+_SIZE = 0.1  # of a dot, as Gizmo.scale_basis
 
 
 def handles(context):
-    """The mesh, and [(number, empty)] of what there is a dot for: the active empty has Blender's own gizmos. In Edit
-    Mode only with the tool, as they lie over vertices."""
+    """(mesh, [(number, empty)]) of the handles with a dot: not the active empty, which has Blender's own gizmos. In
+    Edit Mode only with the tool Pull, as dots cover vertices."""
     active = context.active_object
     if active is None or not (active.mode == 'OBJECT' or active.mode == 'EDIT' and tool.is_active(context)):
         return None, []
@@ -27,7 +27,8 @@ def handles(context):
 
 
 def places(ob, found):
-    """(x, y, z) of each dot of handles(): at the empty, and where shape keys have moved the surface since, with it."""
+    """World place of each dot of handles(): that of the empty, shifted as shape keys have moved its vertices since
+    Bind."""
     if ob is None:
         return []
     shifts = raised.shifts(ob, [ob.detail_deform.handles[number] for number, _ in found])
@@ -50,7 +51,7 @@ class VIEW3D_GGT_detail_deform_handles(bpy.types.GizmoGroup):
     def draw_prepare(self, context):
         ob, found = handles(context)
         numbers = [number for number, _ in found]
-        # What a gizmo is told draws the view again, and so without an end if it were told at each drawing.
+        # Setting a property of a gizmo redraws the view: done at every drawing, it would redraw without end.
         if numbers != self.numbers:
             self.numbers = numbers
             self.gizmos.clear()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is known of the markers of meshes, until these are edited, for whatever draws them many times a second: the
-vertices, which are in doubt, and what hides them."""
+"""Caches of what is needed of markers at every redraw, until their meshes are edited: their vertices, those in doubt,
+and trees of the faces that may occlude them."""
 
 import time
 
@@ -13,20 +13,20 @@ from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
 from ..setup import marker_check, markers
 
-_SLICE_SECONDS = 0.02  # of a search, before the window goes on
-_found = {}  # by object: what they were found in, and the vertex of each number
-_trees = {}  # by object: its faces as they are seen
-_doubts = {}  # by the names of source and target: what they were searched in, and the numbers
-_searches = {}  # the same: what is searched in, and the generator
+_SLICE_SECONDS = 0.02  # of a search in each call of the timer, so that the window responds
+_found = {}  # {object's name: (key of the content, {number: vertex})}
+_trees = {}  # {object's name: BVHTree of its evaluated faces}
+_doubts = {}  # {(source's name, target's name): (common markers, numbers in doubt)}
+_searches = {}  # {the same: (common markers, generator)}
 
 
 def is_in_use():
-    """Whether anything is kept that forget() could forget."""
+    """Whether anything is cached that forget() could drop."""
     return bool(_found or _trees)
 
 
 def forget(edited):
-    """It is looked for anew where these meshes, or what their modifiers make of them, were edited."""
+    """Drops what is cached of edited meshes, and the trees of edited objects, whose evaluated shape may differ now."""
     for name in [*_found, *_trees]:
         ob = bpy.data.objects.get(name)
         if ob is None or ob in edited or ob.data in edited:
@@ -39,7 +39,7 @@ def forget(edited):
 
 
 def forget_shapes():
-    """Another frame may show others."""
+    """Drops the trees, as another frame may show other shapes."""
     _trees.clear()
 
 
@@ -51,9 +51,9 @@ def clear():
 
 
 def of(ob):
-    """As markers.of(), looked for only when groups or empties are others; none while something is wrong with them,
-    which the search says."""
-    if ob.type != 'MESH':  # it has been converted
+    """As markers.of(), memoized until groups or empties change; {} while the markers are invalid, which the search
+    reports."""
+    if ob.type != 'MESH':  # it was converted to another type
         return {}
     made_of = (*ob.vertex_groups.keys(), len(ob.data.vertices), ob.mode,
                *((child.name, *child.matrix_local.translation) for child in ob.children if child.type == 'EMPTY'))
@@ -68,16 +68,16 @@ def of(ob):
 
 
 def followers(ob):
-    """The meshes that have this one for their source."""
-    # All objects are gone through only for one that more refers to than a collection.
+    """The mesh objects whose source this object is."""
+    # With one user, its collection, it is nobody's source, and the search through all objects is spared.
     return [other for other in bpy.data.objects if other.type == 'MESH' and
             other.detail_deform.transfer.source == ob] if ob.users > 1 else []
 
 
-# In doubt
+# Markers in doubt
 
 def doubts(source, target):
-    """Numbers of the markers in doubt; none while that is searched."""
+    """Numbers of the markers in doubt. Starts a search in the background if need be; () until it has ended."""
     of_source, of_target = of(source), of(target)
     made_of = tuple((number, of_source[number], of_target[number]) for number in of_source if number in of_target)
     pair = (source.name, target.name)
@@ -92,7 +92,7 @@ def doubts(source, target):
 
 
 def _search_on():
-    """Timer: goes on with what was asked for. Returns the seconds to the next call, None to end."""
+    """Timer: continues the searches. Returns the seconds to the next call, None to end."""
     for pair, (made_of, search) in list(_searches.items()):
         numbers = ()
         try:
@@ -102,7 +102,7 @@ def _search_on():
             return 0.0
         except StopIteration as end:
             numbers = end.value
-        except (MeshProblem, native.NativeError, ReferenceError):  # the transfer says it; it was deleted
+        except (MeshProblem, native.NativeError, ReferenceError):  # the transfer reports it; an object was deleted
             pass
         del _searches[pair]
         _doubts[pair] = (made_of, numbers)
@@ -110,22 +110,22 @@ def _search_on():
     return None
 
 
-# Hidden
+# Occlusion
 
 def _tree(ob, depsgraph):
-    if ob.name not in _trees:  # entering and leaving Edit Mode is an edit, too
+    if ob.name not in _trees:  # entering or leaving Edit Mode counts as an edit, which drops it
         _trees[ob.name] = (BVHTree.FromBMesh(bmesh.from_edit_mesh(ob.data)) if ob.mode == 'EDIT' else
                            BVHTree.FromObject(ob, depsgraph))
     return _trees[ob.name]
 
 
 def is_hidden(place, eye, obs, depsgraph):
-    """Whether the surface of one of these objects lies between the eye and a place on one, both in the world."""
+    """Whether the surface of one of these objects occludes a place on one of them from the eye; both in world space."""
     for ob in obs:
         to_local = ob.matrix_world.inverted_safe()
         start = to_local @ eye
         way = to_local @ place - start
-        # The place's own faces don't hide it.
+        # The ray ends 0.5% of the object's largest dimension before the place, whose own faces don't occlude it.
         reach = way.length - 0.005 * max(ob.dimensions) / max(max(ob.matrix_world.to_scale()), 1e-9)
         if reach > 0 and _tree(ob, depsgraph).ray_cast(start, way, reach)[0] is not None:
             return True

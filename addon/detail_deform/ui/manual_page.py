@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The manual, which lies beside the add-on as Markdown, as a page for a web browser. As much of Markdown as it uses."""
+"""Converts the manual from Markdown to HTML. Supports as much of Markdown as the manual uses."""
 
 import html
 import re
@@ -18,7 +18,7 @@ _BULLET = re.compile(r'(-|\d+\.) +')
 
 
 def page(markdown, folder):
-    """HTML. folder: a Path, that of the manual, from which its pictures are."""
+    """The HTML page. folder: Path of the manual's folder, to which the links to pictures are relative."""
     blocks = _blocks(markdown.splitlines())
     body = '\n'.join(_block(block, folder) for block in blocks)
     return (f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Detail Deform</title>'
@@ -26,7 +26,7 @@ def page(markdown, folder):
 
 
 def _blocks(lines):
-    """Lists of lines that belong together: at blank lines, headings, and the ends of code."""
+    """Yields blocks, lists of lines: separated by blank lines, headings, and the ends of code."""
     block, in_code = [], False
     for line in [*lines, ""]:
         if line.startswith('```'):
@@ -83,14 +83,14 @@ def _list(lines, folder):
 
 
 def _anchor(title):
-    """As forges make it of a heading."""
+    """The anchor of a heading, as code hosting sites make it."""
     return re.sub(r'[^\w -]', '', title.lower()).replace(' ', '-')
 
 
 def _inline(text, folder):
     codes = []
 
-    def put_aside(found):  # nothing in it is marked up
+    def put_aside(found):  # code has no inline markup
         codes.append(f'<code>{html.escape(found[1])}</code>')
         return f'\0{len(codes) - 1}\0'
 
@@ -104,6 +104,6 @@ def _inline(text, folder):
 
 
 def _link(found):
-    """What isn't on the page itself, or in the web, has not come with the add-on."""
+    """A link within the page or to the web; else the text alone, as other files don't come with the add-on."""
     text, target = found[1], found[2]
     return f'<a href="{target}">{text}</a>' if target.startswith(('#', 'http')) else text

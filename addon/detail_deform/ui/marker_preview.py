@@ -8,11 +8,11 @@ from .preview import Drawing
 
 _BOTH_COLOUR, _ONE_COLOUR = (1.0, 0.85, 0.1, 1.0), (1.0, 0.25, 0.2, 1.0)
 _DOUBT_COLOUR = (1.0, 0.35, 0.9, 1.0)
-_TEXT_SIZE = 14
+_TEXT_SIZE = 14  # pixels, at an interface scale of 1
 
 
 def pairs(ob):
-    """[(source, target)]: the transfers whose markers are shown while this mesh is active, as either of the two."""
+    """[(source, target)]: the transfers whose markers are shown while this mesh, as source or target, is active."""
     targets = known_markers.followers(ob)
     if ob.detail_deform.transfer.source or not targets:
         targets.insert(0, ob)
@@ -22,7 +22,7 @@ def pairs(ob):
 
 
 def labels(ob, depsgraph):
-    """[(number, world place, colour)] of the markers that this mesh and its source have, or its targets."""
+    """[(number, world place, colour)] of the markers of this mesh and of its source or targets."""
     shown = {}
     for source, target in pairs(ob):
         sides = [side for side in (target, source) if side is not None and side.type == 'MESH']
@@ -38,7 +38,7 @@ def labels(ob, depsgraph):
 
 
 def _seen_points(ob, depsgraph):
-    """The vertices as modifiers move them, or the mesh's own where they make others."""
+    """The evaluated vertices, or the mesh's own if modifiers change their number."""
     seen = ob.evaluated_get(depsgraph).data
     return seen.vertices if len(seen.vertices) == len(ob.data.vertices) else ob.data.vertices
 
@@ -48,7 +48,7 @@ def _draw():
     ob = context.active_object
     if ob is None or ob.type != 'MESH' or context.screen.is_animation_playing:
         return
-    depsgraph = context.view_layer.depsgraph  # as it is: to evaluate it here would wait for a render that waits for us
+    depsgraph = context.view_layer.depsgraph  # as it is: evaluating waits for a render that waits for us
     found = labels(ob, depsgraph)
     if not found:
         return
@@ -70,7 +70,7 @@ def _draw():
 
 
 def _solid(context, ob):
-    """The meshes with markers that nothing is seen through."""
+    """The meshes with markers that are drawn opaque and may occlude them."""
     shading = context.space_data.shading
     if shading.type == 'WIREFRAME' or shading.show_xray and shading.type == 'SOLID':
         return ()
@@ -78,7 +78,7 @@ def _solid(context, ob):
 
 
 def _eye(view, place):
-    """Where a RegionView3D looks at a place from."""
+    """The eye of a RegionView3D; in an orthographic view a point at twice the view distance from the place."""
     back = view.view_matrix.inverted()
     return back.translation if view.is_perspective else place + 2 * view.view_distance * back.col[2].xyz
 

@@ -12,7 +12,7 @@ from .parts import ModifierPanel, Switched, draw_options, draw_text
 from .registration import registration
 
 
-# Modes that change the mesh's own vertices, which are elsewhere than those that are seen.
+# Modes that edit the undeformed vertices, which are elsewhere than the displayed ones.
 _WORKS_AT_REST = {'EDIT': "You edit the mesh without its deformation.",
                   'SCULPT': "Brushes work on the mesh without its deformation."}
 
@@ -24,7 +24,7 @@ class OBJECT_UL_detail_deform_handles(Switched, bpy.types.UIList):
 
 
 def draw_state(layout, context, ob):
-    """How things stand, and the buttons that change it."""
+    """Draws the status, and the buttons for what can be done now."""
     settings = ob.detail_deform
     wrong = settings.stale or settings.problem
     under_way = bound.cache.under_way(settings.signature)
@@ -58,7 +58,7 @@ def draw_state(layout, context, ob):
     if ob.mode == 'EDIT':
         layout.operator('object.detail_deform_pull', text="Pull Selected", icon='EMPTY_AXIS')
     if settings.signature:
-        if settings.stale or (settings.problem and settings.base == 'OBJECT'):  # it may make other vertices now
+        if settings.stale or (settings.problem and settings.base == 'OBJECT'):  # the base may have other vertices now
             row.operator('object.detail_deform_bind', text="Re-bind", icon='FILE_REFRESH').keep_rest = True
         row.operator('object.detail_deform_unbind', icon='UNLINKED')
         if not settings.stale:
@@ -170,13 +170,13 @@ class OBJECT_PT_detail_deform_handles(ModifierPanel, bpy.types.Panel):
                 column.row().prop(handle, 'mirror_axis', expand=True)
             column.row().prop(handle, 'symmetric', expand=True)
             turns = column.row()
-            turns.active = not handle.mirrors  # it turns as the other one does
+            turns.active = not handle.mirrors  # it mirrors the rotation, too
             turns.prop(handle, 'turns', expand=True)
         layout.prop(settings, 'preview')
 
 
 def saved_keys(ob):
-    """The shape keys that were saved here and are still there."""
+    """The shape keys that Save as Shape Key made and that still exist."""
     keys = ob.data.shape_keys
     blocks = keys.key_blocks if keys else {}
     return [blocks[saved.name] for saved in ob.detail_deform.expressions if saved.name in blocks]
@@ -229,7 +229,8 @@ class OBJECT_PT_detail_deform_advanced(ModifierPanel, bpy.types.Panel):
 
 
 class OBJECT_PT_detail_deform_comparison(ModifierPanel, bpy.types.Panel):
-    """What the paper compares with, and nobody needs who only wants to deform: so does the heading in Method's menu."""
+    """Settings of the methods that the paper compares with, which deforming doesn't need. The heading in Method's menu
+    is the same."""
     bl_label = COMPARED
     bl_parent_id = 'OBJECT_PT_detail_deform'
     bl_options = {'DEFAULT_CLOSED'}
@@ -239,7 +240,7 @@ class OBJECT_PT_detail_deform_comparison(ModifierPanel, bpy.types.Panel):
 
 
 class HandlePanel:
-    """For a handle's empty, where the mesh's own panels don't show."""
+    """Base of the panels of a handle's empty, for which the mesh's panels don't show."""
     bl_label = "Detail Deform"
     bl_space_type = 'PROPERTIES'
     bl_region_type = 'WINDOW'
@@ -271,13 +272,13 @@ class OBJECT_PT_detail_deform_empty(HandlePanel, bpy.types.Panel):
 
 
 class OBJECT_PT_detail_deform_empty_modifiers(HandlePanel, bpy.types.Panel):
-    """Blender 5 has this tab for empties too, and stays in it when one becomes active after its mesh."""
+    """From Blender 5 on, empties have this tab too, and it stays open when an empty becomes active after its mesh."""
     bl_context = 'modifier'
 
 
 def _draw_pull_entry(self, context):
     self.layout.separator()
-    self.layout.operator_context = 'INVOKE_REGION_WIN'  # a right-click menu only executes
+    self.layout.operator_context = 'INVOKE_REGION_WIN'  # a context menu calls execute() alone
     self.layout.operator('object.detail_deform_pull', icon='MOD_MESHDEFORM')
 
 
@@ -294,5 +295,5 @@ CLASSES = (OBJECT_UL_detail_deform_handles, OBJECT_MT_detail_deform_mirror, OBJE
 register, unregister = registration(CLASSES, (
     ('VIEW3D_MT_edit_mesh_context_menu', _draw_pull_entry),
     ('VIEW3D_MT_edit_mesh_vertices', _draw_pull_entry),
-    # 4.2 on; before, the modifier menu can't be added to and the panel is the way in.
+    # From 4.2 on; before, the modifier menu can't be extended, and only the panel leads here.
     ('OBJECT_MT_modifier_add_deform', _draw_add_entry)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the panels are put together of."""
+"""Building blocks of the panels."""
 
 import textwrap
 
@@ -7,7 +7,7 @@ from ..library import options
 
 
 class Switched:
-    """A list whose items can be switched off."""
+    """Mixin of lists whose items have a check box for enabled."""
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_propname, index=0):
         row = layout.row()
@@ -20,9 +20,9 @@ class Switched:
 
 
 def draw_text(layout, context, text, icon):
-    """Wraps a sentence to the panel's width; labels don't."""
+    """Draws a text, wrapped to the panel's width, as labels don't wrap."""
     scale = context.preferences.system.ui_scale
-    beside = 30 if context.region.type == 'UI' else 0  # the tabs
+    beside = 30 if context.region.type == 'UI' else 0  # width of the tabs
     width = max(20, int((context.region.width / scale - beside) / 7) - 6)
     column = layout.column(align=True)
     column.scale_y = 0.8
@@ -46,7 +46,7 @@ class ModifierPanel:
 
 
 def draw_options(layout, context, settings, section, table=options.SETTINGS):
-    """A section's rows; where there is a reason why one has no effect now, greyed and followed by it."""
+    """Draws the rows of a section. A setting that has no effect now is greyed, and the reason stands below it."""
     for option in table:
         if option.section == section and options.is_shown(option, settings):
             _draw_option(layout, context, settings, option, options.why_not(option, settings))

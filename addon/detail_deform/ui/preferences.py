@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The add-on's entry in the Preferences: its manual, which comes with it, and what a report of a problem needs."""
+"""The add-on's preferences: the bundled manual, and the data for a report of a problem."""
 
 import platform
 import webbrowser
@@ -17,13 +17,13 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def manual():
-    """The file: in the add-on's folder, or beside it where it was not packed."""
+    """Path of the manual: in the add-on's folder, or beside that in the source tree; None if it is missing."""
     paths = (folder / "MANUAL.md" for folder in (_PACKAGE, _PACKAGE.parent))
     return next((path for path in paths if path.exists()), None)
 
 
 def report(ob):
-    """What whoever mends something wants to know."""
+    """Text for a report: versions, the system, and the state of the object if it is a mesh."""
     try:
         library = f"library {native.version()} ({native.instruction_set()})"
     except native.NativeError as error:

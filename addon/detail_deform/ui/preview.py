@@ -9,18 +9,18 @@ import numpy as np
 from ..results import missing_examples
 from ..scene import correspondence, handle_matrices, mesh_data, shaders
 
-_POINT_SIZE = 4.0
-_NEARER = 0.004  # of the way to the eye, so that the surface doesn't cover its own vertices
+_POINT_SIZE = 4.0  # pixels
+_NEARER = 0.004  # of the distance to the eye, by which points are offset so that the surface doesn't hide them
 _REGION_COLOUR = (0.3, 0.8, 0.75, 0.8)
 _OTHER_COLOUR = (0.5, 0.5, 0.5, 0.35)
 _BAD_COLOUR, _GOOD_COLOUR = (0.9, 0.1, 0.1, 0.9), (0.2, 0.8, 0.2, 0.9)
-_colours = {}  # by object: what they were made of, and the colour of each vertex
-_names = None  # of the objects with a preview; None: to be looked for, which takes a while in large scenes
-_object_count = 0  # when they were
+_colours = {}  # {object's name: (key of the content, (n, 4) colours or None)}
+_names = None  # of the objects with a preview; None: to be collected, which is slow in large scenes
+_object_count = 0  # when they were collected
 
 
 class Drawing:
-    """A function that draws into every 3D view, while it is registered."""
+    """A draw function for every 3D view; it is called between register() and unregister()."""
 
     def __init__(self, draw, kind):
         self._draw, self._kind, self._handle = draw, kind, None
@@ -36,13 +36,13 @@ class Drawing:
 
 
 def handle_colour(number):
-    """Hues as far from one another as they come."""
+    """RGBA. Hues step by the golden ratio, so that those of any number of handles are far apart."""
     return (*colorsys.hsv_to_rgb((0.08 + 0.618 * number) % 1.0, 0.9, 1.0), 1.0)
 
 
 def vertex_colours(ob):
-    """(n, 4) float32: how well vertices are matched with a source, how far examples leave them from a pose, or what
-    belongs to whom, by weights alone, so that it shows before a Bind too. None where nothing of these is known."""
+    """(n, 4) float32 RGBA by the confidence of the match with a source, by the errors of examples for a pose, or by
+    region and handle, from weights alone, so that they show before a Bind. None if only unknown errors are to show."""
     settings = ob.detail_deform
     match = correspondence.vertex_confidence(ob) if settings.transfer.show_match else None
     errors = missing_examples.errors_of(ob) if settings.show_error else None
@@ -52,7 +52,7 @@ def vertex_colours(ob):
         bad, good = np.float32([_BAD_COLOUR, _GOOD_COLOUR])
         return bad + match[:, None] * (good - bad)
     if not (settings.preview or settings.transfer.show_match):
-        return None  # the errors were asked for
+        return None  # only the errors are to show
     handles = [h for h in handle_matrices.enabled_handles(settings) if h.vertex_group in ob.vertex_groups]
     region = settings.region if settings.region in ob.vertex_groups else ""
     winner, inside, _ = mesh_data.handles_of_vertices(ob, region, [h.vertex_group for h in handles])
@@ -76,13 +76,13 @@ def _is_wanted(ob):
 
 
 def is_in_use():
-    """Whether anything is kept that forget() could forget."""
+    """Whether anything is cached."""
     return bool(_colours)
 
 
 def forget(edited=None):
-    """Colours are made anew where these meshes were edited; without any given, everywhere, and the objects
-    with a preview are looked for again."""
+    """Drops the cached colours of these edited meshes. Without an argument drops all, and the list of objects with a
+    preview."""
     global _names
     if edited is None:
         _names = None
@@ -93,8 +93,7 @@ def forget(edited=None):
 
 
 def _points(ob, depsgraph):
-    """World positions and colours, or None where there is nothing to show, or where the modifiers make other vertices
-    of the mesh."""
+    """(world positions, colours), or None if there is nothing to show or if modifiers change the number of vertices."""
     mesh = ob.evaluated_get(depsgraph).data
     if len(mesh.vertices) != len(ob.data.vertices):
         return None
@@ -113,7 +112,7 @@ def _points(ob, depsgraph):
 
 
 def _nearer(points, view):
-    """A little towards the eye of a RegionView3D."""
+    """The points, offset towards the eye of a RegionView3D."""
     back = np.array(view.view_matrix.inverted(), np.float32)
     if view.is_perspective:
         return points + _NEARER * (back[:3, 3] - points)
@@ -137,7 +136,7 @@ def _draw():
     gpu.state.depth_test_set('LESS_EQUAL')
     gpu.state.point_size_set(_POINT_SIZE)
     for ob in shown:
-        points = _points(ob, context.view_layer.depsgraph)  # as it is, as a render may be waiting for us
+        points = _points(ob, context.view_layer.depsgraph)  # as it is: evaluating waits for a render that waits for us
         if points is not None:
             places = {'pos': _nearer(points[0], context.region_data), 'color': points[1]}
             batch_for_shader(shader, 'POINTS', places).draw(shader)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Classes, and entries in Blender's own menus, that come and go together."""
+"""Registers classes together with entries in Blender's own menus."""
 
 import bpy
 
 
 def registration(classes, entries):
-    """(register, unregister). entries: (a menu's name, what draws the entry); menus that this Blender doesn't have are
-    left out."""
+    """Returns (register, unregister). entries: (name of a menu, draw function); menus that this version of Blender
+    lacks are skipped."""
     register_classes, unregister_classes = bpy.utils.register_classes_factory(classes)
 
     def present():

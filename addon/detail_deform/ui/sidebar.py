@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tab Deform in the viewport's sidebar (N), the same for a mesh and for the empties that pull it; and Tab, which
-goes from such an empty to its mesh's Edit Mode, as an empty has none."""
+"""The tab Deform in the viewport's sidebar (N), the same for a mesh and for the empties that pull it. The key Tab
+enters the mesh's Edit Mode while such an empty is active, as empties have none."""
 
 import bpy
 
@@ -52,13 +52,13 @@ def _mesh(context):
 
 
 _register_class, _unregister_class = bpy.utils.register_classes_factory([VIEW3D_PT_detail_deform])
-_keys = []  # (keymap, item) of ours
+_keys = []  # (keymap, item) that were added
 
 
 def register():
     _register_class()
     configuration = bpy.context.window_manager.keyconfigs.addon
-    if configuration:  # not without a window
+    if configuration:  # None without a window
         keymap = configuration.keymaps.new(name='Object Mode', space_type='EMPTY')
         item = keymap.keymap_items.new('object.detail_deform_mesh_activate', 'TAB', 'PRESS')
         item.properties.edit = True

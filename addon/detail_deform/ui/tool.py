@@ -15,7 +15,7 @@ class DetailDeformPull(bpy.types.WorkSpaceTool):
     bl_description = ("Drag a vertex, or those that are selected: they become a handle, and the surface around follows "
                       "with its details")
     bl_icon = 'ops.gpencil.edit_bend'
-    # As Blender's Tweak: what is dragged is what lies under the mouse, or all that is selected if that belongs to it.
+    # As Blender's Tweak: a drag moves the element under the mouse, or the whole selection if the element is selected.
     bl_keymap = (
         (_SELECT, {'type': 'LEFTMOUSE', 'value': 'PRESS'},
          {'properties': [('deselect_all', True), ('select_passthrough', True)]}),
@@ -31,7 +31,7 @@ class DetailDeformPull(bpy.types.WorkSpaceTool):
 
 
 def is_active(context):
-    """In Edit Mode."""
+    """Whether this is the active tool of Edit Mode."""
     active = context.workspace and context.workspace.tools.from_space_view3d_mode('EDIT_MESH', create=False)
     return active is not None and active.idname == DetailDeformPull.bl_idname
 

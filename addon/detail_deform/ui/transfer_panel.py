@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panel for deformations carried over from other meshes."""
+"""The panels of deformation transfer, for its target and its source."""
 
 import bpy
 
@@ -13,7 +13,7 @@ from . import known_markers
 from .parts import ModifierPanel, draw_options, draw_text
 from .registration import registration
 
-_FAILED_SHOWN = 8
+_FAILED_SHOWN = 8  # targets; all of them are in the text
 
 
 class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
@@ -27,7 +27,7 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
             draw_text(layout.box(), context, settings.state, 'ERROR' if settings.problem else 'LINKED')
         else:
             problem = mesh_data.why_not_editable(ob)
-            if problem:  # Blender greys all out
+            if problem:  # Blender greys the settings without a reason
                 draw_text(layout.box(), context, problem, 'LIBRARY_DATA_DIRECT')
         layout.prop(settings, 'source')
         column = layout.column()
@@ -49,7 +49,7 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
             row.enabled = not settings.live
             row.operator('object.detail_deform_transfer_save', text="", icon='EXPORT')
             row.operator('object.detail_deform_transfer_forget', text="", icon='TRASH')
-        if has_markers and not settings.live:  # below the buttons, which each new one would move away
+        if has_markers and not settings.live:  # below the buttons, which a new marker would move
             column = layout.column()
             _draw_markers(column, ob, _draw_doubts(column, context, source, ob) if source else ())
         draw_options(layout.column(), context, settings, 'TRANSFER', TRANSFER_SETTINGS)
@@ -64,7 +64,7 @@ class OBJECT_PT_detail_deform_transfer(ModifierPanel, bpy.types.Panel):
 
 
 def _others_selected(context):
-    """How many meshes beside the active one."""
+    """The number of selected meshes besides the active one."""
     return sum(ob.type == 'MESH' and ob != context.object for ob in context.selected_objects)
 
 
@@ -73,7 +73,7 @@ def _markers(count):
 
 
 def _draw_doubts(layout, context, source, target):
-    """Returns the numbers of the markers in doubt."""
+    """Draws the sentence about the markers in doubt, and returns their numbers."""
     doubts = known_markers.doubts(source, target)
     if doubts:
         draw_text(layout, context, marker_check.sentence(doubts, source, target), 'ERROR')
@@ -81,7 +81,7 @@ def _draw_doubts(layout, context, source, target):
 
 
 def _draw_markers(layout, ob, doubts):
-    """A button for each, red where it is in doubt."""
+    """Draws a button for each marker, red if it is in doubt."""
     flow = layout.grid_flow(row_major=True, columns=6, even_columns=True, align=True)
     for number in sorted(known_markers.of(ob)):
         button = flow.row(align=True)
@@ -90,14 +90,14 @@ def _draw_markers(layout, ob, doubts):
 
 
 def _draw_target_name(layout, target, icon):
-    """With a button that goes to it."""
+    """Draws the name with a button that selects the target."""
     row = layout.row()
     row.label(text=target.name, icon=icon)
     row.operator('object.detail_deform_target_activate', text="", icon='RESTRICT_SELECT_OFF').target = target.name
 
 
 class OBJECT_PT_detail_deform_source(ModifierPanel, bpy.types.Panel):
-    """On the mesh that others follow, or that is transferred to them."""
+    """The panel of a mesh that others follow, or that is transferred to others."""
     bl_label = "Detail Deform: Source"
 
     @classmethod
@@ -140,7 +140,7 @@ class OBJECT_PT_detail_deform_source(ModifierPanel, bpy.types.Panel):
 
     @staticmethod
     def _draw_target(context, layout, ob, target):
-        """Returns the numbers of the markers in doubt."""
+        """Draws a target's state, and returns the numbers of the markers in doubt."""
         settings = target.detail_deform.transfer
         _draw_target_name(layout, target,
                           'ERROR' if settings.problem else 'LINKED' if settings.live else 'MESH_DATA')

@@ -14,9 +14,12 @@ namespace dd {
 
 namespace {
 
-constexpr double kFarFromProxy = 0.1;  // of the proxy's box
-// Nearest points may lie apart by so many times an edge of S: they do over the outside of a bend
-// in a proxy, where they cover more of it.
+// Fraction of the proxy's box diagonal. A vertex farther from the proxy is reported: its binding is
+// a guess. Only the report depends on it.
+constexpr double kFarFromProxy = 0.1;
+// Multiple of an edge of S: if the closest points of its ends lie farther apart, they are reported
+// as on different parts of the proxy. Above 1, as closest points legitimately spread over the
+// outside of a bend of the proxy. Only the report depends on it.
 constexpr double kTorn = 6;
 
 }  // namespace
@@ -92,7 +95,7 @@ void BaseProxy::find_torn(const Mesh& surface) {
 }
 
 std::vector<Eigen::Matrix3d> BaseProxy::corner_gradients(const Positions& deformed) const {
-  // A triangle without area turns as the one that stands in.
+  // A triangle without area takes the gradient of its stand-in.
   std::vector<Eigen::Matrix3d> turns(size_t(rest_.vertex_count()), Eigen::Matrix3d::Zero());
   std::vector<double> weights(turns.size(), 0);
   for (Index j = 0; j < rest_.triangles.rows(); ++j) {
@@ -112,7 +115,8 @@ std::vector<Eigen::Matrix3d> BaseProxy::corner_gradients(const Positions& deform
     else
       turns[k].setIdentity();
   }
-  // The mean is that of the inside of the triangles, half-way to the neighbours.
+  // The mean over a one-sided one-ring is the gradient half-way to the inner neighbours, so it is
+  // extrapolated linearly to the border.
   for (const Border& border : borders_) {
     Eigen::Matrix3d inner = Eigen::Matrix3d::Zero();
     for (int k : border.inner) inner += turns[size_t(k)] / static_cast<double>(border.inner.size());

@@ -10,31 +10,33 @@
 
 namespace dd {
 
-/// A base of another topology: a cage, or a coarser or finer copy. A vertex x of S is bound to the
-/// nearest point y of it, with corners k and barycentric weights λ_k there, and goes to
+/// A base of another topology (proxy): a cage, or a coarser or finer copy. A vertex x of S is bound
+/// to its closest point y on the proxy, in a triangle with corners c_k and barycentric weights λ_k:
 ///
 ///   x' = y' + F(y) (x − y),   F(y) = Σ λ_k F_k,
 ///   y' = Σ λ_k (c'_k + ½ F_k (y − c_k)),
 ///
-/// F_k the mean of the deformation gradients (15) of the triangles around a corner c_k, at a border
-/// continued from its neighbours. F is continuous across its edges, and so is the slope of y' but
-/// for a part that falls with the square of their angles: the half makes y' turn at a corner as F
-/// does there (James 2020, Phong Deformation). So none of its faces shows. At rest x' is x, so that
-/// S is a base of its own, and what is carried is how it turns.
+/// F_k is the area-weighted mean of the deformation gradients (15) of the one-ring of c_k; at
+/// border vertices it is extrapolated from inner neighbours. F is continuous across the proxy's
+/// edges. The slope of y' jumps there only by the order of the squared dihedral angle, because the
+/// factor ½ makes y' turn at a corner as F_k does (James 2020, Phong Deformation). So the proxy's
+/// faces don't show. At rest x' = x: the base is S itself, and its gradients hold only the proxy's
+/// motion.
 class BaseProxy {
  public:
-  /// surface: S, n×3. proxy: at rest, validated. In a box of about unit size.
+  /// surface: S. proxy: at rest, validated. Both in the box of about unit size. Fills far and torn.
   BaseProxy(const Mesh& surface, Mesh proxy);
-  /// Of points, n×3, whose nearest ones are known.
+  /// For points, n×3, with known closest points on the proxy. far and torn stay empty.
   BaseProxy(const Positions& points, const std::vector<PointOnTriangle>& nearest, Mesh proxy);
 
   int vertex_count() const { return rest_.vertex_count(); }
-  /// deformed: as many vertices as the proxy's. Returns x', n×3.
+  /// deformed: the proxy's deformed vertices. Returns x', n×3.
   Positions carry(const Positions& deformed, ThreadPool& pool) const;
 
-  /// Vertices that are farther from the proxy than a tenth of its box.
+  /// Vertices of S farther from the proxy than a tenth of the proxy's box diagonal.
   std::vector<int> far;
-  /// Vertices between parts of it: their nearest point and a neighbour's lie far apart.
+  /// Vertices of S whose closest point and that of an edge neighbour lie far apart: they may be
+  /// bound to different parts of the proxy.
   std::vector<int> torn;
 
   double bytes() const;
@@ -49,10 +51,10 @@ class BaseProxy {
   Mesh rest_;
   Eigen::VectorXd areas_;
   StandIns stand_ins_;
-  std::vector<Eigen::Matrix3d> inverse_;  // of each triangle, (e_1, e_2, n)⁻¹
+  std::vector<Eigen::Matrix3d> inverse_;  // of each triangle at rest, (e_1, e_2, n)⁻¹
   struct Border {
     int vertex;
-    std::vector<int> inner;  // neighbours that are on no border
+    std::vector<int> inner;  // edge neighbours that are not on a border
   };
   std::vector<Border> borders_;
   struct Binding {

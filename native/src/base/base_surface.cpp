@@ -7,7 +7,7 @@ namespace dd {
 
 namespace {
 
-/// Positions, and nothing in the fourth.
+/// Positions padded to rows of four by a column of zeros.
 Rows four_columns(const Positions& positions) {
   Rows rows = Rows::Zero(positions.rows(), 4);
   rows.leftCols<3>() = positions;
@@ -32,7 +32,7 @@ Positions base_surface(const PolyharmonicSystem& bending, const Region& region,
 Positions faired_surface(const Mesh& mesh, const SurfaceOperators& operators, double edge_lengths) {
   const double step = edge_lengths * mean_edge_length(mesh.positions, mesh.triangles);
   SparseMatrix system = operators.laplacian * (step * step);
-  // Loose vertices have no entry in L: the mass alone keeps them where they are.
+  // The row of L of a vertex without triangles is zero: M alone makes the system regular there.
   system += SparseMatrix(operators.masses.asDiagonal());
   try {
     return SparseCholesky(system).solve(operators.masses.asDiagonal() * mesh.positions);
@@ -48,7 +48,7 @@ Positions smoothed_surface(const Positions& positions, const SurfaceOperators& o
   SparseMatrix system = weight * energy.sparse;
   for (int r = 0; r < region.free_count(); ++r)
     system.coeffRef(r, r) += operators.masses[region.free[r]];
-  // Solved for the displacement, in which constrained vertices have no part.
+  // The unknown is the displacement x − p, which is zero at constrained vertices.
   const Rows values = four_columns(positions);
   EnergyProduct::Space space;
   const EnergyProduct product(operators, Smoothness::thin_plate, values, space, nullptr);

@@ -7,43 +7,44 @@
 
 namespace dd {
 
-/// The geometry on which the energy that deforms the base is built.
+/// The geometry whose L and M make up K, the system that gives the displacement of the base.
 enum class BaseMetric { surface = 0, base = 1 };
 
 struct BindOptions {
   BaseMetric base_metric = BaseMetric::surface;
-  double metric_smoothing = 0;  ///< mean edge lengths; with BaseMetric::surface only
+  double metric_smoothing = 0;  ///< in mean edge lengths; only with BaseMetric::surface
   Smoothness smoothness = Smoothness::thin_plate;
   Triangulation triangulation = Triangulation::delaunay;
-  /// B at rest from outside, n×3 in the mesh's units; empty: computed, as the others say.
+  /// B at rest given by the caller, n×3 in the mesh's units; empty: B is computed with K.
   Positions base = {};
-  /// Where that base has a topology of its own, its triangles; else none. See BaseProxy.
+  /// The triangles of that base if its topology differs from the mesh's, else empty. See BaseProxy.
   Triangles base_triangles = {};
-  /// Of what a frame works with; see PoissonSystem. Full is for comparisons.
+  /// Of the factors and constants that frames read, see PoissonSystem. Full is for comparisons.
   Precision precision = Precision::full;
-  /// For the bind and every frame, the caller's among them; 0: what the machine has.
+  /// Threads of the bind and of every frame, the caller's included; 0: all of the machine.
   int threads = 0;
-  /// Poses of the same vertices, each n×3 in the mesh's units, for MethodKind::examples.
+  /// Poses of the mesh for MethodKind::examples, each n×3 in the mesh's units.
   std::vector<Positions> examples = {};
 };
 
-/// All that a bind makes once and the methods share.
+/// The operators, factors and base that a bind computes once for all methods.
 struct BoundSurface : FactoredSurface {
-  /// mesh: S, validated, in a box of about unit size, on which tolerances rely; so is a base given
-  /// in the options. Throws Error; progress from 0 to 1.
+  /// mesh: S, validated and scaled to a box of about unit size, which absolute tolerances rely on;
+  /// a base in the options is in the same coordinates. progress: from 0 to 1. Throws Error.
   BoundSurface(Mesh mesh, const Region& region, const BindOptions& options, ThreadPool& pool,
                const Progress& progress);
 
   Positions base;  ///< B at rest, n×3
   HandleCoordinates coordinates;
-  HandleExtension extension;  ///< of B
-  /// Of S itself where that differs from B's: with BaseMetric::base.
+  HandleExtension extension;  ///< displacement of B
+  /// The extension by K on S, for MethodKind::variational; empty unless BaseMetric::base makes
+  /// `extension` one by K on B.
   HandleExtension surface_extension;
 
   Rows rest_base;                   ///< B as rows in order()
-  std::vector<Positions> examples;  ///< where S is, n×3
+  std::vector<Positions> examples;  ///< in the coordinates of mesh, n×3 each
 
-  /// Whether B comes from outside: then its motion does too, and there are no weights.
+  /// Whether the caller gives B. Then the caller gives B' too, and there are no basis functions.
   bool outside_base() const { return extension.empty(); }
   double bytes() const;
 

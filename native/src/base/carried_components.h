@@ -8,28 +8,28 @@
 
 namespace dd {
 
-/// Components that nothing holds, carried by a base from outside: each keeps its mean place
-/// relative to its base,
+/// Places components without constrained vertices on a base from outside. (14) leaves their
+/// translation open; it is chosen so that each keeps its mean offset from its base,
 ///
 ///   Σ_j A_j c'_j = Σ_j A_j (b'_j + R_j (c_j − b_j))
 ///
-/// with c_j, b_j the centres of triangle j on S and on B, A_j its area on S, R_j its base's
-/// rotation.
+/// with c_j, b_j the centroids of triangle j on S and on B, A_j its area on S, R_j the rotation of
+/// its gradient from B to B'.
 class CarriedComponents {
  public:
   explicit CarriedComponents(const BoundSurface& bound);
 
-  /// base: B', all rows. offsets: the displacement of S, shifted as a whole in each such component.
+  /// base: B', all rows. offsets: the displacement of S; each such component is translated.
   void place(const Rows& base, Rows& offsets);
 
  private:
   struct Carried {
     std::vector<int> rows;
-    std::vector<int> triangles;  // indices into what follows
+    std::vector<int> triangles;  // indices into the arrays below
   };
   const BoundSurface& bound_;
   std::vector<Carried> components_;
-  Triangles triangles_;  // with rows for corners
+  Triangles triangles_;  // corners are rows in order()
   std::vector<double> areas_;
   Positions arms_;  // c_j − b_j
   std::vector<RotationBlock<double>> blocks_;

@@ -17,14 +17,21 @@ namespace dd {
 
 namespace {
 
+// Clusters of the free surface, each with one rotation R_k: more approximate the full energy
+// better, and make each step longer.
 constexpr int kClusters = 64;
-constexpr int kMostSteps = 60;
+constexpr int kMostSteps = 60;  // limit on local-global steps
+// kBeyond: over-relaxation factor of a global step. kSettled: convergence tolerance, the largest
+// change of an entry of a linear part, which has no unit.
 constexpr double kBeyond = 1.5, kSettled = 1e-5;
-// Of the largest entry: a handle of one vertex has no linear part that anything asks for.
+// Regularization, as a fraction of the stiffness matrix' largest diagonal entry: without it the
+// matrix may be singular for a handle whose vertices lie in a plane, on a line or in one point.
 constexpr double kStiffness = 1e-9;
-constexpr double kFoundUntil = 0.75 * kPi;  // from there to half a turn the spread takes over
+// 135° between other handles, as for the linear base of MotionBlend: up to there the rotation found
+// is taken, from 180° on the harmonically interpolated one, in between a mean.
+constexpr double kFoundUntil = 0.75 * kPi;
 
-/// The one that is nearest to the middle of all; -1 of none.
+/// The taken vertex closest to the mean of all taken ones, or -1 if none is taken.
 int most_central(const Positions& positions, const std::vector<char>& taken) {
   Eigen::RowVector3d middle = Eigen::RowVector3d::Zero();
   for (size_t v = 0; v < taken.size(); ++v)
@@ -41,9 +48,9 @@ int most_central(const Positions& positions, const std::vector<char>& taken) {
   return found;
 }
 
-/// Parts of the surface around centres as far from each other as they can be, by lengths along
-/// edges, the first amid all, so that numbering has no say: the number of its part for each vertex,
-/// -1 where no edge leads.
+/// Farthest-point clustering of the taken vertices by shortest paths along edges (Dijkstra). The
+/// first centre is the most central vertex, so that the result doesn't depend on the vertex order.
+/// Returns each vertex' cluster, -1 for vertices that aren't taken or that no centre reaches.
 std::vector<int> parts_of(const SparseMatrix& laplacian, const Positions& positions,
                           const std::vector<char>& taken, int wanted) {
   const size_t n = taken.size();
@@ -76,8 +83,8 @@ std::vector<int> parts_of(const SparseMatrix& laplacian, const Positions& positi
   return part;
 }
 
-/// The rotation that takes one set of points nearest to the other, both about their means; of those
-/// that points in a line leave open, the least.
+/// The rotation that best aligns two point sets about their means (least squares). The identity
+/// added with a weight of 1e-6 selects the smallest rotation where collinear points leave one open.
 Eigen::Matrix3d rotation_between(const Positions& from, const Positions& to) {
   const Positions a = from.rowwise() - from.colwise().mean();
   const Positions b = to.rowwise() - to.colwise().mean();
@@ -88,8 +95,8 @@ Eigen::Matrix3d rotation_between(const Positions& from, const Positions& to) {
 
 }  // namespace
 
-/// Of each free handle its rotation, how far it has turned, and how much of that is to be taken, 0
-/// to 1.
+/// For each free handle, interpolated from the other handles: its rotation, the same as a rotation
+/// vector with whole turns, and its share in the result, in [0, 1].
 struct FreeTurns::Spread {
   std::vector<Eigen::Matrix3d> rotations;
   std::vector<Eigen::Vector3d> turns;
@@ -106,8 +113,9 @@ FreeTurns::FreeTurns(const BoundSurface& bound, std::vector<char> free)
   gather(cluster, count);
   if (bound.outside_base()) return;
 
-  // With all handles held, D = the energy of the harmonic weights; a free one let go takes what
-  // leaves its row without force.
+  // forces = D, the Dirichlet energy of the harmonic weights, h×h (the Schur complement of L). The
+  // values of free handles with the least energy, given those of the others, have zero force: D_ff
+  // x_f = −D_fo x_o.
   const RowOrder& order = bound.order();
   const int all = bound.region.handle_count, own = static_cast<int>(handles_.size());
   RowMatrix forces = RowMatrix::Zero(all, all);
@@ -135,7 +143,7 @@ FreeTurns::FreeTurns(const BoundSurface& bound, std::vector<char> free)
       others(i, handles_[k]) = 0;
     }
   }
-  // A handle that nothing reaches has a row of zeros, and keeps its turn.
+  // A handle that nothing connects to others has a zero row; the shift makes its weights zero.
   among.diagonal().array() += 1e-12 * (1e-12 + among.diagonal().cwiseAbs().maxCoeff());
   weights_ = -Eigen::LDLT<Eigen::MatrixXd>(among).solve(others);
 }
@@ -143,7 +151,7 @@ FreeTurns::FreeTurns(const BoundSurface& bound, std::vector<char> free)
 void FreeTurns::find_parts() {
   const Region& region = bound_.region;
   const Components components(bound_.mesh.triangles, bound_.mesh.vertex_count());
-  // A handle joins the components that it has vertices of.
+  // A handle merges all components that contain vertices of it (union-find).
   std::vector<int> first(free_.size(), -1), joined(size_t(components.count));
   std::iota(joined.begin(), joined.end(), 0);
   const auto root = [&](int component) {
@@ -248,7 +256,8 @@ void FreeTurns::gather(const std::vector<int>& cluster, int count) {
   }
   if (bound_.outside_base()) return;
 
-  // Wᵀ L W, its rows of free handles, a block of vertices at a time.
+  // The rows of Wᵀ L W for free handles, accumulated over blocks of kBlock vertices: a dense
+  // product a block, with little memory.
   constexpr int kBlock = 64;
   std::vector<Index> own, own_begin(free_.size(), -1);
   for (int h : handles_) {
@@ -321,7 +330,8 @@ void FreeTurns::spread(const Part& part, const std::vector<Affine>& motions,
     if (turns.empty()) return Eigen::Vector3d::Zero();
     return Eigen::Map<const Eigen::Vector3d>(turns.data() + 3 * size_t(h));
   };
-  // All is relative to what is fixed, or to the first that turns by itself.
+  // Rotations are relative to the fixed vertices, or without these to the first handle that isn't
+  // free.
   const int reference = part.turning[0];
   const Eigen::Vector3d first_turn = part.fixed ? Eigen::Vector3d::Zero() : said(reference);
   const Eigen::Matrix3d first =
@@ -354,12 +364,12 @@ void FreeTurns::find(std::vector<Affine>& motions, const Positions& pivots,
   const HandleCoordinates& coordinates = bound_.coordinates;
   const Spread start = spread(motions, pivots, turns);
 
-  // C = [(A − I)ᵀ; A o − o]: of a free handle Tᵀ X and where its pivot goes, X = (A − I)ᵀ and
-  // T = [I, o − pivot]. A handle of one point that is its pivot has no X that moves anything.
+  // C = [(A − I)ᵀ; A o − o]. For a free handle C = Tᵀ X + [0; pivot' − pivot], with the unknown X =
+  // (A − I)ᵀ and T = [I, o − pivot]. T is zero for a handle of one point that is its pivot.
   struct Unknown {
-    size_t place;                                                       // in handles_
-    Index begin;                                                        // of its rows in energy_
-    Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, 4> T;  // reduced
+    size_t place;                                                       // index into handles_
+    Index begin;                                                        // first row in energy_
+    Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::ColMajor, 3, 4> T;  // in reduced coordinates
   };
   std::vector<Unknown> unknowns;
   RowMatrix given = RowMatrix::Zero(4 * all, 3);

@@ -8,35 +8,37 @@
 
 namespace dd {
 
-/// The rotations of handles that only place: each takes a point of its own, the pivot, where it is
-/// told, keeps its shape, and turns about it as the surface around it asks.
+/// The rotations of free handles: their matrices prescribe only where a point, the pivot, goes. The
+/// handle stays rigid and turns about its pivot so that the surface deforms least.
 ///
-/// What asks is the energy that the rotations of a detail-preserving surface leave,
+/// The rotations minimize the as-rigid-as-possible energy of the base,
 ///
 ///   E(A, R) = Σ_k Σ_{j∈k} A_j ‖G_j(q + W C) − G_j(q) R_kᵀ‖²
 ///
-/// over the linear parts A of these handles, all other numbers of C given, and a rotation R_k for
-/// each of some 70 clusters of triangles: the reduced energy of Jacobson and others 2012 (Fast
-/// automatic skinning transformations), on the functions W that move the base anyway. A step takes
-/// no more than those rotations and a product with small matrices, whatever the mesh's
-/// size. The steps begin at what the other handles' rotations, spread harmonically, give a handle;
-/// where those turn too far for functions that blend displacements, that is the result.
+/// over the linear parts A of the free handles, with all other entries of C given, and one rotation
+/// R_k for each cluster k of triangles: up to 64 clusters of the surface and one around each free
+/// handle. This is the reduced energy of Jacobson and others 2012 (Fast automatic skinning
+/// transformations) in the subspace of the basis functions W, minimized by local and global steps.
+/// A step costs the clusters' rotations and products with small matrices, independent of the mesh's
+/// size. The initial rotations interpolate those of the other handles harmonically. Where other
+/// handles turn by 180° or more, beyond what blended displacements can follow, these are also the
+/// result; from 135° on the two are mixed.
 class FreeTurns {
  public:
   using Affine = MotionBlend::Affine;
 
-  /// free: by handle, whether it only places.
+  /// free: for each handle, whether only its pivot is placed. bound must outlive this.
   FreeTurns(const BoundSurface& bound, std::vector<char> free);
   const std::vector<char>& free() const { return free_; }
 
-  /// motions: in the surface's own unit; of a free handle only where it takes its pivot matters,
-  /// and its rotation is put in. pivots: h×3, at rest. turns: as for MotionBlend::take(), or empty;
-  /// those of free handles are put in.
+  /// motions: in the coordinates of bound.mesh; that of a free handle is replaced by the rotation
+  /// found, with the pivot taken to the same place. pivots: h×3, at rest. turns: as for
+  /// MotionBlend::take(), or empty; the entries of free handles are replaced.
   void find(std::vector<Affine>& motions, const Positions& pivots,
             std::vector<double>& turns) const;
 
-  /// The same where a base from outside turns them: by the rotation nearest to what that does
-  /// around each. base: B', in order().
+  /// The same for a base from outside: each free handle takes the rotation that fits the base's
+  /// deformation around the handle best. base: B', in order().
   void follow(const Rows& base, std::vector<Affine>& motions, const Positions& pivots) const;
 
   double bytes() const;
@@ -54,22 +56,22 @@ class FreeTurns {
 
   const BoundSurface& bound_;
   std::vector<char> free_;
-  std::vector<int> handles_;  // the free ones
-  // Handles on the same loose part have to do with one another, those on others have not.
+  std::vector<int> handles_;  // the free handles
+  // The handles that share components of the mesh. Parts don't affect one another.
   struct Part {
-    std::vector<int> turning, free;  // handles; free: places in handles_
-    bool fixed = false;              // whether it has a fixed vertex
+    std::vector<int> turning, free;  // handles that aren't free; indices into handles_
+    bool fixed = false;              // whether the part has a fixed vertex
   };
   std::vector<Part> parts_;
-  RowMatrix weights_;  // f×h: harmonic, of the others at a free handle let go
-  RowMatrix energy_;   // Wᵀ L W, its rows of free handles
-  RowMatrix pull_;     // of each cluster Σ div(G_j) W, three rows
-  RowMatrix at_rest_;  // 3k×3, the same with q for W
+  RowMatrix weights_;  // f×h: harmonic weights of the other handles at each free handle
+  RowMatrix energy_;   // the rows of Wᵀ L W for coordinates of free handles
+  RowMatrix pull_;     // three rows for each cluster, Σ_j div(G_j) W: covariance per coordinate
+  RowMatrix at_rest_;  // three rows for each cluster, Σ_j div(G_j) q: covariance at rest
   struct Corner {
     int row;  // in order()
     Eigen::Vector3d flux;
   };
-  std::vector<std::vector<Corner>> around_;  // of each free handle's own cluster
+  std::vector<std::vector<Corner>> around_;  // vertices of the cluster around each free handle
 };
 
 }  // namespace dd

@@ -7,7 +7,9 @@ namespace dd {
 
 namespace {
 
-// In a box of about unit size: a thousand times the rounding of positions.
+// Absolute, in the unit box: a handle with a smaller extent along a principal axis counts as flat
+// there. Thousands of times the rounding of double-precision positions, so that no basis function
+// is made of rounding alone.
 constexpr double kFlat = 1e-12;
 
 }  // namespace
@@ -34,7 +36,8 @@ HandleCoordinates::HandleCoordinates(const Region& region, const Positions& posi
   principal.reserve(scatter.size());
   for (const Eigen::Matrix3d& of_one : scatter)
     principal.push_back(Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(of_one).eigenvectors());
-  // Eigenvalues have half the digits of what they are squares of.
+  // Extents are measured along the axes: the square roots of the scatter matrix' eigenvalues would
+  // have only half the digits.
   RowMatrix reach = RowMatrix::Zero(region.handle_count, 3);
   for (int v : region.handle_vertices) {
     const int h = region.role[v];

@@ -7,7 +7,7 @@ namespace dd {
 
 namespace {
 
-/// m×coordinates, rows as Region::handle_vertices.
+/// The coordinates of each of Region::handle_vertices, a row each; zero for those of other handles.
 SparseMatrix values_at_handles(const HandleCoordinates& coordinates, const Region& region,
                                const Positions& positions) {
   std::vector<Eigen::Triplet<double>> entries;
@@ -34,7 +34,8 @@ HandleExtension::HandleExtension(const PolyharmonicSystem& bending,
       pool_(&pool) {
   for (int v : region.free) row_of_free_.push_back(order.row_of_vertex[v]);
   const int64_t entries = int64_t{coordinates.count()} * region.free_count();
-  // A frame reads W once and the factor up to twice, but a bind solves for each column of W.
+  // Break-even at half the factor's entries: a frame reads W once and the factor up to twice, but
+  // the bind would have to solve for each column of W.
   const bool keep =
       kept == KeptOfEnergy::factor || (kept == KeptOfEnergy::cheaper && one_solve &&
                                        2 * entries > bending.factor()->factor().entries());

@@ -5,12 +5,12 @@
 
 namespace dd {
 
-/// Calls use(first, count, values) for a few handles after the other: the harmonic weights of
-/// handles first to first + count are the free rows of the first columns of values.
+/// Calls use(first, count, values) for successive groups of up to three handles: column k < count
+/// of values holds the harmonic weights of handle first + k, rows in BoundSurface::order().
 template <class Use>
 void each_harmonic_weights(const BoundSurface& bound, const Use& use) {
   const RowOrder& order = bound.order();
-  // Three handles a solve: a right-hand side of the Poisson system has three columns.
+  // A solve of the Poisson system has three columns, one for each handle of the group.
   for (int first = 0; first < bound.region.handle_count; first += 3) {
     Rows values = Rows::Zero(order.count(), 4);
     for (int r = order.free_count; r < order.fixed_begin; ++r) {
@@ -22,20 +22,20 @@ void each_harmonic_weights(const BoundSurface& bound, const Use& use) {
   }
 }
 
-/// Of each handle the harmonic function that is 1 at its vertices and 0 at all others that are
-/// held: free rows × handles.
+/// The harmonic weights of all handles, F×h: L w_h = 0 at free vertices, w_h = 1 at the vertices of
+/// handle h and 0 at all other constrained vertices.
 RowMatrix harmonic_weights(const BoundSurface& bound);
 
-/// Values of the handles, spread harmonically over the surface: Σ_h a_h x_h with the harmonic
-/// weights a_h. With few handles the weights are made once and kept; with more of them than the
-/// Poisson factor has entries a row, the values themselves are solved for, three columns at a time.
+/// Interpolates values x_h of the handles over the surface by harmonic weights, Σ_h a_h x_h. If the
+/// weights have no more entries than the Poisson factor, they are computed once and kept; else each
+/// take() solves for the interpolated values, three columns at a time.
 class HarmonicBlend {
  public:
   explicit HarmonicBlend(const BoundSurface& bound);
 
-  /// values: h×k, a row for each handle.
+  /// Sets the values, h×k, a row for each handle.
   void take(RowMatrix values);
-  /// What they come to in the free rows begin to end, (end − begin)×k. From any thread.
+  /// The interpolated values of the free rows begin to end, (end − begin)×k. Thread-safe.
   RowMatrix rows(Index begin, Index end) const;
 
   double bytes() const;
@@ -43,8 +43,8 @@ class HarmonicBlend {
  private:
   const BoundSurface& bound_;
   bool weighted_;
-  RowMatrix weights_;  // F×h, or none
-  RowMatrix values_;   // h×k, or F×k
+  RowMatrix weights_;  // F×h if weighted_, else empty
+  RowMatrix values_;   // h×k if weighted_, else F×k
 };
 
 }  // namespace dd

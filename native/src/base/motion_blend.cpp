@@ -13,18 +13,26 @@ namespace dd {
 
 namespace {
 
-constexpr int kTerms = 3 + 3 + 12 + 12 + 3 + 1;
-// Of the root of the area, which is the same however the mesh is turned; a box's diagonal isn't.
+constexpr int kTerms = 3 + 3 + 12 + 12 + 3 + 1;  // columns of terms_, in their order
+// Lower bound of a handle's radius, so that one of a single vertex has one: a fraction of √(area of
+// S), which unlike the diagonal of the bounding box is invariant under rotation.
 constexpr double kLeastRadius = 0.015;
+// kQuarterTurn: from here on R is the gauge, well below 180°, where the sign of a quaternion
+// becomes ambiguous. kLinearUntil: 135°, to which the linear base, refined, stretches the survey's
+// bar and cylinder less than the blend; from there to 180° the two are mixed.
 constexpr double kQuarterTurn = kPi / 2, kLinearUntil = 0.75 * kPi;
-constexpr double kUnrefined = 3.5 * kPi;  // from this turn on
+// Fraction of the refinement that is applied: 1 to kLinearUntil, kRefinedAtHalfTurn at 180°, 0 from
+// kUnrefined (630°) on, linear in between. More would pinch the inside of a bend and make a twist
+// thin.
+constexpr double kUnrefined = 3.5 * kPi;
 constexpr double kRefinedAtHalfTurn = 0.7;
 
-/// The largest distance between any two.
+/// The largest distance between any two points.
 double diameter(const std::vector<Eigen::Vector3d>& points) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& point : points) mean += point / static_cast<double>(points.size());
-  // By how far they are from the mean: no two are farther apart than both from there.
+  // Pairs in descending distance from the mean m: |a − b| ≤ |a − m| + |b − m| ends the search
+  // early.
   std::vector<std::pair<double, size_t>> from_mean;
   from_mean.reserve(points.size());
   for (size_t i = 0; i < points.size(); ++i) from_mean.emplace_back((points[i] - mean).norm(), i);
@@ -37,22 +45,23 @@ double diameter(const std::vector<Eigen::Vector3d>& points) {
   return largest;
 }
 
-/// Share of the linear base in what a handle does.
+/// s_h = cos²(angle/2): the fraction of a handle's linear displacement that is kept.
 double linear_share(double angle) { return angle < kPi ? 0.5 * (1 + std::cos(angle)) : 0; }
 
-/// How much of λ a handle of this radius leaves, its centre going so far. What turns little has no
-/// say: both ways agree there.
+/// A handle's factor of λ: 1 while its centre moves perpendicular to its axis by less than 2 radii,
+/// 0 from 4 radii on. turn: its rotation vector. shift: displacement of its centre. Below 45° the
+/// effect fades with the angle: for small rotations E and P agree.
 double share_about_centre(const Eigen::Vector3d& turn, const Eigen::Vector3d& shift,
                           double radius) {
   const double angle = turn.norm();
   if (angle == 0) return 1;
   const double sideways = (shift - turn * (turn.dot(shift) / (angle * angle))).norm();
-  // Beyond the largest number it is none.
+  // Written so that veto is 1 also if sideways overflows to infinity or NaN.
   const double veto = sideways < 4 * radius ? std::max(0.5 * sideways / radius - 1, 0.0) : 1;
   return 1 - veto * std::min(1.0, 4 * angle / kPi);
 }
 
-/// Without a sign change at any number of turns.
+/// exp of a rotation vector, continuous beyond 360°: the quaternion's sign is not normalized.
 Eigen::Quaterniond quaternion_by(const Eigen::Vector3d& turn) {
   const double half = 0.5 * turn.norm();
   Eigen::Quaterniond q;
@@ -195,12 +204,12 @@ void MotionBlend::move(const Rows& displacement, double share, Rows& base) {
         return change.leftCols<3>() * x + change.col(3);
       };
       const Eigen::Vector3d rest = bound_.rest_base.row(begin + i).head<3>();
-      // Less Σ s a (M q − q).
+      // Σ s W C − Σ s a (M q − q).
       const Eigen::Vector3d left =
           Eigen::Vector3d(kept_.row(begin + i).head<3>()) - changed(0, rest);
       Eigen::Vector3d turned = rest + Eigen::Vector3d(solved_.row(begin + i).head<3>());
       if (about_centres_ > 0) {
-        Eigen::Vector3d about = rest;  // far from all handles
+        Eigen::Vector3d about = rest;  // if the harmonic weights vanish
         if (term[27] > 1e-12) {
           const Eigen::Vector3d centre = Eigen::Map<const Eigen::Vector3d>(term + 24) / term[27];
           about = centre + changed(12, centre) +

@@ -14,73 +14,77 @@ namespace dd {
 /// header.
 enum class BaseDeformer {
   automatic = 0,  ///< linear up to 135°, motions from 180° on, a mean of both in between
-  linear = 1,     ///< the paper's: the smoothest displacement
+  linear = 1,     ///< the paper's: δq with K δq = 0
   motions = 2     ///< see MotionBlend
 };
 
-/// Beyond the paper: a linear base blends displacements, collapses where handles turn by half a
-/// turn and can't go beyond. Here their rotations are blended, R = R_0 exp(Σ a_h t_h) exp(Σ a_h
-/// r_h), and the base is one that turns so:
+/// A base for large rotations, beyond the paper. The linear base blends displacements: it collapses
+/// when handles turn by 180° and can't go beyond. This one blends the handles' rotations
+/// harmonically, R = R_0 exp(Σ a_h t_h) exp(Σ a_h r_h), and makes the base of them:
 ///
 ///   B' = λ E + (1 − λ) P + R_0 Σ s_h (W_h C_h − a_h (M_h q − q))
-///   P: L P = div(R ∇q), P as the handles have it
+///   P: L P = div(R ∇q), with the handles' vertices at their deformed positions
 ///   E = c + R (q − c) + Σ a_h (M_h c − c)
 ///
-/// a_h: harmonic weights. t_h: how far the handle is said to have turned, whole turns among it;
-/// r_h: the rotation that is missing to its own, the shortest. c: the mean of the handles' centres
-/// by these weights. W_h C_h: what the linear base makes of the handle's motion M_h; s_h = cos²
-/// θ_h/2, θ_h its angle, and none beyond half a turn. So a handle that doesn't turn moves the base
-/// as the linear one does.
+/// a_h: harmonic weight. t_h: rotation vector that the caller gives for the handle, including whole
+/// turns; r_h: the shortest rotation vector from there to the handle's actual rotation. c: the
+/// weighted mean of the handles' centres. M_h: the handle's motion; W_h C_h: its displacement by
+/// the linear base, of which the fraction s_h = cos²(θ_h/2) is kept, θ_h the handle's angle, 0 from
+/// 180° on. So a handle that doesn't turn moves the base as the linear one does.
 ///
-/// P is the arc of a bend; but a twist, whose shear it doesn't know, makes it thin. E is right for
-/// a twist, and no arc. λ falls from 1 to 0 as the centre of a handle that turns goes sideways by 2
-/// to 4 of the handle's own radii.
+/// P bends a limb along an arc, but a twist thins it, because R lacks the shear of a twist. E keeps
+/// a twisted limb's cross-sections, but doesn't bend along an arc. λ falls from 1 to 0 as the
+/// centre of a turning handle moves perpendicular to its axis by 2 to 4 times the handle's RMS
+/// radius.
 ///
-/// Where nothing is fixed all of it is relative to the first handle, R_0 its rotation: what turns
-/// all handles turns the result. Exact where all vertices have one rigid motion.
+/// If no vertex is fixed, all motions are relative to that of the first handle, R_0 its rotation,
+/// so a rigid motion of all handles moves the result alike. A rigid motion of all constrained
+/// vertices is reproduced exactly.
 class MotionBlend {
  public:
   explicit MotionBlend(const BoundSurface& bound);
 
-  /// motions: a 3×4 matrix for each handle, in the surface's own unit. turns: 3 a handle, t_h; or
-  /// none: all zero. Throws Error(argument) where one is not finite.
+  /// Sets the pose. motions: the affine matrix of each handle, in the coordinates of bound.mesh.
+  /// turns: t_h, three numbers for each handle; empty: all zero. Throws Error(argument) if one is
+  /// not finite.
   using Affine = Eigen::Matrix<double, 3, 4>;
   void take(const std::vector<Affine>& motions, const std::vector<double>& turns);
 
-  /// How much of it goes into the base, 0 to 1.
+  /// The fraction of the blend in the base, in [0, 1]; the rest is the linear base.
   double share(BaseDeformer deformer) const;
 
-  /// Moves the free rows of B', there as the linear base has them, by share towards the blend.
-  /// displacement: of all rows, of which the handles' are read.
+  /// Moves the free rows of base from the linear base towards the blend by the fraction share.
+  /// displacement: all rows; only those of handles are read.
   void move(const Rows& displacement, double share, Rows& base);
 
-  /// R is its gauge where a handle turns by more than a quarter, and known where the base bends:
-  /// that has P's rotations without P.
+  /// How the surface is to use R: as gauge if a handle turns by more than 90°, and for λ < 1 as
+  /// known rotations in place of the gradients of B'. P of a long tube is too thin in the middle
+  /// for its gradients to show how it bends.
   Turning turning(BaseDeformer deformer);
 
   double bytes() const;
 
  private:
-  /// Made when it is first needed: most poses need none of it.
+  /// Computed on first use, as most poses don't need it.
   HarmonicBlend& harmonic();
   void find_rotations();
 
   const BoundSurface& bound_;
-  std::vector<double> radii_;  // of handles, about their centres
+  std::vector<double> radii_;  // of each handle: RMS distance of its vertices from its centre
   std::unique_ptr<HarmonicBlend> harmonic_;
   std::unique_ptr<TurnedFlux> of_base_, of_surface_;
   Rows solved_, kept_;
-  // Of the present pose.
-  Eigen::Matrix3d reference_ = Eigen::Matrix3d::Identity();  // R_0, and with it:
+  // The current pose.
+  Eigen::Matrix3d reference_ = Eigen::Matrix3d::Identity();  // R_0, and its translation:
   Eigen::Vector3d reference_shift_ = Eigen::Vector3d::Zero();
-  /// Of each handle what its weight blends: t, r, the 3×4 matrices s (M − 1)
-  /// and M − 1, its centre and 1.
+  /// A row for each handle, interpolated by the harmonic weights: t, r, s (M − 1), M − 1 (3×4
+  /// row-major each), centre, 1.
   RowMatrix terms_;
   double about_centres_ = 1;  // λ
-  RowMatrix coefficients_;    // s C, as for HandleExtension
-  double farthest_ = 0;       // the largest turn between handles, and fixed parts
-  double largest_ = 0;        // the largest turn
-  Rows rotations_;            // quaternions, in all rows
+  RowMatrix coefficients_;    // s C, for HandleExtension::displace()
+  double farthest_ = 0;       // largest angle between two handles, or a handle and fixed parts
+  double largest_ = 0;        // largest |t| + |r| of a handle, plus the reference's |t|
+  Rows rotations_;            // R as quaternions, all rows
   bool rotations_found_ = false;
 };
 

@@ -14,8 +14,8 @@ namespace dd {
 
 namespace {
 
-// Of the box: about a point beyond it the least turn that the surface asks for swings a handle
-// away.
+// Largest distance of a free handle's pivot from its centre, in diagonals of the box. Safety: about
+// a farther point the smallest rotation that the surface asks for swings the handle away.
 constexpr double kFarthestPivot = 1e4;
 
 void validate_example(const Positions& example, int number, const Mesh& mesh) {
@@ -65,7 +65,7 @@ Deformer::Deformer(Mesh mesh, const std::vector<int>& roles, int handle_count,
     proxy.positions = box_.into(proxy.positions);
     proxy_ = std::make_unique<BaseProxy>(Mesh{box_.into(mesh_.positions), mesh_.triangles},
                                          std::move(proxy));
-    in_unit.base = box_.into(mesh_.positions);  // as it carries S at rest
+    in_unit.base = box_.into(mesh_.positions);  // at rest BaseProxy carries S to itself
   } else {
     if (options.base.size() && options.base.rows() != mesh_.vertex_count())
       throw Error(Status::argument,
@@ -117,18 +117,20 @@ void Deformer::update_to(float* out, Index stride, bool positions, const double*
 }
 
 void Deformer::require_floats() {
-  // With a position added, which is at most kFarthest, it still is one.
+  // Half of the range, so that the sum with a position, which is at most kFarthest, stays within
+  // it.
   constexpr double kLargest = 0.5 * std::numeric_limits<float>::max();
   std::atomic<bool> fits{true};
   pool_.parallel_for(moved_.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     const auto rows = moved_.middleRows(begin, end - begin);
-    // A sum is quick and finds what is not a number; only where it is large each value has a say.
+    // The sum of absolute values bounds each of them and is NaN if one is. Only where it is too
+    // large each value is tested.
     if (box_.scale * rows.cwiseAbs().sum() < kLargest) return;
     if (!(box_.scale * rows.leftCols<3>().array().abs() < kLargest).all()) fits = false;
   });
   if (fits) return;
   if (outside_base() || region_.handle_count == 0) throw leaves_single_precision();
-  // The one that moves most is to blame.
+  // Names the handle with the largest motion.
   int farthest = 0;
   double most = -1;
   for (int h = 0; h < region_.handle_count; ++h) {
@@ -177,7 +179,7 @@ void Deformer::move(const double* matrices, const UpdateOptions& options,
 std::vector<MotionBlend::Affine> Deformer::motions() const {
   std::vector<MotionBlend::Affine> motions;
   for (int h = 0; h < region_.handle_count; ++h) {
-    // About the handle's centre in the unit box: x ↦ o + A (x − o) + what moves o.
+    // About the handle's centre o in the unit box: x ↦ o + A (x − o) + d, d the displacement of o.
     const Eigen::Vector3d own = bound_->coordinates.centres().row(h);
     MotionBlend::Affine motion;
     motion << linear_[h],
@@ -200,7 +202,7 @@ void Deformer::turn_free(const UpdateOptions& options, std::vector<double>& turn
                   Remedy::call);
   std::vector<MotionBlend::Affine> motions = this->motions();
   if (options.method == MethodKind::examples) {
-    // Which says itself how they turn.
+    // This method finds the rotations itself.
     for (int h = 0; h < region_.handle_count; ++h) {
       if (!free[h]) continue;
       const Eigen::Vector3d pivot = pivots.row(h);
@@ -249,7 +251,7 @@ std::vector<double> Deformer::turned(const double* matrices, const UpdateOptions
 
 MotionBlend& Deformer::blend(BaseDeformer deformer, const std::vector<double>& turns) {
   if (!motions_) motions_ = std::make_unique<MotionBlend>(*bound_);
-  // The linear base knows of no whole turns.
+  // The linear base ignores whole turns.
   motions_->take(motions(), deformer == BaseDeformer::linear ? std::vector<double>{} : turns);
   return *motions_;
 }

@@ -15,7 +15,7 @@ namespace dd {
 
 class CarriedComponents;
 
-/// What an update shows.
+/// Which surface an update returns.
 enum class Output {
   result = 0,
   base = 1  ///< B' in place of S'
@@ -24,19 +24,22 @@ enum class Output {
 struct UpdateOptions {
   MethodKind method = MethodKind::detail;
   BaseDeformer base_deformer = BaseDeformer::automatic;
-  /// For each handle a rotation vector, how far it is said to have turned, 3 numbers; or none: the
-  /// shortest way. See MotionBlend and ScrewMotion.
+  /// For each handle a rotation vector, 3 numbers, near which the logarithm of its rotation is
+  /// taken, so that it may be more than half a turn; empty: the shortest rotations. See MotionBlend
+  /// and ScrewMotion.
   std::vector<double> turns = {};
-  /// For each handle whether it only places (see FreeTurns), or none: all turn as their matrices.
+  /// For each handle whether it is free: its matrix places the pivot only, and its rotation is
+  /// computed (see FreeTurns). Empty: all turn by their matrices.
   std::vector<char> free = {};
-  /// For each handle the point at rest, in the mesh's units, that its matrix places where it is
-  /// free, n×3; or none: the handles' centres.
+  /// The pivot of each free handle: the point at rest that its matrix places, in the mesh's units,
+  /// a row for every handle. Empty: the handles' centres.
   Positions pivots = {};
   MethodOptions of_method;
   Output output = Output::result;
 };
 
-/// A surface with its region bound: all that is factored once, and the update that isn't.
+/// A surface bound to its handles: its systems are factored once, at construction, and updates use
+/// the factors.
 class Deformer {
  public:
   /// mesh and roles as for validate() and split_region(). Throws Error.
@@ -46,13 +49,12 @@ class Deformer {
   Deformer(const Deformer&) = delete;
   Deformer& operator=(const Deformer&) = delete;
 
-  /// deformed_base: B' in the mesh's units, for a base from outside, as many vertices as that has;
-  /// else null.
-  /// matrices: handle_count row-major 3×4 affine matrices, rest to present, in the mesh's units.
-  /// Returns the displacement of every vertex, n×3, in the mesh's units; valid until the next call.
-  /// The first update by a method prepares it, which may take longer.
-  /// Throws Error(argument) naming the handle when a matrix is not finite, Error(numeric) when the
-  /// result isn't.
+  /// deformed_base: B' in the mesh's units if the surface was bound to a base from outside, with
+  /// base_vertex_count() rows; else null. matrices: handle_count row-major 3×4 affine matrices from
+  /// rest to the current pose, in the mesh's units. Returns the displacement of every vertex, n×3,
+  /// in the mesh's units; valid until the next call. The first update by a method also prepares it,
+  /// which may take longer. Throws Error(argument) naming the handle when a matrix is not finite,
+  /// Error(numeric) when the result isn't.
   const Positions& update(const double* matrices, const UpdateOptions& options,
                           const Positions* deformed_base = nullptr);
 
@@ -62,25 +64,25 @@ class Deformer {
   void update_to(float* out, Index stride, bool positions, const double* matrices,
                  const UpdateOptions& options, const Positions* deformed_base = nullptr);
 
-  /// The matrices of an update, 12 numbers a handle, with the rotations of those that only place
-  /// put in; and the turns, where there are any.
+  /// The matrices of an update, 12 numbers a handle, with the rotations that are found for free
+  /// handles. turns: receives those of the options, likewise completed; empty if they are.
   std::vector<double> turned(const double* matrices, const UpdateOptions& options,
                              std::vector<double>& turns);
 
   const Mesh& mesh() const { return mesh_; }
-  /// As it was bound, but for base and examples, which only this surface fits.
+  /// The options of the bind, without base and examples, which fit this surface only.
   const BindOptions& bind_options() const { return bind_options_; }
   /// Whether updates need B'.
   bool outside_base() const { return bound_->outside_base(); }
-  /// Vertices of such a base.
+  /// Rows of that deformed base.
   int base_vertex_count() const { return proxy_ ? proxy_->vertex_count() : mesh_.vertex_count(); }
-  /// What binds S to a base of another topology; null where it is of its own.
+  /// The binding of S to a base of another topology; null without one.
   const BaseProxy* proxy() const { return proxy_.get(); }
   const Region& region() const { return region_; }
   const std::vector<int>& degenerate_triangles() const {
     return bound_->operators.metric.degenerate;
   }
-  /// What a method found; before its first update nothing, and example weights of zero.
+  /// The findings of a method; the defaults, and example weights of zero, before its first update.
   MethodFindings findings(MethodKind method) const;
   double bytes() const;
 
@@ -91,24 +93,25 @@ class Deformer {
  private:
   void move(const double* matrices, const UpdateOptions& options, const Positions* deformed_base);
   void take_matrices(const double* matrices);
-  /// Gives handles that only place their rotations; turns: with theirs put in.
+  /// Finds the rotations of free handles and sets their motions and turns.
   void turn_free(const UpdateOptions& options, std::vector<double>& turns);
-  /// The same of motions in the unit box.
+  /// The same for motions in the unit box.
   void find_turns(const std::vector<char>& free, const Positions& pivots,
                   std::vector<MotionBlend::Affine>& motions, std::vector<double>& turns);
-  /// Of the handles' matrices, in the unit box.
+  /// The motions of the handles' matrices, in the unit box.
   std::vector<MotionBlend::Affine> motions() const;
   void move_base(MotionBlend& motions, BaseDeformer deformer);
-  /// The one from outside.
+  /// Sets base_ from a base given from outside.
   void take_base(const Positions* deformed);
-  /// Of the handles' present matrices; for a frame it is taken once.
+  /// Hands the handles' current motions to the blend and returns it; once per frame.
   MotionBlend& blend(BaseDeformer deformer, const std::vector<double>& turns);
-  /// The method, prepared when it isn't yet.
+  /// The method, made on first use.
   Method& method(MethodKind kind, const Progress& progress);
-  /// Throws Error(numeric) where the displacement, or a position with it, leaves the range of
+  /// Throws Error(numeric) where a displacement, or the position with it, exceeds the range of
   /// floats.
   void require_floats();
-  /// Rows in the order of the Poisson system, in the unit box, as n×3 vectors or positions outside.
+  /// Converts rows in BoundSurface::order(), in the unit box, to n×3 vectors or positions in the
+  /// mesh's units.
   void scale_to_mesh(const Rows& rows, Positions& vectors) const;
   Positions place_in_mesh(const Rows& rows) const;
 
@@ -123,11 +126,11 @@ class Deformer {
 
   RowMatrix coefficients_;  // 4h×4, unit box
   std::vector<Eigen::Matrix3d> linear_;
-  // Made when they are first asked for.
+  // Made on first use:
   std::unique_ptr<MotionBlend> motions_;
   std::unique_ptr<FreeTurns> free_turns_;
   Rows base_, moved_;  // B' and the displacement, in BoundSurface::order(), unit box
-  std::unique_ptr<CarriedComponents> carried_;  // where there are any
+  std::unique_ptr<CarriedComponents> carried_;  // null: there are none
   Positions offsets_;
 };
 

@@ -14,10 +14,14 @@ namespace dd {
 
 namespace {
 
-constexpr double kSpacing = 0.01;   // of the root of the deforming area
-constexpr double kMostLeft = 0.25;  // of the free vertices
+// Spacing of the coarse mesh's vertices as a fraction of √(deforming area). Derived: leaves some
+// 1 / 0.01² = 10,000 vertices, however many the mesh has.
+constexpr double kSpacing = 0.01;
+// Largest fraction of the free vertices that may be left. Break-even: with more, the draft saves
+// too little.
+constexpr double kMostLeft = 0.25;
 
-/// The faces near free vertices, with so many rings of constrained ones.
+/// The faces within so many rings of the free vertices.
 std::vector<int> faces_around(const Mesh& mesh, const Region& region, int rings) {
   std::vector<char> near(region.role.size(), 0);
   for (int v : region.free) near[v] = 1;
@@ -30,7 +34,7 @@ std::vector<int> faces_around(const Mesh& mesh, const Region& region, int rings)
   return faces;
 }
 
-/// The vertices of a coarse surface: its mesh's, then one of each handle that has none there.
+/// The vertices of the coarse mesh, then one vertex of each handle that has none there.
 std::vector<int> with_all_handles(const CoarseMesh& coarse, const Region& region) {
   std::vector<int> vertices = coarse.vertices;
   std::vector<char> there(static_cast<size_t>(region.handle_count), 0);
@@ -58,7 +62,8 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   std::unique_ptr<Draft> draft(
       new Draft(mesh, split_region(mesh, roles, handle_count), options.threads));
   const Region& region = draft->region_;
-  // K reads as many as its order; refinement takes the handles' rotations from the second one.
+  // K couples free vertices with as many rings as its order; refinement takes the handles'
+  // rotations from the second one.
   const int rings = std::max(2, static_cast<int>(options.smoothness));
   const std::vector<int> faces = faces_around(mesh, region, rings);
   const Mesh part{draft->box_.into(mesh.positions), mesh.triangles(faces, kAllIndices)};
@@ -69,7 +74,7 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   const Fans fans(coarse.mesh.triangles, coarse.mesh.vertex_count());
   std::vector<PointOnTriangle> nearest;
   nearest.reserve(region.free.size());
-  const AabbTree tree(coarse.mesh);  // for those among triangles without area
+  const AabbTree tree(coarse.mesh);  // where all triangles nearby lack area
   for (int v : region.free) {
     const Eigen::Vector3d x = part.positions.row(v);
     nearest.push_back(point_near(coarse.mesh, fans, x.transpose(), coarse.of_vertex[v]));
@@ -90,7 +95,7 @@ std::unique_ptr<Draft> Draft::make(const Mesh& mesh, const std::vector<int>& rol
   how.smoothness = options.smoothness;
   how.triangulation = options.triangulation;
   how.precision = options.precision;
-  how.threads = 1;  // beside the bind, which has the others
+  how.threads = 1;  // the bind uses the other threads
   how.metric_smoothing =
       options.metric_smoothing * mean_edge_length(mesh.positions, mesh.triangles) /
       (draft->box_.scale * mean_edge_length(coarse.mesh.positions, coarse.mesh.triangles));
@@ -118,7 +123,7 @@ const Positions& Draft::update(const double* matrices, UpdateOptions options) {
       offsets_.row(v) = box_.scale * carried.row(r) + box_.centre - rest_.row(v);
     }
   });
-  // Handles that only place have turned with the coarse surface.
+  // Free handles have the rotations found on the coarse mesh.
   std::vector<double> turns;
   const std::vector<double> moved = coarse_->turned(matrices, options, turns);
   for (int v : region_.handle_vertices) {

@@ -8,15 +8,15 @@
 
 namespace dd {
 
-/// What a bind that takes long shows before it is done: some ten thousand of the surface's
-/// vertices, bound by themselves, carry the others as a base of another topology does (see
-/// BaseProxy). It is made in a fraction of the time, and takes the same poses by the same options.
-/// Handles are met exactly, rest is rest; between them it differs from the surface's own result by
-/// about what another density of its mesh would change.
+/// A preview during a bind that takes long: some ten thousand of the surface's vertices, bound as a
+/// mesh of their own, carry the others as a base of another topology does (see BaseProxy). It is
+/// made in a fraction of the time, and takes the same poses and options. Handles are met exactly,
+/// rest is reproduced; elsewhere it differs from the surface's own result by about as much as a
+/// mesh of another density does.
 class Draft {
  public:
-  /// mesh, roles and options: as the Deformer's. Null where there would be little less to do, and
-  /// with a base from outside. Throws Error.
+  /// mesh, roles and options: as the Deformer's. Null where the coarse mesh is not small enough to
+  /// save time, and with a base from outside. Throws Error.
   static std::unique_ptr<Draft> make(const Mesh& mesh, const std::vector<int>& roles,
                                      int handle_count, const BindOptions& options);
 
@@ -25,7 +25,7 @@ class Draft {
   const Positions& update(const double* matrices, UpdateOptions options);
 
   const Positions& rest() const { return rest_; }
-  /// What its options are read for.
+  /// The bound coarse mesh, by which update options are checked.
   const Deformer& coarse() const { return *coarse_; }
 
  private:
@@ -38,7 +38,7 @@ class Draft {
   Positions centres_;      // of the handles
   Positions coarse_rest_;  // in the box
   std::unique_ptr<Deformer> coarse_;
-  std::unique_ptr<BaseProxy> carrier_;  // of the free vertices
+  std::unique_ptr<BaseProxy> carrier_;  // of the free vertices: by the coarse mesh
   Positions offsets_;
 };
 

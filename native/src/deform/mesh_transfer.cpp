@@ -18,7 +18,9 @@ namespace dd {
 
 namespace {
 
-constexpr double kWeightsAddUp = 1e-3;  // to this
+// Largest deviation of the sum of barycentric weights from 1, and of a weight below 0, in points
+// that are given.
+constexpr double kWeightsAddUp = 1e-3;
 
 Mesh validated(Mesh mesh, MeshOf which) {
   validate(mesh, which);
@@ -90,7 +92,7 @@ Similarity fitted_placement(const Mesh& source, const Mesh& target,
   return fitted_stance(from, to, weights);
 }
 
-/// What the source asks of the target's triangles, as both formulations take it.
+/// The source's gradients on the target's triangles, for both formulations.
 struct MeshTransfer::OnTarget : GradientSource {
   explicit OnTarget(const SourceGradients& its_gradients) : gradients(its_gradients) {}
 
@@ -220,7 +222,7 @@ void MeshTransfer::add_corrections(const TransferOptions& options, const Progres
   const ComponentPlaces& places = *components;
   corrections_.push_back(std::move(components));
   if (own) corrections_.push_back(std::move(own));
-  // What is worn stays on its source, wherever a pinned part of it is kept.
+  // A garment stays on its source, even where a part of it is pinned.
   if (!is_worn) corrections_.push_back(std::make_unique<KeptTogether>(components_, places));
 }
 
@@ -312,7 +314,7 @@ Eigen::RowVector3d MeshTransfer::shift_to_anchor(const Positions& anchor_places)
                                  .transpose());
   } else {
     for (int i = 0; i < anchor_count(); ++i)
-      if (region_.role[anchors_[i]] != kFixed)  // else without a triangle: it stays anyway
+      if (region_.role[anchors_[i]] != kFixed)  // fixed here: without a triangle, at rest
         missing.add(1, anchor_places.row(i) - result_.row(anchors_[i]));
   }
   return missing.mean();

@@ -17,20 +17,21 @@
 
 namespace dd {
 
-/// What decides where a transferred pose is: gradients leave the place of each component open.
+/// What determines the position of a transferred pose, since gradients leave the translation of
+/// each component open.
 enum class Anchor {
-  source = 0,    ///< every component moves along with its source
-  centroid = 1,  ///< the centre of the surface stays
-  vertices = 2,  ///< the mean of the given vertices stays, or goes to the mean of given places
-  pinned = 3     ///< each of the given vertices stays, or goes to its given place
+  source = 0,    ///< each component moves along with its source
+  centroid = 1,  ///< the centre of the surface stays in place
+  vertices = 2,  ///< the mean of the given vertices stays, or goes to that of given positions
+  pinned = 3     ///< each of the given vertices stays, or goes to its given position
 };
 
-/// What goes where its source went. The values are those of dd_placing in the public header.
+/// What is moved to where the source goes. The values are those of dd_placing in the public header.
 enum class Placing {
   vertices = 0,      ///< each component, then each vertex: see FollowedPlaces, WornPlaces
   components = 1,    ///< each component as a whole: see ComponentPlaces
   parts = 2,         ///< each component as a whole, which keeps its shape: see RigidParts
-  displacements = 3  ///< each vertex as far as its source: see Displacements
+  displacements = 3  ///< each vertex by its source's displacement
 };
 
 struct TransferOptions {
@@ -38,40 +39,43 @@ struct TransferOptions {
   Anchor anchor = Anchor::source;
   Placing placing = Placing::components;  ///< of components without a pinned vertex
   std::vector<int> anchors;               ///< target vertices, for Anchor::vertices and pinned
-  /// How the source lies to the target; null: as the correspondences say. See fitted_placement().
+  /// The similarity that takes the source onto the target; null: fitted_placement(), or the
+  /// identity with worn.
   const Similarity* placement = nullptr;
-  /// Where the target lies over the source, and is worn by it: by that placement, or as they stand.
+  /// For a garment that the source wears: the points of the source that it lies over, under that
+  /// placement; else null.
   const NearestPoints* worn = nullptr;
-  double gap = -1;  ///< of what is worn, by vertices: see WornPlaces
-  /// The point of the source that each vertex of the target corresponds to, as far as that is
-  /// known; else, or where this is empty, as the correspondences say. See points_of_fit().
+  double gap = -1;  ///< of a garment, with Placing::vertices: see WornPlaces
+  /// The point of the source that each vertex of the target corresponds to, triangle -1 where it is
+  /// unknown. Unknown ones, or all if this is empty, follow from the correspondences. See
+  /// points_of_fit().
   std::vector<PointOnTriangle> points = {};
   Precision precision = Precision::full;
-  int threads = 0;  ///< 0: as many as the machine has, at most 8
+  int threads = 0;  ///< 0: all of the machine's, at most 8
 };
 
-/// The similarity that takes the centres of source triangles next to those of the target triangles
-/// they correspond to, weighted by the target's areas: see fitted_stance().
+/// The similarity that fits the centres and normals of source triangles to those of the target
+/// triangles that they correspond to, weighted by the target's areas: see fitted_stance().
 Similarity fitted_placement(const Mesh& source, const Mesh& target,
                             const Correspondence& correspondence);
 
 /// Surface deformation transfer (§5) from a source pair S → S' to another mesh T: the gradients of
-/// the source's triangles go to those of T (SourceGradients), and L p' = div(S_jᵀ) (14) on T.
-/// Factored once; a pose is a pass over the triangles and one back-substitution.
+/// the source's triangles are carried to those of T (SourceGradients), and L p' = div(S_jᵀ) (14) is
+/// solved on T. Factored once; a pose costs a pass over the triangles and one solve.
 ///
-/// What gradients leave open is then placed by a list of corrections: ComponentPlaces, what Placing
-/// names, KeptTogether, and the anchors.
+/// Positions that gradients leave open are set by corrections, in this order: ComponentPlaces, that
+/// of Placing, KeptTogether (not with WornPlaces), and the anchors.
 class MeshTransfer {
  public:
-  /// Both meshes as for validate(); correspondence in their triangles. Throws Error; progress from
-  /// 0 to 1.
+  /// Both meshes: as for validate(). correspondence: of their triangles. Throws Error; progress
+  /// from 0 to 1.
   MeshTransfer(Mesh source, Mesh target, const Correspondence& correspondence,
                const TransferOptions& options, const Progress& progress = {});
   ~MeshTransfer();
 
-  /// pose: S', in the source's units. places: of the anchors, or null for their places at rest.
-  /// rotation_only: S_j reduced to its rotation, which Placing::vertices and displacements can't be
-  /// combined with. Returns T', valid until the next call. Throws Error.
+  /// pose: S', in the source's units. places: positions of the anchors, or null for those at rest.
+  /// rotation_only: S_j reduced to its rotation; not with Placing::vertices and displacements.
+  /// Returns T', valid until the next call. Throws Error.
   const Positions& apply(const Positions& pose, bool rotation_only,
                          const Positions* places = nullptr);
 
@@ -79,22 +83,23 @@ class MeshTransfer {
   const Mesh& target() const { return target_; }
   int anchor_count() const { return static_cast<int>(anchors_.size()); }
   const Similarity& placement() const { return placement_; }
-  /// Whether the target corresponds to a mirror image of the source, and is deformed as one.
+  /// Whether the target corresponds to a mirror image of the source and is deformed accordingly.
   bool mirrored() const { return placement_.mirrored; }
 
   const SourceGradients& gradients() const { return *gradients_; }
-  /// Components of the target none of whose triangles has a source, and a vertex of one.
+  /// The number of the target's components none of whose triangles has a source, and a vertex of
+  /// one.
   int unmatched_component_count() const { return unmatched_component_count_; }
   int unmatched_component_example() const { return unmatched_component_example_; }
   /// Target vertices without a triangle, which stay at rest.
   int loose_count() const { return static_cast<int>(region_.loose.size()); }
   const std::vector<int>& degenerate_triangles() const { return degenerate_; }
-  /// Vertices of a target that is worn which are through the source at rest.
+  /// Vertices of a garment that penetrate the source at rest: their number, and one of them or -1.
   int through_count() const { return worn_ ? static_cast<int>(worn_->through().size()) : 0; }
   int through_example() const { return through_count() > 0 ? worn_->through().front() : -1; }
-  /// How far its vertices are from the source, on the mean.
+  /// The mean distance of a garment's vertices from the source.
   double worn_distance() const { return worn_distance_; }
-  /// Unknowns, and non-zeros of the system: of the surface's (14) or of the fourth points' (10).
+  /// Unknowns and non-zeros of the system, (14) or (10).
   int unknowns() const { return unknowns_; }
   double nonzeros() const { return nonzeros_; }
 
@@ -117,7 +122,7 @@ class MeshTransfer {
   std::unique_ptr<SourceGradients> gradients_;
   std::unique_ptr<OnTarget> on_target_;
 
-  UnitBox box_;  // of the target; all below is solved in it
+  UnitBox box_;  // of the target; everything below is solved in it
   Region region_;
   std::vector<int> degenerate_;
   Eigen::VectorXd areas_;
@@ -128,10 +133,10 @@ class MeshTransfer {
   double nonzeros_ = 0;
 
   std::vector<Component> components_;                          // triangles: those with a source
-  std::unique_ptr<SourcePoints> points_;                       // of corrections by them
+  std::unique_ptr<SourcePoints> points_;                       // for the corrections that need them
   std::vector<std::unique_ptr<PlaceCorrection>> corrections_;  // in this order
-  bool need_whole_gradients_ = false;                          // the corrections
-  const WornPlaces* worn_ = nullptr;                           // among them, or null
+  bool need_whole_gradients_ = false;                          // whether a correction does
+  const WornPlaces* worn_ = nullptr;                           // one of the corrections, or null
   double worn_distance_ = 0;
   int unmatched_component_count_ = 0, unmatched_component_example_ = -1;
   Rows offsets_;  // in order_, unit box

@@ -26,15 +26,16 @@ ScrewMotion::ScrewMotion(const Affine& motion, const Eigen::Vector3d& about,
 
 ScrewMotion::Affine ScrewMotion::at(double s) const {
   if (s == 1) return motion_;
-  // The centre's path: with angle θ about the unit axis a, the shift d splits into a slide along a
-  // and a turn about a point off it by (d⊥ + cot(θ/2) a × d⊥) / 2.
+  // The centre's path: with angle θ about the unit axis a, its displacement d is a slide along a
+  // and a turn about the point at (d⊥ + cot(θ/2) a × d⊥) / 2 from it.
   const double angle = turn_.norm();
   Eigen::Vector3d moved = s * shift_;
   if (angle > 1e-9) {
     const Eigen::Vector3d axis = turn_ / angle, slide = axis * axis.dot(shift_);
     const Eigen::Vector3d across = shift_ - slide;
     const double half = std::sin(angle / 2);
-    // Whole turns that also move the centre across the axis have no screw: that part goes straight.
+    // Whole turns with a displacement across the axis are no screw motion: then the centre moves
+    // along a straight line.
     if (std::abs(half) > 1e-6) {
       const Eigen::Vector3d pivot =
           0.5 * (across + std::cos(angle / 2) / half * axis.cross(across));
@@ -67,7 +68,7 @@ std::vector<ScrewMotion> screw_motions(const Deformer& bound, const std::vector<
   return screws;
 }
 
-/// What takes the handles from their places at one time to those at another.
+/// The handles' motions from time before to time now.
 std::vector<double> between(const std::vector<ScrewMotion>& screws, double before, double now) {
   std::vector<double> matrices;
   for (const ScrewMotion& screw : screws) {
@@ -108,12 +109,12 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     const auto tell = [&](double within_step, Stage stage) {
       return !progress || progress(before + within_step * (now - before), stage);
     };
-    // A method that is slow takes the larger part of a step.
+    // Progress: a slow method takes most of a step itself, else binding does.
     const double bound_at = step == 1 ? 0 : facts(update.method).slow ? 0.2 : 0.95;
     UpdateOptions options = update;
     if (step < motion.steps) options.output = Output::result;
     if (motion.steps > 1) {
-      options.turns.clear();  // a step's motion is part of the whole one's
+      options.turns.clear();  // those of a step are part of its motion
       options.free.clear();
     }
     options.of_method.progress = [&](double fraction, Stage stage) {
@@ -122,10 +123,10 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     const auto advance = [&](Deformer& deformer) {
       const std::vector<double> matrices =
           motion.steps > 1 ? between(screws, before, now) : motion.matrices;
-      // Offsets are summed, not taken from the positions afterwards, which would round them off.
+      // Offsets are summed, because differences of positions would lose digits.
       result.offsets += deformer.update(matrices.data(), options, deformed_base);
       surface.positions = rest + result.offsets;
-      if (options.output == Output::base) return;  // the method had no part in it
+      if (options.output == Output::base) return;  // the method was not run
       const MethodFindings findings = deformer.findings(options.method);
       result.volume_error = findings.volume_error;
       result.volumes_converged = findings.converged;

@@ -8,9 +8,9 @@
 
 namespace dd {
 
-/// A handle's motion M = (A, t), A = R U, cut into parts along its screw motion: M(s) turns by
-/// s times the angle about the screw's axis while it slides s times along it, after the stretch
-/// I + s (U − I) about the point that the screw moves least from the handle's centre.
+/// A handle's motion M = (A, t), A = R U, as a path along its screw motion: M(s) turns by s times
+/// the angle about the screw's axis and slides s times along it, after the stretch I + s (U − I)
+/// about the handle's centre.
 class ScrewMotion {
  public:
   using Affine = Eigen::Matrix<double, 3, 4>;
@@ -25,30 +25,30 @@ class ScrewMotion {
 
  private:
   Affine motion_;
-  Eigen::Vector3d about_, turn_, shift_;  // rotation vector; where the centre goes
+  Eigen::Vector3d about_, turn_, shift_;  // rotation vector; displacement of the centre
   Eigen::Matrix3d stretch_;               // U − I
 };
 
-/// T-split (§6): all handles' motions are cut into as many steps, which they take together. After
-/// each step the surface is bound anew to its result. One step is Deformer::update().
+/// T-split (§6): the motions of all handles are divided into the same number of steps. After each
+/// step the surface is bound anew to its result. One step is Deformer::update().
 struct SplitMotion {
   std::vector<double> matrices;  ///< as for Deformer::update()
   int steps = 1;
 };
 
-/// What a split gives: the displacement of every vertex, n×3, and of the last step, by displacement
-/// volumes, how well these were kept.
+/// The displacement of every vertex, n×3, and, with displacement volumes, how well the last step
+/// preserved the volumes.
 struct SplitResult {
   Positions offsets;
   double volume_error = 0;
   bool volumes_converged = true;
 };
 
-/// Arguments as for Deformer::update(), with the turns of the whole motion; a base from outside has
-/// no motion that could be split and allows one step only. The first step is an update of the bound
-/// deformer, the later ones of surfaces bound anew, which only read what never changes of it.
-/// let_go: called where these begin, and from where on others may update the deformer. Throws
-/// Error, with the step where it happened.
+/// Arguments as for Deformer::update(), with the turns of the whole motion. A base from outside has
+/// no motion that could be split, so it allows one step only. The first step updates the bound
+/// deformer; later ones bind new surfaces and only read its constant parts. let_go: called after
+/// the first step, from when on other threads may update the deformer. Throws Error, naming the
+/// step.
 SplitResult split_update(Deformer& bound, const SplitMotion& motion, const UpdateOptions& update,
                          const Progress& progress = {}, const Positions* deformed_base = nullptr,
                          const std::function<void()>& let_go = {});

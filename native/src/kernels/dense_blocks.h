@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Products of small matrices, included once for each instruction set: see dense_kernels_impl.h.
-// Where all that is multiplied is in the nearest caches, to gather it into panels, as a library
-// does for matrices of any size, takes as long as to multiply it.
+// Cholesky factors, inverses and products of small dense matrices, included once for each
+// instruction set: see dense_kernels_impl.h. Operands that fit into the nearest caches are
+// multiplied in place: packing them into panels, as general libraries do, takes as long as the
+// product itself.
 #pragma once
 
 #include "kernels/dense_kernels.h"
@@ -13,7 +14,8 @@ namespace {
 
 using Four = Eigen::Array4d;
 
-/// Rows of four that go together: their sums, those of 4 columns, fill the registers.
+/// Blocks of 4 rows that are accumulated together. Derived: with 4 columns, 3 blocks take 12 sums,
+/// 3 operands and 1 factor, all of AVX2's 16 registers.
 #ifdef __AVX2__
 constexpr int kFours = 3;
 #else
@@ -21,7 +23,7 @@ constexpr int kFours = 1;
 #endif
 static_assert(kFours <= 3, "each_four() has three sizes");
 
-/// Part of a matrix stored by columns, or of its transpose.
+/// A block of a column-major matrix, or of its transpose.
 struct Part {
   const double* values;
   Eigen::Index row_step, column_step;
@@ -30,7 +32,8 @@ struct Part {
   static Part transposed(const double* values, int stride) { return {values, stride, 1}; }
 };
 
-/// The first `columns` of 4 columns of P Qᵀ, P with 4·Fours rows from p on, Q with 4: give(sums).
+/// P Qᵀ for 4·Fours rows of P, from p on, and up to 4 rows of Q, of inner dimension count. Calls
+/// give(f, sums) for each block of 4 rows; sums beyond `columns` are to be ignored.
 template <int Fours, class Give>
 inline void products(int count, const double* p, int stride, Part q, int columns,
                      const Give& give) {
@@ -51,9 +54,9 @@ inline void products(int count, const double* p, int stride, Part q, int columns
   for (int f = 0; f < Fours; ++f) give(f, sums[f]);
 }
 
-/// Goes through the rows begin to end of four columns of P Qᵀ, four at a time:
-/// give(row, how many, sums). count(end): how many columns of P count for the rows before that one.
-/// P is read to the next multiple of four rows from begin on.
+/// Computes the rows begin to end − 1 of up to four columns of P Qᵀ in blocks of 4 rows:
+/// give(row, number of rows, sums). count(end): the inner dimension for rows before `end`, as P may
+/// be triangular. Reads P up to the next multiple of 4 rows from begin: see kReadBeyond.
 template <class Count, class Give>
 inline void each_four(int begin, int end, const Count& count, const double* p, int stride, Part q,
                       int columns, const Give& give) {
@@ -72,7 +75,7 @@ inline void each_four(int begin, int end, const Count& count, const double* p, i
   if (end - i > 0) go(Constant<1>());
 }
 
-/// write(target, value) for the first rows of so many columns.
+/// Calls write(target, value) for the first `rows` rows of each column.
 template <class Write>
 inline void write_fours(double* target, int stride, int columns, const Four* values, int rows,
                         const Write& write) {
@@ -98,20 +101,20 @@ struct Subtract {
   }
 };
 
-/// The lower triangle of 4×4 values D, with 1 in place of columns that aren't there.
+/// A lower triangular 4×4 diagonal block D, filled up with columns of the identity.
 struct Corner {
   double value[4][4];  // row, column
-  double inverse[4];   // of the diagonal
+  double inverse[4];   // reciprocals of the diagonal
 };
 
-/// X ← R D⁻ᵀ.
+/// R ← R D⁻ᵀ for four rows, r its columns.
 inline void solve_by_transposed(const Corner& d, Four* r) {
   for (int j = 0; j < 4; ++j) {
     for (int k = 0; k < j; ++k) r[j] -= r[k] * d.value[j][k];
     r[j] *= d.inverse[j];
   }
 }
-/// X ← R D⁻¹.
+/// R ← R D⁻¹.
 inline void solve_by(const Corner& d, Four* r) {
   for (int j = 3; j >= 0; --j) {
     for (int k = j + 1; k < 4; ++k) r[j] -= r[k] * d.value[k][j];
@@ -131,7 +134,7 @@ inline Corner corner_of(const double* a, int stride, int columns) {
   return d;
 }
 
-/// See DenseKernels::factor_pivot. Four columns at a time, each by all before it.
+/// DenseKernels::factor_pivot without the inverse: left-looking, four columns at a time.
 inline int factor_small(int width, double* a, int stride, const double* bounds) {
   const auto at = [&](int row, int column) { return a + Eigen::Index(column) * stride + row; };
   for (int j = 0; j < width; j += 4) {
@@ -162,7 +165,8 @@ inline int factor_small(int width, double* a, int stride, const double* bounds) 
   return -1;
 }
 
-/// C⁻¹ with zeros above the diagonal, four columns at a time from the last, by X C = 1.
+/// inverse ← C⁻¹ with zeros above the diagonal: solves X C = I, four columns at a time, the last
+/// ones first.
 inline void invert_small(int width, const double* c, int stride, double* inverse,
                          int inverse_stride) {
   for (int k = 0; k < width; ++k)

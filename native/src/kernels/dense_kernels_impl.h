@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Included once for each instruction set, with Eigen's name changed to one of that set: its inline
-// functions are then another's, and the linker can't put wide code where the machine has none.
+// Included once for each instruction set, with namespace Eigen renamed for each: otherwise the
+// linker may keep an inline function's AVX2 version for all callers, even without AVX2.
 #define Eigen DD_EIGEN_NAME
 #include <Eigen/Cholesky>
 
@@ -13,10 +13,11 @@ namespace {
 using Matrix = Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 using ConstMatrix = Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 
-// Up to where dense_blocks.h is the quicker: columns of a pivot, of a solve, rows of a product.
+// Largest sizes at which dense_blocks.h is faster than Eigen: columns of a pivot block, columns of
+// a solve, rows of a product. Tuned by timing both (native/README.md, "Speed").
 constexpr int kSmallPivot = 64, kSmallSolve = 64, kSmallProduct = 192;
 
-/// Y = B C⁻ᵀ, with an inverse that is part of a larger one.
+/// Y = B C⁻ᵀ, with C⁻¹ a block of a larger matrix.
 void solve_rows_by(int width, int count, const double* inverse, int inverse_stride, const double* b,
                    int b_stride, double* y, int y_stride) {
   if (width <= kSmallSolve)
@@ -47,7 +48,8 @@ void subtract_products(int width, int size, int first, int last, const double* y
         Y.bottomRows(below) * Y.middleRows(first, count).transpose();
 }
 
-/// Half and half: C₂₁ = A₂₁ C₁₁⁻ᵀ, A₂₂ −= C₂₁ C₂₁ᵀ; of the inverse −C₂₂⁻¹ C₂₁ C₁₁⁻¹.
+/// Recursive by halves: C₂₁ = A₂₁ C₁₁⁻ᵀ, A₂₂ −= C₂₁ C₂₁ᵀ; the lower left block of the inverse is
+/// −C₂₂⁻¹ C₂₁ C₁₁⁻¹.
 int factor_and_invert(int width, double* a, int stride, const double* bounds, double* inverse,
                       int inverse_stride) {
   if (width <= kSmallPivot) {

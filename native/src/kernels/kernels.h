@@ -5,11 +5,11 @@
 
 namespace dd {
 
-/// Triangles that go through the gradient pass together, one in each lane of the vector unit.
+/// Triangles of a block, one in each vector lane. Derived: the floats of an AVX2 register.
 constexpr int kLanes = 8;
 
-/// Shapes at rest of kLanes triangles with edges e1, e2 from their first corners: the inverse of
-/// [e1 e2] in the triangle's own frame, lengths in |e1|.
+/// Rest shapes of kLanes triangles with edges e1, e2 from their first corners: the inverse of
+/// [e1 e2] in the triangle's own frame, in units of |e1|.
 template <class Real>
 struct TriangleShape {
   Real inverse_length[kLanes];  ///< 1/|e1|
@@ -22,21 +22,22 @@ struct TriangleShape {
 template <class Real>
 struct TriangleBlock {
   int32_t source[3][kLanes];  ///< corners of the triangle whose motion from B to B' gives S_j
-  int32_t target[3][kLanes];  ///< where the divergence of its corners is added
+  int32_t target[3][kLanes];  ///< rows to which its corners' divergence is added
   TriangleShape<Real> shape;  ///< of the source
   Real flux[2][3][kLanes];    ///< corner_divergence of corners 0, 1 in the rest frame of the source
 };
 
-/// kLanes triangles whose rotation from rest to now is asked for, structure of arrays.
+/// kLanes triangles whose rotations from rest to the current pose are computed, structure of
+/// arrays.
 template <class Real>
 struct RotationBlock {
   int32_t source[3][kLanes];  ///< rows of the positions
   TriangleShape<Real> shape;
-  Real from_rest[4][kLanes];  ///< quaternion x y z w that takes the rest frame to the world's
+  Real from_rest[4][kLanes];  ///< quaternion x y z w from the rest frame to the world axes
 };
 
-/// kLanes triangles that are turned by the mean of their corners' quaternions. Unused lanes have
-/// zero flux.
+/// kLanes triangles whose flux is rotated by the mean of their corners' quaternions. Unused lanes
+/// have zero flux.
 template <class Real>
 struct TurnBlock {
   int32_t corner[3][kLanes];  ///< rows of the quaternions
@@ -44,22 +45,23 @@ struct TurnBlock {
   Real flux[2][3][kLanes];  ///< corner_divergence of corners 0 and 1
 };
 
-/// kLanes triangles of a surface that is posed by example, structure of arrays: see ExamplePass.
+/// kLanes triangles of a surface posed by example, structure of arrays: see ExamplePass.
 template <class Real>
 struct ExampleBlock {
-  int32_t corner[3][kLanes];  ///< rows of the offsets: the last corner's first, then 0 and 1
+  int32_t corner[3][kLanes];  ///< rows of the offsets of corners 2, 0, 1
   int32_t target[3][kLanes];
   Real a[kLanes], b[kLanes], c[kLanes];  ///< g_0 = (a, 0), g_1 = (b, c)
-  Real rest[6][kLanes];                  ///< the gradient of S, two columns
+  Real rest[6][kLanes];                  ///< the gradient of S, 3×2 by columns
 };
-/// What an example does to a block's triangles: its rotations, and (U_ij − I) on their planes.
+/// Deformation gradients of an example on a block: rotation vectors r_ij, and U_ij − I applied to
+/// the gradient of S.
 template <class Real>
 struct ExampleChange {
   Real turn[3][kLanes];
   Real stretch[6][kLanes];
 };
-/// The pose taken: r = Σ w_i r_ij, the factors of r and r² in exp r and in its derivative, and
-/// (T_j − I) and T_j as gradients.
+/// The current pose: the rotation vector r = Σ w_i r_ij; the coefficients of [r]× and [r]×², in
+/// exp r and in its left Jacobian; T_j − I and T_j applied to the gradient of S.
 template <class Real>
 struct ExamplePose {
   Real turn[3][kLanes];
@@ -71,12 +73,12 @@ template <class Real>
 struct ExampleGradient {
   Real value[6][kLanes];
 };
-/// What the misfit makes of an example's second derivatives: a_i, K a_i + t_i, t_i.
+/// Factors of the misfit's part in the second derivatives, see take_bends(): a_i, K a_i + t_i, t_i.
 template <class Real>
 struct ExampleBend {
   Real spin[3][kLanes], pull[3][kLanes], stretch_pull[3][kLanes];
 };
-/// All that the passes of posing by example work on, by block, and then by example.
+/// The arrays that the passes of posing by example work on, indexed by block, then by example.
 template <class Real>
 struct ExampleView {
   int example_count;
@@ -87,16 +89,17 @@ struct ExampleView {
   ExampleGradient<Real>* slopes;
 };
 
-/// The rows of a factor are stored in groups, each by columns. A group has as many rows as the
-/// largest power of two, up to most, that is left. C_ss⁻¹ begins with its last rows: a group of it
-/// is as long as its last row, filled up with zeros. So a solve reads all of a factor in one
-/// direction, and back in the other.
+/// Number of rows in the next group of a supernode's values: the largest power of two up to `most`
+/// that fits into the rows left. Groups are column-major. C_ss⁻¹ is stored from its last rows on; a
+/// group of it has as many columns as its last row, padded with zeros. So forward substitution
+/// reads the whole factor in one direction, and backward substitution in the other.
 constexpr int rows_together(int left, int most) {
   int rows = 1;
   while (2 * rows <= left && 2 * rows <= most) rows *= 2;
   return rows;
 }
-/// Most rows of a group of C_ss⁻¹, and of the rows below.
+/// Most rows of a group of C_ss⁻¹, and of the rows below it. In single precision 8 rows are a
+/// vector, and the sums of 4 vectors and three columns are kept in registers.
 template <class Real>
 constexpr int kTriangleRows = sizeof(Real) == 4 ? 8 : 4;
 template <class Real>
@@ -112,57 +115,56 @@ constexpr int64_t packed_triangle_size(int width) {
   return size;
 }
 
-/// A factor as solves read it: see SparseCholesky and SymbolicCholesky.
+/// A factor as the solve kernels read it: see SparseCholesky and SymbolicCholesky.
 template <class Real>
 struct FactorView {
-  const int32_t* begin;        ///< places of each supernode
-  const int64_t* row_begin;    ///< of each, into slots
+  const int32_t* begin;        ///< first place of each supernode
+  const int64_t* row_begin;    ///< start of each supernode in slots
   const int32_t* slots;        ///< row of x for each row below
-  const int64_t* value_begin;  ///< of each, into values
-  /// Of each C_ss⁻¹, then the rows below, as rows_together() says.
+  const int64_t* value_begin;  ///< start of each supernode in values
+  /// For each supernode C_ss⁻¹, then the rows below, in groups: see rows_together().
   const Real* values;
 };
 
-/// Loops that come in two precisions: of what is constant in a frame and of what is computed from
-/// it. Positions and right-hand sides are double always. x, right, quaternions: rows of 4.
+/// Loops in two precisions: Real is that of a bind's constants and of intermediate values.
+/// Positions and right-hand sides are always double. x, right, quaternions: n×4.
 template <class Real>
 struct KernelsOf {
-  /// Forward substitution through the supernodes first to last: x ← C⁻¹ (right + x) in their
-  /// places, and what that takes from the rows below added to those of x. Of the first three
-  /// columns; the fourth may be left with whatever.
+  /// Forward substitution through the supernodes first to last − 1: x ← C⁻¹ (right + x) at their
+  /// places, and its products with the rows below are subtracted from those rows of x. Solves the
+  /// first three columns; the fourth is undefined.
   void (*forward)(const FactorView<Real>& factor, int first, int last, const double* right,
                   Real* x);
-  /// Backward substitution, x ← C⁻ᵀ x.
+  /// Backward substitution through the same supernodes, x ← C⁻ᵀ x.
   void (*backward)(const FactorView<Real>& factor, int first, int last, Real* x);
-  /// The same of all four columns, which in single precision takes longer.
+  /// The same for all four columns, which is slower in single precision.
   void (*forward_four)(const FactorView<Real>& factor, int first, int last, const double* right,
                        Real* x);
   void (*backward_four)(const FactorView<Real>& factor, int first, int last, Real* x);
 
-  /// For each triangle: S_j by (15) from its source corners in base, only its rotation if asked,
-  /// and S_j · flux added to the rows of its target corners.
+  /// For each triangle: S_j (15) from its source corners in base, or only its rotation; adds
+  /// S_j · flux to the rows of its target corners.
   void (*gradient_pass)(int block_count, const TriangleBlock<Real>* blocks, const double* base,
                         bool rotation_only, double* right_hand_side);
 
-  /// The rotation of each triangle as a unit quaternion x y z w, w ≥ 0, kLanes rows of 4 a block.
-  /// Zeros where a triangle has no area, at rest or now: it has no rotation of its own, turns
-  /// nothing, and leaves means to its neighbours.
+  /// The rotation of each triangle from rest as a unit quaternion x y z w, w ≥ 0, kLanes rows of 4
+  /// a block. Zeros if a triangle has no area, at rest or now, as its rotation is undefined: zeros
+  /// don't contribute to means, and rotate flux by the identity.
   void (*rotation_pass)(int block_count, const RotationBlock<Real>* blocks, const double* positions,
                         Real* quaternions);
 
-  /// The means of rotations for blocks first to last of kLanes: out = the normalized
-  /// Σ_k weights[k] · ± in[index[k]] in each lane, k from starts[b] to starts[b + 1], weights that
-  /// sum to 1 there. Signs are made to agree where they don't.
+  /// Weighted means of quaternions for the blocks first to last − 1: in each lane out is the
+  /// normalized Σ_k ± weights[k] · in[index[k]], k from starts[b] to starts[b + 1] − 1. The weights
+  /// of a lane sum to 1. Signs are made to agree if the plain sum is short.
   void (*mean_rotations)(int first, int last, const int* starts, const int32_t (*index)[kLanes],
                          const Real (*weights)[kLanes], const Real* in, Real* out);
 
-  /// Adds each triangle's flux, turned by the mean of its corners' rotations, to the rows of its
-  /// corners.
+  /// Adds each triangle's flux, rotated by the mean of its corners' quaternions, to the rows of its
+  /// target corners.
   void (*turn_pass)(int block_count, const TurnBlock<Real>* blocks, const Real* quaternions,
                     double* right_hand_side);
 
-  /// Of blocks begin to end, as the functions of ExamplePass with these names say. offsets, rows:
-  /// rows of 4.
+  /// ExamplePass's functions of these names, for the blocks begin to end − 1. offsets, rows: n×4.
   void (*example_pose)(const ExampleView<Real>& view, int begin, int end, const Real* weights,
                        bool rotation_only, double* rows);
   double (*example_misfit)(const ExampleView<Real>& view, int begin, int end,
@@ -171,17 +173,17 @@ struct KernelsOf {
                                     double* rows);
   void (*example_slope)(const ExampleView<Real>& view, int example, int begin, int end,
                         double* rows);
-  /// bends: room for one of each example. sums: of each example its row up to the diagonal, then
-  /// its gradient; added to.
+  /// bends: scratch, one for each example. sums, added to: for each example its row of the
+  /// Hessian's lower triangle, then its entry of the gradient.
   void (*example_second_order)(const ExampleView<Real>& view, int begin, int end,
                                const double* const* followed, ExampleBend<Real>* bends,
                                Real (*sums)[kLanes]);
 };
 
-/// The loops of a frame, compiled once for each instruction set. Rows are of 4 doubles (x y z and
-/// one unused), all pointers to plain arrays: no template of the standard library may be
-/// instantiated in these files, and of Eigen only under another name, because the linker could then
-/// keep the wide version for everyone.
+/// The loops of a frame, compiled once for each instruction set. Rows have 4 doubles, x y z and one
+/// unused; all pointers are to plain arrays. These files must not instantiate templates of the
+/// standard library, and Eigen's only with its namespace renamed: the linker may otherwise keep the
+/// AVX2 instance for all callers.
 struct Kernels {
   const char* name;
 
@@ -204,13 +206,13 @@ inline const KernelsOf<double>& Kernels::of<double>() const {
   return full;
 }
 
-/// The widest set that this machine can run.
+/// The set of the widest vector instructions that this machine has.
 const Kernels& kernels();
 
 extern const Kernels kBaselineKernels;
 #ifdef DD_HAVE_AVX2_KERNELS
 extern const Kernels kAvx2Kernels;
-/// Whether this machine has AVX2 and FMA, and its system saves the registers.
+/// Whether this machine has AVX2 and FMA, and its operating system saves their registers.
 bool machine_has_avx2();
 #endif
 

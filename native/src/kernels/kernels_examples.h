@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The passes of posing by example, included once for each instruction set: see kernels_impl.h, and
-// ExamplePass for what they are.
+// ExamplePass for their definitions.
 #pragma once
 
 #include "kernels/kernels_triangles.h"
@@ -9,8 +9,8 @@ namespace dd {
 
 namespace {
 
-/// Numbers of a block's triangles in registers. Loops over lanes as long as these compilers leave
-/// as they are.
+/// A value for each triangle of a block. An Eigen array, as compilers don't vectorize plain loops
+/// over lanes with bodies as long as these.
 template <class Real>
 using InLanes = Eigen::Array<Real, kLanes, 1>;
 
@@ -56,11 +56,13 @@ inline void put(Real (*lanes)[kLanes], const Three<Real>& v) {
   in_lanes(lanes[0]) = v.x, in_lanes(lanes[1]) = v.y, in_lanes(lanes[2]) = v.z;
 }
 
-/// The factors of exp r = I + sine [r]× + versine [r]×² and of its left Jacobian
+/// The coefficients of exp r = I + sine [r]× + versine [r]×² and of its left Jacobian
 /// I + versine [r]× + cubic [r]×².
 template <class Real>
 inline void take_factors(ExamplePose<Real>& pose) {
-  constexpr double kSmall = 0.1;  // squared: below, series are better than quotients
+  // Squared angle in rad² below which Taylor series replace quotients, which cancel there. Derived:
+  // up to it the series' remainders are below 2e-16.
+  constexpr double kSmall = 0.1;
   const Three<Real> r = three<Real>(pose.turn);
   const InLanes<Real> squares = dot(r, r);
   for (int lane = 0; lane < kLanes; ++lane) {
@@ -82,7 +84,7 @@ inline void take_factors(ExamplePose<Real>& pose) {
   }
 }
 
-/// A pose as the passes over examples read it.
+/// An ExamplePose in registers.
 template <class Real>
 struct PoseInLanes {
   explicit PoseInLanes(const ExamplePose<Real>& pose)
@@ -92,7 +94,7 @@ struct PoseInLanes {
         cubic(in_lanes(pose.cubic)) {}
   /// (exp r − I) v.
   Three<Real> turned(const Three<Real>& v) const { return dd::turned(turn, sine, versine, v); }
-  /// The spin a of d exp(r) = [a]× exp(r) where r changes by that: its left Jacobian's image.
+  /// The spin a of d exp(r) = [a]× exp(r) for dr = by: the left Jacobian applied to by.
   Three<Real> spin(const Three<Real>& by) const {
     return by + dd::turned(turn, versine, cubic, by);
   }
@@ -203,8 +205,9 @@ void example_slope(const ExampleView<Real>& view, int example, int begin, int en
   }
 }
 
-/// With T'' to second order in spins, and the spins' own derivative left out, which vanishes where
-/// the examples turn about one axis: r · T''_ik = a_iᵀ K a_k + a_i · t_k + t_i · a_k.
+/// The misfit's part of the second derivatives,
+/// misfit · T''_ik = a_iᵀ K a_k + a_i · t_k + t_i · a_k, with a_i the spin by example i. Neglects
+/// the spins' own derivatives, which vanish if all examples turn about one axis.
 template <class Real>
 inline void take_bends(const ExampleView<Real>& view, int b, ExampleBend<Real>* bends) {
   const ExamplePose<Real>& pose = view.poses[b];

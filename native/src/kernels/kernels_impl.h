@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The kernels themselves, included once for each instruction set, with Eigen's name changed to one
-// of that set. See kernels.h for why nothing else here may come from Eigen or from the templates of
-// the standard library.
+// The kernels, included once for each instruction set with namespace Eigen renamed for each. See
+// Kernels for why nothing here may instantiate other templates of Eigen or of the standard library.
 #define Eigen DD_EIGEN_NAME
 #include <Eigen/Core>
 
@@ -13,8 +12,7 @@ namespace dd {
 
 namespace {
 
-/// In double precision a row takes one register, whether three of its columns are asked for or
-/// four.
+/// Columns computed in a solve for three. In double precision a row fills one register either way.
 template <class Real>
 constexpr int kFewColumns = sizeof(Real) == 4 ? 3 : 4;
 

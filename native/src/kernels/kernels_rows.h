@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What the kernels are made of, included once for each instruction set: see kernels_impl.h.
+// Rows of four values, shared by all kernels, included once for each instruction set: see
+// kernels_impl.h.
 #pragma once
 
 #include <math.h>
@@ -14,13 +15,13 @@ namespace dd {
 
 namespace {
 
-/// A number that templates take.
+/// A compile-time integer as an argument of generic lambdas.
 template <int Value>
 struct Constant {
   static constexpr int value = Value;
 };
 
-/// A row of four: the compiler makes one or two vector registers of it.
+/// A row of four values, which compilers keep in one or two vector registers.
 template <class Real>
 struct RowOf {
   Real v[4];
@@ -45,7 +46,7 @@ inline void add_scaled(RowOf<Real>& r, Real factor, const RowOf<Real>& x) {
 }
 
 #ifdef __AVX2__
-/// Four rows of four become four columns, in both halves.
+/// Transposes the two 4×4 matrices in the lower and in the upper halves of a, b, c, d.
 inline void transpose_quarters(__m256& a, __m256& b, __m256& c, __m256& d) {
   const __m256 ab = _mm256_unpacklo_ps(a, b), AB = _mm256_unpackhi_ps(a, b);
   const __m256 cd = _mm256_unpacklo_ps(c, d), CD = _mm256_unpackhi_ps(c, d);

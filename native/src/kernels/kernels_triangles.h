@@ -9,12 +9,12 @@ namespace dd {
 
 namespace {
 
-/// So many rows at once: each sum waits for its last product, but not for the others.
+/// `Together` rows at once: independent sums hide the latency of each sum's multiply-adds.
 template <int Together>
 inline void blend_rows(int term_count, const double* weights, const double* coefficients,
                        const double* rest, double* out) {
 #ifdef __AVX2__
-  // Compilers keep an array of rows in memory.
+  // By intrinsics, as compilers keep an array of rows in memory.
   __m256d sums[Together];
   for (int r = 0; r < Together; ++r) sums[r] = _mm256_loadu_pd(rest + 4 * r);
   for (int k = 0; k < term_count; ++k) {
@@ -37,7 +37,7 @@ inline void blend_rows(int term_count, const double* weights, const double* coef
 
 void blend(int row_count, int term_count, const double* weights, const double* coefficients,
            const double* rest, double* out) {
-  constexpr int kTogether = 8;
+  constexpr int kTogether = 8;  // rows: see blend_rows()
   int64_t r = 0;
   for (; r + kTogether <= row_count; r += kTogether)
     blend_rows<kTogether>(term_count, weights + r * term_count, coefficients, rest + 4 * r,
@@ -46,8 +46,8 @@ void blend(int row_count, int term_count, const double* weights, const double* c
     blend_rows<1>(term_count, weights + r * term_count, coefficients, rest + 4 * r, out + 4 * r);
 }
 
-/// Below this a squared length counts as zero: its direction then becomes the zero vector, and
-/// whatever a triangle collapsed to stays finite. Lengths are in those of the triangle at rest.
+/// Squared lengths below this count as this, in units of the triangle's |e1| at rest. Safety:
+/// the direction of a zero vector is zero, so collapsed triangles give finite values.
 template <class Real>
 constexpr Real kTiny = static_cast<Real>(sizeof(Real) == 4 ? 1e-30 : 1e-280);
 
@@ -59,7 +59,7 @@ inline Real guarded_inverse_sqrt(Real x) {
   return 1 / square_root(x > kTiny<Real> ? x : kTiny<Real>);
 }
 
-/// Numbers of a block's triangles, one in each lane.
+/// A value for each triangle of a block.
 template <class Real>
 using Lanes = Real[kLanes];
 
@@ -69,7 +69,7 @@ struct Edges {
   Lanes<Real> first[3], second[3];
 };
 
-/// Differences are taken in double whatever follows: positions are larger than edges.
+/// Subtracts in double whatever Real is: edges are small compared with positions.
 template <class Real>
 inline void gather_edges(const int32_t (&source)[3][kLanes], const double* positions,
                          Edges<Real>& edges) {
@@ -84,7 +84,8 @@ inline void gather_edges(const int32_t (&source)[3][kLanes], const double* posit
   }
 }
 
-/// Adds the flux of corners 0 and 1 to their rows and takes both from that of corner 2.
+/// Adds the flux of corners 0 and 1 to their rows and subtracts both from corner 2's, as a
+/// triangle's fluxes sum to zero.
 template <class Real>
 inline void scatter(const int32_t (&target)[3][kLanes], const Real (&flux)[2][3][kLanes],
                     double* right_hand_side) {
@@ -101,7 +102,7 @@ inline void scatter(const int32_t (&target)[3][kLanes], const Real (&flux)[2][3]
 }
 
 #ifdef __AVX2__
-/// Eight rows of four as four lanes of eight.
+/// Transposes eight rows of four to arrays of eight x, y and z.
 inline void transpose_to_lanes(const __m128 (&rows)[kLanes], float (*lanes)[kLanes]) {
   __m256 r[4];
   for (int i = 0; i < 4; ++i)
@@ -149,8 +150,8 @@ inline void scatter(const int32_t (&target)[3][kLanes], const float (&flux)[2][3
 }
 #endif
 
-/// A lane's triangle as it is now: the axes t = e1/|e1|, b = n × t and n, and the upper triangular
-/// matrix [a s; 0 d] that takes its shape at rest to that of now.
+/// A lane's triangle in the current pose: the axes t = e1/|e1|, b = n × t and n, and the upper
+/// triangular matrix [a s; 0 d] from its rest shape to its current shape in these axes.
 template <class Real>
 struct Present {
   Real tx, ty, tz, bx, by, bz, nx, ny, nz, a, s, d;
@@ -186,8 +187,8 @@ inline Present<Real> present(const Edges<Real>& edges, const TriangleShape<Real>
           height * stretch};
 }
 
-/// RotationOnly is known to the compiler, which can make vector code of the lanes only without a
-/// branch in them.
+/// RotationOnly is a template parameter because compilers vectorize the loop over lanes only if it
+/// has no branch.
 template <bool RotationOnly, class Real>
 void gradient_pass_as(int block_count, const TriangleBlock<Real>* blocks, const double* base,
                       double* right_hand_side) {
@@ -196,9 +197,9 @@ void gradient_pass_as(int block_count, const TriangleBlock<Real>* blocks, const 
     Edges<Real> edges;
     gather_edges(block.source, base, edges);
 
-    // S_j takes the rest frame (t1, t2, n) of the triangle to the present one (t1', t2', n') and
-    // in between shears the plane by the upper triangular 2×2 matrix [a s; 0 d]. The rotation
-    // in its polar decomposition is that of the 2×2 matrix, in closed form, with determinant +1.
+    // S_j maps the triangle's rest frame (t1, t2, n) to the current one (t1', t2', n'), the plane
+    // by the upper triangular 2×2 matrix [a s; 0 d]. The rotation in its polar decomposition
+    // follows from that of the 2×2 matrix, in closed form, with determinant +1.
     Real flux[2][3][kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
       const Present<Real> now = present(edges, block.shape, lane);
@@ -231,7 +232,7 @@ void gradient_pass(int block_count, const TriangleBlock<Real>* blocks, const dou
                  : gradient_pass_as<false, Real>)(block_count, blocks, base, right_hand_side);
 }
 
-/// kLanes rows, one after the other.
+/// Transposes lanes to kLanes consecutive rows of four.
 template <class Real>
 inline void store_rows(const Real (&lanes)[4][kLanes], Real* rows) {
   for (int lane = 0; lane < kLanes; ++lane)
@@ -283,7 +284,8 @@ inline void weighted_sums(int count, const int32_t (*index)[kLanes], const float
 }
 #endif
 
-/// Squared: shorter sums may be of quaternions whose signs differ.
+/// Squared length of a weighted mean of unit quaternions below which their signs may disagree:
+/// close rotations with the same sign have means of length nearly 1.
 template <class Real>
 constexpr Real kShort = Real(0.8);
 
@@ -292,13 +294,14 @@ inline bool is_zero(const Real* row) {
   return row[0] == 0 && row[1] == 0 && row[2] == 0 && row[3] == 0;
 }
 
-/// Sums up again, with signs that agree with the first, in lanes where the sum came out short.
+/// Recomputes the sums shorter than kShort, with each quaternion's sign chosen to agree with the
+/// first non-zero one's.
 template <class Real>
 void agree_in_sign(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
                    const Real* rows, Real (&lanes)[4][kLanes], Real (&length)[kLanes]) {
   for (int lane = 0; lane < kLanes; ++lane) {
     if (length[lane] >= kShort<Real>) continue;
-    // One that turns at all: rows of zeros agree with every sign.
+    // The first non-zero row: zeros, of triangles without area, have no sign.
     int k0 = 0;
     while (k0 + 1 < count && is_zero(rows + 4 * static_cast<int64_t>(index[k0][lane]))) ++k0;
     const RowOf<Real> first = load(rows + 4 * static_cast<int64_t>(index[k0][lane]));
@@ -317,8 +320,7 @@ void agree_in_sign(int count, const int32_t (*index)[kLanes], const Real (*weigh
   }
 }
 
-/// The same sums, normalized. Rotations that lie close together sum up to nearly 1, unless the
-/// signs of their quaternions differ.
+/// weighted_sums(), normalized; signs are made to agree where a sum is short.
 template <class Real>
 inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const Real (*weights)[kLanes],
                          const Real* rows, Real (&lanes)[4][kLanes]) {
@@ -337,7 +339,7 @@ inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const Real (
 }
 
 #ifdef __AVX2__
-/// By hand: compilers take these roots one by one.
+/// By intrinsics, as compilers don't vectorize these square roots.
 inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const float (*weights)[kLanes],
                          const float* rows, float (&lanes)[4][kLanes]) {
   weighted_sums(count, index, weights, rows, lanes);
@@ -358,15 +360,16 @@ inline void mean_of_rows(int count, const int32_t (*index)[kLanes], const float 
 }
 #endif
 
-/// Squared: a triangle has collapsed that kept less than this of its first edge or of its height
-/// over it, compared with the other or, to a point, with rest. What is left of it is rounding.
+/// Limits below which a triangle counts as collapsed, as its rotation is rounding. With l and h the
+/// ratios, now to rest, of |e1| and of the height over it: kFlat is the least of (h/l)² and (l/h)²,
+/// kPoint of l² and h².
 template <class Real>
 constexpr Real kFlat = static_cast<Real>(sizeof(Real) == 4 ? 1e-10 : 1e-20);
 template <class Real>
 constexpr Real kPoint = Real(1e-20);
 
-/// Zeros for the rotations of collapsed triangles. Apart from the loop that finds them, so that the
-/// compiler contracts that one as if this weren't there.
+/// Sets the rotations of collapsed triangles to zero. A loop of its own: inside rotation_pass()'s
+/// the compiler would fuse other multiply-adds there, and results would change by rounding.
 template <class Real>
 inline void clear_collapsed(const Edges<Real>& edges, const TriangleShape<Real>& shape,
                             Real (&q)[4][kLanes]) {
@@ -396,7 +399,7 @@ void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const dou
     Real q[4][kLanes];
     for (int lane = 0; lane < kLanes; ++lane) {
       const Present<Real> now = present(edges, block.shape, lane);
-      // The frame turned within its plane, as the 2×2 matrix [a s; 0 d] of gradient_pass asks.
+      // Rotates the frame within its plane by the rotation of [a s; 0 d], as gradient_pass_as().
       const Real trace = now.a + now.d;
       const Real scale = guarded_inverse_sqrt(trace * trace + now.s * now.s);
       const Real cosine = trace * scale, sine = -now.s * scale;
@@ -405,13 +408,13 @@ void rotation_pass(int block_count, const RotationBlock<Real>* blocks, const dou
       const Real vx = cosine * now.bx - sine * now.tx, vy = cosine * now.by - sine * now.ty,
                  vz = cosine * now.bz - sine * now.tz;
 
-      // Four times the products of each quaternion component with all; the largest square is safe
-      // to divide by.
+      // Four times the products of the quaternion's components. Normalizes the products with one
+      // whose square is at least 1/4, so that nothing small is divided by.
       const Real ww = 1 + ux + vy + now.nz, xx = 1 + ux - vy - now.nz, yy = 1 - ux + vy - now.nz,
                  zz = 1 - ux - vy + now.nz;
       const Real wx = vz - now.ny, wy = now.nx - uz, wz = uy - vx;
       const Real xy = uy + vx, xz = uz + now.nx, yz = vz + now.ny;
-      const bool w_or_x = ww + xx > yy + zz;  // w² + x² > 1/2, or else y² + z² is
+      const bool w_or_x = ww + xx > yy + zz;  // w² + x² > 1/2, otherwise y² + z² ≥ 1/2
       const bool second = w_or_x ? xx > ww : zz > yy;
       const Real px = w_or_x ? (second ? xx : wx) : (second ? xz : xy);
       const Real py = w_or_x ? (second ? xy : wy) : (second ? yz : yy);

@@ -19,30 +19,39 @@ namespace dd {
 
 namespace {
 
-// Functional maps between the lowest eigenfunctions of the Laplacians, grown from few functions to
-// many (ZoomOut): of so many functions first and last,
+// Functional maps between the lowest eigenfunctions of the Laplacians grow (ZoomOut) from kFirst to
+// kLast functions. All 2^(kFirst − 1) combinations of the first ones' signs are tried; more last
+// ones resolve more and take longer.
 constexpr int kFirst = 6, kLast = 30;
-constexpr int kVerticesPerFunction = 6;  // and no more than a sixth of the smaller mesh's vertices;
-constexpr int kSpare = 20;  // further functions to start from, so that the last converge;
-constexpr int kRoughStep = 3, kFineStep = 1;  // functions added at a time, in both passes;
-constexpr size_t kRoughSamples = 250;         // samples of the rough pass.
-constexpr size_t kCompared = 8;               // maps of which the signs of functions are tried
-constexpr size_t kLookedAtClosely = 6;        // maps that are refined in the fine pass
-constexpr double kAlikeMaps = 0.05;  // of the box: maps with a smaller mean distance are one
-// The stretch of a map (stretch_of), 0 for an isometry: below the first a map is accepted without
-// comparing others, below the second it may guide the registration.
+// Least vertices of the smaller coarse shape for each function: fewer don't resolve the last ones.
+constexpr int kVerticesPerFunction = 6;
+constexpr int kSpare = 20;  // further columns of the subspace iteration, so that the last converge
+// Functions added at a time in the rough pass, which only compares maps, and in the fine one.
+constexpr int kRoughStep = 3, kFineStep = 1;
+// Samples of the rough pass. They tell only clearly different maps apart; the fine pass takes all.
+constexpr size_t kRoughSamples = 250;
+// Maps whose signs are varied: by the best map alone, two poses of a lion were laid wrongly, out of
+// 20 poses of a horse, a cat and a lion.
+constexpr size_t kCompared = 8;
+// Maps of the fine pass, without which three poses of a horse, a cat and a lion were laid wrongly.
+// It makes a match without markers half more work.
+constexpr size_t kLookedAtClosely = 6;
+// Mean distance below which two maps count as one, as a fraction of the box's diagonal.
+constexpr double kAlikeMaps = 0.05;
+// The stretch of a map (stretch_of()), 0 for an isometry. Below kConvincing, neither other signs
+// nor lying_on() are tried; below kMeaningful, the map may guide the registration.
 constexpr double kConvincing = 0.07, kMeaningful = 0.14;
-// Maps are ambiguous if their stretches differ by less: the rough maps of an exact symmetry, whose
-// stretch should be 0, have up to half of it.
+// Maps are ambiguous if their stretches differ by less. Tuned: rough maps of exact symmetries,
+// whose stretch should be 0, have up to half of it.
 constexpr double kAlikeStretch = 0.05;
-// A map that keeps the orientation of less than this part of what the best one keeps is dropped.
+// A map is dropped if its kept_orientation() is less than this fraction of the largest one.
 constexpr double kReversed = 0.3;
 
-/// A placement and what is known of it.
+/// A candidate placement with its functional map.
 struct Start : Placement {
   FunctionalMap map;
-  std::vector<int> rows;  // where that takes the source's vertices, roughly
-  bool by_map = false;    // the placement, too
+  std::vector<int> rows;  // its target vertex for each source vertex, one of kRoughSamples
+  bool by_map = false;    // the similarity is fitted to the map
   double stretch = 0, orientation = 0;
   double score() const { return (misfit + kExact) * (stretch + kExact); }
   double preferred() const { return Placement::preferred() * (stretch + kExact); }
@@ -50,12 +59,13 @@ struct Start : Placement {
 
 class Aligning {
  public:
-  /// marked: vertices of both that markers name.
+  /// marked: pairs of vertices of the coarse shapes, from the markers.
   Aligning(const CoarseShape& source, const CoarseShape& target,
            std::vector<std::array<int, 2>> marked, ThreadPool& pool)
       : source_(source), target_(target), marked_(std::move(marked)), pool_(pool) {}
 
-  /// Whether there are functions enough to tell.
+  /// Computes the eigenfunctions of both shapes. Returns false if a shape isn't connected or has
+  /// too few vertices.
   bool find_functions(const Progress& progress) {
     const int fewest = std::min(source_.mesh.vertex_count(), target_.mesh.vertex_count());
     count_ = std::min(kLast, fewest / kVerticesPerFunction);
@@ -73,8 +83,9 @@ class Aligning {
   void map_all(std::vector<Start>& starts, const Progress& progress) {
     report(progress, 0, Stage::placements);
     map_from(starts, 0);
-    // Of two like halves a pose often brings the left one to lie on the right: a map that takes
-    // left to right keeps lengths, too. The one that doesn't differs in the signs of functions.
+    // A pose often brings the left one of two like halves to where the right one is at rest, and a
+    // map that swaps them is an isometry, too. It differs from the correct map in the signs
+    // of eigenfunctions.
     std::vector<Start> ordered = starts;
     std::stable_sort(ordered.begin(), ordered.end(),
                      [](const Start& a, const Start& b) { return a.score() < b.score(); });
@@ -85,7 +96,7 @@ class Aligning {
       for (int signs = 1; signs < 1 << (kFirst - 1); ++signs) {
         starts.push_back(base);
         Eigen::MatrixXd& matrix = starts.back().map.matrix;
-        // Moved: where there is no memory, an assignment leaves what Eigen frees twice.
+        // Moved: where an allocation fails in a copy assignment, Eigen frees twice.
         matrix = Eigen::MatrixXd(matrix.topLeftCorner(kFirst, kFirst));
         for (int k = 1; k < kFirst; ++k)
           if (signs >> (k - 1) & 1) matrix.col(k) *= -1;
@@ -93,7 +104,7 @@ class Aligning {
     map_from(starts, known);
   }
 
-  /// Of those from number begin on; one that has a map is refined from there.
+  /// Maps starts[begin] and those after it. One that has a map already is refined from it.
   void map_from(std::vector<Start>& starts, size_t begin) {
     pool_.run(static_cast<int>(starts.size() - begin), [&](int i) {
       Start& start = starts[begin + size_t(i)];
@@ -102,8 +113,8 @@ class Aligning {
     });
   }
 
-  /// A rough look tells the best only from what is much worse: those that lead elsewhere are looked
-  /// at closely. starts: upright_of() them.
+  /// The first distinct candidates, mapped from all samples, as rough maps tell only much worse
+  /// ones apart. If any map keeps the markers, only those that do. upright: upright_of(starts).
   std::vector<Start> looked_at_closely(const std::vector<Start>& starts,
                                        const std::vector<size_t>& upright) {
     std::vector<Start> ordered;
@@ -118,7 +129,8 @@ class Aligning {
     return few;
   }
 
-  /// The first ones that lead elsewhere than those before, at most so many.
+  /// Up to `most` candidates from the first on, each with a map that differs from those before it
+  /// (kAlikeMaps).
   std::vector<Start> differing(const std::vector<Start>& ordered, size_t most) const {
     std::vector<Start> few;
     for (const Start& start : ordered) {
@@ -155,12 +167,13 @@ class Aligning {
     start.stretch = stretch_of(start.map, bases_[0].values, bases_[1].values);
   }
 
-  /// Vertices that correspond, all of either shape.
+  /// The corresponding vertex of each vertex of both shapes.
   NearestRows nearest(const FunctionalMap& map) const {
     return nearest_rows(map(bases_[0].functions), bases_[1].functions);
   }
 
-  /// Of each of the source's vertices the nearest of the target's samples.
+  /// For each source vertex the target vertex with the nearest values of the eigenfunctions among
+  /// kRoughSamples samples.
   std::vector<int> roughly_nearest(const FunctionalMap& map) const {
     std::vector<int> rows =
         nearest_rows(map(bases_[0].functions),
@@ -170,7 +183,7 @@ class Aligning {
     return rows;
   }
 
-  /// Of the box, the mean distance of where two maps take the source.
+  /// Mean distance between the images of the source's vertices by two maps, in the target's box.
   double apart(const std::vector<int>& one, const std::vector<int>& other) const {
     double sum = 0;
     for (size_t i = 0; i < one.size(); ++i)
@@ -178,7 +191,7 @@ class Aligning {
     return sum / static_cast<double>(one.size());
   }
 
-  /// Whether a map takes what the markers name at least roughly there.
+  /// Whether a map takes each marker to within kElsewhere / 2 of its partner.
   bool keeps_markers(const std::vector<int>& rows) const {
     return std::all_of(marked_.begin(), marked_.end(), [&](const std::array<int, 2>& pair) {
       return (target_.mesh.positions.row(rows[size_t(pair[0])]) -
@@ -195,12 +208,13 @@ class Aligning {
     return fitted_similarity(source_.mesh.positions, onto, Eigen::VectorXd::Ones(onto.rows()));
   }
 
-  /// Whether a map leaves a mesh about as it stands: turned by less than 45°.
+  /// Whether the similarity fitted to a map turns the source by less than 45°.
   bool stands(const std::vector<int>& rows) const {
     return fitted(rows).rotation.trace() > 1 + 2 * std::sqrt(0.5);
   }
 
-  /// From −1, all turned over, to 1: of the source's triangles, by area, on the target.
+  /// In [−1, 1]: the source's area whose image keeps its orientation less that whose image is
+  /// turned over, as a fraction of the whole.
   double kept_orientation(const std::vector<int>& rows) const {
     double sum = 0;
     for (int j = 0; j < source_.mesh.triangle_count(); ++j) {
@@ -225,21 +239,21 @@ class Aligning {
   int count_ = 0;
 };
 
-/// Those that don't turn the surface inside out, the best first. starts: mapped.
+/// Indices of the candidates that don't turn the surface inside out, the best first; at least one.
 std::vector<size_t> upright_of(const std::vector<Start>& starts) {
   double most = 0;
   for (const Start& start : starts) most = std::max(most, start.orientation);
   std::vector<size_t> upright;
   for (size_t i = 0; i < starts.size(); ++i)
     if (starts[i].orientation >= kReversed * most) upright.push_back(i);
-  if (upright.empty()) upright.push_back(0);  // each turns more over than it keeps
+  if (upright.empty()) upright.push_back(0);  // each turns over more area than it keeps
   std::stable_sort(upright.begin(), upright.end(), [&](size_t a, size_t b) {
     return starts[a].preferred() < starts[b].preferred();
   });
   return upright;
 }
 
-/// A similarity of the source onto the target, from its box into the target's.
+/// A placement of the source on the target, as a map from the source's unit box to the target's.
 Similarity in_boxes(const Similarity& placement, const UnitBox (&boxes)[2]) {
   Similarity result = placement;
   result.scale = placement.scale * boxes[0].scale / boxes[1].scale;
@@ -248,7 +262,7 @@ Similarity in_boxes(const Similarity& placement, const UnitBox (&boxes)[2]) {
   return result;
 }
 
-/// The best, and whether another is about as good.
+/// The index of the best candidate. rivals: gets those that are about as good.
 size_t best_of(const std::vector<Start>& starts, std::vector<size_t>& rivals) {
   const std::vector<size_t> upright = upright_of(starts);
   const size_t best = upright.front();
@@ -322,7 +336,8 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   if (mapped || placed.empty()) add_placements(placed, places);
   std::vector<Placement> begun = placed;
   if (mapped && count > 0) {
-    // Where limbs are posed no placement takes markers where they belong: maps alone are asked to.
+    // No similarity fits the markers of posed limbs. So placements without markers are candidates,
+    // too, and only their maps have to keep the markers.
     add_placements(begun, {});
     for (Placement& one : begun) measure_by_shape(one, from, onto);
   }
@@ -333,7 +348,7 @@ Alignment align(const Mesh& source, const Mesh& target, const Pairs& given, int 
   Alignment result;
   std::vector<size_t> rivals;
   if (mapped) aligning.map_all(starts, within(progress, 0.5, 0.8));
-  if (!mapped)  // nothing tells a mirror image
+  if (!mapped)  // only a map makes a placement of a mirrored candidate
     starts.erase(std::remove_if(starts.begin(), starts.end(),
                                 [](const Start& start) { return start.mirrored; }),
                  starts.end());

@@ -10,39 +10,44 @@
 
 namespace dd {
 
-/// How a source lies on a target, roughly: where a registration begins.
+/// A coarse alignment of a source with a target: the start of a registration.
 struct Alignment {
-  Similarity placement;                  ///< of the source onto the target
-  std::optional<Similarity> by_markers;  ///< the same by three markers or more and little else
-  /// For each vertex of the source the one that stands for it, as coarsely as the surfaces were
-  /// looked at, and the vertex of the target that corresponds to that; empty where they are too
-  /// small or too ragged for a map, or that means little, −1 where there is none.
+  Similarity placement;                  ///< takes the source onto the target
+  std::optional<Similarity> by_markers;  ///< the same, fitted to three or more markers
+  /// The functional map between the coarse shapes. For each source vertex: the source vertex that
+  /// represents it in the coarse shape (centre), and the target vertex that corresponds to that one
+  /// (partner); −1 if none represents it. Empty if the shapes are too small or not connected, or if
+  /// the map's stretch is too large to guide a registration.
   std::vector<int> centre, partner;
-  /// Where the map means little: vertices at the ends of limbs that probably correspond.
+  /// Probably corresponding ends of limbs; only if the map's stretch is too large and lies_on is
+  /// false.
   Pairs tips;
-  /// So the surfaces lie on one another, except for what one of them lacks, or what is posed.
+  /// The placement lays the surfaces on each other, except for parts that one of them lacks or that
+  /// are posed differently.
   bool lies_on = false;
-  /// Another placement fits about as well, and takes places elsewhere.
+  /// Another placement or map fits about as well and takes points elsewhere.
   bool ambiguous = false;
 };
 
-/// Markers, sorted and each once. Throws Error(argument) where they are out of range or
-/// contradictory.
+/// The markers sorted, without duplicates. Throws Error(argument) if a vertex is out of range, or
+/// if a source vertex has two partners.
 Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target);
 
-/// Whether by the markers the target is the source's mirror image, which takes four that are not in
-/// a plane. Throws as checked_markers().
+/// Whether the markers say that the target is the source's mirror image, which takes four that
+/// aren't coplanar. Throws as checked_markers().
 bool marked_as_mirror_image(const Mesh& source, const Mesh& target, const Pairs& markers);
 
-/// Placed by the markers where there are three not on a line, and by placements(), with the markers
-/// and without; where the surfaces are too small or ragged for a map, by the markers alone. From
-/// each of these, functions of the surfaces, smooth ones first, give a map that copes with poses
-/// (zoomed_out()), at first of few samples, and so do maps that take left and right otherwise; the
-/// most promising that differ are mapped by all. The one is taken that keeps lengths best and lies
-/// nearest and doesn't turn the surface inside out, of those that keep the markers where any does.
-/// Unless that convinces, lying_on() has the last word, then stands_on(), as their positions have
-/// it or by a given stance of the source, of which a reflection isn't looked at. Never mirrored:
-/// what are mirror images is mirrored first.
+/// Aligns the source with the target:
+///   1. Candidate placements are the markers' own, if three aren't collinear, and placements() with
+///      and without the markers. Without functional maps, the former is the only one if it exists.
+///   2. From each candidate a functional map is grown (zoomed_out()), which tolerates poses, at
+///      first from few samples. Maps with other signs of the first eigenfunctions join in, as a map
+///      may swap left and right. The most promising distinct maps are grown from all samples.
+///   3. Maps that turn the surface inside out are dropped, and those that miss the markers if any
+///      map keeps them. Of the rest, the one with the least product of misfit and stretch wins.
+///   4. Unless its stretch is convincing, lying_on() overrides its placement, or else stands_on():
+///      by the meshes' coordinates, or by the given stance of the source unless that is mirrored.
+/// The placement is never mirrored: mirror the source of a mirror image first.
 Alignment align(const Mesh& source, const Mesh& target, const Pairs& markers, int threads = 0,
                 const Progress& progress = {}, const Similarity* stance = nullptr);
 

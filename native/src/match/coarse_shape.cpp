@@ -15,11 +15,13 @@ namespace dd {
 
 namespace {
 
+// Vertices that the radius of contraction aims at; twice as many are accepted. More resolve smaller
+// features and take longer.
 constexpr int kVertices = 2500;
-constexpr int kSamples = 1000;
-constexpr int kAttempts = 4;
+constexpr int kSamples = 1000;  // of a map in the end: its time grows with their square
+constexpr int kAttempts = 4;    // contractions, each by 1.5 times the radius of the one before
 
-/// The triangles of the part with the largest area, or all where it has not even half of it.
+/// The triangles of the component with the largest area, or all if that is less than half of it.
 Triangles main_part(const Mesh& mesh) {
   const Components parts(mesh.triangles, mesh.vertex_count());
   const Eigen::VectorXd areas = triangle_areas(mesh.positions, mesh.triangles);
@@ -61,10 +63,10 @@ std::vector<int> farthest_points(const Positions& positions, int count) {
 struct CoarseShape::Part {
   Part(const Mesh& given, const Triangles& triangles) {
     const Mesh part = {UnitBox(given.positions).into(given.positions), triangles};
-    // A vertex that is left stands for about twice the square of the radius.
+    // A vertex that remains covers an area of about 2 radius².
     double radius =
         std::sqrt(triangle_areas(part.positions, part.triangles).sum() / (2 * kVertices));
-    // What is no surface anywhere is left as it is, unless it is looked at more roughly.
+    // Nothing is merged where the mesh is narrow or non-manifold: larger radii may merge enough.
     for (int attempt = 0; attempt < kAttempts; ++attempt, radius *= 1.5) {
       made = contract(part, std::vector<double>(static_cast<size_t>(part.vertex_count()), radius));
       if (made.vertices.size() < 2 * kVertices) break;
@@ -77,7 +79,7 @@ struct CoarseShape::Part {
   }
   Contraction made;
   Mesh mesh;
-  Positions unit;  // of all vertices
+  Positions unit;  // positions of all vertices in the unit box
 };
 
 CoarseShape::CoarseShape(const Mesh& given) : CoarseShape(Part(given, main_part(given))) {}
@@ -92,7 +94,7 @@ CoarseShape::CoarseShape(Part&& part)
       samples(farthest_points(mesh.positions, kSamples)),
       tree(mesh),
       connected(Components(mesh.triangles, mesh.vertex_count()).count == 1) {
-  // Vertices of other parts go by the nearest of this one.
+  // Vertices of other components: the closest point's corner with the largest weight.
   for (size_t v = 0; v < of_vertex.size(); ++v) {
     if (of_vertex[v] >= 0) continue;
     const PointOnTriangle near = tree.nearest(part.unit.row(static_cast<Index>(v)).transpose(), 10,

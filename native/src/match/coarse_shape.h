@@ -9,32 +9,35 @@
 
 namespace dd {
 
-/// The largest part of a mesh by area, or all of one that is in many parts, with a few thousand
-/// vertices, in a box of size 1: what an alignment looks at.
+/// A mesh coarsened to a few thousand vertices for alignment, in a box of diagonal 1: its largest
+/// component by area, or the whole mesh if that component has less than half of the area.
 struct CoarseShape {
   explicit CoarseShape(const Mesh& mesh);
-  CoarseShape(const CoarseShape&) = delete;  // the tree knows its mesh
+  CoarseShape(const CoarseShape&) = delete;  // the tree refers to the mesh
   CoarseShape& operator=(const CoarseShape&) = delete;
 
   Mesh mesh;
-  std::vector<int> vertices;   ///< of the given mesh that its own are
-  std::vector<int> of_vertex;  ///< for each of the given mesh's vertices the one that stands for it
+  std::vector<int> vertices;  ///< for each coarse vertex, the given mesh's vertex that it is
+  /// For each vertex of the given mesh, the coarse vertex that it was merged into or, in another
+  /// component, that is close to it; -1: none.
+  std::vector<int> of_vertex;
   Positions triangle_normals;
-  Positions normals;         ///< of its vertices, summed
+  Positions normals;         ///< of its vertices: see summed_normals()
   Eigen::VectorXd areas;     ///< of its triangles
-  std::vector<int> samples;  ///< vertices that lie apart, the first ones furthest
+  std::vector<int> samples;  ///< vertices: see farthest_points()
   AabbTree tree;
-  bool connected;  ///< else its functions mean nothing
+  bool connected;  ///< else its eigenfunctions are of no use for a map
 
  private:
   struct Part;
   explicit CoarseShape(Part&& part);
 };
 
-/// Vertices that lie apart: each is the furthest from those before, the first from the centre.
+/// Farthest point sampling: up to count indices, each of the point farthest from those before it,
+/// the first of the point farthest from the mean.
 std::vector<int> farthest_points(const Positions& positions, int count);
 
-/// The first count of some rows.
+/// The rows with the first count of the given numbers.
 template <class Rows>
 Rows rows_of(const Rows& all, const std::vector<int>& numbers, size_t count) {
   Rows rows(static_cast<Index>(std::min(count, numbers.size())), all.cols());

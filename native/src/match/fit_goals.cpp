@@ -11,8 +11,12 @@ namespace dd {
 
 namespace {
 
-constexpr double kHeldBack = 0.05;  // of a pull: what faces nothing where other things are near
-constexpr double kOutlier = 8;      // times the median distance
+// Weight of a vertex without a closest point where others have one. Safety: at 0 an open sheet
+// creeps onto a border.
+constexpr double kHeldBack = 0.05;
+// Multiple of the median distance at which the weight is 1/4: with a larger one, parts without a
+// counterpart drag the rest along; with a smaller one, posed parts are left behind.
+constexpr double kOutlier = 8;
 
 /// Whether a point of a triangle lies on a border.
 bool at_border(const Borders& borders, const PointOnTriangle& point) {
@@ -23,7 +27,7 @@ bool at_border(const Borders& borders, const PointOnTriangle& point) {
   return false;
 }
 
-/// Of each vertex of a mesh the nearest point of another one; triangle −1: none.
+/// For each vertex of a mesh, the closest point of another one within reach; triangle −1: none.
 std::vector<PointOnTriangle> nearest_points_of(const Mesh& mesh, const Positions& normals,
                                                const AabbTree& other, const PartPairs& pairs,
                                                double reach, ThreadPool& pool) {

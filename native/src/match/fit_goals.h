@@ -20,8 +20,8 @@ struct FitGoals {
   std::vector<Found> found;
 
   /// The weight of each vertex' attraction, by the robust error of Geman and McClure: 1 at its
-  /// goal, 1/4 at eight times the median distance to a goal, or at least if that is larger. A
-  /// vertex without a closest point gets a small weight that holds it where it is; one whose
+  /// goal, 1/4 at the larger of eight times the median distance to a goal and the distance `least`.
+  /// A vertex without a closest point gets a small weight that holds it where it is; one whose
   /// closest point is on a border gets 1.
   Eigen::VectorXd nearness(const Positions& now, double least) const;
 };
@@ -51,7 +51,7 @@ class GoalFinder {
   AabbTree tree_;
   LooseParts source_parts_, target_parts_;
   Borders source_borders_, target_borders_;
-  Positions target_normals_;  // with twice the area of the triangles at the vertex for a length
+  Positions target_normals_;  // of vertices: see summed_normals()
 };
 
 }  // namespace dd

@@ -9,11 +9,13 @@ namespace dd {
 
 namespace {
 
-constexpr Index kBlock = 64;        // rows whose distances are looked at together
-constexpr double kLandmark = 0.05;  // the weight of one, of that of all samples
-constexpr double kRidge = 1e-6;     // where samples say nothing of a function
+constexpr Index kBlock = 64;        // rows of distances computed by one product: bounds its memory
+constexpr double kLandmark = 0.05;  // weight of a landmark, as a fraction of all samples' together
+// Added to the normal matrix' diagonal, as a fraction of the number of samples, which is about its
+// size. Safety: functions that the samples don't determine would make it singular.
+constexpr double kRidge = 1e-6;
 
-/// The map that takes rows of the source next to those of the target that correspond.
+/// The least squares map of `size` functions from source rows to corresponding target rows.
 FunctionalMap fitted_map(const SampledFunctions& samples, const NearestRows& rows, int size) {
   const Index from = samples.source.rows(), to = samples.target.rows();
   Eigen::MatrixXd source(from + to, size), target(from + to, size);
@@ -25,7 +27,7 @@ FunctionalMap fitted_map(const SampledFunctions& samples, const NearestRows& row
     source.row(from + i) = samples.source.row(rows.of_second[size_t(i)]).head(size);
     target.row(from + i) = samples.target.row(i).head(size);
   }
-  // Functions go from target to source: target · matrix ≈ source, and points back by its transpose.
+  // Fits target · matrix ≈ source: functions go from target to source, points by its transpose.
   Eigen::MatrixXd normal = target.transpose() * target;
   Eigen::MatrixXd right = target.transpose() * source;
   const double weight = kLandmark * static_cast<double>(from + to);

@@ -8,36 +8,36 @@
 
 namespace dd {
 
-/// For each row of either matrix the number of the nearest row of the other.
+/// For each row of either matrix, the index of the nearest row of the other.
 struct NearestRows {
   std::vector<int> of_first, of_second;
 };
 NearestRows nearest_rows(const RowMatrix& first, const RowMatrix& second);
 
-/// A correspondence of two surfaces as a linear map of their functions (Ovsjanikov et al. 2012):
-/// k×k, what takes values of the source's first functions at a point to those of the target's at
-/// the point that corresponds.
+/// A functional map (Ovsjanikov et al. 2012): a k×k matrix that takes the values of the source's
+/// first k eigenfunctions at a point to those of the target's at the corresponding point.
 struct FunctionalMap {
   Eigen::MatrixXd matrix;
   int size() const { return static_cast<int>(matrix.rows()); }
-  /// Of points: rows of the source's functions, in the target's.
+  /// Takes values of the source's eigenfunctions, one row a point, to those of the target's.
   RowMatrix operator()(const RowMatrix& source) const;
 };
 
-/// The values of each surface's functions at some of its points, and rows of them that correspond
-/// for sure.
+/// Values of each surface's eigenfunctions, one row a sample point, and pairs of such rows that are
+/// known to correspond.
 struct SampledFunctions {
   RowMatrix source, target;
   std::vector<std::array<Eigen::RowVectorXd, 2>> landmarks;  ///< source, target
 };
 
-/// Refines a rough correspondence by adding functions, step by step from the smoothest on (ZoomOut:
-/// Melzi et al. 2019), in both directions at once. start: rows of the samples that
-/// correspond.
+/// Refines a correspondence of samples (ZoomOut: Melzi et al. 2019), in both directions at once:
+/// fits a map and takes the nearest rows by it, with `step` more eigenfunctions each time, from
+/// `first` to `last`. start: the corresponding rows of the samples.
 FunctionalMap zoomed_out(const SampledFunctions& samples, NearestRows start, int first, int last,
                          int step);
 
-/// How far a map is from one that keeps lengths: such commute with the Laplacians. 0 where it does.
+/// How far a map C is from an isometry, which commutes with the Laplacians:
+/// ‖Λ_target C − C Λ_source‖ / (‖C‖ λ), λ the largest eigenvalue of both. 0 for an isometry.
 double stretch_of(const FunctionalMap& map, const Eigen::VectorXd& source_values,
                   const Eigen::VectorXd& target_values);
 

@@ -12,13 +12,20 @@ namespace dd {
 
 namespace {
 
+// Samples that mean distances are taken to: one fast marching each.
 constexpr size_t kTipSamples = 30;
-constexpr double kTipsApart = 0.08;  // of the farthest: two tips are no nearer
-constexpr double kStandsOut = 1.25;  // times as far from the whole as what is nearest to it
-constexpr size_t kMostTips = 8;
-constexpr size_t kEnoughMarked = 40;  // which say more than tips
-constexpr int kFewestPoints = 4;      // points in all that tell left from right
-constexpr double kAsNothing = 0.05;   // of the farthest two: so much is as good as nothing
+// Least distance between tips, and of a tip from a marker, as a fraction of the largest distance.
+constexpr double kTipsApart = 0.08;
+// Least ratio of a tip's mean distance to that of the innermost vertex.
+constexpr double kStandsOut = 1.25;
+constexpr size_t kMostTips = 8;  // bounds the search for the best pairing: at most 8! of them
+// From more markers on, these constrain a fit better than tips; each costs a fast marching, too.
+constexpr size_t kEnoughMarked = 40;
+// Fewest points that tell left from right: three are coplanar.
+constexpr int kFewestPoints = 4;
+// Added to distances before logarithms are taken, as a fraction of the largest one: bounds the cost
+// of points that coincide on one shape only.
+constexpr double kAsNothing = 0.05;
 
 std::vector<double> distances_over(const Mesh& mesh, int vertex,
                                    double farthest = std::numeric_limits<double>::infinity()) {
@@ -27,7 +34,7 @@ std::vector<double> distances_over(const Mesh& mesh, int vertex,
   return geodesic_distances(mesh, source, farthest);
 }
 
-/// What is compared of a shape: its tips, then what is marked.
+/// The points of a shape that are paired: its tips, then its marked vertices.
 struct TipPoints {
   TipPoints(const CoarseShape& shape, const std::vector<int>& marked) : count(0) {
     std::vector<std::vector<double>> away;
@@ -54,7 +61,7 @@ struct TipPoints {
           i < count ? distances_over(shape.mesh, vertices[size_t(i)]) : away[size_t(i - count)];
       for (Index j = 0; j < all; ++j) apart(i, j) = from[size_t(vertices[size_t(j)])];
     }
-    // By their logarithms distances of limbs that are longer throughout are compared.
+    // Differences of logarithms compare ratios, so that longer limbs cost little.
     if (all > 0) apart = (apart.array() / apart.maxCoeff() + kAsNothing).log();
   }
 
@@ -64,7 +71,7 @@ struct TipPoints {
   Eigen::MatrixXd apart;
 };
 
-/// Tries all ways to give each tip of one shape another one of the other.
+/// Branch and bound over all pairings of each tip of one shape with another one of the other.
 class TipPairing {
  public:
   TipPairing(const TipPoints& few, const TipPoints& many, const Positions& placed_few,
@@ -83,7 +90,7 @@ class TipPairing {
   const Pairs& best() const { return best_; }
 
  private:
-  /// To the first ones that were chosen, by distances over the surfaces.
+  /// The sum of the first cost term over a pair and each of the first chosen pairs.
   double difference(const std::array<int, 2>& pair, size_t first) const {
     double sum = 0;
     for (size_t k = 0; k < first; ++k)
@@ -114,7 +121,7 @@ class TipPairing {
     }
   }
 
-  /// The mean distance that a similarity leaves.
+  /// The mean residual of the similarity that fits the chosen pairs best.
   double misfit() const {
     const Index count = static_cast<Index>(chosen_.size());
     Positions from(count, 3), to(count, 3);
@@ -148,7 +155,7 @@ std::vector<int> limb_tips(const Mesh& mesh, const std::vector<int>& samples) {
   for (size_t v = 0; v < order.size(); ++v) order[v] = static_cast<int>(v);
   std::stable_sort(order.begin(), order.end(),
                    [&](int a, int b) { return sum[size_t(a)] > sum[size_t(b)]; });
-  // From the farthest on: what lies about one that was looked at is no tip.
+  // By descending sum: a vertex close to one with a larger sum is no tip.
   std::vector<char> passed(sum.size(), 0);
   std::vector<int> tips;
   for (int v : order) {

@@ -10,8 +10,8 @@
 namespace dd {
 
 /// The ends of limbs: vertices whose mean geodesic distance to samples of the whole surface is the
-/// largest within a neighbourhood, and 1.25 times that of the innermost vertex. At most eight, the
-/// largest first. mesh: connected.
+/// largest within a neighbourhood, and at least 1.25 times that of the innermost vertex. At most
+/// eight, the largest first. mesh: connected.
 std::vector<int> limb_tips(const Mesh& mesh, const std::vector<int>& samples);
 
 /// Pairs of corresponding tips, as many as the shape with fewer tips has. Of all pairings the one

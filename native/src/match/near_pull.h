@@ -7,11 +7,11 @@
 
 namespace dd {
 
-/// The pull of what is so far, in lengths at which it falls to a quarter: the weight that goes with
-/// the error of Geman and McClure 1987.
+/// The weight that goes with the robust error of Geman and McClure (1987). distance: as a multiple
+/// of the one at which the weight is 1/4.
 inline double near_pull(double distance) { return 1 / std::pow(1 + distance * distance, 2); }
 
-/// Of one value at least; of an even number the larger of both in the middle.
+/// The median of one or more values; of an even number, the larger of the two in the middle.
 inline double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());

@@ -15,13 +15,21 @@ namespace dd {
 
 namespace {
 
-constexpr int kLargest = 128;        // parts that are told apart
-constexpr double kMuchNearer = 0.7;  // of the distance
-constexpr double kTooNear = 0.005;   // of the box: such a distance says nothing
-constexpr double kNextTo = 0.03;     // of the box
-constexpr double kUnlike = 0.3;      // of the smaller one's size
+// Parts that are numbered: bounds the time of the assignment, which is cubic in their number.
+constexpr int kLargest = 128;
+// A part is much nearer than another one below this fraction of its distance.
+constexpr double kMuchNearer = 0.7;
+// Distance of two parts below which they may correspond in any case, as a fraction of the diagonal
+// of the larger box.
+constexpr double kTooNear = 0.005;
+// As a fraction of that diagonal, too: the largest distance of parts that are paired by the
+// assignment, and of closest points that are preferred for being on a part that may correspond.
+constexpr double kNextTo = 0.03;
+// Parts are alike if their distance with coinciding means is below this fraction of the smaller
+// one's size √tr C.
+constexpr double kUnlike = 0.3;
 
-/// How a part's area is spread.
+/// A part's area and its distribution; root: C^½.
 struct Spread {
   double area = 0;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
@@ -72,7 +80,7 @@ double distance(const Spread& one, const Spread& other) {
   return std::sqrt(std::max(apart, 0.0));
 }
 
-/// By shape, wherever they are.
+/// Whether two parts have like shapes, wherever they are.
 bool are_alike(const Spread& one, Spread other) {
   other.mean = one.mean;
   const double size = std::sqrt(std::min(one.covariance.trace(), other.covariance.trace()));
@@ -120,7 +128,7 @@ PartPairs::PartPairs(const Mesh& mesh, const LooseParts& parts, const Mesh& othe
       may_[size_t(s * count_ + t)] =
           kMuchNearer * apart(s, t) <
           std::max({nearest[s], nearest_to_other[t], kMuchNearer * kTooNear * box});
-  // Of those that have their like each goes with no other one's.
+  // Among parts that are assigned to one of like shape, only assigned pairs may correspond.
   const std::vector<int> likes = least_assignment(apart.cwiseAbs2());
   std::vector<Index> alike, others_alike;
   for (Index s = 0; s < apart.rows(); ++s) {

@@ -24,23 +24,23 @@ struct Effort {
 constexpr Effort kQuick = {4, 60}, kWhole = {12, 300}, kNear = {40, 300, true},
                  kMeasured = {0, 300};
 
-// Lengths are fractions of the diagonal of the target's box, if nothing else is said.
+// Lengths are fractions of the diagonal of the target's box unless stated otherwise.
 constexpr double kNearby = 3;       // times the median distance: where the robust weight is 1/4
-constexpr double kNearest = 0.001;  // a smaller median counts as this
-// The largest median distance at which one surface is said to lie on the other. Heads of one family
-// have .004, animals of different species .01.
+constexpr double kNearest = 0.001;  // least median: keeps the weights of exact fits defined
+// The largest median distance at which one surface is said to lie on the other. Tuned: heads of one
+// family have .004, animals of different species .01.
 constexpr double kLying = 0.006;
 // A part lies on a whole if this fraction of its samples is near, where near is at most kLying and
 // at most kOfPart of the part's own box, as all of a tiny part is within kLying of a surface by
 // chance.
 constexpr double kMost = 0.9, kOfPart = 0.1;
-constexpr double kSettled = 0.002;  // stops when a round changes the misfit by less than this part
-constexpr size_t kPromising = 8;    // placements that are kept after the quick look
-constexpr int kManyMarkers = 8;     // so many fix a similarity without closest points
+constexpr double kSettled = 0.002;    // relative change of the misfit below which rounds stop
+constexpr size_t kPromising = 8;      // placements kept after the quick look; more take longer
+constexpr int kManyMarkers = 8;       // this many determine a similarity without closest points
 constexpr double kMarkerShare = 0.1;  // weight of a marker; all samples together have 1
 constexpr double kAlike = 0.03;       // placements with a smaller mean distance count as one
 constexpr double kAnywhere = std::numeric_limits<double>::infinity();
-constexpr double kWorthTrying = 1.5;  // larger misfits than so many times the least are dropped
+constexpr double kWorthTrying = 1.5;  // largest ratio of a candidate's misfit to the least one
 
 Positions mirror(Positions points, bool whether) {
   if (whether) points.col(0) *= -1;
@@ -49,7 +49,8 @@ Positions mirror(Positions points, bool whether) {
 
 bool on_a_line(const Positions& points) {
   const Positions arms = points.rowwise() - points.colwise().mean();
-  // Squared and ascending. Eigen's SVD of a matrix of any size frees twice where memory ends.
+  // Squared singular values, ascending. Not by Eigen's SVD of a matrix of dynamic size, which frees
+  // twice if an allocation fails.
   const Eigen::Matrix3d moments = arms.transpose() * arms;
   const Eigen::Vector3d spread =
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(moments, Eigen::EigenvaluesOnly).eigenvalues();
@@ -76,7 +77,7 @@ struct Moments {
   Eigen::Matrix3d axes;
 };
 
-/// The nearest point that faces as a given one; of a surface that faces away all over, the nearest.
+/// The closest point with a normal less than 90° off; if there is none, the closest of all.
 Eigen::Vector3d nearest_of(const CoarseShape& shape, const Eigen::Vector3d& point,
                            const Eigen::Vector3d& normal) {
   const PointOnTriangle facing = shape.tree.nearest_facing(point, normal, kAnywhere);
@@ -84,7 +85,7 @@ Eigen::Vector3d nearest_of(const CoarseShape& shape, const Eigen::Vector3d& poin
   return shape.tree.nearest(point, kAnywhere, [](int) { return true; }).place;
 }
 
-/// The larger of the medians of the first n rows' lengths and of the next m.
+/// The larger of two median row lengths: of the first n rows, and of the next m.
 double larger_median(const Positions& rows, Index n, Index m) {
   const Eigen::VectorXd lengths = rows.topRows(n + m).rowwise().norm();
   const auto median_of = [&](Index first, Index count) {
@@ -93,7 +94,7 @@ double larger_median(const Positions& rows, Index n, Index m) {
   return std::max(median_of(0, n), median_of(n, m));
 }
 
-/// Whether markers come at least roughly to their places.
+/// Whether each marker comes to within kElsewhere / 2 of its partner.
 bool keeps(const Similarity& placement, const MarkedPlaces& marked) {
   const Positions astray = placement.all(marked.source) - marked.target;
   return !(astray.rowwise().norm().array() > kElsewhere / 2).any();
@@ -105,7 +106,8 @@ bool is_open(const CoarseShape& shape) {
          borders.half_edges.end();
 }
 
-/// Whether most samples of a surface, placed, are so near to another one. far: in the latter's box.
+/// Whether most samples of a placed surface are nearer than far to another one, in the latter's
+/// box.
 bool most_are_near(const CoarseShape& shape, const Similarity& placement, const CoarseShape& other,
                    double far) {
   const size_t count = std::min(kMeasured.samples, shape.samples.size());
@@ -119,7 +121,8 @@ bool most_are_near(const CoarseShape& shape, const Similarity& placement, const 
   return static_cast<double>(near) > kMost * static_cast<double>(count);
 }
 
-/// Nearest points, both ways, and the similarity that takes them onto one another, in turn.
+/// Iterated closest points, in both directions. Sets the similarity and the misfit; by_near, that
+/// is the larger of both directions' median distances.
 void settle(Placement& start, const CoarseShape& source, const CoarseShape& target,
             const MarkedPlaces& marked, const Effort& effort) {
   const Positions from =
@@ -165,16 +168,17 @@ void settle(Placement& start, const CoarseShape& source, const CoarseShape& targ
       if (k > 0) start.misfit += std::sqrt(misfits.bottomRows(k).rowwise().squaredNorm().mean());
     }
     if (round == effort.rounds) break;
-    // A median stands still while the rest goes on.
+    // A median may stay while the rest still moves.
     if (round > 0 && !effort.by_near && std::abs(before - start.misfit) < kSettled * before) break;
     const Similarity next = fitted_similarity(pairs_from, pairs_onto, weights);
-    // Else one shrinks to a point of the other where they have little in common.
+    // Shapes with little in common: the source would shrink to a point of the target, or vice
+    // versa.
     if (!(next.scale > 0.5 * first_scale && next.scale < 2 * first_scale)) break;
     start.similarity = next;
   }
 }
 
-/// As they stand, and the most that fit best and differ.
+/// The first start and, of the others, up to `most` that differ, by ascending misfit.
 std::vector<Placement> best_of(std::vector<Placement> starts, const CoarseShape& source,
                                size_t most) {
   std::stable_sort(starts.begin() + 1, starts.end(),
@@ -217,7 +221,7 @@ Placement placement_by(const MarkedPlaces& marked, const CoarseShape& source,
   Placement found;
   found.similarity =
       fitted_similarity(marked.source, marked.target, Eigen::VectorXd::Ones(marked.source.rows()));
-  // A few say too little of how large one is beside the other.
+  // A few markers don't determine the scale reliably.
   if (marked.source.rows() < kManyMarkers) settle(found, source, target, marked, kWhole);
   return found;
 }
@@ -226,7 +230,7 @@ std::vector<Placement> placements(const CoarseShape& source, const CoarseShape& 
                                   const MarkedPlaces& marked, ThreadPool& pool) {
   const Moments from(source), onto(target);
   std::vector<Eigen::Matrix3d> rotations = rotations_of_axes();
-  for (int k = 0; k < 4; ++k) {  // half a turn about one of the axes, or none
+  for (int k = 0; k < 4; ++k) {  // no turn, or half a turn about a principal axis
     Eigen::Vector3d signs = Eigen::Vector3d::Constant(k == 0 ? 1 : -1);
     if (k > 0) signs[k - 1] = 1;
     rotations.push_back(onto.axes * signs.asDiagonal() * from.axes.transpose());
@@ -270,7 +274,7 @@ std::optional<Lying> lying_on(const std::vector<Placement>& starts, const Coarse
     Placement& one = settled[size_t(i)];
     if (!one.mirrored) settle(one, source, target, marked, kNear);
   });
-  // What fits better by all decides between them: near points have no eye for details.
+  // The misfits of the starts decide, as those by robust weights don't tell details apart.
   std::vector<size_t> lying;
   for (size_t i = 0; i < settled.size(); ++i) {
     if (!settled[i].mirrored && settled[i].misfit < kLying && keeps(settled[i].similarity, marked))
@@ -292,7 +296,7 @@ std::optional<Lying> lying_on(const std::vector<Placement>& starts, const Coarse
 bool stands_on(const CoarseShape& source, const CoarseShape& target, const MarkedPlaces& marked,
                const Similarity& stance) {
   if (!keeps(stance, marked)) return false;
-  // Of the larger box, as what is little in the smaller one is much there; in the target's.
+  // kLying of the larger box, as small distances there are large ones in the smaller box.
   const double far = kLying * std::max(1.0, stance.scale);
   const double of_source = std::min(far, kOfPart * stance.scale),
                of_target = std::min(far, kOfPart);

@@ -10,19 +10,27 @@
 
 namespace dd {
 
-constexpr double kExact = 0.005;        // of misfits and stretches: less is no difference
-constexpr double kElsewhere = 0.2;      // of the box: farther apart on average are other places
-constexpr double kAsTheyStand = 0.8;    // of the misfit of others: users' meshes mostly stand alike
-constexpr double kNearlyAsWell = 1.15;  // of the misfit
+// Added to misfits and stretches before they are compared: smaller differences don't decide.
+constexpr double kExact = 0.005;
+// Mean distance above which two placements take points elsewhere, as a fraction of the diagonal of
+// the target's box; a marker may miss its partner by half of it.
+constexpr double kElsewhere = 0.2;
+// Factor on the misfit of a placement that leaves the source as it stands: users' meshes mostly
+// have the same stance.
+constexpr double kAsTheyStand = 0.8;
+// Ratio of misfits up to which two placements fit about as well.
+constexpr double kNearlyAsWell = 1.15;
 
-/// One way to put a source on a target.
+/// A candidate placement of a source on a target, between their unit boxes.
 struct Placement {
   Similarity similarity;
-  bool mirrored = false;  ///< beforehand, in x
+  bool mirrored = false;  ///< the source is reflected in x beforehand
   bool as_they_stand = false;
-  double misfit = 0;  ///< of the box: distances of nearest points, both ways, and of markers
+  /// In the target's unit box: the sum of the RMS distances of closest points of source and target,
+  /// and of markers.
+  double misfit = 0;
 
-  /// The misfit, less where it is as they stand: the least is preferred.
+  /// The misfit, reduced if the source is as it stands; the placement of the least is preferred.
   double preferred() const;
   /// Whether it fits about as well as the best.
   bool fits_about_as(const Placement& best) const;
@@ -30,44 +38,45 @@ struct Placement {
   Positions samples(const CoarseShape& source, size_t count) const;
 };
 
-/// Places of markers in both shapes' boxes, k×3 each.
+/// Positions of markers in both shapes' unit boxes, k×3 each.
 struct MarkedPlaces {
   Positions source, target;
 
-  /// Whether a similarity follows from them: three, not on a line.
+  /// Whether they determine a similarity: at least three that aren't collinear.
   bool suffice() const;
 };
 
-/// By markers that suffice.
+/// The placement by markers that suffice(); if they are few, refined by closest points.
 Placement placement_by(const MarkedPlaces& marked, const CoarseShape& source,
                        const CoarseShape& target);
 
-/// What fits best of: as they stand (the first), the rotations that take axes to axes, and those
-/// that take principal axes to principal axes, each also with the source's mirror image, which is
-/// another way for left to come to lie on the right. Each is followed by nearest points, both ways
-/// (Besl and McKay 1992), with the markers that there are.
+/// Distinct candidates of the least misfits; the first one begins without a rotation. The others
+/// begin with the rotations that take axes to axes, or principal axes to principal axes, of the
+/// source and of its mirror image, which may swap left and right. All are refined by iterated
+/// closest points in both directions (Besl and McKay 1992), with the given markers.
 std::vector<Placement> placements(const CoarseShape& source, const CoarseShape& target,
                                   const MarkedPlaces& marked, ThreadPool& pool);
 
-/// Finds its misfit without markers.
+/// Sets the placement's misfit to that without markers.
 void measure_by_shape(Placement& placement, const CoarseShape& source, const CoarseShape& target);
 
-/// How a source lies on a target.
+/// A similarity that lays a source on a target.
 struct Lying {
   Similarity similarity;
-  bool ambiguous = false;  ///< turned otherwise, it does, too
+  bool ambiguous = false;  ///< another one, clearly different, does so about as well
 };
 
-/// Where the surfaces lie on one another but for parts that one of them lacks, as a head and a
-/// remesh of it without the insides of mouth and eyes: followed from each of the starts by nearest
-/// points, which pull the less the farther they are. None where not half of each comes close to the
-/// other. Of several the one whose start fits best by all. Not mirrored.
+/// The similarity that lays the surfaces on each other except for parts that one of them lacks, as
+/// a remesh of a head lacks the insides of mouth and eyes. Each start is refined by closest points
+/// whose weights fall with distance. None if less than half of either surface comes close to the
+/// other, or if the markers are missed. Of several, the one with the preferred() start. Never
+/// mirrored.
 std::optional<Lying> lying_on(const std::vector<Placement>& starts, const CoarseShape& source,
                               const CoarseShape& target, const MarkedPlaces& marked,
                               ThreadPool& pool);
 
-/// Whether one of the surfaces is open and lies on the other as they stand, as a part that was cut
-/// off does; a closed one may be akin and have no more than its trunk in common. stance: of the
+/// Whether an open surface lies on the other one, as a part that was cut off does. A closed surface
+/// doesn't count: it may be a related shape of which only the trunk coincides. stance: takes the
 /// source to the target.
 bool stands_on(const CoarseShape& source, const CoarseShape& target, const MarkedPlaces& marked,
                const Similarity& stance);

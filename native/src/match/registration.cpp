@@ -22,25 +22,26 @@ namespace dd {
 
 namespace {
 
-// The weight that holds a vertex where it is, as a fraction of its diagonal entry of the energy:
-// keeps components that nothing attracts in place.
+// The weight that holds a vertex where it is, as a fraction of its diagonal entry of the energy.
+// Safety: the system of a component that nothing attracts would be singular.
 constexpr double kAnchoring = 1e-9;
 // A stage lets deformations of a wavelength and longer follow the closest points. The wavelengths
 // shorten from the first stage to the last, as fractions of the target box's diagonal:
-constexpr double kLongestWave = 1;          // first stage
+constexpr double kLongestWave = 1;          // first stage: the whole box
 constexpr double kLongestAfterGuide = 0.5;  // first stage after one that followed the alignment
 constexpr double kGuided = 0.4;             // the stage that follows the alignment's map
 constexpr double kBothWays = 0.1;           // longer ones use closest points of source and target
 constexpr double kTipsHeld = 0.1;    // longer ones hold paired tips of limbs at their partners
 constexpr double kShortestWave = 4;  // last stage, in mean edge lengths of the source
-// The fit that began with the map is taken if it stretches the source less than that by closest
-// points, or on shapes that lie on one another less than this many times as much.
+// The fit led by the map is taken if it stretches the source less than the other fit or, on shapes
+// that lie on one another, less than this many times as much: there closest points leave posed
+// limbs behind unstretched.
 constexpr double kWorthGuiding = 2;
 
-/// The first stage of a fit, before those by closest points.
+/// What leads the first stage of a fit, before those by closest points.
 enum class Lead { nothing, markers, tips, map };
 
-/// The system over vertices and fourth points of the source, in a unit box.
+/// The system over vertices and fourth points of the source, in the target's unit box.
 class Registration {
  public:
   Registration(const Mesh& source, const Mesh& target, const Pairs& markers,
@@ -60,23 +61,23 @@ class Registration {
     edge_ = mean_edge_length(source.positions, source.triangles);
   }
 
-  /// Where vertices belong roughly, in the unit box: for each vertex the one that stands for it,
-  /// and the place of each of those.
+  /// Sets the goals of run_guided(), in the unit box. centres: for each vertex, the one by whose
+  /// displacement it is displaced; places: where each of those goes.
   void guide(std::vector<int> centres, Positions places) {
     centres_ = std::move(centres);
     places_ = std::move(places);
   }
 
-  /// Vertices that are held on those of the target while waves are long.
+  /// Sets vertices of the source that are held at vertices of the target while waves are long.
   void hold(Pairs tips) { tips_ = std::move(tips); }
 
-  /// Back to where it began.
+  /// Resets all positions to those at the beginning.
   void begin_again() {
     unknowns_ = first_;
     now_.positions = start_.positions;
   }
 
-  /// The markers alone pull, and tips that are held.
+  /// A stage without closest points: only the markers and the held tips attract.
   void run_marked(const Progress& progress) {
     pulls_.setZero(vertex_count_);
     Positions wanted = now_.positions;
@@ -86,9 +87,9 @@ class Registration {
     solve(wanted);
   }
 
-  /// One stage: waves of this length and longer follow the target. by_near: what is far from it
-  /// pulls the less, and what faces nothing of it is held the less: that may have no counterpart.
-  /// both_ways: what of the target is near draws, too.
+  /// One stage: waves of this length and longer follow the target. by_near: w_C falls with the
+  /// distance to the closest point, as a distant vertex may have no counterpart
+  /// (FitGoals::nearness()). both_ways: by GoalFinder::both_ways().
   void run(double wave, bool by_near, bool both_ways, const Progress& progress) {
     const auto goals = [&] { return both_ways ? finder_.both_ways(now_) : finder_.nearest(now_); };
     FitGoals found = goals();
@@ -104,7 +105,7 @@ class Registration {
     }
   }
 
-  /// A stage before all others, in which vertices go where they belong roughly.
+  /// A stage before all others, by the goals of guide().
   void run_guided(const Progress& progress) {
     pulls_.setConstant(vertex_count_, pull_of(kGuided));
     factor(progress);
@@ -127,7 +128,7 @@ class Registration {
     return usable;
   }
 
-  /// Free: what has a usable triangle and no marker.
+  /// Free: vertices with a usable triangle and no marker, and fourth points.
   void find_region(int vertex_count, const Pairs& markers) {
     std::vector<int> roles(static_cast<size_t>(tets_.vertex_count()), kFixed);
     for (Index k = 0; k < tets_.tets.size(); ++k) roles[tets_.tets.data()[k]] = kFree;
@@ -163,10 +164,11 @@ class Registration {
     weights.setFromTriplets(entries.begin(), entries.end());
     const SparseMatrix operator_ = deformation_operator(tets_);
     energy_ = operator_.transpose() * weights * operator_;
-    // G̃ x = I for the rest: its energy is that of the identity alone, whose pull is this.
+    // The right-hand side of the identity's term is w_I G̃ᵀ I, and I = G̃ x at rest.
     to_identity_ = options_.identity * (operator_.transpose() * (operator_ * tets_.positions));
     block_ = free_block(energy_, region_);
-    // By each row's own: specks, whose energy is large beside any pull, are held as well.
+    // Relative to each row's own diagonal entry: that of specks is large beside any w_C, so an
+    // absolute weight would be lost there.
     anchoring_ = kAnchoring * block_.diagonal();
   }
 
@@ -216,7 +218,7 @@ class Registration {
     }
   }
 
-  /// What stands for a vertex takes it along.
+  /// Each vertex is displaced as its centre is.
   Positions guided_goals() const {
     Positions result = now_.positions;
     for (Index v = 0; v < vertex_count_; ++v) {
@@ -275,7 +277,7 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
     for (int stage = 1; stage <= options.stages; ++stage) {
       const double done = options.stages > 1 ? (stage - 1.0) / (options.stages - 1) : 1;
       const double wave = first * std::pow(last / first, done);
-      // What of the target has no counterpart must draw nothing.
+      // Parts of the target without a counterpart must not attract.
       const bool both_ways = wave > kBothWays && !alignment.lies_on;
       by.run(wave, by_near, both_ways,
              within(part, 0.02 + step * stage, 0.02 + step * (stage + 1)));
@@ -285,8 +287,8 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
   const Mesh start = placed(alignment.placement);
   Registration registration(start, unit, markers, options);
   Positions fitted = fit(registration, Lead::nothing, 0);
-  // A few markers alone often shear the whole, many say more than the shape does; tips of limbs may
-  // be paired wrongly.
+  // Few markers often shear the source, and many tell more than its shape; tips may be paired
+  // wrongly. So mean confidence decides between the fits.
   const auto trust_in = [&](const Positions& positions, double done) {
     Match match = match_triangles({positions, source.triangles}, unit, options.reach,
                                   options.threads, within(progress, done, done));
@@ -320,8 +322,8 @@ Positions register_onto(const Mesh& source, const Mesh& target, const Pairs& giv
         places.row(v) = unit.positions.row(partner);
     registration.guide(alignment.centre, std::move(places));
     Positions guided = fit(registration, Lead::map, 0.98 - share);
-    // Posed limbs are far from their places: nearest points heap them up, or leave them behind,
-    // which stretches nothing. On akin shapes nearest points are the better guess.
+    // Closest points are the better guess on similar shapes. But posed limbs are far from their
+    // goals: they are compressed or, by robust weights, left behind unstretched.
     const double worth = alignment.lies_on ? kWorthGuiding : 1;
     if (mean_stretch(start, guided) < worth * mean_stretch(start, fitted))
       fitted = std::move(guided);

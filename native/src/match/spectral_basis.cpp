@@ -12,9 +12,9 @@ namespace dd {
 
 namespace {
 
-constexpr int kIterations = 16;  // the last of 30 functions changes by less than a percent then
+constexpr int kIterations = 16;  // the last of 30 functions then changes by less than a percent
 
-/// Combined so that they are orthonormal by the masses.
+/// Linear combinations of the columns that are orthonormal with respect to the masses.
 RowMatrix orthonormal(const RowMatrix& functions, const Eigen::VectorXd& masses) {
   const Eigen::MatrixXd weighted = masses.asDiagonal() * functions;
   Eigen::MatrixXd products = functions.transpose() * weighted;
@@ -36,7 +36,7 @@ SpectralBasis spectral_basis(const Mesh& mesh, int count, const std::vector<int>
   options.pool = pool;
   const SparseCholesky factor(shifted, options);
 
-  // Each source as strong as another, times its mass.
+  // M f for impulses f of unit integral.
   RowMatrix right = RowMatrix::Zero(mesh.vertex_count(), static_cast<Index>(seeds.size()));
   for (size_t i = 0; i < seeds.size(); ++i) right(seeds[i], static_cast<Index>(i)) = 1;
   SpectralBasis basis;

@@ -8,15 +8,15 @@
 
 namespace dd {
 
-/// The smoothest functions on a surface: the first eigenfunctions of its Laplacian, L φ = λ M φ.
-/// They know the surface's own distances alone, so a pose changes them little.
+/// The first eigenfunctions of a surface's Laplacian, L φ = λ M φ. They are intrinsic, so a pose
+/// changes them little.
 struct SpectralBasis {
   Eigen::VectorXd values;  ///< λ, ascending, of the surface scaled to an area of 1
-  RowMatrix functions;     ///< n×k, orthonormal by masses that sum to 1
+  RowMatrix functions;     ///< n×k, orthonormal with respect to masses that sum to 1
 };
 
-/// By subspace iteration (Bathe 2013) on the inverse of L + M, from a point source at each of some
-/// vertices. seeds: vertices apart, some more than count.
+/// By inverse subspace iteration (Bathe 2013) with L + M, from an impulse at each seed. seeds:
+/// spread over the surface, and more than count, so that the last functions converge.
 SpectralBasis spectral_basis(const Mesh& mesh, int count, const std::vector<int>& seeds,
                              ThreadPool* pool);
 

@@ -15,11 +15,16 @@ namespace dd {
 
 namespace {
 
-constexpr double kDoubted = 3;    // times its length
-constexpr double kSliver = 1e-9;  // of the largest area: that has no shape
+// Stretch, or its inverse, that halves the confidence. Tuned on remeshes, identities, poses and
+// animals: the mean confidence is .60 to 1.0 of right matches, .24 to .58 of wrong ones.
+constexpr double kDoubted = 3;
+// Area as a fraction of the largest one, below which a triangle's stretch is ignored. Safety:
+// rounding leaves none of its shape.
+constexpr double kSliver = 1e-9;
 
-/// How far from a place the way to a triangle and on to what is nearest to its middle ends, beyond
-/// the triangle's size.
+/// How far the two directions of a match disagree: the distance between `there`, a closest point on
+/// a triangle of mesh, and `back`, the closest point to that triangle's centre on the other mesh,
+/// less the triangle's radius. 0 if there is no `back`.
 double way_back(const Mesh& mesh, const PointOnTriangle& there, const PointOnTriangle& back) {
   if (back.triangle < 0) return 0;
   const Eigen::Vector3d middle = triangle_centre(mesh.positions, mesh.triangles, there.triangle);
@@ -30,15 +35,15 @@ double way_back(const Mesh& mesh, const PointOnTriangle& there, const PointOnTri
   return std::max(0.0, (back.place - there.place).norm() - size);
 }
 
-/// The edges e1, e2 of a triangle as products with one another.
+/// The Gram matrix of a triangle's edges e1, e2.
 Eigen::Matrix2d products_of_edges(const Positions& positions, const Triangles& triangles, Index j) {
   const auto edges = edges_and_normal(positions, triangles, j).leftCols<2>().eval();
   return edges.transpose() * edges;
 }
 
-/// By how much areas grew: of half of the surface by less.
+/// The median ratio of areas after and before, weighted by the latter.
 double typical_growth(const Eigen::VectorXd& before, const Eigen::VectorXd& after) {
-  std::vector<std::array<double, 2>> ratios;  // and the area that each is of
+  std::vector<std::array<double, 2>> ratios;  // ratio, area before
   for (Index j = 0; j < before.size(); ++j)
     if (before[j] > 0) ratios.push_back({after[j] / before[j], before[j]});
   std::sort(ratios.begin(), ratios.end());
@@ -48,14 +53,14 @@ double typical_growth(const Eigen::VectorXd& before, const Eigen::VectorXd& afte
   return 0;
 }
 
-/// By how much a triangle was pulled long or squeezed, whichever is more. whole: by how much the
-/// area of all grew.
+/// The larger of a triangle's largest stretch and its largest compression, relative to a scaling of
+/// all areas by `whole`.
 double largest_stretch(const Mesh& rest, const Positions& now, Index j, double area,
                        double area_now, double whole) {
   const Eigen::Matrix2d from = products_of_edges(rest.positions, rest.triangles, j),
                         to = products_of_edges(now, rest.triangles, j);
-  // The squares of the singular values are the eigenvalues of from⁻¹ to, whose determinants are of
-  // the areas: of the products of a sliver's edges nothing is left.
+  // The squared singular values are the eigenvalues of from⁻¹ to. The determinants are taken from
+  // the areas, as those of a sliver's Gram matrices cancel.
   const double half = (from(1, 1) * to(0, 0) - 2 * from(0, 1) * to(0, 1) + from(0, 0) * to(1, 1)) /
                       (8 * area * area * whole);
   const double growth = area_now / (area * whole);
@@ -97,7 +102,7 @@ Match match_triangles(const Mesh& registered, const Mesh& target, double reach, 
     const PointOnTriangle& there = found[1][size_t(j)];
     if (there.triangle < 0) continue;
     pairs.push_back({there.triangle, j});
-    // Half of it is left at two per cent of the box, and where the way back ends as far away.
+    // Halved by a distance of 2% of the box's diagonal, and by a way_back() of as much.
     const double distance = std::sqrt(there.squared_distance) / (0.02 * box);
     const double parallel = normals[1].row(j).dot(normals[0].row(there.triangle));
     const double astray = way_back(registered, there, found[0][size_t(there.triangle)]);

@@ -18,7 +18,7 @@ PointOnTriangle nearest_on_triangle(const Mesh& mesh, int j, const Eigen::Vector
     found.squared_distance = (point - found.place).squaredNorm();
     return found;
   };
-  // A side's share of a vector over it; of a side without length, its beginning.
+  // A parameter along an edge or a barycentric weight; 0 if there is no extent.
   const auto share = [](double part, double whole) { return whole > 0 ? part / whole : 0.0; };
   const double d1 = ab.dot(point - a), d2 = ac.dot(point - a);
   if (d1 <= 0 && d2 <= 0) return at(0, 0);
@@ -71,7 +71,9 @@ int AabbTree::build(int begin, int end) {
 
 PointOnTriangle AabbTree::exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
                                double beyond) const {
-  constexpr double kOver = 1e-9;  // beyond sides, so that no ray slips through between triangles
+  // Safety: barycentric coordinates may be negative by this, or a ray could slip through between
+  // triangles.
+  constexpr double kOver = 1e-9;
   PointOnTriangle first;
   if (nodes_.empty() || !(direction.squaredNorm() > 0)) return first;
   const Eigen::Vector3d way = direction.normalized();

@@ -12,7 +12,7 @@
 
 namespace dd {
 
-/// A point of a triangle: the mean of its corners with these weights.
+/// A point on a triangle, by its barycentric weights.
 struct PointOnTriangle {
   int triangle = -1;  // -1: none
   Eigen::Vector3d weights = Eigen::Vector3d::Zero();
@@ -20,7 +20,7 @@ struct PointOnTriangle {
   double squared_distance = std::numeric_limits<double>::infinity();
 };
 
-/// Where such a point is, at these places of the vertices.
+/// The point for other positions of the vertices.
 inline Eigen::RowVector3d place_of(const PointOnTriangle& point, const Positions& positions,
                                    const Triangles& triangles) {
   Eigen::RowVector3d sum = Eigen::RowVector3d::Zero();
@@ -28,16 +28,16 @@ inline Eigen::RowVector3d place_of(const PointOnTriangle& point, const Positions
   return sum;
 }
 
-/// The point of triangle j that is nearest to another point (Ericson 2004).
+/// The closest point of triangle j (Ericson 2004).
 PointOnTriangle nearest_on_triangle(const Mesh& mesh, int j, const Eigen::Vector3d& point);
 
-/// A tree of boxes over a mesh's triangles: each node holds the range [begin, end) of order_, and
-/// its children the halves of it. The mesh must outlive it.
+/// A bounding volume hierarchy of axis-aligned boxes over a mesh's triangles. A node holds the
+/// range [begin, end) of order_, its children the halves of it. The mesh must outlive it.
 class AabbTree {
  public:
   explicit AabbTree(const Mesh& mesh);
 
-  /// Calls visit(j) for each triangle whose box meets that of the given one.
+  /// Calls visit(j) for each triangle whose box intersects the given triangle's, itself included.
   template <class Visit>
   void meet(int triangle, const Visit& visit) const {
     std::vector<int> open{0};
@@ -55,15 +55,16 @@ class AabbTree {
     }
   }
 
-  /// The nearest point of those triangles that accept(j) takes, within reach.
+  /// The closest point on the triangles for which accept(j) is true, nearer than reach; triangle -1
+  /// if there is none.
   template <class Accept>
   PointOnTriangle nearest(const Eigen::Vector3d& point, double reach, const Accept& accept) const {
     return nearest(point, reach, [](const Node&) { return true; }, accept);
   }
 
-  /// The nearest point of those triangles that accept(j) takes and whose normals are less than a
-  /// right angle off a given one, within reach. What faces away is left aside branch by branch, so
-  /// a search ends soon where little faces, or nothing.
+  /// The same on those accepted triangles whose normals have a positive dot product with the given
+  /// one. Subtrees without such normals are pruned, so that a search that finds few or none ends
+  /// early.
   template <class Accept>
   PointOnTriangle nearest_facing(const Eigen::Vector3d& point, const Eigen::Vector3d& normal,
                                  double reach, const Accept& accept) const {
@@ -80,20 +81,20 @@ class AabbTree {
     return nearest_facing(point, normal, reach, [](int) { return true; });
   }
 
-  /// The first point beyond a distance at which a ray leaves the surface: of a triangle whose
-  /// normal is less than a right angle off the ray's direction.
+  /// The first point, farther than `beyond` from `from`, at which a ray leaves the surface: on a
+  /// triangle whose normal has a positive dot product with the direction. Triangle -1 if none.
   PointOnTriangle exit(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
                        double beyond) const;
 
  private:
-  static constexpr int kLeaf = 8;
+  static constexpr int kLeaf = 8;  // most triangles in a leaf
   struct Node {
-    Eigen::AlignedBox3d box, normals;
+    Eigen::AlignedBox3d box, normals;  // bounds of the triangles and of their unit normals
     int begin, end, left = -1, right = -1;
   };
   int build(int begin, int end);
 
-  /// Of the triangles that accept(j) takes, in nodes that enter(node) takes.
+  /// nearest() without the subtrees for which enter(node) is false.
   template <class Enter, class Accept>
   PointOnTriangle nearest(const Eigen::Vector3d& point, double reach, const Enter& enter,
                           const Accept& accept) const {
@@ -113,7 +114,7 @@ class AabbTree {
         std::pair<double, int> right{nodes_[node.right].box.squaredExteriorDistance(point),
                                      node.right};
         if (left.first < right.first) std::swap(left, right);
-        open.push_back(left);  // the nearer one last, to be looked at first
+        open.push_back(left);  // the nearer one last: it is popped first
         open.push_back(right);
         continue;
       }

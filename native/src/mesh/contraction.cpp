@@ -13,7 +13,9 @@ namespace dd {
 
 namespace {
 
-constexpr int kRounds = 8;  // each mends what the last one's mending spoilt
+// Most rounds of repair, as undoing merges may break the fans of their neighbours. If some are
+// still broken after these, nothing is merged at all.
+constexpr int kRounds = 8;
 
 class Contracting {
  public:
@@ -37,7 +39,8 @@ class Contracting {
   }
 
  private:
-  /// Gives each vertex to the nearest of centers that are chosen on the way.
+  /// Labels each vertex with its nearest center, by Dijkstra's method within the center's radius.
+  /// Centers are chosen greedily, by their coordinates, among the vertices not yet labelled.
   void gather() {
     const Positions& p = mesh_.positions;
     std::vector<int> order;
@@ -76,7 +79,7 @@ class Contracting {
     }
   }
 
-  /// The triangles whose corners have three numbers, as these.
+  /// The triangles whose corners have three different numbers, as triples of these numbers.
   Triangles left(const std::vector<int>& numbers) const {
     Triangles numbered(mesh_.triangles.rows(), 3);
     Index count = 0;
@@ -90,8 +93,8 @@ class Contracting {
 
   bool alone(int center) const { return size_[center] == 1; }
 
-  /// Centers around which the triangles that are left aren't a fan, though they or neighbours stand
-  /// for others.
+  /// Centers whose remaining triangles don't form one fan, among those with merged vertices and
+  /// their neighbours.
   std::vector<int> find_bad(const std::vector<char>& borders) {
     const int n = mesh_.vertex_count();
     size_.assign(static_cast<size_t>(n), 0);
@@ -154,7 +157,7 @@ class Contracting {
     return steps == links.size();
   }
 
-  /// Lets all go that went to these centers or to ones beside them.
+  /// Undoes the merges into these centers and into their neighbours.
   void release(const std::vector<int>& centers) {
     std::vector<char> bad(label_.size(), 0), released(label_.size(), 0);
     for (int center : centers) bad[center] = 1;
@@ -185,7 +188,7 @@ class Contracting {
   const Mesh& mesh_;
   const std::vector<double>& radii_;
   Fans fans_;
-  std::vector<int> label_, size_;  // center of each vertex; how many went to each
+  std::vector<int> label_, size_;  // center of each vertex; number of vertices of each center
   std::vector<double> distance_;
 };
 

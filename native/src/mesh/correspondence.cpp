@@ -27,7 +27,7 @@ void check_range(const Pairs& pairs, int sources, int targets, const char* what)
                     Remedy::call);
 }
 
-/// The same pairs by target, each once.
+/// The pairs grouped by target, duplicates removed.
 Correspondence by_target(Pairs pairs, int target_triangles) {
   for (auto& pair : pairs) std::swap(pair[0], pair[1]);
   std::sort(pairs.begin(), pairs.end());
@@ -60,7 +60,7 @@ Correspondence vertex_correspondence(const Pairs& pairs, const Mesh& source, con
 
   Pairs found;
   for (int j = 0; j < target.triangle_count(); ++j) {
-    std::vector<int> touched;  // once for each corner that they have
+    std::vector<int> touched;  // source triangles, once for each corner of j paired
     for (int k = 0; k < 3; ++k) {
       std::vector<int> of_corner;
       for (int partner : partners[target.triangles(j, k)])

@@ -8,10 +8,10 @@
 
 namespace dd {
 
-/// Which triangles of a source mesh give each triangle of a target its deformation gradient: none,
-/// one or many (§3: Sumner and Popović 2004).
+/// For each triangle of a target mesh the source triangles that give it its deformation gradient:
+/// none, one or many (§3: Sumner and Popović 2004).
 struct Correspondence {
-  /// Target triangle j has the sources source[begin[j]] to source[begin[j + 1]].
+  /// Target triangle j has the sources source[begin[j]] to source[begin[j + 1] − 1].
   std::vector<int> begin;
   std::vector<int> source;
 
@@ -19,20 +19,21 @@ struct Correspondence {
   bool has_source(int target) const { return begin[target] < begin[target + 1]; }
 };
 
-/// Numbers of a source and a target element.
+/// Pairs of indices, {source, target}, of triangles or of vertices.
 using Pairs = std::vector<std::array<int, 2>>;
 
-/// From pairs of triangles, in any order; repeated pairs count once.
-/// Throws Error(argument) naming the pair that is out of range, or when there are none.
+/// From pairs of triangles, in any order; duplicates count once. Throws Error(argument) if there
+/// are no pairs, or if one is out of range, which it names.
 Correspondence triangle_correspondence(const Pairs& pairs, int source_triangles,
                                        int target_triangles);
 
-/// From pairs of vertices: a target triangle's sources are the triangles of the source that have
-/// the most corners among those paired with its own. Throws as triangle_correspondence() and
-/// validate().
+/// From pairs of vertices: the sources of a target triangle are the source triangles with the most
+/// corners paired with its own. Throws as triangle_correspondence() and validate(), and if no
+/// triangle has a source.
 Correspondence vertex_correspondence(const Pairs& pairs, const Mesh& source, const Mesh& target);
 
-/// Of each triangle number itself.
+/// Each triangle to the one of the same index. Throws Error(argument) if the meshes differ in the
+/// number of vertices or in their triangles.
 Correspondence same_topology(const Mesh& source, const Mesh& target);
 
 }  // namespace dd

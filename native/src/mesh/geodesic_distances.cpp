@@ -16,14 +16,15 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// The distance at c when a straight front, which has passed a and b at these distances, crosses
-/// the triangle between them. Infinite when it doesn't come to c through ab.
+/// The distance at c by a straight front with these distances at a and b that crosses the triangle.
+/// Infinite if the front doesn't reach c through the edge ab.
 double through_triangle(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
                         const Eigen::Vector3d& c, double at_a, double at_b) {
   const Eigen::Vector3d edge = b - a, arm = c - a;
   const double length = edge.norm();
   const double along = arm.dot(edge) / length, across = (arm - along / length * edge).norm();
-  const double slope = (at_b - at_a) / length;  // of the distance along ab; 1 across the front
+  // Derivative of the distance along ab; ±1 if ab is perpendicular to the front.
+  const double slope = (at_b - at_a) / length;
   if (!(std::abs(slope) < 1)) return kInfinity;
   const double climb = std::sqrt(1 - slope * slope);
   const double entered = along - across * slope / climb;
@@ -40,7 +41,7 @@ std::vector<double> geodesic_distances(const Mesh& mesh, const std::vector<char>
   const Fans fans(t, mesh.vertex_count());
   const auto place = [&](int v) -> Eigen::Vector3d { return mesh.positions.row(v); };
   std::vector<double> distance(n, kInfinity);
-  std::vector<int> source_of(n, -1);  // the source that a distance is measured from
+  std::vector<int> source_of(n, -1);  // nearest source, to which distance refers
   std::vector<char> passed(n, 0);
   using Front = std::pair<double, int>;
   std::priority_queue<Front, std::vector<Front>, std::greater<Front>> front;
@@ -52,9 +53,9 @@ std::vector<double> geodesic_distances(const Mesh& mesh, const std::vector<char>
   };
   for (size_t v = 0; v < n; ++v)
     if (sources[v]) reach(static_cast<int>(v), 0, static_cast<int>(v));
-  // Along an edge the distance from one source is convex, so that a straight front through both
-  // ends can only be late. Where the fronts of two sources meet it has a peak, which a straight one
-  // would cut off: what comes through there is at least as far as the nearer source is straight.
+  // Along an edge the distance from one source is convex, so a straight front through both ends
+  // only overestimates it. Where the fronts of two sources meet it has a peak, which a straight
+  // front cuts off: there the straight-line distance to the nearer source is a lower bound.
   const auto straight = [&](int source, int c) { return (place(c) - place(source)).norm(); };
   const auto nearer = [&](int s, int other, int c) {
     return s == other || straight(s, c) <= straight(other, c) ? s : other;
@@ -69,7 +70,7 @@ std::vector<double> geodesic_distances(const Mesh& mesh, const std::vector<char>
         const int c = t(j, k);
         const double along = distance[a] + (place(c) - place(a)).norm();
         if (passed[c] && !(along < distance[c])) continue;
-        // An obtuse triangle may have let a front through to a after it was at c.
+        // Reopens c: through an obtuse triangle the front may have reached a late, after c.
         passed[c] = 0;
         reach(c, along, source_of[a]);
         const int b = t(j, 0) + t(j, 1) + t(j, 2) - a - c;

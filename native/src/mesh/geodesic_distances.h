@@ -8,12 +8,11 @@
 
 namespace dd {
 
-/// The distance over the surface of every vertex from the nearest source, infinite where no path of
-/// triangles leads. By fast marching (Kimmel, Sethian 1998): exact for straight fronts on flat
-/// parts, too long by a few percent and part of an edge around a single vertex, and across obtuse
-/// corners. Where the fronts of two sources meet a bound by the straight distance keeps it from
-/// being too short. sources: of each vertex. farthest: what lies beyond may be infinite too, which
-/// takes less time.
+/// Geodesic distance of every vertex to the nearest source, infinite in components without one, by
+/// fast marching (Kimmel, Sethian 1998). Exact for straight fronts on flat parts; too long by a few
+/// percent and a fraction of an edge around a single source vertex, and across obtuse corners.
+/// Where the fronts of two sources meet, the straight-line distance is a lower bound. sources: n,
+/// non-zero for sources. farthest: larger distances may be infinite, too, which saves time.
 std::vector<double> geodesic_distances(const Mesh& mesh, const std::vector<char>& sources,
                                        double farthest = std::numeric_limits<double>::infinity());
 

@@ -16,13 +16,14 @@ double volume(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::V
   return (b - a).cross(c - a).dot(d - a);
 }
 
-/// Whether the segment from vertex p to vertex q crosses the inside of triangle j.
+/// Whether the segment from vertex p to vertex q crosses the interior of triangle j.
 bool crosses(const Mesh& mesh, int p, int q, int j) {
   const Eigen::Vector3d x = mesh.positions.row(p), y = mesh.positions.row(q);
   const auto corner = mesh.triangles.row(j);
   const Eigen::Vector3d a = mesh.positions.row(corner[0]), b = mesh.positions.row(corner[1]),
                         c = mesh.positions.row(corner[2]);
-  // Heights over the triangle's plane that are rounding have no sign.
+  // Heights over the triangle's plane at the level of rounding (six times the tetrahedron's volume
+  // below 1e-12 of the largest length cubed) count as touching.
   const double size = std::max({(b - a).norm(), (c - a).norm(), (y - x).norm(), (x - a).norm()});
   const double below = volume(a, b, c, x), above = volume(a, b, c, y);
   if (std::min(std::abs(below), std::abs(above)) < 1e-12 * size * size * size) return false;
@@ -45,7 +46,7 @@ bool triangles_intersect(const Mesh& mesh, int first, int second) {
       }
   if (shared > 1) return false;
   for (int k = 0; k < 3; ++k) {
-    // With a shared corner only the edge opposite to it can cross.
+    // If a corner is shared, only the edge opposite to it can cross.
     if ((shared == 0 || k == of_first) && crosses(mesh, a[(k + 1) % 3], a[(k + 2) % 3], second))
       return true;
     if ((shared == 0 || k == of_second) && crosses(mesh, b[(k + 1) % 3], b[(k + 2) % 3], first))

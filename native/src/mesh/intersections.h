@@ -8,14 +8,14 @@
 
 namespace dd {
 
-/// Pairs of triangles (the lower number first, ascending) that pass through each other.
+/// Pairs of triangles that pass through each other, the lower index first, sorted.
 ///
-/// An edge of one must cross the inside of the other: touching doesn't count, nor do triangles that
-/// overlap in one plane. Neighbours across an edge are left out; those that share one vertex
-/// intersect where the edge opposite to it does. In double precision, not exact.
+/// An edge of one must cross the interior of the other: neither touching nor coplanar overlap
+/// counts. Triangles that share an edge are left out; for those that share a vertex only the edges
+/// opposite to it are tested. In double precision, not exact.
 std::vector<std::pair<int, int>> intersecting_pairs(const Mesh& mesh);
 
-/// Whether two triangles of the mesh intersect in this sense.
+/// The same test for two triangles of the mesh.
 bool triangles_intersect(const Mesh& mesh, int first, int second);
 
 }  // namespace dd

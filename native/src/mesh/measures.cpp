@@ -17,7 +17,8 @@ double area_of(const Eigen::Matrix3d& frame) {
   return 0.5 * frame.col(0).cross(frame.col(1)).norm();
 }
 
-/// Singular values of S_j but the third, which is 1: from the first fundamental forms.
+/// The in-plane singular values of S_j (the third is 1), from the upper triangular Cholesky factors
+/// of both first fundamental forms.
 Eigen::Vector2d stretches(const Eigen::Matrix3d& rest, const Eigen::Matrix3d& now) {
   const auto in_plane = [](const Eigen::Matrix3d& f) {
     const double length = f.col(0).norm();
@@ -25,8 +26,8 @@ Eigen::Vector2d stretches(const Eigen::Matrix3d& rest, const Eigen::Matrix3d& no
     edges << length, f.col(0).dot(f.col(1)) / length, 0, f.col(0).cross(f.col(1)).norm() / length;
     return edges;
   };
-  // By how it differs from rest: the inverse of a needle's is so large that 1 would drown in
-  // rounding.
+  // As I plus the difference from rest: a needle's inverse is so large that its rounding would
+  // swamp the 1.
   const Eigen::Matrix2d from = in_plane(rest);
   const Eigen::Matrix2d S = Eigen::Matrix2d::Identity() + (in_plane(now) - from) * from.inverse();
   const double sum = Eigen::Vector2d(S(0, 0) + S(1, 1), S(1, 0) - S(0, 1)).norm();

@@ -13,7 +13,7 @@ namespace dd {
 std::vector<int> unusable_places(const Positions& positions) {
   std::vector<int> found;
   for (Index v = 0; v < positions.rows(); ++v)
-    // Written so that what is not a number is found, too.
+    // Negated, so that NaN fails the comparison, too.
     if (!(positions.row(v).cwiseAbs().maxCoeff() <= kFarthest) || !positions.row(v).allFinite())
       found.push_back(static_cast<int>(v));
   return found;

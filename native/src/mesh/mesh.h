@@ -7,7 +7,7 @@
 
 namespace dd {
 
-/// A triangle soup: every edge may have any number of triangles, vertices may have none.
+/// A triangle soup: an edge may have any number of triangles, a vertex may have none.
 struct Mesh {
   Positions positions;
   Triangles triangles;
@@ -16,10 +16,11 @@ struct Mesh {
   int triangle_count() const { return static_cast<int>(triangles.rows()); }
 };
 
-/// Coordinates beyond are refused: single precision ends at 3.4e38, with squares far before.
+/// Largest absolute coordinate that is accepted, in the caller's units. Safety: positions are
+/// exchanged in single precision, which ends at 3.4e38.
 constexpr double kFarthest = 1e30;
 
-/// The vertices with a coordinate that is not finite or beyond it.
+/// Indices of the vertices with a coordinate that is not finite or beyond kFarthest.
 std::vector<int> unusable_places(const Positions& positions);
 
 /// Which of several meshes an error is about.
@@ -30,7 +31,7 @@ enum class MeshOf { itself, source, target, base };
 /// numbers out of range or twice in a triangle, no extent.
 void validate(const Mesh& mesh, MeshOf which = MeshOf::itself);
 
-/// In x, with triangles that go round as their outer sides say.
+/// The mesh reflected in x, its triangles reversed so that normals keep pointing outwards.
 Mesh mirror_image(Mesh mesh);
 
 }  // namespace dd

@@ -8,7 +8,8 @@ namespace dd {
 
 namespace {
 
-constexpr double kFarthest = 1e15;  // cells, which integers hold
+// Largest cell index. Safety: the conversion to int64_t must not overflow.
+constexpr double kFarthest = 1e15;
 
 int64_t cell_along(double distance, double width) {
   return static_cast<int64_t>(std::clamp(std::floor(distance / width), -kFarthest, kFarthest));

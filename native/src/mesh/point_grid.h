@@ -10,27 +10,31 @@
 
 namespace dd {
 
-/// A cube of space, one of equal ones side by side.
+/// Indices of a cubic cell of a uniform grid.
 struct Cell {
   int64_t x, y, z;
 };
-/// The cell of that width in which a place lies, as seen from the origin of the first one.
+/// The cell, of this width, that contains a point given relative to the grid's origin, a corner of
+/// cell (0, 0, 0).
 Cell cell_at(const Eigen::RowVector3d& from_origin, double width);
 
-/// Points in cells as wide as a reach, to find those near one another.
+/// A hashed uniform grid for fixed-radius neighbour queries; its cells are as wide as the radius.
 class PointGrid {
  public:
-  /// chosen: of the points, ascending; the others aren't there.
+  /// chosen: indices of the points to insert, ascending; the first is the grid's origin. reach: the
+  /// radius.
   PointGrid(const Positions& points, const std::vector<int>& chosen, double reach,
             ThreadPool& pool);
 
-  /// The chosen points cell by cell: neighbours in space are neighbours in memory.
+  /// The chosen points, grouped by cell: neighbours in space are close in memory. point(k): the
+  /// index of the k-th among all points.
   int count() const { return static_cast<int>(entries_.size()); }
   int point(int k) const { return entries_[size_t(k)].point; }
 
-  /// Calls found(l, squared distance) for the k-th point and each l-th one, l > k, that is nearer
-  /// to it than the reach, in an order that depends on the points alone: from all k, each pair
-  /// once. most: of a crowd only about so many are looked at, evenly.
+  /// Calls found(l, squared distance) for each l-th point, l > k, nearer to the k-th than the
+  /// radius, so that a loop over all k visits each pair once. The order depends on the points
+  /// alone. most: of more candidates than this only an evenly spaced sample of about so many is
+  /// tested.
   template <class Found>
   void near_after(int k, int most, const Found& found) const {
     const Entry& own = entries_[size_t(k)];
@@ -44,7 +48,7 @@ class PointGrid {
           columns[count++] = column;
           crowd += column.end - column.begin;
         };
-        // Three cells along x are three slots on end, which may begin again at the first.
+        // Three cells along x are three consecutive slots, which may wrap around to the first.
         const size_t slot = slot_of({own.cell.x - 1, y, z}), last = std::min(slot + 3, slots_);
         add(slot, last);
         if (slot + 3 > last) add(0, slot + 3 - last);
@@ -54,7 +58,7 @@ class PointGrid {
       for (int l = column->begin + k % step; l < column->end; l += step) {
         const Entry& other = entries_[size_t(l)];
         const double squared = (other.place - own.place).squaredNorm();
-        // Other cells share these slots.
+        // Skips points of other columns that hash to these slots.
         if (squared < reach_ * reach_ && other.cell.y == column->y && other.cell.z == column->z)
           found(l, squared);
       }
@@ -66,14 +70,14 @@ class PointGrid {
     Eigen::RowVector3d place;
     int point;
   };
-  /// Entries of three cells along x, and of others that share their slots.
+  /// Entries of three consecutive cells along x, and of others that hash to the same slots.
   struct Column {
     int64_t y, z;
     int begin, end;
   };
-  static constexpr int kColumns = 18;  // nine about a cell, each in up to two pieces
+  static constexpr int kColumns = 18;  // derived: 3 × 3 around a cell, two pieces if they wrap
   size_t slot_of(const Cell& cell) const {
-    // Cells side by side along x are side by side in memory.
+    // x is added to the hash of y and z, so cells adjacent along x have adjacent slots.
     const uint64_t mixed =
         uint64_t(cell.y) * 0xC2B2AE3D27D4EB4Fu ^ uint64_t(cell.z) * 0x165667B19E3779F9u;
     return static_cast<size_t>(((mixed ^ mixed >> 29) + uint64_t(cell.x)) & (slots_ - 1));
@@ -82,7 +86,7 @@ class PointGrid {
   double reach_;
   size_t slots_ = 4;  // a power of two
   std::vector<int> begin_;
-  std::vector<Entry> entries_;  // by slot
+  std::vector<Entry> entries_;  // sorted by slot
 };
 
 }  // namespace dd

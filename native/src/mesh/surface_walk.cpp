@@ -5,7 +5,8 @@ namespace dd {
 
 namespace {
 
-/// A barycentric weight up to which a point counts as on the opposite edge.
+/// Largest barycentric weight at which a point counts as on the opposite edge. Safety: rounding
+/// leaves weights of points on an edge slightly above 0.
 constexpr double kOnEdge = 1e-9;
 
 }  // namespace

@@ -15,7 +15,7 @@ Fans::Fans(const Triangles& t, int vertex_count)
 }
 
 Edges::Edges(const Triangles& t) {
-  // Into the bucket of the lower vertex first: what is left to sort are a few each.
+  // Bucket sort by the lower vertex; then only the few half-edges of each bucket are sorted.
   std::vector<int> end(t.size() == 0 ? 1 : static_cast<size_t>(t.maxCoeff()) + 2, 0);
   const auto half_edge = [&](int number) {
     const int a = t.data()[number], b = t.data()[number % 3 == 2 ? number - 2 : number + 1];
@@ -67,10 +67,10 @@ int find_root(std::vector<int>& parent, int v) {
   return v;
 }
 
-/// Breadth first from the triangles that have a value into those joined to them that have none.
-/// joint_at(j, k) is the number of joint k of triangle j, each_at(joint, visit) visits the
-/// triangles there. Every joint is passed through once, and triangles are visited in order, so that
-/// the result depends on nothing but the mesh.
+/// Spreads values by breadth-first search from the triangles that have one (≥ 0) to those without.
+/// Joints are the edges or the vertices that connect triangles: joint_at(j, k) is the k-th of
+/// triangle j, each_at(joint, visit) visits its triangles. Each joint is passed once, in an order
+/// that depends on the mesh alone, and so does the result.
 template <class JointAt, class EachAt>
 void spread(std::vector<int>& of_triangle, size_t joint_count, const JointAt& joint_at,
             const EachAt& each_at) {

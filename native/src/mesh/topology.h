@@ -7,7 +7,7 @@
 
 namespace dd {
 
-/// The triangles around each vertex.
+/// The triangles of each vertex's one-ring.
 class Fans {
  public:
   Fans(const Triangles& triangles, int vertex_count);
@@ -17,7 +17,7 @@ class Fans {
     const int* begin() const { return first; }
     const int* end() const { return last; }
   };
-  /// Ascending.
+  /// Indices of the triangles at a vertex, ascending.
   Range of(int vertex) const {
     return {triangles_.data() + begin_[vertex], triangles_.data() + begin_[vertex + 1]};
   }
@@ -29,14 +29,14 @@ class Fans {
   std::vector<int> begin_, triangles_;
 };
 
-/// The edges of a triangle soup, each with all the triangles that have it.
+/// The edges of a triangle soup, each with its half-edges, any number of them.
 class Edges {
  public:
   explicit Edges(const Triangles& triangles);
 
-  /// An edge as one triangle has it, from its corner k to the next one.
+  /// A triangle's side, from its corner k to the next one.
   struct HalfEdge {
-    int low, high;  ///< the edge's vertices
+    int low, high;  ///< the edge's vertices, low < high
     int number;     ///< 3 × triangle + k
     int triangle() const { return number / 3; }
   };
@@ -48,11 +48,11 @@ class Edges {
   };
 
   int count() const { return static_cast<int>(begin_.size()) - 1; }
-  /// By ascending triangle.
+  /// The half-edges of an edge, by ascending triangle.
   Range of(int edge) const {
     return {half_edges_.data() + begin_[edge], half_edges_.data() + begin_[edge + 1]};
   }
-  /// The edge of each half-edge, by number.
+  /// The edge of each half-edge, 3m, by its number.
   std::vector<int> of_half_edges() const;
 
  private:
@@ -60,23 +60,23 @@ class Edges {
   std::vector<int> begin_;
 };
 
-/// Where an open mesh ends: edges that only one triangle has.
+/// The border of an open mesh: the edges that have only one triangle.
 struct Borders {
   Borders(const Triangles& triangles, int vertex_count);
-  std::vector<char> half_edges;  ///< 3m, by number: whether its edge is one
-  std::vector<char> vertices;    ///< n: whether the vertex is at one
+  std::vector<char> half_edges;  ///< 3m, by number: non-zero on the border
+  std::vector<char> vertices;    ///< n: non-zero on the border
 };
 
-/// Loose parts: for each vertex the number of its part, connected through triangles. A vertex
-/// without a triangle is a part by itself.
+/// Connected components: for each vertex the number of its own, connected through triangles. A
+/// vertex without a triangle is a component by itself.
 struct Components {
   Components(const Triangles& triangles, int vertex_count);
   std::vector<int> of_vertex;
   int count = 0;
 };
 
-/// Gives each triangle whose value is -1 that of the nearest triangle with one across shared edges,
-/// or else vertices, unless its whole component has none.
+/// Replaces each -1 by the value of the nearest triangle that has one, by breadth-first search
+/// across shared edges and then across shared vertices. Components without any value keep -1.
 void fill_from_neighbours(std::vector<int>& of_triangle, const Triangles& triangles,
                           int vertex_count);
 

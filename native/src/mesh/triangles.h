@@ -13,24 +13,25 @@ inline Eigen::Vector3d triangle_centre(const Positions& positions, const Triangl
          3;
 }
 
-/// The edges e1, e2 from the triangle's first corner and its unit normal, as columns: those of
-/// (15). The normal is zero where there is no area.
+/// Columns: the edges e1, e2 from the triangle's first corner and its unit normal, as in (15). The
+/// normal is zero if the triangle has no area.
 Eigen::Matrix3d edges_and_normal(const Positions& positions, const Triangles& triangles,
                                  Index triangle);
 Eigen::Matrix3d edges_and_normal(const Eigen::Vector3d& first, const Eigen::Vector3d& second,
                                  const Eigen::Vector3d& third);
 
-/// m areas.
+/// The m triangles' areas.
 Eigen::VectorXd triangle_areas(const Positions& positions, const Triangles& triangles);
 
-/// m×3 unit normals, zero where there is no area.
+/// m×3: the triangles' unit normals, zero for triangles without area.
 Positions triangle_normals(const Positions& positions, const Triangles& triangles);
 
-/// n×3: the triangles' normals around each vertex, twice their areas long, summed.
+/// n×3: for each vertex the sum of its triangles' normals weighted by twice their areas, not
+/// normalized.
 Positions summed_normals(const Positions& positions, const Triangles& triangles);
 
-/// Of a closed surface, negative where normals point inwards; of an open one that of the cone to
-/// the mean of its vertices.
+/// The volume that a closed surface encloses, negative if its normals point inwards. For an open
+/// surface: the volume of the cone over it whose apex is the mean of the vertices.
 double signed_volume(const Positions& positions, const Triangles& triangles);
 
 }  // namespace dd

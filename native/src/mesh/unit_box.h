@@ -8,8 +8,8 @@ namespace dd {
 /// Length of the bounding box's diagonal.
 double bounding_box_diagonal(const Positions& positions);
 
-/// What takes positions into a box of diagonal 1 about the origin, in which everything is solved:
-/// so no tolerance depends on the user's unit, or on how far from the origin a mesh was modelled.
+/// Maps positions into a bounding box of diagonal 1 centred at the origin, in which everything is
+/// solved: no tolerance then depends on the user's unit or on the mesh's distance from the origin.
 struct UnitBox {
   UnitBox() = default;
   explicit UnitBox(const Positions& positions)
@@ -23,7 +23,7 @@ struct UnitBox {
     return (scale * positions).rowwise() + centre;
   }
 
-  double scale = 1;  ///< of the positions: the diagonal of their box
+  double scale = 1;  ///< diagonal of the positions' bounding box
   Eigen::RowVector3d centre = Eigen::RowVector3d::Zero();
 };
 

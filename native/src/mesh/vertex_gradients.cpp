@@ -11,7 +11,8 @@ namespace {
 
 using RowMajor3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
-// Twice the area over the square of the longest of two edges: a flatter triangle has no gradient.
+// Least ratio of twice the area to the square of the longer of e1, e2. Safety: the inverse in (15)
+// of a flatter triangle is rounding.
 constexpr double kFlattest = 1e-6;
 
 double double_area(const Eigen::Matrix3d& edges) {

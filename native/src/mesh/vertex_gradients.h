@@ -5,12 +5,12 @@
 
 namespace dd {
 
-/// The deformation gradients of a surface at its vertices, 3×3 matrices row by row.
+/// n×9: a 3×3 deformation gradient for each vertex, row-major.
 using VertexGradients = Eigen::Matrix<double, Eigen::Dynamic, 9, Eigen::RowMajor>;
 
-/// Of each vertex the mean of the gradients (15) of the triangles around it, from S to S', weighted
-/// by their areas on S. Triangles without an area on S or S' don't count; where none counts, it is
-/// the identity. deformed: S', n×3.
+/// For each vertex the mean of its triangles' deformation gradients (15), from S to S', weighted by
+/// their areas on S. Leaves out triangles without area on S or S'; the identity if none remains.
+/// deformed: S', n×3.
 VertexGradients vertex_gradients(const Mesh& mesh, const Positions& deformed);
 
 }  // namespace dd

@@ -9,8 +9,8 @@
 
 namespace dd {
 
-/// The paper's method (§6, Fig. 2): the base's deformation gradients S_j (15), or their rotations,
-/// are carried over to S by L p' = div(S_jᵀ) (14), and refined if asked.
+/// The paper's method, detail transfer (§6, Fig. 2): applies the base's deformation gradients S_j
+/// (15), or their rotations, to S by L p' = div(S_jᵀ) (14). Rotations may be refined.
 class Detail : public Method {
  public:
   explicit Detail(BoundSurface& bound);

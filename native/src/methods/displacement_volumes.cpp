@@ -13,10 +13,13 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kSearchHeights = 4, kSoftness = 0.1;  // ℓ and √μ, in heights
+// ℓ and √μ as multiples of the mean height of the prisms. Smaller ℓ keeps the surface closer to the
+// normal displacements, smaller μ keeps the volumes more exactly.
+constexpr double kSearchHeights = 4, kSoftness = 0.1;
 
-/// A prism between triangles q and p = q + d, d linear over the triangle, swept along straight
-/// lines: V = d̄ · W / 2 with W the integral of the edges' cross product over the sweep.
+/// The prism between triangles q and p = q + d, d linear over the triangle, swept along straight
+/// lines. Its volume is V = d̄ · W / 2, with d̄ the mean of d and W the integral of the edges'
+/// cross product over the sweep.
 struct Prism {
   Vector3d e1, e2, f1, f2, mean, across;
 
@@ -67,7 +70,7 @@ DisplacementVolumes::DisplacementVolumes(BoundSurface& bound, const Progress& pr
   rest_volumes_ = Vector::Zero(order.free_count);
   rest_volumes_ = missing_volumes(bound.rest, bound.rest_base);
   height_ = rest_volumes_.cwiseAbs().sum() / masses_.sum();
-  if (height_ < 1e-9) return;  // of the mesh's size: S is its own base
+  if (height_ < 1e-9) return;  // in the unit box, rounding: S is its own base
 
   metric_ = free_rows_in_order(bound.operators.laplacian, order);
   const double reach = kSearchHeights * height_;
@@ -133,14 +136,16 @@ DisplacementVolumes::Vector DisplacementVolumes::applied(const Rows& displacemen
 }
 
 DisplacementVolumes::Vector DisplacementVolumes::preconditioned(const Vector& residual) const {
-  // J is about the masses times the normals, so J H⁻¹ Jᵀ about M H⁻¹ M.
+  // J ≈ M N with the unit normals N, so J H⁻¹ Jᵀ ≈ M H⁻¹ M, whose inverse is M⁻¹ H M⁻¹.
   const Vector scaled = residual.cwiseQuotient(masses_);
   return Vector(metric_ * scaled).cwiseQuotient(masses_);
 }
 
 template <class GoOn>
 Rows DisplacementVolumes::shift_for(const Vector& wanted, const GoOn& go_on) const {
-  constexpr int kMostRounds = 100;
+  constexpr int kMostRounds = 100;  // limit on iterations of conjugate gradients
+  // Residual to stop at, relative to the right-hand side. Smaller makes a Gauss-Newton step more
+  // exact, but longer.
   constexpr double kEnough = 1e-2;
   const double softness = kSoftness * height_ * kSoftness * height_;
   Rows shift = Rows::Zero(bound_.order().free_count, 4);
@@ -179,14 +184,15 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
   const int free_count = bound_.order().free_count;
   const Rows place = frame.offsets;
   detail_.update(frame, linear);
-  // The minimizer without volumes: H p₀ = L p_T + M p_N / ℓ².
+  // The minimizer without the volume term: H p₀ = L p_T + M p_N / ℓ².
   const double reach = kSearchHeights * height_;
   const RowMatrix pull = (masses_ / (reach * reach)).asDiagonal() *
                          RowMatrix((place - frame.offsets).topLeftCorner(free_count, 3));
   Rows start = bound_.rest + frame.offsets;
   start.topLeftCorner(free_count, 3) += factor_->solve(pull);
 
-  constexpr double kLongestStep = 0.3;  // of the height: prisms are far from linear beyond
+  // Step limit in mean heights: beyond it the linearization of the volumes is poor.
+  constexpr double kLongestStep = 0.3;
   Rows surface = start, shift = Rows::Zero(free_count, 4);
   double first_change = 0, done = 0;
   // A round takes as long as a frame, a step as long as a hundred: it must be possible to stop.
@@ -208,7 +214,7 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
     first_change = std::max(first_change, largest);
     const double left = (largest - options.volume_tolerance) /
                         std::max(first_change - options.volume_tolerance, 1e-300);
-    done = std::max(done, std::clamp(1 - left, 0.0, 0.99));  // a step may undo some of the last
+    done = std::max(done, std::clamp(1 - left, 0.0, 0.99));  // never falls, though largest may rise
     go_on();
   }
   volume_error_ =

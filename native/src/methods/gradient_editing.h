@@ -7,11 +7,11 @@
 
 namespace dd {
 
-/// DiffCoord (§2, Fig. 1d, 5): gradient-based editing. Rotation and stretch of the handles are
-/// propagated over S by harmonic weights, G'_j = G_j S_jᵀ, and the surface follows from (4). S_j is
-/// blended() of the triangle with L w_h = 0, w_h = 1 on handle h and 0 on all other
-/// constrained vertices, w_hj its mean over the triangle. A handle that is only translated turns
-/// nothing: the flaw that the paper explains.
+/// Gradient-based editing (DiffCoord; §2, Fig. 1d, 5). Harmonic weights propagate the rotations and
+/// stretches of the handles over S, G'_j = G_j S_jᵀ, and (4) gives the surface. S_j is blended()
+/// with the weights w_hj, the triangle's mean of w_h: L w_h = 0, w_h = 1 on handle h and 0 on all
+/// other constrained vertices. Translating a handle doesn't rotate anything, a flaw that the paper
+/// explains.
 class GradientEditing : public Method {
  public:
   explicit GradientEditing(BoundSurface& bound);
@@ -22,7 +22,7 @@ class GradientEditing : public Method {
   BoundSurface& bound_;
   CornerFlux flux_;
   HarmonicBlend harmonic_;
-  RowMatrix sums_;  // of the blend's terms, at all vertices in order
+  RowMatrix sums_;  // Σ_h w_h · blend_terms() at all vertices, rows in order()
 };
 
 }  // namespace dd

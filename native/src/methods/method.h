@@ -11,7 +11,7 @@ namespace dd {
 
 /// How the surface follows its handles. The values are those of dd_method in the public header.
 enum class MethodKind {
-  detail = 0,  ///< the paper's
+  detail = 0,  ///< the paper's method
   variational = 1,
   normal = 2,
   gradient = 3,
@@ -21,52 +21,52 @@ enum class MethodKind {
 
 struct MethodOptions {
   bool rotation_only = true;  ///< S_j reduced to its rotation
-  /// Of detail with rotation_only: what goes beyond its linear result.
+  /// Of detail with rotation_only, and of examples: refinement of the linear result.
   Refined refined = {};
-  int levels = 1;  ///< of normal displacements: surfaces that each is displaced from the next
-  double volume_tolerance = 1e-2;  ///< of displacement volumes: step to stop at, in mean heights
-  int volume_iterations = 50;      ///< of displacement volumes: steps after which to stop anyway
-  Formulation formulation =
-      Formulation::surface;  ///< of detail; others than surface aren't refined
-  Progress progress = {};    ///< told how far a slow method is
-  /// Of examples: the pose with these weights, handles let go; else the weights that fit the
-  /// handles.
+  int levels = 1;  ///< of normal displacements: number of surfaces displaced from a smoother one
+  /// Of displacement volumes: step length at which it has converged, in mean heights of the prisms.
+  double volume_tolerance = 1e-2;
+  int volume_iterations = 50;                      ///< of displacement volumes: limit on steps
+  Formulation formulation = Formulation::surface;  ///< of detail; only surface is refined
+  Progress progress = {};                          ///< called by slow methods
+  /// Of examples: shows the pose of these weights, one for each example, ignoring the handles.
+  /// Without, the weights are fitted to the handles.
   std::optional<std::vector<double>> example_weights = {};
-  double example_stiffness = 1;  ///< of examples: factor on what keeps weights small
-  /// Of examples: the least and the largest weight of each, 0 among them; or none.
+  double example_stiffness = 1;  ///< of examples: s of the energy, see Examples
+  /// Of examples: lower and upper limit of each example's weight, which contain 0; empty: none.
   std::vector<double> example_limits = {};
 };
 
-/// One update on its way through a method.
+/// The input of one update of a method, and its output.
 struct Frame {
-  /// For each handle the 4×3 block C of HandleCoordinates (last column 0), and its linear part A.
+  /// For each handle the block C of HandleCoordinates, 4×4 with last column 0, and its linear part.
   const RowMatrix& coefficients;
   const std::vector<Eigen::Matrix3d>& linear;
   const Rows& base;  ///< B', all rows in BoundSurface::order()
   const Turning& turning;
-  const std::vector<char>& free;  ///< by handle, whether it only places; or none
-  Rows& offsets;  ///< displacement of S: in those of the handles' vertices, out the free ones'
+  const std::vector<char>& free;  ///< for each handle, whether only its pivot is placed; or empty
+  Rows& offsets;  ///< displacement of S; in: rows of handles and fixed vertices, out: free rows
 };
 
-/// What a method found out about the surface or about its last update.
+/// Diagnostics of a method about the surface and its last update.
 struct MethodFindings {
-  int stand_in_count = 0;       ///< triangles whose base has no area: others stand in for them
-  int coarse_vertex_count = 0;  ///< of the surface on which rotations are refined; 0: of S itself
-  /// Vertices at which S is no height field over the next smoother surface, of one level of normal
-  /// displacements after the other.
+  int stand_in_count = 0;       ///< triangles without area on B, which need a stand-in
+  int coarse_vertex_count = 0;  ///< of the coarse surface of the refinement; 0: S itself is used
+  /// Of normal displacements, for one level after the other: vertices at which a surface is not a
+  /// height field over the next smoother one.
   std::vector<int> unrepresented = {};
   double volume_error = 0;                   ///< of displacement volumes: Σ |W_i' − W_i| / Σ |W_i|
-  bool converged = true;                     ///< whether these converged within their iterations
-  std::vector<double> example_weights = {};  ///< one for each example
+  bool converged = true;                     ///< of displacement volumes
+  std::vector<double> example_weights = {};  ///< of examples: found or given
 };
 
-/// A method over the shared operators and factors; made when it is first asked for.
+/// A method on a BoundSurface, constructed on its first use.
 class Method {
  public:
   virtual ~Method() = default;
-  /// Sets the free rows of frame.offsets; those of handles too where these are let go.
+  /// Sets the free rows of frame.offsets; also those of handles whose vertices it lets move freely.
   virtual void update(const Frame& frame, const MethodOptions& options) = 0;
-  /// Throws Error(numeric) where the last update left none.
+  /// Throws Error(numeric) if the last update failed and left none.
   virtual MethodFindings findings() const { return {}; }
   virtual double bytes() const = 0;
 };

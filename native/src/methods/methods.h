@@ -7,21 +7,21 @@
 
 namespace dd {
 
-/// What the rest of the library asks about a method. A new method is a file of its own, a value of
-/// MethodKind and a row of this table.
+/// The properties of a method that the rest of the library depends on. A new method is a file of
+/// its own, a value of MethodKind and a row of the table in methods.cpp.
 struct MethodFacts {
-  const char* name;  ///< as sentences have it
-  bool slow;         ///< takes far longer than a frame
-  bool in_steps;     ///< may approach a large motion by steps, each from the last one's result
-  bool from_base;    ///< goes where a base from outside goes, but leaves the place of components
-                     ///< that nothing holds open
-  /// progress: of preparing a slow method, which is asked whether to go on.
+  const char* name;  ///< for messages
+  bool slow;         ///< an update takes far longer than a frame
+  bool in_steps;     ///< may split a large motion into steps, each re-based on the last result
+  bool from_base;    ///< follows a base from outside, but leaves the translation of components
+                     ///< without constrained vertices open
+  /// progress: called while a slow method prepares, so that it can be cancelled.
   std::unique_ptr<Method> (*make)(BoundSurface& bound, const Progress& progress);
 };
 
 constexpr int kMethodCount = 6;
 
-/// Throws Error(argument) for what is no method.
+/// Throws Error(argument) if there is no such method.
 const MethodFacts& facts(MethodKind method);
 
 }  // namespace dd

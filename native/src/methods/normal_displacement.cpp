@@ -19,8 +19,8 @@ using Eigen::Vector3d;
 
 Vector3d vector(const Rows& rows, int row) { return rows.row(row).head<3>(); }
 
-/// The rows of the vertices that a method may read: those of triangles with a free corner, and the
-/// triangles around them, which their normals need.
+/// The triangles that share a vertex with a triangle with a free corner, their corners as rows:
+/// those that vertices may be projected onto, and their neighbours, which the normals need.
 Triangles triangles_near_free(const BoundSurface& bound) {
   const Triangles& t = bound.mesh.triangles;
   std::vector<char> near(bound.region.role.size(), 0);
@@ -35,14 +35,16 @@ Triangles triangles_near_free(const BoundSurface& bound) {
   return rows;
 }
 
-/// A point over a triangle: corner weights w₁, w₂ (w₀ the rest) and the height along the normal.
+/// The point b + h n(b) over a triangle: barycentric weights w₁, w₂ of b (w₀ = 1 − w₁ − w₂), height
+/// h.
 struct Foot {
   double w1, w2, height;
   Vector3d normal;
-  Eigen::Matrix3d jacobian;  // of b + h n(b)
+  Eigen::Matrix3d jacobian;  // of place by w₁, w₂ and h
   Vector3d place;
 };
 
+/// A triangle of the carrier with vertex normals: the points b + h n(b) over it.
 struct Prism {
   Vector3d q0, q1, q2, n0, n1, n2;
 
@@ -63,10 +65,11 @@ struct Prism {
   }
 };
 
-/// The prism's foot of a point by Newton's method; false when it is far outside, doesn't settle, or
-/// settles where the prism is turned inside out (beyond the centre of curvature).
+/// Finds the foot with the given place by Newton's method. False if it runs far out of the
+/// triangle, doesn't converge, or converges beyond the centre of curvature, where the prism is
+/// inverted.
 bool find_foot(const Prism& prism, const Vector3d& point, Foot& foot) {
-  constexpr double kFarthestFoot = 10;
+  constexpr double kFarthestFoot = 10;  // of |w₁| + |w₂|: the iteration has diverged
   const Vector3d e1 = prism.q1 - prism.q0, e2 = prism.q2 - prism.q0, cross = e1.cross(e2);
   const double squared = cross.squaredNorm();
   if (!(squared > 1e-60)) return false;
@@ -83,7 +86,8 @@ bool find_foot(const Prism& prism, const Vector3d& point, Foot& foot) {
   return (point - foot.place).norm() < 1e-12 && foot.jacobian.determinant() > 0;
 }
 
-/// S_level of k: S smoothed over a length that grows from an edge's to the region's.
+/// S_level of `levels` surfaces: S smoothed over a length that grows geometrically from the mean
+/// edge length to √(free area).
 Positions intermediate(const BoundSurface& bound, int level, int levels) {
   const double edge = mean_edge_length(bound.mesh.positions, bound.mesh.triangles);
   double area = 0;
@@ -126,7 +130,7 @@ void NormalDisplacement::find_borders() {
       tangent_[to].from = from;
     }
   for (Index k = 0; k < triangles_.size(); ++k) {
-    // Away from borders any neighbour gives a direction; at their ends the vertex itself.
+    // Away from borders any neighbour gives a direction. A missing end is the vertex itself.
     const int row = triangles_.data()[k];
     Edge& tangent = tangent_[row];
     if (tangent.from < 0 && tangent.to < 0) tangent.to = triangles_(k / 3, (k + 1) % 3);
@@ -152,7 +156,7 @@ void NormalDisplacement::find_normals(const Rows& positions) {
     for (Index r = begin; r < end; ++r) {
       Eigen::RowVector4d sum = Eigen::RowVector4d::Zero();
       for (int j : fans_.of(static_cast<int>(r))) sum += crosses_.row(j);
-      // In the unit box: less than this is rounding, and has no direction.
+      // Twice an area in the unit box: less is rounding, and has no direction.
       const double length = sum.norm();
       normals_.row(r) =
           length > 1e-13 ? Eigen::RowVector4d(sum / length) : Eigen::RowVector4d::Zero();
@@ -174,7 +178,7 @@ Eigen::Matrix3d NormalDisplacement::frame_at(const Carrier& carrier,
   if (normal.norm() < 1e-9) return frame;
   frame.col(2) = normal.normalized();
   tangent -= frame.col(2) * frame.col(2).dot(tangent);
-  // Without a direction of its own any will do for offsets along the normal.
+  // Without a tangent any serves for offsets along the normal, which don't depend on it.
   frame.col(0) = tangent.norm() > 1e-9 ? Vector3d(tangent.normalized())
                                        : Vector3d(frame.col(2).unitOrthogonal());
   frame.col(1) = frame.col(2).cross(frame.col(0));
@@ -196,9 +200,11 @@ Eigen::Vector3d NormalDisplacement::displaced(const Carrier& carrier,
 
 bool NormalDisplacement::project(const Vector3d& point, int row, const Carrier& carrier,
                                  Displacement& found) {
-  constexpr int kMostTriangles = 400;
+  constexpr int kMostTriangles = 400;  // limit on visited triangles: bounds the cost of a vertex
+  // Tolerance of barycentric weights: without it rounding loses points over a shared edge.
   constexpr double kSlack = 1e-9;
-  // From the row's own triangles towards the point: the first prism that holds it.
+  // Best-first search from the row's own triangles, by distance of the triangles' centroids from
+  // the point, for the first prism that contains the point.
   std::priority_queue<std::pair<double, int>, std::vector<std::pair<double, int>>, std::greater<>>
       queue;
   const auto add_fan = [&](int corner) {
@@ -246,7 +252,7 @@ bool NormalDisplacement::project(const Vector3d& point, int row, const Carrier& 
       const double clamped = std::clamp(along, 0.0, 1.0);
       const double distance = (arm - clamped * edge).norm();
       const Vector3d inwards = vector(carrier.positions, corner[k]) - start - clamped * edge;
-      // Past the border, not beside it over the triangle.
+      // Of all border edges visited, the closest one decides; the point must lie on its outer side.
       if (distance >= closest) continue;
       closest = distance;
       over_border = (arm - clamped * edge).dot(inwards) <= 0;
@@ -267,7 +273,7 @@ bool NormalDisplacement::folds(const Carrier& carrier, const Level& level, int t
       normal += vector(carrier.normals, r);
       continue;
     }
-    if (!level[r].along_normal) return false;  // beyond the border, or counted as it is
+    if (!level[r].along_normal) return false;  // beyond the border, or failed already
     foot[k].setZero();
     for (int c = 0; c < 3; ++c) {
       foot[k] += level[r].weight[c] * vector(carrier.positions, level[r].corner[c]);
@@ -307,7 +313,7 @@ void NormalDisplacement::decompose(const Rows& fine, const Rows& coarse) {
 }
 
 void NormalDisplacement::update(const Frame& frame, const MethodOptions& options) {
-  // Fewer stand there where an earlier try was refused.
+  // levels_ is incomplete if an earlier make_levels() threw.
   if (static_cast<int>(levels_.size()) != options.levels) make_levels(options.levels);
   const int free_count = bound_.order().free_count, held = bound_.order().count() - free_count;
   surface_ = frame.base;
@@ -319,7 +325,8 @@ void NormalDisplacement::update(const Frame& frame, const MethodOptions& options
       for (Index r = begin; r < end; ++r)
         surface_.row(r).head<3>() = displaced(onto, (*level)[size_t(r)]).transpose();
     });
-    // Constrained vertices lie on S in all levels but a base from outside.
+    // Constrained vertices lie on S in all levels, but not on a base from outside: they are set
+    // anew.
     surface_.bottomRows(held) = bound_.rest.bottomRows(held) + frame.offsets.bottomRows(held);
   }
   frame.offsets.topRows(free_count) =

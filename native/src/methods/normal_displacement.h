@@ -12,37 +12,38 @@ namespace dd {
 ///
 ///   p = b + h · n(b)
 ///
-/// b a point on B's triangles with interpolated vertex normals, found by projection. B moves to B',
-/// and S' takes the same b and h there. With several levels S₀ = S, S₁, ..., S_k = B each surface
-/// is smoother than the last, and displaced from the next.
+/// b is the point on B's triangles, with linearly interpolated vertex normals n, found by
+/// projecting p. S' has the same barycentric b and h on B'. With several levels S₀ = S, S₁, ...,
+/// S_k = B each surface is smoother than the one before, which is stored as displacements over it.
 ///
-/// The smooth surface draws in open borders of S: what then lies beyond hangs on the closest point
-/// b of the border with p = b + F(b) d, F the frame of normal and border. A vertex without any b
-/// near it hangs on its own vertex of the next surface in that manner. There S is not a height
-/// field, and the representation fails; so it does where S folds back over the next surface and
-/// several vertices share one b. These vertices are counted.
+/// Smoothing contracts open borders, so vertices of S may lie beyond the border of B. They are
+/// bound to the closest point b of the border by p = b + F(b) d, F the frame of normal and border
+/// tangent. A vertex without a projection nearby is bound in the same way to its own vertex of the
+/// smoother surface. There S is not a height field, and the representation fails. It also fails
+/// where S folds over the smoother surface and several vertices have the same b. These vertices are
+/// reported.
 class NormalDisplacement : public Method {
  public:
   explicit NormalDisplacement(const BoundSurface& bound);
-  /// Levels other than those of the last update are made anew.
+  /// Recomputes the levels if their number has changed since the last update.
   void update(const Frame& frame, const MethodOptions& options) override;
   MethodFindings findings() const override;
   double bytes() const override;
 
  private:
-  /// Of one free vertex: b = Σ weight · corner, and p − b in the frame there: tangent, across,
-  /// normal.
+  /// Of one free vertex: b = Σ weight · corner, and p − b in the frame at b with the axes tangent,
+  /// bitangent, normal.
   struct Displacement {
     int corner[3];
     double weight[3];
     Eigen::Vector3d offset;
-    bool along_normal;  // offset is (0, 0, h)
+    bool along_normal;  // whether offset is (0, 0, h)
   };
   using Level = std::vector<Displacement>;
   struct Edge {
     int from = -1, to = -1;  // rows
   };
-  /// A level's coarse surface as displacements see it.
+  /// The smoother surface of a level, with its vertex normals.
   struct Carrier {
     const Rows& positions;
     const Rows& normals;
@@ -50,25 +51,27 @@ class NormalDisplacement : public Method {
 
   void make_levels(int count);
   void find_borders();
-  /// Of every row, into normals_.
+  /// Computes crosses_, and normals_ of all rows: area-weighted vertex normals.
   void find_normals(const Rows& positions);
   Eigen::Vector3d displaced(const Carrier& carrier, const Displacement& displacement) const;
   Eigen::Matrix3d frame_at(const Carrier& carrier, const Displacement& displacement) const;
   void decompose(const Rows& fine, const Rows& coarse);
-  /// Whether there is a point over the carrier, or over its border, near a row's own triangles.
+  /// Projects a vertex onto the carrier, or onto its border if it lies beyond. Searches from the
+  /// vertex' own triangles outwards; false if it finds neither.
   bool project(const Eigen::Vector3d& point, int row, const Carrier& carrier, Displacement& found);
+  /// Whether the projections b of the triangle's corners have the reversed orientation.
   bool folds(const Carrier& carrier, const Level& level, int triangle) const;
 
   const BoundSurface& bound_;
-  Triangles triangles_;          // with rows for corners: all near the free vertices
-  Fans fans_;                    // of the rows
-  std::vector<char> on_border_;  // of each triangle's corner: whether the edge opposite to it is
-  std::vector<Edge> tangent_;    // of each row: along the border, or to a neighbour
-  std::vector<Level> levels_;    // from S₀ over S₁ to S_(k−1) over B
-  std::vector<int> seen_for_;    // of each triangle: the row whose projection looked at it last
+  Triangles triangles_;          // corners are rows: triangles_near_free()
+  Fans fans_;                    // triangles around each row
+  std::vector<char> on_border_;  // of each triangle corner: whether the opposite edge is a border
+  std::vector<Edge> tangent_;    // of each row: direction of the border, or to a neighbour
+  std::vector<Level> levels_;    // S₀ over S₁, ..., S_(k−1) over B
+  std::vector<int> seen_for_;    // of each triangle: the row whose projection visited it last
   std::vector<int> unrepresented_;
-  Rows crosses_, normals_;  // of triangles and rows
-  Rows surface_, coarse_;   // on the way from B' to S'
+  Rows crosses_, normals_;  // cross products of triangles, unit normals of rows
+  Rows surface_, coarse_;   // intermediate surfaces from B' to S'
 };
 
 }  // namespace dd

@@ -5,10 +5,10 @@
 
 namespace dd {
 
-/// VarMin without multiresolution (§1, Fig. 1b): p' = p + δ, δ the smoothest displacement that the
-/// handles allow, L M⁻¹ L δ = 0 on S itself, from the handles' extension. Details shear: it moves
-/// them without turning them. With the base's metric on S, δ is the displacement of the base, as it
-/// is for a base from outside.
+/// VarMin without multiresolution (§1, Fig. 1b): p' = p + δ, with δ the smoothest displacement that
+/// takes on the handles' motions, K δ = 0 with K on S. Details shear, because they are moved
+/// without being rotated. With BaseMetric::surface δ is the displacement of the base. For a base
+/// from outside it is that of the given base, too.
 class Variational : public Method {
  public:
   explicit Variational(const BoundSurface& bound) : bound_(bound) {}

@@ -14,7 +14,8 @@ namespace dd {
 
 namespace {
 
-/// For each component the handle that alone holds it, by two vertices or more; else -1.
+/// For each component the handle that contains all of its constrained vertices, two or more of
+/// them; else -1.
 std::vector<int> lone_handles(const Region& region, const Components& components) {
   constexpr int kNone = -1;
   std::vector<int> handle(static_cast<size_t>(components.count), kNone);
@@ -31,7 +32,7 @@ std::vector<int> lone_handles(const Region& region, const Components& components
   return handle;
 }
 
-/// The active triangles, by their places, for which no triangle of their component can stand in.
+/// The active triangles, as indices into active.triangles, without a stand-in in their component.
 std::vector<int> without_stand_in(const StandIns& stand_ins, const ActiveTriangles& active) {
   std::vector<int> places;
   for (int i = 0; i < active.size(); ++i)
@@ -84,11 +85,11 @@ class BaseGradientsOf : public BaseGradients {
   }
 
  private:
-  /// What a first pose needs.
+  /// Made by the first take().
   struct Passes {
     GradientPass<Real> pass;
-    CornerFlux collapsed;  // of what nothing stands in for
-    Rows at_rest[2];       // whole gradients, rotations
+    CornerFlux collapsed;  // for triangles without a stand-in
+    Rows at_rest[2];       // by rotation_only
   };
 
   std::unique_ptr<Passes> prepared() {
@@ -135,8 +136,8 @@ class BaseGradientsOf : public BaseGradients {
       for (Eigen::Matrix3d& gradient : of_handles_) gradient = polar_rotation(gradient);
   }
 
-  /// A component whose whole base is a point or a line, held by a single handle, goes with that
-  /// handle's matrix. Held by several, or by one vertex, it has none to go by: S_j = I.
+  /// The gradient of a component whose base is a point or a line: that of the handle which alone
+  /// holds the component by two vertices or more, else I.
   Eigen::Matrix3d of_collapsed(int triangle) const {
     const int handle = handle_of_[triangle];
     return handle < 0 ? Eigen::Matrix3d(Eigen::Matrix3d::Identity()) : of_handles_[handle];
@@ -145,11 +146,12 @@ class BaseGradientsOf : public BaseGradients {
   const FactoredSurface& surface_;
   const Positions& rest_;  // B
   StandIns stand_ins_;
-  std::vector<int> of_faces_;   // the same of the mesh's own triangles, where these are others
-  std::vector<int> handle_of_;  // of triangles, where the base of some component has no area
+  std::vector<int> of_faces_;  // stand-ins among the mesh's own triangles, if any edge was flipped
+  // see lone_handles(), by triangle; only with triangles without a stand-in
+  std::vector<int> handle_of_;
   int stand_in_count_ = 0;
   std::unique_ptr<Passes> passes_;
-  // Of the present pose.
+  // Of the current pose:
   const Rows* base_ = nullptr;
   bool rotation_only_ = false;
   std::vector<Eigen::Matrix3d> of_handles_;

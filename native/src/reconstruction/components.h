@@ -8,14 +8,15 @@
 
 namespace dd {
 
-/// A loose part of the surface. Deformation gradients leave its place open unless it is held.
+/// A connected component of the surface. Deformation gradients leave its translation open unless it
+/// is held.
 struct Component {
-  std::vector<int> vertices;   ///< those that aren't fixed
+  std::vector<int> vertices;   ///< except fixed ones
   std::vector<int> triangles;  ///< all
-  bool held = false;           ///< by a vertex that isn't free
+  bool held = false;           ///< whether it has a fixed or handle vertex
 };
 
-/// The components with a vertex that isn't fixed, by their lowest one.
+/// The components with a vertex that isn't fixed, sorted by the lowest such vertex.
 std::vector<Component> movable_components(const Mesh& mesh, const Region& region);
 
 /// A weighted mean of shifts.
@@ -31,7 +32,7 @@ struct MeanShift {
     sum += other.sum;
     weight += other.weight;
   }
-  /// The mean, or zero where nothing has a weight.
+  /// The mean, or zero where the weights sum to zero.
   Eigen::RowVector3d mean() const {
     return weight > 0 ? Eigen::RowVector3d(sum / weight) : Eigen::RowVector3d::Zero();
   }

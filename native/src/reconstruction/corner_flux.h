@@ -7,17 +7,17 @@
 
 namespace dd {
 
-/// What gradients X_j of active triangles add to a right-hand side of (14): X_j g_k at corner k,
-/// g_k the corner's flux on S. The one place where turned flux is scattered by matrices; kernels do
-/// the same for whole blocks of triangles.
+/// Adds the contribution of gradients X_j of active triangles to a right-hand side of (14): X_j g_k
+/// at corner k, g_k the corner's flux on S (corner_divergence()). This takes the gradients as
+/// matrices; kernels do the same for blocks of triangles.
 class CornerFlux {
  public:
-  /// Of all active triangles.
+  /// For all active triangles.
   explicit CornerFlux(const FactoredSurface& surface);
-  /// Of chosen ones: places among the active triangles, ascending.
+  /// chosen: ascending indices into ActiveTriangles::triangles.
   CornerFlux(const FactoredSurface& surface, const std::vector<int>& chosen);
 
-  /// gradient_of(k, triangle) gives X_j of the k-th of these triangles.
+  /// gradient_of(k, triangle) returns X_j of the k-th of these triangles.
   template <class GradientOf>
   void add(int section, const GradientOf& gradient_of, double* rows) const {
     for (int k = begin_[section]; k < begin_[section + 1]; ++k) {
@@ -32,7 +32,7 @@ class CornerFlux {
 
  private:
   struct Corners {
-    Eigen::Matrix3d flux;  // a corner a column
+    Eigen::Matrix3d flux;  // one column per corner
     int target[3];         // rows of a right-hand side
     int triangle;
   };

@@ -10,19 +10,19 @@
 
 namespace dd {
 
-/// A surface that can be solved for: what every reconstruction works on.
+/// A surface with its operators and its factored Poisson system, as all reconstructions need it.
 struct FactoredSurface {
-  /// mesh: validated, in a box of about unit size, on which tolerances rely. region must outlive
-  /// it. triangulation: what gradients are carried by.
+  /// mesh: validated, in a box of about unit size, as tolerances assume. region must outlive this.
+  /// triangulation: the triangles that carry gradients.
   FactoredSurface(Mesh its_mesh, const Region& its_region,
                   Triangulation triangulation = Triangulation::given);
 
-  /// The Poisson system, by block, a free_block() of operators.laplacian; with its dissection where
-  /// that is not made yet. Throws UnsolvableSurface.
+  /// Makes the Poisson system from block, a free_block() of operators.laplacian, and the dissection
+  /// unless there is one. Throws UnsolvableSurface.
   void factor(SparseMatrix block, BlockOptions options);
 
   const RowOrder& order() const { return poisson->order(); }
-  /// The mesh's own triangles with a free corner. Where none was flipped they are the active ones.
+  /// The mesh's own triangles with a free corner; without flips these are the active triangles.
   std::vector<int> faces_with_free_corners() const;
   double bytes() const;
 
@@ -32,7 +32,7 @@ struct FactoredSurface {
   std::optional<Dissection> dissection;  ///< of the free vertices
   std::unique_ptr<PoissonSystem> poisson;
   Rows rest;  ///< S as rows in order()
-  /// √ of the active triangles' area: the unit of lengths that are told as shares of the surface.
+  /// √(area of the active triangles): the unit of lengths that are given relative to the surface.
   double active_size = 0;
 };
 

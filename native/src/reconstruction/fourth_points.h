@@ -10,15 +10,14 @@
 
 namespace dd {
 
-/// Makes a tetrahedron of each triangle by a fourth point p₁ + e₁ × e₂ / √|e₁ × e₂| (§3, after
-/// Sumner and Popović 2004). The mesh's n vertices come first, and the fourth points follow in the
-/// order of the triangles. Throws Error(mesh) naming a triangle without area, which has no
-/// tetrahedron.
+/// Extends each triangle to a tetrahedron by a fourth point p₁ + e₁ × e₂ / √|e₁ × e₂| (§3, after
+/// Sumner and Popović 2004). The mesh's n vertices come first, then the fourth points in the order
+/// of the triangles. Throws Error(mesh) naming a triangle without area, which has no tetrahedron.
 TetMesh with_fourth_points(const Mesh& mesh, const std::vector<int>& triangles);
 
 /// D of (10).
 enum class FourthPointWeights {
-  volumes,  ///< the tetrahedra's: a volumetric Poisson system, §4
+  volumes,  ///< of the tetrahedra: a volumetric Poisson system, §4
   ones      ///< (10) as it stands
 };
 
@@ -26,8 +25,8 @@ enum class FourthPointWeights {
 /// replaces: n + m unknowns in place of n, G̃ᵀ D G̃ p' = G̃ᵀ D S (10).
 class FourthPoints {
  public:
-  /// triangles: those that have a say. Throws as with_fourth_points(), and Error(numeric); progress
-  /// of the factorization, from 0 to 1.
+  /// triangles: those of the mesh that enter (10). Throws as with_fourth_points(), and
+  /// Error(numeric); progress of the factorization, from 0 to 1.
   FourthPoints(const Mesh& mesh, const Region& region, std::vector<int> triangles,
                FourthPointWeights weights, const Progress& progress = {});
 
@@ -35,8 +34,8 @@ class FourthPoints {
   int unknowns() const { return unknowns_; }
   double nonzeros() const { return static_cast<double>(poisson_.laplacian().nonZeros()); }
 
-  /// offsets: the displacement of all rows in that order, in: those of handles, out: those of the
-  /// free vertices. Grounds of the region stay at rest.
+  /// offsets: displacements, rows in order; in: those of constrained vertices, out: those of free
+  /// ones. The region's ground vertices stay at rest.
   void solve(const GradientSource& gradients, const RowOrder& order, Rows& offsets) const;
 
   double bytes() const;

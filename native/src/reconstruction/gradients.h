@@ -8,25 +8,26 @@
 
 namespace dd {
 
-/// Says for each triangle of a surface which triangle stands in for it: whose motion gives its
-/// deformation gradient (15). A triangle with an area stands in for itself. One without has no
-/// inverse in (15), and the nearest triangle that has an area stands in for it, across shared edges
-/// first and then across vertices. -1 says that no triangle of the component has an area.
+/// For each triangle of a surface its stand-in, the triangle whose motion gives its deformation
+/// gradient (15). A triangle with area stands in for itself. For one without, (15) has no inverse;
+/// its stand-in is the nearest triangle with area, across shared edges first and then across
+/// vertices. -1: no triangle of the component has area.
 ///
-/// A triangle counts as one without area when its longest edge is under 1e-9 of size, or its height
-/// under 1e-2 of that edge and 1e-5 of size: there rounding turns into a rotation. A needle that is
-/// higher has its own gradient, so that a mesh of nothing but needles bends. A neighbour's gradient
-/// was chosen over a clamped one because it is exact for rigid and affine motions.
+/// A triangle has no area if its longest edge is at most 1e-9 of size, or if its height is both at
+/// most 1e-2 of that edge and at most 1e-5 of size: there rounding of positions becomes a rotation.
+/// A higher needle keeps its own gradient, so that a mesh of needles alone bends. A neighbour's
+/// gradient, unlike a clamped one, is exact for rigid and affine motions.
 struct StandIns {
   std::vector<int> of_triangle;
 };
 
-/// size: of the surface S, whose base may have collapsed. moved: where given, what stands in has an
-/// area there as well, in the same measure.
+/// surface: positions of the surface or its base. size: the box's diagonal of S, since the base may
+/// have collapsed. moved: null, or positions in which a stand-in must have area too, by the same
+/// thresholds.
 StandIns stand_ins(const Positions& surface, const Triangles& triangles, double size,
                    const Positions* moved = nullptr);
 
-/// A triangle at rest as the passes take it: see TriangleShape, and its frame's axes e1/|e1|,
+/// A triangle at rest for the kernels: the entries of TriangleShape, and its frame e1/|e1|,
 /// n × e1/|e1|, n as columns.
 struct RestFrame {
   RestFrame(const Positions& positions, const Triangles& triangles, Index triangle);
@@ -34,20 +35,21 @@ struct RestFrame {
   Eigen::Matrix3d axes;
 };
 
-/// The given triangles, at rest, for Kernels::rotation_pass: padded to whole blocks by ones that
-/// don't turn, as those without a source.
+/// Input of KernelsOf::rotation_pass() for the given triangles, at rest. Triangles without a
+/// stand-in, and lanes that pad the last block, have no area, so that the pass returns zeros for
+/// them.
 template <class Real>
 std::vector<RotationBlock<Real>> rotation_blocks(const Positions& rest, const Triangles& triangles,
                                                  const std::vector<int>& which,
                                                  const StandIns& stand_ins, const RowOrder& order);
 
-/// Blocks of kLanes active triangles, whole ones for each section.
+/// The layout of active triangles in blocks of kLanes; each section begins with a new block.
 struct ActiveBlocks {
   explicit ActiveBlocks(const ActiveTriangles& active);
   ActiveBlocks() = default;
   int count() const { return begin.empty() ? 0 : begin.back(); }
   int sections() const { return static_cast<int>(begin.size()) - 1; }
-  /// Calls body(place in active, section, block, lane) for each active triangle.
+  /// Calls body(index in active, section, block, lane) for each active triangle.
   template <class Body>
   void each(const ActiveTriangles& active, const Body& body) const {
     for (int section = 0; section < sections(); ++section)
@@ -56,7 +58,8 @@ struct ActiveBlocks {
         body(i, section, begin[section] + k / kLanes, k % kLanes);
       }
   }
-  /// As many blocks, all of whose targets nobody reads.
+  /// count() blocks whose targets are all the spare row of their section: what unused lanes add is
+  /// never read.
   template <class Block>
   std::vector<Block> without_targets(const PoissonSystem& poisson) const {
     std::vector<Block> blocks(static_cast<size_t>(count()));
@@ -69,7 +72,8 @@ struct ActiveBlocks {
   std::vector<int> begin;  ///< first block of each section, and the end
 };
 
-/// Gives such blocks the flux of positions (n×3) by the metric of the surface.
+/// Sets the flux of blocks in this layout to the corner_divergence() of positions (n×3) by the
+/// metric of the surface.
 template <class Real>
 void take_flux(const FactoredSurface& surface, const ActiveBlocks& layout, const Positions& of,
                std::vector<TurnBlock<Real>>& blocks) {
@@ -83,8 +87,8 @@ void take_flux(const FactoredSurface& surface, const ActiveBlocks& layout, const
   });
 }
 
-/// The active triangles for Kernels::turn_pass, with the flux of the positions of (n×3) by the
-/// metric of the surface. corner_of(vertex): its row of the quaternions.
+/// Input of KernelsOf::turn_pass() for the active triangles, with the flux of positions (n×3) by
+/// the metric of the surface. corner_of(vertex): its row of the quaternions.
 template <class Real, class CornerOf>
 std::vector<TurnBlock<Real>> turn_blocks(const FactoredSurface& surface, const ActiveBlocks& layout,
                                          const Positions& of, const CornerOf& corner_of) {
@@ -103,15 +107,15 @@ std::vector<TurnBlock<Real>> turn_blocks(const FactoredSurface& surface, const A
   return blocks;
 }
 
-/// A pass over triangles that turns base positions into the right-hand side div(S_jᵀ) of (14).
+/// Computes the right-hand side div(S_jᵀ) of (14) from base positions, block by block.
 template <class Real>
 class GradientPass {
  public:
-  /// base: B at rest, n×3. Active triangles that nothing stands in for are left out.
+  /// base: B at rest, n×3. Active triangles without a stand-in are left out.
   GradientPass(const FactoredSurface& surface, const Positions& base, const StandIns& stand_ins);
 
-  /// Adds S_j · flux of each triangle's corners, those of one section. base: rows of 4 doubles in
-  /// the order of the system, right_hand_side: as in PoissonSystem::solve().
+  /// Adds S_j · flux at the corners of the triangles of a section. base: rows of 4 doubles in the
+  /// system's order. right_hand_side: as in PoissonSystem::solve().
   void add(int section, const double* base, bool rotation_only, double* right_hand_side) const {
     const int begin = layout_.begin[section];
     kernels().of<Real>().gradient_pass(layout_.begin[section + 1] - begin, blocks_.data() + begin,

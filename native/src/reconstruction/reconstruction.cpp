@@ -18,7 +18,7 @@ void Reconstruction::solve(const GradientSource& gradients, Formulation formulat
   const FourthPointWeights weights = formulation == Formulation::fourth_points
                                          ? FourthPointWeights::volumes
                                          : FourthPointWeights::ones;
-  // Made before the present one is let go: it may be refused.
+  // Made before the present one is released, since the constructor may throw.
   if (!fourth_points_ || fourth_points_->weights() != weights)
     fourth_points_ = std::make_unique<FourthPoints>(surface_.mesh, surface_.region,
                                                     surface_.faces_with_free_corners(), weights);
@@ -75,7 +75,8 @@ void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, con
                            const Turning& turning, Rows& offsets) {
   const bool is_refined = refined.iterations > 0 && turning.share > 0;
   ClampedPoisson* const clamps = prepare(refined, is_refined);
-  // The last iteration holds the slope at rims; so does what that leaves of the unrefined result.
+  // The last solve of a refinement clamps the rims. Where the unrefined result is mixed in, it is
+  // clamped as well, with a weight that falls to 0 as the share approaches 0 or 1.
   const double held =
       refined.iterations == 0 ? 1 : std::min({1.0, 5 * turning.share, 5 * (1 - turning.share)});
   if (!is_refined) {

@@ -11,69 +11,72 @@
 
 namespace dd {
 
-/// How a surface is made of deformation gradients. The values are those of dd_formulation in the
-/// public header.
+/// The system that reconstructs a surface from deformation gradients. The values are those of
+/// dd_formulation in the public header.
 enum class Formulation {
   surface = 0,                  ///< (14), §5: n unknowns
   fourth_points = 1,            ///< (10), §3, weighted by volumes: n + m unknowns
   fourth_points_unweighted = 2  ///< (10) as it stands
 };
 
-/// What goes beyond (14). Lengths are shares of FactoredSurface::active_size.
+/// Options beyond (14). Lengths are fractions of FactoredSurface::active_size.
 struct Refined {
   int iterations = 0;
-  double rotation_smoothing = 0.009;  ///< see RotationSmoothing
-  double rim_smoothing = 0;           ///< see ClampedPoisson; 0: (14) as it stands
+  /// See RotationSmoothing. Tuned on the survey's cases: .005 and less fold on dense meshes, .012
+  /// and more are stiffer.
+  double rotation_smoothing = 0.009;
+  double rim_smoothing = 0;  ///< see ClampedPoisson; 0: (14) as it stands
 };
 
-/// A surface made of deformation gradients: by (14) on its factor, or by (10), and refined if
-/// asked. What a formulation needs beside the factor is made when it is first asked for.
+/// Reconstructs a surface from deformation gradients, by (14) or by (10), and refines it if asked.
+/// Systems other than the Poisson factor are built on first use.
 class Reconstruction {
  public:
-  /// surface must outlive it. base: B at rest, n×3, which must, too; null: only solve_from()
-  /// refines.
+  /// surface, and base if given, must outlive this. base: B at rest, n×3; null: only solve_from()
+  /// can refine.
   explicit Reconstruction(FactoredSurface& surface, const Positions* base = nullptr)
       : surface_(surface), base_(base) {}
 
-  /// offsets: the displacement of all rows, in: those of handles, out: those of the free vertices.
-  /// Components that nothing holds come out with one vertex at rest.
+  /// offsets: displacements of all rows; in: those of handles, out: those of free vertices. The
+  /// ground vertex of a component without constrained vertices stays at rest.
   void solve(const GradientSource& gradients, Formulation formulation, Rows& offsets);
 
-  /// By (14) of rotations, and the result improved by rotations alone. gradients: of that base, to
-  /// take the pose if it is needed.
+  /// (14) with the rotations of the base, then refinement. gradients: of the base that was given to
+  /// the constructor; its take() is called if they are needed.
   void solve(BaseGradients& gradients, const Refined& refined, const BasePose& pose,
              const Turning& turning, Rows& offsets);
 
-  /// By (14) of a pose of S in place of S, whose gradients turn as its rotations do on the way to
-  /// where the handles are: what they ask for beyond the pose. posed: the displacement of all rows.
-  /// offsets: of all rows, from where it starts. At least one iteration. Not where a base was
-  /// given, as that may be refined on a coarse surface.
+  /// Refinement with a pose of S in place of S, for handles that ask for more than the pose: the
+  /// pose's gradients are turned by the smoothed rotations from the pose to S'. posed:
+  /// displacements of all rows. offsets: of all rows, in: the start. Runs at least one iteration.
+  /// Only where no base was given, since with one the refinement may be on a coarse surface.
   void solve_from(const Rows& posed, const Refined& refined, Rows& offsets);
 
-  /// Of the surface on which the last refinement found its rotations; 0: of this one.
+  /// Vertices of the coarse surface of the last refinement; 0: it was on the surface itself.
   int coarse_vertex_count() const {
     return coarse_refinement_ ? coarse_refinement_->vertex_count() : 0;
   }
   double bytes() const;
 
  private:
-  /// What such an update needs, both halves beside each other. Returns clamped().
+  /// Builds the refinement and the clamped system that an update needs, concurrently. Returns
+  /// clamped().
   ClampedPoisson* prepare(const Refined& refined, bool is_refined);
   ClampedPoisson* clamped(double rim_smoothing);
-  /// Makes the one that serves for such a length.
+  /// Makes the refinement for this length, on a coarse surface where that pays.
   void prepare_refinement(double length);
-  /// held: how much of the slope at rims is.
+  /// held: weight of the solution with clamped rims against that of (14), 0 to 1.
   void solve_unrefined(BaseGradients& gradients, const BasePose& pose, const Turning& turning,
                        ClampedPoisson* clamps, double held, Rows& offsets);
   void solve_by(const FluxSource& source, ClampedPoisson* clamps, double held, Rows& offsets);
-  /// The last solve, with the rotations that were found on the surface itself.
+  /// The last solve, with the rotations of refinement_.
   void solve_refined(ClampedPoisson* clamps, double relaxation, Rows& offsets);
 
   FactoredSurface& surface_;
   const Positions* base_;
   std::unique_ptr<FourthPoints> fourth_points_;
   std::unique_ptr<ClampedPoisson> clamped_;
-  double refined_length_ = 0;  // of one of these:
+  double refined_length_ = 0;  // smoothing length of the one that exists:
   std::unique_ptr<Refinement> refinement_;
   std::unique_ptr<CoarseRefinement> coarse_refinement_;
 };

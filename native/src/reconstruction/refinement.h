@@ -11,37 +11,36 @@
 namespace dd {
 
 /// Beyond the paper: rotations inferred from a linear base are too small where it bends far, so S'
-/// shrinks. Each iteration takes the rotation of every triangle from S to S' (15), and of every
-/// vertex the mean of its triangles', weighted by area; smooths these over a length
-/// (RotationSmoothing); solves L p' = div(R_jᵀ) with R_j the mean of the triangle's corners; and
-/// goes there, or beyond. Smoothing is what carries the bending; without it this is
-/// as-rigid-as-possible editing, which folds.
+/// shrinks. Each iteration takes the rotation of every triangle from S to S' (15), and at every
+/// vertex their mean weighted by area. It smooths these over a length (RotationSmoothing), solves L
+/// p' = div(R_jᵀ), R_j the mean of the triangle's corners, and over-relaxes. Smoothing is what
+/// carries the bending; without it this is as-rigid-as-possible editing, which folds.
 ///
-/// A rim's vertex has the rotation of the triangles that its handle alone moves: they are what the
-/// smoothing hangs on. Where the handle has none, as when it is one vertex, the mean of all around.
+/// A rim vertex takes the mean over triangles without free corners, which its handle alone moves:
+/// these are the boundary values of the smoothing. Where it has none, as in a handle of one vertex,
+/// it takes the mean over its whole one-ring.
 ///
-/// This finds the rotations. The last solve with them is a FluxSource's like any other.
+/// This class finds the rotations; as a FluxSource it provides the right-hand side of the last
+/// solve.
 class Refinement : public FluxSource {
  public:
-  /// offsets: the displacement of all rows, where it starts, and left where the last but one
-  /// solution is. What is found stays until the next call.
+  /// offsets: displacements of all rows; in: the start, out: the solution of the last but one
+  /// iteration. The rotations stay until the next call.
   virtual void find(int iterations, const Turning& turning, Rows& offsets) = 0;
-  /// The same of a pose of S in place of S: what turns are those of a triangle there, and what is
-  /// turned are the pose's gradients. posed: the displacement of all rows, kept only for the call
-  /// and what follows it.
+  /// The same with a pose of S in place of S: rotations are those from the pose to S', and they
+  /// turn the pose's gradients. posed: displacements of all rows.
   virtual void find_from(const Rows& posed, int iterations, Rows& offsets) = 0;
-  /// Of the active vertices, in their order: unit quaternions, but shorter where smoothing left
-  /// them so.
+  /// By active vertex: unit quaternions, but shorter where smoothing averaged different ones.
   virtual Rows rotations() const = 0;
   virtual double bytes() const = 0;
 };
 
-/// How much of the smoothing the last of so many iterations has. What is found at rest depends on
-/// nothing else of their number.
+/// The share of the smoothing in the last of so many iterations. The right-hand side at rest
+/// depends on the number of iterations through it alone.
 double last_smoothing(int iterations);
 
-/// In the precision of the Poisson system. surface must outlive it. length, masses: see
-/// RotationSmoothing.
+/// Computes in the precision of the Poisson system. surface must outlive the result. length,
+/// masses: see RotationSmoothing.
 std::unique_ptr<Refinement> make_refinement(FactoredSurface& surface, double length,
                                             const Eigen::VectorXd& masses);
 

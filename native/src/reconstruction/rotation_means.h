@@ -11,15 +11,15 @@
 
 namespace dd {
 
-/// Weighted means of rotations, kLanes of them a block: what one of them has less terms than the
-/// others has no weight.
+/// Weighted means of rotations, in blocks of kLanes. Means with fewer terms than the longest of
+/// their block are padded with terms of weight zero.
 template <class Real>
 class RotationMeans {
  public:
   /// The terms of one mean: row of the rotations, weight. Weights sum to 1.
   using Terms = std::vector<std::pair<int, double>>;
 
-  /// Adds a mean; close() after the last.
+  /// Appends a mean; close() after the last.
   void append(const Terms& terms) {
     waiting_[lane_++] = terms;
     if (lane_ == kLanes) close();
@@ -30,7 +30,7 @@ class RotationMeans {
     size_t longest = 1;
     for (int lane = 0; lane < kLanes; ++lane) {
       if (lane >= lane_) waiting_[lane].clear();
-      if (waiting_[lane].empty()) waiting_[lane].emplace_back(0, 1.0);  // that nobody reads
+      if (waiting_[lane].empty()) waiting_[lane].emplace_back(0, 1.0);  // unused lane
       longest = std::max(longest, waiting_[lane].size());
     }
     for (size_t k = 0; k < longest; ++k) {
@@ -46,12 +46,13 @@ class RotationMeans {
     lane_ = 0;
   }
 
-  /// Means there is room for, whole blocks.
+  /// The number of means, padded to whole blocks.
   size_t size() const { return kLanes * (starts_.size() - 1); }
 
   /// in, out: rows of 4, unit quaternions; out as many as size().
   void run(const std::vector<Real>& in, std::vector<Real>& out, ThreadPool& pool) const {
-    constexpr int kLeastBlocks = 64;  // that are worth a task
+    // Least number of blocks worth a task: 512 means, as kLeastRange.
+    constexpr int kLeastBlocks = 64;
     pool.parallel_for(
         static_cast<int64_t>(starts_.size()) - 1, kLeastBlocks, [&](int64_t begin, int64_t end) {
           kernels().of<Real>().mean_rotations(static_cast<int>(begin), static_cast<int>(end),
@@ -66,7 +67,7 @@ class RotationMeans {
   }
 
  private:
-  /// As the kernels take them.
+  /// The blocks as the arrays that kernels take.
   template <class Value>
   static const Value (*rows_of(const std::vector<std::array<Value, kLanes>>& blocks))
       [kLanes] { return reinterpret_cast<const Value(*)[kLanes]>(blocks.data()); }

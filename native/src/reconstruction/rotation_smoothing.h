@@ -8,20 +8,20 @@
 
 namespace dd {
 
-/// A field of rotations, smoothed over a length: (M + tL) q = M q₀ on the free vertices, t =
-/// length², q₀ unit quaternions, given on rims. The same at any density, because M and L measure
-/// the surface. On a surface of even curvature a wave of wavelength 2πλ keeps 1/(1 + (length/λ)²)
-/// of itself.
+/// Smooths a field of rotations over a length: (M + tL) q = M q₀ on the free vertices, t = length²,
+/// q₀ unit quaternions, with given values at rims. It does not depend on the mesh's density,
+/// because M and L measure the surface: a wave of wavelength 2πλ (an eigenfunction of the
+/// Laplacian) is damped to 1/(1 + (length/λ)²).
 class RotationSmoothing {
  public:
-  /// length: in the mesh's units. masses: M, by vertex; where it isn't the surface's own mass the
-  /// length is less by the root of what it is more. surface must outlive it. Throws
-  /// UnsolvableSurface.
+  /// length: in the mesh's units. masses: M, by vertex; c times the surface's own masses reduce the
+  /// length to length/√c. surface must outlive this. Throws UnsolvableSurface.
   RotationSmoothing(const FactoredSurface& surface, double length, const Eigen::VectorXd& masses);
 
-  /// quaternions: rows of 4, free vertices in the surface's order, then the Poisson system's rims.
-  /// Signs are such that neighbours agree. Free rows come out smoothed and shorter than 1 where
-  /// they differ from those around. share: of the way from given to smoothed.
+  /// quaternions: rows of 4, free vertices in the surface's order, then the Poisson system's rims;
+  /// neighbours must have like signs. Free rows are overwritten with smoothed ones, which are
+  /// shorter than 1 where neighbours differ. share: fraction of the way from given to smoothed
+  /// values.
   template <class Real>
   void run(Real* quaternions, double share = 1);
 

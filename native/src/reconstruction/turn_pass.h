@@ -7,19 +7,20 @@
 
 namespace dd {
 
-/// A pass over triangles that turns rotations of vertices into div(R_jᵀ) of (14), R_j the mean of
-/// the triangle's corners.
+/// Computes div(R_jᵀ) of (14) from rotations of vertices, block by block; R_j is the mean of the
+/// triangle's corners.
 template <class Real>
 class TurnPass {
  public:
-  /// of: n×3, what is turned. corner_of(vertex): its row of the quaternions.
+  /// of: n×3, the positions whose gradients are rotated. corner_of(vertex): its row of the
+  /// quaternions.
   template <class CornerOf>
   TurnPass(const FactoredSurface& surface, const Positions& of, const CornerOf& corner_of)
       : surface_(surface),
         layout_(surface.poisson->active()),
         blocks_(turn_blocks<Real>(surface, layout_, of, corner_of)) {}
 
-  /// From now on that of these positions is turned: rows in the surface's order.
+  /// Replaces the positions whose gradients are rotated: rows in the surface's order.
   void take(const Rows& positions) {
     const std::vector<int>& row = surface_.order().row_of_vertex;
     Positions of(positions.rows(), 3);
@@ -27,14 +28,14 @@ class TurnPass {
     take_flux(surface_, layout_, of, blocks_);
   }
 
-  /// As PoissonSystem::solve() takes it. quaternions: rows of 4.
+  /// As the add of PoissonSystem::solve(). quaternions: rows of 4.
   void add(const Real* quaternions, int section, double* rows) const {
     const int begin = layout_.begin[section];
     kernels().of<Real>().turn_pass(layout_.begin[section + 1] - begin, blocks_.data() + begin,
                                    quaternions, rows);
   }
 
-  /// The same of all sections.
+  /// The sum of add() over all sections.
   Rows all(const Real* quaternions) const {
     Rows rows = Rows::Zero(surface_.poisson->right_hand_side_rows(), 4);
     for (int section = 0; section < layout_.sections(); ++section)

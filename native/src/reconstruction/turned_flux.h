@@ -6,10 +6,11 @@
 
 namespace dd {
 
-/// What a field of rotations adds to (14), for the surface or for its base at rest.
+/// Gradients of S, or of its base at rest, rotated by a field of rotations, as a source for (14).
 class TurnedFlux : public GradientSource {
  public:
-  /// of: n×3. rotations: quaternions in the surface's order, which may change between two solves.
+  /// of: n×3, the positions. rotations: quaternions in the surface's order; must outlive this, and
+  /// may change between solves.
   TurnedFlux(const FactoredSurface& surface, const Positions& of, const Rows& rotations);
   void add(int section, double* rows) const override {
     pass_.add(rotations_.data(), section, rows);

@@ -5,29 +5,31 @@
 
 namespace dd {
 
-/// How far the handles turn the surface.
+/// How far the handles turn the surface, and how refinement takes that into account.
 struct Turning {
-  /// Rows of 4 in the surface's order, a field of quaternions that neighbours agree on and that
-  /// comes within half a turn of what the surface does; null: no part turns by more than half a
-  /// turn.
+  /// Quaternions from which refined rotations take their signs: rows of 4 in the surface's order,
+  /// with like signs at neighbours and within half a turn of the surface's rotations. Null: no part
+  /// turns by more than half a turn.
   const Rows* gauge = nullptr;
-  /// That nothing is known of it, as of a base from outside: what the surface does before it is
-  /// refined is followed from vertex to vertex.
+  /// No such field is known, as with a base from outside: signs are propagated from vertex to
+  /// vertex of the unrefined result.
   bool unknown = false;
-  /// How much of the refinement is to have an effect, 0 to 1: far turns leave less and less room,
-  /// and it would pinch the inside of a bend and wring a twist to a thread.
+  /// Weight of refinement, 0 to 1. It falls with far turns, where refinement would pinch the inside
+  /// of a bend and thin a twisted limb to a thread.
   double share = 1;
-  /// Rotations that are known without a base, and how much they count in the result that is
-  /// refined, 0 to 1: a base that is as thin as a thread tells little of how it bends.
+  /// Rotations that are known without a base, and the weight, 0 to 1, of their solution in the
+  /// result that is refined. They serve where the base is as thin as a thread and so determines the
+  /// bending badly.
   const GradientSource* known = nullptr;
   const Rows* known_rotations = nullptr;  ///< the same as quaternions, rows in the surface's order
   double known_share = 0;
 
-  /// What is refined, into offsets: by_base() and solve_by(*known), which write there, as they
-  /// count.
+  /// Computes the result that is refined: the mean of by_base() and solve_by(*known), which both
+  /// write to offsets, weighted by known_share.
   template <class ByBase, class SolveBy>
   void solve(const ByBase& by_base, const SolveBy& solve_by, Rows& offsets) const {
-    if (known_share == 1) return solve_by(*known);  // offsets may be no numbers, of an earlier pose
+    // Blending would keep NaNs that an earlier pose left in offsets.
+    if (known_share == 1) return solve_by(*known);
     by_base();
     if (known_share == 0) return;
     const Rows without = offsets;

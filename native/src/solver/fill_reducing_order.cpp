@@ -14,17 +14,19 @@ namespace dd {
 
 namespace {
 
-constexpr int kSmallest = 8;         // parts that are not cut further
-constexpr int kMostBins = 256;       // places of a cut along one direction
-constexpr double kLeastShare = 0.3;  // of a part, on each side of a cut
-constexpr double kNarrow = 0.2;      // of the largest spread
-// Times the root of a part's size; on a square grid it is 1. Unless a separator is as short, others
-// are looked for: along the other long directions, and then along all.
+constexpr int kSmallest = 8;         // vertices of a part that is not cut further
+constexpr int kMostBins = 256;       // candidate positions of a cut along a direction
+constexpr double kLeastShare = 0.3;  // fraction of a part's vertices on each side of a cut
+constexpr double kNarrow = 0.2;      // short directions: at most this of the largest variance
+// Costs of a cut over the square root of the part's size, 1 for a square grid. Up to
+// kShortSeparator the search ends, which saves time at bind. From kGoodSeparator on short
+// directions are tried, too, as meshes of thin triangles need.
 constexpr double kShortSeparator = 0.9, kGoodSeparator = 1.5;
 constexpr std::memory_order kRelaxed = std::memory_order_relaxed;
-constexpr double kParallel = 0.99;  // cosine: directions that are the same
+constexpr double kParallel = 0.99;  // cosine above which directions count as the same
 
-/// A cut in front of a bin along a direction; the separator is taken from one side.
+/// A cut before a bin along a direction. Its separator is the set of vertices on one side that
+/// have neighbours on the other. cost: their number, times up to 1.16 for unequal halves.
 struct Cut {
   double cost = std::numeric_limits<double>::infinity();
   int bin = 0;
@@ -43,7 +45,8 @@ class Bisector {
         order_(static_cast<size_t>(graph.cols())),
         at_(order_.size()) {
     std::iota(order_.begin(), order_.end(), 0);
-    // All parts of a cut beside each other; when there are enough, each to its end.
+    // The first levels one after the other, the parts of a level in parallel; then each part
+    // recursively in a task of its own.
     std::vector<Part> parts{{0, static_cast<int>(order_.size()), 0}};
     for (int cuts = 0; cuts < kCutsBeside; ++cuts) {
       std::vector<int> middle(parts.size());
@@ -61,13 +64,13 @@ class Bisector {
   }
 
  private:
-  static constexpr int kCutsBeside = 3;
+  static constexpr int kCutsBeside = 3;  // levels: 8 parts in parallel
   struct Part {
-    int begin, end, depth;  // places in order_; how many cuts made it
+    int begin, end, depth;  // range of order_; number of cuts that led to it
   };
   struct Vertex {
-    // The part that it is in, by where that begins. Parts beside it look, too, whether it is their
-    // own, so the answer matters to one thread alone.
+    // Where its part begins in order_. Threads that cut other parts only read that it isn't theirs,
+    // which a stale value tells as well: relaxed order is enough.
     std::atomic<int> part{0};
     int bin = 0;
   };
@@ -79,7 +82,7 @@ class Bisector {
     bisect({middle, part.end, part.depth + 1});
   }
 
-  /// Where the upper half of it begins now, its end where it is not cut.
+  /// Cuts a part in two; returns where the upper half begins, or the part's end if it is not cut.
   int cut(Part part) {
     const auto [begin, end, depth] = part;
     if (end - begin <= kSmallest || depth == Dissection::kMostCuts) return end;
@@ -112,21 +115,21 @@ class Bisector {
     axes.computeDirect(spread);
     const double narrow = kNarrow * axes.eigenvalues()[2];
     Cut best;
-    // A part that is long in one direction is cut across it. Only where that separator is long as
-    // well, because triangles are thin, the others are tried.
+    // Cuts across long directions first. Short ones are tried only if the best separator so far is
+    // large nonetheless, as in meshes of thin triangles.
     const double root = std::sqrt(static_cast<double>(end - begin));
     for (const bool wide : {true, false}) {
       if (best.cost < kGoodSeparator * root) break;
       for (int k = 2; k >= 0; --k)
         if ((axes.eigenvalues()[k] > narrow) == wide && best.cost > kShortSeparator * root)
           consider(begin, end, axes.eigenvectors().col(k), best);
-      // Many a mesh was made along the coordinates.
+      // The coordinate axes, too, along which many meshes are modelled.
       for (int k = 0; k < 3; ++k)
         if ((spread(k, k) > narrow) == wide && best.cost > kShortSeparator * root &&
             axes.eigenvectors().row(k).cwiseAbs().maxCoeff() < kParallel)
           consider(begin, end, Eigen::Vector3d::Unit(k), best);
     }
-    // All in one place, or a few large steps: by number, in halves.
+    // No direction allows a cut, as positions coincide or form few clusters: halves by index.
     if (!(best.cost < std::numeric_limits<double>::infinity()))
       consider(begin, end, Eigen::Vector3d::Zero(), best);
     return best;
@@ -134,7 +137,7 @@ class Bisector {
 
   static int bin_count(int begin, int end) { return std::min(kMostBins, end - begin); }
 
-  /// Bins of equal width along a direction; in the order at hand where it is zero.
+  /// Sorts vertices into bins of equal width along a direction; by their order if it is zero.
   void set_bins(int begin, int end, const Eigen::Vector3d& direction) {
     const int bins = bin_count(begin, end);
     if (direction.isZero()) {
@@ -157,7 +160,8 @@ class Bisector {
   void consider(int begin, int end, const Eigen::Vector3d& direction, Cut& best) {
     set_bins(begin, end, direction);
     const int bins = bin_count(begin, end);
-    // How many vertices lie below a cut, and how many of either side have a neighbour across.
+    // For each cut the vertices below it, and those of either side with a neighbour across: as
+    // differences from cut to cut, summed up below.
     int counts[kMostBins + 1], below[kMostBins + 1], above[kMostBins + 1];
     for (int* values : {counts, below, above}) std::fill_n(values, bins + 1, 0);
     const int *starts = graph_.outerIndexPtr(), *neighbours = graph_.innerIndexPtr();
@@ -203,13 +207,13 @@ Dissection::Dissection(const SparseMatrix& graph, const Positions& places, Threa
 }
 
 std::vector<int> Dissection::order(const SparseMatrix& pattern) const {
-  // What lies below a cut comes first, then what lies above, then the separator: digits 0, 1, 2.
+  // Sort keys of a digit for each cut: 0 below it, 1 above it, 2 in its separator.
   std::vector<std::pair<uint64_t, int>> keys;
   keys.reserve(sides_.size());
   const int *starts = pattern.outerIndexPtr(), *neighbours = pattern.innerIndexPtr();
   for (int v = 0; v < static_cast<int>(sides_.size()); ++v) {
-    // The first cut in which the sides of v and a neighbour differ has parted the two. Among these
-    // cuts those count whose separator lies on v's side: v is in the separator of the first.
+    // The first cut with v and a neighbour on different sides has separated the two. Of these cuts
+    // v is in the separator of the first whose separator is on v's side.
     uint32_t parted = 0;
     for (int k = starts[v]; k < starts[v + 1]; ++k) {
       const uint32_t differing = sides_[v] ^ sides_[neighbours[k]];
@@ -234,7 +238,7 @@ std::vector<int> Dissection::order(const SparseMatrix& pattern) const {
 
 std::vector<int> minimum_degree(const SparseMatrix& pattern) {
   Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> permutation;
-  // By its own type, which it looks for.
+  // AMDOrdering's template arguments are deduced from Eigen's own type only.
   Eigen::AMDOrdering<int>()(static_cast<const Eigen::SparseMatrix<double>&>(pattern), permutation);
   const int* order = permutation.indices().data();
   return {order, order + pattern.cols()};

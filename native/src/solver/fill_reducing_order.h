@@ -9,30 +9,31 @@
 
 namespace dd {
 
-/// A recursive bisection of a graph whose vertices have places, by planes: for surfaces these
-/// separate about as well as graph partitioning, and take much less time (geometric nested
-/// dissection: George 1973; Heath, Raghavan 1995).
+/// Geometric nested dissection (George 1973; Heath, Raghavan 1995): recursive bisection by planes
+/// of a graph whose vertices have positions. For surfaces its separators are about as small as
+/// those of graph partitioning, which takes much longer.
 ///
-/// One bisection serves all matrices whose graphs are powers of this one, as those of the Laplacian
-/// and of K: their separators are what touches the other side of a cut.
+/// One bisection serves all matrices whose graphs are powers of this one, as those of L and K: the
+/// separator of a cut is made of the vertices that have neighbours across it in the matrix.
 class Dissection {
  public:
-  /// graph: symmetric, both triangles stored; n places. pool: null, or for this call.
+  /// graph: n×n, symmetric, both triangles stored. places: n×3. pool: may be null; not kept.
   Dissection(const SparseMatrix& graph, const Positions& places, ThreadPool* pool = nullptr);
 
-  /// A fill-reducing order of a matrix over the same vertices: the vertex at each place.
+  /// A fill-reducing order of a matrix on the same vertices: the vertex at each place.
   std::vector<int> order(const SparseMatrix& pattern) const;
 
  private:
   friend class Bisector;
-  static constexpr int kMostCuts = 31;  // one after the other: two bits of a key each
-  // Of each vertex its side of each cut that it met, the first in the lowest bit, and on which
-  // sides of these cuts the separator lies.
+  static constexpr int kMostCuts = 31;  // of a vertex. Derived: two bits each of a 64-bit key
+  // For each vertex a bit for each of its cuts, the first the lowest: its own side, and the side
+  // that the separator is taken from; 1 is above.
   std::vector<uint32_t> sides_, separator_sides_;
   std::vector<uint8_t> cut_count_;
 };
 
-/// An order by approximate minimum degree (Amestoy, Davis, Duff 1996), for graphs without places.
+/// An order by approximate minimum degree (Amestoy, Davis, Duff 1996), for graphs without
+/// positions.
 std::vector<int> minimum_degree(const SparseMatrix& pattern);
 
 }  // namespace dd

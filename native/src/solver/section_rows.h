@@ -7,36 +7,37 @@
 
 namespace dd {
 
-/// How the sections of a factor, its domains and the top, address the rows of a right-hand side, so
-/// that all of them can add to it at the same time: its places, behind them slots for what a domain
-/// gives to the top, and behind these a row for each section that nobody reads.
+/// Layout of the rows of a right-hand side to which all sections of a factor, its domains and the
+/// top, can add concurrently. First come the factor's places, then slots, in which each domain
+/// accumulates its contributions to the top, then a spare row for each section, never read.
 class SectionRows {
  public:
   SectionRows() = default;
   explicit SectionRows(const SymbolicCholesky& plan);
 
   int sections() const { return static_cast<int>(begin_.size()) - 1; }
-  /// The first place of a section; of sections(): the end.
+  /// The first place of a section; the end of all places for sections().
   int begin(int section) const { return begin_[section]; }
-  /// Rows in all.
+  /// Number of rows.
   int count() const { return places() + static_cast<int>(slot_target_.size()) + sections(); }
 
-  /// Where a section adds what belongs to a place of its own or of the top.
+  /// The row to which a section adds values for a place of its own or of the top.
   int target(int section, int place) const {
     const int top = begin_[sections() - 1];
     return section + 1 == sections() || place < top ? place : slot_of_top_[section][place - top];
   }
-  /// Where it adds what belongs nowhere.
+  /// The row to which it adds values to be discarded.
   int spare(int section) const { return count() - sections() + section; }
 
-  /// Calls body(first row, number of rows) for the rows that a section fills, but the spare one.
+  /// Calls body(first row, number of rows) for the ranges that a section fills, except its spare
+  /// row.
   template <class Body>
   void each_range(int section, const Body& body) const {
     body(begin_[section], begin_[section + 1] - begin_[section]);
     if (section + 1 < sections())
       body(places() + slot_begin_[section], slot_begin_[section + 1] - slot_begin_[section]);
   }
-  /// Adds what the slots hold to their places and leaves them zero.
+  /// Adds the slots to their places in the top and clears them.
   void fold(Rows& right) const;
 
   double bytes() const;
@@ -45,8 +46,8 @@ class SectionRows {
   int places() const { return begin_.back(); }
 
   std::vector<int> begin_;
-  std::vector<int> slot_begin_, slot_target_;  // by domain; place of each
-  std::vector<std::vector<int>> slot_of_top_;  // of each domain, by place in the top; -1: none
+  std::vector<int> slot_begin_, slot_target_;  // first slot of each domain; place of each slot
+  std::vector<std::vector<int>> slot_of_top_;  // by domain, then place in the top: row, or -1
 };
 
 }  // namespace dd

@@ -45,8 +45,9 @@ SparseCholesky::SparseCholesky(std::shared_ptr<const SymbolicCholesky> symbolic,
 
 namespace {
 
-/// The entries of a supernode in the order in which a factor of Reals has them: inverse(i, j) is
-/// called for those of C_ss⁻¹, then below(i, j) for those of the rows below.
+/// Visits the entries of a supernode in the storage order of a factor of Reals, see
+/// rows_together(): calls inverse(i, j) for those of C_ss⁻¹, then below(i, j) for those of the rows
+/// below.
 template <class Real, class Inverse, class Below>
 void for_each_entry(int width, int height, const Inverse& inverse, const Below& below) {
   const auto group = [](int first, int rows, int length, const auto& entry) {
@@ -63,10 +64,10 @@ void for_each_entry(int width, int height, const Inverse& inverse, const Below& 
   }
 }
 
-constexpr int kChunk = 96;  // rows or columns of a front that are computed together
+constexpr int kChunk = 96;  // rows or columns of a front that are a task
 
-/// Memory that fronts pass on to later ones. Asked for anew each time it would cost a fifth of a
-/// large factorization to get its pages cleared.
+/// A pool of memory for update matrices, reused by later fronts: in a large factorization fresh
+/// allocations would spend a fifth of the time on pages that the system clears.
 class Buffers {
  public:
   RawArray<double> take(size_t size) {
@@ -95,7 +96,7 @@ class Buffers {
   std::array<std::vector<RawArray<double>>, 64> free_;
 };
 
-/// The fronts of a factorization on their way up the tree.
+/// The frontal matrices of a factorization, whose updates are passed from children to parents.
 class Fronts {
  public:
   Fronts(const SparseMatrix& A, const SymbolicCholesky& e, double smallest_pivot)
@@ -108,8 +109,8 @@ class Fronts {
       if (e.parent[s] >= 0) children_[e.parent[s]].push_back(s);
   }
 
-  /// Rows of a front that are one after the other in its parent's, too: from first on, first + at
-  /// there.
+  /// Consecutive rows of a front, from first on, that are consecutive in its parent's front, too:
+  /// row i is row i + at there.
   struct Run {
     int first, at;
   };
@@ -129,12 +130,12 @@ class Fronts {
     }
     RawArray<double> panel, inverse;
     std::vector<double> bounds;
-    RawArray<int> place;  // in the front, of each row of it
+    RawArray<int> place;  // row in the front, by place
     std::vector<Run> runs;
   };
 
-  /// Factors supernode s: its columns in scratch.panel, first C_ss⁻¹ in scratch.inverse, below it
-  /// the rows Y at the place that is returned.
+  /// Factors supernode s: C_ss⁻¹ into scratch.inverse, the rows below it into Y, height×width in
+  /// scratch.panel, which is returned, and keeps the update matrix for the parent.
   const double* eliminate(int s, Scratch& scratch, ThreadPool* pool) {
     const int width = e_.width(s), height = e_.height(s), size = width + height;
     const int first = e_.begin[s];
@@ -142,9 +143,10 @@ class Fronts {
     for (int i = 0; i < width; ++i) scratch.place.data()[first + i] = i;
     for (int i = 0; i < height; ++i) scratch.place.data()[rows[i]] = width + i;
 
-    // The pivot columns, then Y beside them; what is left for the parent apart.
+    // The panel holds the pivot columns, then Y; the update matrix is separate.
     double* panel = scratch.panel.data();
-    // Read ahead from the columns, while others write Y.
+    // Padding after the columns, so that loads past their end read nothing of Y, which other
+    // threads write.
     double* y = panel + static_cast<size_t>(size) * static_cast<size_t>(width) + kReadBeyond;
     RawArray<double>& update = updates_[s];
     update = buffers_.take(static_cast<size_t>(height) * static_cast<size_t>(height));
@@ -167,7 +169,7 @@ class Fronts {
         dense.factor_pivot(width, panel, size, scratch.bounds.data(), scratch.inverse.data());
     if (bad >= 0) throw SingularMatrix(e_.order[first + bad]);
     if (height == 0) return y;
-    // In chunks that don't depend on the threads, so that no rounding does either.
+    // Chunks don't depend on the number of threads, so that rounding doesn't either.
     const auto in_chunks = [&](const auto& work) {
       const auto chunk = [&](int i) { work(i * kChunk, std::min(height, (i + 1) * kChunk)); };
       run_tasks(pool, (height + kChunk - 1) / kChunk, chunk);
@@ -219,7 +221,7 @@ class Fronts {
   const SymbolicCholesky& e_;
   double smallest_pivot_;
   Buffers buffers_;
-  std::vector<RawArray<double>> updates_;  // of each supernode, for its parent
+  std::vector<RawArray<double>> updates_;  // update matrix of each supernode
   std::vector<std::vector<int>> children_;
 };
 
@@ -229,7 +231,7 @@ void SparseCholesky::factor(const SparseMatrix& A, const FactorOptions& options)
   const SymbolicCholesky& e = *symbolic_;
   Fronts fronts(A, e, options.smallest_pivot);
   std::mutex reporting;
-  int64_t done = 0;  // entries, under the mutex
+  int64_t done = 0;  // factored entries, guarded by the mutex
   const auto keep = [&](int s, const Fronts::Scratch& scratch, const double* y) {
     const int width = e.width(s), height = e.height(s);
     const auto write = [&](auto* out) {
@@ -268,10 +270,11 @@ SparseCholesky SparseCholesky::in_single(ThreadPool* pool) const {
   const SymbolicCholesky& e = *symbolic_;
   SparseCholesky result(symbolic_, Precision::single);
   run_tasks(pool, e.domain_count() + 1, [&](int part) {
-    std::vector<double> inverse, below;  // by columns
+    std::vector<double> inverse, below;  // column-major
     for (int s = e.first_supernode(part); s < e.first_supernode(part + 1); ++s) {
       const int width = e.width(s), height = e.height(s);
-      // Zeros, as groups of C_ss⁻¹ are of other lengths in single precision.
+      // Zeros above the diagonal: groups of C_ss⁻¹ are larger in single precision and padded with
+      // entries that those in double precision don't have.
       inverse.assign(size_t(width) * size_t(width), 0.0);
       below.resize(size_t(width) * size_t(height));
       const double* in = full_.data() + value_begin_[s];

@@ -15,7 +15,7 @@
 
 namespace dd {
 
-/// A matrix that is not positive definite to working precision.
+/// Thrown for a matrix that is not positive definite to working precision.
 class SingularMatrix : public Error {
  public:
   explicit SingularMatrix(int row);
@@ -26,14 +26,15 @@ class SingularMatrix : public Error {
   int row_;
 };
 
-/// How the factor is kept. It is computed in double always.
+/// Precision in which a factor is stored. It is always computed in double.
 enum class Precision { single, full };
 
-/// How many columns a solve is for. Rows have room for four; in single precision three take less
-/// time.
+/// Number of columns of a solve. Rows always have four values; in single precision a solve for
+/// three is faster.
 enum class Columns { three, four };
 
-/// A matrix four columns at a time, as rows for SparseCholesky::solve_rows().
+/// Iterates over a matrix four columns at a time; the rows of the current ones, filled up with
+/// zeros, are a right-hand side for SparseCholesky::solve_rows().
 class FourColumns {
  public:
   explicit FourColumns(const RowMatrix& matrix) : matrix_(matrix) {}
@@ -52,8 +53,9 @@ class FourColumns {
 };
 
 struct FactorOptions {
-  /// A pivot of less than this times its diagonal entry is refused: that far it cancelled. Rounding
-  /// leaves up to 1e-13 of it in a singular Laplacian of 65,000 rows.
+  /// Fraction of the matrix's diagonal entry up to which a pivot is refused as cancelled: the
+  /// matrix is singular to rounding. Tuned: in a singular Laplacian of 65,000 rows rounding leaves
+  /// up to 1e-13.
   double smallest_pivot = 1e-12;
   Precision precision = Precision::full;
   ThreadPool* pool = nullptr;    ///< null: the caller's thread alone
@@ -61,18 +63,17 @@ struct FactorOptions {
   Stage stage = Stage::poisson;  ///< what it is told
 };
 
-/// The factor of a symmetric positive definite matrix, A = C Cᵀ, in supernodes: for each the
+/// The supernodal factor of a symmetric positive definite matrix, A = C Cᵀ: for each supernode the
 /// inverse of its diagonal block, C_ss⁻¹, and the rows below it, dense. A solve reads each block
-/// twice, in order, and gives all its time to products of small dense matrices with up to four
-/// columns at once; what bounds it is how fast the factor comes from memory, which single precision
-/// halves.
+/// twice, in storage order, and multiplies it by up to four columns at once. It is bound by reading
+/// the factor from memory, which single precision halves.
 ///
-/// Factored by fronts (multifrontal: Duff, Reid 1983; Liu 1992). Domains of the tree run in
+/// Factored by the multifrontal method (Duff, Reid 1983; Liu 1992). Domains of the tree run in
 /// parallel, in the factorization and in each solve.
 class SparseCholesky {
  public:
-  /// A: both triangles stored, with the pattern that the symbolic factorization was made of.
-  /// Throws SingularMatrix; Error(cancelled).
+  /// A: both triangles stored, with the pattern of the symbolic factorization. Throws
+  /// SingularMatrix; Error(cancelled).
   SparseCholesky(const SparseMatrix& A, std::shared_ptr<const SymbolicCholesky> symbolic,
                  const FactorOptions& options = {});
   /// Ordered by minimum degree (AMD).
@@ -86,22 +87,23 @@ class SparseCholesky {
   /// A matrix of A's size with its rows and columns in the factor's order.
   SparseMatrix in_order(const SparseMatrix& matrix) const;
   Precision precision() const { return precision_; }
-  /// The same, rounded. This one must be in full precision.
+  /// A copy rounded to single precision. This one must be in full precision.
   SparseCholesky in_single(ThreadPool* pool) const;
 
-  /// Work space of a solve, slotted_size()×4, to be kept between solves: a large one's pages take
-  /// longer to get than to solve.
+  /// Scratch of a solve, slotted_size()×4, to be reused by later ones: allocating the pages of a
+  /// large one takes longer than the solve.
   struct Space {
     RawArray<float> single;
     RawArray<double> full;
-    Rows right;  // of solve_rows() alone
+    Rows right;  // used by solve_rows() only
   };
 
-  /// Solves A X = B for three or four columns, rows in the factor's order.
-  /// right: slotted_size()×4, row-major; what belongs to a row of the top may be spread over its
-  /// slots. fill(part) is called before the rows and slots of a part are read: a frame makes its
-  /// right-hand side there, where the caches have it. done(begin, end, x) gives the rows of x at
-  /// these places, float or double as precision() says. Each part once, from any thread.
+  /// Solves A X = B for three or four columns, rows in the factor's order. Parts are the domains
+  /// and the top. right: slotted_size()×4, row-major; the value of a row of the top is the sum of
+  /// the row and its slots. fill(part) is called before a part's rows and slots are read: a frame
+  /// computes its right-hand side there, while it is in the caches. done(begin, end, x) receives
+  /// the rows begin to end − 1 of X, float or double as precision() says. Both are called once for
+  /// each part, from any thread.
   template <class Fill, class Done>
   void solve_in_order(const double* right, Space& space, ThreadPool* pool, const Fill& fill,
                       const Done& done, Columns columns = Columns::three) const {
@@ -118,9 +120,9 @@ class SparseCholesky {
       solve(space.full);
   }
 
-  /// Solves A X = B for three or four columns, rows in A's own order. right(r) is row r of B, of
-  /// four columns; take(r, x) is given row r of X, float or double as precision() says. Each row
-  /// once, from any thread.
+  /// Solves A X = B for three or four columns, rows in A's own order. right(r) returns row r of B,
+  /// four values; take(r, x) receives row r of X, float or double as precision() says. Both are
+  /// called once for each row, from any thread.
   template <class Right, class Take>
   void solve_rows(const Right& right, const Take& take, Space& space, ThreadPool* pool,
                   Columns columns = Columns::four) const {
@@ -139,9 +141,8 @@ class SparseCholesky {
         columns);
   }
 
-  /// The second half alone, Cᵀ X = Y. fill(part, y) writes the rows of Y that belong to a part; y
-  /// is where all of them are, size()×4, row-major, float or double as precision() says. done as
-  /// above.
+  /// Backward substitution alone, Cᵀ X = Y. fill(part, y) writes a part's rows of Y into y, which
+  /// holds all size()×4, row-major, float or double as precision() says. done as above.
   template <class Fill, class Done>
   void solve_second_half(Space& space, ThreadPool* pool, const Fill& fill, const Done& done,
                          Columns columns = Columns::three) const {
@@ -154,19 +155,19 @@ class SparseCholesky {
       solve(space.full);
   }
 
-  /// A step of the first half, in full precision: at one supernode, of rows that were zero but for
-  /// what such steps left, x and right both slotted_size()×4.
+  /// A step of forward substitution, at one supernode, in full precision. x and right:
+  /// slotted_size()×4; x must be zero except for the results of earlier steps.
   void eliminate(int supernode, const double* right, double* x) const;
 
   /// Solves A X = B, rows in A's own order, any number of columns.
   RowMatrix solve(const RowMatrix& B, ThreadPool* pool = nullptr) const;
 
-  /// Entries that are stored, zeros in supernodes among them.
+  /// Number of stored entries, explicit zeros included.
   int64_t entries() const { return value_begin_.empty() ? 0 : value_begin_.back(); }
   double bytes() const;
 
  private:
-  /// Of no values yet.
+  /// Allocates the values, uninitialized.
   SparseCholesky(std::shared_ptr<const SymbolicCholesky> symbolic, Precision precision);
   template <class Real>
   FactorView<Real> view() const;
@@ -178,7 +179,7 @@ class SparseCholesky {
   template <class Real>
   void backward(int part, RawArray<Real>& x, Columns columns) const;
 
-  /// first_half(part) leaves C⁻¹ B in the rows of that part.
+  /// Backward substitution after first_half(part), which leaves C⁻¹ B in the rows of that part.
   template <class Real, class FirstHalf, class Done>
   void solve_after(const FirstHalf& first_half, RawArray<Real>& x, ThreadPool* pool,
                    const Done& done, Columns columns) const {
@@ -198,7 +199,7 @@ class SparseCholesky {
 
   std::shared_ptr<const SymbolicCholesky> symbolic_;
   Precision precision_ = Precision::full;
-  // Of each supernode C_ss⁻¹, then the rows below, in groups: see rows_together().
+  // Start of each supernode's values: C_ss⁻¹, then the rows below, in groups: see rows_together().
   std::vector<int64_t> value_begin_;
   RawArray<double> full_;
   RawArray<float> single_;

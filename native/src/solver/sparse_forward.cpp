@@ -8,7 +8,7 @@ namespace dd {
 
 namespace {
 
-/// The supernodes on the paths up the tree from where a column has entries, ascending.
+/// The supernodes on the paths from the entries of a column to the root of the tree, ascending.
 class Paths {
  public:
   explicit Paths(const SymbolicCholesky& e) : e_(e), seen_(size_t(e.supernode_count()), -1) {
@@ -29,7 +29,7 @@ class Paths {
 
  private:
   const SymbolicCholesky& e_;
-  std::vector<Index> seen_;  // by which column
+  std::vector<Index> seen_;  // last column whose paths met the supernode
   std::vector<int> supernode_of_;
 };
 
@@ -59,8 +59,8 @@ SparseForward::SparseForward(const SparseCholesky& factor, const SparseMatrix& B
   columns_.resize(size_t(column_begin_.back()));
   values_ = RawArray<double>(size_t(entries));
 
-  // Four columns at a time, those from near each other together; what they leave outside of their
-  // paths stays zero.
+  // Four columns at a time, sorted so that columns with similar paths go together. All rows but
+  // those on their paths stay zero.
   std::vector<int> order(path_of.size());
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(),

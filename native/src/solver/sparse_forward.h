@@ -7,21 +7,21 @@
 
 namespace dd {
 
-/// Y = C⁻¹ B for a sparse B, the first half of a solve: a column of Y is zero but on the paths that
-/// its rows take up the tree, which for a few rows are next to nothing of a large tree's leaves
-/// (Gilbert, Peierls 1988). Where right-hand sides are B times a few numbers each, Y times these is
-/// all that the first half of their solves has to do.
+/// Y = C⁻¹ B, the forward substitution, for a sparse B. A column of Y is non-zero only on the paths
+/// from its column's rows to the root of the elimination tree, a small part of the tree for few
+/// rows (Gilbert, Peierls 1988). For right-hand sides that are B times coefficients, the product of
+/// Y and these replaces forward substitution.
 class SparseForward {
  public:
-  SparseForward() = default;  ///< of nothing
-  /// factor: in full precision; must outlive it. B: rows as the factor has them. Where Y would have
-  /// more entries than most, it is left out: empty().
+  SparseForward() = default;  ///< empty
+  /// factor: in full precision; must outlive it. B: rows in the factor's order. If Y would have
+  /// more entries than `most` it is not computed: empty().
   SparseForward(const SparseCholesky& factor, const SparseMatrix& B, int64_t most);
 
   bool empty() const { return values_.size() == 0; }
 
-  /// The rows of Y C that belong to a part of the factor, into y, where all rows are, 4 numbers
-  /// each, float or double. coefficients: a row for each column of B.
+  /// Writes the rows of Y · coefficients at the places of a part (a domain, or the top) into y,
+  /// which holds all n×4, row-major. coefficients: a row for each column of B.
   template <class Real>
   void multiply(int part, const Rows& coefficients, Real* y) const;
 
@@ -29,7 +29,8 @@ class SparseForward {
 
  private:
   const SymbolicCholesky* symbolic_ = nullptr;
-  // Of each supernode, and the end: columns that are not zero there, and its rows of them.
+  // Starts, for each supernode, of its non-zero columns in columns_, and of its rows of these, row
+  // by row, in values_; and the ends.
   std::vector<int64_t> column_begin_, value_begin_;
   std::vector<int> columns_;
   RawArray<double> values_;

@@ -9,32 +9,34 @@ namespace dd {
 
 namespace {
 
+// Most domains, and so the most threads of a solve.
 constexpr int kMostDomains = 8;
-constexpr double kLeastDomain = 20000;  // entries of the factor
+// Least mean cost() of a domain, in entries of the factor: smaller ones aren't worth a task.
+constexpr double kLeastDomain = 20000;
 
-/// What a supernode costs in a solve, in entries of the factor: what starting one and fetching a
-/// row costs decides which are joined.
+/// Cost of a supernode in a solve, in entries of the factor: 30 to start it, 2 to fetch each row
+/// below it, and its entries. Decides which supernodes are merged.
 double cost(double width, double height) {
   return 30 + 2 * height + width * (0.5 * width + height);
 }
 
-/// The supernodes on their way to their final places, by their number. Places are those of the
-/// postorder of the first tree. All in flat arrays: there are almost as many as columns.
+/// The supernodes before they are put into their final order. Columns are numbered by the postorder
+/// of the elimination tree. In flat arrays, as there are almost as many supernodes as columns.
 struct Nodes {
   struct Node {
     int first, end;  // columns of its own
-    int width;       // with those that joined it
+    int width;       // columns of all its parts
     int64_t row_begin;
     int height;
     int parent = -1;
     int first_child = -1, last_child = -1, sibling = -1, previous_sibling = -1;
-    // Who joined it come before it: the first of its parts, and of each part the next one.
+    // Linked list of its parts: the supernodes merged into it, and at last itself.
     int first_part, next_part = -1;
-    bool joined = false;  // part of its parent
+    bool joined = false;  // merged into its parent
     double weight = 0;    // cost of its subtree
   };
   std::vector<Node> nodes;
-  std::vector<int> rows;  // as they come
+  std::vector<int> rows;  // rows below each node, unsorted
 
   int count() const { return static_cast<int>(nodes.size()); }
   Node& operator[](int s) { return nodes[size_t(s)]; }
@@ -59,7 +61,7 @@ struct Nodes {
     (gone.sibling < 0 ? nodes[size_t(s)].last_child
                       : nodes[size_t(gone.sibling)].previous_sibling) = gone.previous_sibling;
   }
-  /// The columns of a child, and its children, become those of its parent.
+  /// Merges a child into its parent s, which takes over its columns and its children.
   void join(int s, int child) {
     Node &node = nodes[size_t(s)], &joining = nodes[size_t(child)];
     joining.joined = true;
@@ -92,7 +94,7 @@ std::vector<int> elimination_tree(const SparseMatrix& pattern, const std::vector
   return parent;
 }
 
-/// Children before parents, subtree after subtree. parent: of each node or -1.
+/// Postorder of a forest. parent: of each node, -1 for roots.
 std::vector<int> postorder(const std::vector<int>& parent) {
   const int n = static_cast<int>(parent.size());
   std::vector<int> first_child(parent.size(), -1), sibling(parent.size(), -1);
@@ -126,12 +128,14 @@ void invert(const std::vector<int>& order, std::vector<int>& place_of) {
   for (size_t k = 0; k < order.size(); ++k) place_of[order[k]] = static_cast<int>(k);
 }
 
-/// Columns with the same rows below, each set with its rows, found column by column.
+/// The fundamental supernodes, runs of columns with the same rows below, and these rows, by
+/// symbolic elimination column by column.
 Nodes fundamental_supernodes(const SparseMatrix& pattern, const std::vector<int>& order,
                              const std::vector<int>& place_of, const std::vector<int>& parent) {
   const int n = static_cast<int>(order.size());
   std::vector<int> child_count(order.size(), 0), seen_by(order.size(), -1);
-  // Supernodes that hang on a column, the last and of each the one before.
+  // Linked lists of the supernodes whose last column has column j as its parent: the list's end for
+  // each j, and each one's predecessor.
   std::vector<int> last_hanging(order.size(), -1), hung_before;
   for (int j = 0; j < n; ++j)
     if (parent[j] >= 0) ++child_count[parent[j]];
@@ -186,13 +190,13 @@ Nodes fundamental_supernodes(const SparseMatrix& pattern, const std::vector<int>
   return result;
 }
 
-/// Joins children to their parents where the zeros that this stores cost less than it saves.
+/// Merges children into their parents if the explicit zeros cost no more than the merge saves.
 void relax(Nodes& nodes) {
   std::vector<int> candidates;
   for (int s = 0; s < nodes.count(); ++s) {
     candidates.clear();
     nodes.each_child(s, [&](int c) { candidates.push_back(c); });
-    // Those that reach furthest first: they have the most rows in common with the parent.
+    // The children with the most rows below first: they share the most rows with the parent.
     std::stable_sort(candidates.begin(), candidates.end(),
                      [&](int a, int b) { return nodes[a].height > nodes[b].height; });
     for (int c : candidates) {
@@ -202,8 +206,8 @@ void relax(Nodes& nodes) {
   }
 }
 
-/// Cuts the tree into subtrees of about equal weight. Returns their roots, domain by domain, and
-/// marks what is above them.
+/// Distributes subtrees of the elimination tree to domains of about equal cost. Returns the roots
+/// of each domain's subtrees, and marks the supernodes above them in in_top.
 std::vector<std::vector<int>> find_domains(Nodes& nodes, std::vector<char>& in_top) {
   double total = 0;
   for (int s = 0; s < nodes.count(); ++s) {
@@ -229,7 +233,7 @@ std::vector<std::vector<int>> find_domains(Nodes& nodes, std::vector<char>& in_t
     in_top[root] = 1;
     nodes.each_child(root, [&](int child) { subtrees.push(child); });
   }
-  // The heaviest first, each to the lightest domain.
+  // Greedily: the heaviest subtree first, each to the domain with the least load.
   std::vector<std::vector<int>> domains(static_cast<size_t>(wanted));
   std::vector<double> load(domains.size(), 0);
   for (; !subtrees.empty(); subtrees.pop()) {
@@ -240,14 +244,14 @@ std::vector<std::vector<int>> find_domains(Nodes& nodes, std::vector<char>& in_t
   return domains;
 }
 
-/// The supernodes as they are eliminated: domain after domain, whose beginnings are appended to
-/// domain_begin, then the top.
+/// The order in which supernodes are eliminated: domain after domain, then the top. Appends the
+/// start of each domain and of the top to domain_begin.
 std::vector<int> final_sequence(Nodes& nodes, std::vector<int>& domain_begin) {
   std::vector<char> in_top;
   std::vector<int> sequence, stack;
   for (const std::vector<int>& roots : find_domains(nodes, in_top)) {
     domain_begin.push_back(static_cast<int>(sequence.size()));
-    // Parents before children, and then the other way round.
+    // Parents before children, then reversed.
     const size_t first = sequence.size();
     for (int root : roots) {
       stack.push_back(root);

@@ -7,7 +7,7 @@ namespace dd {
 
 namespace {
 
-constexpr Index kColumnsAtOnce = 64;  // of A⁻¹ U, which is dense and never kept
+constexpr Index kColumnsAtOnce = 64;  // of the dense A⁻¹ U, to bound its memory
 
 }  // namespace
 

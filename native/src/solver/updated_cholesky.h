@@ -8,20 +8,20 @@
 
 namespace dd {
 
-/// The inverse of A + U C Uᵀ by the factor of A, which is sparse where the sum is not (Sherman,
+/// Solves with A + U C Uᵀ by the factor of A, which is sparse where the sum's is not (Sherman,
 /// Morrison 1950; Woodbury 1950):
 ///
 ///   (A + U C Uᵀ)⁻¹ = A⁻¹ − A⁻¹ U (1 + C Uᵀ A⁻¹ U)⁻¹ C Uᵀ A⁻¹
 ///
-/// It loses the digits by which A is worse conditioned than the sum.
+/// The error grows by the factor by which A is worse conditioned than the sum.
 class UpdatedCholesky {
  public:
   /// vectors: U, n×k, k small or 0. core: C, k×k.
   UpdatedCholesky(SparseCholesky factor, SparseMatrix vectors, const Eigen::MatrixXd& core,
                   ThreadPool* pool);
 
-  /// Solves for four columns. right(r): row r of them, from any thread. solution: becomes n×4.
-  /// space: to be kept between solves.
+  /// Solves for four columns. right(r): returns row r of the right-hand side; called from any
+  /// thread. solution: resized to n×4. space: scratch, to be reused.
   template <class Right>
   void solve_rows(const Right& right, Rows& solution, SparseCholesky::Space& space,
                   ThreadPool* pool) const {
@@ -39,12 +39,12 @@ class UpdatedCholesky {
     return factor_.shared_symbolic();
   }
   const SparseCholesky& factor() const { return factor_; }  ///< A's
-  /// Whether A is all there is.
+  /// Whether k = 0: the matrix is A.
   bool plain() const { return vectors_.cols() == 0; }
   double bytes() const;
 
  private:
-  /// From A⁻¹ B to that of the sum.
+  /// Turns A⁻¹ B into the solution for the sum.
   void update(Rows& solution, SparseCholesky::Space& space, ThreadPool* pool) const;
 
   SparseCholesky factor_;

@@ -16,8 +16,8 @@ std::vector<int> least_assignment(const Eigen::MatrixXd& costs) {
     return result;
   }
   constexpr double kUnreached = std::numeric_limits<double>::infinity();
-  // Prices by which no row would rather have another column. The last column is where a search for
-  // a free one begins.
+  // Dual variables: of the rows assigned so far, the reduced costs (cost − row_price −
+  // column_price) are ≥ 0, and 0 for assigned pairs. The extra last column is each search's root.
   std::vector<double> row_price(rows, 0), column_price(columns + 1, 0);
   std::vector<size_t> row_of(columns + 1, rows), before(columns + 1, columns);
   for (size_t row = 0; row < rows; ++row) {
@@ -43,7 +43,7 @@ std::vector<int> least_assignment(const Eigen::MatrixXd& costs) {
           next = c;
         }
       }
-      if (next == columns) return result;  // none of finite costs
+      if (next == columns) return result;  // no assignment of finite cost
       for (size_t c = 0; c <= columns; ++c)
         if (reached[c]) {
           row_price[row_of[c]] += step;

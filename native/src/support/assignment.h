@@ -6,9 +6,9 @@
 
 namespace dd {
 
-/// The column of each row, −1 of those that are left over where there are more of them than
-/// columns, no two with the same and as many as can be, so that the sum of their costs is least
-/// (shortest augmenting paths); −1 of all where there is none of finite costs.
+/// Minimum-cost assignment of min(rows, columns) pairs (Hungarian method by shortest augmenting
+/// paths), O(min² · max). Returns the column of each row, −1 for rows left over; −1 for all rows if
+/// no assignment has a finite cost.
 std::vector<int> least_assignment(const Eigen::MatrixXd& costs);
 
 }  // namespace dd

@@ -6,8 +6,9 @@
 
 namespace dd {
 
-/// Starts work in a thread of its own; where there is to be one alone, or none to be had, it runs
-/// when its result is asked for. threads: that may be at work; 0: as many as there are.
+/// Starts work in a thread of its own and returns its std::future. If threads is 1, or the system
+/// starts no thread, the work is deferred to the caller of get(). threads: how many may work at
+/// once; 0: as many as the machine has.
 template <class Work>
 auto beside(int threads, const Work& work) {
   if (threads != 1) {

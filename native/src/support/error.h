@@ -89,7 +89,7 @@ class Error : public std::runtime_error {
   std::shared_ptr<const Facts> facts_;  // shared: copying an exception must not throw
 };
 
-/// The refusal of a result that floats can't hold.
+/// The error for a result beyond the range of single precision.
 inline Error leaves_single_precision() {
   return {Status::numeric,
           "The handles' matrices are too large: the deformed surface leaves the range of single "

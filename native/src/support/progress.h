@@ -37,7 +37,8 @@ inline void report(const Progress& progress, double fraction, Stage stage) {
   if (progress && !progress(fraction, stage)) throw Error(Status::cancelled, "It was cancelled");
 }
 
-/// Progress of a part of the work: 0 to 1 there are begin to end of the whole.
+/// Progress of a part of the work: maps its fractions 0 to 1 to begin to end of the whole. `whole`
+/// must outlive it.
 inline Progress within(const Progress& whole, double begin, double end) {
   if (!whole) return {};
   return [&whole, begin, end](double fraction, Stage stage) {

@@ -7,13 +7,13 @@
 
 namespace dd {
 
-/// A fixed number of values, whatever they are at first: large ones are written anyway, and
-/// clearing them before takes as long. Aligned to cache lines, so that no vector of a stream
-/// straddles two.
+/// A fixed-size array of uninitialized values: large arrays are overwritten anyway, and clearing
+/// them first takes as long. Aligned to cache lines, so that no vector load of a stream straddles
+/// two.
 ///
-/// Huge pages are not asked for. They save some percent of a factor of 100 MB where memory is warm,
-/// and cost a fifth of a bind of a gigabyte in a virtual machine that has given its memory back:
-/// its host fetches each in small ones.
+/// Does not ask for huge pages. They save some percent of the time for a factor of 100 MB in memory
+/// used before, but cost a fifth of a bind of a gigabyte in a virtual machine that has returned its
+/// memory to the host: this then backs each huge page by small ones.
 template <class Value>
 class RawArray {
  public:
@@ -26,7 +26,7 @@ class RawArray {
   const Value* data() const { return values_.get(); }
 
  private:
-  static constexpr std::align_val_t kCacheLine{64};
+  static constexpr std::align_val_t kCacheLine{64};  // bytes
   struct Free {
     void operator()(Value* values) const { ::operator delete(values, kCacheLine); }
   };

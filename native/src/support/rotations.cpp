@@ -32,7 +32,7 @@ Eigen::Matrix3d rotation_by(const Eigen::Vector3d& turn) {
 Eigen::Vector3d rotation_vector_near(const Eigen::AngleAxisd& shortest,
                                      const Eigen::Vector3d& near) {
   Eigen::Vector3d axis = shortest.axis();
-  // Next to no turn has no axis of its own.
+  // The axis of an angle below 1e-9 rad is rounding: whole turns are then about near's axis.
   if (shortest.angle() < 1e-9 && near.norm() > kPi) axis = near.normalized();
   const double whole_turns = std::round((near.dot(axis) - shortest.angle()) / (2 * kPi));
   return (shortest.angle() + 2 * kPi * whole_turns) * axis;

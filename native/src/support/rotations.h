@@ -9,25 +9,26 @@ namespace dd {
 
 constexpr double kPi = 3.14159265358979323846;
 
-/// A row x y z w.
+/// The unit quaternion in row r, stored as x y z w.
 inline Eigen::Quaterniond quaternion(const Rows& rows, Index r) {
   return Eigen::Quaterniond(Eigen::Vector4d(rows.row(r).transpose()));
 }
 
-/// The rotation R nearest to A, the one of its polar decomposition A = R U where A keeps
-/// orientation; its determinant is +1 whatever A is.
+/// The rotation R nearest to A in the Frobenius norm, always with det R = +1. If det A > 0 it is
+/// that of the polar decomposition A = R U.
 Eigen::Matrix3d polar_rotation(const Eigen::Matrix3d& A);
 
-/// The same where A keeps orientation; what mirrors or flattens has no rotation of its own and gets
-/// the turn's, of rotation_by().
+/// polar_rotation(A) if det A > 0. Otherwise A mirrors or is singular, its rotation is not
+/// meaningful, and the result is rotation_by(turn).
 Eigen::Matrix3d rotation_or(const Eigen::Matrix3d& A, const Eigen::Vector3d& turn);
 
-/// The logarithm of a rotation, axis times angle, at most half a turn; and its inverse.
+/// The logarithm of a rotation, axis times angle, the angle in [0, π]; and the exponential, of any
+/// angle.
 Eigen::Vector3d rotation_vector(const Eigen::Matrix3d& R);
 Eigen::Matrix3d rotation_by(const Eigen::Vector3d& turn);
 
-/// The rotation vector of the given rotation, at most half a turn, that is nearest to near: angles
-/// differ by whole turns.
+/// Of all rotation vectors of a rotation, which differ by whole turns about its axis, the one
+/// nearest to near. shortest: the rotation, its angle in [0, π].
 Eigen::Vector3d rotation_vector_near(const Eigen::AngleAxisd& shortest,
                                      const Eigen::Vector3d& near);
 

@@ -12,7 +12,7 @@ namespace dd {
 
 namespace {
 
-/// Points about their weighted mean.
+/// Points relative to their weighted mean; square: Σ w ‖arm‖².
 struct Spread {
   Spread(const Positions& points, const Eigen::VectorXd& weights)
       : mean(weights.transpose() * points / weights.sum()),
@@ -23,9 +23,13 @@ struct Spread {
   double square;
 };
 
-constexpr double kExact = 1e-3;   // misfit over spread
-constexpr double kSolid = 1e-2;   // least over largest extent of points that tell left from right
-constexpr double kClearly = 0.5;  // of a rotation's squared misfit: a reflection's
+// Largest ratio of misfit to spread (root mean squares) of a copy, whose points alone decide.
+constexpr double kExact = 1e-3;
+// Least ratio of the smallest to the largest singular value of the points' cross-covariance, that
+// is of squared extents: a reflection fits flatter points as well as a rotation.
+constexpr double kSolid = 1e-2;
+// Largest ratio of a reflection's squared misfit to a rotation's at which points are mirrored.
+constexpr double kClearly = 0.5;
 
 Similarity with_rotation(const Eigen::Matrix3d& rotation, const Spread& from, const Spread& to) {
   Similarity fit;
@@ -35,12 +39,14 @@ Similarity with_rotation(const Eigen::Matrix3d& rotation, const Spread& from, co
   return fit;
 }
 
-/// The rotation that takes most of the normals to their partners: of least Σ w ‖n_to − R n_from‖,
-/// not squared, so that parts which stand otherwise have little to say. Near guess where normals,
-/// all alike, leave it open.
+/// The rotation R that takes most normals to their partners: minimizes Σ w ‖n_to − R n_from‖ by
+/// iteratively reweighted least squares. The norm is not squared, so parts that are posed otherwise
+/// have little influence. A weak pull towards guess decides where nearly parallel normals don't.
 Eigen::Matrix3d rotation_of_most(const Positions& from, const Positions& to,
                                  const Eigen::VectorXd& weights, const Eigen::Matrix3d& guess) {
-  constexpr int kRounds = 20;
+  constexpr int kRounds = 20;  // iterations
+  // kNoise: difference of unit normals (11°) below which the norm is nearly quadratic. kGuess: the
+  // guess's weight as a fraction of the normals' sum.
   constexpr double kNoise = 0.2, kGuess = 0.02;
   Eigen::Matrix3d rotation = guess;
   Eigen::VectorXd now = weights;
@@ -53,7 +59,9 @@ Eigen::Matrix3d rotation_of_most(const Positions& from, const Positions& to,
   return rotation;
 }
 
-/// How far an angle between two stances is one, and no difference of shape.
+/// Weight in [0, 1] of an angle between two placements: 0 up to 3°, which a difference of shape
+/// explains, 1 from 5° on, linear between. Heads of one family are tilted by up to 2.2°
+/// (native/README.md, "From mesh to mesh").
 double matters(double angle) {
   constexpr double kDegree = kPi / 180, kNone = 3 * kDegree, kAll = 5 * kDegree;
   return std::clamp((angle - kNone) / (kAll - kNone), 0.0, 1.0);
@@ -133,7 +141,7 @@ Similarity fitted_stance(const OrientedPoints& from, const OrientedPoints& to,
   const Eigen::Vector3d reflection(-1, 1, 1);
   OrientedPoints image = {from.places * reflection.asDiagonal(),
                           from.normals * reflection.asDiagonal()};
-  // Where the triangles were not turned over with it, normals point inwards.
+  // If the source's triangles are not reversed by the reflection, its normals point inwards.
   const Eigen::Matrix3d rotation = fitted_similarity(image.places, to.places, weights).rotation;
   const Eigen::VectorXd agreement =
       (image.normals * rotation.transpose()).cwiseProduct(to.normals).rowwise().sum();

@@ -7,9 +7,9 @@
 
 namespace dd {
 
-/// A rotation, scale and shift.
+/// x ↦ scale · rotation · x + shift.
 struct Similarity {
-  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< and reflection, where mirrored
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< times a reflection if mirrored
   double scale = 1;
   Eigen::Vector3d shift = Eigen::Vector3d::Zero();
   bool mirrored = false;
@@ -30,30 +30,31 @@ struct Similarity {
   }
 };
 
-/// Finds the similarity that takes weighted points next to others: its rotation is that of least
-/// squares, and its scale makes their spread alike. Points on a line are not turned. Not mirrored.
+/// Similarity between weighted corresponding points: the least-squares rotation, never a
+/// reflection, and the scale that equalizes their weighted mean square distances from the means.
+/// The rotation is the identity for points on a line.
 Similarity fitted_similarity(const Positions& from, const Positions& to,
                              const Eigen::VectorXd& weights);
 
-/// Whether points are the mirror image of others, rather than the same: a reflection takes them so
-/// much nearer than a rotation that it is no difference of shape. Points in a plane are not.
+/// Whether a reflection fits the points so much better than a rotation that no difference of shape
+/// explains it. False for points in a plane, which both fit alike.
 bool is_mirror_image(const Positions& from, const Positions& to, const Eigen::VectorXd& weights);
 
-/// Places of a surface, and its unit normals there.
+/// Points of a surface and its unit normals there, n×3 each.
 struct OrientedPoints {
   Positions places, normals;
 };
 
-/// Finds how two surfaces stand to each other, whatever their shapes: by fitted_similarity(),
-/// unless it is contradicted by what takes most of the normals to their partners, as a longer neck
-/// tilts an animal by its places. Where by either they are turned from one of the 24 rotations that
-/// take axes to axes by no more than a difference of shape may seem to, it is that one: meshes are
-/// modelled along axes. Up to 3° don't count in both, from 5° on they do. Of mirror
-/// images, the same after a reflection; which way their triangles go round matters to neither.
+/// The placement of one surface relative to another of a different shape: fitted_similarity(),
+/// unless the rotation that takes most normals to their partners contradicts it, as a longer neck
+/// tilts an animal's least-squares fit. If either rotation is near one of the 24 that map axes to
+/// axes, the result is that one, as meshes are modelled along axes. Both tests ignore angles up to
+/// 3° and count angles from 5° on fully. Mirror images get the same fit after a reflection,
+/// whatever the orientation of their triangles.
 Similarity fitted_stance(const OrientedPoints& from, const OrientedPoints& to,
                          const Eigen::VectorXd& weights);
 
-/// The 24 rotations that take axes to axes, the identity first.
+/// The 24 rotations that map coordinate axes to coordinate axes, the identity first.
 std::vector<Eigen::Matrix3d> rotations_of_axes();
 
 }  // namespace dd

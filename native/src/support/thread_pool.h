@@ -8,7 +8,7 @@
 
 namespace dd {
 
-constexpr int kLeastRange = 512;  ///< rows, triangles and the like that are worth a task
+constexpr int kLeastRange = 512;  ///< least number of rows or triangles worth a task
 
 /// As many threads as the machine has, at most 8: what threads = 0 stands for.
 int usual_thread_count();
@@ -41,7 +41,8 @@ class ThreadPool {
     share([](const void* of, int i) { (*static_cast<const Task*>(of))(i); }, &task, task_count);
   }
 
-  /// Splits 0 to count into even ranges of at least least and calls body(begin, end) for each.
+  /// Splits [0, item_count) into even ranges of at least `least` items, unless there are fewer, and
+  /// calls body(begin, end) for each. The split depends on the number of threads.
   template <class Body>
   void parallel_for(int64_t item_count, int64_t least, const Body& body) {
     if (item_count == 0) return;
@@ -60,7 +61,7 @@ class ThreadPool {
   std::atomic<bool> taken_{false};
 };
 
-/// Calls task(0) to task(count − 1), shared out where there is a pool.
+/// ThreadPool::run(), or a plain loop if pool is null.
 template <class Task>
 void run_tasks(ThreadPool* pool, int count, const Task& task) {
   if (pool)
@@ -69,7 +70,7 @@ void run_tasks(ThreadPool* pool, int count, const Task& task) {
     for (int i = 0; i < count; ++i) task(i);
 }
 
-/// As parallel_for(), shared out where there is a pool.
+/// ThreadPool::parallel_for(), or one range if pool is null.
 template <class Body>
 void in_ranges(ThreadPool* pool, int64_t count, int64_t least, const Body& body) {
   if (pool)

@@ -10,10 +10,10 @@ namespace dd {
 using Positions = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
 /// m×3 vertex numbers, counter-clockwise.
 using Triangles = Eigen::Matrix<int, Eigen::Dynamic, 3, Eigen::RowMajor>;
-/// One value a triangle corner, m×3.
+/// A value for each triangle corner, m×3.
 using CornerValues = Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor>;
-/// Eigen's, but made of another or of an expression in two steps: where memory ends, Eigen's own
-/// constructors keep what they have (3.4). And it moves.
+/// Eigen's sparse matrix, but constructed empty and then assigned: if an allocation fails, Eigen
+/// 3.4's own copy constructors leak. Also has move operations.
 class SparseMatrix : public Eigen::SparseMatrix<double> {
   using Base = Eigen::SparseMatrix<double>;
 
@@ -21,7 +21,7 @@ class SparseMatrix : public Eigen::SparseMatrix<double> {
   SparseMatrix() = default;
   SparseMatrix(Eigen::Index rows, Eigen::Index cols) : Base(rows, cols) {}
   SparseMatrix(const SparseMatrix& other) : Base() { Base::operator=(other); }
-  SparseMatrix(SparseMatrix&& other) : Base() { Base::swap(other); }  // even an empty one allocates
+  SparseMatrix(SparseMatrix&& other) : Base() { Base::swap(other); }  // may throw: Base() allocates
   template <class Expression>
   SparseMatrix(const Eigen::EigenBase<Expression>& expression) : Base() {
     Base::operator=(expression.derived());
@@ -41,11 +41,12 @@ class SparseMatrix : public Eigen::SparseMatrix<double> {
   }
 };
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-/// What a frame works on: x y z and one unused, so that a row is one or two vector registers.
+/// Per-vertex data of a frame, n×4: x y z and one unused value, so that a row fills one or two
+/// vector registers; or quaternions x y z w.
 using Rows = Eigen::Matrix<double, Eigen::Dynamic, 4, Eigen::RowMajor>;
 using Eigen::Index;
 /// All rows or columns of a matrix, as an index into it.
-#if EIGEN_MAJOR_VERSION >= 5  // of 3.4 it is 4
+#if EIGEN_MAJOR_VERSION >= 5  // it is 4 in Eigen 3.4
 inline const auto& kAllIndices = Eigen::placeholders::all;
 #else
 inline const auto& kAllIndices = Eigen::all;

@@ -14,8 +14,13 @@ namespace dd {
 
 namespace {
 
-constexpr double kAtRims = 1.5, kReachOfRims = 2.5;  // lengths
-// What a solve may leave of a solution, and what it may leave before it is corrected.
+// √a at rims and the distance at which it has fallen to 0, both in lengths. Larger values hold the
+// slope farther in and cost entries of the factor.
+constexpr double kAtRims = 1.5, kReachOfRims = 2.5;
+// Errors of a single-precision solve for a solution as large as the mesh, in a box of diagonal 1.
+// Up to kEnough, the limit of PoissonSystem, it is used as it is. Below kWorthCorrecting at most
+// three corrections follow, each of which is expected to reduce the error by that factor. Else the
+// factor is kept in double precision.
 constexpr double kEnough = 3e-6, kWorthCorrecting = 0.02;
 
 /// The diagonal of W, n.
@@ -25,7 +30,7 @@ Eigen::VectorXd slope_weights(const Mesh& mesh, const Region& region,
   std::vector<char> is_rim(region.role.size(), 0);
   for (int row : poisson.rims()) is_rim[poisson.order().vertex_of_row[row]] = 1;
   const double reach = kReachOfRims * length;
-  // Fast marching, too, wants triangles that are not obtuse.
+  // Fast marching loses accuracy at obtuse corners, so it uses the flipped triangles as well.
   const std::vector<double> distance =
       operators.flipped ? geodesic_distances({mesh.positions, operators.triangles}, is_rim, reach)
                         : geodesic_distances(mesh, is_rim, reach);
@@ -38,7 +43,7 @@ Eigen::VectorXd slope_weights(const Mesh& mesh, const Region& region,
   return weights;
 }
 
-/// L of the active triangles alone: the rows of free vertices, then of rims; columns in order.
+/// L of the active triangles. Rows: free vertices, then rims; columns: the Poisson system's order.
 Eigen::SparseMatrix<double, Eigen::RowMajor> active_laplacian(const SurfaceOperators& operators,
                                                               const PoissonSystem& poisson) {
   const Triangles& t = operators.triangles;
@@ -116,7 +121,7 @@ ClampedPoisson::ClampedPoisson(const Mesh& mesh, const Region& region,
   scaled_ = Rows::Zero(order.count(), 4);
   right_ = Rows::Zero(factor_->symbolic().slotted_size(), 4);
   if (options.precision == Precision::full) return;
-  // Of a solution as large and as smooth as a frame's.
+  // Test solution: the rest positions, as large and as smooth as a frame's solution.
   Rows smooth(free_count, 4);
   for (int r = 0; r < free_count; ++r)
     smooth.row(r) << mesh.positions.row(order.vertex_of_row[r]), 0;

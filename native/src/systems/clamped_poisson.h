@@ -7,28 +7,29 @@
 
 namespace dd {
 
-/// Beyond the paper: (14) holds places alone, so whatever the gradients can't integrate to spreads
-/// harmonically, and the surface meets every rim with a crease that stays however fine the mesh is.
-/// Here the mismatch of the second order counts too, and with it the slope is held at rims, as that
-/// of a clamped plate is:
+/// Beyond the paper: (14) prescribes positions only. So the part of the gradients that is not
+/// integrable spreads harmonically, and the surface meets every rim with a crease that does not
+/// shrink with the edge length. This system counts the second-order mismatch too, which holds the
+/// slope at rims like that of a clamped plate:
 ///
 ///   (L + L W L) p' = (1 + L W) div(S),   W = a M⁻¹
 ///
-/// on the free vertices. √a is 1.5 lengths at rims and falls evenly, to none at 2.5 lengths over
-/// the surface: farther in there is nothing to hold, and a factor of L² has three times the entries
-/// of one of L. Solved for corrections to what is at hand, from its residual r = div(S) − L p' at
-/// free vertices and rims:  (L + L W L) Δ = (1 + L W) r.
+/// on the free vertices. √a is 1.5 lengths at rims and falls linearly to 0 at a distance of 2.5
+/// lengths over the surface. Farther in there is no slope to hold, and a factor of L² has three
+/// times the entries of one of L. It is solved for corrections of the present displacement, from
+/// the residual r = div(S) − L p' at free vertices and rims: (L + L W L) Δ = (1 + L W) r.
 class ClampedPoisson {
  public:
-  /// length: in the mesh's units. poisson: of these operators and region; it must outlive this, and
-  /// its threads and precision are taken over. A factor in single precision is kept where it solves
-  /// well enough, with corrections. dissection: of the free vertices. Throws UnsolvableSurface.
+  /// length: in the mesh's units. poisson: made from the same operators and region; must outlive
+  /// this; its threads and precision are used. A single-precision factor is kept if it is accurate
+  /// enough, if need be with corrections. dissection: of the free vertices. Throws
+  /// UnsolvableSurface.
   ClampedPoisson(const Mesh& mesh, const Region& region, const SurfaceOperators& operators,
                  PoissonSystem& poisson, const Dissection& dissection, double length);
 
   double length() const { return length_; }
 
-  /// As PoissonSystem::solve().
+  /// As PoissonSystem::solve() with relaxation 1.
   template <class Add>
   void solve(const Rows& at_rest, const Add& add, Rows& offsets) {
     const Rows& divergence = poisson_.divergence(at_rest, add);
@@ -37,7 +38,7 @@ class ClampedPoisson {
     for (int round = 0; round < corrections_; ++round) correct(divergence, offsets, From::anywhere);
   }
 
-  /// The same from the present offsets.
+  /// One correction of the present offsets.
   template <class Add>
   void step(const Rows& at_rest, const Add& add, Rows& offsets) {
     correct(poisson_.divergence(at_rest, add), offsets, From::anywhere);
@@ -46,7 +47,8 @@ class ClampedPoisson {
   double bytes() const;
 
  private:
-  /// Where free vertices are: at rest only those beside a constrained one have an L p' to look at.
+  /// State of the free rows of offsets. At rest they are zero, and L p' vanishes except at rims and
+  /// their free neighbours.
   enum class From { rest, anywhere };
   void correct(const Rows& divergence, Rows& offsets, From from);
   double solving_error(const SparseMatrix& block, const Rows& smooth);
@@ -55,12 +57,13 @@ class ClampedPoisson {
   double length_;
   std::unique_ptr<SparseCholesky> factor_;
   int corrections_ = 0;
-  std::vector<int> row_of_place_;  // of the factor, in the Poisson system's order
-  /// Of the active triangles: free vertices, then rims; columns are rows of the order.
+  std::vector<int> row_of_place_;  // index of the factor → row in the Poisson system's order
+  /// L of the active triangles. Rows: free vertices, then rims; columns: the Poisson system's
+  /// order.
   Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian_;
-  Eigen::VectorXd weights_;      // of the same: the diagonal of W
-  std::vector<char> near_rims_;  // of free rows: whether W reaches them or a neighbour
-  std::vector<char> at_rims_;    // the same: whether a neighbour is constrained
+  Eigen::VectorXd weights_;      // by row of laplacian_: the diagonal of W
+  std::vector<char> near_rims_;  // by free row: whether W is non-zero at it or a neighbour
+  std::vector<char> at_rims_;    // by free row: whether it has a constrained neighbour
   Rows residual_, scaled_;
   Rows right_;  // in the factor's order
   SparseCholesky::Space space_;

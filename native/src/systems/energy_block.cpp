@@ -7,7 +7,7 @@ namespace dd {
 
 namespace {
 
-/// The given rows of a matrix as columns.
+/// The given rows of a matrix, as columns.
 SparseMatrix rows_of(const SparseMatrix& matrix, const std::vector<int>& rows) {
   SparseMatrix selection(matrix.rows(), static_cast<Index>(rows.size()));
   for (size_t i = 0; i < rows.size(); ++i) selection.insert(rows[i], static_cast<Index>(i)) = 1;
@@ -20,7 +20,7 @@ void remove_rows(SparseMatrix& matrix, const std::vector<int>& rows) {
   matrix.prune([&](Index row, Index, double) { return !removed[row]; });
 }
 
-/// Appends columns to the vectors, with room for them in the core.
+/// Appends columns to vectors, and as many zero rows and columns to core.
 void append(EnergyBlock& block, const SparseMatrix& columns) {
   SparseMatrix vectors(columns.rows(), block.vectors.cols() + columns.cols());
   vectors.leftCols(block.vectors.cols()) = block.vectors;
@@ -30,8 +30,8 @@ void append(EnergyBlock& block, const SparseMatrix& columns) {
       Eigen::MatrixXd::Zero(block.vectors.cols(), block.vectors.cols()));
 }
 
-/// Without its hubs' curvature the surface could move freely where these are several. So a free hub
-/// is held by as much again as its own entry of the sparse part, which a vector takes away.
+/// Without the curvature of several hubs the sparse part could be singular. So the diagonal entry
+/// of each free hub is doubled there, and a vector of the low-rank term subtracts the addition.
 void pin(const std::vector<int>& hubs, const Region& region, EnergyBlock& block) {
   for (int hub : hubs) {
     const int row = region.row[hub];
@@ -69,15 +69,15 @@ SparseMatrix bending_block(const SparseMatrix& laplacian, const Region& region,
   return columns.transpose() * weighted;
 }
 
-// With C = M⁻¹ L on the free vertices, K is Lᵀ C or Cᵀ L C. A hub's row of C is taken out of it and
-// comes back as a vector: C = C₀ + E cᵀ, where E has the hubs' unit vectors and cᵀ their rows.
+// With C = M⁻¹ L_:F, K is L_:Fᵀ C (order 2) or Cᵀ L C (order 3). The hubs' rows are removed from C
+// and return in the low-rank term: C = C₀ + E cᵀ, E the hubs' unit vectors and cᵀ their rows.
 EnergyBlock energy_block(const SurfaceOperators& operators, const Region& region,
                          Smoothness smoothness, int most_neighbours) {
   if (smoothness == Smoothness::membrane) return {free_block(operators.laplacian, region), {}, {}};
   const std::vector<int> hubs = find_hubs(operators.laplacian, region, most_neighbours);
   const Index count = static_cast<Index>(hubs.size());
   SparseMatrix columns = free_columns(operators.laplacian, region);
-  // Evaluated first: Eigen would invert all masses again for each column.
+  // Evaluated first: within the product Eigen would invert all masses once per column.
   const Eigen::VectorXd inverse_masses = operators.masses.cwiseInverse();
   SparseMatrix curvature = inverse_masses.asDiagonal() * columns;
   EnergyBlock block;

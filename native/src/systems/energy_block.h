@@ -18,15 +18,17 @@ enum class Smoothness {
   curvature_variation = 3  ///< least variation of curvature: curvature continuous
 };
 
-/// For FactorOptions::smallest_pivot: K of a long strip that is held at one end has tiny pivots and
-/// may be sound.
+/// FactorOptions::smallest_pivot for K and for L + L W L, a fraction of the diagonal entry. Safety:
+/// refuses pivots that are lost to rounding altogether. The default is too strict for K: on a strip
+/// held at one end pivots fall with the cube of its length, and the solution may still be accurate.
 constexpr double kSmallestOfK = 1e-17;
 
-/// Beyond it a vertex is a hub, whose curvature would couple each of its neighbours with all others
-/// in K: a full matrix of that size.
+/// Degree beyond which a vertex is a hub: its curvature couples all of its neighbours in K, a dense
+/// block of that size. A lower value makes more vertices take the low-rank path of EnergyBlock, a
+/// higher one costs more fill.
 constexpr int kMostNeighbours = 1000;
 
-/// Vertices of more neighbours, where a free vertex is among these and the vertex itself.
+/// Vertices with more than most_neighbours neighbours that are free or have a free neighbour.
 std::vector<int> find_hubs(const SparseMatrix& laplacian, const Region& region,
                            int most_neighbours = kMostNeighbours);
 
@@ -34,28 +36,29 @@ std::vector<int> find_hubs(const SparseMatrix& laplacian, const Region& region,
 SparseMatrix bending_block(const SparseMatrix& laplacian, const Region& region,
                            const Eigen::VectorXd& weights);
 
-/// The F×F block of K that belongs to free vertices: sparse + vectors · core · vectorsᵀ, positive
-/// definite wherever K is, and so is its sparse part. Without hubs that is all.
+/// The F×F block of K: sparse + vectors · core · vectorsᵀ. The low-rank term carries the curvature
+/// of hubs and is empty without hubs. The sum, and sparse alone, are positive definite wherever K
+/// is.
 struct EnergyBlock {
   SparseMatrix sparse;
-  SparseMatrix vectors;  ///< F×k, two or three for each hub
+  SparseMatrix vectors;  ///< F×k, one to three columns for each hub
   Eigen::MatrixXd core;  ///< k×k, symmetric, indefinite
 };
 EnergyBlock energy_block(const SurfaceOperators& operators, const Region& region,
                          Smoothness smoothness, int most_neighbours = kMostNeighbours);
 
-/// K X for four columns, row by row: K = L Y with Y = (M⁻¹ L)^(order − 1) X.
+/// K X for four columns, one row at a time: K X = L Y with Y = (M⁻¹ L)^(order − 1) X.
 class EnergyProduct {
  public:
-  using Space = std::array<Rows, 2>;  ///< n×4 each, which may be kept
-  /// values: X, n×4. space: for Y. These and the operators must outlive it. pool: null, or shares
-  /// the work.
+  using Space = std::array<Rows, 2>;  ///< n×4 buffers, to be kept between products
+  /// values: X, n×4. space: holds Y. Both and the operators must outlive this. pool: null, or for
+  /// this call.
   EnergyProduct(const SurfaceOperators& operators, Smoothness smoothness, const Rows& values,
                 Space& space, ThreadPool* pool);
   Eigen::RowVector4d row(Index vertex) const { return row(*last_, vertex); }
 
  private:
-  /// Of L times values.
+  /// A row of L times values.
   Eigen::RowVector4d row(const Rows& values, Index vertex) const;
   const SparseMatrix& laplacian_;
   const Rows* last_;  // Y

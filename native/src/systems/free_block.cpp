@@ -8,7 +8,8 @@ namespace dd {
 
 namespace {
 
-/// The columns of free vertices; of the rows those that have a number, which rises with the row.
+/// The columns of free vertices, reduced to the rows with number_of(row) >= 0, which these numbers
+/// replace. They must increase with the row.
 template <class NumberOf>
 SparseMatrix chosen(const SparseMatrix& matrix, const Region& region, Index rows,
                     const NumberOf& number_of) {

@@ -16,7 +16,7 @@ SparseMatrix free_block(const SparseMatrix& matrix, const Region& region);
 /// The rows of values that belong to free vertices.
 RowMatrix free_rows(const RowMatrix& values, const Region& region);
 
-/// The refusal of a surface that can't be solved for near that vertex.
+/// Thrown where a system of the surface is singular; names a vertex near the breakdown.
 class UnsolvableSurface : public Error {
  public:
   explicit UnsolvableSurface(int vertex);
@@ -26,19 +26,19 @@ class UnsolvableSurface : public Error {
   int vertex_;
 };
 
-/// Dissects the free vertices by the graph of a free×free block. Blocks whose graph is a power of
-/// that one, as K's is of L's, are ordered by the same dissection.
+/// Nested dissection of the free vertices by the graph of an F×F block. It also orders blocks whose
+/// graph is a power of that one, as K's is of L's.
 Dissection free_dissection(const SparseMatrix& block, const Region& region,
                            const Positions& positions, ThreadPool* pool = nullptr);
 
 struct BlockOptions : FactorOptions {
-  /// Of the free vertices, where they have places; else the order is one of minimum degree.
+  /// Nested dissection of the free vertices; null: minimum-degree order.
   const Dissection* dissection = nullptr;
-  /// Of a block of the same pattern, to be used again.
+  /// Symbolic factorization of a block with the same pattern, to be reused; null: computed.
   std::shared_ptr<const SymbolicCholesky> symbolic = nullptr;
 };
 
-/// Factors a free×free block. Throws UnsolvableSurface where SparseCholesky finds it singular.
+/// Factors an F×F block. Throws UnsolvableSurface where SparseCholesky finds it singular.
 SparseCholesky factor_free_block(const SparseMatrix& block, const Region& region,
                                  const BlockOptions& options = {});
 

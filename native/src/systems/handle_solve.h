@@ -9,58 +9,58 @@
 
 namespace dd {
 
-/// Solutions of K x = 0 with given values at the handles' vertices and zero at fixed ones, by one
-/// solve with the factor of a PolyharmonicSystem each: what a frame can afford. It needs nothing
-/// of the geometry that K was built on.
+/// Solves K x = 0 with given values at the handles' vertices and zero at fixed ones by one solve
+/// with the factor of a PolyharmonicSystem, without iterative refinement: fast enough for a frame.
+/// The operators that K was built from may be released once this is constructed.
 class HandleSolve {
  public:
-  /// pool: null, or outlives it.
+  /// pool: null, or must outlive this.
   HandleSolve(const PolyharmonicSystem& bending, const Region& region, ThreadPool* pool);
 
-  /// What solves work in, to be kept between them.
+  /// Work space of solves, to be kept between them.
   struct Space {
-    std::vector<Rows> forces;  ///< after each step
+    std::vector<Rows> forces;  ///< results of the steps_
     Rows solution;
     SparseCholesky::Space solve;
   };
-  /// values: a row for each of Region::handle_vertices. Returns F×4, rows as in Region::free, in
-  /// space.
+  /// values: a row for each of Region::handle_vertices. Returns F×4 in space, rows as in
+  /// Region::free.
   const Rows& extend(const Rows& values, Space& space) const;
 
-  /// Makes what add_extended() needs. at_handles: V, a row for each of Region::handle_vertices.
-  /// row_of_free: of each of Region::free, the row of what that works on. precision: single where
-  /// frames may use the factor so, if it is exact enough for that.
+  /// Prepares add_extended(). at_handles: V, a row for each of Region::handle_vertices.
+  /// row_of_free: for each of Region::free its row in rest and out. precision: with single, frames
+  /// use the factor in single precision if it is accurate enough.
   void prepare_frames(SparseMatrix at_handles, const std::vector<int>& row_of_free,
                       Precision precision);
 
-  /// For a frame: out = rest + the extension of V C, in rows of free vertices. coefficients: C, the
-  /// fourth column 0.
+  /// For a frame: the free rows of out = rest + the extension of V C. coefficients: C, the fourth
+  /// column 0.
   void add_extended(const Rows& coefficients, const Rows& rest, Rows& out);
 
-  /// Whether a frame needs the second half of a solve alone.
+  /// Whether forward substitution is precomputed, so that a frame only substitutes backward.
   bool first_half_is_ready() const { return !forward_.empty(); }
-  /// Whether that is in single precision.
+  /// Whether that is done in single precision.
   bool in_single() const { return single_ != nullptr; }
 
   double bytes() const;
 
  private:
-  /// done as of SparseCholesky.
+  /// done: see SparseCholesky::solve_second_half().
   template <class Done>
   void solve_second_half(const SparseCholesky& factor, const Rows& coefficients,
                          SparseCholesky::Space& space, const Done& done, Columns columns) const;
   double error_of(const SparseCholesky& single) const;
 
   std::shared_ptr<const UpdatedCholesky> factor_;
-  // −K_FC = −L_FT M⁻¹ L_TC and the like: from the handles' vertices outwards, an L at a time, where
-  // free vertices can feel it. One matrix of them all would be full around a hub.
+  // −K_FC in sparse factors to be applied in this order, such as M⁻¹ L_TC, then −L_FT; each has
+  // only the rows that influence free vertices. Their product would be dense around a hub.
   std::vector<SparseMatrix> steps_;
   ThreadPool* pool_;
-  // Of add_extended().
+  // For add_extended():
   SparseMatrix at_handles_;                 // V
-  SparseForward forward_;                   // of −K_FC V, where that is half the factor at most
-  std::unique_ptr<SparseCholesky> single_;  // the factor for what comes after forward_, or null
-  std::vector<int> out_row_;                // of each place in the factor
+  SparseForward forward_;                   // of −K_FC V, unless it exceeds half of the factor
+  std::unique_ptr<SparseCholesky> single_;  // the factor for backward substitution, or null
+  std::vector<int> out_row_;                // row of out for each index of the factor
   Space space_;
 };
 

@@ -13,24 +13,34 @@ namespace dd {
 
 namespace {
 
-constexpr double kFlattest = 1e-9;  // height over longest edge
+// Least height as a fraction of the longest edge. Safety: keeps cotangents of triangles without
+// area finite.
+constexpr double kFlattest = 1e-9;
+// Relative difference up to which a queued weight is still the edge's. Safety: allows for rounding.
 constexpr double kSame = 1e-12;
-constexpr double kSound = 1e-6;  // 16 areas² over (sum of edges²)²: rounding has no say
-constexpr double kSurely = 0.9;  // of what is obtuse: beyond doubt by a fast cotangent
-constexpr int kMostFlips = 20;   // a triangle, in the mean
+// Least value of 16 area² / (Σ edge²)² for which the fast cotangent is used. Safety: the rounding
+// error of a thinner triangle could decide.
+constexpr double kSound = 1e-6;
+// Fraction of the threshold; an edge is left out if its fast cotangents sum to more. Safety: a
+// margin for their rounding.
+constexpr double kSurely = 0.9;
+// Flips per triangle, on average. Safety: the loop ends whatever rounding does.
+constexpr int kMostFlips = 20;
 
-/// Sides of triangles, 3 × triangle + k from corner k to the next, and what they are glued to.
+/// Half-edges, numbered 3 × triangle + k from corner k to the next, and the half-edges they are
+/// glued to.
 class Gluing {
  public:
   explicit Gluing(const Triangles& t);
 
   int other(int side) const { return other_[side]; }
-  /// Whether both sides run in one direction: neighbours that are wound differently.
+  /// Whether a half-edge and its twin have the same direction: their triangles are wound
+  /// inconsistently.
   bool same_direction(int side) const { return same_direction_[side] != 0; }
   void glue(int side, int other, bool same_direction);
 
  private:
-  std::vector<int> other_;  // none: -1
+  std::vector<int> other_;  // twin of each; -1: border or non-manifold edge
   std::vector<char> same_direction_;
 };
 
@@ -72,7 +82,7 @@ class Flipper {
     while (!queue_.empty() && result_.flips < most) {
       const auto [weight, side] = queue_.top();
       queue_.pop();
-      // What has changed since has been considered anew.
+      // Skips entries whose weight has changed since: those edges were considered again.
       if (sides_.other(side) >= 0 && std::abs(weight - weight_of(side)) < kSame * std::abs(weight))
         flip(side, weight);
     }
@@ -83,13 +93,14 @@ class Flipper {
   double length(int side) const { return lengths_(side / 3, (side + 2) % 3); }
   int& from(int side) { return t_(side / 3, side % 3); }
 
-  /// Opposite to each side, fast, and none (not a number) where rounding might have a say.
+  /// The cotangent opposite to each half-edge, from squared lengths; NaN for triangles so thin that
+  /// rounding could decide.
   std::vector<double> corner_cotangents() const {
     std::vector<double> result(static_cast<size_t>(t_.size()));
     for (Index j = 0; j < t_.rows(); ++j) {
       const Eigen::RowVector3d squares = lengths_.row(j).cwiseAbs2();  // opposite to corners
       const double sum = squares.sum();
-      const double sixteenth = sum * sum - 2 * squares.squaredNorm();  // 16 times the area's square
+      const double sixteenth = sum * sum - 2 * squares.squaredNorm();  // 16 area²
       const bool sound = sixteenth > kSound * sum * sum;
       const double by_area =
           sound ? 1 / std::sqrt(sixteenth) : std::numeric_limits<double>::quiet_NaN();
@@ -99,7 +110,7 @@ class Flipper {
     return result;
   }
 
-  /// Of a triangle that is lifted where it has no height.
+  /// As triangle_apex(), with a height of at least kFlattest times the longest edge.
   static TriangleApex apex(double base, double to_first, double to_last) {
     const double longest = std::max({base, to_first, to_last});
     if (!(base > kFlattest * longest)) return {0, longest};
@@ -117,7 +128,7 @@ class Flipper {
     return base > 0 ? apex.height / base - apex.foot / base * ((base - apex.foot) / apex.height)
                     : 0;
   }
-  /// Of both angles opposite to a side.
+  /// The sum of the cotangents of both angles opposite to an edge.
   double weight_of(int side) const {
     return cotangent(length(side), apex_over(side)) +
            cotangent(length(side), apex_over(sides_.other(side)));
@@ -130,7 +141,7 @@ class Flipper {
     if (weight < obtuse_) queue_.push({weight, std::min(side, other)});
   }
 
-  /// The same triangle wound the other way round.
+  /// Reverses the winding of a triangle.
   void mirror(int triangle) {
     struct Side {
       int other;
@@ -153,14 +164,15 @@ class Flipper {
     if (sides_.same_direction(side)) mirror(sides_.other(side) / 3);
     const int ab = side, bc = next_side(ab), ca = next_side(bc);
     const int ba = sides_.other(side), ad = next_side(ba), db = next_side(ad);
-    const TriangleApex c = apex_over(ab), d = apex_over(ba);  // d from b on
+    const TriangleApex c = apex_over(ab), d = apex_over(ba);  // d's foot is measured from b
     const double along = length(ab) - d.foot - c.foot, across = c.height + d.height;
     const double diagonal = std::sqrt(along * along + across * across);
     const double after = cotangent(diagonal, apex(diagonal, length(bc), length(db))) +
                          cotangent(diagonal, apex(diagonal, length(ca), length(ad)));
-    if (!(after > weight)) return;                                  // rounding alone
+    if (!(after > weight)) return;  // no gain: it was obtuse by rounding only
     const int vertex[] = {from(ab), from(ba), from(ca), from(db)};  // a b c d
-    // The outer sides as they lie, in the order of the new triangles: db bc, ca ad.
+    // The outer half-edges as they were, in the order of the new triangles (db bc, ca ad), and the
+    // half-edges they become.
     const int old[4] = {db, bc, ca, ad}, now[4] = {bc, ca, ad, db};
     struct Outer {
       double length;
@@ -186,7 +198,7 @@ class Flipper {
   struct Candidate {
     double weight;
     int side;
-    bool operator<(const Candidate& other) const {  // the last comes first
+    bool operator<(const Candidate& other) const {  // the greatest is popped first: the most obtuse
       return weight > other.weight || (weight == other.weight && side > other.side);
     }
   };
@@ -202,7 +214,7 @@ class Flipper {
 }  // namespace
 
 TriangleApex triangle_apex(double base, double to_first, double to_last) {
-  // Heron's area in Kahan's order, which keeps the digits of needles.
+  // Heron's formula as Kahan arranges it, which is accurate for needles.
   double a = base, b = to_first, c = to_last;
   if (a < b) std::swap(a, b);
   if (b < c) std::swap(b, c);

@@ -7,33 +7,35 @@
 
 namespace dd {
 
-/// The same surface in other triangles: each has three vertices of the mesh, and its edges run
-/// straight over the faces, as over a sheet of paper that is folded along the old edges. Lengths
-/// are all that is known of it, and all that cotangents and areas need. Corners may coincide.
+/// An intrinsic triangulation of a surface: its vertices are the mesh's, and its edges run straight
+/// over the faces. Only edge lengths are known, which is all that cotangents and areas need. Two
+/// corners of a triangle may be one vertex.
 struct IntrinsicTriangles {
   Triangles triangles;      ///< m×3
   CornerValues lengths;     ///< m×3, of the edge opposite to each corner
-  std::vector<char> moved;  ///< m: whether it is another than the mesh has there
+  std::vector<char> moved;  ///< m: whether a flip changed this triangle
   int flips = 0;
 };
 
-/// Where the third corner of a triangle stands over a base from (0, 0) to (length, 0), by the
-/// lengths of its edges to both ends of that.
+/// The third corner of a triangle over the base from (0, 0) to (base, 0), from the lengths of its
+/// edges to both ends.
 struct TriangleApex {
   double foot, height;
 };
 TriangleApex triangle_apex(double base, double to_first, double to_last);
 
-/// An edge whose cotangents sum to less is flipped. A regular grid is free to have its diagonals as
-/// it has them, and so is one that is rounded to floats.
+/// An edge is flipped if the cotangents of its opposite angles sum to less. Safety: in a regular
+/// grid the sum is 0 for either diagonal, and the margin keeps the given one even where coordinates
+/// are rounded to floats. With it, weights of L may have the wrong sign, up to 0.015.
 constexpr double kObtuse = -0.03;
 
 /// Flips edges until none is obtuse: the intrinsic Delaunay triangulation (Bobenko and Springborn
-/// 2007), whose Laplacian has no negative weights and doesn't depend on how faces were cut into
-/// triangles. The most obtuse edge goes first, so that the numbering has no say. An edge with
-/// another number of triangles than two stays, and so does a loop.
+/// 2007), whose Laplacian has no negative weights and does not depend on how faces were cut into
+/// triangles (up to the margin). The most obtuse edge is flipped first, so that the result does not
+/// depend on the numbering. Edges without exactly two triangles, and edges of one triangle glued to
+/// itself, are never flipped.
 ///
-/// A triangle without area is taken as one of a very small height.
+/// A triangle without area is given a height of 1e-9 of its longest edge.
 IntrinsicTriangles intrinsic_delaunay(const Positions& positions, const Triangles& triangles,
                                       double obtuse = kObtuse);
 

@@ -16,18 +16,22 @@ namespace dd {
 
 namespace {
 
-constexpr double kThinnest = 1e-3;  // height over longest edge
+// Least height of a triangle as a fraction of its longest edge. Safety: entries of K grow with the
+// inverse cube, see TriangleMetric.
+constexpr double kThinnest = 1e-3;
+// Length up to which three corners count as one point, in the mesh's units. Safety: keeps quotients
+// of lengths out of the denormal range.
 constexpr double kShortest = std::numeric_limits<double>::min() * 1e20;
 
 /// A triangle laid out in the plane: the longest edge from (0, 0) to (base, 0), the third corner
 /// at (foot, height).
 struct Layout {
-  int apex, first, second;  // corners
+  int apex, first, second;  // corner numbers, 0 to 2
   double base, foot, height;
   bool degenerate;
 };
 
-/// Three corners in one place have no shape to keep: any will do.
+/// Three coincident corners define no shape: an arbitrary finite one, marked as degenerate.
 Layout in_one_place(const Layout& layout) {
   return {layout.apex, layout.first, layout.second, 1e-100, 0.5e-100, 0.8e-100, true};
 }
@@ -60,7 +64,7 @@ Layout lay_out(const Positions& p, const Triangles& t, Index j) {
   return layout;
 }
 
-/// The same of a triangle whose lengths alone are known, each opposite to a corner.
+/// The same for a triangle that is given by its edge lengths, each opposite to a corner.
 Layout lay_out(const Eigen::RowVector3d& lengths) {
   Layout layout{};
   layout.base = lengths.maxCoeff(&layout.apex);
@@ -83,9 +87,11 @@ void set_metric(TriangleMetric& metric, Index j, const Layout& l) {
   metric.cotangents(j, l.apex) = l.height / l.base - (l.foot / l.height) * (rest / l.base);
 }
 
-/// Most are few: std::stable_sort would ask for memory each time.
+/// Stable insertion sort of short arrays, for which std::stable_sort would allocate a buffer on
+/// each call.
 template <class Value, class Less>
 void sort_stably(std::vector<Value>& values, const Less& less) {
+  // Length up to which arrays are sorted by insertion; a vertex of degree d has 2 d entries.
   constexpr size_t kFew = 32;
   if (values.size() > kFew) {
     std::stable_sort(values.begin(), values.end(), less);
@@ -123,13 +129,14 @@ SparseMatrix cotangent_laplacian(const TriangleMetric& metric, const Triangles& 
   const Fans fans(t, n);
   SparseMatrix laplacian(n, n);
   laplacian.reserve(t.size() + 2 * Index{n});
-  std::vector<Entry> entries;  // of a vertex, in the order of its triangles
+  // off-diagonal entries of a column, in the order of the vertex's triangles
+  std::vector<Entry> entries;
   for (int v = 0; v < n; ++v) {
     laplacian.startVec(v);
     entries.clear();
     int last = -1;
     for (int j : fans.of(v)) {
-      if (std::exchange(last, j) == j) continue;  // v is several of its corners
+      if (std::exchange(last, j) == j) continue;  // a triangle lists v at several corners
       for (int k = 0; k < 3; ++k) {
         const int a = t(j, (k + 1) % 3), b = t(j, (k + 2) % 3);
         const double value = -0.5 * metric.cotangents(j, k);
@@ -172,8 +179,8 @@ Eigen::VectorXd mixed_voronoi_masses(const TriangleMetric& metric, const Triangl
         masses[t(j, k)] += area * (k == obtuse ? 0.5 : 0.25);
         continue;
       }
-      // Voronoi part of corner k: (|ab|² cot γ + |ac|² cot β) / 8, with |ab|² = 2 area (cot α + cot
-      // β).
+      // Voronoi part of corner k: (|ab|² cot γ + |ac|² cot β) / 8, with
+      // |ab|² = 2 area (cot α + cot β).
       const double alpha = cot[k], beta = cot[(k + 1) % 3], gamma = cot[(k + 2) % 3];
       masses[t(j, k)] += 0.25 * area * ((alpha + beta) * gamma + (alpha + gamma) * beta);
     }
@@ -188,7 +195,7 @@ SurfaceOperators surface_operators(const Positions& p, const Triangles& t,
   SurfaceOperators operators;
   operators.triangles = t;
   operators.metric = triangle_metric(p, t);
-  // An obtuse edge has an obtuse angle.
+  // cot α + cot β of an edge is below kObtuse only if one of them is below half of it.
   if (triangulation == Triangulation::delaunay && t.size() > 0 &&
       operators.metric.cotangents.minCoeff() < 0.5 * kObtuse) {
     IntrinsicTriangles intrinsic = intrinsic_delaunay(p, t);
@@ -210,7 +217,8 @@ SparseMatrix gradient(const Positions& p, const Triangles& t) {
   entries.reserve(static_cast<size_t>(m) * 9);
   for (Index j = 0; j < m; ++j) {
     const Layout l = lay_out(p, t, j);
-    // Lift the layout back by a frame of the triangle's plane, or of any plane through its line.
+    // Map the layout to space by a frame of the triangle's plane, or, for a collinear triangle, of
+    // any plane through its line.
     const Eigen::Vector3d e = (p.row(t(j, l.second)) - p.row(t(j, l.first))).transpose();
     const Eigen::Vector3d arm = (p.row(t(j, l.apex)) - p.row(t(j, l.first))).transpose();
     const Eigen::Vector3d x =

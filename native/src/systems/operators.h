@@ -7,17 +7,17 @@
 
 namespace dd {
 
-/// Lengths and angles of each triangle: all that the cotangent Laplacian and the masses need.
+/// Cotangents and areas of triangles: all that the cotangent Laplacian and the masses need.
 ///
-/// A triangle without area has infinite cotangents. One that is thinner than 1 : 1000 is taken with
-/// its third corner lifted to that height over its longest edge (an intrinsic change in the manner
-/// of Sharp and Crane 2020, but of that triangle alone, so that all others stay exact) and counted.
-/// The bi-Laplacian grows with the cube of the thinness: 1 : 1e6 as for a Laplacian alone would
-/// leave it no digits.
+/// A triangle without area has infinite cotangents. So a triangle whose height is below 1e-3 of its
+/// longest edge is measured with that height instead and listed as degenerate: an intrinsic
+/// mollification (Sharp and Crane 2020) of that triangle alone, which leaves all others exact.
+/// Entries of the bi-Laplacian grow with the cube of longest edge / height: a limit of 1e-6, enough
+/// for the Laplacian alone, would leave them no significant digits.
 struct TriangleMetric {
   CornerValues cotangents;      ///< m×3, of the angle at each corner
   Eigen::VectorXd areas;        ///< m
-  std::vector<int> degenerate;  ///< triangles thinner than 1 : 1000, as the mesh has them
+  std::vector<int> degenerate;  ///< triangles thinner than 1 : 1000, before any flip
 };
 TriangleMetric triangle_metric(const Positions& positions, const Triangles& triangles);
 
@@ -26,23 +26,24 @@ TriangleMetric triangle_metric(const Positions& positions, const Triangles& tria
 SparseMatrix cotangent_laplacian(const TriangleMetric& metric, const Triangles& triangles, int n);
 
 /// Lumped masses: mixed Voronoi areas (Meyer et al. 2003), n values that sum to the surface's area.
-/// A vertex whose triangles are all (nearly) without area, or that has none, gets 1e-8 of the mean.
+/// Each is at least 1e-8 of the mean mass, so that M⁻¹ exists at vertices without a triangle or
+/// with degenerate ones only.
 Eigen::VectorXd mixed_voronoi_masses(const TriangleMetric& metric, const Triangles& triangles,
                                      int n);
 
-/// Which triangles a surface is measured by. The values are those of dd_triangulation in the public
-/// header.
+/// The triangles on which operators and gradients are built. The values are those of
+/// dd_triangulation in the public header.
 enum class Triangulation {
-  delaunay = 0,  ///< intrinsic ones, without obtuse edges: see intrinsic_delaunay()
+  delaunay = 0,  ///< intrinsic Delaunay triangles: see intrinsic_delaunay()
   given = 1      ///< the mesh's own
 };
 
-/// What every method needs of one geometry, made once.
+/// The discrete operators of one geometry, which all methods share.
 struct SurfaceOperators {
-  /// m×3: what metric and L are made of, and gradients are taken on. The mesh's own, or as many
-  /// others of the same vertices, in the same places where they are the mesh's own.
+  /// m×3: the triangles of metric, laplacian and deformation gradients: the mesh's own, or
+  /// intrinsic ones over the same vertices. A triangle that no flip changed keeps its index.
   Triangles triangles;
-  bool flipped = false;  ///< whether any is another
+  bool flipped = false;  ///< whether any edge was flipped
   TriangleMetric metric;
   SparseMatrix laplacian;
   Eigen::VectorXd masses;
@@ -56,15 +57,15 @@ SparseMatrix gradient(const Positions& positions, const Triangles& triangles);
 /// Divergence GᵀD (4), n×3m, D the triangle areas, each three times.
 SparseMatrix divergence(const SparseMatrix& gradient, const TriangleMetric& metric);
 
-/// Divergence of each triangle's own position gradient, div(G_j) by corner: row 3j+k is
-/// area_j (∇φ_k)ᵀ G_j, a vector in the triangle's plane, so that div(G_j S_jᵀ) at corner k is S_j
-/// times it. 3m×3, from the metric alone: exact for S_j = const even where the triangle is
-/// degenerate or an intrinsic one, and for all others equal to area_j ∇φ_k, the paper's div(S_jᵀ)
-/// (§5, both right-hand sides lead to the same result).
+/// Corner fluxes, 3m×3: row 3j+k is area_j (∇φ_k)ᵀ G_j, the part of div(G_j) at corner k, G_j the
+/// position gradient of triangle j: a vector in the triangle's plane. So div(G_j S_jᵀ) at corner k
+/// is S_j times it. It is made from the metric alone: exact for S_j = const even where the triangle
+/// is degenerate or intrinsic, and for all others equal to area_j ∇φ_k, the paper's div(S_jᵀ) (§5:
+/// both right-hand sides lead to the same result).
 Positions corner_divergence(const TriangleMetric& metric, const Positions& positions,
                             const Triangles& triangles);
 
-/// Mean length of the triangles' edges.
+/// Mean edge length over all triangles, an edge counted once for each of its triangles.
 double mean_edge_length(const Positions& positions, const Triangles& triangles);
 
 }  // namespace dd

@@ -12,27 +12,28 @@
 
 namespace dd {
 
-/// The order of the rows in all that a frame works on: the free vertices as they stand in the
-/// Poisson factor, so that a solve permutes nothing, then the handles' vertices, then the fixed.
+/// The order of rows in all arrays of a frame: free vertices in the order of the Poisson factor, so
+/// that a solve needs no permutation, then handle vertices, then fixed ones.
 struct RowOrder {
   std::vector<int> vertex_of_row;
   std::vector<int> row_of_vertex;
-  int free_count = 0;   ///< rows below are free, those from here on the handles'
+  int free_count = 0;   ///< rows below are free; the handles' begin here
   int fixed_begin = 0;  ///< first row of a fixed vertex
 
   int count() const { return static_cast<int>(vertex_of_row.size()); }
 };
 
-/// order_of_free: the rows of Region::free in the wanted order.
+/// order_of_free: indices into Region::free in the wanted order.
 RowOrder row_order(const Region& region, const std::vector<int>& order_of_free);
 
-/// A component that nothing holds leaves its translation open. A right-hand side that sums to zero
-/// over it, as every divergence does, keeps the grounded vertex in place whatever its added weight.
+/// Doubles the diagonal entry of each ground vertex, because a component without constrained
+/// vertices leaves its translation open. A right-hand side that sums to zero over the component, as
+/// every divergence does, keeps the ground vertex in place whatever is added.
 void ground(SparseMatrix& block, const Region& region);
 
-/// The triangles with a free corner, the only ones whose gradients matter, as they share out over
-/// the domains of the Poisson factor: those of domain d at begin[d] to begin[d + 1], then those of
-/// the top. No two domains have a free vertex in common but the top's.
+/// The triangles with a free corner, the only ones that enter (14), grouped by the sections of the
+/// Poisson factor: those of domain d are at begin[d] to begin[d + 1], and those of the top come
+/// last. Triangles of two domains share no free vertices but those of the top.
 struct ActiveTriangles {
   std::vector<int> triangles;
   std::vector<int> begin;
@@ -45,10 +46,11 @@ struct ActiveTriangles {
 ///
 ///   L (p' − p) = div(G_j S_jᵀ) − L p
 ///
-/// so that resting handles give nothing but rounding and the mesh's size costs no digits.
+/// so that with resting handles the result is zero up to rounding, and the size of the mesh costs
+/// no digits.
 class PoissonSystem {
-  /// What SparseCholesky::solve_in_order() calls with its results, to move rows towards them by
-  /// relaxation times the way. Its deduced type is known only below it.
+  /// Callback for SparseCholesky::solve_in_order(): rows ← rows + relaxation (x − rows). Defined
+  /// before its uses, because its return type is deduced.
   static auto towards(Rows& rows, double relaxation) {
     return [out = rows.data(), relaxation](int begin, int end, const auto* x) {
       double* row = out + 4 * Index(begin);
@@ -63,8 +65,8 @@ class PoissonSystem {
 
  public:
   /// operators: of S. block: free_block() of their Laplacian. options: with a pool, which must
-  /// outlive the system. With Precision::single the factor is kept in single precision where that
-  /// solves to 3e-6 of the mesh's size, or to 5e-7 with a step of iterative refinement.
+  /// outlive the system. With Precision::single the factor is kept in single precision if the error
+  /// of a solve is at most 3e-6 of the mesh's size, or 5e-7 with one step of iterative refinement.
   /// Throws UnsolvableSurface where L is singular.
   PoissonSystem(const Mesh& mesh, const Region& region, const SurfaceOperators& operators,
                 SparseMatrix block, BlockOptions options);
@@ -72,10 +74,11 @@ class PoissonSystem {
   const RowOrder& order() const { return order_; }
   const ActiveTriangles& active() const { return active_; }
 
-  /// Constrained vertices of active triangles, by their rows in order(), ascending.
+  /// Constrained vertices of active triangles, as ascending rows of order().
   const std::vector<int>& rims() const { return rims_; }
-  /// The vertices of active triangles, numbered: free ones in order(), then rims. Their number, the
-  /// row in order() of each number, and the number of such a row.
+  /// Active vertices, those of active triangles, have indices: the free ones as in order(), then
+  /// rims(). active_row() gives the row in order() of such an index, active_place() the index of
+  /// such a row.
   int active_vertex_count() const { return order_.free_count + static_cast<int>(rims_.size()); }
   int active_row(int place) const {
     return place < order_.free_count ? place : rims_[place - order_.free_count];
@@ -88,17 +91,18 @@ class PoissonSystem {
   /// The row of the right-hand side to which a section adds the contribution of its active
   /// triangles to a vertex. Only divergence() reads the rows of rims.
   int target(int section, int vertex) const;
-  /// The row of a section that nobody reads.
+  /// A row of the right-hand side for what the section discards, as unused lanes of its blocks do;
+  /// never read.
   int spare_target(int section) const { return rows_.spare(section); }
   int right_hand_side_rows() const { return static_cast<int>(right_.rows()); }
 
-  /// L p, in the rows of a right-hand side.
+  /// L p, rows as in a right-hand side.
   const Rows& rest_divergence() const { return rest_divergence_; }
 
-  /// Solves for the free rows of offsets, the displacements of all vertices; the rows of handles
-  /// are given. add(section, rows) adds the divergences of the active triangles of a section to
-  /// rows; it is called from any thread, once for each section. at_rest: the sum of these at rest.
-  /// In a component with a ground vertex that vertex stays at rest. relaxation: over-relaxation,
+  /// Solves for the free rows of offsets, the displacements of all vertices; the handles' rows are
+  /// given. add(section, rows) adds the divergences of the active triangles of a section to rows;
+  /// it is called once for each section, from any thread. at_rest: what all these calls add in the
+  /// rest pose. The ground vertex of a component stays at rest. relaxation: over-relaxation,
   /// x ← x₀ + relaxation (x* − x₀), with x₀ the given free rows and x* the solution.
   template <class Add>
   void solve(const Rows& at_rest, const Add& add, Rows& offsets, double relaxation = 1) {
@@ -131,18 +135,18 @@ class PoissonSystem {
   }
   int rim_begin() const { return rows_.count(); }
 
-  /// Harmonic extension, L x = 0: the free rows of three columns of values from the handles' rows,
-  /// with zero on the fixed ones.
+  /// Harmonic extension, L x = 0: sets the free rows of three columns of values from the handles'
+  /// rows, with zero on fixed vertices.
   void extend(Rows& values);
 
-  /// Entries of the factor.
+  /// Stored entries of the factor.
   int64_t entries() const { return factor_->entries(); }
-  /// Of L, and of every matrix of its pattern.
+  /// Symbolic factorization of L, valid for every matrix of its pattern.
   std::shared_ptr<const SymbolicCholesky> symbolic() const { return factor_->shared_symbolic(); }
 
   ThreadPool& pool() const { return pool_; }
   Precision precision() const { return factor_->precision(); }
-  /// Steps of iterative refinement that follow a solve.
+  /// Steps of iterative refinement after each solve.
   int correction_steps() const { return correction_steps_; }
   double bytes() const;
 
@@ -156,7 +160,8 @@ class PoissonSystem {
   void fold();
   void start(int section, const Rows& at_rest, const Rows& offsets);
   void refine(Rows& offsets);
-  /// The largest error of the solution for a right-hand side in the order of the region.
+  /// The largest absolute error of a solve. right: rows as in Region::free; solution: rows as in
+  /// order().
   double solving_error(const Rows& right, const Rows& solution);
 
   struct Pull {
@@ -170,15 +175,16 @@ class PoissonSystem {
   RowOrder order_;
   ActiveTriangles active_;
   std::vector<int> rims_;
-  // What a section gives to rims, behind their sums: the rim of each slot, ascending in a section.
+  // Slots for what sections add to rims, stored after the rims' sums: the rim of each slot,
+  // ascending within a section.
   std::vector<int> rim_of_slot_, rim_slot_begin_;
-  std::vector<Pull> pulls_;      // L between free vertices and those of handles
+  std::vector<Pull> pulls_;      // entries of L between free and handle vertices
   std::vector<int> pull_begin_;  // by section
   Rows rest_divergence_;         // L p
-  Rows right_;                   // as rows_ says, then rims and their slots
+  Rows right_;                   // rows_, then rims, then their slots
   SparseCholesky::Space space_;
   int correction_steps_ = 0;
-  Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian_;  // in the factor's order, to refine with
+  Eigen::SparseMatrix<double, Eigen::RowMajor> laplacian_;  // in the factor's order, for refinement
   Rows residual_, before_;
 };
 

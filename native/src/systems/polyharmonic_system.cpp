@@ -9,11 +9,16 @@ namespace dd {
 
 namespace {
 
+// Rounds of iterative refinement, the first solve included: two at least, since the second shows
+// the error of the first. Safety: at most 12, each of which must halve the correction.
 constexpr int kLeastRounds = 2, kMostRounds = 12;
-constexpr double kSettled = 1e-11, kUseless = 1e-6;  // of the largest value
+// Fractions of the largest value. Refinement ends when the next correction is predicted to be below
+// kSettled. If it does not get there, a last correction above kUseless is an error: fewer than six
+// digits are right.
+constexpr double kSettled = 1e-11, kUseless = 1e-6;
 
 BlockOptions tolerant(BlockOptions options) {
-  options.smallest_pivot = kSmallestOfK;  // whether a solution is good shows in extend()
+  options.smallest_pivot = kSmallestOfK;  // extend() tests the solution instead
   return options;
 }
 
@@ -53,9 +58,9 @@ RowMatrix PolyharmonicSystem::extend(const RowMatrix& values, double* one_solve_
 const Rows& PolyharmonicSystem::extend(Space& space, double* one_solve_error) const {
   Rows &x = space.values, &correction = space.solution;
   for (int v : region_.free) x.row(v).setZero();
-  // Iterative refinement: where triangles are thin or the region is long, K spans many magnitudes
-  // and its factor loses digits that the product L (M⁻¹ (L x)) still has. The first correction is
-  // the solution itself; what the last one still changes tells how far it can be trusted.
+  // Iterative refinement: where triangles are thin or the region is long, K is ill-conditioned and
+  // its factor loses digits that the product L (M⁻¹ (L x)) still has. The first correction is the
+  // solution itself; the last one estimates the error.
   double last = 1;
   Eigen::RowVector4d corrected = Eigen::RowVector4d::Zero();
   for (int round = 0;; ++round) {
@@ -67,7 +72,7 @@ const Rows& PolyharmonicSystem::extend(Space& space, double* one_solve_error) co
     const Eigen::RowVector4d changes = correction.cwiseAbs().colwise().maxCoeff();
     const double change = changes.maxCoeff(), size = x.cwiseAbs().maxCoeff();
     if (round > 0) corrected += changes;
-    // The next would change about as much less than this one as this one less than the last.
+    // Predicts the next correction from the ratio of the last two.
     if (round + 1 >= kLeastRounds && change * (change / last) <= kSettled * size) break;
     const bool converges = round == 0 || change < 0.5 * last;
     last = change;

@@ -21,7 +21,7 @@ void check_coverage(const std::vector<int>& roles, int handle_count, MovedBy mov
                 Remedy::free_vertices);
 }
 
-/// Handles without a free vertex beside them.
+/// Handles none of whose vertices shares a triangle with a free vertex.
 std::vector<int> idle_handles(const Mesh& mesh, const Region& region) {
   std::vector<char> pulls(static_cast<size_t>(region.handle_count), 0);
   for (Index j = 0; j < mesh.triangles.rows(); ++j) {

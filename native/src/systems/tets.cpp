@@ -15,7 +15,9 @@ namespace dd {
 
 namespace {
 
-constexpr double kSmallest = 1e-90, kLargest = 1e90;  // edges whose cubes are still numbers
+// Range of edge lengths, in the mesh's units. Safety: their cubes, the volumes, stay within the
+// range of double.
+constexpr double kSmallest = 1e-90, kLargest = 1e90;
 
 double signed_volume(const TetMesh& mesh, Index j) {
   const Eigen::Vector3d a = mesh.positions.row(mesh.tets(j, 0)),
@@ -135,7 +137,8 @@ TetPoisson::TetPoisson(const TetMesh& mesh, const std::vector<int>& roles, int h
       factor_(factored(laplacian_, region_, progress)) {}
 
 Positions TetPoisson::solve(const Positions& constrained, const RowMatrix& gradients) const {
-  // For the displacement from rest, whose gradients are the wanted ones less I: see PoissonSystem.
+  // Solved for the displacement from rest, whose gradients are the given ones minus I: see
+  // PoissonSystem.
   Positions displacement = constrained - rest_;
   for (int v : region_.free) displacement.row(v).setZero();
   RowMatrix change = gradients;
@@ -148,7 +151,7 @@ Positions TetPoisson::solve(const Positions& constrained, const RowMatrix& gradi
 
 RowMatrix TetPoisson::harmonic_weights() const {
   RowMatrix weights = RowMatrix::Zero(rest_.rows(), region_.handle_count);
-  if (weights.size() == 0) return weights;  // it has no rows to point at
+  if (weights.size() == 0) return weights;  // without columns there is no data to address
   for (size_t v = 0; v < region_.role.size(); ++v)
     if (region_.role[v] >= 0) weights(Index(v), region_.role[v]) = 1;
   const RowMatrix right = -(laplacian_ * weights);

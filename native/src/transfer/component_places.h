@@ -29,7 +29,7 @@ class ComponentPlaces : public PlaceCorrection {
 
   void correct(const Positions& pose, Positions& result) override;
 
-  /// The mean shift that pinned components lack, of the last pose.
+  /// The mean shift that pinned components would need in the last pose.
   const Eigen::RowVector3d& lacked_by_pinned() const { return lacked_by_pinned_; }
 
  private:
@@ -45,8 +45,8 @@ class ComponentPlaces : public PlaceCorrection {
   Eigen::RowVector3d lacked_by_pinned_ = Eigen::RowVector3d::Zero();
 };
 
-/// Shifts the components that nothing pins by what pins keep the others from, so that all
-/// components of the target stay together.
+/// Shifts the components that nothing pins by the opposite of the mean shift that the pinned ones
+/// lack, so that all components of the target stay together.
 class KeptTogether : public PlaceCorrection {
  public:
   /// Both must outlive this.

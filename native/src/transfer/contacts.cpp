@@ -11,10 +11,13 @@ namespace dd {
 
 namespace {
 
+// Length of a displacement that halves its weight, as a multiple of the reach.
 constexpr double kFarReaches = 4;
-constexpr int kRanges = 64;  // that points are shared out in, whatever the threads
-constexpr int kDense = 3;    // points in a reach
-constexpr int kCrowd = 250;  // points after one, about it: a few sheets of them are fewer
+constexpr int kRanges = 64;  // ranges of points: fixed, so that results don't depend on the threads
+constexpr int kDense = 3;    // cells in a reach, each with one representative a part
+// Later points that one is compared with; of a larger crowd only an even share. Bounds the time; a
+// few sheets of representatives are fewer.
+constexpr int kCrowd = 250;
 
 double risen(double t) {
   t = std::clamp(t, 0.0, 1.0);
@@ -30,7 +33,7 @@ Contacts::Contacts(Positions rest, std::vector<int> parts, const Eigen::VectorXd
       stands_for_(parts_.size(), 0.0),
       reach_(reach) {
   if (!(reach_ > 0)) return;
-  std::vector<std::array<int64_t, 5>> by_place;  // cell, part and number
+  std::vector<std::array<int64_t, 5>> by_place;  // cell, part, point
   for (size_t i = 0; i < parts_.size(); ++i) {
     if (parts_[i] < 0) continue;
     const Cell cell = cell_at(rest_.row(Index(i)) - rest_.row(0), reach_ / kDense);
@@ -53,7 +56,7 @@ Contacts::Contacts(Positions rest, std::vector<int> parts, const Eigen::VectorXd
 }
 
 std::vector<int> Contacts::near_what_moves(const Positions& posed, ThreadPool& pool) const {
-  // Of two that come nearer by half of the reach one moves by half of that.
+  // Where two points come nearer by reach / 2, at least one of them moves by reach / 4.
   std::vector<char> moves(chosen_.size());
   const auto count = static_cast<int64_t>(chosen_.size());
   pool.parallel_for(count, kLeastRange, [&](int64_t begin, int64_t end) {

@@ -9,31 +9,32 @@
 
 namespace dd {
 
-/// What closes in a pose: lids, lips, a fist. Of points x at rest and y in the pose, i and j of the
-/// same loose part close by
+/// Gaps that close in a pose: lids, lips, a fist. With points x at rest and y in the pose, points i
+/// and j of the same loose part close by
 ///
 ///   c_ij = s(1 − b / reach) s(1 − 2 b / a) s(2 (a − b) / reach − 1),    s(t) = 3t² − 2t³,
 ///
-/// with a and b their distances in x and y: not at all where they aren't near in the pose, or not
-/// nearer by half than at rest, or by half of the reach; c_i is the largest. Continuous in the
-/// pose, but where so many crowd that they can't all be looked at. Loose parts slide over one
-/// another, as an eye does under its lids, which brings points together where no gap closes.
+/// where a and b are their distances in x and y. So c_ij is 0 unless b < reach, b < a / 2, and b <
+/// a − reach / 2. c_i is the largest c_ij. Continuous in the pose, except where points crowd and
+/// only some pairs are examined. Points of different parts are left out: an eye slides under its
+/// lids, which brings points together though no gap closes.
 class Contacts {
  public:
-  /// rest: x. parts: the number of each point's; -1: it doesn't take part. masses: of the points;
-  /// where they are denser than a third of the reach, one takes the mass of all and stands for
-  /// them. reach: in the unit of the points.
+  /// rest: x. parts: each point's loose part; -1: the point is left out. masses: of the points. In
+  /// each cell as wide as a third of the reach, one point of each part represents the others, with
+  /// their mass. reach: in the points' units.
   Contacts(Positions rest, std::vector<int> parts, const Eigen::VectorXd& masses, double reach);
 
   /// Takes a pose, y. Returns whether anything closes.
   bool take(const Positions& posed, ThreadPool& pool);
 
-  /// How points p are to be moved so that what closes is as near there, each side by half: for each
-  /// point c_i e_i and c_i, times what it stands for in parts of its own mass,
+  /// The displacements e of points p that bring closing points as near together as in the pose,
+  /// each side by half. The row of point i is (c_i e_i, c_i) times the ratio of the mass that it
+  /// represents to its own,
   ///
-  ///   e_i = ½ ((y_i − p_i) − mean_j (y_j − p_j)), weighted by c_ij;
+  ///   e_i = ½ ((y_i − p_i) − mean_j (y_j − p_j)), weighted by c_ij,
   ///
-  /// what is much farther than the reach isn't believed.
+  /// and falls off where e_i is much longer than the reach. Zero for represented points.
   Rows missing(const Positions& posed, const Positions& placed, ThreadPool& pool) const;
 
  private:
@@ -41,9 +42,9 @@ class Contacts {
     int points[2];
     float share;  // c_ij
   };
-  /// The chosen points in the box of those that move, and as far about it as they may close.
+  /// The representatives within reach of the bounding box of those that move.
   std::vector<int> near_what_moves(const Positions& posed, ThreadPool& pool) const;
-  /// Of the grid's points those that close, in ranges that are the same whatever the threads.
+  /// The closing pairs of the grid's points, by ranges that don't depend on the number of threads.
   std::vector<std::vector<Pair>> closing_pairs(const PointGrid& grid, ThreadPool& pool) const;
 
   struct Partner {
@@ -52,9 +53,9 @@ class Contacts {
   };
   Positions rest_;
   std::vector<int> parts_, chosen_;
-  std::vector<double> stands_for_;  // of each point; 0: another one stands for it
+  std::vector<double> stands_for_;  // mass that each represents over its own; 0: is represented
   double reach_;
-  std::vector<size_t> begin_;  // of each point's partners
+  std::vector<size_t> begin_;  // partners of point i: begin_[i] to begin_[i + 1]
   std::vector<Partner> partners_;
 };
 

@@ -12,9 +12,11 @@ namespace dd {
 
 namespace {
 
-constexpr double kSameSize = 1.1, kOtherSize = 1.2;  // ratios of sizes
+// Ratios of sizes, the larger over the smaller: up to the first one, displacements aren't scaled;
+// from the second one on, fully.
+constexpr double kSameSize = 1.1, kOtherSize = 1.2;
 
-/// How many times its source's way a vertex goes.
+/// s. scale: the placement's.
 double proportion(double scale) {
   const double counts = (std::max(scale, 1 / scale) - kSameSize) / (kOtherSize - kSameSize);
   return std::pow(scale, std::clamp(counts, 0.0, 1.0));
@@ -49,7 +51,7 @@ Displacements::Displacements(const Mesh& source, const Mesh& target,
 }
 
 void Displacements::correct(const Positions& pose, Positions& result) {
-  RowMatrix moved;  // what known vertices lack
+  RowMatrix moved;  // corrections of known vertices, zero elsewhere
   if (factor_) moved = RowMatrix::Zero(result.rows(), 3);
   pool_.parallel_for(static_cast<int64_t>(known_.size()), kLeastRange,
                      [&](int64_t begin, int64_t end) {

@@ -12,29 +12,29 @@
 
 namespace dd {
 
-/// Beyond the paper, for shapes of one family, as the heads of a rig whose keys are the same
-/// displacements on each: vertex p_i of the target goes as far as the point b_i of the source that
-/// it corresponds to, in the direction in which that lies on the target,
+/// Beyond the paper, for shapes of one family, such as the heads of a rig whose keys are the same
+/// displacements on each. Vertex p_i of the target is displaced as the corresponding point b_i of
+/// the source,
 ///
-///   p'_i = p_i + s R (b'_i − b_i),
+///   p'_i = p_i + s R (b'_i − b_i).
 ///
-/// R the placement's rotation, s its scale or, where that is within a tenth of 1, 1: so much is a
-/// difference of shape, and from a fifth on it counts wholly. What turns as a whole is sheared
-/// where the shapes differ: poses are better followed by gradients. Vertices without a point go
-/// with those around them, what they lack to where they belong spread harmonically.
+/// R is the placement's rotation. s is its scale if the sizes' ratio is 1.2 or more, and 1 up to a
+/// ratio of 1.1, which is a difference of shape; in between it is interpolated. Parts that turn are
+/// sheared where the shapes differ, so poses are better transferred by gradients. The corrections
+/// of vertices with a point are extended harmonically to those without.
 class Displacements : public PlaceCorrection {
  public:
-  /// components: of the target; those with sources that nothing holds go. All must outlive this.
-  /// Throws UnsolvableSurface.
+  /// components: of the target; those that have sources and aren't held are displaced. All must
+  /// outlive this. Throws UnsolvableSurface.
   Displacements(const Mesh& source, const Mesh& target, const std::vector<Component>& components,
                 const SourcePoints& points, const Similarity& placement, ThreadPool& pool);
 
-  /// Where its source's way from one place to another takes a point of the target.
+  /// The displacement of a point of the target whose source moves from one place to another.
   Eigen::Vector3d way(const Eigen::Vector3d& from, const Eigen::Vector3d& to) const {
     return turn_ * (to - from);
   }
 
-  /// pose: S'. result: T' as gradients make it; moved.
+  /// pose: S'. result: T' by the gradients, in; displaced, out.
   void correct(const Positions& pose, Positions& result) override;
 
  private:
@@ -42,9 +42,9 @@ class Displacements : public PlaceCorrection {
   const SourcePoints& points_;
   Eigen::Matrix3d turn_;  // s R
   ThreadPool& pool_;
-  std::vector<int> known_;  // vertices of such components with a point
-  Region region_;           // free: those without
-  SparseMatrix coupling_;   // L of these and all
+  std::vector<int> known_;  // vertices with a point, of components that are displaced
+  Region region_;           // free: vertices without a point
+  SparseMatrix coupling_;   // rows of L for free vertices, columns for all
   std::unique_ptr<SparseCholesky> factor_;
 };
 

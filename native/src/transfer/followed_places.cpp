@@ -12,13 +12,16 @@ namespace dd {
 
 namespace {
 
-// Of the box.
-constexpr double kDetail = 0.015;        // ℓ of what tells a difference of shape from detail
-constexpr double kDifferent = 0.003;     // τ
-constexpr double kContactReach = 0.005;  // of contacts
+// As fractions of the diagonal of the target's box:
+constexpr double kDetail = 0.015;  // smoothing length that splits ō from d
+// τ: ‖(S − M) ō‖ that halves a correction's weight. A larger one follows the source's places more
+// often, a smaller one the gradients.
+constexpr double kDifferent = 0.003;
+constexpr double kContactReach = 0.005;  // reach of contacts
 
-constexpr double kStiff = 0.02;  // spread of gradients in a part that as good as doesn't deform
-constexpr int kClosings = 3;     // of closing
+// RMS deviation of a part's gradients from their mean at which half of its correction is a shift.
+constexpr double kStiff = 0.02;
+constexpr int kClosings = 3;  // rounds of closing contacts, one solve each
 
 }  // namespace
 
@@ -56,7 +59,7 @@ FollowedPlaces::FollowedPlaces(const Mesh& source, const Mesh& target, const Uni
       masses_[region.row[size_t(target.triangles(j, k))]] += areas_[i] / 3;
   }
 
-  // Where no triangle has an area, or none has a source, the smooth part is that of its neighbours.
+  // With the least mass, vertices without area or source take the smooth part of their neighbours.
   masses_ = masses_.cwiseMax(kLeastMass * masses_.mean());
 
   const SparseMatrix laplacian = free_block(operators.laplacian, region);
@@ -77,7 +80,7 @@ FollowedPlaces::FollowedPlaces(const Mesh& source, const Mesh& target, const Uni
   find_means();
   contacts_ = std::make_unique<Contacts>(rest_places_, std::move(known_part), masses_,
                                          kContactReach * box.scale);
-  // Twice: what is left of a wave falls with the fourth power of its length.
+  // Smoothed twice, so that short waves fall with the fourth power of their length.
   const std::unique_ptr<SparseCholesky> of_detail =
       smoothing.factored(kDetail, Precision::full, within(progress, 0, 0.5));
   const auto smoothed = [&](const RowMatrix& values) {
@@ -236,7 +239,7 @@ void FollowedPlaces::close(const Positions& places, Positions& result) {
   for (Index r = 0; r < placed.rows(); ++r) placed.row(r) = result.row(vertices_[size_t(r)]);
   for (int round = 0; round < kClosings; ++round) {
     const Rows missing = contacts_->missing(places, placed, pool_);
-    // Divided by the smooth part of the weights, what closes is moved wholly though it is a rim.
+    // Divided by the smoothed weights, so that a gap's narrow rim is moved all the way.
     factor_->solve_rows([&](int r) { return masses_[r] * missing.row(r); },
                         [&](int r, const auto* x) {
                           const double share = std::max(double(x[3]), kEdge);
@@ -253,7 +256,7 @@ void FollowedPlaces::correct(const Positions& pose, Positions& result) {
   std::vector<PartMotion> motions;
   const Motion still = still_motion(places, motions);
   const std::vector<Stiffness> stiff = stiffened(motions, places, still, result);
-  // Row by row: in the factor's order gradients come from memory as slowly as it gets.
+  // In row order, as gradients would be read at random in the factor's order.
   Rows wanted = Rows::Zero(places.rows(), 4);
   pool_.parallel_for(wanted.rows(), kLeastRange, [&](int64_t begin, int64_t end) {
     for (Index r = begin; r < end; ++r)

@@ -15,73 +15,77 @@
 
 namespace dd {
 
-/// Beyond the paper: gradients say how a surface turns and stretches, and where it is only as far
-/// as they add up, so that lids which close on the source stay ajar on a target of another shape.
-/// Here the places of the source have a say too. With A the placement and b_i the point of the
-/// source that vertex p_i of the target corresponds to, what is between the meshes,
+/// Beyond the paper: gradients determine how a surface turns and stretches, but its places only as
+/// far as they are integrable. So lids that close on the source stay ajar on a target of another
+/// shape. This correction uses the source's places, too. With A the placement and b_i the point of
+/// the source that vertex p_i of the target corresponds to, the offset between the meshes,
 ///
 ///   p_i − A(b_i) = ō_i + d_i,
 ///
-/// is parted in how their shapes differ, ō, smooth over the surface, and the detail d, which turns
-/// with the surface. In a pose the vertex is to be at
+/// is split into a difference of shape ō, smooth over the surface, and the detail d, which turns
+/// with the surface. In a pose the vertex has the goal g_i, and its correction the weight t_i,
 ///
-///   g_i = A(b'_i) + S_i d_i + M ō_i,    t_i = 1 / (1 + (‖(S_i − M) ō_i‖ / τ)⁴)
+///   g_i = A(b'_i) + S_i d_i + M ō_i,    t_i = 1 / (1 + (‖(S_i − M) ō_i‖ / τ)⁴),
 ///
-/// where S_i is the mean gradient about it and M that of what doesn't deform: a difference of shape
-/// is carried along. Where it is so large that it matters whether it turns, which nothing tells,
-/// t_i is next to none. The transferred surface p' is moved by the smooth part of what is missing,
+/// where S_i is the mean gradient around it and M that of the triangles that deform least: a
+/// difference of shape moves along with M. It isn't known whether it should turn with S_i instead,
+/// so t_i is small where that matters. The transferred surface p' is moved by the smooth part of
+/// what is missing,
 ///
 ///   (ℓ² L + D) Δ = D t (g − p'),   D: masses,
 ///
-/// which leaves details as the gradients make them; a loose part that doesn't deform, such as an
-/// eye or a tooth, is moved as a whole. Then what closes on the source is closed: see Contacts. All
-/// of it is continuous in the pose, and none where the source moves rigidly.
+/// which leaves details as the gradients make them. A loose part that doesn't deform, such as an
+/// eye or a tooth, is shifted as a whole. Then gaps that close on the source are closed (Contacts).
+/// The correction is continuous in the pose, and zero where the source moves rigidly.
 class FollowedPlaces : public PlaceCorrection {
  public:
-  /// components: of the target; those with sources that nothing holds follow. All must outlive
-  /// this. Progress of two factorizations.
+  /// components: of the target; those that have sources and aren't held are corrected. All must
+  /// outlive this. Progress of two factorizations.
   FollowedPlaces(const Mesh& source, const Mesh& target, const UnitBox& box,
                  const std::vector<Component>& components, const SourcePoints& points,
                  const Similarity& placement, const SourceGradients& gradients, Precision precision,
                  ThreadPool& pool, const Progress& progress = {});
 
-  /// pose: S', whose gradients were taken. result: T' as they make it; moved.
+  /// pose: S', whose gradients SourceGradients has taken. result: T' by these, in; corrected, out.
   void correct(const Positions& pose, Positions& result) override;
 
  private:
-  /// A loose part. Means are over its rows whose place on the source is known.
+  /// A loose part. Means are over its rows with a known source point, weighted by mass.
   struct Part {
     std::vector<int> triangles;  // indices into triangles_
     std::vector<int> rows;
     double area = 0, mass = 0;
     Eigen::Vector3d before = Eigen::Vector3d::Zero();   // of A(b)
-    Eigen::Vector3d between = Eigen::Vector3d::Zero();  // of what is between the meshes
+    Eigen::Vector3d between = Eigen::Vector3d::Zero();  // of p − A(b)
   };
-  /// How one moves in a pose.
+  /// The motion of a part in a pose.
   struct PartMotion {
     Eigen::Matrix3d turn;  // mean of S
-    double spread;         // of the gradients
+    double spread;         // Σ area ‖S − turn‖²
   };
   struct Motion {
     Eigen::Matrix3d linear;
     Eigen::Vector3d shift;
   };
-  /// A shift, and its share of what moves a part.
+  /// The shift of a part as a whole, and the share in [0, 1] that it replaces of the smooth
+  /// correction.
   struct Stiffness {
     Eigen::RowVector3d shift = Eigen::RowVector3d::Zero();
     double share = 0;
   };
   void add(const Component& component, const Region& region, const Triangles& corners);
   void find_means();
-  /// M, and the shift of A(b) that goes with it. parts: gets how each moves.
+  /// M, and the shift with which it takes A(b) to A(b') where S deforms least. parts: gets the
+  /// motions.
   Motion still_motion(const Positions& places, std::vector<PartMotion>& parts) const;
-  /// A(b') of each row, zero where that isn't known.
+  /// A(b') of each row, zero if b isn't known.
   Positions places_of_source(const Positions& pose) const;
   /// t (g − p') of a row.
   Eigen::RowVector3d missing(Index row, const Positions& places, const Eigen::Matrix3d& still,
                              const Positions& result) const;
-  /// What makes the move of a part that hardly deforms a shift, by which its centre goes as its
-  /// source's. One that turns in its place, as an eye does, turns about its own.
+  /// For each part, the shift that moves its centre as its source's, and a share that is near 1 if
+  /// the part hardly deforms. A part that turns in its place, as an eye does, turns about its own
+  /// centre.
   std::vector<Stiffness> stiffened(const std::vector<PartMotion>& motions, const Positions& places,
                                    const Motion& still, const Positions& result) const;
   void close(const Positions& places, Positions& result);
@@ -94,10 +98,10 @@ class FollowedPlaces : public PlaceCorrection {
   double different_;  // τ
 
   std::vector<int> triangles_;        // those with a source
-  std::vector<int> row_of_triangle_;  // of a corner of each of these
-  Eigen::VectorXd areas_;             // of these
+  std::vector<int> row_of_triangle_;  // row of each one's first corner
+  Eigen::VectorXd areas_;             // of these triangles
   std::vector<Part> parts_;
-  PartSums over_triangles_, over_rows_;  // of the parts
+  PartSums over_triangles_, over_rows_;  // of each part
   // Of each row of the system:
   std::vector<int> vertices_;
   std::vector<int> part_of_row_;

@@ -8,14 +8,14 @@
 
 namespace dd {
 
-/// Sums over the items of each loose part of a mesh, be it the whole or one of thousands of two
-/// triangles, by all threads; the same whatever their number.
+/// Parallel sums over the items of each loose part of a mesh, balanced for a single part as for
+/// thousands of two triangles each. Results don't depend on the number of threads.
 class PartSums {
  public:
   PartSums() = default;
-  /// sizes: how many items each part has.
+  /// sizes: the number of items of each part.
   explicit PartSums(const std::vector<size_t>& sizes) : part_count_(sizes.size()) {
-    size_t of_task = kLeastRange;  // items of the last one
+    size_t of_task = kLeastRange;  // items of the last task
     for (size_t part = 0; part < sizes.size(); ++part)
       for (size_t begin = 0; begin < sizes[part]; begin += kLeastRange) {
         if (of_task >= kLeastRange) {
@@ -28,7 +28,7 @@ class PartSums {
     tasks_.push_back(ranges_.size());
   }
 
-  /// Of each part: Sum() to which add(sum, part, i) was done for its items, i from 0. Sum has +=.
+  /// The Sum of each part: add(sum, part, i) adds its item i, from 0 on, and += joins partial Sums.
   template <class Sum, class Add>
   std::vector<Sum> of(ThreadPool& pool, const Add& add) const {
     std::vector<Sum> of_ranges(ranges_.size()), sums(part_count_);
@@ -49,7 +49,7 @@ class PartSums {
   };
   size_t part_count_ = 0;
   std::vector<Range> ranges_;
-  std::vector<size_t> tasks_;  // where the ranges of each begin
+  std::vector<size_t> tasks_;  // first range of each task, and the end
 };
 
 }  // namespace dd

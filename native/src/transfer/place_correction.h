@@ -6,8 +6,8 @@
 namespace dd {
 
 /// One step that moves a surface made of transferred gradients towards the places of its source:
-/// (14) leaves the place of each component open, and within one tells places only as exactly as
-/// gradients add up. A transfer runs its steps in a fixed order, see MeshTransfer.
+/// (14) leaves the place of each component open, and determines places within one only as far as
+/// gradients are integrable. A transfer runs its steps in a fixed order, see MeshTransfer.
 class PlaceCorrection {
  public:
   virtual ~PlaceCorrection() = default;

@@ -10,7 +10,8 @@ namespace dd {
 
 namespace {
 
-constexpr double kTurnsByGradients = 1e-3;  // κ, of the spread
+// Weight of the gradients over that of the places: κ Σ area_j / Σ m_i |p_i − p̄|².
+constexpr double kTurnsByGradients = 1e-3;
 
 }  // namespace
 

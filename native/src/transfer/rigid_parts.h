@@ -8,28 +8,28 @@
 
 namespace dd {
 
-/// Loose parts of a target that keep their shape, as buttons, armour and glasses do: each goes by
-/// the rotation R and the shift that bring its vertices p_i next to where the source asks them to
-/// be, g_i = A(b'_i) + S_i (p_i − A(b_i)), and turn as its triangles' gradients do,
+/// Moves loose parts of a target rigidly, such as buttons, armour and glasses. The rotation R and
+/// the shift of a part fit its vertices p_i to their goals g_i = A(b'_i) + S_i (p_i − A(b_i)), and
+/// R fits its triangles' gradients, too,
 ///
-///   R = argmax tr(Rᵀ (Σ_i m_i (g_i − ḡ)(p_i − p̄)ᵀ + κ Σ_j area_j S_j)),
+///   R = argmax tr(Rᵀ (Σ_i m_i (g_i − ḡ)(p_i − p̄)ᵀ + κ Σ_j area_j S_j)).
 ///
-/// with κ so small that gradients decide where places leave a turn open, as of what is thin.
+/// κ is small: gradients decide only where places leave the rotation open, as of thin parts.
 class RigidParts : public PlaceCorrection {
  public:
-  /// components: of the target; those with sources that nothing holds follow. All must outlive
+  /// components: of the target; those that have sources and aren't held are moved. All must outlive
   /// this.
   RigidParts(const Mesh& source, const Mesh& target, const std::vector<Component>& components,
              const SourcePoints& points, const Similarity& placement,
              const SourceGradients& gradients);
 
-  /// pose: S', whose gradients were taken. result: T'; such parts are put in place.
+  /// pose: S', whose gradients SourceGradients has taken. result: T', in which the parts are moved.
   void correct(const Positions& pose, Positions& result) override;
 
  private:
   struct Part {
     const Component& component;
-    std::vector<double> masses;  // of its vertices, zero where no point is known
+    std::vector<double> masses;  // of its vertices, zero without a known source point
     double area;
     Eigen::Vector3d centre;
     double spread;  // Σ m_i |p_i − p̄|²

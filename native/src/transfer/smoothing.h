@@ -8,12 +8,14 @@
 
 namespace dd {
 
-/// The smoothing length of corrections, as a fraction of the target box's diagonal.
+/// The smoothing length of corrections, as a fraction of the target box's diagonal. A longer one
+/// keeps more of the detail that gradients give, a shorter one follows the wanted places more
+/// closely.
 constexpr double kSmooth = 0.01;
 /// A smoothed correction is divided by the smoothed indicator of the vertices that asked for one,
 /// so that smoothing doesn't lessen it; by at least this value, as at the edge of such an area.
 constexpr double kEdge = 0.25;
-/// The least mass of a vertex, as a fraction of the mean mass: keeps D invertible.
+/// The least mass of a vertex, as a fraction of the mean mass. Safety: keeps D invertible.
 constexpr double kLeastMass = 1e-3;
 
 /// Systems (length² L + D) x = D values over the free vertices of a surface. Their solution is the
@@ -33,7 +35,7 @@ class Smoothing {
   const Eigen::VectorXd& masses_;
   ThreadPool& pool_;
   Dissection dissection_;
-  std::shared_ptr<const SymbolicCholesky> symbolic_;  // of the first one, for all
+  std::shared_ptr<const SymbolicCholesky> symbolic_;  // made for the first factor, shared by all
 };
 
 }  // namespace dd

@@ -17,11 +17,13 @@ namespace dd {
 
 namespace {
 
-// Area over squared edge of a posed triangle that has no rotation.
+// Twice the area over the squared longer edge, below which a posed triangle has no rotation.
+// Safety: there its normal is rounding.
 constexpr double kFlatTriangle = 1e-5;
-constexpr double kTooMuch = 8;        // of its own area, that a triangle gives its gradient to
-constexpr size_t kMostInMean = 64;    // triangles
-constexpr double kLeastArea = 1e-12;  // of the part's
+constexpr double kTooMuch = 8;      // multiple of its own area that a source triangle may serve
+constexpr size_t kMostInMean = 64;  // triangles in a mean: bounds its time
+// Least area in a ratio, as a fraction of the loose part's. Safety: avoids a division by zero.
+constexpr double kLeastArea = 1e-12;
 
 }  // namespace
 
@@ -77,7 +79,8 @@ void SourceGradients::find_overstretched(const Mesh& target) {
     for (int k = begin_[j]; k < end_[j]; ++k)
       asked[size_t(sources_[k])] += target_areas[j] / (end_[j] - begin_[j]);
 
-  // A loose part may be larger on the target as a whole, and the target a part of the source.
+  // A loose part may be larger on the target as a whole, and the target may be a piece of the
+  // source.
   const Components parts(source_.triangles, source_.vertex_count());
   const auto part_of = [&](int triangle) {
     return size_t(parts.of_vertex[size_t(source_.triangles(triangle, 0))]);
@@ -163,7 +166,7 @@ void SourceGradients::take(const Positions& pose, bool rotation_only, ThreadPool
 
 void SourceGradients::turn_onto_target(const Positions& pose, bool rotation_only,
                                        ThreadPool& pool) {
-  // A rotation that is conjugated with a reflection is also with its opposite, a rotation.
+  // Conjugation with a reflection F is that with −F, which is a rotation.
   const double sign = placement_.mirrored ? -1 : 1;
   const Eigen::Quaterniond turn(Eigen::Matrix3d(sign * placement_.rotation));
   pool.parallel_for(
@@ -222,7 +225,7 @@ Eigen::Matrix3d SourceGradients::mean_of(const Fans::Range& target_triangles) co
 }
 
 void SourceGradients::take_means(bool rotation_only) {
-  std::vector<Eigen::Matrix3d> found;  // all before any is replaced, as they overlap
+  std::vector<Eigen::Matrix3d> found;  // all before any is replaced, as the means overlap
   for (const Mean& mean : means_) {
     Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
     for (const auto& [i, share] : mean.shares)
@@ -243,7 +246,7 @@ Eigen::Matrix3d SourceGradients::mean(int triangle, bool rotation_only) const {
   const int begin = begin_[triangle], end = end_[triangle];
   if (begin == end) return Eigen::Matrix3d::Identity();
   if (rotation_only) {
-    // Their signs made to agree: a rotation has two quaternions.
+    // With signs as the first one's: q and −q are the same rotation.
     const Eigen::Vector4d first = quaternions_.row(sources_[begin]);
     Eigen::Vector4d sum = first;
     for (int k = begin + 1; k < end; ++k) {

@@ -10,24 +10,25 @@
 
 namespace dd {
 
-/// The point of the source that each vertex of a target corresponds to, as far as the triangles
-/// tell: from the mean of the centres of their sources on by as much as the vertex is from the mean
-/// of their own, and from there to the nearest point of the surface that is reached over edges.
-/// Of meshes of the same topology the same vertices.
+/// The point of the source that each vertex of a target corresponds to, from the correspondence of
+/// the triangles around the vertex. A first guess is the mean centre of these triangles' sources,
+/// plus the vertex' offset from their own mean centre. SurfaceWalk takes it to the surface. On
+/// meshes of the same topology that correspond one to one, the point is the same vertex.
 class SourcePoints {
  public:
-  /// given: points that are known better, for each vertex or none; their weights add up to about 1.
+  /// given: more exact points, for each vertex (triangle -1: not given) or empty; their weights sum
+  /// to about 1.
   SourcePoints(const Mesh& source, const Mesh& target, const Fans& fans,
                const SourceGradients& gradients, const Similarity& placement, ThreadPool& pool,
                const std::vector<PointOnTriangle>& given = {});
 
-  /// Points that are known.
+  /// Takes points that are known already.
   SourcePoints(const Mesh& source, std::vector<PointOnTriangle> points)
       : triangles_(source.triangles), points_(std::move(points)) {}
 
-  /// Whether a vertex has a triangle with a source.
+  /// Whether a vertex has a point: it was given, or one of its triangles has a source.
   bool is_known(int vertex) const { return points_[vertex].triangle >= 0; }
-  /// Where its point is, at these places of the source's vertices.
+  /// The position of a vertex' point. places: of the source's vertices.
   Eigen::Vector3d at(const Positions& places, int vertex) const {
     return place_of(points_[vertex], places, triangles_).transpose();
   }

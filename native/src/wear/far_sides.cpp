@@ -8,9 +8,15 @@ namespace dd {
 
 namespace {
 
-constexpr double kCreased = 0.3;      // at rest: such a place tells nothing
-constexpr double kLeastDepth = 0.01;  // of the patch's size: the patch itself, where it is creased
-constexpr double kLeastDistance = 0.01;  // of the distance at rest: no direction
+// Least A / S at rest: a point on a more creased patch is treated as one without an opposite point.
+constexpr double kCreased = 0.3;
+// Least distance of the opposite point, as a fraction of the patch's size √(2 area). Safety: a
+// creased patch would be its own opposite.
+constexpr double kLeastDepth = 0.01;
+// Least d, as a fraction of d at rest. Safety: no direction is defined at 0.
+constexpr double kLeastDistance = 0.01;
+// Largest ratio of d at rest to d in b: bounds how much b makes of opposite sides that come
+// together.
 constexpr double kMostShrunk = 3;
 
 }  // namespace

@@ -7,7 +7,9 @@ namespace dd {
 
 namespace {
 
-constexpr double kStraight = 0.8;  // cosine: below, and not beside
+// Least cosine between the arm from the point below and that from the body: leaves out what lies
+// beside.
+constexpr double kStraight = 0.8;
 
 }  // namespace
 

@@ -8,20 +8,21 @@
 
 namespace dd {
 
-/// Layers of a garment, as the two sides of thick cloth, a lining, a lapel: vertices between which
-/// and the body another part of the garment lies at rest, which stays below them.
+/// Layers of a garment, such as the two sides of thick cloth, a lining or a lapel: vertices that at
+/// rest have another part of the garment between them and the body. It stays below them.
 class Layers {
  public:
-  /// arms: from the body's point below each vertex of the garment to it. reach: how thick.
+  /// arms: for each vertex of the garment, the vector to it from its point on the body; zero leaves
+  /// it out. reach: the largest distance between layers.
   Layers(const Mesh& garment, const Positions& arms, double reach, ThreadPool& pool);
 
   int count() const { return static_cast<int>(layers_.size()); }
   int vertex(int layer) const { return layers_[size_t(layer)].vertex; }
-  /// From what lies below the vertex to it, at rest.
+  /// The vector to the vertex from the point of the garment below it, at rest.
   const Eigen::Vector3d& arm(int layer) const { return layers_[size_t(layer)].arm; }
-  /// The same now.
+  /// The same with the garment's vertices at the given positions.
   Eigen::Vector3d arm_in(int layer, const Positions& garment) const;
-  /// The number of a vertex, −1 where nothing lies below it.
+  /// The index of a vertex' layer; −1: nothing lies below it.
   int of(int vertex) const { return of_vertex_[size_t(vertex)]; }
 
  private:

@@ -12,7 +12,9 @@ namespace dd {
 
 namespace {
 
-constexpr double kFartherFacing = 1.5;  // than the nearest that doesn't face the same way
+// Multiple of the distance of the closest point up to which one that faces the same way is
+// preferred.
+constexpr double kFartherFacing = 1.5;
 constexpr double kAnyDistance = std::numeric_limits<double>::infinity();
 
 }  // namespace

@@ -10,20 +10,20 @@
 
 namespace dd {
 
-/// What a target lies over as it stands, as a garment over a body: the nearest point of the source
-/// to each of its vertices and to the centre of each of its triangles. One that faces the same way
-/// is preferred to a nearer one that doesn't, unless it is much farther: the inside of a sleeve
-/// belongs to the arm, not to the chest beside it.
+/// The closest points on the source to the vertices and triangle centres of a target that lies over
+/// it, as a garment over a body. A point with a normal less than 90° off is preferred to a closer
+/// one unless it is much farther: the inside of a sleeve belongs to the arm, not to the chest
+/// beside it.
 struct NearestPoints {
   /// placement takes the source onto the target.
   NearestPoints(const Mesh& source, const Mesh& target, const Similarity& placement,
                 ThreadPool& pool);
 
-  /// Of each triangle those of its corners and its centre.
+  /// Each target triangle has as sources the triangles closest to its corners and its centre.
   Correspondence correspondence(const Mesh& source, const Mesh& target) const;
 
   std::vector<PointOnTriangle> of_vertices, of_centres;
-  double distance = 0;  ///< of the target's vertices, on the mean
+  double distance = 0;  ///< mean over the target's vertices, in its units
 };
 
 }  // namespace dd

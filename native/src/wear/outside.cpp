@@ -13,12 +13,15 @@ namespace dd {
 
 namespace {
 
-constexpr int kPatch = 24;          // triangles
-constexpr double kWidth = 0.05;     // ε, of the root of a triangle's area
-constexpr double kSameSide = -0.2;  // cosine of the angle to the patch's middle: not the other side
-constexpr int kPatchRanges = 64;    // that points are shared out in, whatever the threads
+constexpr int kPatch = 24;  // most triangles in a patch; more take longer
+// ε, as a fraction of the root of a triangle's area at rest. Safety: weights at d = 0 are finite.
+constexpr double kWidth = 0.05;
+// Least cosine between the normals of a triangle and of the patch's first one: leaves out the other
+// side of a thin body.
+constexpr double kSameSide = -0.2;
+constexpr int kPatchRanges = 64;  // ranges of points, whatever the number of threads
 
-/// The triangles about another one, the nearest first.
+/// The triangles around a given one, connected through vertices, the closest first.
 class Patches {
  public:
   Patches(const PosedSurface& surface, const Positions& centres)
@@ -49,9 +52,9 @@ class Patches {
  private:
   const PosedSurface& surface_;
   const Positions& centres_;
-  std::vector<int> seen_;  // in which round
+  std::vector<int> seen_;  // round in which each triangle was seen last
   int round_ = 0;
-  std::vector<std::pair<double, int>> open_;  // a heap
+  std::vector<std::pair<double, int>> open_;  // a heap of squared distances and triangles
 };
 
 }  // namespace

@@ -9,30 +9,29 @@
 
 namespace dd {
 
-/// How far points are outside of a surface that deforms, by the patch of it that each lay over at
-/// rest: with n_k the normals of the patch's triangles, a_k their corners and d_k the distance from
-/// the point x to them,
+/// Signed heights of points over a deforming surface, each relative to the patch of the surface
+/// that it lay over at rest. With n_k the normals of the patch's triangles, a_k a corner of each,
+/// and d_k the distance of the point x from each,
 ///
-///   f(x) = Σ_k w_k n_kᵀ (x − a_k) / Σ_k w_k,    w_k = area_k / (d_k² + ε²)²,
+///   f(x) = Σ_k w_k n_kᵀ (x − a_k) / Σ_k w_k,    w_k = area_k / (d_k² + ε²)².
 ///
-/// next to the surface the distance from its nearest triangle, and everywhere a continuous function
-/// of x and of the pose, which distances from a whole surface aren't, as long as the patch isn't
-/// folded up (FarSides).
+/// Close to the surface, f is the signed distance from the closest triangle. Unlike the distance
+/// from the whole surface, it is continuous in x and in the pose, as long as the patch isn't folded
+/// (FarSides).
 class Outside {
  public:
-  /// surface: at rest; outlives this. tree: over it. seeds: of each point the nearest one of it.
+  /// surface: at rest; outlives this. tree: over it. seeds: for each point, the closest one on it.
   Outside(const PosedSurface& surface, const AabbTree& tree,
           const std::vector<PointOnTriangle>& seeds, ThreadPool& pool);
 
   struct Level {
-    double height;  ///< f
-    Eigen::Vector3d
-        direction;  ///< in which it grows: a unit vector; zero where nothing has an area
+    double height;              ///< f
+    Eigen::Vector3d direction;  ///< unit vector in which it grows; zero if the patch has no area
   };
   Level at(Index point, const Eigen::Vector3d& place) const;
-  /// Quickly: side × f is no less than this, the least of what it is a mean of.
+  /// A cheap lower bound of side × f: the least height over a plane of the patch.
   double least(Index point, const Eigen::Vector3d& place, double side) const;
-  /// How much the patch still faces outwards.
+  /// See FarSides::outwardness().
   double outwardness(Index point) const;
 
  private:
@@ -42,7 +41,7 @@ class Outside {
   FarSides::About about(int point) const;
 
   const PosedSurface& surface_;
-  std::vector<int> begin_{0}, patches_;  // of point i: begin_[i] to begin_[i + 1]
+  std::vector<int> begin_{0}, patches_;  // patch of point i: begin_[i] to begin_[i + 1]
   std::vector<double> widths_;           // ε² of each triangle, at rest
   SourcePoints seeds_;
   std::unique_ptr<FarSides> far_sides_;

@@ -7,8 +7,8 @@
 
 namespace dd {
 
-/// A surface that deforms, as what is kept outside of it sees it: in the pose taken last, at first
-/// at rest.
+/// A deforming surface with its triangles' planes and areas, in the pose taken last; at first at
+/// rest.
 class PosedSurface {
  public:
   PosedSurface(Mesh at_rest, ThreadPool& pool);
@@ -16,19 +16,19 @@ class PosedSurface {
   void take(const Positions& posed, ThreadPool& pool);
 
   const Mesh& mesh() const { return mesh_; }
-  /// Of a vertex its triangles.
+  /// The triangles around a vertex.
   Fans::Range fan(int vertex) const { return fans_.of(vertex); }
 
   /// The normal of triangle j, zero where it has no area.
   Eigen::RowVector3d normal(int j) const { return planes_.row(j).head<3>(); }
-  /// How far a place is over the plane of triangle j.
+  /// The signed height of a place over the plane of triangle j.
   double height(int j, const Eigen::Vector3d& place) const {
     return planes_.row(j).head<3>().dot(place) + planes_(j, 3);
   }
-  /// Of each triangle, doubled.
+  /// Twice the area of each triangle.
   const Eigen::VectorXd& areas() const { return areas_; }
 
-  /// Some triangles together.
+  /// Sums over some triangles, by areas(), which are doubled.
   struct Patch {
     Eigen::RowVector3d normal = Eigen::RowVector3d::Zero();  ///< Σ area n
     double area = 0;                                         ///< Σ area
@@ -46,7 +46,7 @@ class PosedSurface {
  private:
   Mesh mesh_;
   Fans fans_;
-  Rows planes_;  // n, and −nᵀ a
+  Rows planes_;  // of each triangle: n and −nᵀ a
   Eigen::VectorXd areas_;
 };
 

@@ -7,7 +7,9 @@ namespace dd {
 
 namespace {
 
-constexpr double kUpright = 0.7;  // cosine: beyond its rim a garment is over nothing
+// Least cosine, up or down, between a vertex' normal and the way to its closest point: vertices
+// beyond the garment's rim aren't probes.
+constexpr double kUpright = 0.7;
 
 }  // namespace
 

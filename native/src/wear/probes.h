@@ -8,27 +8,28 @@
 
 namespace dd {
 
-/// How high a target is over the vertices of a surface that deforms, each under the point of the
-/// target that it was under at rest: what rises between a garment's vertices is seen by this.
+/// Heights of a target over vertices of a deforming surface, each over the same point of the target
+/// as at rest. They show where the surface rises between a garment's vertices.
 class Probes {
  public:
-  /// Vertices of the surface that are under the target, or over it, within reach. surface: at
-  /// rest; outlives this. tree: over it.
+  /// Probes are the vertices of the surface with a closest point of the target within reach, in
+  /// about the direction of their normal or against it. surface: at rest; outlives this. tree: over
+  /// it.
   Probes(const PosedSurface& surface, const AabbTree& tree, const Mesh& target, double reach,
          ThreadPool& pool);
 
-  /// To be called when the surface has taken a pose.
+  /// Updates the directions; to be called when the surface has taken a pose.
   void look(ThreadPool& pool);
 
   int count() const { return static_cast<int>(probes_.size()); }
   double height(int probe, const Positions& target) const;
-  /// The surface's normal there.
+  /// The surface's unit normal at a probe's vertex.
   Eigen::Vector3d direction(int probe) const { return directions_.row(probe).transpose(); }
-  /// How much the surface still faces outwards there.
+  /// See FarSides::outwardness().
   double outwardness(int probe) const { return far_sides_->outwardness(probe, about(probe)); }
 
-  /// The least shifts of the target's vertices that raise it by 1 over a probe: so far each of
-  /// them.
+  /// The shift of a target vertex that, with those of its triangle's other corners, raises the
+  /// target by 1 over a probe. Of least norm: λ_k / Σ λ², λ the barycentric weights.
   struct Part {
     int probe;
     double shift;
@@ -56,7 +57,7 @@ class Probes {
   const PosedSurface& surface_;
   Triangles target_;
   std::vector<Probe> probes_;
-  std::vector<int> begin_;  // of each vertex of the target
+  std::vector<int> begin_;  // parts of target vertex v: begin_[v] to begin_[v + 1]
   std::vector<Part> parts_;
   Positions directions_;
   std::unique_ptr<FarSides> far_sides_;

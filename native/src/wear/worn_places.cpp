@@ -15,9 +15,11 @@ namespace dd {
 namespace {
 
 // Lengths as fractions of the diagonal of the target's box.
-constexpr double kLoose = 0.05;   // δ: farther from the body, the weight of a vertex falls as d⁻²
-constexpr double kProbed = 0.1;   // the farthest that a probe looks for the body
-constexpr double kThick = 0.02;   // the largest distance between two layers of a garment
+constexpr double kLoose = 0.05;  // δ: farther from the body, the weight of a vertex falls as d⁻²
+constexpr double kProbed = 0.1;  // the farthest that a probe looks for the garment
+// The largest distance between two layers of a garment. Bounds their search, which would take five
+// times as long if it went as far as the body.
+constexpr double kThick = 0.02;
 constexpr double kSlight = 1e-4;  // a shift of this length has half the weight of a long one
 
 // A point may lose this fraction of its distance at rest to the body, or to the layer below.
@@ -79,7 +81,7 @@ void WornPlaces::prepare_outside(const NearestPoints& points, double gap) {
   const AabbTree tree(body_->mesh());
   outside_ = std::make_unique<Outside>(*body_, tree, seeds, pool_);
   probes_ = std::make_unique<Probes>(*body_, tree, target_, kProbed * unit_, pool_);
-  Positions arms = Positions::Zero(target_.vertex_count(), 3);  // what is pinned isn't moved
+  Positions arms = Positions::Zero(target_.vertex_count(), 3);  // zero for pinned vertices
   for (int r = 0; r < region_.free_count(); ++r) arms.row(region_.free[size_t(r)]) = arms_.row(r);
   layers_ = std::make_unique<Layers>(target_, arms, kThick * unit_, pool_);
   for (int v = 0; v < target_.vertex_count(); ++v)
@@ -122,7 +124,7 @@ bool WornPlaces::look(const Positions& result, const Positions& upwards, Shifts&
     for (Index v = begin; v < end; ++v) {
       const Eigen::Vector3d place = result.row(v).transpose();
       double& spare = shifts.spare[size_t(v)];
-      // Twice: f grows by hardly more than the way.
+      // Twice, for safety: f changes by hardly more than the vertex moves.
       if (spare > 0 && 2 * (place - shifts.seen.row(v).transpose()).norm() < spare) continue;
       shifts.seen.row(v) = place.transpose();
       Outside::Level level = {0, Eigen::Vector3d::Zero()};

@@ -16,9 +16,9 @@
 
 namespace dd {
 
-/// Beyond the paper: a garment stays where it was on a body, and outside of it. With b_i the point
+/// Beyond the paper: keeps a garment in its place on a body, and outside of it. With b_i the point
 /// of the source that vertex p_i of the target lies over, A the placement, and S_i the mean
-/// gradient about the vertex, it is to be at
+/// gradient around the vertex, its goal is
 ///
 ///   g_i = A(b'_i) + S_i (p_i − A(b_i)).
 ///
@@ -26,45 +26,48 @@ namespace dd {
 ///
 ///   (ℓ² L + W) Δ = W (g − p'),   W = D / (1 + |p − A(b)|² / δ²),   D: masses,
 ///
-/// so that what lies close keeps its place and what hangs loosely goes as the gradients make it.
-/// Then vertices that have come nearer to the source than a gap, and by a quarter nearer than they
-/// were at rest, are moved out (Outside), and so is what the source's own vertices have come as
-/// near to (Probes): smoothly first, then each by itself. What lies over another part of the
-/// garment (Layers) is kept as far from that. All of it is continuous in the pose, and none where
-/// the source moves rigidly. Where the source folds up and goes through itself, which has no
-/// outside, it fades away (FarSides).
+/// so that vertices close to the body keep their places and loose ones follow the gradients. Then
+/// vertices are moved out (Outside) that have come nearer to the source than a gap, and than three
+/// quarters of their distance at rest. So are triangles to which the source's own vertices have
+/// come as near (Probes). These corrections are smooth in the first rounds and by vertex in the
+/// last ones. Vertices over another layer of the garment (Layers) keep three quarters of their
+/// distance from it. All corrections are continuous in the pose, and zero where the source moves
+/// rigidly. Where the source folds through itself, which leaves no outside, they fade out
+/// (FarSides).
 class WornPlaces : public PlaceCorrection {
  public:
-  /// region: of the target, of which the free vertices move. gap: of the box; negative: it isn't
-  /// kept outside. All must outlive this.
+  /// region: of the target; its free vertices move. gap: as a fraction of the diagonal of the
+  /// target's box; negative: the garment isn't kept outside. All must outlive this.
   WornPlaces(const Mesh& source, const Mesh& target, const UnitBox& box, const Region& region,
              const NearestPoints& points, const Similarity& placement,
              const SourceGradients& gradients, double gap, Precision precision, ThreadPool& pool,
              const Progress& progress = {});
 
-  /// pose: S', whose gradients were taken. result: T' as they make it; moved.
+  /// pose: S', whose gradients SourceGradients has taken. result: T' by these, in; corrected, out.
   void correct(const Positions& pose, Positions& result) override;
 
-  /// Vertices that are through the source at rest, where that is looked at.
+  /// Vertices that are on the wrong side of the source at rest; none without a gap.
   const std::vector<int>& through() const { return through_; }
 
  private:
   RowMatrix smooth(const RowMatrix& values) const;
   void prepare_outside(const NearestPoints& points, double gap);
-  /// How far vertices, what is over probes, and then layers, is to be moved along which direction.
+  /// The shifts that vertices, then probes and then layers need.
   struct Shifts {
-    Rows rows;  // direction and length
-    /// Where vertices were looked at, and how much higher they were than they must be; 0: not yet.
+    Rows rows;  // unit direction, length
+    /// For each vertex, its position when its height was last computed, and by how much that
+    /// exceeded the least one; 0: not computed yet.
     Positions seen;
     std::vector<double> spare;
   };
-  /// Vertices that have come near since they were seen are looked at again. Returns whether
-  /// anything is to be moved.
+  /// Computes the shifts, of vertices only if they have moved by half of what they had to spare.
+  /// Returns whether anything needs to be moved. upwards: directions_of_layers().
   bool look(const Positions& result, const Positions& upwards, Shifts& shifts) const;
-  /// Of each layer the direction from what lies below it in the pose.
+  /// For each layer, the unit vector to its vertex from the point below, turned by the pose's
+  /// gradients.
   Positions directions_of_layers() const;
-  /// Of the shifts of each free vertex, its own and those for probes and layers, the mean, in
-  /// which the longest have most of a say; and the mean of their lengths.
+  /// For each free vertex, the mean of its own shift and those for probes and layers, and of their
+  /// lengths, both weighted by the squared length.
   Rows gathered(const Shifts& shifts) const;
   void move_out(Positions& result) const;
 
@@ -75,17 +78,17 @@ class WornPlaces : public PlaceCorrection {
   ThreadPool& pool_;
   Fans fans_;
   SourcePoints points_;
-  double unit_;           // the target's box
+  double unit_;           // diagonal of the target's box
   Positions arms_;        // p_i − A(b_i), of each row
   Eigen::VectorXd held_;  // W
   std::unique_ptr<SparseCholesky> factor_;
 
-  std::unique_ptr<PosedSurface> body_;  // null: it may go through
+  std::unique_ptr<PosedSurface> body_;  // null: the garment isn't kept outside
   std::unique_ptr<Outside> outside_;    // of the vertices
   std::unique_ptr<Probes> probes_;
   std::unique_ptr<Layers> layers_;
-  double side_ = 1;            // on which most of it is: −1 inside
-  std::vector<double> least_;  // height that each, then over each probe, it must have
+  double side_ = 1;            // of the body on which most of the garment is; −1: inside
+  std::vector<double> least_;  // least side × height of each vertex, then of each probe
   std::vector<int> through_;
 };
 

@@ -10,16 +10,26 @@ namespace dd {
 
 namespace {
 
-constexpr double kToGuess = 3e-2;     // κ
-constexpr double kBeyond = 9;         // μ
-constexpr double kLeastSize = 1e-9;   // of the surface's area: what D_i is at least
-constexpr double kIrrelevant = 1e-6;  // of D_i: what handles tell of an example at least
-constexpr int kMostSteps = 10;
-// Newton's error after such a step is far smaller; damped it is as large.
+// κ and μ: weights of the pull towards the guess and of the penalty on overshoot, both relative to
+// D_i. Tuned together with native/bench/posing: tripled from 1e-2 and 3, so that the surface leaps
+// less between weights that fit alike.
+constexpr double kToGuess = 3e-2;
+constexpr double kBeyond = 9;
+// Lower bound of D_i as a fraction of the surface's area: D_i of an example equal to rest is a
+// divisor.
+constexpr double kLeastSize = 1e-9;
+// Fraction of D_i added to the divisors c_i and E_i of the guess: examples that don't move the
+// handles have c_i = 0, those that fit exactly E_i = 0.
+constexpr double kIrrelevant = 1e-6;
+constexpr int kMostSteps = 10;  // Newton takes 3 to 8 with ten examples
+// Largest change of a weight in the last step: after an undamped Newton step of this length the
+// error is far smaller, after a damped one it is of the same size.
 constexpr double kLastStep = 1e-2, kLastDampedStep = 1e-3;
+// Damping, a multiple of diag(D_i) added to the Hessian: less than the first counts as undamped,
+// beyond the second the search ends with its current weights.
 constexpr double kLeastDamping = 1e-4, kMostDamping = 1e6;
 
-/// How far a weight is out of 0 to 1, with its sign.
+/// o(w): the signed distance of w from [0, 1].
 double beyond(double w) { return w - std::clamp(w, 0.0, 1.0); }
 
 /// The energy's second sum, s Σ_i D_i (κ (w_i − g_i)² + μ o(w_i)⁴).
@@ -33,7 +43,7 @@ struct Restraint {
                          kBeyond * std::pow(beyond(weights[i]), 4));
     return sum;
   }
-  /// Half its derivatives.
+  /// Adds half of its derivatives.
   void add_to(Eigen::MatrixXd& hessian, Eigen::VectorXd& gradient,
               const Eigen::VectorXd& weights) const {
     for (Index i = 0; i < weights.size(); ++i) {
@@ -129,10 +139,10 @@ Eigen::VectorXd ExampleFit<Real>::find(const Rows& offsets, bool rotation_only, 
   };
   double energy = try_out(limits.within(restraint.guess));
 
-  // In units in which all examples are of one size.
+  // Weights are scaled by √D_i, so that damping affects examples of any size alike.
   const Eigen::VectorXd units = at.sizes.cwiseSqrt().cwiseInverse();
   const auto unit = units.asDiagonal();
-  // What rounding may add to an energy that falls.
+  // Relative increase of the energy that is put down to rounding.
   const double rounding = sizeof(Real) == sizeof(float) ? 1e-6 : 1e-12;
   double damping = 0;
   Eigen::MatrixXd hessian;

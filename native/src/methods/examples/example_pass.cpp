@@ -11,8 +11,8 @@ namespace dd {
 
 namespace {
 
-constexpr int kMostChunks = 64;
-constexpr int kLeastChunk = 8;  // blocks that are worth a task
+constexpr int kMostChunks = 64;  // limit on chunks, and so on the threads that share a pass
+constexpr int kLeastChunk = 8;   // blocks in a chunk: fewer aren't worth a task
 
 }  // namespace
 
@@ -57,7 +57,7 @@ ExamplePass<Real>::ExamplePass(const ExampleSurface& of, const PoissonSystem& po
       ExampleChange<Real>& change = changes_[size_t(b) * size_t(example_count_) + size_t(i)];
       const Eigen::Vector3d turn = of.turns.at(i, j);
       for (int k = 0; k < 3; ++k) change.turn[k][lane] = static_cast<Real>(turn[k]);
-      // Whatever the turn, what it leaves of the example's own gradient.
+      // Exact for any chosen turn, though its exponential may not be the polar rotation.
       put(change.stretch, rotation_by(-turn) * in_plane(of.examples[size_t(i)]) - rest);
     }
   });

@@ -9,42 +9,43 @@
 
 namespace dd {
 
-/// The passes over triangles that posing by example is made of, in blocks of kLanes triangles.
+/// The passes over triangles of posing by example, in blocks of kLanes triangles.
 ///
-/// Only what a 3×3 matrix T does within its triangle's plane matters, so gradients are 3×2 here, in
-/// units that make sums of squares areas. With three numbers a triangle, from its cotangents,
-/// g_0 = (a, 0), g_1 = (b, 1/(2a)), g_2 = −g_0 − g_1: g_k · g_l is the triangle's part of L, the
-/// gradient of positions x is x_0 g_0ᵀ + x_1 g_1ᵀ + x_2 g_2ᵀ with A_j ‖G_j(x)‖² its square, and the
-/// divergence of a gradient X at corner k is X g_k. That is the flux of corner_divergence(), safe
-/// for triangles without area in the same way. All are differences from the rest: a surface at rest
-/// gives exact zeros.
+/// A 3×3 gradient T matters only within its triangle's plane, so it is stored as 3×2, scaled by
+/// √A_j so that sums of squares are areas. Each triangle has three 2-vectors, from its cotangents:
+/// g_0 = (a, 0), g_1 = (b, 1/(2a)), g_2 = −g_0 − g_1. Then g_k · g_l is the triangle's entry of L.
+/// The gradient of positions x is x_0 g_0ᵀ + x_1 g_1ᵀ + x_2 g_2ᵀ, with the squared norm A_j
+/// ‖G_j(x)‖². The divergence of a gradient X at corner k is X g_k, the flux of corner_divergence();
+/// it is finite for triangles without area, too. All gradients are differences from rest, so a
+/// surface at rest gives exact zeros.
 template <class Real>
 class ExamplePass {
  public:
-  /// poisson: the system whose active triangles, rows and targets the passes work on; kept.
+  /// poisson: defines the active triangles, rows and targets of the passes; must outlive this.
   ExamplePass(const ExampleSurface& of, const PoissonSystem& poisson);
 
   int example_count() const { return example_count_; }
 
-  /// Takes the pose with these weights, (T_j − I) of each triangle of a section, and adds its
-  /// divergence to rows, as PoissonSystem::solve() asks.
+  /// Computes and stores the pose of these weights, (T_j − I) of the section's triangles, and adds
+  /// its divergence to rows, for PoissonSystem::solve(). The functions below refer to this pose.
   void pose(int section, const Eigen::VectorXd& weights, bool rotation_only, double* rows);
 
-  /// Sum of squares of the pose taken: how far it is from the rest, as an area.
+  /// Squared norm of the pose, Σ A_j ‖T_j − I‖² in the triangles' planes: its difference from rest,
+  /// an area.
   double size() const;
 
-  /// The misfit (T_j − I) − G_j(offsets), kept, and its sum of squares. offsets: all rows.
+  /// Stores the residual (T_j − I) − G_j(offsets) and returns its squared norm. offsets: all rows.
   double misfit(const Rows& offsets);
-  /// The divergence of the misfit by row, n×4.
+  /// The divergence of the residual, n×4, by row.
   Rows misfit_divergence(int row_count);
 
-  /// Room for the derivatives, before the first slope().
+  /// Allocates the derivatives. Must precede the first slope().
   void make_room() { slopes_.resize(changes_.size()); }
-  /// Takes the pose's derivative by the weight of an example and adds its divergence to rows.
+  /// Stores the pose's derivative J_i by an example's weight and adds its divergence to rows.
   void slope(int example, int section, double* rows);
-  /// Half the energy's second and first derivatives by the weights. followed: of each example the
-  /// solution for its slope's divergence, all rows; G_j of it is taken from the slope, and what
-  /// remains is the part of it that no positions can follow.
+  /// Half the second and first derivatives of the squared norm of the residual by the weights.
+  /// followed: for each example L⁻¹ div J_i, all rows; its gradient is subtracted from the stored
+  /// J_i, which leaves Ĵ_i.
   void second_order(const std::vector<Rows>& followed, Eigen::MatrixXd& hessian,
                     Eigen::VectorXd& gradient);
 
@@ -52,8 +53,8 @@ class ExamplePass {
 
  private:
   ExampleView<Real> view();
-  /// Calls body(begin, end, chunk) for chunks of blocks whose number depends on the mesh alone, so
-  /// that sums do not depend on the threads.
+  /// Calls body(begin, end, chunk) for chunks of blocks. Their number depends on the mesh alone, so
+  /// that sums over chunks don't depend on the number of threads.
   template <class Body>
   void by_chunks(const Body& body) const;
   int chunk_count() const;

@@ -7,23 +7,24 @@
 
 namespace dd {
 
-/// Components that nothing holds, posed by weights. Gradients leave their translation open; it is
-/// chosen so that the component's area-weighted centre goes where the examples take it,
+/// Places components without constrained vertices in a pose of examples. Gradients leave their
+/// translation open; it is chosen so that the component's area-weighted centroid is
 ///
-///   c' = c + Σ_i w_i (c_i − c)
+///   c' = c + Σ_i w_i (c_i − c),   c_i the centroid in example i
 class ExamplePlaces {
  public:
-  /// region, order: of the system that is solved; grounds tell the components.
+  /// region, order: of the system that is solved. Without region.grounds there are no such
+  /// components.
   ExamplePlaces(const ExampleSurface& of, const Region& region, const RowOrder& order);
 
-  /// offsets: the displacement of S in that order, shifted as a whole in each such component.
+  /// offsets: the displacement of S in that order; each such component is translated.
   void place(const Eigen::VectorXd& weights, Rows& offsets) const;
 
  private:
   struct Placed {
     std::vector<int> rows;
-    std::vector<double> areas;  // of each row's vertex, as parts of 1
-    Positions shifts;           // c_i − c, by example
+    std::vector<double> areas;  // of each row's vertex, normalized to sum 1
+    Positions shifts;           // c_i − c, a row for each example
   };
   std::vector<Placed> components_;
 };

@@ -8,9 +8,9 @@
 
 namespace dd {
 
-/// A surface and what it is posed by: S, or a coarse one in its place.
+/// A surface with its examples and their rotations: S, or a coarse surface in its place.
 struct ExampleSurface {
-  /// its_surface must outlive it. its_examples: poses of its vertices, n×3 each.
+  /// its_surface must outlive this. its_examples: poses of its vertices, n×3 each.
   ExampleSurface(const FactoredSurface& its_surface, std::vector<Positions> its_examples)
       : surface(its_surface), examples(std::move(its_examples)), turns(surface, examples) {}
 

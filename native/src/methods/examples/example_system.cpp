@@ -62,7 +62,8 @@ void ExampleSystem<Real>::make_means() {
     placed_by[told_rows_[i]] = h;
   }
 
-  // Components that float: a means' force must not push them as a whole, and a shift is free.
+  // A component that only means hold is floating: L is singular there. Its translation is a further
+  // unknown, with the equation that the forces on it sum to zero.
   const Components parts(surface_.mesh.triangles, surface_.mesh.vertex_count());
   std::map<int, int> floating;
   for (int v : region_.grounds)
@@ -77,7 +78,7 @@ void ExampleSystem<Real>::make_means() {
     if (found != floating.end()) responses_(row, found->second) = 1;
   }
 
-  // Each vertex's force is put where the first section that has it takes it.
+  // Each vertex' force is added once, by the first section with an active triangle at the vertex.
   struct Push {
     int target, handle;
   };
@@ -146,7 +147,7 @@ Rows ExampleSystem<Real>::forces() const {
 template <class Real>
 void ExampleSystem<Real>::give(const Eigen::VectorXd& weights, Rows& offsets) {
   places_->place(weights, offsets_);
-  // Where it floats, a placed mean is told to the component as a whole once more.
+  // ExamplePlaces moved the floating components, so their means are prescribed once more.
   if (!placed_.empty()) place_means(told_);
   const RowOrder& order = surface_.order();
   for (int r = 0; r < order.fixed_begin; ++r)

@@ -10,51 +10,52 @@
 
 namespace dd {
 
-/// What becomes of a handle's vertices: moved by it, free with their mean placed by it, or free.
+/// How a handle constrains its vertices: all positions, only their mean position, or not at all.
 enum class HandleHold { whole, mean, none };
 
-/// The Poisson system that poses are solved in. Where no handle is let go it is the one that all
-/// methods share, else one of its own. A handle's mean is placed by forces λ that its vertices
-/// share out evenly:
+/// The Poisson system for the positions of a pose. If all handles are HandleHold::whole, it is the
+/// one that all methods share, else a system of its own in which the vertices of other handles are
+/// free. The mean m_h of a handle is prescribed with Lagrange multipliers λ_h:
 ///
-///   L p' = div(G Tᵀ) + Σ_h a_h λ_h,   a_hᵀ p' = the mean told,   a_h = 1/n at its n vertices
+///   L p' = div(G Tᵀ) + Σ_h a_h λ_h,   a_hᵀ p' = m_h,   a_h = 1/n at the handle's n vertices
 template <class Real>
 class ExampleSystem {
  public:
-  /// of: outlives it. hold: of each handle.
+  /// of must outlive this. hold: for each handle.
   ExampleSystem(const ExampleSurface& of, std::vector<HandleHold> hold);
 
   const std::vector<HandleHold>& hold() const { return hold_; }
   ExamplePass<Real>& pass() { return *pass_; }
   const ExamplePass<Real>& pass() const { return *pass_; }
 
-  /// The handles' displacements, of all rows in the surface's order, which are met from then on.
+  /// Sets the displacements of the handles' vertices. offsets: all rows, in the surface's order.
   void take_handles(const Rows& offsets);
-  /// 4 numbers for each handle's vertex, in order.
+  /// These displacements, a row for each of Region::handle_vertices.
   const Rows& told() const { return told_; }
 
-  /// Solves by the sections' divergences, as PoissonSystem::solve(): all rows, in its own order.
+  /// Solves for the displacement; add as for PoissonSystem::solve(). Returns all rows, in the order
+  /// of this system. Valid until the next solve.
   template <class Add>
   const Rows& solve(const Add& add) {
     return solve(add, told_);
   }
-  /// The same with all of its handles at rest.
+  /// The same with all handles at rest.
   template <class Add>
   const Rows& solve_at_rest(const Add& add) {
     return solve(add, at_rest_);
   }
-  /// By the misfit of the pass, the force at each handle's vertex, as told() has them.
+  /// The divergence of the pass's residual at the handles' vertices, rows as told().
   Rows forces() const;
 
-  /// Parts that nothing holds go where the examples' weights take them; then what was solved is put
-  /// into the rows of offsets that are free or a handle's, in the surface's order.
+  /// Places components without constrained vertices (ExamplePlaces) and copies the solution to the
+  /// rows of free and handle vertices of offsets, in the surface's order.
   void give(const Eigen::VectorXd& weights, Rows& offsets);
 
   double bytes() const;
 
  private:
   struct Placed {
-    std::vector<int> rows, told;  // of its vertices: in its order, and in told_
+    std::vector<int> rows, told;  // of the handle's vertices: rows in own order, rows in told_
   };
   void make_means();
   void place_means(const Rows& told);
@@ -68,15 +69,15 @@ class ExampleSystem {
 
   const FactoredSurface& surface_;
   std::vector<HandleHold> hold_;
-  Region region_;  // of a system of its own
+  Region region_;  // of own_
   std::unique_ptr<PoissonSystem> own_;
   PoissonSystem* poisson_;
   std::unique_ptr<ExamplePass<Real>> pass_;
   std::unique_ptr<ExamplePlaces> places_;
-  std::vector<int> told_rows_;  // of the handles' vertices
+  std::vector<int> told_rows_;  // row in own order of each of Region::handle_vertices
   Rows told_, at_rest_, offsets_, nothing_;
   std::vector<Placed> placed_;
-  RowMatrix responses_;  // y_h of L y = a_h, then 1 on each component that floats
+  RowMatrix responses_;  // columns: y_h with L y_h = a_h, then for each floating component 1 on it
   Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> means_;
 };
 

@@ -17,9 +17,11 @@ namespace dd {
 
 namespace {
 
-constexpr double kMostSwing = 0.5;  // radians
+// Radians. A smaller swing beside a twist beyond 180° is put down to shear and dropped; a larger
+// one belongs to the rotation.
+constexpr double kMostSwing = 0.5;
 
-/// The chosen triangles and, for each vertex, which of them are about it.
+/// The chosen triangles, and which of them surround each vertex.
 struct Patch {
   Patch(const Triangles& t, std::vector<int> chosen, const Region& region)
       : triangles(std::move(chosen)),
@@ -42,7 +44,7 @@ struct Patch {
   std::vector<char> at_fixed;  // whether a triangle has a fixed corner
 };
 
-/// The rotation vector that goes on from the neighbour's.
+/// The rotation vector of this rotation that is continuous with the neighbour's.
 Eigen::Vector3d continued(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& neighbour) {
   const double length = neighbour.norm();
   if (length > kPi) {
@@ -60,7 +62,8 @@ Positions continuous_logarithms(const Rows& rotations, const Patch& patch) {
   const int count = static_cast<int>(patch.triangles.size());
   Positions turns(count, 3);
   std::vector<char> done(static_cast<size_t>(count), 0);
-  // How unlike the two triangles turn, the one ahead, the one behind.
+  // Priority (1 − |cos| of half the angle between the rotations, + 2 across a single vertex),
+  // triangle, neighbour that it continues from.
   using Step = std::tuple<double, int, int>;
   std::priority_queue<Step, std::vector<Step>, std::greater<Step>> ahead;
   const auto settle = [&](int i, const Eigen::Vector3d& turn) {

@@ -7,24 +7,24 @@
 
 namespace dd {
 
-/// How each example turns each triangle: r_ij = log R_ij, R_ij the rotation of S_ij (15) from S at
-/// rest to the example. A triangle without area, at rest or there, takes the rotation of the one
-/// that stands in for it.
+/// The rotation of each triangle in each example as a rotation vector r_ij = log R_ij, R_ij the
+/// rotation of S_ij (15) from S at rest to example i. A triangle without area, at rest or in the
+/// example, takes the rotation of its stand-in.
 ///
-/// A rotation has many logarithms, which differ by whole turns. They are chosen to be continuous
-/// over the surface, so that a limb may turn by more than half a turn along its length. The choice
-/// begins, in each component, at the triangle that turns least; where there are triangles beside
-/// fixed vertices it is one of these, because another may be back from a whole turn. From there it
-/// spreads to neighbours, first across the edges whose two triangles turn most alike, and across
-/// single vertices only where no edge leads on. Breadth first would do where an example is smooth;
-/// this order leaves what is creased or folded to the end, where it can't lead others astray.
+/// The logarithm of a rotation is unique only up to whole turns. It is chosen to be continuous over
+/// the surface, so that a limb may turn by more than 180° along its length. Each component starts
+/// at the triangle that turns least. If some have a fixed corner, it is one of these, as others may
+/// have made a whole turn back to the identity. The choice propagates to neighbours by a priority
+/// queue: across edges first, those with the most similar rotations first, and across single
+/// vertices only where no edge remains. So creased and folded places come last and can't mislead
+/// others.
 ///
-/// Beyond half a turn the logarithm exaggerates: towards a whole one the least tilt of a rotation,
-/// as a shear gives, turns its axis over. There only the turn about the neighbour's axis is taken,
-/// and the tilt left out where it is less than half a radian.
+/// From 180° on the logarithm is ill-conditioned: near 360° a small tilt of the rotation, as from
+/// shear, flips its axis. There only the twist about the neighbour's axis is taken, and the swing
+/// is dropped if it is less than half a radian.
 class ExampleTurns {
  public:
-  /// Of the triangles with a corner that isn't fixed. examples: n×3 each.
+  /// For the triangles with a corner that isn't fixed. examples: n×3 each.
   ExampleTurns(const FactoredSurface& surface, const std::vector<Positions>& examples);
 
   Eigen::Vector3d at(int example, int triangle) const {
@@ -33,8 +33,8 @@ class ExampleTurns {
   double bytes() const;
 
  private:
-  std::vector<int> place_;        // of each triangle; -1: not among them
-  std::vector<Positions> turns_;  // by example
+  std::vector<int> place_;        // row in turns_ of each triangle; -1: all corners are fixed
+  std::vector<Positions> turns_;  // r_ij, for each example
 };
 
 }  // namespace dd

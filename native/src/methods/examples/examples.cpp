@@ -12,8 +12,12 @@ namespace dd {
 
 namespace {
 
-constexpr int kFewest = 2000;      // free vertices: with fewer a fit takes no time either
-constexpr double kSpacing = 0.03;  // of the coarse surface's vertices, in shares of the surface
+// Number of free vertices from which weights are fitted on a coarse surface: with fewer the fit on
+// S is quick.
+constexpr int kFewest = 2000;
+// Distance of the coarse surface's vertices, as a fraction of √(area of the active triangles).
+// Larger is faster, but resolves less of the examples.
+constexpr double kSpacing = 0.03;
 
 }  // namespace
 
@@ -53,10 +57,10 @@ void Examples<Real>::update(const Frame& frame, const MethodOptions& options) {
           [&](const Eigen::RowVector3d& place) { return stance.take_back(place); });
   const bool all_whole =
       std::all_of(hold.begin(), hold.end(), [](HandleHold h) { return h == HandleHold::whole; });
-  // The coarse surface hasn't all vertices of a handle, whose mean is told.
+  // The coarse surface lacks some vertices of a handle, so their mean can't be prescribed there.
   const bool coarsely = coarse_ && all_whole;
   if (!fit_ || fit_->hold() != hold) {
-    fit_ = nullptr;  // before its memory is needed again
+    fit_ = nullptr;  // frees its memory first
     fit_ = std::make_unique<ExampleFit<Real>>(coarsely ? *coarse_examples_ : fine_, hold);
   }
   if (coarsely) coarse_->restrict(offsets, coarse_offsets_);
@@ -141,7 +145,7 @@ void Examples<Real>::show(const std::vector<double>& weights, const MethodOption
                   Remedy::call);
   weights_ = given;
   let_go(options.rotation_only, offsets);
-  // Stances are mixed as their turns and their centres are.
+  // Stances are blended linearly, by rotation vectors and centres.
   Stance stance;
   Eigen::Vector3d turn = Eigen::Vector3d::Zero();
   for (size_t i = 0; i < weights.size(); ++i) {

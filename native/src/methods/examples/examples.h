@@ -11,34 +11,39 @@
 
 namespace dd {
 
-/// The method in the precision of the Poisson system.
+/// Creates the method in the precision of the Poisson system.
 std::unique_ptr<Method> make_examples(BoundSurface& bound);
 
-/// Posing by example, or mesh-based inverse kinematics (Sumner, Zwicker, Gotsman, Popović 2005), on
-/// the paper's formulation for surfaces (§5) in place of that with fourth points. Examples p_i of S
-/// span the deformation gradients: with S_ij from S to example i by (15), S_ij = R_ij U_ij,
+/// Posing by example, or mesh-based inverse kinematics (Sumner, Zwicker, Gotsman, Popović 2005),
+/// with the paper's formulation for surfaces (§5) in place of fourth points. Examples p_i of S span
+/// the deformation gradients: with S_ij from S to example i by (15), S_ij = R_ij U_ij,
 ///
 ///   T_j(w) = exp(Σ_i w_i log R_ij) · (I + Σ_i w_i (U_ij − I))
 ///
-/// and the pose is the one nearest to what the handles ask for, over the free p' and w at once,
+/// The weights w and the free positions p' minimize, with the handles' vertices given,
 ///
 ///   E(w, p') = Σ_j A_j ‖G_j(p') − G_j(p) T_j(w)ᵀ‖² + s Σ_i D_i (κ (w_i − g_i)² + μ o(w_i)⁴)
 ///
-/// (ExampleFit). Where nothing is fixed, all of it is relative to how the handles stand together
-/// (Stances). Weights need no dense surface: where more than some 2,000 vertices are free they are
-/// fitted on a coarse one.
+/// (ExampleFit explains the second sum). If no fixed vertex is adjacent to a free one, all of it is
+/// relative to the joint rigid motion of the handles (Stances). With 2,000 free vertices or more
+/// and no free handle, the weights are fitted on a coarse surface if CoarseSurface::make() gives
+/// one.
 ///
-/// With iterations of Refined, that pose q with all handles let go is what S is for detail
-/// transfer: what the handles ask for beyond it, first as smooth as the base's functions
-/// (HandleResidual), turns the pose's gradients, L p' = div(T_jᵀ R_jᵀ), R_j refined from q to S'
-/// (Refinement::find_from()). Without, the handles are met as the energy has it.
+/// With Refined::iterations > 0 the handles' motion beyond the examples deforms the pose as detail
+/// transfer deforms S. q is the pose of w with all handle vertices free. HandleResidual extends the
+/// handles' differences from q by the base's functions. Then L p' = div(T_jᵀ R_jᵀ), with rotations
+/// R_j refined from q to S' (Refinement::find_from()). Without iterations p' minimizes E for these
+/// weights.
 ///
-/// - rotation_only leaves U_ij out: limbs bend, nothing swells; examples that swell are not met.
-/// - Weights given, the handles are let go: their vertices are free in a system of its own, and
-///   what then floats is placed by ExamplePlaces.
-/// - A handle that only places gives the mean of its vertices: how these turn, and what shape they
-///   have, is the examples' to say (ExampleSystem).
-/// Without examples, or with such as equal the rest, it is p' = L⁻¹ div(G) with handles.
+/// - rotation_only omits U_ij: limbs bend, but nothing swells, and examples that swell aren't
+///   reproduced.
+/// - If weights are given, the handles have no effect: their vertices are free in a system of its
+///   own, and ExamplePlaces places floating components.
+/// - A free handle prescribes the mean of its vertices. The examples give their rotation and shape
+///   (ExampleSystem).
+///
+/// Without examples, or if all equal the rest pose, p' = L⁻¹ div(G) with the handles as
+/// constraints.
 template <class Real>
 class Examples : public Method {
  public:
@@ -48,17 +53,19 @@ class Examples : public Method {
   double bytes() const override;
 
  private:
+  /// The pose of the given weights, without handles.
   void show(const std::vector<double>& weights, const MethodOptions& options, Rows& offsets);
-  /// The pose of the weights, with the handles where they are told, with their vertices let go, and
-  /// beyond it.
+  /// The pose of weights_ with the handles' vertices as constraints; with them free; and refined
+  /// towards the handles.
   void hold_pose(const MethodOptions& options, Rows& offsets);
   void let_go(bool rotation_only, Rows& offsets);
   void solve_for_pose(ExampleSystem<Real>& system, bool rotation_only) const;
   void go_beyond(const MethodOptions& options, Rows& offsets);
-  /// Moves the places of rows from first to the fixed ones, unless there is but one stance.
+  /// Applies move to the positions of rows from first up to the fixed ones. No effect if
+  /// Stances::fixed().
   template <class Move>
   void replace(int first, Rows& offsets, const Move& move) const;
-  /// Gives all rows but fixed ones the stance.
+  /// Applies the stance to all rows but fixed ones.
   void stand(const Stance& stance, Rows& offsets) const;
 
   BoundSurface& bound_;
@@ -66,9 +73,9 @@ class Examples : public Method {
   ExampleSurface fine_;
   std::unique_ptr<CoarseSurface> coarse_;
   std::unique_ptr<ExampleSurface> coarse_examples_;
-  Eigen::VectorXd weights_;  // of the last update
+  Eigen::VectorXd weights_;  // of the last update, found or given
   std::unique_ptr<ExampleFit<Real>> fit_;
-  std::unique_ptr<ExampleSystem<Real>> held_, let_go_;  // of the fine surface
+  std::unique_ptr<ExampleSystem<Real>> held_, let_go_;  // on the fine surface
   std::unique_ptr<HandleResidual> residual_;
   Reconstruction reconstruction_;
   Rows coarse_offsets_;

@@ -7,22 +7,22 @@
 
 namespace dd {
 
-/// What handles ask for beyond a pose of S, as smooth as the base's functions: for each handle the
-/// affine motion that takes its vertices nearest to where they are to be, spread by
-/// HandleExtension.
+/// Extends the difference between the handles and a pose of S smoothly over the surface. For each
+/// handle the affine motion that fits the differences of its vertices best (least squares) is
+/// extended by HandleExtension.
 class HandleResidual {
  public:
-  /// bound: with a base of its own, not one from outside; it must outlive this.
+  /// bound: must have a computed base, not one from outside, and must outlive this.
   explicit HandleResidual(const BoundSurface& bound);
 
-  /// posed: the displacement of all rows in BoundSurface::order(). offsets: in: the handles' rows,
-  /// out: the free ones, the pose's moved by the residual.
+  /// posed: displacement of the pose, all rows in BoundSurface::order(). offsets: in: rows of the
+  /// handles, out: the free rows, posed plus the extended difference.
   void spread(const Rows& posed, Rows& offsets) const;
 
  private:
   struct Handle {
     std::vector<int> rows;    // of its vertices
-    Eigen::MatrixXd inverse;  // 4×n: of their places about the handle's centre, and 1
+    Eigen::MatrixXd inverse;  // 4×n: pseudo-inverse of the matrix with the rows (x − o, 1)
   };
   const BoundSurface& bound_;
   std::vector<Handle> handles_;

@@ -7,8 +7,10 @@ namespace dd {
 
 namespace {
 
-// What a handle's own turn counts beside its place: that of its vertices about their mean, and that
-// of its matrix, by the square of a length in the box.
+// Weights of a handle's own rotation in the covariance matrix, beside 1 for the mean of its
+// vertices: kOfVertices for the vertices about their mean, kOfMatrix, a squared length in the unit
+// box, for its matrix. kOfMatrix only decides where positions leave the rotation open, as with
+// single vertices.
 constexpr double kOfVertices = 0.1, kOfMatrix = 1e-12;
 
 }  // namespace

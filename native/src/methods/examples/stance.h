@@ -7,16 +7,18 @@
 
 namespace dd {
 
-/// How all handles stand together: the rigid motion that takes them nearest to where they are from
-/// where they are at rest. Where nothing is fixed, examples know nothing of it: they are compared
-/// and mixed as they are without their own, so that whatever turns all handles turns the result and
-/// nothing else.
+/// The joint rigid motion of all handles: that which fits their motion from rest best (least
+/// squares). If no fixed vertex is adjacent to a free one, each example's own stance is removed
+/// before examples are compared and blended, and the result gets the stance of the handles. So a
+/// rigid motion of all handles moves the result by that motion.
 ///
-/// Handles count alike, by the means of their vertices; where these are in a line, or one, their
-/// own turns decide about the rest. It is continuous but where two rotations are as near.
+/// Each handle counts once, by the mean of its vertices. Where the means are collinear or coincide,
+/// the handles' own rotations decide the rest. The stance is continuous in the pose, except where
+/// two rotations fit equally well.
 struct Stance {
   Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  Eigen::RowVector3d from = Eigen::RowVector3d::Zero(), to = from;  ///< centres of all handles
+  /// Mean of the handles' means, at rest and in the pose.
+  Eigen::RowVector3d from = Eigen::RowVector3d::Zero(), to = from;
 
   Eigen::RowVector3d put(const Eigen::RowVector3d& place) const {
     return (place - from) * turn.transpose() + to;
@@ -26,19 +28,22 @@ struct Stance {
   }
 };
 
+/// The stances of the handles and of the examples of a bound surface.
 class Stances {
  public:
   explicit Stances(const BoundSurface& bound);
 
-  /// Whether anything free is fixed somewhere: then there is but one stance, that at rest.
+  /// Whether a fixed vertex shares a triangle with a free one, or there is no handle. Then all
+  /// stances are the identity.
   bool fixed() const { return fixed_; }
-  /// offsets: the displacement of the handles' rows, in BoundSurface::order(). linear: of each
-  /// handle's matrix. free: those whose vertices don't say how they turn; or none.
+  /// The stance of the handles. offsets: displacement of their rows, in BoundSurface::order().
+  /// linear: linear part of each handle's matrix. free: for each handle, whether its rotation is to
+  /// be ignored; or empty.
   Stance of(const Rows& offsets, const std::vector<Eigen::Matrix3d>& linear,
             const std::vector<char>& free) const;
-  /// The examples without their own, n×3 each.
+  /// The examples with their stances removed, n×3 each.
   std::vector<Positions> examples() const;
-  /// What these are.
+  /// The stance of each example.
   const std::vector<Stance>& of_examples() const { return of_examples_; }
   double bytes() const;
 
@@ -49,7 +54,7 @@ class Stances {
 
   const BoundSurface& bound_;
   bool fixed_;
-  std::vector<std::vector<int>> vertices_;  // of each handle
+  std::vector<std::vector<int>> vertices_;  // by handle
   std::vector<Stance> of_examples_;
 };
 

@@ -22,13 +22,14 @@ VectorXd limited_step(const Eigen::MatrixXd& H, const VectorXd& s, const VectorX
                       const VectorXd& most) {
   const Index count = s.size();
   VectorXd x = VectorXd::Zero(count);
-  // Those at a limit that are kept there: −1 at the least, 1 at the largest.
+  // The active set: −1 at the lower limit, 1 at the upper one, 0 inactive.
   std::vector<int> kept(static_cast<size_t>(count), 0);
   const auto keep = [&](Index i, int side) {
     kept[static_cast<size_t>(i)] = side;
     x[i] = side < 0 ? least[i] : most[i];
   };
-  // Each round ends nearer to the least or keeps one more; what more rounds would gain is rounding.
+  // Each round lowers the objective or adds a limit to the active set. The bound on rounds only
+  // ends cycling by rounding.
   for (Index round = 0; round < 10 * count + 10; ++round) {
     std::vector<Index> open;
     for (Index i = 0; i < count; ++i)

@@ -6,9 +6,9 @@
 
 namespace dd {
 
-/// The least and the largest weight that each example may have; 0 is among those it may.
+/// Lower and upper limit of each example's weight. The interval contains 0.
 struct WeightLimits {
-  /// pairs: both of each example, perhaps infinite; empty: none is limited.
+  /// pairs: lower and upper limit of each example, perhaps infinite; empty: no limits.
   WeightLimits(const std::vector<double>& pairs, Eigen::Index count);
 
   Eigen::VectorXd within(const Eigen::VectorXd& weights) const {
@@ -19,8 +19,9 @@ struct WeightLimits {
   bool any = false;
 };
 
-/// The step x with the least ½ xᵀHx + sᵀx and least ≤ x ≤ most, by active sets from x = 0, which is
-/// within these. H is positive definite, so that it is unique and a continuous function of all.
+/// The minimizer x of ½ xᵀHx + sᵀx subject to least ≤ x ≤ most, by an active-set method from x = 0,
+/// which must be feasible. H must be positive definite, so x is unique and continuous in all
+/// inputs.
 Eigen::VectorXd limited_step(const Eigen::MatrixXd& H, const Eigen::VectorXd& s,
                              const Eigen::VectorXd& least, const Eigen::VectorXd& most);
 

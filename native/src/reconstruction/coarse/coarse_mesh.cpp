@@ -12,9 +12,11 @@ namespace dd {
 
 namespace {
 
-constexpr double kGrowth = 0.5;  // of radii with the distance from what is constrained
+// Increase of the merge radius per distance from the nearest constrained vertex. Lower values grade
+// the coarse mesh more gently and keep more vertices.
+constexpr double kGrowth = 0.5;
 
-/// How far others may go to each vertex.
+/// The merge radius of each vertex, see contract().
 std::vector<double> radii_of(const Mesh& part, const Region& region, double spacing) {
   const auto n = static_cast<size_t>(part.vertex_count());
   std::vector<char> constrained(n, 0);
@@ -22,7 +24,7 @@ std::vector<double> radii_of(const Mesh& part, const Region& region, double spac
   const std::vector<double> distance = geodesic_distances(part, constrained, spacing / kGrowth);
   std::vector<double> radii(n, 0);
   for (int v : region.free) radii[v] = std::min(spacing, kGrowth * distance[v]);
-  // Triangles at rims stay as they are.
+  // Triangles with a constrained corner are kept.
   for (int j = 0; j < part.triangle_count(); ++j)
     for (int k = 0; k < 3; ++k)
       if (constrained[part.triangles(j, k)])
@@ -30,7 +32,8 @@ std::vector<double> radii_of(const Mesh& part, const Region& region, double spac
   return radii;
 }
 
-/// Weights of a point in a triangle, seen along its normal.
+/// Barycentric weights of a point projected to the plane of triangle j; -1e9 each where that has no
+/// area.
 Eigen::Vector3d weights_in(const Mesh& mesh, int j, const Eigen::RowVector3d& point) {
   const Positions& p = mesh.positions;
   const Triangles& t = mesh.triangles;
@@ -67,6 +70,7 @@ CoarseMesh::CoarseMesh(const Mesh& part, const Region& region, double spacing) {
 
 PointOnTriangle point_near(const Mesh& mesh, const Fans& fans, const Eigen::RowVector3d& point,
                            int vertex) {
+  // One-rings that are searched, the first of them around the given vertex.
   constexpr int kSteps = 3;
   PointOnTriangle best;
   double least = -1e8;

@@ -13,23 +13,24 @@ namespace dd {
 /// The triangles with a marked corner. marked: n.
 std::vector<int> triangles_with(const std::vector<char>& marked, const Triangles& triangles);
 
-/// Part of a mesh with fewer of its vertices. Constrained ones are all there, and towards them it
-/// is as fine as the mesh.
+/// A contraction of a part of a mesh. It keeps the part's constrained vertices, and towards them
+/// its density rises to the mesh's.
 struct CoarseMesh {
-  /// part: the mesh, with those of its triangles that matter. spacing: of the free vertices that
-  /// are left, in the mesh's units.
+  /// part: all vertices of the mesh, with the triangles to contract. spacing: distance of the free
+  /// vertices that are kept, in the mesh's units.
   CoarseMesh(const Mesh& part, const Region& region, double spacing);
 
   Mesh mesh;
-  std::vector<int> vertices;   ///< of the given mesh that its own are, ascending
-  std::vector<int> of_vertex;  ///< for each of the given mesh's the one it went to, or -1
+  std::vector<int> vertices;   ///< its vertices in the given mesh, ascending
+  std::vector<int> of_vertex;  ///< vertex of the given mesh → own vertex it was merged into, or -1
   std::vector<int> roles;
   int free_count = 0;
 };
 
-/// Where a point lies on a mesh: in the triangle around a vertex, or around a neighbour that is
-/// nearer, that has it inside, seen along the normal, or misses it the least. No triangle where all
-/// these are without area. fans: the mesh's.
+/// The point of a mesh nearest to a given one, approximately. Searches the triangles around vertex,
+/// and around up to two corners nearer to the point. Takes the one that contains the projection of
+/// the point or misses it least, with weights clamped to it. triangle is -1 where all of these have
+/// no area. fans: the mesh's.
 PointOnTriangle point_near(const Mesh& mesh, const Fans& fans, const Eigen::RowVector3d& point,
                            int vertex);
 

@@ -15,16 +15,23 @@ namespace dd {
 
 namespace {
 
-constexpr int kFewest = 10000;  // free vertices: with fewer a whole refinement takes no time either
-constexpr double kSpacing = 0.9;  // of the coarse surface's vertices, in lengths of the smoothing
-/// However long that is, the coarse surface has the shape of the surface: a share of its size.
+// Free vertices, below which refinement on the surface itself is fast enough.
+constexpr int kFewest = 10000;
+// Spacing of coarse vertices as a fraction of the smoothing length: a field that smooth needs no
+// more of them.
+constexpr double kSpacing = 0.9;
+/// Upper bound of the spacing as a fraction of FactoredSurface::active_size. Safety: the coarse
+/// surface keeps the shape of the surface however long the smoothing length is.
 constexpr double kWidest = 0.01;
 
-/// What lies between the vertices of the coarse surface smooths, too, by a length whose square is a
-/// fifth of the area a vertex has. So less is to be smoothed where vertices have more area than on
-/// the fine surface. Measured: with a fifth the survey's deformations are the nearest to those
-/// without a coarse surface, but a twisted bar of 97,000 vertices folds after 8 iterations; with
-/// this none does, within 0.2% of the box.
+/// Masses for the smoothing on the coarse surface. Interpolation between coarse vertices smooths as
+/// well, over a length² of about 1/5 of the area per vertex. So the squared smoothing length is
+/// reduced by 0.15 of the area that a coarse vertex has more than on the fine surface, by at most a
+/// half.
+///
+/// Tuned: with 0.2 the survey's deformations are nearest to those without a coarse surface, but a
+/// twisted bar of 97,000 vertices folds after 8 iterations. With 0.15 none does, and they agree
+/// within 0.2% of the box.
 Eigen::VectorXd masses_on(const CoarseSurface& coarse, const FactoredSurface& fine, double length) {
   const double square = length * length;
   Eigen::VectorXd masses = coarse.surface().operators.masses;
@@ -64,7 +71,7 @@ class CoarseRefinementOf : public CoarseRefinement {
             const Rows& offsets) override {
     const double smoothing = last_smoothing(iterations);
     if (rests_.count(smoothing) == 0) {
-      // What rounding leaves beside none.
+      // The right-hand side at rest, whose rotations are I up to rounding.
       const std::vector<Eigen::Matrix3d> still(pose.linear.size(), Eigen::Matrix3d::Identity());
       const Rows rest = in_order(base_, surface_->surface().order());
       offsets_ = Rows::Zero(rest.rows(), 4);
@@ -106,7 +113,7 @@ class CoarseRefinementOf : public CoarseRefinement {
   }
 
  private:
-  /// rotations_ of a pose of the coarse surface, whose offsets_ have its handles.
+  /// Finds rotations_ for a pose of the coarse surface; offsets_ must hold the handles' rows.
   void find_from(int iterations, const BasePose& pose, const Turning& turning) {
     const auto by_base = [&] {
       gradients_->take(pose, true);
@@ -129,12 +136,12 @@ class CoarseRefinementOf : public CoarseRefinement {
   Positions base_;  // B at rest, of the coarse surface
   std::unique_ptr<BaseGradients> gradients_;
   std::unique_ptr<Refinement> refinement_;
-  TurnPass<Real> pass_;         // of the fine one
-  RotationMeans<Real> spread_;  // of its active vertices, from those of the coarse one
+  TurnPass<Real> pass_;         // on the fine surface
+  RotationMeans<Real> spread_;  // interpolation from the coarse active vertices to the fine ones
   std::vector<Real> given_, rotations_;
-  std::map<double, Rows> rests_;   // by the last iteration's smoothing
-  const Rows* at_rest_ = nullptr;  // one of them
-  // Of the present pose, rows in the coarse surface's order.
+  std::map<double, Rows> rests_;   // right-hand sides at rest, by last_smoothing()
+  const Rows* at_rest_ = nullptr;  // one of rests_
+  // Of the current pose, rows in the coarse surface's order.
   Rows posed_, offsets_, gauge_, known_rotations_;
   std::unique_ptr<TurnedFlux> known_;
 };

@@ -8,18 +8,20 @@
 
 namespace dd {
 
-/// The rotations that a refinement looks for are as smooth as the length over which it smooths
-/// them. Where that is several edges they are found on a CoarseSurface, from the rotations of the
-/// base there on, at a fraction of the cost, and the surface itself is solved for once, with these
-/// rotations. Its result is that of Refinement to 0.2% of the box.
+/// Refinement on a CoarseSurface. Rotations are as smooth as the length over which they are
+/// smoothed. Where that spans several edges, they are found on the coarse surface, starting from
+/// the base's rotations there, at a fraction of the cost and interpolated; the surface itself is
+/// solved for once, in the end. On the survey's cases the result is that of Refinement to 0.2% of
+/// the box.
 class CoarseRefinement : public FluxSource {
  public:
-  /// Null where it would gain little, or where a whole refinement takes no time either. base: B at
-  /// rest, n×3. Both must outlive it. length: of the smoothing, in the mesh's units.
+  /// Null where the coarse surface is not small enough, or the surface so small that full
+  /// refinement is fast. base: B at rest, n×3. surface and base must outlive the result. length: of
+  /// the smoothing, in the mesh's units.
   static std::unique_ptr<CoarseRefinement> make(FactoredSurface& surface, const Positions& base,
                                                 double length);
 
-  /// As Refinement::find(), but offsets are those of handles alone.
+  /// As Refinement::find(), but of offsets only the handles' rows are read.
   virtual void find(int iterations, const BasePose& pose, const Turning& turning,
                     const Rows& offsets) = 0;
   virtual int vertex_count() const = 0;

@@ -11,9 +11,11 @@ namespace dd {
 
 namespace {
 
-constexpr double kMostLeft = 0.6;  // of the free vertices: beyond, it isn't worth it
+// Largest fraction of the free vertices that may remain. Break-even: with more, the coarse surface
+// saves too little.
+constexpr double kMostLeft = 0.6;
 
-/// The faces that a coarse surface is made of: with a corner among the active vertices.
+/// The mesh's own faces with an active vertex.
 Mesh active_part(const FactoredSurface& fine) {
   std::vector<char> active(static_cast<size_t>(fine.mesh.vertex_count()), 0);
   for (int i = 0; i < fine.poisson->active_vertex_count(); ++i)
@@ -42,7 +44,7 @@ std::unique_ptr<CoarseSurface> CoarseSurface::make(const FactoredSurface& fine, 
   try {
     surface.factor(free_block(surface.operators.laplacian, coarse->region_), options);
   } catch (const UnsolvableSurface&) {
-    return nullptr;  // no fault of the fine surface's, whose vertices it doesn't name
+    return nullptr;  // an error of the coarse surface only, which names its own vertices
   }
   coarse->vertex_ = std::move(made.vertices);
   coarse->of_vertex_ = std::move(made.of_vertex);
@@ -60,7 +62,7 @@ void CoarseSurface::restrict(const Rows& fine, Rows& coarse) const {
 std::vector<CoarseSurface::Share> CoarseSurface::shares(const FactoredSurface& fine) const {
   const Triangles& t = surface_->mesh.triangles;
   const Fans fans(t, surface_->mesh.vertex_count());
-  // -1: of a constrained vertex that no active triangle has.
+  // The active index of a vertex; -1: it is in no active triangle.
   const auto place = [&](int vertex) {
     const int row = surface_->order().row_of_vertex[vertex];
     const std::vector<int>& rims = surface_->poisson->rims();
@@ -68,7 +70,7 @@ std::vector<CoarseSurface::Share> CoarseSurface::shares(const FactoredSurface& f
         row < surface_->order().free_count || std::binary_search(rims.begin(), rims.end(), row);
     return active ? surface_->poisson->active_place(row) : -1;
   };
-  // Of a vertex without a place, one that has: the nearest by edges.
+  // The active vertex nearest to a vertex along edges, by breadth-first search.
   const auto near_with_place = [&](int vertex) {
     std::vector<int> front{vertex};
     std::vector<char> reached(static_cast<size_t>(surface_->mesh.vertex_count()), 0);

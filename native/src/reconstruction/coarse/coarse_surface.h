@@ -9,24 +9,25 @@
 
 namespace dd {
 
-/// The active part of a surface with fewer vertices, which are some of its own: for fields that
-/// vary slowly. Constrained vertices are all there, and towards them it is as fine as the surface.
+/// A coarse version of the active part of a surface, for fields that vary slowly. Its vertices are
+/// some of the surface's: all constrained ones of that part, next to which it is as fine as the
+/// surface, and some of the free ones.
 class CoarseSurface {
  public:
-  /// Null where there would be little less to do. spacing: of the vertices that are left, in the
-  /// mesh's units.
+  /// Null where too many free vertices would remain to save time, or the coarse system is singular.
+  /// spacing: of the free vertices that are kept, in the mesh's units.
   static std::unique_ptr<CoarseSurface> make(const FactoredSurface& fine, double spacing);
 
   FactoredSurface& surface() { return *surface_; }
   const FactoredSurface& surface() const { return *surface_; }
-  /// The fine surface's vertices that its own are.
+  /// Its vertices, as vertices of the fine surface.
   const std::vector<int>& vertices() const { return vertex_; }
 
-  /// Those of the given rows of the fine surface's order that are the coarse one's, in its order.
+  /// Selects the coarse surface's rows from rows in the fine surface's order.
   void restrict(const Rows& fine, Rows& coarse) const;
 
-  /// For an active vertex of the fine surface, by its place among these, what it takes of the
-  /// coarse one's, by theirs: weights in a triangle, some may be 0.
+  /// Interpolation of a value at an active vertex of the fine surface: three active indices of the
+  /// coarse surface with barycentric weights, some of which may be 0.
   struct Share {
     std::array<int, 3> place;
     std::array<double, 3> weight;
@@ -40,8 +41,9 @@ class CoarseSurface {
 
   Region region_;
   std::unique_ptr<FactoredSurface> surface_;
-  std::vector<int> vertex_, of_vertex_;  // of the fine surface; for each of its vertices
-  std::vector<int> fine_row_;            // of each row
+  // vertices of the fine surface; coarse vertex of each fine one
+  std::vector<int> vertex_, of_vertex_;
+  std::vector<int> fine_row_;  // row in the fine surface's order of each row
 };
 
 }  // namespace dd
