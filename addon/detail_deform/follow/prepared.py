@@ -57,7 +57,7 @@ class How(NamedTuple):
 
     @property
     def least_gap(self):
-        """As the library takes it."""
+        """The option gap of native.TransferJob; negative: the target may go through the source."""
         return self.gap if self.keep_outside else -1.0
 
 

@@ -6,7 +6,7 @@ from ..library.native import NativeError
 from ..scene import examples, handle_matrices
 from ..scene.mesh_data import MeshProblem
 
-TOLD = (MeshProblem, NativeError, MemoryError)  # to the user, as a sentence
+TOLD = (MeshProblem, NativeError, MemoryError)  # exceptions that are shown to the user as a sentence
 _NO_MEMORY = "There is not enough memory for a mesh of this size."
 STEPS = 3
 # The step that a stage of a bind belongs to: the mesh's equations, the base surface, the handles.

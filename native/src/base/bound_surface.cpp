@@ -43,7 +43,8 @@ double exact_enough(Precision precision, int functions) {
   return functions > kFewFunctions ? 1e-8 : 0;
 }
 
-/// Runs a stage that works on another geometry than S, where an error is not one of the mesh.
+/// Runs work whose systems are built on another geometry than S. An UnsolvableSurface there is no
+/// fault of the mesh; it is rethrown as an Error with this message and remedy.
 template <class Work>
 auto blaming(const std::string& message, Remedy remedy, const Work& work) {
   try {

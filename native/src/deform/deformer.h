@@ -58,9 +58,9 @@ class Deformer {
   const Positions& update(const double* matrices, const UpdateOptions& options,
                           const Positions* deformed_base = nullptr);
 
-  /// The same, straight to floats: the displacement, or the positions, of each vertex three, stride
-  /// floats apart. Throws Error(numeric) too where the result leaves their range. Whatever is
-  /// thrown, out stays as it was.
+  /// The same as floats: displacements, or positions; three of each vertex, stride floats after
+  /// those of the vertex before. Also throws Error(numeric) where the result exceeds the range of
+  /// floats. If it throws, out is unchanged.
   void update_to(float* out, Index stride, bool positions, const double* matrices,
                  const UpdateOptions& options, const Positions* deformed_base = nullptr);
 

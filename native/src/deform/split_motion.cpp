@@ -93,7 +93,7 @@ SplitResult split_update(Deformer& bound, const SplitMotion& motion, const Updat
     throw Error(Status::argument,
                 "Posing by example goes to any pose in one step: steps would forget the rest",
                 Remedy::call);
-  std::vector<ScrewMotion> screws;  // of no need, and maybe not to be had, for one step
+  std::vector<ScrewMotion> screws;  // not needed for one step, where they may not exist
   if (motion.steps > 1) {
     std::vector<double> turns;
     const std::vector<double> matrices = bound.turned(motion.matrices.data(), update, turns);

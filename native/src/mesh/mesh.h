@@ -26,9 +26,10 @@ std::vector<int> unusable_places(const Positions& positions);
 /// Which of several meshes an error is about.
 enum class MeshOf { itself, source, target, base };
 
-/// Throws Error(mesh) naming the first vertex or triangle that makes the mesh unusable, with the
-/// vertices of all: nothing in it, coordinates that are not finite or beyond kFarthest, vertex
-/// numbers out of range or twice in a triangle, no extent.
+/// Throws Error(mesh) if the mesh is unusable: no vertices or triangles, coordinates that are not
+/// finite or beyond kFarthest, vertex indices out of range or twice in a triangle, no extent. Its
+/// subject is the first such vertex or triangle; Error::vertices() has those of all, except for
+/// indices out of range.
 void validate(const Mesh& mesh, MeshOf which = MeshOf::itself);
 
 /// The mesh reflected in x, its triangles reversed so that normals keep pointing outwards.

@@ -195,7 +195,8 @@ void DisplacementVolumes::update(const Frame& frame, const MethodOptions& option
   constexpr double kLongestStep = 0.3;
   Rows surface = start, shift = Rows::Zero(free_count, 4);
   double first_change = 0, done = 0;
-  // A round takes as long as a frame, a step as long as a hundred: it must be possible to stop.
+  // Called in each iteration, which takes as long as a frame, so that a step of up to a hundred of
+  // them can be cancelled.
   const auto go_on = [&] { report(options.progress, done, Stage::restoring); };
   converged_ = false;
   for (int step = 0; step < options.volume_iterations && !converged_; ++step) {

@@ -58,9 +58,9 @@ struct FactorOptions {
   /// up to 1e-13.
   double smallest_pivot = 1e-12;
   Precision precision = Precision::full;
-  ThreadPool* pool = nullptr;    ///< null: the caller's thread alone
-  Progress progress = {};        ///< asked now and then, from any thread but one at a time
-  Stage stage = Stage::poisson;  ///< what it is told
+  ThreadPool* pool = nullptr;    ///< null: the caller's thread only
+  Progress progress = {};        ///< called from any thread, never concurrently
+  Stage stage = Stage::poisson;  ///< passed to progress
 };
 
 /// The supernodal factor of a symmetric positive definite matrix, A = C Cᵀ: for each supernode the

@@ -30,7 +30,8 @@ enum class Stage {
   done,
 };
 
-/// Called before each stage with the fraction done and what comes next. Returning false cancels.
+/// Callback before each stage of a job, and at times within one: the fraction done, and the stage.
+/// Returning false cancels.
 using Progress = std::function<bool(double fraction, Stage stage)>;
 
 inline void report(const Progress& progress, double fraction, Stage stage) {
