@@ -25,6 +25,13 @@ set(DETAIL_DEFORM_WEBSITE "" CACHE STRING "Where the project is at home; its rep
 set(dd_zip ${CMAKE_BINARY_DIR}/detail_deform-${PROJECT_VERSION}-${dd_platform}.zip)
 set(dd_extension ${CMAKE_BINARY_DIR}/detail_deform_extension-${PROJECT_VERSION}-${dd_platform}.zip)
 
+# By the name without a version, which elsewhere is that of a link.
+if(WIN32)
+  set(dd_library $<TARGET_FILE:detail_deform>)
+else()
+  set(dd_library $<TARGET_LINKER_FILE:detail_deform>)
+endif()
+
 find_package(Python3 COMPONENTS Interpreter)
 if(NOT Python3_FOUND)
   message(STATUS "No Python: the add-on can't be packed here")
@@ -32,13 +39,13 @@ if(NOT Python3_FOUND)
 endif()
 add_custom_target(addon_zip
   COMMAND ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/addon/make_zip.py
-    $<TARGET_FILE:detail_deform> ${dd_platform} ${dd_zip} ${DETAIL_DEFORM_WEBSITE}
+    ${dd_library} ${dd_platform} ${dd_zip} ${DETAIL_DEFORM_WEBSITE}
   DEPENDS detail_deform
   COMMENT "Packing ${dd_zip}"
   VERBATIM)
 add_custom_target(extension_zip
   COMMAND ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/addon/make_zip.py
-    $<TARGET_FILE:detail_deform> ${dd_platform} ${dd_extension} ${DETAIL_DEFORM_WEBSITE} --wheel
+    ${dd_library} ${dd_platform} ${dd_extension} ${DETAIL_DEFORM_WEBSITE} --wheel
   DEPENDS detail_deform
   COMMENT "Packing ${dd_extension}"
   VERBATIM)

@@ -372,7 +372,7 @@ def test_markers_that_contradict_are_refused(pair):
     source.vertex_groups.remove(source.vertex_groups["marker.1"])
     group(source, "Marker 4", [1])
     group(target, "Marker 4", [77])
-    assert "contradict" in refusal(transfer, source="Source", correspondence='MARKERS')
+    assert "is paired by markers" in refusal(transfer, source="Source", correspondence='MARKERS')
     group(source, "Marker 5", [])
     assert "has no vertex" in refusal(transfer, source="Source", correspondence='MARKERS')
 

@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The C library for the rest of the add-on: all of its names in one place."""
+"""The C library for the rest of the add-on, and for programs without Blender: all of its names in one place."""
 
-from .deformer import ROLE_FIXED, ROLE_FREE, Bind, Deformer, Draft, Update, at_rest  # noqa: F401
-from .loading import filled, instruction_set, library, library_path, unload, version  # noqa: F401
-from .structs import NativeError, UpdateInfo  # noqa: F401
-from .tools import distances, measure, vertex_gradients  # noqa: F401
-from .transfer import Match, Transfer, TransferJob  # noqa: F401
+from .deformer import ROLE_FIXED, ROLE_FREE, Bind, Deformer, Draft, Update, at_rest
+from .loading import filled, instruction_set, library, library_path, unload, version
+from .structs import NativeError, UpdateInfo
+from .tools import distances, measure, vertex_gradients
+from .transfer import Match, Transfer, TransferJob
+
+__all__ = ('ROLE_FIXED', 'ROLE_FREE', 'Bind', 'Deformer', 'Draft', 'Match', 'NativeError', 'Transfer', 'TransferJob',
+           'Update', 'UpdateInfo', 'at_rest', 'distances', 'filled', 'instruction_set', 'library', 'library_path',
+           'measure', 'unload', 'version', 'vertex_gradients')
