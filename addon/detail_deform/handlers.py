@@ -6,6 +6,7 @@ from bpy.app.handlers import persistent
 
 from .follow import auto_bind, drag, edits, factored, life, registry
 from .results import missing_examples
+from .scene import handle_owners
 from .ui import known_markers, preview
 
 # While nothing is bound, neither of the next two handlers iterates over a scene's objects or over the updates.
@@ -54,12 +55,14 @@ def _show_whole(depsgraph):
 def _data_is_replaced(*_):
     """Runs before undo, redo and loading, which invalidate all references to objects."""
     registry.forget()
+    handle_owners.forget()
     edits.forget_addresses()
 
 
 @persistent
 def _data_replaced(*_):
     life.forget_addresses()
+    handle_owners.forget()
     preview.forget()
     known_markers.clear()
 

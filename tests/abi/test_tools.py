@@ -4,8 +4,6 @@
 import numpy as np
 import pytest
 
-from conftest import rotation
-
 
 def test_measures_of_a_deformation(native, strip):
     scaled = strip.positions * np.float32(2)

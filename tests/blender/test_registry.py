@@ -73,6 +73,34 @@ def test_an_update_does_not_go_through_the_scene(module, bound):
     assert bound == (min(counts[0]) > 200)
 
 
+def test_what_is_drawn_of_a_foreign_empty_does_not_go_through_the_scene(module, part):
+    """Panels, gizmos and polls ask at each redraw whose handle the active empty is: a search for the first, of all
+    objects, and none for the others."""
+    owners, counts = part('scene.handle_owners'), []
+    for objects in (10, 10000):
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+        fill_scene(objects)
+        foreign = add_empty("Foreign", (0, 0, 0))
+        ob = bind(make_strip())
+        mine = handle(ob)
+        activate(foreign)
+        assert not bpy.ops.object.detail_deform_mesh_activate.poll() and owners.of(foreign) == (None, -1)
+        with steps_of(module) as count:
+            for _ in range(20):
+                assert owners.of(foreign) == (None, -1)
+        counts.append(count[0])
+        # Whatever makes the empty a handle's, or takes it away, is seen at once.
+        ob.detail_deform.handles[0].target = foreign
+        assert owners.of(foreign) == (ob, 0) and owners.of(mine)[0] is None
+        ob.detail_deform.handles[0].target = mine
+        assert owners.of(foreign)[0] is None and owners.of(mine) == (ob, 0)
+        ob.name = "Renamed"
+        assert owners.of(mine) == (ob, 0)
+        ob.detail_deform.handles.clear()
+        assert owners.of(mine)[0] is None
+    assert counts[0] == counts[1]
+
+
 def test_with_nothing_bound_it_does_not_go_through_what_changed(module):
     counts = []
     for objects in (10, 1000):

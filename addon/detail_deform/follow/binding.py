@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..library import native
-from ..scene import (carried, dependency, group_columns, handle_matrices, mesh_data, node_group, offset_attribute,
-                     outside_base, proportions, renamed, seen, split, stack, start)
+from ..scene import (carried, dependency, group_columns, handle_matrices, handle_owners, mesh_data, node_group,
+                     offset_attribute, outside_base, proportions, renamed, seen, split, stack, start)
 from ..scene.mesh_data import MeshProblem
 from . import bound, content, hints, life, registry
 
@@ -139,6 +139,7 @@ def influence_changed(ob):
 
 def targets_changed(ob):
     """Makes a bound object depend on its empties and base. To be called when any of them is replaced."""
+    handle_owners.forget()
     settings = ob.detail_deform
     if not settings.signature:
         return

@@ -11,7 +11,8 @@ from . import content, misshapen, registry
 # Largest displacement by an example of fixed vertices beside the region, as a fraction of that of the region. Above it
 # a warning: lower values warn of examples that fade out, higher ones miss visible stubs.
 _BESIDE = 0.2
-_MOST = 8  # entries of _of_regions
+# Entries of _of_regions, a few sentences each: more than objects are bound at a time, so that each is looked at once.
+_MOST = 256
 _of_regions = {}  # memoized: {(signature, method): sentences}, as reading groups is slow
 
 

@@ -84,7 +84,9 @@ def state(ob):
         return f"Preparing to follow '{source}', {100 * fraction:.0f}%."
     if settings.problem or settings.source is None:
         return settings.problem or fed.GONE
-    left_out = below.left_out(settings.source, bpy.context.evaluated_depsgraph_get())
+    # The depsgraph as it is: this is drawn, and drawing must not evaluate the scene.
+    depsgraph = bpy.context.view_layer.depsgraph
+    left_out = below.left_out(settings.source, depsgraph) if depsgraph else ""
     entry = fed.cache.find(settings.prepared_for)
     unfollowed = entry.made.unfollowed if entry else ""
     return ' '.join(filter(None, (f"Follows '{settings.source.name}'.", left_out, unfollowed,

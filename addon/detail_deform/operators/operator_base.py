@@ -6,8 +6,7 @@ import time
 import bpy
 
 from ..follow import words
-from ..scene import mesh_data
-from ..setup import handle_setup
+from ..scene import handle_owners, mesh_data
 
 _TICK_SECONDS = 0.05  # interval of the timer, and the time for work in each call: 20 redraws a second
 PATH_OPTIONS = {'SKIP_SAVE'} | ({'PATH_SUPPORTS_BLEND_RELATIVE'} if bpy.app.version >= (4, 5) else set())
@@ -71,7 +70,7 @@ class HandOperator(MeshOperator):
 
     @classmethod
     def object_of(cls, context):
-        return handle_setup.owner(context.active_object)[0] or context.active_object
+        return handle_owners.of(context.active_object)[0] or context.active_object
 
 
 class Progress:

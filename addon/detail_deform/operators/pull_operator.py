@@ -6,9 +6,9 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from ..follow import words
 from ..library.options import FALLOFFS
-from ..scene import mesh_data, stack
+from ..scene import handle_owners, mesh_data, stack
 from ..scene.selection import activate
-from ..setup import handle_setup, pulling
+from ..setup import pulling
 from . import edit_again
 from .operator_base import MeshOperator, Progress
 from .reach_choice import ReachChoice, View
@@ -33,7 +33,7 @@ class PullOperator(MeshOperator):
 
     @classmethod
     def poll(cls, context):
-        return handle_setup.owner(context.active_object)[0] is not None or super().poll(context)
+        return handle_owners.of(context.active_object)[0] is not None or super().poll(context)
 
     @classmethod
     def poll_object(cls, ob):

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ..follow import hints, life
-from ..scene import handle_matrices, mesh_data
+from ..scene import handle_matrices, handle_owners, mesh_data
 from ..scene.selection import activate, go_to
 from ..setup import at_rest, handle_setup, mirroring, own_empties, region_setup
 from .operator_base import HandOperator, MeshOperator
@@ -138,7 +138,7 @@ class OBJECT_OT_detail_deform_handle_reset(HandOperator, _HandleOperator, bpy.ty
         if self.everything:
             at_rest.all_to_rest(context, ob)
         else:
-            owner, number = handle_setup.owner(context.active_object)
+            owner, number = handle_owners.of(context.active_object)
             if owner == ob and self.index < 0:
                 self.index = number
             at_rest.to_rest(context, ob, [self.handle(ob)])
@@ -197,11 +197,11 @@ class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        ob, _ = handle_setup.owner(context.active_object)
+        ob, _ = handle_owners.of(context.active_object)
         return ob is not None and ob.name in context.view_layer.objects
 
     def execute(self, context):
-        ob, number = handle_setup.owner(context.active_object)
+        ob, number = handle_owners.of(context.active_object)
         ob.detail_deform.handle_index = number
         activate(context, ob)
         if self.edit and not (ob.hide_viewport or mesh_data.why_not_editable(ob)):

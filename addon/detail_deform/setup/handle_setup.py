@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Creates handles from a selection or a vertex group, changes them, and removes them."""
 
-import itertools
 
 import bpy
 import numpy as np
@@ -15,19 +14,6 @@ from . import empties
 _GROUP_NAME = "Handle"
 _MOST_AT_ONCE = 1000  # handles; safety: each gets an empty, and more empties are too many to work with
 SELECT_FOR_HANDLE = "select those that the handle should move"
-
-
-def owner(empty):
-    """(ob, number): the mesh object and the number of the handle that this empty moves; (None, -1) if there is none."""
-    if empty is None or empty.type != 'EMPTY':
-        return None, -1
-    # Called at every redraw, so the parent comes first: it nearly always is the owner.
-    for ob in itertools.chain([empty.parent] if empty.parent else [], bpy.data.objects):
-        if ob.type == 'MESH':
-            for number, handle in enumerate(ob.detail_deform.handles):
-                if handle.target == empty:
-                    return ob, number
-    return None, -1
 
 
 def empty_of(ob, index):

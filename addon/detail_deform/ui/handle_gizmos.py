@@ -4,8 +4,7 @@
 import bpy
 from mathutils import Matrix, Vector
 
-from ..scene import raised
-from ..setup import handle_setup
+from ..scene import handle_owners, raised
 from . import tool
 from .preview import handle_colour
 
@@ -18,7 +17,7 @@ def handles(context):
     active = context.active_object
     if active is None or not (active.mode == 'OBJECT' or active.mode == 'EDIT' and tool.is_active(context)):
         return None, []
-    ob = active if active.type == 'MESH' else handle_setup.owner(active)[0]
+    ob = active if active.type == 'MESH' else handle_owners.of(active)[0]
     if ob is None or not ob.detail_deform.signature:
         return None, []
     found = [(number, handle.target) for number, handle in enumerate(ob.detail_deform.handles) if handle.enabled]

@@ -5,8 +5,7 @@ import bpy
 
 from ..declared import COMPARED
 from ..follow import bound, hints, look, problem_vertices, shown, slow_results, status
-from ..scene import node_group, offset_attribute, stack
-from ..setup import handle_setup
+from ..scene import handle_owners, node_group, offset_attribute, stack
 from . import examples_panel
 from .parts import ModifierPanel, Switched, draw_options, draw_text
 from .registration import registration
@@ -248,11 +247,11 @@ class HandlePanel:
     @classmethod
     def poll(cls, context):
         empty = context.object
-        return empty is not None and empty.type == 'EMPTY' and handle_setup.owner(empty)[0] is not None
+        return empty is not None and empty.type == 'EMPTY' and handle_owners.of(empty)[0] is not None
 
     def draw(self, context):
         layout = self.layout
-        ob, number = handle_setup.owner(context.object)
+        ob, number = handle_owners.of(context.object)
         settings = ob.detail_deform
         draw_text(layout, context, f"Handle '{settings.handles[number].name}' of '{ob.name}'. {status.urgent(ob)}",
                    'ERROR' if settings.stale or settings.problem else 'EMPTY_AXIS')

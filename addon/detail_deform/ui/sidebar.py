@@ -4,7 +4,7 @@ enters the mesh's Edit Mode while such an empty is active, as empties have none.
 
 import bpy
 
-from ..setup import handle_setup
+from ..scene import handle_owners
 from .panels import draw_state, saved_keys
 
 
@@ -48,7 +48,7 @@ class VIEW3D_PT_detail_deform(bpy.types.Panel):
 def _mesh(context):
     """The active mesh, or the one that the active empty pulls."""
     active = context.active_object
-    return active if active and active.type == 'MESH' else handle_setup.owner(active)[0]
+    return active if active and active.type == 'MESH' else handle_owners.of(active)[0]
 
 
 _register_class, _unregister_class = bpy.utils.register_classes_factory([VIEW3D_PT_detail_deform])

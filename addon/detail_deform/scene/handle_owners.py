@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The handle that an empty moves. Panels, gizmos and polls ask at every redraw, so the answer is memoized: all objects
+are searched once for an empty, and again only after a handle has got another empty or objects have come or gone."""
+
+import bpy
+
+_owners = {}  # memoized: {address of an empty: name of its handle's object, or None where it moves no handle}
+_object_count = -1  # at the last search
+
+
+def of(empty):
+    """(ob, number): the mesh object and the number of the handle that this empty moves; (None, -1) if there is none."""
+    global _object_count
+    if empty is None or empty.type != 'EMPTY':
+        return None, -1
+    number = _number(empty.parent, empty)  # the usual owner
+    if number >= 0:
+        return empty.parent, number
+    if _object_count != len(bpy.data.objects):
+        forget()
+        _object_count = len(bpy.data.objects)
+    key = empty.as_pointer()
+    if key in _owners:
+        if _owners[key] is None:
+            return None, -1
+        ob = bpy.data.objects.get(_owners[key])
+        number = _number(ob, empty)
+        if number >= 0:  # else it was renamed, or the handle is gone
+            return ob, number
+    found = _searched(empty)
+    _owners[key] = found[0].name if found[0] else None
+    return found
+
+
+def forget():
+    """To be called when a handle gets another empty, and before undo and loading, which give addresses anew."""
+    _owners.clear()
+
+
+def _searched(empty):
+    for ob in bpy.data.objects:
+        number = _number(ob, empty)
+        if number >= 0:
+            return ob, number
+    return None, -1
+
+
+def _number(ob, empty):
+    if ob is not None and ob.type == 'MESH':
+        for number, handle in enumerate(ob.detail_deform.handles):
+            if handle.target == empty:
+                return number
+    return -1
