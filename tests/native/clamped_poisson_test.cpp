@@ -159,3 +159,18 @@ TEST_CASE("smooth at the rims: rest, rigid motion, scale and renumbering are kep
     CHECK(worst < 1e-8);
   }
 }
+
+TEST_CASE("where far turns are refined in part, rims of no width are no rims") {
+  // The refined result is mixed with the unrefined one by a share, once, with and without clamps.
+  const test::Case plane = test::lifted_plane(31);
+  Deformer deformer(plane.mesh, plane.roles, 1, {});
+  for (const double degrees : {100.0, 160.0, 200.0, 300.0}) {
+    INFO(degrees);
+    const test::Affine motion =
+        test::rotation_about(degrees * 3.14159265358979 / 180, {1, 0, 0}, {0, 0, 0}, {0, 0, 0.3});
+    UpdateOptions none = test::by(MethodKind::detail, true, 4), narrow = none;
+    narrow.of_method.refined.rim_smoothing = 1e-7;
+    CHECK(test::largest_difference(surface(deformer, {motion}, none),
+                                   surface(deformer, {motion}, narrow)) < 1e-4);
+  }
+}

@@ -92,7 +92,7 @@ void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, con
     solve_by(*coarse_refinement_, clamps, 1, offsets);
   } else {
     refinement_->find(refined.iterations, turning, offsets);
-    solve_refined(clamps, turning.share, offsets);
+    solve_refined(clamps, offsets);
   }
   if (mixed) offsets = unrefined + turning.share * (offsets - unrefined);
 }
@@ -100,15 +100,15 @@ void Reconstruction::solve(BaseGradients& gradients, const Refined& refined, con
 void Reconstruction::solve_from(const Rows& posed, const Refined& refined, Rows& offsets) {
   ClampedPoisson* const clamps = prepare(refined, true);
   refinement_->find_from(posed, std::max(1, refined.iterations), offsets);
-  solve_refined(clamps, 1, offsets);
+  solve_refined(clamps, offsets);
 }
 
-void Reconstruction::solve_refined(ClampedPoisson* clamps, double relaxation, Rows& offsets) {
+void Reconstruction::solve_refined(ClampedPoisson* clamps, Rows& offsets) {
   const auto add = [&](int section, double* rows) { refinement_->add(section, rows); };
   if (clamps)
     clamps->step(refinement_->at_rest(), add, offsets);
   else
-    surface_.poisson->solve(refinement_->at_rest(), add, offsets, relaxation);
+    surface_.poisson->solve(refinement_->at_rest(), add, offsets);
 }
 
 ClampedPoisson* Reconstruction::clamped(double rim_smoothing) {

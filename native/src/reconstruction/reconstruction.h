@@ -70,7 +70,7 @@ class Reconstruction {
                        ClampedPoisson* clamps, double held, Rows& offsets);
   void solve_by(const FluxSource& source, ClampedPoisson* clamps, double held, Rows& offsets);
   /// The last solve, with the rotations of refinement_.
-  void solve_refined(ClampedPoisson* clamps, double relaxation, Rows& offsets);
+  void solve_refined(ClampedPoisson* clamps, Rows& offsets);
 
   FactoredSurface& surface_;
   const Positions* base_;
