@@ -41,7 +41,8 @@ def _library(folder):
     build = Path(folder) / 'build'
     subprocess.run(['cmake', '-S', ROOT, '-B', build, '-DCMAKE_BUILD_TYPE=Release', '-DDETAIL_DEFORM_TESTS=OFF',
                     '-DDETAIL_DEFORM_BENCH=OFF', '-DDETAIL_DEFORM_UNITY=ON', '-DDETAIL_DEFORM_STAGE=OFF'], check=True)
-    subprocess.run(['cmake', '--build', build, '--config', 'Release', '--parallel', '--target', 'detail_deform'], check=True)
+    subprocess.run(['cmake', '--build', build, '--config', 'Release', '--parallel', '--target', 'detail_deform'],
+                   check=True)
     name = NAMES.get(sys.platform, 'libdetail_deform.so')
     return next(path for path in sorted((build / 'native').rglob(name))).read_bytes()
 

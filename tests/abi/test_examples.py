@@ -105,7 +105,7 @@ def test_unusable_examples_and_weights_are_refused(native, structs):
         bound(native, mesh, examples=broken)
     deformer = bound(native, mesh, examples=examples)
     for weights, sentence in (([1.0], '1 example weights, but 2'), ([], '0 example weights'),
-                              ([1, np.nan], 'example 1 is not finite')):
+                              ([1, np.nan], 'Example 1 has a weight that is not finite')):
         with pytest.raises(native.NativeError, match=sentence):
             deformer.offsets(matrix, method='EXAMPLES', example_weights=weights)
     for limits, sentence in (([[0, 1]], 'limits of 1 examples, but 2'),

@@ -237,9 +237,13 @@ def test_each_number_and_choice_has_its_default_told(structs):
 
 def test_no_value_stands_for_another(native, structs, strip):
     """Zero means zero: no smoothing, no refinement, no gap are none, where they would be the default by such a rule."""
-    deformer = native.Bind(strip.positions, strip.triangles, strip.roles, 1).finish()
+    def fresh():
+        return native.Bind(strip.positions, strip.triangles, strip.roles, 1).finish()
+
+    deformer = fresh()
     plain = deformer.offsets(MOTION)
     for field in ('refine', 'rim_smoothing', 'rotation_smoothing'):
+        assert np.abs(fresh().offsets(MOTION, **{field: 0}) - plain).max() > 1e-5, field  # also as the first update
         assert np.abs(deformer.offsets(MOTION, **{field: 0}) - plain).max() > 1e-5, field
     still = deformer.offsets(MOTION, method='VOLUMES')
     assert np.abs(deformer.offsets(MOTION, method='VOLUMES', volume_iterations=0) - still).max() > 1e-5
@@ -272,6 +276,11 @@ def test_an_error_tells_what_it_is_about_and_what_to_do(native, structs, strip):
     assert refused(lambda: bind(roles=strip.roles[1:])) == (status['ERROR_ARGUMENT'], 'NONE', -1, 'CALL')
     assert refused(lambda: bind().offsets(nowhere)) == (status['ERROR_ARGUMENT'], 'HANDLE', 0, 'CALL')
     assert refused(lambda: bind().offsets(np.full((1, 3, 4), 1e38)))[1:] == ('HANDLE', 0, 'MOVE_LESS')
+    folded = strip.positions.copy()
+    folded[strip.triangles[3]] = folded[strip.triangles[3][0]]
+    with pytest.raises(native.NativeError) as caught:
+        native.Transfer((strip.positions, strip.triangles), (folded, strip.triangles), formulation='FOURTH_POINTS')
+    assert caught.value.subject == 'TARGET_TRIANGLE' and 'of the target has no area' in str(caught.value)
 
 
 def test_points_may_lie_apart(native, structs, strip):

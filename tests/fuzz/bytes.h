@@ -47,10 +47,19 @@ class Bytes {
     }
   }
 
-  /// A value of an enum, 0 to last.
-  int32_t choice(int last) {
-    const int32_t given = below(last + 1);
-    return odd() ? beyond(static_cast<size_t>(last) + 1) : given;
+  /// A value of an enum or a whole number, first to last; in a wild input now and then another.
+  template <class Value>
+  Value choice(Value first, Value last) {
+    const int32_t least = first, most = last;
+    const int32_t given = least + below(most - least + 1);
+    if (!odd()) return static_cast<Value>(given);
+    const bool less = least > 0 && flag();
+    return static_cast<Value>(less ? least - 1 : beyond(static_cast<size_t>(most) + 1));
+  }
+  /// The same from 0 on.
+  template <class Value>
+  Value choice(Value last) {
+    return choice(Value{}, last);
   }
 
   /// A role, of a handle that there may not be.
@@ -59,8 +68,13 @@ class Bytes {
     return one < 0 ? one - 2 * (one == -1) : one - 2;
   }
 
-  /// A number of a range, or any there is.
-  double number(double low, double high) { return odd() ? any() : between(low, high); }
+  /// A number of a range, now and then one of its ends, or any there is.
+  double number(double low, double high) {
+    if (odd()) return any();
+    constexpr double kEnd = 1.0 / 16;
+    const double share = between(-kEnd, 1 + kEnd);
+    return share <= 0 ? low : share >= 1 ? high : low + (high - low) * share;
+  }
 
   /// Numbers that arithmetic breaks on, or any bits.
   double any() {
@@ -89,6 +103,36 @@ class Bytes {
     double value;
     std::memcpy(&value, &bits, sizeof value);
     return value;
+  }
+
+  /// 0 to count - 1, read from the other end: choices that leave all others what they are, as where
+  /// points lie.
+  int aside(int count) {
+    uint8_t byte = 0;
+    data_.ConsumeData(&byte, 1);
+    return byte % count;
+  }
+
+  /// Bytes from one point to the next: three floats, more of them now and then, and in a wild input
+  /// what no points can have.
+  size_t stride() {
+    const int kind = aside(48);
+    if (kind < 32) return 3 * sizeof(float);
+    if (kind < 46 || tame_) return size_t(kind - 28) * sizeof(float);
+    if (kind == 46) return 4096;
+    constexpr size_t kHalf = std::numeric_limits<size_t>::max() / 2 + 1;
+    switch (aside(5)) {
+      case 0:
+        return size_t(aside(12));  // points would overlap
+      case 1:
+        return size_t(13 + aside(3));  // they would lie between floats
+      case 2:
+        return size_t(14 + 4 * aside(200));
+      case 3:
+        return std::numeric_limits<size_t>::max();
+      default:
+        return kHalf >> aside(16);  // no memory is as large
+    }
   }
 
   /// The count of an array, or one that it hasn't.

@@ -21,15 +21,49 @@ inline void promise(bool kept, const char* sentence) {
   if (!kept) broken(sentence);
 }
 
-/// A status that there is, with a sentence where it is an error; memory doesn't run out here and
-/// internal errors are ours. Returns whether all is well.
-bool well(int32_t status);
+/// A status that there is, with a sentence and facts that agree with one another where it is an
+/// error; memory doesn't run out here and internal errors are ours. Returns whether all is well.
+bool well(dd_status status);
 
 /// The same of a call that has nothing to refuse.
-void must(int32_t status, const char* what);
+void must(dd_status status, const char* what);
 
 /// The same of one that has to be refused.
-void refused(int32_t status, const char* what);
+void refused(dd_status status, const char* what);
+
+/// What dd_last_error() says.
+dd_error last_error();
+
+/// The function that fills options with their defaults.
+template <class Options>
+inline constexpr std::nullptr_t kInit = nullptr;
+template <>
+inline constexpr auto kInit<dd_bind_options> = dd_bind_options_init;
+template <>
+inline constexpr auto kInit<dd_refinement_options> = dd_refinement_options_init;
+template <>
+inline constexpr auto kInit<dd_normal_options> = dd_normal_options_init;
+template <>
+inline constexpr auto kInit<dd_volumes_options> = dd_volumes_options_init;
+template <>
+inline constexpr auto kInit<dd_examples_options> = dd_examples_options_init;
+template <>
+inline constexpr auto kInit<dd_update_options> = dd_update_options_init;
+template <>
+inline constexpr auto kInit<dd_transfer_options> = dd_transfer_options_init;
+template <>
+inline constexpr auto kInit<dd_apply_options> = dd_apply_options_init;
+template <>
+inline constexpr auto kInit<dd_match_options> = dd_match_options_init;
+template <>
+inline constexpr auto kInit<dd_measure_options> = dd_measure_options_init;
+
+template <class Options>
+Options usual() {
+  Options options;
+  must(kInit<Options>(&options, sizeof options), "defaults can be asked for");
+  return options;
+}
 
 /// A struct with as much room as a caller says it has, so that what is read or written beyond is
 /// seen: by older and newer callers too where the input is wild.
@@ -42,7 +76,8 @@ class Sized {
     if (bytes.odd(16)) size = 8 * static_cast<size_t>(bytes.below(int(size / 8) + 3));
     size = std::max(size, sizeof(uint32_t));
     auto said = static_cast<uint32_t>(size);
-    if (bytes.odd(64)) said = bytes.flag() ? bytes.below(4) : 4097 + bytes.seed();
+    wrong_ = bytes.odd(64);
+    if (wrong_) said = bytes.flag() ? bytes.below(4) : 4097 + bytes.seed();
     struct_.reset(static_cast<unsigned char*>(std::calloc(1, size)), std::free);
     std::memcpy(struct_.get(), &values, std::min(size, sizeof(Struct)));
     std::memcpy(struct_.get(), &said, sizeof said);
@@ -50,14 +85,17 @@ class Sized {
   }
 
   Struct* get() const { return reinterpret_cast<Struct*>(struct_.get()); }
-  /// What the library knows of it.
+  /// Of no size that a struct can have: what is given it has to refuse it.
+  bool wrong() const { return wrong_; }
+  /// What the library knows of these options.
   Struct known() const {
-    Struct values{};
+    Struct values = usual<Struct>();
     std::memcpy(&values, before_.data(), std::min(before_.size(), sizeof(Struct)));
     return values;
   }
   /// As many bytes as it has, of a call that gave this status.
-  bool after(int32_t status) const {
+  bool after(dd_status status) const {
+    promise(status != DD_OK || !wrong_, "a struct_size that is none is refused");
     if (well(status)) return true;
     promise(std::equal(before_.begin(), before_.end(), struct_.get()),
             "outputs are written only on DD_OK: a struct was");
@@ -67,48 +105,18 @@ class Sized {
  private:
   std::shared_ptr<unsigned char> struct_;
   std::vector<unsigned char> before_;
-};
-
-/// An output array of just the size it has.
-template <class Value>
-class Output {
- public:
-  explicit Output(size_t vertices) : values_(3 * vertices, kUntouched) {}
-
-  Value* data() { return values_.data(); }
-  const std::vector<Value>& values() const { return values_; }
-  const Value* at(size_t row) const { return values_.data() + 3 * row; }
-
-  void untouched() const {
-    promise(std::all_of(values_.begin(), values_.end(), [](Value v) { return v == kUntouched; }),
-            "outputs are written only on DD_OK: an array was");
-  }
-  void finite() const {
-    promise(std::all_of(values_.begin(), values_.end(), [](Value v) { return std::isfinite(v); }),
-            "a result is finite");
-  }
-  /// Of a call that gave this status: untouched or finite. Returns whether it is there.
-  bool after(int32_t status) const {
-    const bool there = well(status);
-    there ? finite() : untouched();
-    return there;
-  }
-
- private:
-  static constexpr Value kUntouched = static_cast<Value>(-77.25);
-  std::vector<Value> values_;
+  bool wrong_ = false;
 };
 
 /// Watches a job, and cancels it where the bytes say so or where it takes too long. Returns what
 /// dd_job_finish() does.
-int32_t watched(dd_job* job, Bytes& bytes, bool endless = false);
+dd_status watched(dd_job* job, Bytes& bytes, bool endless = false);
 
 struct Freed {
   void operator()(dd_job* job) const { dd_job_free(job); }
   void operator()(dd_deformer* deformer) const { dd_deformer_free(deformer); }
   void operator()(dd_transfer* transfer) const { dd_transfer_free(transfer); }
   void operator()(dd_match* match) const { dd_match_free(match); }
-  void operator()(dd_tets* tets) const { dd_tets_free(tets); }
 };
 template <class Object>
 using Owned = std::unique_ptr<Object, Freed>;
@@ -116,8 +124,8 @@ using Owned = std::unique_ptr<Object, Freed>;
 /// The result of a job that was started with this status, and watched; none where it was refused,
 /// cancelled or failed. tame: then only the cancelled ones may fail.
 template <class Object>
-Owned<Object> taken(int32_t started, Owned<dd_job> job, Bytes& bytes, bool tame,
-                    int32_t (*take)(dd_job*, Object**), bool endless = false) {
+Owned<Object> taken(dd_status started, Owned<dd_job> job, Bytes& bytes, bool tame,
+                    dd_status (*take)(dd_job*, Object**), bool endless = false) {
   if (!well(started)) {
     promise(!tame, "what is nothing out of the way is not refused");
     promise(!job, "outputs are written only on DD_OK: a job was");
@@ -125,8 +133,8 @@ Owned<Object> taken(int32_t started, Owned<dd_job> job, Bytes& bytes, bool tame,
   }
   promise(job != nullptr, "a job is given on DD_OK");
   Object* object = nullptr;
-  const int32_t ended = watched(job.get(), bytes, endless);
-  const int32_t status = take(job.get(), &object);
+  const dd_status ended = watched(job.get(), bytes, endless);
+  const dd_status status = take(job.get(), &object);
   promise(status == ended, "taking returns the status of the job");
   if (!well(status)) {
     promise(!tame || status == DD_ERROR_CANCELLED, "what is nothing out of the way doesn't fail");

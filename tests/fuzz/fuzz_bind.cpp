@@ -9,7 +9,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   Bytes bytes(data, size);
   const Bind bind = any_bind(bytes);
   dd_job* started = nullptr;
-  const int32_t status = bind.start(&started, bytes);
+  const dd_status status = bind.start(&started, bytes);
   Owned<dd_job> job(started);
   if (job && bytes.one_in(16)) return 0;  // let go of while it works
   if (job && bytes.one_in(8)) {
@@ -19,6 +19,8 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     refused(dd_job_take_transfer(job.get(), &transfer), "a bind gives no transfer");
     refused(dd_job_get_update_info(job.get(), &info), "a bind is no update");
     promise(!transfer, "outputs are written only on DD_OK: a transfer was");
+    const Sized<dd_error> error(dd_error{}, bytes);
+    error.after(dd_last_error(error.get()));
   }
   const auto deformer =
       taken<dd_deformer>(status, std::move(job), bytes, bind.tame, dd_job_take_deformer);
@@ -30,20 +32,19 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   std::vector<double> rest;
   for (size_t h = 0; h < handles; ++h)
     rest.insert(rest.end(), {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0});
-  dd_update_options options{};
-  options.struct_size = sizeof options;
+  auto options = usual<dd_update_options>();
   options.base = bind.options.base;
-  options.base_count = bind.options.base_count;
-  Output<float> out(bind.surface.vertex_count());
-  if (!out.after(dd_deformer_update(deformer.get(), rest.data(), handles, &options, out.data(),
-                                    bind.surface.vertex_count()))) {
+  Output out(bind.surface.vertex_count(), bytes);
+  const dd_points_out to = out.get();
+  if (!out.after(dd_deformer_update(deformer.get(), rest.data(), handles, &options, &to))) {
     promise(!bind.tame, "what is nothing out of the way doesn't fail");
     return 0;
   }
   if (!bind.tame) return 0;
   const double allowed = 1e-4 * extent(bind.surface.positions);
-  for (size_t k = 0; k < out.values().size(); ++k)
-    promise(std::abs(double(out.values()[k]) - double(bind.surface.positions[k])) <= allowed,
+  const std::vector<float> values = out.values();
+  for (size_t k = 0; k < values.size(); ++k)
+    promise(std::abs(double(values[k]) - double(bind.surface.positions[k])) <= allowed,
             "at rest nothing moves");
   return 0;
 }

@@ -2,6 +2,7 @@
 // Searches for what corresponds, between any two meshes with any markers.
 #include "checks.h"
 #include "meshes.h"
+#include "points.h"
 
 using namespace dd::fuzz;
 
@@ -24,24 +25,28 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
                                     : int32_t(same ? one : bytes.seed() % targets));
   }
   markers = std::vector<int32_t>(markers);
-  dd_match_options options{};
-  options.struct_size = sizeof options;
+  auto options = usual<dd_match_options>();
   const bool endless = bytes.odd(64);
-  options.stages = endless ? 1000 : std::min(3, 1 + bytes.choice(2));
-  options.rounds = endless ? 1000 : std::min(2, 1 + bytes.choice(1));
-  options.threads = bytes.one_in(4) ? bytes.choice(3) : 1;
-  options.smoothness = bytes.one_in(3) ? bytes.number(0, 4) : 0;
-  options.identity = bytes.one_in(3) ? bytes.number(0, 1) : 0;
-  options.reach = bytes.one_in(3) ? bytes.number(0, 2) : 0;
+  // Usual ones take long.
+  options.stages = endless ? 1000 : bytes.choice(1, 3);
+  options.rounds = endless ? 1000 : bytes.choice(1, 2);
+  if (!endless && options.stages > 3) options.stages = 1001;
+  if (!endless && options.rounds > 2) options.rounds = 1001;
+  options.threads = bytes.one_in(4) ? bytes.choice(1, 3) : 1;
+  if (bytes.one_in(3)) options.smoothness = bytes.number(0, 4);
+  if (bytes.one_in(3)) options.identity = bytes.number(0, 1);
+  if (bytes.one_in(3)) options.reach = bytes.number(0, 2);
 
-  const dd_mesh from = source.mesh(), to = target.mesh();
+  const GivenMesh from(source, bytes), to(target, bytes);
   const Sized<dd_match_options> how(options, bytes);
   dd_job* job = nullptr;
-  const int32_t status = dd_match_start(bytes.pointer(&from), bytes.pointer(&to),
-                                        bytes.pointer(markers.data()), markers.size() / 2,
-                                        // Usual ones take long.
-                                        how.get(), bytes.pointer(&job));
-  if (how.known().rounds == 0) {
+  const dd_status status = dd_match_start(bytes.pointer(from.get()), bytes.pointer(to.get()),
+                                          bytes.pointer(markers.data()), markers.size() / 2,
+                                          how.get(), bytes.pointer(&job));
+  promise(status != DD_OK || !(how.wrong() || from.misplaced() || to.misplaced()),
+          "a match with a stride or a struct_size that is none is refused");
+  // An older caller has the usual ones of what it doesn't know.
+  if (how.known().stages != options.stages || how.known().rounds != options.rounds) {
     dd_job_free(job);
     return 0;
   }
@@ -49,8 +54,26 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       taken<dd_match>(status, Owned<dd_job>(job), bytes, false, dd_job_take_match, endless);
   if (!match) return 0;
 
-  Output<float> registered(source.vertex_count());
-  registered.after(dd_match_get_positions(match.get(), registered.data(), source.vertex_count()));
+  Output registered(source.vertex_count(), bytes), packed(source.vertex_count());
+  const dd_points_out into = registered.get(), again = packed.get();
+  const bool there = registered.after(dd_match_get_positions(match.get(), &into));
+  if (there) {
+    must(dd_match_get_positions(match.get(), &again), "positions can be asked for twice");
+    promise(packed.values() == registered.values(), "where points lie has no say in positions");
+  }
+  if (there && !endless && (from.spread() || to.spread()) && bytes.aside(2) == 1) {
+    const dd_mesh packed_from = source.mesh(), packed_to = target.mesh();
+    dd_match* other = nullptr;
+    job = nullptr;
+    must(dd_match_start(&packed_from, &packed_to, markers.data(), markers.size() / 2, how.get(),
+                        &job),
+         "what was matched can be matched again");
+    must(dd_job_take_match(job, &other), "what was matched matches again");
+    dd_job_free(job);
+    const Owned<dd_match> of_packed(other);
+    must(dd_match_get_positions(other, &again), "positions can be asked for");
+    promise(packed.values() == registered.values(), "where points lie has no say in a match");
+  }
   size_t count = 0;
   must(dd_match_get_pairs(match.get(), nullptr, 0, &count), "pairs can be counted");
   std::vector<int32_t> pairs(2 * count, -7);

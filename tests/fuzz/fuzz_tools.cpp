@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What is done at once and leaves nothing: measures, distances, gradients, and solids.
+// What is done at once and leaves nothing: measures, distances, gradients, defaults.
 #include "checks.h"
 #include "meshes.h"
+#include "points.h"
 
 using namespace dd::fuzz;
 
@@ -24,12 +25,20 @@ void distances(Bytes& bytes) {
   for (int more = bytes.below(5); more > 0 && n > 0; --more)
     sources[bytes.seed() % n] = bytes.one_in(8) ? bytes.choice(3) : 1;
   std::vector<float> out(n, -7), before(out);
-  const dd_mesh mesh = surface.mesh();
-  if (!well(dd_distances(bytes.pointer(&mesh), bytes.pointer(sources.data()), bytes.count(n),
-                         bytes.pointer(out.data()), bytes.count(n)))) {
+  const GivenMesh mesh(surface, bytes);
+  const dd_status status =
+      dd_mesh_distances(bytes.pointer(mesh.get()), bytes.pointer(sources.data()), bytes.count(n),
+                        bytes.pointer(out.data()), bytes.count(n));
+  promise(status != DD_OK || !mesh.misplaced(), "a stride that no points can have is refused");
+  if (!well(status)) {
     promise(!bytes.tame(), "what is nothing out of the way is not refused");
     promise(out == before, "outputs are written only on DD_OK: distances were");
     return;
+  }
+  if (mesh.spread()) {
+    const dd_mesh packed = surface.mesh();
+    must(dd_mesh_distances(&packed, sources.data(), n, before.data(), n), "twice is once more");
+    promise(out == before, "where points lie has no say in distances");
   }
   for (size_t v = 0; v < n; ++v) {
     promise(out[v] >= 0, "a distance is not negative, and a number");
@@ -50,34 +59,48 @@ void distances(Bytes& bytes) {
 void measures(Bytes& bytes) {
   const Surface surface = any_surface(bytes);
   const bool at_rest = bytes.one_in(3);
-  const std::vector<float> deformed = at_rest ? surface.positions : posed(surface.positions, bytes);
-  std::vector<float> base, deformed_base;
-  dd_measure_options options{};
-  options.struct_size = sizeof options;
+  const Points deformed(at_rest ? surface.positions : posed(surface.positions, bytes), bytes);
+  Points base, deformed_base;
+  auto options = usual<dd_measure_options>();
   const size_t n = surface.vertex_count();
   if (bytes.one_in(3)) {
-    base = posed(surface.positions, bytes);
-    deformed_base = posed(base, bytes);
-    options.base = bytes.pointer(base.data());
-    options.deformed_base = bytes.pointer(deformed_base.data());
-    options.base_count = bytes.count(n);
-    options.deformed_base_count = bytes.count(n);
+    base = Points(posed(surface.positions, bytes), bytes);
+    deformed_base = Points(posed(base.values(), bytes), bytes);
+    *base.given() = counted(*base.given(), bytes);
+    *deformed_base.given() = counted(*deformed_base.given(), bytes);
+    options.base = bytes.pointer(base.given());
+    options.deformed_base = bytes.pointer(deformed_base.given());
   }
   const Sized<dd_measure_options> how(options, bytes);
-  const dd_mesh mesh = surface.mesh();
+  const GivenMesh mesh(surface, bytes);
   dd_measures whole{};
   whole.struct_size = sizeof whole;
   const Sized<dd_measures> found(bytes.odd() ? dd_measures{} : whole, bytes);
-  const int32_t status = dd_measure(bytes.pointer(&mesh), bytes.pointer(surface.roles.data()),
-                                    bytes.count(n), bytes.pointer(deformed.data()), bytes.count(n),
-                                    how.get(), bytes.pointer(found.get()));
+  const dd_points now = counted(*deformed.given(), bytes);
+  const dd_status status =
+      dd_mesh_measure(bytes.pointer(mesh.get()), bytes.pointer(surface.roles.data()),
+                      bytes.count(n), bytes.pointer(&now), how.get(), bytes.pointer(found.get()));
+  const dd_measure_options known = how.known();
+  promise(status != DD_OK || !(how.wrong() || mesh.misplaced() || deformed.misplaced() ||
+                               (known.base && base.misplaced()) ||
+                               (known.deformed_base && deformed_base.misplaced())),
+          "a measure with a stride or a struct_size that is none is refused");
   if (!found.after(status)) {
     promise(!(bytes.tame() && surface.sound && at_rest),
             "what is nothing out of the way is not refused");
     return;
   }
-  dd_measures m{};
-  std::memcpy(&m, found.get(), std::min<size_t>(sizeof m, found.get()->struct_size));
+  dd_measures m{}, again{};
+  const size_t size = std::min<size_t>(sizeof m, found.get()->struct_size);
+  std::memcpy(&m, found.get(), size);
+  base.pack();
+  deformed_base.pack();
+  again.struct_size = m.struct_size;
+  const dd_mesh packed = surface.mesh();
+  const dd_points packed_now = deformed.packed();
+  must(dd_mesh_measure(&packed, surface.roles.data(), n, &packed_now, how.get(), &again),
+       "what was measured can be measured again");
+  promise(std::memcmp(&m, &again, size) == 0, "where points lie has no say in measures");
   promise(m.intersecting_pairs >= 0 && m.new_intersecting_pairs >= 0 &&
               m.new_intersecting_pairs <= m.intersecting_pairs && m.intersecting_triangles >= 0 &&
               size_t(m.intersecting_triangles) <= surface.triangle_count(),
@@ -92,14 +115,24 @@ void gradients(Bytes& bytes) {
   const Surface surface = any_surface(bytes);
   const size_t n = surface.vertex_count();
   const bool at_rest = bytes.one_in(3);
-  const std::vector<float> deformed = at_rest ? surface.positions : posed(surface.positions, bytes);
+  const Points deformed(at_rest ? surface.positions : posed(surface.positions, bytes), bytes);
   std::vector<float> out(9 * n, -7), before(out);
-  const dd_mesh mesh = surface.mesh();
-  if (!well(dd_vertex_gradients(bytes.pointer(&mesh), bytes.pointer(deformed.data()),
-                                bytes.count(n), bytes.pointer(out.data()), bytes.count(n)))) {
+  const GivenMesh mesh(surface, bytes);
+  const dd_points now = counted(*deformed.given(), bytes);
+  const dd_status status = dd_mesh_vertex_gradients(bytes.pointer(mesh.get()), bytes.pointer(&now),
+                                                    bytes.pointer(out.data()), bytes.count(n));
+  promise(status != DD_OK || !(mesh.misplaced() || deformed.misplaced()),
+          "a stride that no points can have is refused");
+  if (!well(status)) {
     promise(!(bytes.tame() && at_rest), "what is nothing out of the way is not refused");
     promise(out == before, "outputs are written only on DD_OK: gradients were");
     return;
+  }
+  if (mesh.spread() || deformed.spread()) {
+    const dd_mesh packed = surface.mesh();
+    const dd_points packed_now = deformed.packed();
+    must(dd_mesh_vertex_gradients(&packed, &packed_now, before.data(), n), "twice is once more");
+    promise(out == before, "where points lie has no say in gradients");
   }
   for (size_t k = 0; k < out.size(); ++k) {
     promise(std::isfinite(out[k]), "a gradient is finite");
@@ -107,62 +140,58 @@ void gradients(Bytes& bytes) {
   }
 }
 
-void solids(Bytes& bytes) {
-  const Solid solid = any_solid(bytes);
-  const size_t n = solid.vertex_count(), m = solid.tet_count();
-  std::vector<int32_t> roles(n, DD_ROLE_FREE);
-  int32_t handles = 1 + bytes.below(2);
-  for (size_t v = 0; v < n; ++v) {
-    const double z = solid.positions[3 * v + 2], x = solid.positions[3 * v];
-    if (bytes.one_in(5)) roles[v] = z > x ? DD_ROLE_FIXED : bytes.below(handles);
-  }
-  if (n > 0) roles[0] = 0;
-  if (bytes.odd() && n > 0) roles[bytes.seed() % n] = bytes.role();
-  if (bytes.odd()) handles = bytes.choice(3);
-  const dd_tet_mesh mesh = {solid.positions.data(), n, solid.tets.data(), m};
-  dd_tets* created = nullptr;
-  const int32_t status = dd_tets_create(bytes.pointer(&mesh), bytes.pointer(roles.data()),
-                                        bytes.count(n), handles, bytes.pointer(&created));
-  const Owned<dd_tets> tets(created);
-  if (!well(status)) {
-    promise(!tets, "outputs are written only on DD_OK: a solid was");
+/// Options of a caller that says that they are so large, and has the room for it.
+template <class Options>
+void defaults(Bytes& bytes) {
+  size_t size = sizeof(Options);
+  if (!bytes.one_in(3)) size = static_cast<size_t>(bytes.below(256));
+  if (bytes.one_in(8)) size = 4097 + bytes.seed();
+  constexpr unsigned char kUntouched = 0xa5;
+  const std::unique_ptr<unsigned char, void (*)(void*)> room(
+      static_cast<unsigned char*>(std::malloc(std::max<size_t>(1, size))), std::free);
+  std::fill_n(room.get(), size, kUntouched);
+  const bool fits = size >= sizeof(uint32_t) && size <= 4096;
+  const bool filled = well(kInit<Options>(reinterpret_cast<Options*>(room.get()), size));
+  promise(filled == fits, "defaults are for structs of a size that a struct can have");
+  if (!filled) {
+    promise(std::all_of(room.get(), room.get() + size,
+                        [](unsigned char byte) { return byte == kUntouched; }),
+            "outputs are written only on DD_OK: options were");
     return;
   }
-  for (int32_t which : {DD_TETS_GRADIENT, DD_TETS_DEFORMATION_GRADIENT, DD_TETS_LAPLACIAN}) {
-    size_t count = 0;
-    must(dd_tets_get_operator(tets.get(), which, nullptr, nullptr, nullptr, 0, &count),
-         "entries can be counted");
-    std::vector<int32_t> rows(count), columns(count);
-    std::vector<double> values(count);
-    must(dd_tets_get_operator(tets.get(), which, rows.data(), columns.data(), values.data(), count,
-                              &count),
-         "entries can be asked for");
-    const size_t height = which == DD_TETS_LAPLACIAN ? n : 3 * m;
-    for (size_t k = 0; k < count; ++k)
-      promise(rows[k] >= 0 && size_t(rows[k]) < height && columns[k] >= 0 &&
-                  size_t(columns[k]) < n && std::isfinite(values[k]),
-              "an entry is one of the operator's");
+  const auto whole = usual<Options>();
+  uint32_t said = 0;
+  std::memcpy(&said, room.get(), sizeof said);
+  promise(said == size, "options say how large the caller has them");
+  promise(std::memcmp(room.get() + sizeof said,
+                      reinterpret_cast<const unsigned char*>(&whole) + sizeof said,
+                      std::min(size, sizeof whole) - sizeof said) == 0,
+          "an older or newer caller has the same defaults");
+}
+
+void defaults(Bytes& bytes) {
+  switch (bytes.below(10)) {
+    case 0:
+      return defaults<dd_bind_options>(bytes);
+    case 1:
+      return defaults<dd_refinement_options>(bytes);
+    case 2:
+      return defaults<dd_normal_options>(bytes);
+    case 3:
+      return defaults<dd_volumes_options>(bytes);
+    case 4:
+      return defaults<dd_examples_options>(bytes);
+    case 5:
+      return defaults<dd_update_options>(bytes);
+    case 6:
+      return defaults<dd_transfer_options>(bytes);
+    case 7:
+      return defaults<dd_apply_options>(bytes);
+    case 8:
+      return defaults<dd_match_options>(bytes);
+    default:
+      return defaults<dd_measure_options>(bytes);
   }
-  std::vector<double> gradients(9 * m), matrices;
-  for (size_t j = 0; j < m; ++j)
-    for (size_t k = 0; k < 9; ++k)
-      gradients[9 * j + k] = k % 4 == 0 ? 1 : bytes.odd(64) ? bytes.any() : 0.1;
-  Output<double> solved(n), moved(n);
-  if (solved.after(dd_tets_solve(tets.get(), solid.positions.data(), bytes.count(n),
-                                 bytes.pointer(gradients.data()), bytes.count(m),
-                                 bytes.pointer(solved.data()), bytes.count(n))))
-    for (size_t v = 0; v < n; ++v)
-      if (roles[v] != DD_ROLE_FREE)
-        promise(std::equal(solved.at(v), solved.at(v) + 3, &solid.positions[3 * v]),
-                "what is constrained stays");
-  for (int32_t h = 0; h < handles; ++h) {
-    const double angle = bytes.number(-3, 3), shift = bytes.number(-2, 2);
-    const double c = std::cos(angle), s = std::sin(angle);
-    matrices.insert(matrices.end(), {c, -s, 0, shift, s, c, 0, 0, 0, 0, bytes.number(0, 2), 0});
-  }
-  moved.after(dd_tets_update(tets.get(), bytes.pointer(matrices.data()),
-                             bytes.count(matrices.size() / 12), bytes.pointer(moved.data()),
-                             bytes.count(n)));
 }
 
 }  // namespace
@@ -180,7 +209,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       gradients(bytes);
       break;
     default:
-      solids(bytes);
+      defaults(bytes);
   }
   return 0;
 }

@@ -2,6 +2,7 @@
 // Transfers between any two meshes, by any pairs and options, of any poses.
 #include "checks.h"
 #include "meshes.h"
+#include "points.h"
 
 using namespace dd::fuzz;
 
@@ -36,8 +37,22 @@ void facts_agree(const dd_transfer* transfer, const Surface& target, Bytes& byte
               facts.degenerate_example < m && facts.unknowns >= 0,
           "a count is one of things that there are");
   for (double number : facts.placement) promise(std::isfinite(number), "a placement is finite");
-  Sized<dd_transfer_info> sized(dd_transfer_info{}, bytes);
+  const Sized<dd_transfer_info> sized(dd_transfer_info{}, bytes);
   sized.after(dd_transfer_get_info(transfer, sized.get()));
+}
+
+/// Of packed meshes, without anything odd.
+Owned<dd_transfer> made(const Surface& source, const Surface& target,
+                        const std::vector<int32_t>& pairs, const dd_transfer_options* options) {
+  const dd_mesh from = source.mesh(), to = target.mesh();
+  dd_job* started = nullptr;
+  dd_transfer* transfer = nullptr;
+  must(dd_transfer_start(&from, &to, pairs.empty() ? nullptr : pairs.data(), pairs.size() / 2,
+                         options, &started),
+       "what was transferred can be transferred again");
+  const Owned<dd_job> job(started);
+  must(dd_job_take_transfer(job.get(), &transfer), "what was transferred transfers again");
+  return Owned<dd_transfer>(transfer);
 }
 
 }  // namespace
@@ -47,8 +62,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const Surface source = any_surface(bytes);
   Surface target = source;
   std::vector<int32_t> pairs;
-  dd_transfer_options options{};
-  options.struct_size = sizeof options;
+  auto options = usual<dd_transfer_options>();
   options.pairs_of = bytes.choice(DD_PAIRS_OF_NEAREST);
   const bool same = bytes.flag(), in_place = same && bytes.flag();
   if (!same) {
@@ -76,7 +90,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   options.anchors = anchors.empty() ? nullptr : anchors.data();
   options.anchor_count = anchors.size();
   options.precision = bytes.choice(DD_PRECISION_DOUBLE);
-  options.threads = bytes.one_in(4) ? bytes.choice(3) : 1;
+  options.threads = bytes.one_in(4) ? bytes.choice(1, 3) : 1;
   double placement[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
   const bool given = bytes.one_in(4);
   if (given) {
@@ -110,54 +124,79 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     options.point_weight_count = bytes.count(target.vertex_count());
   }
 
-  const dd_mesh from = source.mesh(), to = target.mesh();
+  const GivenMesh from(source, bytes), to(target, bytes);
   const Sized<dd_transfer_options> how(options, bytes);
+  const dd_transfer_options* as = bytes.odd() ? nullptr : how.get();
+  const int32_t* given_pairs = pairs.empty() ? nullptr : pairs.data();
   dd_job* job = nullptr;
-  const int32_t status = dd_transfer_start(bytes.pointer(&from), bytes.pointer(&to),
-                                           pairs.empty() ? nullptr : pairs.data(), pairs.size() / 2,
-                                           bytes.odd() ? nullptr : how.get(), bytes.pointer(&job));
+  const dd_status status =
+      dd_transfer_start(bytes.pointer(from.get()), bytes.pointer(to.get()), given_pairs,
+                        pairs.size() / 2, as, bytes.pointer(&job));
+  promise(status != DD_OK || !((as && how.wrong()) || from.misplaced() || to.misplaced()),
+          "a transfer with a stride or a struct_size that is none is refused");
   const bool tame = bytes.tame() && source.sound && target.sound && same;
   const auto transfer =
       taken<dd_transfer>(status, Owned<dd_job>(job), bytes, tame && in_place, dd_job_take_transfer);
   if (!transfer) return 0;
   facts_agree(transfer.get(), target, bytes);
+  Owned<dd_transfer> of_packed;
+  if ((from.spread() || to.spread()) && bytes.aside(2) == 1)
+    of_packed = made(source, target, pairs, as);
 
+  const dd_placing placing = as ? how.known().placing : usual<dd_transfer_options>().placing;
+  const bool takes_whole = placing == DD_PLACING_VERTICES || placing == DD_PLACING_DISPLACEMENTS;
   for (int more = 1 + bytes.below(3); more > 0; --more) {
     const bool at_rest = bytes.one_in(4);
-    const std::vector<float> pose = at_rest ? source.positions : posed(source.positions, bytes);
-    dd_apply_options applied{};
-    applied.struct_size = sizeof applied;
+    const Points pose(at_rest ? source.positions : posed(source.positions, bytes), bytes);
+    auto applied = usual<dd_apply_options>();
     applied.gradients = bytes.choice(DD_GRADIENTS_WHOLE);
+    // Now and then is enough for what is refused.
+    if (takes_whole && bytes.aside(4) != 3) applied.gradients = DD_GRADIENTS_WHOLE;
     applied.values = bytes.choice(DD_VALUES_OFFSETS);
-    std::vector<float> places;
+    Points places;
     if (!anchors.empty() && bytes.one_in(3)) {
+      std::vector<float> values;
       for (size_t k = 0; k < 3 * anchors.size(); ++k)
-        places.push_back(static_cast<float>(bytes.between(-2, 2)));
-      if (bytes.odd(8)) disturb(places, bytes);
-      applied.places = places.data();
-      applied.place_count = bytes.count(anchors.size());
+        values.push_back(static_cast<float>(bytes.between(-2, 2)));
+      if (bytes.odd(8)) disturb(values, bytes);
+      places = Points(std::move(values), bytes);
+      *places.given() = counted(*places.given(), bytes);
+      applied.places = places.given();
     }
-    const Sized<dd_apply_options> as(applied, bytes);
-    Output<float> out(target.vertex_count()), again(target.vertex_count());
-    const auto apply = [&](Output<float>& into) {
-      return dd_transfer_apply(transfer.get(), pose.data(), source.vertex_count(), as.get(),
-                               into.data(), target.vertex_count());
-    };
-    const bool there = out.after(apply(out));
-    promise(again.after(apply(again)) == there && again.values() == out.values(),
-            "a pose once more gives the same");
-    promise(there || !(tame && in_place), "what is nothing out of the way doesn't fail");
-    if (!there || !at_rest || !tame || !in_place || given || !places.empty()) continue;
+    const Sized<dd_apply_options> with(applied, bytes);
+    const dd_apply_options known = with.known();
+    const bool fits = !takes_whole || known.gradients == DD_GRADIENTS_WHOLE;
+    const bool wrong = with.wrong() || pose.misplaced() || (known.places && places.misplaced());
+    Output out(target.vertex_count(), bytes), again(target.vertex_count());
+    const dd_points_out into = out.get(), packed_into = again.get();
+    const bool there =
+        out.after(dd_transfer_apply(transfer.get(), pose.given(), with.get(), &into));
+    promise(!there || !wrong, "a pose with a stride or a struct_size that is none is refused");
+    promise(!there || fits, "such places are refused with rotations");
+    promise(there || !(tame && in_place && fits), "what is nothing out of the way doesn't fail");
+    promise(there || !(tame && in_place) || last_error().remedy == DD_REMEDY_WHOLE_GRADIENTS,
+            "who asks for rotations is told that they don't go with such places");
+    if (wrong || out.misplaced()) continue;
+    // Packed, and by what was made of packed meshes.
+    places.pack();
+    const dd_points packed = pose.packed();
+    dd_transfer* other = of_packed ? of_packed.get() : transfer.get();
+    promise(again.after(dd_transfer_apply(other, &packed, with.get(), &packed_into)) == there &&
+                again.values() == out.values(),
+            "a pose once more gives the same, wherever points lie");
+    if (!there || !at_rest || !tame || !in_place || given || places.given()) continue;
     const double allowed = 1e-3 * extent(target.positions);
-    for (size_t k = 0; k < out.values().size(); ++k)
-      promise(std::abs(double(out.values()[k]) -
+    const std::vector<float> values = out.values();
+    for (size_t k = 0; k < values.size(); ++k)
+      promise(std::abs(double(values[k]) -
                        (applied.values == DD_VALUES_OFFSETS ? 0 : double(target.positions[k]))) <=
                   allowed,
               "onto itself a pose at rest comes back");
-    Output<float> refused_one(target.vertex_count());
-    refused_one.after(dd_transfer_apply(
-        transfer.get(), bytes.pointer(pose.data()), bytes.count(source.vertex_count()), as.get(),
-        bytes.pointer(refused_one.data()), bytes.count(target.vertex_count())));
+    Output refused_one(target.vertex_count());
+    const dd_points odd_pose = counted(*pose.given(), bytes);
+    const dd_points_out odd_out = counted(refused_one.get(), bytes);
+    refused_one.after(dd_transfer_apply(transfer.get(), bytes.pointer(&odd_pose), with.get(),
+                                        bytes.pointer(&odd_out)));
   }
   return 0;
 }

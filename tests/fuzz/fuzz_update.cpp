@@ -13,9 +13,9 @@ namespace {
 /// One update: what was asked for and what came of it.
 struct Call {
   Motion motion;
-  int32_t status = DD_OK;
+  dd_status status = DD_OK;
   std::string sentence;
-  Output<float> out;
+  Output out;
 };
 
 class Updates {
@@ -23,9 +23,10 @@ class Updates {
   Updates(const Bind& bind, Bytes& bytes)
       : bind_(bind), bytes_(bytes), count_(bind.surface.vertex_count()) {}
 
-  int32_t update(dd_deformer* deformer, const Motion& motion, float* out) const {
-    return dd_deformer_update(deformer, motion.matrices.data(), motion.matrices.size() / 12,
-                              motion.how(), out, count_);
+  dd_status update(dd_deformer* deformer, const Motion& motion, Output& out) const {
+    const dd_points_out to = out.get();
+    return heeded(motion, dd_deformer_update(deformer, motion.matrices.data(),
+                                             motion.matrices.size() / 12, motion.how(), &to));
   }
 
   /// What a call gives is looked at; that of one that can be repeated is returned.
@@ -35,28 +36,32 @@ class Updates {
       as_job(deformer, motion);
       return {};
     }
+    Output out(count_, bytes_);
     if (bytes_.odd(32)) {
-      Output<float> out(count_);
-      out.after(dd_deformer_update(deformer, bytes_.pointer(motion.matrices.data()),
-                                   bytes_.count(motion.matrices.size() / 12), motion.how(),
-                                   bytes_.pointer(out.data()), bytes_.count(count_)));
+      const dd_points_out to = counted(out.get(), bytes_);
+      out.after(heeded(motion, dd_deformer_update(deformer, bytes_.pointer(motion.matrices.data()),
+                                                  bytes_.count(motion.matrices.size() / 12),
+                                                  motion.how(), bytes_.pointer(&to))));
       return {};
     }
-    Call one{std::move(motion), DD_OK, "", Output<float>(count_)};
-    one.status = update(deformer, one.motion, one.out.data());
+    Call one{std::move(motion), DD_OK, "", std::move(out)};
+    one.status = update(deformer, one.motion, one.out);
     if (one.out.after(one.status)) {
       constraints_met(bind_, one.motion, one.out);
       return one;
     }
     promise(!one.motion.tame, "what is nothing out of the way doesn't fail");
+    // Elsewhere it would not be refused.
+    if (one.out.misplaced()) return {};
     one.sentence = dd_last_message();
     return one;
   }
 
-  /// Done once more it gives the same, to the bit.
+  /// Done once more, with all points packed, it gives the same, to the bit.
   void repeat(dd_deformer* deformer, const Call& one) const {
-    Output<float> again(count_);
-    const int32_t status = update(deformer, one.motion, again.data());
+    Output again(count_);
+    one.motion.base.pack();
+    const dd_status status = update(deformer, one.motion, again);
     promise(status == one.status, "what was done before has no say: another status");
     promise(status == DD_OK || one.sentence == dd_last_message(),
             "what was done before has no say: another sentence");
@@ -66,23 +71,25 @@ class Updates {
  private:
   void as_job(dd_deformer* deformer, const Motion& motion) {
     dd_job* started = nullptr;
-    const int32_t status = dd_update_start(deformer, motion.matrices.data(),
-                                           motion.matrices.size() / 12, motion.how(), &started);
+    const dd_status status = heeded(
+        motion, dd_deformer_update_start(deformer, motion.matrices.data(),
+                                         motion.matrices.size() / 12, motion.how(), &started));
     const Owned<dd_job> job(started);
     if (!well(status)) {
       promise(!motion.tame && !job, "outputs are written only on DD_OK: a job was");
       return;
     }
     if (bytes_.one_in(8)) {  // it may be in use
-      const int32_t meanwhile = dd_deformer_update(deformer, nullptr, 0, nullptr, nullptr, 0);
+      const dd_status meanwhile = dd_deformer_update(deformer, nullptr, 0, nullptr, nullptr);
       refused(meanwhile, "an update needs somewhere to go");
     }
     if (bytes_.one_in(16)) return;  // let go of while it works
-    const int32_t ended = watched(job.get(), bytes_, motion.endless);
-    Output<float> out(count_);
-    const bool there = out.after(dd_job_get_update(job.get(), out.data(), count_));
-    promise(there == (ended == DD_OK), "an update that is done is there");
-    Sized<dd_update_info> info(dd_update_info{}, bytes_);
+    const dd_status ended = watched(job.get(), bytes_, motion.endless);
+    Output out(count_, bytes_);
+    const dd_points_out to = out.get();
+    const bool there = out.after(dd_job_get_update(job.get(), &to));
+    promise(there == (ended == DD_OK && !out.misplaced()), "an update that is done is there");
+    const Sized<dd_update_info> info(dd_update_info{}, bytes_);
     info.after(dd_job_get_update_info(job.get(), info.get()));
     if (!there) {
       promise(!motion.tame || ended == DD_ERROR_CANCELLED,
@@ -90,15 +97,26 @@ class Updates {
       return;
     }
     constraints_met(bind_, motion, out);
-    Output<float> at_once(count_);
-    must(update(deformer, motion, at_once.data()), "what a job does can be done at once");
+    Output packed(count_), at_once(count_);
+    const dd_points_out once_more = packed.get();
+    must(dd_job_get_update(job.get(), &once_more), "an update can be asked for twice");
+    const std::vector<float> found = out.values();
+    promise(packed.values() == found, "where points lie has no say in an update");
+    must(update(deformer, motion, at_once), "what a job does can be done at once");
     // Steps add up to positions, from which offsets are taken: not to the last digit.
     const double size = extent(bind_.surface.positions);
-    for (size_t k = 0; k < out.values().size(); ++k) {
-      const double one = out.values()[k], other = at_once.values()[k];
+    const std::vector<float> others = at_once.values();
+    for (size_t k = 0; k < found.size(); ++k) {
+      const double one = found[k], other = others[k];
       promise(std::abs(one - other) <= 1e-6 * (size + std::abs(one)),
               "a job gives what is given at once");
     }
+  }
+
+  static dd_status heeded(const Motion& motion, dd_status status) {
+    promise(status != DD_OK || !motion.wrong,
+            "an update with a stride or a struct_size that is none is refused");
+    return status;
   }
 
   const Bind& bind_;
@@ -112,7 +130,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   Bytes bytes(data, size);
   const Bind bind = any_bind(bytes);
   dd_job* job = nullptr;
-  const int32_t status = bind.start(&job, bytes);
+  const dd_status status = bind.start(&job, bytes);
   auto deformer =
       taken<dd_deformer>(status, Owned<dd_job>(job), bytes, bind.tame, dd_job_take_deformer);
   if (!deformer) return 0;

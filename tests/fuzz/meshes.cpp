@@ -148,44 +148,6 @@ std::vector<float> posed(const std::vector<float>& positions, Bytes& bytes) {
   return result;
 }
 
-Solid any_solid(Bytes& bytes) {
-  Solid solid;
-  const int a = 1 + bytes.below(3), b = 1 + bytes.below(3), c = 1 + bytes.below(4);
-  std::mt19937 random(bytes.seed());
-  std::uniform_real_distribution<double> any(-0.15, 0.15);
-  const auto number = [&](int i, int j, int k) { return (i * (b + 1) + j) * (c + 1) + k; };
-  for (int i = 0; i <= a; ++i)
-    for (int j = 0; j <= b; ++j)
-      for (int k = 0; k <= c; ++k)
-        for (int along : {i, j, k}) solid.positions.push_back(along + any(random));
-  for (int i = 0; i < a; ++i)
-    for (int j = 0; j < b; ++j)
-      for (int k = 0; k < c; ++k) {
-        // Kuhn's six around the diagonal.
-        for (const auto& [first, second] :
-             {std::pair{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}}) {
-          if (bytes.one_in(32)) continue;
-          int at[3] = {i, j, k};
-          solid.tets.push_back(number(i, j, k));
-          for (int axis : {first, second}) {
-            ++at[axis];
-            solid.tets.push_back(number(at[0], at[1], at[2]));
-          }
-          solid.tets.push_back(number(i + 1, j + 1, k + 1));
-        }
-      }
-  const double unit = bytes.one_in(4) ? std::pow(10, bytes.below(11) - 5) : 1;
-  for (double& p : solid.positions) p *= unit;
-  if (bytes.odd(16))
-    solid.positions[bytes.below(static_cast<int>(solid.positions.size()))] = bytes.any();
-  if (bytes.odd(16) && !solid.tets.empty())
-    solid.tets[bytes.below(static_cast<int>(solid.tets.size()))] =
-        bytes.beyond(solid.vertex_count());
-  if (bytes.odd(64)) solid.tets.clear();
-  if (bytes.odd(64)) solid.positions.clear();
-  return solid;
-}
-
 double extent(const std::vector<float>& positions) {
   if (positions.empty()) return 0;
   const auto [low, high] = std::minmax_element(positions.begin(), positions.end());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Meshes and solids from bytes, with the faults that real ones have, or impossible ones.
+// Meshes from bytes, with the faults that real ones have, or impossible ones.
 #pragma once
 
 #include "bytes.h"
@@ -24,15 +24,6 @@ void disturb(std::vector<float>& positions, Bytes& bytes);
 
 /// Other places of the same vertices: turned, stretched, waved, flattened or thrown together.
 std::vector<float> posed(const std::vector<float>& positions, Bytes& bytes);
-
-/// A tetrahedral mesh: some tetrahedra of a box of cells, bent.
-struct Solid {
-  std::vector<double> positions;
-  std::vector<int32_t> tets;
-  size_t vertex_count() const { return positions.size() / 3; }
-  size_t tet_count() const { return tets.size() / 4; }
-};
-Solid any_solid(Bytes& bytes);
 
 /// The largest difference of two coordinates, which is what rounding is compared with.
 double extent(const std::vector<float>& positions);

@@ -62,71 +62,101 @@ Bind any_bind(Bytes& bytes) {
   const Surface& surface = bind.surface;
   bind.tame = bytes.tame() && surface.sound;
   dd_bind_options& options = bind.options;
-  options.struct_size = sizeof options;
+  options = usual<dd_bind_options>();
   options.base_metric = bytes.choice(DD_METRIC_BASE);
   // A base may collapse where nothing is wrong with the surface, and can't be measured on then.
   bind.tame = bind.tame && options.base_metric == DD_METRIC_SURFACE;
-  options.metric_smoothing = bytes.one_in(3) ? bytes.number(0, 4) : 0;
-  options.smoothness = bytes.choice(DD_SMOOTHNESS_CURVATURE_VARIATION);
+  if (bytes.one_in(3)) options.metric_smoothing = bytes.number(0, 4);
+  options.smoothness = bytes.choice(DD_SMOOTHNESS_MEMBRANE, DD_SMOOTHNESS_CURVATURE_VARIATION);
   options.precision = bytes.choice(DD_PRECISION_DOUBLE);
-  options.threads = bytes.one_in(4) ? bytes.choice(3) : 1;
+  options.threads = bytes.one_in(4) ? bytes.choice(1, 3) : 1;
   options.triangulation = bytes.choice(DD_TRIANGULATION_GIVEN);
   switch (bytes.below(6)) {
     case 4:
-      bind.base = posed(surface.positions, bytes);
+      bind.base = Points(posed(surface.positions, bytes), bytes);
       break;
     case 5: {
       Surface cage = any_surface(bytes);
       bind.tame = bind.tame && cage.sound;
-      bind.base = std::move(cage.positions);
+      bind.base = Points(std::move(cage.positions), bytes);
       bind.base_triangles = std::move(cage.triangles);
       break;
     }
     default:
       break;
   }
-  options.base = bytes.pointer(bind.base.empty() ? nullptr : bind.base.data());
-  options.base_count = bind.base.size() / 3;
+  options.base = bytes.pointer(bind.base.given());
   options.base_triangles =
       bytes.pointer(bind.base_triangles.empty() ? nullptr : bind.base_triangles.data());
   options.base_triangle_count = bind.base_triangles.size() / 3;
-  if (!bind.base.empty() && bytes.odd()) bind.surface.handle_count = 0;
+  if (bind.base.given() && bytes.odd()) bind.surface.handle_count = 0;
   if (bytes.one_in(3)) {
     const int count = 1 + bytes.below(3);
-    for (int k = 0; k < count; ++k) {
-      const std::vector<float> pose = posed(surface.positions, bytes);
-      bind.examples.insert(bind.examples.end(), pose.begin(), pose.end());
-    }
-    bind.examples = std::vector<float>(bind.examples);  // no room to spare
-    options.examples = bytes.pointer(bind.examples.data());
-    options.example_count = static_cast<size_t>(count);
-    options.example_vertex_count = bytes.count(surface.vertex_count());
+    for (int k = 0; k < count; ++k)
+      bind.examples.emplace_back(posed(surface.positions, bytes), bytes);
+    for (const Points& example : bind.examples)
+      bind.given_examples.push_back(counted(*example.given(), bytes));
+    bind.given_examples.shrink_to_fit();  // no room to spare
+    options.examples = bytes.pointer(bind.given_examples.data());
+    options.example_count = bind.given_examples.size();
   }
   if (!bytes.odd(32)) bind.given = std::make_shared<Sized<dd_bind_options>>(options, bytes);
-  options = bind.given ? bind.given->known() : dd_bind_options{};
+  options = bind.given ? bind.given->known() : usual<dd_bind_options>();
+  bind.wrong = (bind.given && bind.given->wrong()) || (options.base && bind.base.misplaced());
+  if (options.examples)
+    for (size_t k = 0; k < std::min(options.example_count, bind.examples.size()); ++k)
+      bind.wrong = bind.wrong || misplaced(options.examples[k]);
   return bind;
 }
 
-int32_t Bind::start(dd_job** job, Bytes& bytes) const {
-  const dd_mesh mesh = surface.mesh();
-  return dd_bind_start(bytes.pointer(&mesh), bytes.pointer(surface.roles.data()),
-                       bytes.count(surface.roles.size()), surface.handle_count,
-                       given ? given->get() : nullptr, bytes.pointer(job));
+dd_status Bind::start(dd_job** job, Bytes& bytes) const {
+  const GivenMesh mesh(surface, bytes);
+  const dd_status status =
+      dd_deformer_bind_start(bytes.pointer(mesh.get()), bytes.pointer(surface.roles.data()),
+                             bytes.count(surface.roles.size()), surface.handle_count,
+                             given ? given->get() : nullptr, bytes.pointer(job));
+  promise(status != DD_OK || !(wrong || mesh.misplaced()),
+          "a bind with a stride or a struct_size that is none is refused");
+  return status;
 }
 
 Owned<dd_deformer> Bind::made(int32_t threads) const {
   const dd_mesh mesh = surface.mesh();
+  const dd_points packed_base = base.packed();
+  std::vector<dd_points> packed_examples;
+  for (const Points& example : examples) packed_examples.push_back(example.packed());
   dd_bind_options how = options;
   how.struct_size = sizeof how;
   how.threads = threads;
+  if (how.base) how.base = &packed_base;
+  if (how.examples) how.examples = packed_examples.data();
   dd_job* job = nullptr;
   dd_deformer* deformer = nullptr;
-  if (well(dd_bind_start(&mesh, surface.roles.data(), surface.roles.size(), surface.handle_count,
-                         &how, &job)))
+  if (well(dd_deformer_bind_start(&mesh, surface.roles.data(), surface.roles.size(),
+                                  surface.handle_count, &how, &job)))
     well(dd_job_take_deformer(job, &deformer));
   dd_job_free(job);
   return Owned<dd_deformer>(deformer);
 }
+
+namespace {
+
+/// Settings of one method as they are given, or none, which stands for the usual ones.
+template <class Options>
+const Options* given_as(const Options& options, std::optional<Sized<Options>>& held, Bytes& bytes) {
+  held.emplace(options, bytes);
+  return bytes.aside(8) == 7 ? nullptr : held->get();
+}
+
+dd_refinement_options any_refinement(Bytes& bytes) {
+  auto options = usual<dd_refinement_options>();
+  options.iterations = bytes.one_in(2) ? bytes.choice(5) : 0;
+  // More than there may be, and not for long.
+  if (options.iterations > 10) options.iterations = 20000;
+  return options;
+}
+
+}  // namespace
 
 Motion any_motion(const Bind& bind, Bytes& bytes) {
   Motion motion;
@@ -134,23 +164,28 @@ Motion any_motion(const Bind& bind, Bytes& bytes) {
   const auto handles = static_cast<size_t>(std::max(0, surface.handle_count));
   const double size = std::min(1e30, extent(surface.positions));
   dd_update_options& options = motion.options;
-  options.struct_size = sizeof options;
+  options = usual<dd_update_options>();
   options.method = bytes.choice(DD_METHOD_EXAMPLES);
   options.gradients = bytes.choice(DD_GRADIENTS_WHOLE);
-  options.refine = bytes.one_in(2) ? bytes.choice(5) : DD_NONE;
-  if (options.refine > 10) options.refine = 20000;  // more than there may be, and not for long
+  dd_refinement_options refinement = any_refinement(bytes);
   options.output = bytes.one_in(6) ? bytes.choice(DD_OUTPUT_BASE) : DD_OUTPUT_RESULT;
   options.values = bytes.choice(DD_VALUES_OFFSETS);
-  options.levels = bytes.choice(4);
-  options.formulation = bytes.one_in(4) ? bytes.choice(DD_FORMULATION_FOURTH_POINTS_UNWEIGHTED) : 0;
-  options.volume_tolerance = bytes.one_in(4) ? bytes.number(0, 1) : 0;
-  options.volume_iterations = std::min(4, 1 + bytes.choice(3));
-  options.steps = bytes.one_in(6) ? bytes.choice(3) : 1;
+  auto normal = usual<dd_normal_options>();
+  normal.levels = bytes.choice(1, 4);
+  if (bytes.one_in(4)) options.formulation = bytes.choice(DD_FORMULATION_FOURTH_POINTS_UNWEIGHTED);
+  auto volumes = usual<dd_volumes_options>();
+  if (bytes.one_in(4)) volumes.tolerance = bytes.number(0, 1);
+  volumes.iterations = std::min(4, bytes.choice(4));
+  options.steps = bytes.one_in(6) ? bytes.choice(1, 3) : 1;
   if (options.steps > 3) options.steps = 1001;
-  options.rim_smoothing = bytes.one_in(3) ? bytes.number(0, 1) : bytes.flag() ? 0 : DD_NONE;
-  options.rotation_smoothing = bytes.one_in(3) ? bytes.number(0, 1) : 0;
+  if (bytes.one_in(3))
+    refinement.rim_smoothing = bytes.number(0, 1);
+  else if (!bytes.flag())
+    refinement.rim_smoothing = 0;
+  if (bytes.one_in(3)) refinement.rotation_smoothing = bytes.number(0, 1);
   options.base_deformer = bytes.choice(DD_BASE_DEFORMER_MOTIONS);
-  options.example_stiffness = bytes.one_in(4) ? bytes.number(0, 4) : 0;
+  auto examples = usual<dd_examples_options>();
+  if (bytes.one_in(4)) examples.stiffness = bytes.number(0, 4);
   const bool known = surface.vertex_count() > 0 && std::isfinite(size);
   bool whole = true;
   for (size_t h = 0; h < handles; ++h) {
@@ -172,15 +207,15 @@ Motion any_motion(const Bind& bind, Bytes& bytes) {
   }
   motion.matrices = std::vector<double>(motion.matrices);
   if (bind.options.base) {
-    motion.base = posed(bind.base, bytes);
-    options.base = bytes.pointer(motion.base.data());
-    options.base_count = bytes.count(motion.base.size() / 3);
+    motion.base = Points(posed(bind.base.values(), bytes), bytes);
+    *motion.base.given() = counted(*motion.base.given(), bytes);
+    options.base = bytes.pointer(motion.base.given());
   }
   if (bind.options.example_count > 0 && bytes.one_in(3)) {
     for (size_t k = 0; k < bind.options.example_count; ++k)
       motion.weights.push_back(bytes.number(-0.5, 1.5));
-    options.example_weights = bytes.pointer(motion.weights.data());
-    options.example_weight_count = motion.weights.size();
+    examples.weights = bytes.pointer(motion.weights.data());
+    examples.weight_count = motion.weights.size();
   }
   const auto give = [&](const auto& values, auto*& array, size_t& count) {
     if (values.empty()) return;
@@ -193,28 +228,39 @@ Motion any_motion(const Bind& bind, Bytes& bytes) {
   if (bind.options.example_count > 0 && bytes.one_in(3)) {
     for (size_t k = 0; k < 2 * bind.options.example_count; ++k)
       motion.limits.push_back(k % 2 == 0 ? bytes.number(-1, 0) : bytes.number(0, 1));
-    options.example_limits = bytes.pointer(motion.limits.data());
-    options.example_limit_count = bind.options.example_count;
+    examples.limits = bytes.pointer(motion.limits.data());
+    examples.limit_count = bind.options.example_count;
   }
   motion.endless = bytes.odd(64);
   if (motion.endless) {
-    options.volume_iterations = std::numeric_limits<int32_t>::max();
-    options.volume_tolerance = 1e-300;
+    volumes.iterations = std::numeric_limits<int32_t>::max();
+    volumes.tolerance = 1e-300;
     options.steps = 1000;
   }
+  options.refinement = given_as(refinement, motion.refinement, bytes);
+  options.normal = given_as(normal, motion.normal, bytes);
+  options.volumes = given_as(volumes, motion.volumes, bytes);
+  options.examples = given_as(examples, motion.examples, bytes);
   if (!bytes.odd(32)) motion.given = std::make_shared<Sized<dd_update_options>>(options, bytes);
-  options = motion.given ? motion.given->known() : dd_update_options{};
+  options = motion.given ? motion.given->known() : usual<dd_update_options>();
   const bool by_examples = options.method == DD_METHOD_EXAMPLES;
   motion.tame = bind.tame && (options.steps <= 1 || (whole && !bind.options.base && !by_examples));
+  motion.wrong =
+      (motion.given && motion.given->wrong()) || (options.base && motion.base.misplaced()) ||
+      (options.refinement && motion.refinement->wrong()) ||
+      (options.normal && motion.normal->wrong()) || (options.volumes && motion.volumes->wrong()) ||
+      (options.examples && motion.examples->wrong());
   return motion;
 }
 
-void constraints_met(const Bind& bind, const Motion& motion, const Output<float>& out) {
+bool Motion::by_weights() const { return options.examples && examples->known().weights; }
+
+void constraints_met(const Bind& bind, const Motion& motion, const Output& out) {
   const dd_update_options& options = motion.options;
   const Surface& surface = bind.surface;
   const bool by_examples = options.method == DD_METHOD_EXAMPLES;
   // What the base does is its own business, and posed by weights the handles are let go.
-  if (options.output == DD_OUTPUT_BASE || (by_examples && options.example_weights)) return;
+  if (options.output == DD_OUTPUT_BASE || (by_examples && motion.by_weights())) return;
   std::vector<char> used(surface.vertex_count(), 0);
   for (int32_t v : surface.triangles) used[size_t(v)] = 1;
   for (size_t v = 0; v < surface.vertex_count(); ++v) {

@@ -22,10 +22,7 @@ done
 
 if command -v pkg-config >/dev/null; then
     pc=$(dirname "$(find "$work/installed" -name detail_deform.pc)")
-    # The prefix of the build isn't that of this installation.
-    read -ra flags <<<"$(PKG_CONFIG_PATH=$pc pkg-config --define-variable=prefix="$work/installed" \
-        --define-variable=libdir="$(dirname "$pc")" --define-variable=includedir="$work/installed/include" \
-        --cflags --libs detail_deform)"
+    read -ra flags <<<"$(PKG_CONFIG_PATH=$pc pkg-config --cflags --libs detail_deform)"
     cc -std=c99 "$sources/native/examples/handles.c" "${flags[@]}" -lm -Wl,-rpath,"$(dirname "$pc")" -o "$work/by_pkg_config"
     "$work/by_pkg_config" >/dev/null && echo "pkg-config: links and runs"
 fi

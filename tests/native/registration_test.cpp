@@ -218,6 +218,7 @@ TEST_CASE(
              contains("is paired by markers with the vertices 4 and 5"));
   CHECK_THAT(refused_pairs(source, target, {{0, 0}, {2, 2}, {4, 9999}}),
              contains("vertex 9999 of the target"));
+  CHECK_THAT(refused_pairs(source, target, {{5, 5}, {5, 5}, {3, 9999}}), contains("Pair 2 of"));
   Mesh flat = test::grid(5, 5, [](double, double) { return 0.0; });
   CHECK(refused_pairs(flat, target, {{0, 0}, {1, 2}, {2, 4}}) == "accepted");
   CHECK_THROWS_WITH(

@@ -6,7 +6,8 @@ import threading
 
 from ..library import native
 
-# Fraction of the progress that is the bind's. By the ratios in native/README.md it takes 0.6 to 0.7 of both times.
+# Fraction of the progress that is the bind's. By the ratios in native/bench/RESULTS.md it takes 0.6 to 0.7 of both
+# times.
 _SHARE_OF_BIND = 0.7
 _STAGE = "preparing the first update"
 

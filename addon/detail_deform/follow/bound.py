@@ -18,7 +18,8 @@ from .slow_update import SlowUpdate
 
 cache = made.Cache(spare=3)  # of native.Deformer or composed.Deformer; of drafts while a bind is under way
 
-_DRAFT_FROM = 100_000  # vertices. Tuned: at 40,401 a draft comes only 150 ms before the result (native/README.md)
+# Vertices. Tuned: at 40,401 a draft comes only 150 ms before the result (native/bench/RESULTS.md).
+_DRAFT_FROM = 100_000
 
 
 def has(ob):

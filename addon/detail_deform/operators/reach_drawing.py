@@ -20,8 +20,8 @@ void main()
 }
 """
 # The colour fades with the share s of the radius like the deformation: by smoothstep, level at both ends, or if sharp
-# (order 1) by (1 - s)^1.65: .69, .32, .07 at s = 1/5, 1/2, 4/5, near the heights .69, .32, .08 that native/README.md
-# gives on a flat disk for a handle whose radius is an eighth of the reach's.
+# (order 1) by (1 - s)^1.65: .69, .32, .07 at s = 1/5, 1/2, 4/5, near the heights .69, .32, .08 that
+# native/bench/RESULTS.md gives on a flat disk for a handle whose radius is an eighth of the reach's.
 _FRAGMENT = """
 void main()
 {

@@ -10,8 +10,8 @@ import numpy as np
 from . import mesh_data, node_group
 
 # Break-even with Python's loop. Costs are in vertices that the loop visits in the same time; measured, see
-# native/README.md. Each group's nodes cost 2,000 vertices, the temporary scene as much as five groups, and rebuilding
-# the relations of the dependency graphs 100 vertices for each object of the file.
+# native/bench/RESULTS.md. Each group's nodes cost 2,000 vertices, the temporary scene as much as five groups, and
+# rebuilding the relations of the dependency graphs 100 vertices for each object of the file.
 _VERTICES_A_GROUP, _SCENE = 2000, 5
 _VERTICES_AN_OBJECT = 100
 _MOST_GROUPS = 64  # bounds the memory: n floats a group

@@ -5,7 +5,7 @@
  *   M. Botsch, R. Sumner, M. Pauly, M. Gross: Deformation Transfer for Detail-Preserving Surface
  *   Editing. Vision, Modeling and Visualization 2006.
  *
- * This header is the whole interface. The equations behind it are in native/README.md.
+ * This header is the whole interface. The equations behind it are in native/THEORY.md.
  *
  * Use
  *   A triangle mesh and a role for each vertex (free, fixed, or moved by handle k) are bound once;
@@ -191,7 +191,7 @@ DD_API const char* dd_instruction_set(void);
 typedef struct dd_points {
   const float* first;
   size_t count;
-  size_t stride; /* bytes from one point to the next, at least 3 * sizeof(float) */
+  size_t stride; /* bytes from one point to the next: a multiple of 4 from 12 to 4096 */
 } dd_points;
 
 /* Points to write. */
@@ -344,8 +344,8 @@ typedef struct dd_bind_options {
   dd_smoothness smoothness;       /* by default DD_SMOOTHNESS_THIN_PLATE */
   dd_triangulation triangulation; /* by default DD_TRIANGULATION_DELAUNAY */
   dd_precision precision;         /* by default DD_PRECISION_SINGLE */
-  int32_t threads; /* the most that the bind and each update may use, the caller's among them: 1 or
-                      more. By default as many as the machine has, at most 8. Results don't depend
+  int32_t threads; /* the most that the bind and each update may use, the caller's among them:
+                      1 .. 1024. By default as many as the machine has, at most 8. Results don't depend
                       on it */
   int32_t draft;   /* 1: dd_job_take_draft has something to give. By default 0 */
   /* A base surface from outside, at rest: then handle_count may be 0, free parts that nothing holds

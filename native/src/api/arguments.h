@@ -121,7 +121,7 @@ bool has_points(const std::string& name, const Points* points) {
   require(points->count == 0 || (points->stride >= kPoint && points->stride <= kLargestStruct &&
                                  points->stride % sizeof(float) == 0),
           name + ".stride is " + std::to_string(points->stride) +
-              ", which is no multiple of 4 of at least 12 bytes");
+              ", which is no multiple of 4 bytes from 12 to 4096");
   return true;
 }
 

@@ -37,7 +37,7 @@ constexpr int kFewFunctions = 12;
 /// The largest error of one solve of K, as a fraction of the largest value, with which basis
 /// functions skip iterative refinement. 5e-7 in single precision is less than the error of a
 /// frame's own solve (2e-6 allowed). 1e-8 in full precision is above the 5e-11 and 1e-9 measured at
-/// 40,401 and 251,001 vertices; a million has 2e-7 (native/README.md). 0 forces refinement.
+/// 40,401 and 251,001 vertices; a million has 2e-7 (native/bench/RESULTS.md). 0 forces refinement.
 double exact_enough(Precision precision, int functions) {
   if (precision == Precision::single) return 5e-7;
   return functions > kFewFunctions ? 1e-8 : 0;

@@ -128,7 +128,11 @@ MeshTransfer::MeshTransfer(Mesh source, Mesh target, const Correspondence& corre
     placement_ = fitted_placement(source_, target_, correspondence);
   gradients_ = std::make_unique<SourceGradients>(source_, target_, correspondence, placement_);
   on_target_ = std::make_unique<OnTarget>(*gradients_);
-  factor(options, within(progress, 0.2, 0.6));
+  try {
+    factor(options, within(progress, 0.2, 0.6));
+  } catch (const Error& error) {
+    throw error.of_target();
+  }
   find_components();
   if (options.worn) worn_distance_ = options.worn->distance;
   add_corrections(options, within(progress, 0.6, 1));

@@ -14,7 +14,7 @@ using Matrix = Eigen::Map<Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 using ConstMatrix = Eigen::Map<const Eigen::MatrixXd, 0, Eigen::OuterStride<>>;
 
 // Largest sizes at which dense_blocks.h is faster than Eigen: columns of a pivot block, columns of
-// a solve, rows of a product. Tuned by timing both (native/README.md, "Speed").
+// a solve, rows of a product. Tuned by timing both (native/bench/RESULTS.md).
 constexpr int kSmallPivot = 64, kSmallSolve = 64, kSmallProduct = 192;
 
 /// Y = B C⁻ᵀ, with C⁻¹ a block of a larger matrix.

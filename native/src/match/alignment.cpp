@@ -276,10 +276,8 @@ size_t best_of(const std::vector<Start>& starts, std::vector<size_t>& rivals) {
 }  // namespace
 
 Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target) {
-  std::sort(markers.begin(), markers.end());
-  markers.erase(std::unique(markers.begin(), markers.end()), markers.end());
   const int count[2] = {source.vertex_count(), target.vertex_count()};
-  for (size_t i = 0; i < markers.size(); ++i) {
+  for (size_t i = 0; i < markers.size(); ++i)
     for (int side = 0; side < 2; ++side)
       if (markers[i][side] < 0 || markers[i][side] >= count[side])
         throw Error(Status::argument, {Subject::pair, Index(i)},
@@ -287,12 +285,14 @@ Pairs checked_markers(Pairs markers, const Mesh& source, const Mesh& target) {
                         (side == 0 ? "source" : "target") + ", which has " +
                         std::to_string(count[side]),
                     Remedy::call);
-    if (i > 0 && markers[i][0] == markers[i - 1][0])
+  std::sort(markers.begin(), markers.end());
+  markers.erase(std::unique(markers.begin(), markers.end()), markers.end());
+  for (size_t i = 1; i < markers.size(); ++i)
+    if (markers[i][0] == markers[i - 1][0])
       throw Error(Status::argument, {Subject::source_vertex, markers[i][0]},
                   "is paired by markers with the vertices " + std::to_string(markers[i - 1][1]) +
                       " and " + std::to_string(markers[i][1]) + " of the target",
                   Remedy::correct_markers);
-  }
   return markers;
 }
 

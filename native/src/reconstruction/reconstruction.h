@@ -76,7 +76,7 @@ class Reconstruction {
   const Positions* base_;
   std::unique_ptr<FourthPoints> fourth_points_;
   std::unique_ptr<ClampedPoisson> clamped_;
-  double refined_length_ = 0;  // smoothing length of the one that exists:
+  double refined_length_ = -1;  // smoothing length of the one that exists:
   std::unique_ptr<Refinement> refinement_;
   std::unique_ptr<CoarseRefinement> coarse_refinement_;
 };

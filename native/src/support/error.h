@@ -71,6 +71,14 @@ class Error : public std::runtime_error {
   Error(Status status, Subject subject, const std::string& message, Remedy remedy,
         std::vector<int> vertices = {});
 
+  /// The same about a vertex or triangle of a transfer's target, where it is about one of a mesh.
+  Error of_target() const {
+    Subject subject = facts_->subject;
+    if (subject.kind == Subject::vertex) subject.kind = Subject::target_vertex;
+    if (subject.kind == Subject::triangle) subject.kind = Subject::target_triangle;
+    return {status_, subject, facts_->message, facts_->remedy, facts_->vertices};
+  }
+
   Status status() const { return status_; }
   Subject subject() const { return facts_->subject; }
   Remedy remedy() const { return facts_->remedy; }

@@ -61,7 +61,7 @@ Eigen::Matrix3d rotation_of_most(const Positions& from, const Positions& to,
 
 /// Weight in [0, 1] of an angle between two placements: 0 up to 3°, which a difference of shape
 /// explains, 1 from 5° on, linear between. Heads of one family are tilted by up to 2.2°
-/// (native/README.md, "From mesh to mesh").
+/// (native/bench/RESULTS.md).
 double matters(double angle) {
   constexpr double kDegree = kPi / 180, kNone = 3 * kDegree, kAll = 5 * kDegree;
   return std::clamp((angle - kNone) / (kAll - kNone), 0.0, 1.0);
