@@ -34,12 +34,21 @@ fuzz() {
         -artifact_prefix="$found/$target-" "$@"
 }
 
+# unpacked TARGET: the folder with its corpus, from corpus/TARGET.tar.gz.
+unpacked() {
+    local folder=build/fuzz/unpacked/$1
+    rm -rf "$folder"
+    mkdir -p "$folder"
+    tar -xzf "$here/corpus/$1.tar.gz" -C "$folder"
+    echo "$folder"
+}
+
 short() {
     local target new log status=0
     new=$(mktemp -d) log=$(mktemp)
     for target in "$@"; do
         # What is new goes to the first folder, the corpus stays as it is.
-        if fuzz "$target" -seed=1 -runs="${inputs[$target]}" "$new" "$here/corpus/$target" \
+        if fuzz "$target" -seed=1 -runs="${inputs[$target]}" "$new" "$(unpacked "$target")" \
             >"$log" 2>&1; then
             echo "$target: $(grep -a DONE "$log")"
         else
@@ -61,7 +70,7 @@ long() {
         # The limit ends it by a signal, and a finding by a status of its own.
         (
             ulimit -S -t "$seconds"
-            fuzz "$target" "build/fuzz/corpus/$target" "$here/corpus/$target"
+            fuzz "$target" "build/fuzz/corpus/$target" "$(unpacked "$target")"
         ) || end=$?
         if [ "$end" = $((128 + $(kill -l XCPU))) ]; then
             echo "$target: nothing found in $seconds s of the processor's time"
@@ -73,16 +82,19 @@ long() {
 }
 
 keep() {
-    local target new
+    local target new kept
     for target in "$@"; do
-        new=$(mktemp -d)
-        fuzz "$target" -merge=1 -set_cover_merge=1 -use_counters=0 "$new" "$here/corpus/$target" \
+        new=$(mktemp -d) kept=$(unpacked "$target")
+        fuzz "$target" -merge=1 -set_cover_merge=1 -use_counters=0 "$new" "$kept" \
             "build/fuzz/corpus/$target" || return
         # Inputs with a name are there for a reason of their own.
-        find "$here/corpus/$target" -type f -regex '.*/[0-9a-f]*' -delete
+        find "$kept" -type f -regex '.*/[0-9a-f]*' -delete
         # What reaches most comes first.
         find "$new" -type f -printf '%T@ %p\n' | sort -n | head -n 55 | cut -d ' ' -f 2- |
-            xargs cp -t "$here/corpus/$target"
+            xargs cp -t "$kept"
+        # The same bytes from the same inputs.
+        tar --sort=name --mtime=@0 --owner=0 --group=0 --numeric-owner -C "$kept" -cf - . |
+            gzip -9n >"$here/corpus/$target.tar.gz"
         rm -rf "$new"
     done
 }
@@ -105,7 +117,7 @@ planted() {
         (
             ulimit -t 60
             binaries=$copy/build/fuzz found=$copy/build/found
-            fuzz "$target" -seed=1 "$new" "$here/corpus/$target"
+            fuzz "$target" -seed=1 "$new" "$(unpacked "$target")"
         ) >"$log" 2>&1 || true
         if grep -q 'Test unit written' "$log"; then
             # None where one of the corpus was enough.

@@ -134,20 +134,20 @@ DD_ENUM(dd_subject){
 
 /* What can be done about an error. */
 DD_ENUM(dd_remedy){
-    DD_REMEDY_NONE = 0,                /* nothing that this library knows of */
-    DD_REMEDY_CALL = 1,                /* correct the call */
-    DD_REMEDY_WAIT = 2,                /* call again when the object isn't in use */
-    DD_REMEDY_FREE_RESOURCES = 3,      /* end other programs, or allow more threads or memory */
-    DD_REMEDY_VALIDATE_MESH = 4,       /* correct the indices of the triangles */
-    DD_REMEDY_MOVE_VERTEX = 5,         /* move it to a finite place */
-    DD_REMEDY_ADD_FACES = 6,           /* the mesh has none */
-    DD_REMEDY_DISSOLVE_FACES = 7,      /* dissolve what has no area, or use (14) */
-    DD_REMEDY_ADD_HANDLE = 8,          /* add one, with vertices */
-    DD_REMEDY_ASSIGN_VERTICES = 9,     /* give the handle vertices */
-    DD_REMEDY_HANDLE_ON_PART = 10,     /* put a handle on the loose part that should deform */
-    DD_REMEDY_FREE_VERTICES = 11,      /* let some vertices be free */
-    DD_REMEDY_FIX_VERTICES = 12,       /* fix some vertices */
-    DD_REMEDY_MOVE_LESS = 13,          /* move the handles, or pose the source, less far */
+    DD_REMEDY_NONE = 0,            /* nothing that this library knows of */
+    DD_REMEDY_CALL = 1,            /* correct the call */
+    DD_REMEDY_WAIT = 2,            /* call again when the object isn't in use */
+    DD_REMEDY_FREE_RESOURCES = 3,  /* end other programs, or allow more threads or memory */
+    DD_REMEDY_VALIDATE_MESH = 4,   /* correct the indices of the triangles */
+    DD_REMEDY_MOVE_VERTEX = 5,     /* move it to a finite place */
+    DD_REMEDY_ADD_FACES = 6,       /* the mesh has none */
+    DD_REMEDY_DISSOLVE_FACES = 7,  /* dissolve what has no area, or use DD_FORMULATION_SURFACE */
+    DD_REMEDY_ADD_HANDLE = 8,      /* add one, with vertices */
+    DD_REMEDY_ASSIGN_VERTICES = 9, /* give the handle vertices */
+    DD_REMEDY_HANDLE_ON_PART = 10, /* put a handle on the loose part that should deform */
+    DD_REMEDY_FREE_VERTICES = 11,  /* let some vertices be free */
+    DD_REMEDY_FIX_VERTICES = 12,   /* fix some vertices */
+    DD_REMEDY_MOVE_LESS = 13,      /* move the handles, or pose the source, less far */
     DD_REMEDY_SMOOTH_METRIC_LESS = 14, /* lower metric_smoothing */
     DD_REMEDY_SURFACE_METRIC = 15,     /* DD_METRIC_SURFACE, or one more handle that holds it */
     DD_REMEDY_PIN_FEWER = 16,          /* let some vertices of the target be free */
