@@ -67,7 +67,8 @@ struct Case {
 
   double update(const std::vector<double>& matrices, const dd::UpdateOptions& options) {
     out.resize(3 * roles.size());
-    return milliseconds([&] { deformer->update_to(out.data(), 3, false, matrices.data(), options); });
+    return milliseconds(
+        [&] { deformer->update_to(out.data(), 3, false, matrices.data(), options); });
   }
 
   const dd::Mesh& mesh;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A bumpy strip, fixed at one end and pulled by a handle at the other, and what is said of a mistake.
+// A bumpy strip, fixed at one end and pulled by a handle at the other; then a mistake.
 #include <cmath>
 #include <cstdio>
 #include <detail_deform/detail_deform.hpp>

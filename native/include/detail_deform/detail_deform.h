@@ -242,9 +242,9 @@ DD_ENUM(dd_precision){
 
 /* ---- Jobs ----
  *
- * What takes long is a job: a bind, an update, a transfer's factorization, or a match. A call starts
- * it and returns at once. That call refuses what can be seen to be wrong at once; anything else is
- * reported where the job ends. */
+ * Long work is a job: a bind, an update, a transfer's factorization, or a match. A call starts it
+ * and returns at once. That call refuses wrong arguments; whatever else is wrong is reported where
+ * the job ends. */
 
 typedef struct dd_job dd_job;
 typedef struct dd_deformer dd_deformer; /* a bound surface */
@@ -345,8 +345,8 @@ typedef struct dd_bind_options {
   dd_triangulation triangulation; /* by default DD_TRIANGULATION_DELAUNAY */
   dd_precision precision;         /* by default DD_PRECISION_SINGLE */
   int32_t threads; /* the most that the bind and each update may use, the caller's among them:
-                      1 .. 1024. By default as many as the machine has, at most 8. Results don't depend
-                      on it */
+                      1 .. 1024. By default as many as the machine has, at most 8. Results
+                      don't depend on it */
   int32_t draft;   /* 1: dd_job_take_draft has something to give. By default 0 */
   /* A base surface from outside, at rest: then handle_count may be 0, free parts that nothing holds
    * are carried by their base, and base_metric, metric_smoothing and smoothness don't matter. Null,
@@ -387,7 +387,7 @@ DD_ENUM(dd_method){
     DD_METHOD_VOLUMES = 4,     /* details keep their volume over the base. Slow: use it by
                                   dd_deformer_update_start */
     DD_METHOD_EXAMPLES = 5,    /* posing by example: the blend of the bind's examples that fits the
-                                  handles best. Without examples: as-uniform-as-possible gradients */
+                                  handles best. Without examples: the gradients of the rest pose */
 };
 
 /* The surface that an update returns. */
@@ -538,8 +538,8 @@ DD_API dd_status dd_job_get_update_info(dd_job* job, dd_update_info* info);
  * and that carries the others, there in a fraction of the time. Handles are met exactly, rest is
  * rest; between them it differs from the result by about what another density of the mesh would
  * change. Null where it is not there yet, was taken before or isn't made: without
- * dd_bind_options.draft, with a base from outside, and where the mesh has too few vertices. Does not
- * wait, and may be called while another thread uses the job. */
+ * dd_bind_options.draft, with a base from outside, and where the mesh has too few vertices. Does
+ * not wait, and may be called while another thread uses the job. */
 DD_API dd_status dd_job_take_draft(dd_job* job, dd_draft** draft);
 
 /* One frame of it, as of dd_deformer_update(), by any method but DD_METHOD_EXAMPLES. Steps are
@@ -646,8 +646,8 @@ DD_ENUM(dd_placing){
         1,                /* each loose part as a whole; within it the gradients alone decide */
     DD_PLACING_PARTS = 2, /* each loose part as a rigid body, as buttons, armour and glasses */
     DD_PLACING_DISPLACEMENTS = 3, /* each vertex by its source's displacement, for shape keys in a
-                                     family of shapes; scaled by the meshes' sizes where these differ
-                                     by more than a fifth. Needs DD_GRADIENTS_WHOLE */
+                                     family of shapes; scaled by the meshes' sizes where these
+                                     differ by more than a fifth. Needs DD_GRADIENTS_WHOLE */
 };
 
 typedef struct dd_transfer_options {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The defaults of all options, in one place: what a null pointer stands for, and what _init() fills in.
+// The defaults of all options: what a null pointer stands for, and what _init() fills in.
 #pragma once
 
 #include "detail_deform/detail_deform.h"
