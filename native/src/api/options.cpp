@@ -17,6 +17,7 @@ std::vector<Positions> read_examples(const dd_bind_options& options, size_t vert
   require(options.examples || count == 0,
           "options.examples is null, but options.example_count is " + std::to_string(count));
   std::vector<Positions> examples;
+  examples.reserve(count);
   for (size_t i = 0; i < count; ++i)
     examples.push_back(read_positions("options.examples[" + std::to_string(i) + "]",
                                       &options.examples[i], vertex_count));
