@@ -16,11 +16,11 @@ OF_UPDATE = (UPDATE, REFINEMENT, NORMAL, VOLUMES, EXAMPLES)
 
 
 class Need(NamedTuple):
-    """Values of another setting without which one has no effect."""
+    """A condition of an option: it has an effect only while the setting `name` has one of `values`."""
     name: str
     values: tuple
-    why_not: str = ""  # the sentence with which it is greyed then; without one it isn't shown
-    by: tuple = ()  # methods of which that is true; none: all
+    why_not: str = ""  # shown where the condition fails, the option greyed; '': it is hidden
+    by: tuple = ()  # the methods for which the condition applies; (): all
 
 
 class Field(NamedTuple):
@@ -41,13 +41,13 @@ class Option:
     limits: dict = dataclasses.field(default_factory=dict)  # min, max and so on, as bpy.props has them
     fills: Field | None = None
     needs: tuple = ()
-    off: Any = None  # what the library is told where a need says why not; None: nothing
+    off: Any = None  # passed while every unmet need has a why_not; None: the field isn't passed
     section: str = ""  # of the panels; '': no row, or one of its own
     compared: tuple = ()  # values of an enum that its menu has under a heading of their own
     expand: bool = False  # as buttons side by side
     search: str = ""  # of the object: collection that a name is chosen from
     copied: bool = True  # by Copy Settings
-    told: str = ""  # tooltip in the operator that takes the setting as an argument, where it is another one
+    told: str = ""  # tooltip of the operator's argument, if it differs
 
     @property
     def struct(self):
@@ -55,7 +55,7 @@ class Option:
 
     @property
     def keyword(self):
-        """What binds and updates call it: as here where a struct of its own has it, for single methods."""
+        """The keyword of native.Bind or of an update: the field's name, or for a method's struct the option's own."""
         return self.fills.name if self.fills.struct in (BIND, UPDATE) else self.name
 
     @property

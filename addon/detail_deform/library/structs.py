@@ -58,7 +58,7 @@ ENUMS = {
 
 
 class NativeError(Exception):
-    """What the library refuses, as one sentence, and for sentences of one's own: message, what it is about (subject, a
+    """A refusal of the library. str(): one sentence. To build other sentences: message, what it is about (subject, a
     name of SUBJECTS, and its index) and what can be done (remedy, a name of REMEDIES). cancelled: the user asked for
     it. busy: it may be tried again later. vertices: all that it is about, where it names one of them."""
 
@@ -76,7 +76,7 @@ class NativeError(Exception):
 
 
 def numbers(name, values, dtype, *of_each):
-    """A contiguous array of things that are so many numbers each, of any number of dimensions before these."""
+    """values as a contiguous array whose last dimensions are of_each; raises NativeError if they aren't."""
     values = np.asarray(values)
     if values.ndim <= len(of_each) or values.shape[values.ndim - len(of_each):] != of_each:
         each = ' × '.join(map(str, of_each)) or 'one number'
@@ -85,15 +85,15 @@ def numbers(name, values, dtype, *of_each):
 
 
 class Array:
-    """A field that points to numbers: so many to each of the things that the sizes after it count."""
+    """A pointer to numbers, of_each (a shape) for each item. The size fields after it get the other dimensions."""
 
     def __init__(self, dtype, *of_each):
         self.dtype, self.of_each = np.dtype(dtype), of_each
 
 
 class PointTo:
-    """A field that points to a struct, filled by one or by what one is filled by; many: to as many as the size after it
-    says."""
+    """A pointer to a struct. Its value is a Struct, or what the class's of() takes. many: a list of these; the size
+    field after it gets their number."""
 
     def __init__(self, struct, many=False):
         self.struct, self.many = struct, many
@@ -182,7 +182,7 @@ _FLOAT = np.dtype(np.float32)
 
 
 def _points(cls, name, array):
-    """Of (n, 3) single-precision numbers as they lie in memory, or of a copy where that can't be told by a stride."""
+    """Points to an (n, 3) float32 array without copying it, or to a copy if rows aren't three adjacent floats."""
     if not (isinstance(array, np.ndarray) and array.dtype == _FLOAT and array.ndim == 2 and array.shape[1] == 3
             and array.strides[1] == 4 and array.strides[0] >= 12 and array.strides[0] % 4 == 0):
         array = numbers(name, array, np.float32, 3)
@@ -308,7 +308,7 @@ FLOATS, DOUBLES, INTS = (_array_parameter(dtype) for dtype in (np.float32, np.fl
 OBJECT = ctypes.c_void_p  # a dd_job, a dd_deformer, ...
 _TO = ctypes.POINTER
 
-# Parameters by function; all return a status but for those that are named after.
+# Parameter types of each function. Functions return a status; TEXTS return a string, and *_free nothing.
 SIGNATURES = {
     'dd_last_error': [_TO(Failure)],
     'dd_last_message': [],

@@ -112,7 +112,7 @@ using FloatRows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
 constexpr size_t kPoint = 3 * sizeof(float);
 
-/// Whether there are points: null, or none, stands for that. Refuses what can't be points.
+/// False for null. Throws if the struct is malformed.
 template <class Points>
 bool has_points(const std::string& name, const Points* points) {
   if (!points) return false;
@@ -198,7 +198,7 @@ inline Pairs read_pairs(const char* name, const int32_t* values, size_t count) {
   return pairs;
 }
 
-/// Numbers of vertices, as many as there are; where capacity is 0 their count alone.
+/// Writes vertex indices to out; with capacity 0 only their count. Throws if capacity is too small.
 inline void write_vertices(const std::vector<int>& vertices, int32_t* out, size_t capacity,
                            size_t* vertex_count) {
   require(vertex_count, "vertex_count is null");
@@ -215,7 +215,7 @@ inline void write_vertices(const std::vector<int>& vertices, int32_t* out, size_
 /// n×3 as floats; refuses what leaves their range.
 template <class Target>
 void write_floats(const Positions& values, Target&& out) {
-  // A sum finds what is not a number, which no comparison does.
+  // The sum is NaN if an entry is; maxCoeff() may miss it.
   if (!(values.cwiseAbs().sum() >= 0) ||
       !(values.cwiseAbs().maxCoeff() < 0.5 * std::numeric_limits<float>::max()))
     throw Error(Status::numeric,

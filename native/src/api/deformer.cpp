@@ -24,7 +24,7 @@ struct Bound {
   std::atomic<bool> busy{false};
 };
 
-/// What an update gives that is a job.
+/// The result of an update that runs as a job.
 struct Updated {
   FloatRows values;
   dd_update_info info{};
@@ -54,7 +54,7 @@ void require_matrices(const dd::Deformer& deformer, const double* matrices, size
   require_count("matrices", matrices, count, count_of(deformer.region().handle_count), "handles");
 }
 
-/// How many there are, and one of them.
+/// Sets count to the number found, and example to the first of them or -1.
 void note(const std::vector<int>& found, int32_t& count, int32_t& example) {
   count = static_cast<int32_t>(found.size());
   example = found.empty() ? -1 : found.front();
@@ -66,7 +66,7 @@ std::vector<int> each_once(std::vector<int> numbers) {
   return numbers;
 }
 
-/// Each corner of these triangles once.
+/// The vertices of these triangles, without repeats.
 std::vector<int> corners(const dd::Mesh& mesh, const std::vector<int>& triangles) {
   std::vector<int> found;
   found.reserve(3 * triangles.size());
@@ -105,7 +105,7 @@ class BindJob final : public JobFor<dd_deformer> {
     JobFor::run([this, mesh = std::move(mesh), roles = std::move(roles), handle_count,
                  how = std::move(how), with_draft](const dd::Progress& progress) {
       const auto start = std::chrono::steady_clock::now();
-      // Beside it: much of a bind has use for one thread alone.
+      // Made in a thread beside the bind, since much of a bind runs on one thread.
       std::future<void> draft;
       if (with_draft) {
         draft = dd::beside(how.threads, [&] { make_draft(mesh, roles, handle_count, how); });
@@ -130,7 +130,7 @@ class BindJob final : public JobFor<dd_deformer> {
     try {
       made = dd::Draft::make(mesh, roles, handle_count, how);
     } catch (const std::exception&) {
-      // What is wrong with the mesh the bind itself says.
+      // Ignored: the bind reports the same fault.
     }
     if (!made) return;
     auto draft = std::make_unique<dd_draft>();

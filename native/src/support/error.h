@@ -71,7 +71,7 @@ class Error : public std::runtime_error {
   Error(Status status, Subject subject, const std::string& message, Remedy remedy,
         std::vector<int> vertices = {});
 
-  /// The same about a vertex or triangle of a transfer's target, where it is about one of a mesh.
+  /// This error with a subject vertex or triangle changed to target_vertex or target_triangle.
   Error of_target() const {
     Subject subject = facts_->subject;
     if (subject.kind == Subject::vertex) subject.kind = Subject::target_vertex;

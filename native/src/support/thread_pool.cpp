@@ -23,7 +23,7 @@ namespace {
 constexpr int kMostThreads = 8;
 /// How long a worker spins before it sleeps: several times the pause between parts of a frame.
 constexpr auto kAwake = std::chrono::microseconds(200);
-/// Rounds at a time, each of another caller; who comes when all are taken works alone.
+/// Callers that can share the workers at once; any further one runs its tasks itself.
 constexpr int kMostRounds = 16;
 
 void pause() {
@@ -55,7 +55,7 @@ class Workers {
     for (std::thread& thread : threads_) thread.join();
   }
 
-  /// The process's, which the first pool makes and the last one lets go of.
+  /// The workers of the process: made by the first ThreadPool, destroyed with the last.
   static std::shared_ptr<Workers> shared() {
     static std::mutex mutex;
     static std::weak_ptr<Workers> existing;
@@ -81,7 +81,7 @@ class Workers {
     return kept;
   }
 
-  /// Starts threads until there are as many; returns how many of them there are.
+  /// Starts threads until there are `wanted`; returns how many of these there are.
   int grow(int wanted) {
     const std::lock_guard<std::mutex> lock(mutex_);
     try {
@@ -93,7 +93,7 @@ class Workers {
     return std::min(wanted, static_cast<int>(threads_.size()));
   }
 
-  /// Runs a caller's tasks with at most so many workers.
+  /// Runs a caller's tasks with at most `helpers` workers.
   void run(Call call, const void* task, int task_count, int helpers) {
     const int slot = take();
     if (slot < 0) {
