@@ -68,5 +68,9 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     return wheel
 
 
+class UnsupportedOperation(Exception):
+    """What PEP 517 has a backend raise that makes no source archive."""
+
+
 def build_sdist(sdist_directory, config_settings=None):
-    raise NotImplementedError("Build the wheel, from the project's sources.")
+    raise UnsupportedOperation("There is no source archive: build the wheel, from the project's sources.")

@@ -52,7 +52,7 @@ class Points {
   }
 
   const std::vector<float>& values() const { return packed_; }
-  dd_points packed() const { return test::FlatMesh::points(packed_); }
+  dd_points packed() const { return detail_deform::points(packed_); }
   /// As the bytes have them, or null where there are none; it stays where it is.
   dd_points* given() const { return given_.get(); }
   bool misplaced() const { return given_ && fuzz::misplaced(*given_); }

@@ -61,8 +61,7 @@ constexpr double kLift[12] = {0.9, 0.1, 0, 0, -0.1, 0.9, 0, 0, 0, 0, 1, 0.3};
 constexpr float kUntouched = -77;
 
 dd_bind_options bind_options(int threads) {
-  dd_bind_options options;
-  REQUIRE(dd_bind_options_init(&options, sizeof options) == DD_OK);
+  dd_bind_options options = detail_deform::defaults(dd_bind_options_init);
   options.threads = threads;
   return options;
 }
@@ -70,21 +69,17 @@ dd_bind_options bind_options(int threads) {
 const dd_refinement_options* refined(int iterations) {
   static std::map<int, dd_refinement_options> made;
   dd_refinement_options& options = made[iterations];
-  REQUIRE(dd_refinement_options_init(&options, sizeof options) == DD_OK);
+  options = detail_deform::defaults(dd_refinement_options_init);
   options.iterations = iterations;
   return &options;
 }
 
 dd_update_options update_options(dd_method method, int iterations = 0) {
-  dd_update_options options;
-  REQUIRE(dd_update_options_init(&options, sizeof options) == DD_OK);
+  dd_update_options options = detail_deform::defaults(dd_update_options_init);
   options.method = method;
   options.refinement = refined(iterations);
   return options;
 }
-
-dd_points points(const Floats& positions) { return test::FlatMesh::points(positions); }
-dd_points_out into(Floats& positions) { return test::FlatMesh::points_out(positions); }
 
 int32_t bind(const dd_bind_options& options, dd_deformer** deformer) {
   const dd_mesh mesh = ball().mesh();
@@ -112,7 +107,7 @@ Work bound(std::string name, dd_bind_options options) {
             int32_t status = fallible([&] { return bind(options, &deformer); });
             if (status == DD_OK) {
               const dd_update_options how = update_options(DD_METHOD_DETAIL);
-              const dd_points_out to = into(out);
+              const dd_points_out to = detail_deform::points_out(out);
               status = dd_deformer_update(deformer, kLift, 1, &how, &to);
             }
             dd_deformer_free(deformer);
@@ -126,7 +121,7 @@ Work updated(std::string name, dd_update_options how, dd_bind_options options = 
             dd_deformer* deformer = nullptr;
             int32_t status = bind(options, &deformer);
             const auto update = [&](Floats& result) {
-              const dd_points_out to = into(result);
+              const dd_points_out to = detail_deform::points_out(result);
               return dd_deformer_update(deformer, kLift, 1, &how, &to);
             };
             if (status == DD_OK) status = fallible([&] { return update(out); });
@@ -168,27 +163,24 @@ std::vector<Work> works() {
   }
   all.push_back(updated("variational", update_options(DD_METHOD_VARIATIONAL)));
   dd_update_options levels = update_options(DD_METHOD_NORMAL);
-  static dd_normal_options two_levels;
-  REQUIRE(dd_normal_options_init(&two_levels, sizeof two_levels) == DD_OK);
+  static dd_normal_options two_levels = detail_deform::defaults(dd_normal_options_init);
   two_levels.levels = 2;
   levels.normal = &two_levels;
   all.push_back(updated("normal displacement", levels));
   all.push_back(updated("gradient editing", update_options(DD_METHOD_GRADIENT)));
   dd_update_options volumes = update_options(DD_METHOD_VOLUMES);
-  static dd_volumes_options twice;
-  REQUIRE(dd_volumes_options_init(&twice, sizeof twice) == DD_OK);
+  static dd_volumes_options twice = detail_deform::defaults(dd_volumes_options_init);
   twice.iterations = 2;
   volumes.volumes = &twice;
   all.push_back(updated("displacement volumes", volumes));
   how = bind_options(2);
-  static const dd_points example = points(examples);
+  static const dd_points example = detail_deform::points(examples);
   how.examples = &example;
   how.example_count = 1;
   all.push_back(updated("examples", update_options(DD_METHOD_EXAMPLES), how));
   static const double weight = 0.5;
   dd_update_options given = update_options(DD_METHOD_EXAMPLES);
-  static dd_examples_options by_weight;
-  REQUIRE(dd_examples_options_init(&by_weight, sizeof by_weight) == DD_OK);
+  static dd_examples_options by_weight = detail_deform::defaults(dd_examples_options_init);
   by_weight.weights = &weight;
   by_weight.weight_count = 1;
   given.examples = &by_weight;
@@ -202,7 +194,8 @@ std::vector<Work> works() {
   }
   how = bind_options(2);
   static const Floats cage_moved = turned(cage().positions);
-  static const dd_points cage_rest = points(cage().positions), cage_now = points(cage_moved);
+  static const dd_points cage_rest = detail_deform::points(cage().positions),
+                         cage_now = detail_deform::points(cage_moved);
   how.base = &cage_rest;
   how.base_triangles = cage().triangles.data();
   how.base_triangle_count = cage().triangles.size() / 3;
@@ -215,7 +208,7 @@ std::vector<Work> works() {
                    in_steps.steps = 2;
                    dd_deformer* deformer = nullptr;
                    dd_job* job = nullptr;
-                   const dd_points_out to = into(out);
+                   const dd_points_out to = detail_deform::points_out(out);
                    const int32_t result = fallible([&] {
                      int32_t status = bind(bind_options(2), &deformer);
                      if (status == DD_OK)
@@ -235,12 +228,11 @@ std::vector<Work> works() {
                                                              const Fallible& fallible) {
            const dd_mesh source = ball().mesh(), target = other_ball().mesh();
            const Floats pose = turned(ball().positions);
-           dd_transfer_options options;
-           REQUIRE(dd_transfer_options_init(&options, sizeof options) == DD_OK);
+           dd_transfer_options options = detail_deform::defaults(dd_transfer_options_init);
            options.threads = 2;
            options.formulation = static_cast<dd_formulation>(formulation);
            options.pairs_of = static_cast<dd_pairs_of>(pairs_of);
-           const dd_points posed = points(pose);
+           const dd_points posed = detail_deform::points(pose);
            const dd_points_out to = {out.data(), target.vertices.count, 3 * sizeof(float)};
            options.placing = DD_PLACING_VERTICES;
            dd_job* job = nullptr;
@@ -261,8 +253,7 @@ std::vector<Work> works() {
          [=](Floats& out, const Fallible& fallible) {
            const dd_mesh source = ball().mesh(), target = other_ball().mesh();
            const std::vector<int32_t> markers = {0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5};
-           dd_match_options options;
-           REQUIRE(dd_match_options_init(&options, sizeof options) == DD_OK);
+           dd_match_options options = detail_deform::defaults(dd_match_options_init);
            const dd_points_out to = {out.data(), source.vertices.count, 3 * sizeof(float)};
            options.threads = 2;
            options.stages = options.rounds = 1;
@@ -292,7 +283,7 @@ std::vector<Work> works() {
                    const dd_mesh mesh = ball().mesh();
                    const Floats now = turned(ball().positions);
                    Floats found(9 * mesh.vertices.count, out[0]);
-                   const dd_points deformed = points(now);
+                   const dd_points deformed = detail_deform::points(now);
                    const int32_t status = fallible([&] {
                      return dd_mesh_vertex_gradients(&mesh, &deformed, found.data(),
                                                      mesh.vertices.count);
@@ -303,7 +294,7 @@ std::vector<Work> works() {
   all.push_back({"measures", [](Floats& out, const Fallible& fallible) {
                    const dd_mesh mesh = ball().mesh();
                    const Floats now = turned(ball().positions);
-                   const dd_points deformed = points(now);
+                   const dd_points deformed = detail_deform::points(now);
                    auto options = defaults<dd_measure_options>();
                    options.base = &mesh.vertices;
                    options.deformed_base = &deformed;

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "detail_deform/detail_deform.h"
+#include "detail_deform/detail_deform.hpp"
 #include "mesh/mesh.h"
 
 namespace dd::test {
@@ -24,13 +24,8 @@ struct FlatMesh {
   }
   size_t vertex_count() const { return positions.size() / 3; }
   size_t triangle_count() const { return triangles.size() / 3; }
-  dd_mesh mesh() const { return {points(positions), triangles.data(), triangle_count()}; }
-
-  static dd_points points(const std::vector<float>& values) {
-    return {values.data(), values.size() / 3, 3 * sizeof(float)};
-  }
-  static dd_points_out points_out(std::vector<float>& values) {
-    return {values.data(), values.size() / 3, 3 * sizeof(float)};
+  dd_mesh mesh() const {
+    return {detail_deform::points(positions), triangles.data(), triangle_count()};
   }
 };
 

@@ -4,7 +4,7 @@
 import time
 
 from .loading import Owned, call, vertices
-from .structs import JOB_STATES, STAGE_NAMES, NativeError, Progress
+from .structs import JOB_STATES, NativeError, Progress, name_of
 
 _POLL_SECONDS = 0.02
 
@@ -23,7 +23,7 @@ class Job(Owned):
         """(running, fraction, stage): a name of structs.STAGES."""
         progress = Progress()
         call('dd_job_poll', self, progress)
-        return progress.state == JOB_STATES['RUNNING'], progress.fraction, STAGE_NAMES[progress.stage]
+        return progress.state == JOB_STATES['RUNNING'], progress.fraction, name_of('dd_stage', progress.stage)
 
     def fractions(self):
         """Generator of the fraction done, until it is over."""

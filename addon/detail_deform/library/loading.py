@@ -135,12 +135,9 @@ def _failure(lib, status):
     told = structs.Failure()
     lib.dd_last_error(told)
     return NativeError(lib.dd_last_message().decode('utf-8', 'replace'), status,
-                       message=told.message.decode('utf-8', 'replace'), subject=_name(structs.SUBJECTS, told.subject),
-                       index=told.index, remedy=_name(structs.REMEDIES, told.remedy))
-
-
-def _name(enum, number):
-    return next((name for name, its_number in enum.items() if its_number == number), 'NONE')
+                       message=told.message.decode('utf-8', 'replace'),
+                       subject=structs.name_of('dd_subject', told.subject), index=told.index,
+                       remedy=structs.name_of('dd_remedy', told.remedy))
 
 
 def filled(kind, **values):

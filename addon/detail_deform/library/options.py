@@ -66,9 +66,6 @@ class Option:
 
 # Values of enums. The order is that of the C library's numbers where it knows them.
 
-# A method's name in scripts and files, where the library has another one.
-METHOD_CALLED = {'TRANSFER': 'DETAIL'}
-
 METHODS = (
     ('TRANSFER', "Detail Transfer",
      "A smooth base surface bends, and details turn with it. The best choice nearly always"),
@@ -177,8 +174,9 @@ def _gradients(rotation_only):
     return 'ROTATIONS' if rotation_only else 'WHOLE'
 
 
-def _method(method):
-    return METHOD_CALLED.get(method, method)
+def library_method(name):
+    """The library's name of a method; scripts and files call the paper's TRANSFER."""
+    return 'DETAIL' if name == 'TRANSFER' else name
 
 
 _COMPUTED = Need('base', ('COMPUTED',))
@@ -189,7 +187,7 @@ _WITHOUT_REFINE = "It has no effect while Quality of large bends is 0."
 SETTINGS = (
     Option('method', METHODS, "Method",
            "How the surface follows its handles. Switching needs no new Bind",
-           fills=Field(UPDATE, 'method', 'dd_method', _method), section='METHOD', compared=COMPARED_METHODS),
+           fills=Field(UPDATE, 'method', 'dd_method', library_method), section='METHOD', compared=COMPARED_METHODS),
     Option('rotation_only', bool, "Keep Detail Size",
            "Details only turn with the surface and keep their size. Off: they are stretched and sheared with it too",
            default=True, fills=Field(UPDATE, 'gradients', 'dd_gradients', _gradients), section='METHOD',

@@ -30,11 +30,10 @@ JOB_STATES = {'RUNNING': 0, 'DONE': 1, 'FAILED': 2}
 STAGES = {name: number for number, name in enumerate((
     'STARTING', 'OPERATORS', 'POISSON', 'ENERGY', 'BASE', 'HANDLES', 'ENERGY_ON_BASE', 'DEFORMING', 'VOLUMES',
     'RESTORING', 'MESHES', 'FUNCTIONS', 'PLACEMENTS', 'MAP', 'SIDES', 'PLACING', 'FITTING', 'CORRESPONDENCE', 'DONE'))}
-STAGE_NAMES = tuple(STAGES)
 METRICS = options.numbers_of(options.METRICS)
 SMOOTHNESSES = {'MEMBRANE': 1, 'THIN_PLATE': 2, 'CURVATURE_VARIATION': 3}
 TRIANGULATIONS = {'DELAUNAY': 0, 'GIVEN': 1}
-METHODS = options.numbers_of([(options.METHOD_CALLED.get(name, name),) for name, *_ in options.METHODS])
+METHODS = options.numbers_of([(options.library_method(name),) for name, *_ in options.METHODS])
 HANDLE_TURNS = options.numbers_of(options.HANDLE_TURNS)
 BASE_DEFORMERS = options.numbers_of(options.BASE_DEFORMERS)
 OUTPUTS = options.numbers_of(options.OUTPUTS)
@@ -55,6 +54,11 @@ ENUMS = {
     'dd_handle_turns': ('DD_HANDLE_TURNS_', HANDLE_TURNS), 'dd_finding': ('DD_FINDING_', FINDINGS),
     'dd_pairs_of': ('DD_PAIRS_OF_', PAIRS_OF),
     'dd_anchor': ('DD_ANCHOR_', ANCHORS), 'dd_placing': ('DD_PLACING_', PLACINGS)}
+
+
+def name_of(enum, number):
+    """The name of an enum's value, or 'NONE' of one that isn't known."""
+    return next((name for name, its_number in ENUMS[enum][1].items() if its_number == number), 'NONE')
 
 
 class NativeError(Exception):
@@ -92,7 +96,7 @@ class Array:
 
 
 class PointTo:
-    """A pointer to a struct. Its value is a Struct, or what the class's of() takes. many: a list of these; the size
+    """A pointer to a struct. Its value is a Struct, or for dd_points an array. many: a list of these; the size
     field after it gets their number."""
 
     def __init__(self, struct, many=False):
@@ -144,7 +148,7 @@ class Struct(ctypes.Structure):
             setattr(self, size, count)
 
     def _point_to_struct(self, name, kind, value):
-        each = [one if isinstance(one, Struct) else kind.struct.of(name, one)
+        each = [one if isinstance(one, Struct) else points(name, one)
                 for one in (value if kind.many else [value])]
         array = (kind.struct * len(each))(*each)
         self._alive += [array, each]
@@ -181,24 +185,18 @@ def _sized(c_name, doc, *fields):
 _FLOAT = np.dtype(np.float32)
 
 
-def _points(cls, name, array):
-    """Points to an (n, 3) float32 array without copying it, or to a copy if rows aren't three adjacent floats."""
-    if not (isinstance(array, np.ndarray) and array.dtype == _FLOAT and array.ndim == 2 and array.shape[1] == 3
-            and array.strides[1] == 4 and array.strides[0] >= 12 and array.strides[0] % 4 == 0):
-        array = numbers(name, array, np.float32, 3)
-    made = cls(first=array.ctypes.data, count=len(array), stride=array.strides[0] if len(array) else 12)
-    made._alive.append(array)
-    return made
-
-
 Points = _struct('dd_points', "Points to read", (ctypes.c_void_p, 'first'), (_SIZE, 'count', 'stride'))
-Points.of = classmethod(_points)
 PointsOut = _struct('dd_points_out', "Points to write", (ctypes.c_void_p, 'first'), (_SIZE, 'count', 'stride'))
 
 
 def points(name, array):
-    """dd_points of (n, 3)."""
-    return Points.of(name, array)
+    """dd_points: to an (n, 3) float32 array without copying it, or to a copy if rows aren't three adjacent floats."""
+    if not (isinstance(array, np.ndarray) and array.dtype == _FLOAT and array.ndim == 2 and array.shape[1] == 3
+            and array.strides[1] == 4 and array.strides[0] >= 12 and array.strides[0] % 4 == 0):
+        array = numbers(name, array, np.float32, 3)
+    made = Points(first=array.ctypes.data, count=len(array), stride=array.strides[0] if len(array) else 12)
+    made._alive.append(array)
+    return made
 
 
 def points_out(array):

@@ -112,34 +112,35 @@ using FloatRows = Eigen::Matrix<float, Eigen::Dynamic, 3, Eigen::RowMajor>;
 
 constexpr size_t kPoint = 3 * sizeof(float);
 
-/// False for null. Throws if the struct is malformed.
-template <class Points>
-bool has_points(const std::string& name, const Points* points) {
-  if (!points) return false;
-  require(points->first || points->count == 0, name + ".first is null");
-  require(points->count < kMostElements, name + " has more points than can be numbered");
-  require(points->count == 0 || (points->stride >= kPoint && points->stride <= kLargestStruct &&
-                                 points->stride % sizeof(float) == 0),
-          name + ".stride is " + std::to_string(points->stride) +
+/// A caller's points as they lie in memory. Throws if the struct is malformed.
+template <class Rows, class Points>
+Strided<Rows> strided(const std::string& name, const Points& points) {
+  require(points.first || points.count == 0, name + ".first is null");
+  require(points.count < kMostElements, name + " has more points than can be numbered");
+  require(points.count == 0 || (points.stride >= kPoint && points.stride <= kLargestStruct &&
+                                points.stride % sizeof(float) == 0),
+          name + ".stride is " + std::to_string(points.stride) +
               ", which is no multiple of 4 bytes from 12 to 4096");
-  return true;
+  return {points.first, static_cast<Index>(points.count), 3,
+          Eigen::OuterStride<>(static_cast<Index>(points.stride / sizeof(float)))};
 }
 
-inline Positions read_positions(const std::string& name, const dd_points& points) {
-  has_points(name, &points);
-  return Strided<const FloatRows>(
-             points.first, static_cast<Index>(points.count), 3,
-             Eigen::OuterStride<>(static_cast<Index>(points.stride / sizeof(float))))
-      .cast<double>();
-}
-
-/// Points that must be there and as many as wanted; kind: what they are of, "vertices".
-inline Positions read_positions(const std::string& name, const dd_points* points, size_t wanted,
-                                const char* kind = "vertices") {
+/// The same of points that must be there and as many as wanted; kind: what they are of, "vertices".
+template <class Rows, class Points>
+Strided<Rows> strided(const std::string& name, const Points* points, size_t wanted,
+                      const char* kind) {
   require(points, name + " is null");
   require(points->count == wanted, name + " is for " + std::to_string(points->count) + " " + kind +
                                        ", not " + std::to_string(wanted));
-  return read_positions(name, *points);
+  return strided<Rows>(name, *points);
+}
+
+inline Positions read_positions(const std::string& name, const dd_points& points) {
+  return strided<const FloatRows>(name, points).cast<double>();
+}
+inline Positions read_positions(const std::string& name, const dd_points* points, size_t wanted,
+                                const char* kind = "vertices") {
+  return strided<const FloatRows>(name, points, wanted, kind).cast<double>();
 }
 
 /// Points that may be left out: empty then.
@@ -148,15 +149,10 @@ inline Positions read_optional_positions(const std::string& name, const dd_point
   return points ? read_positions(name, points, wanted, kind) : Positions{};
 }
 
-/// Where a result goes, checked.
+/// Where a result goes.
 inline Strided<FloatRows> result_points(const char* name, const dd_points_out* points,
                                         size_t wanted) {
-  require(points, std::string(name) + " is null");
-  require(points->count == wanted, std::string(name) + " is for " + std::to_string(points->count) +
-                                       " vertices, not " + std::to_string(wanted));
-  has_points(name, points);
-  return {points->first, static_cast<Index>(points->count), 3,
-          Eigen::OuterStride<>(static_cast<Index>(points->stride / sizeof(float)))};
+  return strided<FloatRows>(name, points, wanted, "vertices");
 }
 
 /// values: 3×4, row-major.
