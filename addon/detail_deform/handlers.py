@@ -4,9 +4,8 @@
 import bpy
 from bpy.app.handlers import persistent
 
-from .follow import auto_bind, drag, edits, factored, life, registry
-from .results import missing_examples
-from .scene import handle_owners
+from . import session
+from .follow import auto_bind, drag, edits, life, registry
 from .ui import known_markers, preview
 
 # While nothing is bound, neither of the next two handlers iterates over a scene's objects or over the updates.
@@ -52,34 +51,20 @@ def _show_whole(depsgraph):
 
 
 @persistent
-def _data_is_replaced(*_):
-    """Runs before undo, redo and loading, which invalidate all references to objects."""
-    registry.forget()
-    handle_owners.forget()
-    edits.forget_addresses()
-
-
-@persistent
 def _data_replaced(*_):
-    life.forget_addresses()
-    handle_owners.forget()
-    preview.forget()
-    known_markers.clear()
+    """Runs before and after undo, redo and loading: handlers of other add-ons may run in between."""
+    session.ended(session.Until.REPLACED)
 
 
 @persistent
 def _file_loaded(*_):
-    """Undo can't lead back to the last file, so the deformers and transfers cached for it are freed."""
-    _data_replaced()
-    missing_examples.forget()
-    life.drop_unused(spares=False)
-    factored.clear()
+    session.ended(session.Until.LOADED)
 
 
 _HANDLERS = (('depsgraph_update_post', _depsgraph_updated), ('frame_change_post', _frame_changed),
              ('render_init', _render_begins), ('save_pre', _before_saving),
-             ('undo_pre', _data_is_replaced), ('redo_pre', _data_is_replaced), ('load_pre', _data_is_replaced),
-             ('undo_post', _data_replaced), ('redo_post', _data_replaced), ('load_post', _file_loaded))
+             *((name, _data_replaced) for name in ('undo_pre', 'undo_post', 'redo_pre', 'redo_post', 'load_pre')),
+             ('load_post', _file_loaded))
 
 
 def register():
@@ -93,8 +78,4 @@ def unregister():
         handlers = getattr(bpy.app.handlers, name)
         if function in handlers:
             handlers.remove(function)
-    life.when_stale.clear()
-    auto_bind.clear()
-    edits.clear()
-    factored.clear()
-    life.clear()
+    session.ended(session.Until.DISABLED)

@@ -6,7 +6,7 @@ import threading
 import pytest
 from conftest import part
 
-made = part('follow.made')
+made, session = part('follow.made'), part('session')
 NativeError = part('library.native').NativeError
 
 
@@ -147,9 +147,9 @@ def test_owners_are_forgotten_and_all_is_closed(cache):
     begin(cache, 'a', makes=1)
     entry = cache.finish('a')
     entry.owners.add(1)
-    cache.forget_owners()
+    session.ended(session.Until.REPLACED)
     assert not entry.owners
     under_way, let_go = begin(cache, 'b'), begin(cache, 'c')
     cache.let_go('c')
-    cache.clear()
+    session.ended(session.Until.DISABLED)
     assert under_way.closed and let_go.closed and cache.find('a') is None and not cache.contents_under_way()

@@ -144,3 +144,22 @@ def test_a_folder_of_the_core_knows_those_below_it_alone():
     assert not {room: others - set(CORE_KNOWS[room]) for room, others in arrows.items()
                 if room in CORE_KNOWS and others - set(CORE_KNOWS[room])}
     assert 'api' not in arrows['deform']
+
+
+# Modules with names that change while the add-on runs, beside session.py, which holds the others: the library's own
+# life, which needs no Blender; whether the add-on is registered, and what of Blender's it has added to.
+OF_THEIR_OWN = {('session',), ('timers',), ('library', 'loading'), (), ('ui', 'sidebar')}
+
+
+def test_memory_between_calls_is_declared_in_the_session():
+    """Each with the event that ends it: a bare dict, list or set of a module would outlive undo and loading."""
+    found = {}
+    for path in MODULES:
+        tree = ast.parse(path.read_text(encoding='utf-8'))
+        empty = [target.id for node in tree.body if isinstance(node, ast.Assign) and (
+            isinstance(node.value, (ast.Dict, ast.List)) and not ast.unparse(node.value).strip('{}[]') or
+            ast.unparse(node.value) == 'set()') for target in node.targets]
+        assigned = [name for node in ast.walk(tree) if isinstance(node, ast.Global) for name in node.names]
+        if (empty or assigned) and _module_of(path) not in OF_THEIR_OWN:
+            found['.'.join(_module_of(path))] = sorted({*empty, *assigned})
+    assert not found

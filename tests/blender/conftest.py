@@ -60,7 +60,7 @@ def part(module):
 
 @pytest.fixture
 def as_in_a_window(part, monkeypatch):
-    """as_in_a_window('follow.life'): this module takes Blender for one with a window. Its timers are then
+    """as_in_a_window('follow.life'): this module takes Blender for one with a window, and so do timers, which are then
     called by hand."""
     class Window:
         def __getattr__(self, name):
@@ -72,7 +72,7 @@ def as_in_a_window(part, monkeypatch):
         def __getattr__(self, name):
             return getattr(bpy, name)
 
-    return lambda *names: [monkeypatch.setattr(part(name), 'bpy', Bpy()) for name in names]
+    return lambda *names: [monkeypatch.setattr(part(name), 'bpy', Bpy()) for name in (*names, 'timers')]
 
 
 def new_scene():

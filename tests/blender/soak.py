@@ -30,8 +30,6 @@ import run  # noqa: E402
 
 # More memory in use than this share of all of it is growth.
 MAY_GROW = 0.02
-_TIMERS = (('follow.life', '_poll'), ('follow.slow_results', '_tick'), ('follow.edits', '_compare'),
-           ('follow.drag', '_tick'), ('follow.auto_bind', '_bind_again'))
 
 
 class _Mallinfo2(ctypes.Structure):
@@ -89,7 +87,7 @@ def counts():
     if 'library.loading' in parts:
         owned = parts['library.loading'].Owned
         found['objects of the library'] = sum(isinstance(o, owned) and bool(o._handle) for o in gc.get_objects())
-        found['timers'] = sum(bpy.app.timers.is_registered(getattr(parts[part], name)) for part, name in _TIMERS)
+        found['timers'] = sum(timer.is_running() for timer in parts['timers'].ALL)
         found['records'] = len(parts['follow.shown']._shown)
     return found
 

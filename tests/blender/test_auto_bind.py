@@ -16,7 +16,7 @@ def tick(part, as_in_a_window):
 
     def call():
         waiting = bpy.app.timers.is_registered(module._bind_again)
-        module.clear()
+        module._timer.stop()
         if waiting:
             module._bind_again()
             part('follow.life').wait(bpy.context.active_object, bpy.context.evaluated_depsgraph_get())
@@ -24,7 +24,7 @@ def tick(part, as_in_a_window):
         return waiting
 
     yield call
-    module.clear()
+    module._timer.stop()
 
 
 def posed():

@@ -69,7 +69,7 @@ def binding(part, monkeypatch, as_in_a_window):
     as_in_a_window('follow.bound', 'follow.life')
     made = Binding(part, monkeypatch)
     yield made
-    made.life.clear()
+    part('session').ended(part('session').Until.DISABLED)
 
 
 def right(ob):

@@ -14,11 +14,11 @@ from conftest import activate, bind, evaluated, make_strip, update
 @pytest.fixture
 def heavy(part, as_in_a_window):
     """A bound strip in a window, on which a whole update takes long."""
-    as_in_a_window('follow.drag', 'follow.life')
+    as_in_a_window('follow.life')
     ob = bind(make_strip())
     part('follow.bound').cache.find(ob.detail_deform.signature).full_ms = 1000.0
     yield ob
-    part('follow.life').clear()
+    part('session').ended(part('session').Until.DISABLED)
 
 
 def bend(ob, turn):
@@ -103,7 +103,7 @@ def test_a_light_mesh_is_shown_whole(part, heavy, drag):
 
 
 def test_a_dense_mesh_is_shown_whole_because_its_passes_cost_nothing(part, drag, as_in_a_window):
-    as_in_a_window('follow.drag', 'follow.life')
+    as_in_a_window('follow.life')
     ob = bind(make_strip(180))
     entry = part('follow.bound').cache.find(ob.detail_deform.signature)
     assert 1000 < entry.made.info.coarse_vertex_count < 0.6 * entry.made.info.free_count
@@ -111,7 +111,7 @@ def test_a_dense_mesh_is_shown_whole_because_its_passes_cost_nothing(part, drag,
     moved = drag(ob, -1.2)
     assert not slow_results_under_way(part, ob)
     assert np.abs(moved - whole(part, ob)).max() < 1e-6
-    part('follow.life').clear()
+    part('session').ended(part('session').Until.DISABLED)
 
 
 def test_a_drag_ends_when_nothing_has_moved_for_a_while(part, heavy):
@@ -124,7 +124,7 @@ def test_a_drag_ends_when_nothing_has_moved_for_a_while(part, heavy):
 
 def test_undo_ends_it(part, heavy, drag):
     drag(heavy, -1.2)
-    part('follow.life').forget_addresses()
+    part('session').ended(part('session').Until.REPLACED)
     assert not bpy.app.timers.is_registered(part('follow.drag')._tick)  # or it would go on
     assert part('follow.drag').share(1000.0) == 1.0
 
@@ -225,7 +225,7 @@ def test_the_first_update_is_prepared_with_the_binding(part, as_in_a_window):
     assert ob.detail_deform.is_bound, ob.detail_deform.status
     moved = bend(ob, -1.2)
     assert np.abs(moved - bend(bind(make_strip(120)), -1.2)).max() < 1e-6
-    part('follow.life').clear()
+    part('session').ended(part('session').Until.DISABLED)
 
 
 @pytest.mark.parametrize('when', ["", "preparing the first update"])
@@ -243,4 +243,4 @@ def test_it_can_be_cancelled_in_either_half(part, as_in_a_window, when):
     part('follow.life')._poll()
     assert not ob.detail_deform.is_bound and "ancelled" in ob.detail_deform.status, ob.detail_deform.status
     assert cache.find(content) is None
-    part('follow.life').clear()
+    part('session').ended(part('session').Until.DISABLED)

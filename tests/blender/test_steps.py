@@ -128,7 +128,7 @@ def test_steps_arrive_when_the_handles_pause(strip, part, as_in_a_window):
     while slow_results._tick():
         pass
     assert np.abs(evaluated(strip) - own(strip)).max() < 1e-5
-    slow_results.clear()
+    slow_results._requests.clear()
 
 
 def test_a_frame_stops_slow_work_on_its_deformer_which_begins_again_later(strip, part):
@@ -171,7 +171,7 @@ def test_a_frame_stops_slow_work_on_its_deformer_which_begins_again_later(strip,
     slow_results._requests['second'].due = 0
     slow_results._tick()
     assert slow_results._requests['second'].job
-    slow_results.clear()
+    slow_results._requests.clear()
 
 
 def test_an_empty_without_size_collapses_its_vertices_and_turns_nothing(strip):

@@ -4,6 +4,7 @@ explicitly."""
 
 import bpy
 
+from .. import timers
 from ..scene.window import redraw_panels
 from . import binding, bound, registry, words
 
@@ -15,15 +16,7 @@ _PAUSE_SECONDS = 0.2
 
 def soon():
     """To be called when an object was found stale: binds it after a pause."""
-    if bpy.app.background:
-        return
-    clear()
-    bpy.app.timers.register(_bind_again, first_interval=_PAUSE_SECONDS)
-
-
-def clear():
-    if bpy.app.timers.is_registered(_bind_again):
-        bpy.app.timers.unregister(_bind_again)
+    _timer.restart()
 
 
 def _is_wanted(ob):
@@ -49,3 +42,6 @@ def _bind_again():
         except words.TOLD as problem:  # no report: the user may be in the middle of an edit
             ob.detail_deform.problem = words.sentence(problem)
     redraw_panels()
+
+
+_timer = timers.Timer(_bind_again, _PAUSE_SECONDS)

@@ -2,7 +2,7 @@
 """Detects whether a handle is being dragged: updates follow one another, and the window's event loop runs in between.
 During a script the loop doesn't run, and in playback each frame change calls ended()."""
 
-import bpy
+from .. import session, timers
 
 _TICK_SECONDS = 0.05
 _PAUSE_TICKS = 10  # without an update, which end a drag: 0.5 s. Ticks, not time, as slow drawing delays them
@@ -21,8 +21,7 @@ _drag = _Drag()
 def updated():
     """To be called for each update of a scene."""
     _drag.ticks = 0
-    if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=_TICK_SECONDS)
+    _timer.start()
 
 
 def _tick():
@@ -38,7 +37,10 @@ def share(full_ms):
 
 
 def ended():
-    """To be called for frame changes, after loading and undo, and when the add-on is disabled."""
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
+    """To be called for frame changes."""
+    _timer.stop()
     _drag.goes_on = False
+
+
+_timer = timers.Timer(_tick, _TICK_SECONDS)
+session.at(session.Until.REPLACED, ended)

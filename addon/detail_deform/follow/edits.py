@@ -3,13 +3,14 @@
 
 import bpy
 
+from .. import session, timers
 from ..scene.window import redraw_panels
 from . import bound, life, registry
 
 # Without a further edit, before meshes are compared in the window: a paint stroke tags the mesh at every dab, a dragged
 # slider of a shape key at every step.
 _PAUSE_SECONDS = 0.3
-_to_compare = set()  # addresses of objects; never dereferenced
+_to_compare = session.kept(set(), session.Until.DISABLED)  # addresses of objects; never dereferenced
 _ALL = None  # an entry that stands for all members: undo may change the addresses of objects
 
 
@@ -29,8 +30,7 @@ def _edited(ob):
         life.check(ob)
         return
     _to_compare.add(ob.as_pointer())
-    _forget_to_compare()
-    bpy.app.timers.register(_compare, first_interval=_PAUSE_SECONDS)
+    _timer.restart()
 
 
 def _compare():
@@ -42,17 +42,10 @@ def _compare():
     redraw_panels()
 
 
-def _forget_to_compare():
-    if bpy.app.timers.is_registered(_compare):
-        bpy.app.timers.unregister(_compare)
-
-
-def forget_addresses():
-    """To be called before undo, redo and loading."""
+def _forget_addresses():
     if _to_compare:
         _to_compare.add(_ALL)
 
 
-def clear():
-    _forget_to_compare()
-    _to_compare.clear()
+_timer = timers.Timer(_compare, _PAUSE_SECONDS)
+session.at(session.Until.REPLACED, _forget_addresses)

@@ -6,22 +6,18 @@ present run has not used are evicted: a repeated run over the same meshes in the
 LRU would find none.
 """
 
+from .. import session
 from ..scene import correspondence
 from . import prepared
 
 _MOST_BYTES = 1 << 30  # of all entries: trades memory for repeated factorizations; stated in the manual
 _BYTES_A_ROW = 1400  # measured, for each row of the system and each vertex of the source
 
-_kept = {}  # {content: (Prepared, bytes)}
-_used = set()  # contents that the present run has used
+_kept = session.kept({}, session.Until.LOADED)  # {content: (Prepared, bytes)}
+_used = session.kept(set(), session.Until.LOADED)  # contents that the present run has used
 
 
 def begin_run():
-    _used.clear()
-
-
-def clear():
-    _kept.clear()
     _used.clear()
 
 

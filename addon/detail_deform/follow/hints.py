@@ -3,6 +3,7 @@
 
 import numpy as np
 
+from .. import session
 from ..library import native
 from ..scene import components, examples, handle_matrices, mesh_data, split, way_back
 from ..scene.mesh_data import MeshProblem
@@ -13,7 +14,7 @@ from . import content, misshapen, registry
 _BESIDE = 0.2
 # Entries of _of_regions, a few sentences each: more than objects are bound at a time, so that each is looked at once.
 _MOST = 256
-_of_regions = {}  # memoized: {(signature, method): sentences}, as reading groups is slow
+_of_regions = session.Memo(_MOST)  # {(signature, method): sentences}, as reading groups is slow
 
 
 def of_region(ob, roles=None, joined=None):
@@ -27,10 +28,8 @@ def of_region(ob, roles=None, joined=None):
             found = list(_of_region(ob, roles, joined.between(mesh_data.edges(ob.data))))
         except MeshProblem:  # the object is stale, or about to be
             return ()
-        while len(_of_regions) >= _MOST:
-            del _of_regions[next(iter(_of_regions))]
-        _of_regions[key] = found
-    return _of_regions[key]
+        return _of_regions.put(key, found)
+    return _of_regions.get(key)
 
 
 def _of_region(ob, roles, edges):

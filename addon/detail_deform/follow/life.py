@@ -10,18 +10,20 @@ import time
 
 import bpy
 
+from .. import session, timers
 from ..library import native
 from ..scene import node_group, offset_attribute, reach, renamed
 from ..scene.window import redraw_panels
-from . import bound, drag, fed, placed, problem_vertices, registry, shown, slow_results, words
+from . import bound, drag, fed, problem_vertices, registry, shown, slow_results, words
 from .kind import Kind
 
 KINDS: tuple[Kind, ...] = (fed, bound)
 
 _POLL_SECONDS = 0.05  # interval of polls: about the delay with which a job's end is noticed
-_known = None  # an object whose content is known to be unchanged: see take_in()
+_known = session.kept(set(), session.Until.REPLACED)  # objects whose content is known to be unchanged: see take_in()
 
-when_stale = []  # functions that are called when an object's content has changed since it was bound
+# Functions that are called when an object's content has changed since it was bound.
+when_stale = session.kept([], session.Until.DISABLED)
 
 
 def kind_of(ob):
@@ -152,16 +154,15 @@ def wait(ob, depsgraph):
 def take_in(ob, view_layer):
     """Evaluates a view layer after something was written to an object whose content is known to be unchanged. The
     update that Blender makes later would look like an edit by the user, and all content would be compared again."""
-    global _known
-    _known = ob
+    _known.add(ob)
     try:
         view_layer.update()
     finally:
-        _known = None
+        _known.discard(ob)
 
 
 def is_known(ob):
-    return ob == _known
+    return ob in _known
 
 
 def settle(ob):
@@ -217,7 +218,7 @@ def _made(kind, ob, depsgraph, wait):
         cache.start(content, lambda: kind.job(ob))
         if wait:  # maybe in the thread of a render, which must not register timers
             return finish(kind, content)
-        _poll_soon()
+        _timer.start()
     draft = cache.draft(content)
     return draft if draft and kind.is_for(ob, draft) else cache.find(content)
 
@@ -227,7 +228,7 @@ def start(kind, content, begin):
     tried again."""
     kind.cache.forget_failure(content)
     kind.cache.start(content, begin)
-    _poll_soon()
+    _timer.start()
 
 
 def finish(kind, content):
@@ -254,12 +255,6 @@ def drop_unused(spares=True):
     for kind in KINDS:
         kind.cache.keep({kind.content_of(ob) for ob in members}, spares)
     shown.keep(ob.data for ob in members)
-
-
-def _poll_soon():
-    if not bpy.app.background and not bpy.app.timers.is_registered(_poll):
-        # Persistent, so that jobs are finished also if another file is opened meanwhile.
-        bpy.app.timers.register(_poll, first_interval=_POLL_SECONDS, persistent=True)
 
 
 def _poll():
@@ -291,6 +286,11 @@ def _show_draft(kind, content):
     refresh_all([ob for ob in registry.of_scene(depsgraph) if ob in owners], depsgraph)
 
 
+_timer = timers.Timer(_poll, _POLL_SECONDS, through_loading=True)
+# After loading, undo can't lead back to the last file, whose deformers and transfers are dropped.
+session.at(session.Until.LOADED, lambda: drop_unused(spares=False))
+
+
 # Ended
 
 def end(kind, ob):
@@ -304,24 +304,3 @@ def end(kind, ob):
     if modifier:
         node_group.set_base(modifier, None)
     shown.show_rest(ob.data)
-
-
-def forget_addresses():
-    """For undo, redo and loading: meshes may hold any earlier result, and pointers may refer to other data."""
-    registry.forget()
-    shown.clear()
-    drag.ended()
-    for kind in KINDS:
-        kind.cache.forget_owners()
-
-
-def clear():
-    if bpy.app.timers.is_registered(_poll):
-        bpy.app.timers.unregister(_poll)
-    slow_results.clear()
-    drag.ended()
-    for kind in KINDS:
-        kind.cache.clear()
-    placed.clear()
-    shown.clear()
-    registry.forget()

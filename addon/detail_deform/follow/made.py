@@ -7,6 +7,7 @@ reloading the same entry is found again, or none.
 
 import threading
 
+from .. import session
 from ..library import native
 
 
@@ -34,6 +35,8 @@ class Cache:
         self._failed = {}  # native.NativeError of jobs that failed
         self._ending = []  # cancelled jobs; closing one waits until its thread has ended
         self._finishing = threading.Lock()  # a render and the window may wait for the same job
+        session.at(session.Until.REPLACED, self._forget_owners)
+        session.at(session.Until.DISABLED, self.clear)
 
     def find(self, content):
         return self._entries.get(content)
@@ -130,8 +133,7 @@ class Cache:
         for content in [content for content in self._failed if content not in contents]:
             del self._failed[content]
 
-    def forget_owners(self):
-        """For undo, redo and loading, after which all pointers are different ones."""
+    def _forget_owners(self):
         for entry in self._entries.values():
             entry.owners.clear()
 

@@ -4,19 +4,25 @@ split vertices, continued to vertices in no face, relative to the mesh's own ver
 
 import numpy as np
 
+from .. import session
 from ..scene import loose, mesh_data, mirror_plane, proportions, soft_border, split, start
 from . import content, look, registry
 
-# Entries that each cache below keeps (LRU): at least _LEAST, and _EACH for each follower: its present content, and the
+# Entries that each memo below keeps: at least _LEAST, and _EACH for each follower: its present content, and the
 # previous one for undo.
 _LEAST, _EACH = 8, 2
 
-# Caches by the signature of the content:
-_seams = {}  # mirror_plane.Seams
-_ways = {}  # of soft_border.ways
-_joined = {}  # split.Joined
-_hanging = {}  # _Hanging
-_closings = {}  # Closing, by the signature of the transfer
+
+def _memo():
+    return session.Memo(lambda: max(_LEAST, _EACH * len(registry.members())))
+
+
+# By the signature of the content:
+_seams = _memo()  # mirror_plane.Seams
+_ways = _memo()  # of soft_border.ways
+_joined = _memo()  # split.Joined
+_hanging = _memo()  # _Hanging
+_closings = _memo()  # Closing, by the signature of the transfer
 
 
 def offsets(ob, computed, has_faded):
@@ -24,11 +30,11 @@ def offsets(ob, computed, has_faded):
     proportions.bound(). has_faded: whether the soft border has been applied to them."""
     width, signature = look.soft_border(ob.detail_deform), ob.detail_deform.signature
     if width and not has_faded:
-        ways = _of(signature, _ways, lambda: soft_border.of(ob, content.roles(ob)))
+        ways = _ways.of(signature, lambda: soft_border.of(ob, content.roles(ob)))
         computed = computed * np.repeat(soft_border.shares(ways, width), 3)
     space = proportions.bound(ob.detail_deform)
-    computed = _of(signature, _joined, lambda: split.Joined(ob)).copied(computed)
-    computed = _of(signature, _hanging, lambda: _find_hanging(ob), lambda hanging: hanging.fits(ob)).placed(computed)
+    computed = _joined.of(signature, lambda: split.Joined(ob)).copied(computed)
+    computed = _hanging.of(signature, lambda: _find_hanging(ob), lambda hanging: hanging.fits(ob)).placed(computed)
     computed = space.back(computed.reshape(-1, 3)).ravel()
     return _closed(ob, signature, start.with_kept(ob.data, computed))
 
@@ -36,7 +42,7 @@ def offsets(ob, computed, has_faded):
 def followed(ob, made_for, computed):
     """(3 n,) float32: the offsets to write, of a mesh that follows a source. made_for: signature of its transfer."""
     key = mirror_plane.key(ob)
-    return _of(made_for, _closings, lambda: Closing(ob), lambda closing: closing.key == key).of(computed)
+    return _closings.of(made_for, lambda: Closing(ob), lambda closing: closing.key == key).of(computed)
 
 
 class Closing:
@@ -55,24 +61,14 @@ def _closed(ob, made_for, result):
     key = mirror_plane.key(ob)
     if not key:
         return result
-    return _of(made_for, _seams, lambda: mirror_plane.Seams(ob, content.roles(ob)),
+    return _seams.of(made_for, lambda: mirror_plane.Seams(ob, content.roles(ob)),
                lambda seams: seams.key == key).closed(result)
-
-
-def _of(made_for, kept, make, fits=lambda found: True):
-    found = kept.pop(made_for, None)
-    if found is None or not fits(found):
-        found = make()
-    kept[made_for] = found  # at the end: the most recently used
-    for old in list(kept)[:-max(_LEAST, _EACH * len(registry.members()))]:
-        del kept[old]
-    return found
 
 
 def know(ob, signature, joined, triangles, hung):
     """Caches what a bind has read of the mesh, so that the first frame needn't. hung: (n,) bool, of content.hung."""
-    _of(signature, _joined, lambda: joined)
-    _of(signature, _hanging, lambda: _Hanging(ob, triangles, hung), lambda hanging: hanging.fits(ob))
+    _joined.of(signature, lambda: joined)
+    _hanging.of(signature, lambda: _Hanging(ob, triangles, hung), lambda hanging: hanging.fits(ob))
 
 
 def _find_hanging(ob):
@@ -96,12 +92,3 @@ class _Hanging:
         if not self._loose:
             return offsets
         return (self._loose.place(self._shape + offsets.reshape(-1, 3)) - self._shape).ravel()
-
-
-def clear():
-    _seams.clear()
-    _ways.clear()
-    _joined.clear()
-    _hanging.clear()
-    _closings.clear()
-    split.forget()

@@ -3,22 +3,20 @@
 
 import numpy as np
 
+from .. import session
 from . import bound
 
 # Findings that native.Deformer.info counts, and of which the status names an example.
 _FINDINGS = ('RESTING', 'LOOSE', 'FAR', 'TORN', 'DEGENERATE', 'UNREPRESENTED')
 _HARMLESS = 'DEGENERATE'
-_MOST = 8  # entries of _refused
-_refused = {}  # {object's name: (problem, vertex count of the mesh, vertices with the problem)}
+_refused = session.Memo(8)  # {object's name: (problem, vertex count of the mesh, vertices with the problem)}
 
 
 def note(ob, error):
     """Stores the vertices that an error is about, until the object's next one. error: a native.NativeError."""
-    _refused.pop(ob.name, None)
-    while len(_refused) >= _MOST:
-        del _refused[next(iter(_refused))]
+    _refused.drop(ob.name)
     if len(error.vertices):
-        _refused[ob.name] = (ob.detail_deform.problem, len(ob.data.vertices), error.vertices)
+        _refused.put(ob.name, (ob.detail_deform.problem, len(ob.data.vertices), error.vertices))
 
 
 def _of_refusal(ob):

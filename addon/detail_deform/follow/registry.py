@@ -8,12 +8,21 @@ once. The list is dropped before undo and loading, which replace the objects tha
 
 import bpy
 
+from .. import session
 from ..scene import handle_matrices, mesh_data, node_group
 from ..scene.mesh_data import MeshProblem
 from . import shown
 
-_members = None  # None: unknown
-_uses = 0  # user count of the node group at the last search
+
+class _Known:
+    members = None  # [object]; None: unknown
+    uses = 0  # user count of the node group at the last search
+
+    def clear(self):
+        self.members = None
+
+
+_known = session.kept(_Known(), session.Until.REPLACED)
 
 
 def _is_member(ob):
@@ -29,11 +38,10 @@ def _is_there(ob):
 
 def members():
     """All objects of this file that are bound or follow a source."""
-    global _members, _uses
-    known, uses = _members, node_group.uses()
-    if known is None or uses != _uses or not all(map(_is_there, known)):
+    known, uses = _known.members, node_group.uses()
+    if known is None or uses != _known.uses or not all(map(_is_there, known)):
         known = [ob for ob in bpy.data.objects if _is_member(ob)]
-        _members, _uses = known, uses
+        _known.members, _known.uses = known, uses
         shown.keep(ob.data for ob in known)  # the record of a deleted mesh may hold megabytes
     return [ob for ob in known if _is_member(ob)]
 
@@ -69,7 +77,5 @@ def _owner(ob):
 
 
 def forget():
-    """Drops the list. To be called when an object is bound or begins to follow, and before and after undo, redo and
-    loading, which replace all objects."""
-    global _members
-    _members = None
+    """Drops the list. To be called when an object is bound or begins to follow."""
+    _known.clear()

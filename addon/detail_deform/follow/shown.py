@@ -9,6 +9,7 @@ import copy
 
 import numpy as np
 
+from .. import session
 from ..scene import offset_attribute, start
 
 
@@ -37,7 +38,7 @@ class Shown:
         return self.is_final or not wait and (share < 1.0 or not self.is_hurried)
 
 
-_shown = {}  # by token
+_shown = session.kept({}, session.Until.REPLACED)  # by token: after undo, meshes may hold any earlier result
 
 
 def by(mesh):
@@ -109,7 +110,3 @@ def keep(meshes):
 def forget(mesh):
     """Drops the record, so that the next update writes to the mesh again."""
     _shown.pop(offset_attribute.token(mesh), None)
-
-
-def clear():
-    _shown.clear()

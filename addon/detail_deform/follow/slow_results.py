@@ -7,8 +7,7 @@ Nothing here refers to Blender's objects: a request has a token, starts a native
 
 import time
 
-import bpy
-
+from .. import session, timers
 from ..library import native
 
 _TICK_SECONDS = 0.1  # interval of the timer
@@ -26,12 +25,25 @@ class _Request:
     def stop(self):
         if self.job:
             self.job.cancel()
-            _ending.append(self.job)
+            _requests.ending.append(self.job)
             self.job = None
 
 
-_requests = {}
-_ending = []  # cancelled jobs; they are closed when they have ended, as closing waits for that
+class _Requests(dict):
+    """{token: _Request}"""
+
+    def __init__(self):
+        super().__init__()
+        self.ending = []  # cancelled jobs; they are closed when they have ended, as closing waits for that
+
+    def clear(self):
+        for job in [*(pending.job for pending in self.values() if pending.job), *self.ending]:
+            job.close()
+        self.ending.clear()
+        super().clear()
+
+
+_requests = session.kept(_Requests(), session.Until.DISABLED)
 
 
 def request(token, work):
@@ -41,8 +53,7 @@ def request(token, work):
     work.is_wanted() is false."""
     cancel(token)
     _requests[token] = _Request(work)
-    if not bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.register(_tick, first_interval=_TICK_SECONDS, persistent=True)
+    _timer.start()
 
 
 def cancel(token):
@@ -100,14 +111,8 @@ def _tick():
         except Exception:
             cancel(token)  # an error ends the timer, and nothing else would end the request
             raise
-    _ending[:] = [job for job in _ending if job.progress()[0]]
-    return _TICK_SECONDS if _requests or _ending else None
+    _requests.ending = [job for job in _requests.ending if job.progress()[0]]
+    return _TICK_SECONDS if _requests or _requests.ending else None
 
 
-def clear():
-    if bpy.app.timers.is_registered(_tick):
-        bpy.app.timers.unregister(_tick)
-    for job in [*(pending.job for pending in _requests.values() if pending.job), *_ending]:
-        job.close()
-    _requests.clear()
-    _ending.clear()
+_timer = timers.Timer(_tick, _TICK_SECONDS, through_loading=True)

@@ -22,7 +22,8 @@ _LEAVE_SECONDS = 10  # for calls of other threads to end: an update, the bind of
 _library = None
 _leaving = False
 _users = []  # an entry for each call under way, of all threads
-_guard = threading.RLock()  # of the three; objects that are collected come back here
+_defaults = {}  # {type of a struct of options: its bytes with the loaded library's defaults}
+_guard = threading.RLock()  # of these four; objects that are collected come back here
 _owned = weakref.WeakSet()
 
 
@@ -65,6 +66,7 @@ def _let_go():
     for owned in list(_owned):
         Owned.close(owned)  # a thread that has the object's own lock waits for ours
     left, _library = _library, None
+    _defaults.clear()
     if left:
         (_ctypes.FreeLibrary if sys.platform == 'win32' else _ctypes.dlclose)(left._handle)
 
@@ -142,9 +144,11 @@ def _failure(lib, status):
 
 def filled(kind, **values):
     """A struct of options with the library's defaults, and with these values in their place; None: the default."""
-    made = kind()
-    call(f'{kind.__name__}_init', made, ctypes.sizeof(made))
-    return made.fill(**values)
+    if kind not in _defaults:
+        made = kind()
+        call(f'{kind.__name__}_init', made, ctypes.sizeof(made))
+        _defaults[kind] = bytes(made)
+    return kind.from_buffer_copy(_defaults[kind]).fill(**values)
 
 
 def call_when_free(function, *arguments):

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import bpy
 import numpy as np
 
+from .. import session
 from ..follow import binding, bound, content, life, look, placed
 from ..library import native
 from ..scene import handle_matrices, posers, proportions, start
@@ -20,7 +21,8 @@ MOST = 10  # poses that are listed
 _LEAST = 1e-3  # root mean square error of a listed pose at least, as a fraction of the mesh's size
 _SHARE = 0.8  # fraction of the progress that is the first pass, over all poses; the second is over the chosen ones
 
-_errors = {}  # {mark of a list's row: (n,) float32}: a mark stays the same when the object or the row is renamed
+# {mark of a list's row: (n,) float32}: a mark stays the same when the object or the row is renamed
+_errors = session.kept({}, session.Until.LOADED)
 
 
 class Missed(NamedTuple):
@@ -123,10 +125,6 @@ def errors_of(ob):
 def is_old(ob):
     """Whether the mesh was bound to other examples or handles since the list was made."""
     return ob.detail_deform.missing_of != ob.detail_deform.signature
-
-
-def forget():
-    _errors.clear()
 
 
 def tell(ob, found, of_each):

@@ -4,37 +4,49 @@ are searched once for an empty, and again only after a handle has got another em
 
 import bpy
 
-_owners = {}  # memoized: {address of an empty: name of its handle's object, or None where it moves no handle}
-_object_count = -1  # at the last search
+from .. import session
+
+
+class _Known:
+    """owners: {address of an empty: name of its handle's object, or None where it moves no handle}. object_count: when
+    they were searched."""
+
+    def __init__(self):
+        self.clear()
+
+    def clear(self):
+        self.owners, self.object_count = {}, -1
+
+
+_known = session.kept(_Known(), session.Until.REPLACED)
 
 
 def of(empty):
     """(ob, number): the mesh object and the number of the handle that this empty moves; (None, -1) if there is none."""
-    global _object_count
     if empty is None or empty.type != 'EMPTY':
         return None, -1
     number = _number(empty.parent, empty)  # the usual owner
     if number >= 0:
         return empty.parent, number
-    if _object_count != len(bpy.data.objects):
+    if _known.object_count != len(bpy.data.objects):
         forget()
-        _object_count = len(bpy.data.objects)
+        _known.object_count = len(bpy.data.objects)
     key = empty.as_pointer()
-    if key in _owners:
-        if _owners[key] is None:
+    if key in _known.owners:
+        if _known.owners[key] is None:
             return None, -1
-        ob = bpy.data.objects.get(_owners[key])
+        ob = bpy.data.objects.get(_known.owners[key])
         number = _number(ob, empty)
         if number >= 0:  # else it was renamed, or the handle is gone
             return ob, number
     found = _searched(empty)
-    _owners[key] = found[0].name if found[0] else None
+    _known.owners[key] = found[0].name if found[0] else None
     return found
 
 
 def forget():
-    """To be called when a handle gets another empty, and before undo and loading, which give addresses anew."""
-    _owners.clear()
+    """To be called when a handle gets another empty."""
+    _known.clear()
 
 
 def _searched(empty):

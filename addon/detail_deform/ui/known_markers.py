@@ -8,16 +8,18 @@ import bmesh
 import bpy
 from mathutils.bvhtree import BVHTree
 
+from .. import session, timers
 from ..library import native
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
 from ..setup import marker_check, markers
 
 _SLICE_SECONDS = 0.02  # of a search in each call of the timer, so that the window responds
-_found = {}  # {object's name: (key of the content, {number: vertex})}
-_trees = {}  # {object's name: BVHTree of its evaluated faces}
-_doubts = {}  # {(source's name, target's name): (common markers, numbers in doubt)}
-_searches = {}  # {the same: (common markers, generator)}
+_found = session.kept({}, session.Until.REPLACED)  # {object's name: (key of the content, {number: vertex})}
+_trees = session.kept({}, session.Until.REPLACED)  # {object's name: BVHTree of its evaluated faces}
+# {(source's name, target's name): (common markers, numbers in doubt)}
+_doubts = session.kept({}, session.Until.REPLACED)
+_searches = session.kept({}, session.Until.REPLACED)  # {the same: (common markers, generator)}
 
 
 def is_in_use():
@@ -41,13 +43,6 @@ def forget(edited):
 def forget_shapes():
     """Drops the trees, as another frame may show other shapes."""
     _trees.clear()
-
-
-def clear():
-    for known in (_found, _trees, _doubts, _searches):
-        known.clear()
-    if bpy.app.timers.is_registered(_search_on):
-        bpy.app.timers.unregister(_search_on)
 
 
 def of(ob):
@@ -86,8 +81,7 @@ def doubts(source, target):
         return known[1]
     if pair not in _searches or _searches[pair][0] != made_of:
         _searches[pair] = (made_of, marker_check.search(source, target, of_source, of_target))
-        if not (bpy.app.background or bpy.app.timers.is_registered(_search_on)):
-            bpy.app.timers.register(_search_on, first_interval=0.0)
+        _timer.start()
     return ()
 
 
@@ -108,6 +102,9 @@ def _search_on():
         _doubts[pair] = (made_of, numbers)
         redraw_panels()
     return None
+
+
+_timer = timers.Timer(_search_on, 0.0)
 
 
 # Occlusion

@@ -84,9 +84,4 @@ def _eye(view, place):
 
 
 _drawing = Drawing(_draw, 'POST_PIXEL')
-register = _drawing.register
-
-
-def unregister():
-    _drawing.unregister()
-    known_markers.clear()
+register, unregister = _drawing.register, _drawing.unregister

@@ -6,6 +6,7 @@ import colorsys
 import bpy
 import numpy as np
 
+from .. import session
 from ..results import missing_examples
 from ..scene import correspondence, handle_matrices, mesh_data, shaders
 
@@ -146,9 +147,5 @@ def _draw():
 
 
 _drawing = Drawing(_draw, 'POST_VIEW')
-register = _drawing.register
-
-
-def unregister():
-    _drawing.unregister()
-    _colours.clear()
+register, unregister = _drawing.register, _drawing.unregister
+session.at(session.Until.REPLACED, forget)
