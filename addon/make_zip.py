@@ -21,6 +21,8 @@ import time
 import zipfile
 from pathlib import Path
 
+from manual_page import page
+
 ADDON = Path(__file__).resolve().parent
 SOURCE = ADDON / 'detail_deform'
 LICENSES = (ADDON.parent / 'LICENSE', ADDON / 'LICENSES.md')
@@ -37,7 +39,7 @@ def contents(library, platforms, website, date, in_wheel):
     """(name in the zip, bytes) of each file."""
     files = {path.relative_to(SOURCE): path.read_bytes() for path in SOURCE.rglob('*.py')}
     files.update({Path(path.name): path.read_bytes() for path in LICENSES})
-    files[Path('MANUAL.md')] = (ADDON / 'MANUAL.md').read_bytes()
+    files[Path('MANUAL.html')] = page((ADDON / 'MANUAL.md').read_text(encoding='utf-8')).encode()
     files.update({path.relative_to(ADDON): path.read_bytes() for path in (ADDON / 'manual').iterdir()})
     manifest = (SOURCE / 'blender_manifest.toml').read_text(encoding='utf-8')
     # A zip must not offer itself to those that its library is not for.

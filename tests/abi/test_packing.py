@@ -49,7 +49,7 @@ def test_what_is_in_it(native, tmp_path):
     reasons = dict(re.findall('\n([a-z]+) = "(.*)"', manifest.split('[permissions]')[1]))
     assert set(reasons) == {'files', 'clipboard'}
     assert all(len(reason) <= 64 and reason[-1].isalpha() for reason in reasons.values())
-    for name in ('__init__.py', 'LICENSE', 'LICENSES.md', 'MANUAL.md', 'manual/overview.png', 'library/loading.py'):
+    for name in ('__init__.py', 'LICENSE', 'LICENSES.md', 'MANUAL.html', 'manual/overview.png', 'library/loading.py'):
         assert f'detail_deform/{name}' in names
     assert not [name for name in names if '__pycache__' in name or name.endswith('.pyc')]
 

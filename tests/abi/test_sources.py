@@ -11,7 +11,7 @@ from conftest import ADDON
 # network, starts programs, or makes objects or code of files.
 IMPORTS = {'_ctypes', 'array', 'ast', 'atexit', 'blf', 'bmesh', 'bpy', 'bpy_extras', 'collections', 'colorsys',
            'contextlib', 'copy', 'ctypes', 'dataclasses', 'enum', 'fnmatch', 'glob', 'gpu', 'gpu_extras', 'hashlib',
-           'html', 'importlib', 'itertools', 'json', 'math', 'mathutils', 'numpy', 'os', 'pathlib', 'platform', 're', 'shlex',
+           'importlib', 'itertools', 'json', 'math', 'mathutils', 'numpy', 'os', 'pathlib', 'platform', 're', 'shlex',
            'shutil', 'struct', 'sys', 'tempfile', 'textwrap', 'threading', 'time', 'typing', 'unicodedata', 'uuid',
            'weakref', 'webbrowser'}
 OF_OS = {'O_BINARY', 'O_CREAT', 'O_RDWR', 'environ', 'fdopen', 'fstat', 'getpid', 'listdir', 'open', 'path', 'remove',

@@ -10,15 +10,14 @@ import bpy
 from ..follow import status
 from ..library import native
 from ..website import WEBSITE
-from .manual_page import page
 from .registration import registration
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def manual():
-    """Path of the manual: in the add-on's folder, or beside that in the source tree; None if it is missing."""
-    paths = (folder / "MANUAL.md" for folder in (_PACKAGE, _PACKAGE.parent))
+    """Path of the manual: the page in the add-on's folder, or in the source tree its text; None if it is missing."""
+    paths = (_PACKAGE / "MANUAL.html", _PACKAGE.parent / "MANUAL.md")
     return next((path for path in paths if path.exists()), None)
 
 
@@ -47,10 +46,8 @@ class WM_OT_detail_deform_manual(bpy.types.Operator):
         if path is None:
             self.report({'ERROR'}, "The manual is missing: install the add-on's zip again")
             return {'CANCELLED'}
-        made = Path(bpy.app.tempdir) / "detail_deform_manual.html"
-        made.write_text(page(path.read_text(encoding='utf-8'), path.parent), encoding='utf-8')
-        webbrowser.open(made.as_uri())
-        self.report({'INFO'}, f"Opened in the web browser: {made}")
+        webbrowser.open(path.as_uri())
+        self.report({'INFO'}, f"Opened in the web browser: {path}")
         return {'FINISHED'}
 
 

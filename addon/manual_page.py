@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Converts the manual from Markdown to HTML. Supports as much of Markdown as the manual uses."""
+"""Converts the manual from Markdown to HTML, for the zip. Supports as much of Markdown as the manual uses."""
 
 import html
 import re
@@ -17,10 +17,9 @@ pre { padding: .8em; overflow: auto }
 _BULLET = re.compile(r'(-|\d+\.) +')
 
 
-def page(markdown, folder):
-    """The HTML page. folder: Path of the manual's folder, to which the links to pictures are relative."""
-    blocks = _blocks(markdown.splitlines())
-    body = '\n'.join(_block(block, folder) for block in blocks)
+def page(markdown):
+    """The HTML page, beside whose file the pictures lie as they do beside the manual's."""
+    body = '\n'.join(map(_block, _blocks(markdown.splitlines())))
     return (f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Detail Deform</title>'
             f'<style>{_STYLE}</style></head>\n<body>\n{body}\n</body></html>\n')
 
@@ -46,31 +45,31 @@ def _blocks(lines):
         block.append(line)
 
 
-def _block(lines, folder):
+def _block(lines):
     first = lines[0]
     if first.startswith('#'):
         marks, title = first.split(' ', 1)
         level = len(marks)
-        return f'<h{level} id="{_anchor(title)}">{_inline(title, folder)}</h{level}>'
+        return f'<h{level} id="{_anchor(title)}">{_inline(title)}</h{level}>'
     if first.startswith('```'):
         return f'<pre>{html.escape(chr(10).join(lines[1:-1]))}</pre>'
     if first.startswith('    '):
         return f'<pre>{html.escape(chr(10).join(line[4:] for line in lines))}</pre>'
     if first.startswith('|'):
-        return _table(lines, folder)
+        return _table(lines)
     if _BULLET.match(first):
-        return _list(lines, folder)
-    return f'<p>{_inline(" ".join(lines), folder)}</p>'
+        return _list(lines)
+    return f'<p>{_inline(" ".join(lines))}</p>'
 
 
-def _table(lines, folder):
+def _table(lines):
     rows = [[cell.strip() for cell in line.strip().strip('|').split('|')] for line in lines]
-    cells = [''.join(f'<{tag}>{_inline(cell, folder)}</{tag}>' for cell in row)
+    cells = [''.join(f'<{tag}>{_inline(cell)}</{tag}>' for cell in row)
              for tag, row in [('th', rows[0]), *(('td', row) for row in rows[2:])]]
     return f'<table>{"".join(f"<tr>{row}</tr>" for row in cells)}</table>'
 
 
-def _list(lines, folder):
+def _list(lines):
     items = []
     for line in lines:
         mark = _BULLET.match(line)
@@ -79,7 +78,7 @@ def _list(lines, folder):
         else:
             items[-1] += f' {line.strip()}'
     kind = 'ul' if lines[0].startswith('-') else 'ol'
-    return f'<{kind}>{"".join(f"<li>{_inline(item, folder)}</li>" for item in items)}</{kind}>'
+    return f'<{kind}>{"".join(f"<li>{_inline(item)}</li>" for item in items)}</{kind}>'
 
 
 def _anchor(title):
@@ -87,7 +86,7 @@ def _anchor(title):
     return re.sub(r'[^\w -]', '', title.lower()).replace(' ', '-')
 
 
-def _inline(text, folder):
+def _inline(text):
     codes = []
 
     def put_aside(found):  # code has no inline markup
@@ -96,7 +95,7 @@ def _inline(text, folder):
 
     text = html.escape(re.sub(r'`([^`]*)`', put_aside, text), quote=False)
     text = re.sub(r'!\[([^]]*)\]\(([^)]*)\)',
-                  lambda found: f'<img src="{(folder / found[2]).as_uri()}" alt="{html.escape(found[1])}">', text)
+                  r'<img src="\2" alt="\1">', text)
     text = re.sub(r'\[([^]]*)\]\(([^)]*)\)', _link, text)
     text = re.sub(r'\*\*(.+?)\*\*', r'<b>\1</b>', text)
     text = re.sub(r'(?<!\w)\*(\S(?:.*?\S)?)\*(?!\w)', r'<i>\1</i>', text)
