@@ -296,10 +296,10 @@ def test_replace_takes_keys_of_the_user_s_own_and_leaves_their_range(source, tar
     assert np.abs(coordinates(key) - bent(own(source))).max() < 1e-4
 
 
-def test_what_earlier_files_keep_of_transferred_keys_is_understood(source, targets):
+def test_damaged_records_of_transferred_keys_are_passed_over(source, targets):
     ann = targets[0]
     add_key(ann, "Bend", own(ann), slider_max=0.5)
-    ann.data['detail_deform_transferred_keys'] = "Bend\nGone"
+    ann.data['detail_deform_transferred_keys'] = '{"Bend": {}, "Gone": {}}'
     choose(source, ann)
     many(what='ALL_KEYS')
     assert [key.name for key in keys_of(ann)] == ["Basis", "Bend", "Lift"]

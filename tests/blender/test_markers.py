@@ -253,7 +253,7 @@ def test_displacements_go_by_the_points_that_are_kept_with_a_match(heads, part):
     moved = np.array([point.co for point in key.data]) - rest
     assert np.abs(moved[rest[:, 2] < -0.55] - TURN @ (0, -0.2, -0.1)).max() < 1e-3
     assert np.abs(moved[rest[:, 2] > -0.25]).max() < 1e-3
-    # What is kept by an earlier version, or was spoilt, goes by its pairs.
+    # A Saved Match whose points are damaged goes by its pairs.
     kept = target.data['detail_deform_match']
     kept['point_weights'] = kept['point_weights'][:-1]
     assert part('scene.correspondence').stored(source, target).points is None

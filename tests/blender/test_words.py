@@ -15,13 +15,13 @@ MANUAL = REPOSITORY / 'addon' / 'MANUAL.md'
 # Blender's own, and other names. In the add-on's sentences every other word with a capital is a label of the add-on.
 BLENDERS = {
     "Add Modifier", "Add-ons", "Alembic", "Apply", "Armature", "Blender", "By Distance", "Clean Up", "Cloth", "Control",
-    "Ctrl+F", "Ctrl+V", "Deform", "Degenerate Dissolve", "Detail Deform", "Edit Mode", "Edit", "EEVEE", "Enter", "Esc",
-    "Euler", "F9", "Frame Range", "G", "Geometry Nodes", "Get Extensions", "Install from Disk", "Install",
-    "Levels Render", "Levels Viewport", "Live", "Make Local", "Make Single User", "MB", "Merge", "Mesh Cache", "Mesh",
-    "Mirror", "Modifiers", "Multires", "N", "New", "Object & Data", "Object Data", "Object", "Old", "Output", "PC2",
-    "Preferences", "Properties", "R", "Relations", "Relative", "S", "Select More", "Selected Objects and Data",
-    "Shape Key", "Shape Keys", "Shift", "Subdivision", "Tab", "Time Stretching", "Vertex", "Visual Geometry to Mesh",
-    "X", "Y", "Z"}
+    "Ctrl+F", "Ctrl+V", "Deform", "Degenerate Dissolve", "Detail Deform", "EEVEE", "Edit", "Edit Mode", "Enter", "Esc",
+    "Euler", "F9", "Frame Range", "G", "Geometry Nodes", "Get Extensions", "Install", "Install from Disk",
+    "Levels Render", "Levels Viewport", "Live", "Lock Interface", "MB", "Make Local", "Make Single User", "Merge",
+    "Mesh", "Mesh Cache", "Mirror", "Modifiers", "Multires", "N", "New", "Object", "Object & Data", "Object Data",
+    "Old", "Output", "PC2", "Preferences", "Properties", "R", "Relations", "Relative", "Render", "S", "Select More",
+    "Selected Objects and Data", "Shape Key", "Shape Keys", "Shift", "Subdivision", "Tab", "Time Stretching", "Vertex",
+    "Visual Geometry to Mesh", "X", "Y", "Z"}
 # Of data that is made, and what else has a capital.
 OTHERS = {"UVs", "Middle", "Detail Deform Transfer", "DOCTYPE", "I", "Marker 1", "Marker 2", "{} Pose", "… Rest",
           "… Mirrored",

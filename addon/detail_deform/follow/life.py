@@ -62,7 +62,7 @@ def refresh(ob, depsgraph, force=False):
         check(ob)
     if not (kind.has(ob) and kind.is_fit(ob, depsgraph) and (force or node_group.is_shown(ob, depsgraph))):
         return
-    wait, problem = must_wait(depsgraph), ""
+    wait, problem, before = must_wait(depsgraph), "", offset_attribute.token(ob.data)
     try:
         registry.check_mesh(ob)
         offset_attribute.check_name(ob)
@@ -76,10 +76,20 @@ def refresh(ob, depsgraph, force=False):
         problem = words.said(ob, error)
     if kind.settings(ob).problem != problem:
         kind.settings(ob).problem = problem
-    if problem and depsgraph.mode == 'RENDER' and not ob.detail_deform.render_problem:
+    if depsgraph.mode == 'RENDER' and not ob.detail_deform.render_problem:
         # Stored apart, as the next update in the viewport clears the other one.
-        frame = depsgraph.scene.frame_current
-        ob.detail_deform.render_problem = f"A render could not follow it in frame {frame}: {problem}"
+        ob.detail_deform.render_problem = _render_problem(depsgraph.scene, problem,
+                                                          offset_attribute.token(ob.data) != before)
+
+
+def _render_problem(scene, problem, has_written):
+    """What to say of a frame of a render. has_written: whether it changed the mesh."""
+    if problem:
+        return f"A render could not follow it in frame {scene.frame_current}: {problem}"
+    if has_written and not (bpy.app.background or scene.render.use_lock_interface):
+        return ("A render changed this mesh while the window could draw it, in which Blender may crash: switch on "
+                "Render > Lock Interface.")
+    return ""
 
 
 def render_begins(members):

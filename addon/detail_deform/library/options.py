@@ -279,6 +279,7 @@ SETTINGS = (
            "paper does. Large turns need none: see Base Surface > Deformer. While you drag, one step is shown; the "
            "result in steps comes when you pause. Each step takes as long as a Bind",
            default=1, limits=dict(min=1, soft_max=24, max=1000), fills=Field(UPDATE, 'steps', int),
+           section='COMPARISON',
            needs=(_by('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT', 'VOLUMES',
                       why_not="Examples are not approached in steps: add examples of the larger motion."),
                   Need('base', ('COMPUTED',), "The motion of a base object can't be split.")),

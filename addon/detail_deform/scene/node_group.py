@@ -194,7 +194,7 @@ def texts(modifier):
 def _get(modifier, name):
     usual, found = {'Factor': 1.0, 'Influence': "", 'Invert': False}[name], None
     socket, inputs = _socket(modifier.node_group, name), _inputs(modifier)
-    if socket is not None:  # missing in groups of an older version or edited ones
+    if socket is not None:  # missing in a group that was edited
         found = (getattr(inputs, socket.identifier).value if inputs is not None else
                  modifier.get(socket.identifier, socket.default_value))
     return found if isinstance(found, str if name == 'Influence' else (bool, int, float)) else usual

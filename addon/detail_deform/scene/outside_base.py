@@ -32,13 +32,13 @@ def _moved(positions, matrix):
 
 def rest(ob):
     """{'base', 'base_triangles'}: arguments of native.Bind for the base at rest, in the object's local space at Bind:
-    the kept rest mesh or, in older files, the base's own. base_triangles only if the base is no copy of the
+    the kept rest mesh, or the base's own where that was deleted. base_triangles only if the base is no copy of the
     mesh, vertex for vertex and face for face."""
     base, kept = _base_object(ob), ob.detail_deform.base_rest_mesh
     if kept:
         found = {'base': mesh_data.positions(kept)}
         mesh = kept
-    else:  # a file of an earlier version
+    else:
         matrix = np.array(ob.detail_deform.base_rest_matrix, np.float64).reshape(4, 4)
         found = {'base': _moved(mesh_data.positions(base.data), matrix)}
         mesh = base.data

@@ -18,8 +18,8 @@ def made_keys(target):
         return {}
     try:
         known = json.JSONDecoder().decode(text)
-    except (ValueError, RecursionError):  # earlier versions stored names alone
-        known = {name: {} for name in text.split('\n')}
+    except (ValueError, RecursionError):  # modified by something else
+        return {}
     there = set(keys.key_blocks.keys())  # a lookup in key_blocks is linear in their number
     return {name: given for name, given in known.items()
             if name in there and isinstance(given, dict)} if isinstance(known, dict) else {}

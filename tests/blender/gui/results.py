@@ -140,7 +140,7 @@ def rendering():
     scene.render.engine = 'BLENDER_WORKBENCH'
     scene.render.resolution_x, scene.render.resolution_y = 120, 90
     scene.frame_start, scene.frame_end = 1, 4
-    _, empty = surface()
+    ob, empty = surface()
     empty.keyframe_insert('location', frame=1)
     empty.location.z += 1
     empty.keyframe_insert('location', frame=4)
@@ -152,6 +152,7 @@ def rendering():
             bpy.ops.render.render('INVOKE_DEFAULT', animation=True)
         yield from settle()
         yield from wait_until(lambda: not bpy.app.is_job_running('RENDER'))
+        check("what an unlocked window risks is said", ("Lock Interface" in ob.detail_deform.status) == (not lock))
         pictures[lock] = [np.array(bpy.data.images.load(f'{scene.render.filepath}{frame:04d}.png').pixels[:])
                           for frame in range(1, 5)]
     changes = [np.abs(b - a).mean() for a, b in zip(pictures[False], pictures[False][1:])]
