@@ -7,7 +7,7 @@
 
 namespace dd::bench {
 
-/// CHOLMOD's own interface, ordered by AMD as ours may be, without what Eigen's wrapper allocates.
+/// CHOLMOD by its own interface, without the allocations of Eigen's wrapper; ordered by AMD.
 class Cholmod {
  public:
   Cholmod(const SparseMatrix& A, bool supernodal) : A_(A) {

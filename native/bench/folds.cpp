@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Intersections that weren't there at rest, without refinement, with four and by Smooth ARAP, on
-// meshes as they come:
+// New self-intersections of poses of any meshes, without refinement, with four iterations and by
+// Smooth ARAP:
 //
 //     folds FILE...
 //
-// FILE: .off or .obj. Of each, the last 15% along every axis, both ways, are pulled out by 12% of
-// the box and turned by 40°; the next 30% are free.
+// FILE: .off or .obj. In six poses of each, the last 15% along an axis, either way, are pulled out
+// by 12% of the box and turned by 40°; the next 30% are free, the rest is fixed.
 #include <algorithm>
 #include <cstdio>
 #include <exception>
@@ -25,7 +25,9 @@ namespace {
 using dd::Index;
 using dd::Mesh;
 
-/// Where pairs are that are not there at rest.
+/// Intersecting pairs of triangles that don't intersect at rest. Distances are over the surface, as
+/// fractions of size_. between_parts: farther apart than 0.3; at_rims: within 0.06 of a rim;
+/// inside: all others.
 struct Folds {
   int at_rims = 0, inside = 0, between_parts = 0;
   int count() const { return at_rims + inside + between_parts; }
@@ -55,7 +57,7 @@ class Limb {
     find_rims();
   }
 
-  /// By as many iterations each, in one bind.
+  /// The new pairs after each number of iterations, by one bind.
   std::vector<Folds> folds(const std::vector<int>& iterations) const {
     dd::Deformer deformer(mesh_, roles_, 1, {});
     std::vector<Folds> found;
@@ -114,7 +116,7 @@ class Limb {
   dd::test::Affine motion_;
   std::set<std::pair<int, int>> at_rest_;
   std::vector<double> from_rims_;
-  double size_ = 0;  // √ of the area that is deformed
+  double size_ = 0;  // √ of the area of triangles with a free vertex
 };
 
 }  // namespace

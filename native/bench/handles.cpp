@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What many handles cost: binds and frames of the bumpy plane of Fig. 1, held at its left side and
-// moved by single vertices all over it, a few against many of them, in turn.
+// The cost of many handles: binds and frames of the bumpy plane of Fig. 1, fixed at its left side
+// and moved by handles of one vertex all over it. A case of few and one of many take turns.
 //
 //   handles [--side 159] [--few 10] [--many 271] [--rounds 9]
 #include <algorithm>
@@ -23,12 +23,12 @@ namespace {
 using dd::bench::median;
 using dd::bench::milliseconds;
 
-/// Single vertices, spread evenly over the plane but for what is fixed.
+/// Handles of single vertices, spread evenly over the plane's free part.
 struct Case {
   Case(const dd::Mesh& its_mesh, int side, int its_count) : mesh(its_mesh), count(its_count) {
     roles.assign(static_cast<size_t>(side) * static_cast<size_t>(side), dd::kFree);
     for (int v = 0; v < 5 * side; ++v) roles[v] = dd::kFixed;
-    // The sequence of least gaps in the plane (Roberts): any number of its points is spread evenly.
+    // Roberts' low-discrepancy sequence R2: any number of its points is spread evenly.
     const double golden = 1.32471795724474602596;
     for (int h = 0; h < count; ++h) {
       const double x = std::fmod(0.5 + (h + 1) / golden, 1.0);
@@ -46,7 +46,7 @@ struct Case {
     deformer = std::make_unique<dd::Deformer>(mesh, roles, count, options);
   }
 
-  /// Each by a step of its own, and a turn of so many degrees about x.
+  /// Random moves along z of at most `step`, and turns about x of at most so many degrees.
   std::vector<double> pose(double step, double degrees) const {
     std::mt19937 random(7);
     std::uniform_real_distribution<double> way(-1, 1);
@@ -81,7 +81,7 @@ struct Case {
 dd::UpdateOptions refined(int iterations, bool free, int count) {
   dd::UpdateOptions options;
   options.of_method.refined.iterations = iterations;
-  options.of_method.refined.rim_smoothing = iterations > 0 ? 0.05 : 0;  // the usual, and (14)
+  options.of_method.refined.rim_smoothing = iterations > 0 ? 0.05 : 0;  // the default, or (14)
   if (free) options.free.assign(static_cast<size_t>(count), 1);
   return options;
 }

@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// One head's shape keys on another of another topology, where the truth is known: IDENTITY is a
-// mesh of the same topology as REST, cut anew with three times the triangles, and what a key does
-// to it is what it does to REST. Pairs are found by markers, vertices far from one another. Mean
-// error in percent of the box by gradients alone, with the places of the source, by displacements,
-// and by the displacement of the nearest point of the fitted source; and of keys that close
-// something (an eye, a mouth) what gap they leave, in parts of the truth's. Of the largest loose
-// part alone.
+// Transfers one head's shape keys to another topology on which the truth is known: the target is
+// IDENTITY, a mesh of the same topology as REST, cut anew with three times the triangles, and a
+// key's displacements of REST are the truth for it. Pairs are found by markers, vertices far from
+// one another. Prints the mean error, in percent of the box, by gradients alone, with the places of
+// the source, by displacements, and by the displacement of the nearest point of the fitted source.
+// For keys that close a gap (an eye, a mouth) also the gap that they leave, over that of the truth.
+// All this is of the largest loose part alone.
 //
 //   keys [--markers 11] [--turned 0] [--whole] REST.obj IDENTITY.obj KEY.obj...
 //   turned: degrees by which the data of IDENTITY are turned about (1, 2, 3)
-//   whole: with all loose parts, eyes and teeth, and how many vertices have their point on another;
-//   markers and gaps are of the largest alone
+//   whole: with all loose parts, such as eyes and teeth; prints how many vertices have their point
+//   on another part than their own. Markers and gaps are still of the largest part.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -71,7 +71,7 @@ Mesh part_of(const Mesh& mesh, const std::vector<int>& vertices) {
   return part;
 }
 
-/// The vertices and the triangles' centres, as places of a mesh that was cut anew.
+/// The vertices of a mesh cut anew: those given, and the triangles' centres.
 Positions cut_anew(const Positions& p, const dd::Triangles& t) {
   Positions result(p.rows() + t.rows(), 3);
   result.topRows(p.rows()) = p;
@@ -80,7 +80,8 @@ Positions cut_anew(const Positions& p, const dd::Triangles& t) {
   return result;
 }
 
-/// Each edge between two triangles gives way to that between their centres.
+/// The triangles of a mesh cut anew: each edge between two triangles is replaced by that between
+/// their centres.
 dd::Triangles cut_anew(const dd::Triangles& t, int vertex_count) {
   std::vector<int> corners;
   const dd::Edges edges(t);
@@ -103,12 +104,12 @@ dd::Triangles cut_anew(const dd::Triangles& t, int vertex_count) {
   return Eigen::Map<dd::Triangles>(corners.data(), Index(corners.size() / 3), 3);
 }
 
-/// Of the mesh that was cut anew: a vertex of the loose part that vertex v is of.
+/// A vertex of `mesh` in the same loose part as vertex v of the mesh cut anew.
 int own_vertex(const Mesh& mesh, int v) {
   return v < mesh.vertex_count() ? v : mesh.triangles(v - mesh.vertex_count(), 0);
 }
 
-/// Of these vertices so many as far from one another as can be.
+/// `count` of the vertices `of`, each as far as possible from those before it.
 std::vector<int> far_vertices(const Positions& positions, const std::vector<int>& of, int count) {
   Positions p(Index(of.size()), 3);
   for (size_t i = 0; i < of.size(); ++i) p.row(Index(i)) = positions.row(of[i]);
@@ -124,7 +125,7 @@ std::vector<int> far_vertices(const Positions& positions, const std::vector<int>
   return result;
 }
 
-/// Pairs of these vertices that a pose brings to a third of their distance and next to one another.
+/// Pairs of these vertices that a pose brings next to one another, to a third of their distance.
 dd::Pairs closing(const Positions& rest, const Positions& posed, const std::vector<int>& of) {
   const double box = dd::bounding_box_diagonal(rest);
   dd::ThreadPool pool;

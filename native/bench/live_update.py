@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a handle's move and a frame of an animation cost in Blender, and how much of it is the library.
+"""Times of a handle's move and of a frame of an animation in Blender, and the library's share of them.
 
     blender --background --factory-startup --python native/bench/live_update.py
     python native/bench/live_update.py                                        (bpy as a module)
@@ -61,7 +61,7 @@ class Stopwatch:
 
 
 def in_window():
-    """A timer has no window of its own; opening a file makes another."""
+    """A context with a window: a timer has none, and opening a file replaces it."""
     if bpy.app.background:
         return contextlib.nullcontext()
     return bpy.context.temp_override(window=bpy.context.window_manager.windows[0])
@@ -88,7 +88,7 @@ def move(native, ob, empty):
     for refine in (0, 4):
         ob.detail_deform.refine = refine
         empty.location.z = -0.01
-        bpy.context.view_layer.update()  # what a method needs is made by its first update
+        bpy.context.view_layer.update()  # the first update by a method prepares it
         with Stopwatch(native) as watch:
             for step in range(STEPS):
                 empty.location.z = 0.3 * (step + 1) / STEPS
@@ -116,7 +116,7 @@ def main():
     playback(native)
     detail_deform.unregister()
     if not bpy.app.background:
-        # Not from here: the window of this call went with the file that was open then.
+        # Not at once: the window of this call went with the file that was open then.
         bpy.app.timers.register(lambda: bpy.ops.wm.quit_blender() and None)
 
 

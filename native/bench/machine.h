@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What a bench ran on, for those who read its figures.
+// The machine that a benchmark ran on, for its report.
 #pragma once
 
 #include <fstream>
@@ -10,8 +10,8 @@
 
 namespace dd::bench {
 
-/// The processor by name where the system tells, its instruction sets that matter here, and which
-/// of them the library uses.
+/// The processor by name where the system tells it, those of its instruction sets that matter here,
+/// and the kernels that the library uses.
 inline std::string machine() {
   std::string name = "unknown processor";
   std::ifstream info("/proc/cpuinfo");

@@ -31,7 +31,7 @@ Polygons read_off(std::istream& text) {
     corners.clear();
     for (int k = 0, corner = 0; k < count && text >> corner; ++k) corners.push_back(corner);
     read.add_face(corners);
-    std::getline(text, word);  // colours
+    std::getline(text, word);  // skips colours
   }
   return read;
 }

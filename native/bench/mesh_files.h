@@ -19,7 +19,7 @@ class UnreadableFile : public std::runtime_error {
 std::stringstream text_of(const std::string& path);
 
 /// The mesh of a .off or .obj file, its polygons cut into fans. Throws UnreadableFile, also where
-/// the file ends too early, or what validate() has to say.
+/// the file ends too early, or the Error of validate().
 Mesh mesh_from_file(const std::string& path);
 
 }  // namespace dd::bench

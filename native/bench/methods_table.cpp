@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// All methods on the four deformations of the survey of Botsch and Sorkine (2008), and those that
-// are compared with others' on the same shapes with four times the triangles:
+// All methods on the four deformations of the survey of Botsch and Sorkine (2008), and some of them
+// beside other libraries' on the same shapes with four times the triangles:
 //
 //     methods_table [FOLDER] [CASE...]
 //
 // FOLDER: with a / or . in its name, where the survey's own files are (survey_files.h), in place of
-// meshes of our own. CASE: what its name begins with, such as bar; all, if none is named.
+// meshes of our own. CASE: the beginning of a case's name, as bar; all, if none is named.
 #include <cstdio>
 #include <exception>
 #include <functional>
@@ -43,7 +43,7 @@ dd::UpdateOptions levels(int count) {
   return options;
 }
 
-/// As the add-on does it unless told otherwise, but for the number of iterations.
+/// The defaults of the add-on, except for the number of iterations.
 dd::UpdateOptions refined(int iterations) {
   dd::UpdateOptions options = by(dd::MethodKind::detail);
   options.of_method.refined = {iterations, 0.009, 0.05};
@@ -79,7 +79,7 @@ using dd::bench::Clock;
 using dd::bench::milliseconds_since;
 using dd::test::Case;
 
-/// A case as it is measured and printed, a line a method.
+/// Measures of a case, printed as a line for each method.
 class Table {
  public:
   explicit Table(const Case& one)

@@ -5,7 +5,7 @@
 
 namespace dd::bench {
 
-/// What another library made of a surface, and how long that took.
+/// A surface deformed by another library, and the times that it took.
 struct PeerResult {
   Positions deformed;
   double preparing_ms = 0, moving_ms = 0;

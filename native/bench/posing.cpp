@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Posing by example: what an update costs on a limb of 10,000 vertices whose tip is led along an
-// arc, for several numbers of examples, bends at places along it, the handle saying little about
-// which; beside detail transfer. With files of a mesh and poses of it: how well a pose that is left
-// out is found from a few handles at its places and the others as examples, by both again.
+// Posing by example: times of an update of a limb of 10,000 vertices whose tip is led along an arc,
+// for several numbers of examples, which are bends at places along it; the handle's motion hardly
+// tells which. Beside detail transfer. With files of a mesh and its poses: each pose is left out,
+// and found from a few handles at its places and the others as examples, by both methods again.
 //
 //   posing [--threads 2] [--handles 6] [REST.obj POSE.obj...]
 #include <algorithm>
@@ -30,7 +30,7 @@ dd::Positions bent(const dd::Positions& p, double degrees, double joint) {
   moved.col(2).array() -= joint + 0.1;
   dd::Positions result =
       dd::test::bent_explicitly(moved, degrees, 0.2 / dd::test::radians(degrees));
-  // Back to where the lower end was.
+  // Moved so that the lower end is in its place again.
   const double half = dd::test::radians(degrees) / 2, radius = 0.1 / half;
   const dd::test::Affine back = dd::test::rotation_about(half, {0, 1, 0}, {0, 0, 0}, {0, 0, 0});
   const Eigen::Vector3d hinge(radius - radius * std::cos(half), 0, -radius * std::sin(half));
@@ -55,7 +55,7 @@ dd::UpdateOptions options_by(dd::MethodKind method) {
   return options;
 }
 
-/// Discs that are as far from each other over the surface as can be, none fixed.
+/// Handles for discs that are as far from each other over the surface as can be; nothing is fixed.
 std::vector<int> far_handles(const dd::Mesh& mesh, int count) {
   const auto n = static_cast<size_t>(mesh.vertex_count());
   const auto distances = [&](int from) {
@@ -82,7 +82,7 @@ std::vector<int> far_handles(const dd::Mesh& mesh, int count) {
   return roles;
 }
 
-/// The rigid motion nearest to what each handle's vertices do.
+/// For each handle the rigid motion nearest to its vertices' motion.
 std::vector<double> motions_to(const dd::Mesh& mesh, const dd::Positions& pose,
                                const std::vector<int>& roles, int count) {
   std::vector<double> matrices;
@@ -101,7 +101,8 @@ std::vector<double> motions_to(const dd::Mesh& mesh, const dd::Positions& pose,
   return matrices;
 }
 
-/// The largest step of a vertex, in steps of the handles, on a way from the rest through poses.
+/// The largest step of any vertex over that of the handles, on a way through stops of their
+/// matrices.
 double largest_leap(dd::Deformer& deformer, const std::vector<std::vector<double>>& stops,
                     const dd::UpdateOptions& options) {
   double leap = 0, step = 0;

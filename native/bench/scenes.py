@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What scenes cost that are large in some other way than by one mesh: many objects, many handles, heavy binds.
+"""Times of scenes that are large otherwise than by one mesh: many objects, many handles, heavy binds.
 
     blender --background --factory-startup --python native/bench/scenes.py
     python native/bench/scenes.py                                             (bpy as a module)
 
 Prints medians in ms: an update of a scene with 10,000 objects and a frame of its playback without and with the add-on,
 nothing bound; Bind and a move with few and with many handles of one vertex each on 50,000 triangles; and what Bind and
-Re-bind take from the press of the button on, against the library's bind alone and against that and the first update.
+Re-bind take from the press of the button on, over the library's bind alone, and over its bind and first update.
 """
 import os
 import statistics
@@ -65,7 +65,7 @@ def idle(addon, rounds=15):
         return milliseconds(lambda: bpy.context.scene.frame_set(bpy.context.scene.frame_current % 99 + 1))
 
     times = {(what, on): [] for what in ("update", "frame") for on in (False, True)}
-    for turn in range(2 * rounds + 2):  # in turn, so that a change of the machine's speed falls on both; at last on
+    for turn in range(2 * rounds + 2):  # by turns, so that a change of the machine's speed affects both; ends on
         on = bool(turn % 2)
         (addon.register if on else addon.unregister)()
         update(), frame()
@@ -81,7 +81,7 @@ def idle(addon, rounds=15):
 # Handles
 
 def bumpy_plane(side):
-    """A plane with its vertices as of the library's benches, active."""
+    """The bumpy plane of the library's benchmarks, with the same order of vertices; active."""
     x, y = np.meshgrid(np.linspace(0, 1, side), np.linspace(0, 1, side), indexing='ij')
     away = ((x * 12 % 1 - 0.5) ** 2 + (y * 12 % 1 - 0.5) ** 2) / 0.45 ** 2
     z = np.where(away < 1, 0.0375 * (1 - away) ** 2, 0)
@@ -101,7 +101,7 @@ def bumpy_plane(side):
 
 
 def spread(side, count):
-    """Vertices of the plane, evenly."""
+    """Vertices of the plane, spread evenly as in handles.cpp."""
     golden = 1.32471795724474602596
     steps = np.arange(1, count + 1)
     i = 8 + ((0.5 + steps / golden) % 1 * (side - 8)).astype(int)
@@ -134,7 +134,7 @@ def handles(rounds=15):
         empties = add_handles(ob, spread(SIDE, count))
         binds, moves, of_all = [], [], []
         for _ in range(3):
-            ob.data.vertices[0].co.z += 1e-4  # another content
+            ob.data.vertices[0].co.z += 1e-4  # changed content, so that it is bound anew
             binds.append(bind(ob))
         for number in range(rounds):
             empties[0].location.z = 0.01 * number
@@ -159,7 +159,7 @@ def binds():
         add_handles(ob, [side * side - 1])
         whole, library, first, again = [], [], [], []
         for _ in range(5):
-            ob.data.vertices[0].co.z += 1e-4  # another content
+            ob.data.vertices[0].co.z += 1e-4  # changed content, so that it is bound anew
             whole.append(bind(ob))
             library.append(ob.detail_deform.bind_ms)
             first.append(library[-1] + ob.detail_deform.update_ms)

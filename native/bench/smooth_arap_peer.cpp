@@ -31,7 +31,7 @@ class Energy {
     return (1 - lambda_) * L + lambda_ * SparseMatrix(L * scaled);
   }
 
-  /// Those that fit the gradients to present positions best.
+  /// The rotation of each vertex nearest to the gradients around it.
   Rotations rotations(const Positions& present) const {
     Rotations sums(size_t(mesh_.vertex_count()), Eigen::Matrix3d::Zero());
     for (Index j = 0; j < mesh_.triangle_count(); ++j) {
@@ -91,7 +91,7 @@ SmoothArapResult deform_with_smooth_arap(const Mesh& mesh, const std::vector<int
     if (roles[v] >= 0) held.row(row) = test::transformed(motion, mesh.positions.row(row));
   }
   const Positions pull = matrix * held;
-  Positions present = mesh.positions;  // of which all rotations are I
+  Positions present = mesh.positions;  // at rest, where all rotations are I
   const double small = settings.small * size_of(mesh.positions);
   while (!result.converged && result.iterations < settings.most_iterations) {
     const Positions right = energy.right_hand_side(energy.rotations(present)) - pull;

@@ -12,7 +12,7 @@ namespace dd::bench {
 struct SmoothArap {
   double lambda = 0.99;
   int most_iterations = 2000;
-  double small = 1e-4;  ///< a step that moves the vertices by less, as a share of their size, ends
+  double small = 1e-4;  ///< ends after a step below this fraction of the vertices' norm
 };
 
 struct SmoothArapResult : PeerResult {
@@ -25,8 +25,9 @@ struct SmoothArapResult : PeerResult {
 ///
 ///   (1 − λ) Σ_j area_j Σ_{i ∈ j} ‖S_j − R_i‖² / 3  +  λ Σ_i ‖(L p')_i − R_i (L p)_i‖² / m_i
 ///
-/// by turns: R_i, of each vertex, is the rotation nearest to Σ_j area_j S_j over the triangles j
-/// around it, S_j the gradients within the triangles' planes; then, one factor serving all turns,
+/// in two alternating steps. R_i, of each vertex, is the rotation nearest to Σ_j area_j S_j over
+/// the triangles j around it, S_j the gradients within the triangles' planes. Then, with one factor
+/// for all iterations,
 ///
 ///   ((1 − λ) L + λ L M⁻¹ L) p' = (1 − λ) div(R_j) + λ L M⁻¹ (R_i (L p)_i),
 ///

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What a bind and a frame cost, beside the same systems factored and solved by other libraries in
-// the same run, and beside what this machine's memory could do: the bumpy plane of Fig. 1 with its
-// right side lifted.
+// Times of a bind and a frame of the bumpy plane of Fig. 1 with its right side lifted, beside the
+// same systems factored and solved by other libraries in the same run, and beside the bandwidth of
+// this machine's memory.
 //
 //   speed [--side 201] [--scale 101,201,317,501,1001] [--json FILE]
 //
@@ -70,7 +70,7 @@ class Report {
   std::vector<std::pair<std::string, double>> values_;
 };
 
-/// Turn by turn, so that a change in the machine's speed falls on all alike.
+/// Bodies that are timed by turns, so that a change in the machine's speed affects all alike.
 class Contest {
  public:
   void enter(const std::string& key, const std::string& name, std::function<void()> body) {
@@ -114,7 +114,7 @@ class Contest {
   std::vector<Contender> contenders_;
 };
 
-/// In the manner of STREAM, on arrays that no cache holds.
+/// Memory bandwidth as STREAM measures it, on arrays that no cache holds.
 struct Bandwidth {
   double triad = 0, read = 0;  // GB/s
 };
@@ -161,11 +161,11 @@ struct Scene {
 dd::UpdateOptions refined(int iterations) {
   dd::UpdateOptions options;
   options.of_method.refined.iterations = iterations;
-  options.of_method.refined.rim_smoothing = iterations > 0 ? 0.05 : 0;  // the usual, and (14)
+  options.of_method.refined.rim_smoothing = iterations > 0 ? 0.05 : 0;  // the default, or (14)
   return options;
 }
 
-/// A move by what other libraries offer for the same purpose.
+/// A move by the deformation methods of other libraries.
 void other_methods([[maybe_unused]] const Scene& scene, [[maybe_unused]] double update,
                    [[maybe_unused]] double update_4, [[maybe_unused]] Report& report) {
   [[maybe_unused]] const auto compare = [&](const char* key, const char* name, const char* own_key,
@@ -361,7 +361,7 @@ void scale(const std::vector<int>& sides, Report& report) {
   const auto exponent = [&](const std::vector<double>& times, size_t from) {
     return std::log(times.back() / times[from]) / std::log(n.back() / n[from]);
   };
-  // The last decade, or all.
+  // Over the last decade of sizes, or all.
   size_t from = 0;
   while (from + 2 < n.size() && n[from + 1] < n.back() / 9.5) ++from;
   std::printf(

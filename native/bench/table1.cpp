@@ -24,7 +24,7 @@ namespace {
 using dd::SparseMatrix;
 using dd::bench::milliseconds;
 
-/// The median of a few runs.
+/// The median of five runs.
 double median(const std::function<void()>& body) {
   std::vector<double> times;
   for (int run = 0; run < 5; ++run) times.push_back(milliseconds(body));
@@ -47,7 +47,7 @@ Times timed(const SparseMatrix& A) {
   return times;
 }
 
-/// Our own factor.
+/// The same by our own factorization.
 Times timed_own(const SparseMatrix& A) {
   std::shared_ptr<const dd::SymbolicCholesky> symbolic;
   std::unique_ptr<dd::SparseCholesky> factor;
@@ -72,14 +72,14 @@ struct Example {
   double paper[4];  // volumetric factorization, back-substitution; surface ones, in seconds
 };
 
-/// All free but a strip at one end, as few as hold the mesh.
+/// All vertices free but 20, which hold the mesh.
 std::vector<int> barely_held(const dd::Mesh& mesh) {
   std::vector<int> roles(static_cast<size_t>(mesh.vertex_count()), dd::kFree);
   for (int v = 0; v < 20; ++v) roles[v] = 0;
   return roles;
 }
 
-/// A grid of 87,038 triangles with tall narrow bumps: 161 × 273 vertices, one quad less.
+/// A grid of 87,038 triangles with tall narrow bumps: 161 × 273 vertices, without its last quad.
 dd::Mesh thorny() {
   dd::Mesh mesh = dd::test::grid(273, 161, [](double x, double y) {
     const double dx = 7 * x - std::floor(7 * x) - 0.5, dy = 4 * y - std::floor(4 * y) - 0.5;

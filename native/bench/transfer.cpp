@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Deformation transfer between meshes: what a source and a target cost once and each pose after
-// that, by the surface formulation alone, with the places of the source, by the original one with
-// fourth points, and where the target is worn by the source and kept outside of it; and how long
-// matching two meshes by markers takes.
+// Deformation transfer between meshes: the time to prepare a source and a target, and of each pose,
+// by the surface formulation alone, with the places of the source, by the original formulation with
+// fourth points, and for a target that the source wears and that is kept outside of it; and the
+// time to match two meshes by markers.
 //
 //   transfer [side]     of square sheets of side² vertices; 159: 50,000 triangles
 #include <algorithm>

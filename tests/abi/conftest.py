@@ -26,7 +26,7 @@ def part(name):
 
 
 def is_sanitized():
-    """Whether this process runs what is built with a sanitizer."""
+    """Whether a sanitizer's runtime is loaded in this process."""
     if not sys.platform.startswith('linux'):
         return False
     with open('/proc/self/maps', encoding='utf-8') as maps:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a bind that takes long shows before it is done."""
+"""Drafts: previews that a long bind gives before it is done."""
 
 import ctypes
 import threading
@@ -28,7 +28,7 @@ def draft_of(bind, seconds=60):
 
 
 @pytest.mark.parametrize('threads', [1, None])
-def test_it_is_near_the_result_and_outlives_the_bind(native, dense, threads):
+def test_a_draft_is_near_the_result_and_outlives_the_bind(native, dense, threads):
     bind = native.Bind(*dense, 1, draft=1, threads=threads)
     draft = draft_of(bind)
     assert bind.draft() is None  # it was taken
@@ -53,7 +53,7 @@ def test_values_may_be_positions(native, structs, dense):
     bind.cancel()
 
 
-def test_only_who_asks_gets_one_and_where_it_pays(native, strip, dense):
+def test_there_is_no_draft_unless_asked_for_and_none_of_a_small_mesh(native, strip, dense):
     for mesh, asked in ((dense, 0), ((strip.positions, strip.triangles, strip.roles), 1)):
         bind = native.Bind(*mesh, 1, draft=asked)
         while bind.progress()[0]:
@@ -62,7 +62,7 @@ def test_only_who_asks_gets_one_and_where_it_pays(native, strip, dense):
         bind.finish()
 
 
-def test_a_mesh_that_is_refused_is_refused_by_its_own_sentence(native, dense):
+def test_a_refused_mesh_gets_the_message_of_a_bind_without_draft(native, dense):
     positions, triangles, roles = dense
     for spoilt, sentence in (((np.full_like(positions, np.nan), triangles, roles), 'not a finite number'),
                              ((positions, triangles + 1, roles), 'refers to vertex'),
@@ -95,7 +95,7 @@ def test_bad_calls_get_a_sentence(native, dense):
 
 
 def test_threads_may_ask_while_the_bind_works(native, dense):
-    """One of them gets it, and it computes for all."""
+    """One thread gets the draft, and all may compute with it."""
     bind = native.Bind(*dense, 1, draft=1)
     found, results = [], []
 

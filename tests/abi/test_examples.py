@@ -38,7 +38,7 @@ def test_examples_are_met_and_their_weights_told(native):
     offsets = deformer.offsets(matrix, method='EXAMPLES', gradients='WHOLE').reshape(-1, 3)
     assert np.abs(mesh.positions + offsets - examples[1]).max() < 1e-4 * 60
     assert np.allclose(deformer.example_weights(), [0, 1], atol=1e-3)
-    # Other methods neither see the examples nor touch the weights.
+    # Other methods neither use the examples nor change the weights.
     assert (deformer.offsets(matrix) == bound(native, mesh).offsets(matrix)).all()
     assert np.allclose(deformer.example_weights(), [0, 1], atol=1e-3)
     for weights in ([1, 0], [0, 1], [0, 0]):
@@ -51,7 +51,7 @@ def test_examples_are_met_and_their_weights_told(native):
     assert np.abs(deformer.offsets(2 * matrix, method='EXAMPLES') - stiff).max() > 1e-2
 
 
-def test_what_turns_all_handles_turns_the_result(native):
+def test_a_rigid_motion_of_all_handles_moves_the_result_rigidly(native):
     mesh, examples, matrix = posed_strip(native)
     mesh.roles[mesh.roles == -2] = 1  # nothing is fixed
     bind = native.Bind(mesh.positions, mesh.triangles, mesh.roles, 2, examples=examples)
@@ -87,7 +87,7 @@ def test_after_a_failed_update_there_are_no_weights(native):
     assert np.allclose(deformer.example_weights(), [0, 1], atol=1e-2)
 
 
-def test_a_split_knows_posing_by_example_in_one_step(native):
+def test_posing_by_example_takes_one_step_only(native):
     mesh, examples, matrix = posed_strip(native)
     offsets, _ = split(native, mesh, examples, matrix, 1)
     assert (offsets == bound(native, mesh, examples=examples).offsets(matrix, method='EXAMPLES')).all()
@@ -132,7 +132,7 @@ def test_unusable_examples_and_weights_are_refused(native, structs):
 
 def test_structs_from_before_examples_are_understood(native, structs, strip):
     surface = structs.mesh(strip.positions, strip.triangles)
-    options = native.filled(structs.BindOptions, example_count=99)  # beyond what the struct says it holds
+    options = native.filled(structs.BindOptions, example_count=99)  # beyond struct_size, so ignored
     options.struct_size = structs.BindOptions.examples.offset
     job = ctypes.c_void_p()
     deformer = ctypes.c_void_p()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which vertices a refusal or a bound surface's facts are about: all, where they name one."""
+"""All vertices that a refusal, or a fact about a bound surface, is about. The message names one of them."""
 
 import ctypes
 
@@ -33,7 +33,7 @@ def test_corners_of_all_triangles_that_use_one_twice(native, strip):
     assert set(error.vertices) == set(triangles[[3, 20]].ravel())
 
 
-def test_a_refusal_about_something_else_has_none(native, strip):
+def test_a_refusal_about_roles_lists_no_vertices(native, strip):
     assert len(refused(native, strip, roles=np.full_like(strip.roles, -2)).vertices) == 0
 
 

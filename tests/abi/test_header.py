@@ -32,7 +32,7 @@ def header_structs():
     """{name: [(type, field, length, comment)]}"""
     found = {}
     for name, body in re.findall(r'typedef struct (dd_\w+) \{(.*?)\} \1;', TEXT, re.S):
-        body = re.sub(r'^  /\*.*?\*/$', '', body, flags=re.S | re.M)  # of several fields
+        body = re.sub(r'^  /\*.*?\*/$', '', body, flags=re.S | re.M)  # comments on several fields
         found[name] = [(kind, field, int(length or 0), ' '.join(comment.split())) for kind, field, length, comment in
                        re.findall(r'((?:const )?\w+\*?)\s+(\w+)(?:\[(\d+)\])?;[ ]*(?:/\*(.*?)\*/)?', body, re.S)]
     return found
@@ -156,7 +156,7 @@ def taken(native, kind, job):
 
 
 def by_default(native, structs, strip, given):
-    """What each family of calls gives. given(kind): its options."""
+    """Results of each family of calls. given(struct): options to pass, or None."""
     lib, job, found = native.library(), ctypes.c_void_p(), {}
     deformer = bind_of(native, structs, strip, given(structs.BindOptions))
     found['update'] = frame(native, structs, deformer, strip, given(structs.UpdateOptions))
@@ -189,7 +189,7 @@ def test_a_null_pointer_stands_for_all_defaults(native, structs, strip):
 
 
 def test_all_defaults_give_what_the_add_on_gives_by_default(native, structs, strip):
-    """What the table of options has for defaults, told one by one."""
+    """The defaults of the add-on's table of options, passed one by one."""
     options = part('library.options')
 
     def told(table, *structs_of):
@@ -209,14 +209,14 @@ def test_all_defaults_give_what_the_add_on_gives_by_default(native, structs, str
 
 
 def usual(option):
-    """A setting's default as Blender has it."""
+    """A setting's default: the table's own, or Blender's for its kind."""
     if option.default is not None:
         return option.default
     return option.kind[0][0] if isinstance(option.kind, tuple) else option.kind()
 
 
 def told_defaults():
-    """What the header says is a default: (struct, field, number or name)."""
+    """Defaults stated in the header's comments: (struct, field, number or name)."""
     return [(name, field, word.rstrip('.')) for name, fields in header_structs().items()
             for _, field, _, comment in fields for word in re.findall(r'[Bb]y default (DD_\w+|[\d.]+)', comment)]
 
@@ -232,11 +232,11 @@ def test_each_number_and_choice_has_its_default_told(structs):
     told = {(struct, field) for struct, field, _ in told_defaults()}
     untold = {(name, field) for name, kind in structs.OPTIONS.items() for field, of in kind.kinds.items()
               if (isinstance(of, str) or of in (ctypes.c_int32, ctypes.c_double)) and (name, field) not in told}
-    assert {field for _, field in untold} == {'threads', 'formulation', 'base_metric'}  # told in other words
+    assert {field for _, field in untold} == {'threads', 'formulation', 'base_metric'}  # stated in other words
 
 
 def test_no_value_stands_for_another(native, structs, strip):
-    """Zero means zero: no smoothing, no refinement, no gap are none, where they would be the default by such a rule."""
+    """Zero means zero and not the default: no smoothing, no refinement, no stiffness."""
     def fresh():
         return native.Bind(strip.positions, strip.triangles, strip.roles, 1).finish()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Jobs beside frames: who has a deformer in use, and until when."""
+"""Jobs beside frames: which of them uses a deformer, and how long."""
 
 import subprocess
 import sys
@@ -39,7 +39,7 @@ def test_two_threads_get_results_of_their_own(native):
     def run(k):
         for _ in range(200):
             found = deformer.offsets(motions[k])
-            time.sleep(0)  # the other one's turn
+            time.sleep(0)  # lets the other thread run
             wrong.append((found != alone[k]).any())
 
     threads = [threading.Thread(target=run, args=(k,)) for k in range(2)]
@@ -105,7 +105,7 @@ def test_an_update_in_steps_is_the_same_as_a_job_and_as_a_frame(native):
             found, info = native.Update(used, MOTION, **options).finish()
             assert (found == fresh).all() and bytes(info) == bytes(facts)
             assert (used.offsets(MOTION, **options) == found).all()
-    # Facts about volumes are of this update, not of an earlier one.
+    # Facts about volumes are those of this update, not of an earlier one.
     assert native.Update(used, MOTION).finish()[1].volume_error == 0
 
 
@@ -123,7 +123,7 @@ def test_all_kinds_of_work_at_once_give_what_each_gives_alone(native):
     def steps():
         deformer = bound(native, meshes[1])
         job = native.Update(deformer, MOTION, method='VOLUMES', steps=2)
-        deformer.close()  # the job has its own hold on it
+        deformer.close()  # the job keeps it
         return [job.finish()[0]]
 
     def dropped():
@@ -148,7 +148,7 @@ def test_all_kinds_of_work_at_once_give_what_each_gives_alone(native):
         for _ in range(2):
             together[k].append(works[k]())
 
-    # Each kind beside itself, too.
+    # Two threads of each kind, so that each runs beside its own, too.
     threads = [threading.Thread(target=run, args=(k % len(works),)) for k in range(2 * len(works))]
     for thread in threads:
         thread.start()
@@ -204,7 +204,7 @@ def test_a_thread_that_cannot_start_is_a_status_with_a_sentence(native):
     if not sys.platform.startswith('linux') or is_sanitized():
         pytest.skip("address space can't be limited here")
     here = str(ADDON.parents[1] / 'tests' / 'abi')
-    # Stacks so large aren't kept for the next thread.
+    # The C library doesn't keep stacks of this size for the next thread.
     answer = subprocess.run(['sh', '-c', 'ulimit -s 131072; exec "$0" -c "$1"', sys.executable,
                              NO_THREADS % (str(ADDON), here)], capture_output=True, text=True)
     lines = answer.stdout.splitlines()

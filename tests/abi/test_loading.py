@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The library loaded and let go: what an update of the add-on, and switching it off, rest on."""
+"""Loading and unloading of the library, on which updates of the add-on and switching it off rest."""
 
 import os
 import shutil
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from conftest import ADDON, IDENTITY, Strip, is_sanitized, part
 
-# With the C++ library shared, symbols that all libraries share keep each of them in memory.
+# A sanitizer needs the shared C++ library, and symbols that are unique in a process keep libraries in memory.
 leaves_memory = pytest.mark.skipif(is_sanitized(), reason="what is built for a sanitizer stays loaded")
 WINDOWS = sys.platform == 'win32'
 AS_INSTALLED = """
@@ -38,8 +38,8 @@ def is_mapped():
 
 @pytest.fixture
 def installed(native, tmp_path):
-    """run(script): in a process of its own, with the add-on's package and the library in a folder with letters of
-    several alphabets; what it prints."""
+    """run(script): runs it in a process of its own, with the add-on's package and the library in a folder with letters
+    of several alphabets, and returns what it prints."""
     package = tmp_path / 'Ünïcode 目录 и' / 'detail_deform'
     shutil.copytree(ADDON / 'library', package / 'library', ignore=shutil.ignore_patterns('__pycache__'))
     (package / 'lib').mkdir()
@@ -80,7 +80,7 @@ print((bound().offsets(IDENTITY + .1) == first).all(), loading.unload(), is_mapp
 
 @leaves_memory
 def test_loading_again_and_again(installed):
-    """Windows gives a process 1,088 slots for threads' own data, which a runtime that is linked in must give back."""
+    """Windows has 1,088 slots for threads' own data; a runtime linked into the library must free its own."""
     lines, errors = installed("""
 for k in range(1300):
     native.library()
@@ -95,7 +95,7 @@ print(k)
 
 
 def test_a_folder_whose_library_is_loaded_can_be_replaced(installed):
-    """As an update does it, on Windows too, where a loaded file is locked; what it leaves goes at the next start."""
+    """An update does so, on Windows too, where a loaded file is locked. The file set aside goes at the next start."""
     lines, errors = installed("""
 deformer = bound()
 shutil.copytree(package, package + ' 2')
@@ -113,7 +113,7 @@ print(abs(deformer.offsets(IDENTITY + .1)).max() > .05)
 
 
 def test_a_call_under_way_is_waited_for(native):
-    """The library goes between two calls of another thread, never in one."""
+    """The library is unloaded between two calls of another thread, never during one."""
     loading = part('library.loading')
     mesh, said, stop = Strip(60), [], threading.Event()
 
@@ -147,8 +147,8 @@ def test_a_library_in_use_stays(native, monkeypatch):
     assert native.library() is before
 
 
-def test_what_a_library_made_that_could_not_go_stays_its_own(installed):
-    """Where the add-on's modules are loaded again while a call is still under way, as by an update."""
+def test_objects_of_a_library_that_could_not_be_unloaded_stay_its_own(installed):
+    """As when an update loads the add-on's modules again while a call is still under way."""
     lines, errors = installed("""
 import importlib
 kept, loading._LEAVE_SECONDS = bound(), .05
@@ -168,7 +168,7 @@ print(loading.unload())
 
 
 def test_only_outside_of_blenders_extensions_is_a_file_set_aside(installed):
-    """Which Blender replaces in its own way."""
+    """Blender replaces the files of its extensions in its own way."""
     lines, errors = installed("""
 import importlib
 extension = os.path.join(os.path.dirname(package), 'bl_ext', 'user_default', 'detail_deform')
@@ -183,7 +183,7 @@ for name in ('library', 'bl_ext.user_default.detail_deform.library'):
 
 
 def test_a_library_in_a_wheel(installed):
-    """As Blender unpacks it, maybe after Python has looked into that folder."""
+    """Blender unpacks the wheel, maybe after Python has looked into that folder."""
     (installed.package / 'library' / 'wheel.py').write_text("PACKAGE = 'detail_deform_library_1_0_0'\n")
     lines, errors = installed("""
 import hashlib

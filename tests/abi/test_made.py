@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The cache of what is made for objects that follow, by jobs that are told what to do."""
+"""The cache of binds and transfers made for followers (follow/made.py), with jobs that only pretend to work."""
 
 import threading
 
@@ -46,7 +46,7 @@ def never():
     raise AssertionError("It is there or on its way.")
 
 
-def test_what_is_there_or_on_its_way_is_not_begun_again(cache):
+def test_content_that_is_made_or_under_way_is_not_begun_again(cache):
     job = begin(cache, 'a', makes=1)
     cache.start('a', never)
     assert cache.contents_under_way() == ['a'] and cache.is_running('a') and cache.find('a') is None
@@ -72,11 +72,11 @@ def test_a_failure_is_remembered_until_it_is_forgotten(cache):
     begin(cache, 'a', fails="There is no memory left.")
     with pytest.raises(NativeError):
         cache.finish('a')
-    cache.keep(set())  # nobody asks for it
+    cache.keep(set())  # no follower needs 'a' any more
     cache.check('a')
 
 
-def test_who_cancels_is_told_and_may_begin_anew(cache):
+def test_a_cancelled_job_may_be_replaced_by_a_new_one(cache):
     job = begin(cache, 'a', fails="It was cancelled.")
     cache.cancel('a')
     assert job.cancelled and cache.under_way('a') is job
@@ -84,7 +84,7 @@ def test_who_cancels_is_told_and_may_begin_anew(cache):
     assert cache.under_way('a') is other and cache.finish('a').made == 2 and job.finished == 0
 
 
-def test_what_is_let_go_of_is_neither_waited_for_nor_closed_while_it_works(cache):
+def test_a_job_that_is_let_go_of_is_kept_unclosed_until_it_ends(cache):
     job = begin(cache, 'a', makes=1)
     cache.let_go('a')
     assert job.cancelled and cache.contents_under_way() == [] and not job.finished and not job.closed
@@ -97,7 +97,7 @@ def test_what_is_let_go_of_is_neither_waited_for_nor_closed_while_it_works(cache
     cache.let_go('nothing')
 
 
-def test_spare_ones_are_kept_and_the_oldest_forgotten(cache):
+def test_spare_entries_are_kept_and_the_oldest_forgotten(cache):
     for number in range(5):
         begin(cache, number, makes=number)
         cache.finish(number)
@@ -124,8 +124,8 @@ def test_two_threads_wait_for_one_job(cache):
     assert job.finished == 1 and len(entries) == 2 and entries[0] is entries[1]
 
 
-def test_what_was_begun_while_another_thread_finished_it_ends(cache):
-    """Nothing is under way any more, or the timer would never end."""
+def test_a_job_begun_while_another_thread_finished_the_content_leaves_the_cache(cache):
+    """The add-on's timer runs as long as a job is under way."""
     begin(cache, 'a', makes=1)
     class Meanwhile(Job):
         def finish(self):
@@ -138,7 +138,7 @@ def test_what_was_begun_while_another_thread_finished_it_ends(cache):
     assert cache.finish('a') is entry and cache.contents_under_way() == []
 
 
-def test_what_is_let_go_of_while_another_thread_waits_is_said(cache):
+def test_finishing_content_that_was_let_go_of_raises(cache):
     with pytest.raises(NativeError, match="cancelled"):
         cache.finish('a')
 

@@ -301,11 +301,11 @@ def test_one_deformer_is_used_by_one_thread_at_a_time(native):
         thread.start()
     for thread in threads:
         thread.join()
-    assert set(statuses) == {0, 7}  # 7: busy; never a crash, never anything else
+    assert set(statuses) == {0, 7}  # done, or busy
 
 
 def test_a_result_stays_what_it_was_when_others_are_computed(native):
-    """In a render and in the window at once: neither sees the other's pose, or parts of it."""
+    """A render and the window may compute at once: neither gets the other's pose, or parts of it."""
     deformer = bound(native, Strip(400))
     motions = [rotation(0.1 * k, (0, 0, k)) for k in range(4)]
     alone = [deformer.offsets(motion).copy() for motion in motions]
@@ -348,7 +348,7 @@ def test_different_deformers_at_once_give_what_they_give_alone(native):
 
 
 def load_elsewhere(path):
-    """native.version() in a fresh Python with DETAIL_DEFORM_LIBRARY set."""
+    """native.version(), or why it is refused, in a fresh Python with DETAIL_DEFORM_LIBRARY set."""
     program = ("import sys; sys.path.insert(0, %r); from library import native as n\n"
                "try: print(n.version())\nexcept n.NativeError as e: print('refused:', e)" % str(ADDON))
     return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
@@ -429,7 +429,7 @@ def test_unknown_smoothness_is_refused(native, strip):
 
 
 def split(native, mesh, motion, steps, options=None, **look):
-    """The job alone keeps the deformer."""
+    """An update in steps, whose job is the deformer's only owner."""
     return native.Update(bound(native, mesh, len(motion), **options or {}), motion, steps=steps, **look)
 
 
@@ -444,7 +444,7 @@ def test_a_split_of_one_step_is_the_update_and_more_steps_differ(native, strip):
     assert np.allclose(stepped[members], plain[members], atol=1e-4)
 
 
-def test_a_whole_turn_is_more_than_nothing_when_it_is_asked_for(native, strip):
+def test_a_whole_turn_differs_from_none_though_its_matrix_is_the_identity(native, strip):
     assert np.abs(split(native, strip, IDENTITY, 6).finish()[0]).max() < 1e-4
     turned = split(native, strip, IDENTITY, 6, turns=np.array([[2 * np.pi, 0, 0]])).finish()[0]
     assert np.abs(turned).max() > 1
@@ -602,7 +602,7 @@ def test_edges_of_three_faces_bind_and_deform(native, method, triangulation):
     assert np.isfinite(moved).all() and np.linalg.norm(moved, axis=1).max() < 6
     assert moved[sheets.seam, 2].min() > 0.05 and (moved[sheets.roles == -2] == 0).all()
     if method in ('VARIATIONAL', 'EXAMPLES'):
-        return  # which turn with the handles only as far as they can
+        return  # they don't follow a rotation of all handles exactly
     sheets.roles[sheets.roles == -2] = 0
     motion = rotation(0.9, (1, -2, 3))
     moved = deformer().offsets(motion, method=method).reshape(-1, 3)
@@ -618,7 +618,7 @@ def test_slivers_in_a_plane_change_nothing_unless_they_are_asked_for(native):
                 for way in ('DELAUNAY', 'GIVEN')}
     assert (expected['DELAUNAY'] == expected['GIVEN']).all()  # a regular grid stays as it is
     corners = np.arange(31 * 8).reshape(31, 8)
-    sheared = []  # each row of cells between the line below and the one above, two columns farther on
+    sheared = []  # slivers: edges lead from each line to the next one, two and three columns farther on
     for low, high in zip(corners.T[:-1], corners.T[1:]):
         sheared += [(low[0], high[1], high[0]), (low[0], high[2], high[1])]
         sheared += [(low[i], high[i + 3], high[i + 2]) for i in range(28)]

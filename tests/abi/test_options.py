@@ -25,7 +25,7 @@ def test_a_row_fills_a_field_of_its_kind(option, structs):
         prefix, _ = structs.ENUMS[option.fills.kind]
         named_there = dict(header_enums()[option.fills.kind])
         if option.name == 'pairs_of':
-            del named_there['DD_PAIRS_OF_NEAREST']  # which no list has
+            del named_there['DD_PAIRS_OF_NEAREST']  # not a choice in the panel
         assert {prefix + option.fills.value(name): number
                 for name, number in OPTIONS.numbers_of(option.kind).items()} == named_there
 

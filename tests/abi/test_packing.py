@@ -35,7 +35,7 @@ def test_the_same_sources_make_the_same_bytes(native, tmp_path, options):
         assert {entry.date_time for entry in made.infolist()} == {(2023, 11, 14, 22, 13, 20)}
 
 
-def test_what_is_in_it(native, tmp_path):
+def test_contents_of_the_zip(native, tmp_path):
     with zipfile.ZipFile(packed(native, tmp_path / 'made.zip')) as made:
         names = [entry.filename for entry in made.infolist()]
         manifest = made.read('detail_deform/blender_manifest.toml').decode()
@@ -45,7 +45,7 @@ def test_what_is_in_it(native, tmp_path):
         assert names[0] == 'detail_deform/' and made.infolist()[0].is_dir()
     assert 'platforms = ["linux-x64"]\n' in manifest and 'website' not in manifest
     assert {name.split('/')[0] for name in names} == {'detail_deform'}
-    # Blender shows them where it is installed, and takes no longer ones and none that end in a full stop.
+    # Blender shows the reasons when it installs the extension. It takes at most 64 characters and no full stop.
     reasons = dict(re.findall('\n([a-z]+) = "(.*)"', manifest.split('[permissions]')[1]))
     assert set(reasons) == {'files', 'clipboard'}
     assert all(len(reason) <= 64 and reason[-1].isalpha() for reason in reasons.values())
@@ -60,8 +60,8 @@ def read_all(path):
         return {name.removeprefix('detail_deform/'): made.read(name) for name in made.namelist()}
 
 
-def test_the_other_has_the_library_in_a_wheel_alone(native, tmp_path):
-    """And else is the same, but for what says so."""
+def test_the_extension_has_the_library_in_a_wheel_alone(native, tmp_path):
+    """All other files are the same in both zips, but for those that say where the library is."""
     one = read_all(packed(native, tmp_path / 'one.zip'))
     other = read_all(packed(native, tmp_path / 'other.zip', '--wheel'))
     library = os.path.basename(native.library_path())
@@ -78,7 +78,7 @@ def test_the_other_has_the_library_in_a_wheel_alone(native, tmp_path):
     assert held[f'{package}/{library}.sha256'] == one[f'lib/{library}.sha256']
 
 
-def test_a_wheel_is_one_to_those_who_install_it(native, tmp_path):
+def test_a_wheel_has_the_files_that_installers_read(native, tmp_path):
     files = read_all(packed(native, tmp_path / 'made.zip', '--wheel'))
     (name,) = (name for name in files if name.endswith('.whl'))
     distribution, version, _, _, tag = name.removeprefix('wheels/').removesuffix('.whl').split('-')
@@ -93,13 +93,13 @@ def test_a_wheel_is_one_to_those_who_install_it(native, tmp_path):
 
 
 def digest(content):
-    """As a wheel's record has it."""
+    """SHA-256 in the form of a wheel's RECORD."""
     return base64.urlsafe_b64encode(hashlib.sha256(content).digest()).decode().rstrip('=')
 
 
 @pytest.mark.parametrize('platforms, tag', [('linux-arm64', 'manylinux_2_17_aarch64'), ('windows-x64', 'win_amd64'),
                                             ('macos-arm64,macos-x64', 'macosx_11_0_universal2')])
-def test_a_wheel_is_for_what_its_library_is_for(native, tmp_path, platforms, tag):
+def test_a_wheel_has_the_tag_of_its_platforms(native, tmp_path, platforms, tag):
     files = read_all(packed(native, tmp_path / 'made.zip', '--wheel', platforms=platforms))
     assert [name for name in files if name.endswith(f'-py3-none-{tag}.whl')]
     listed = ', '.join(f'"{platform}"' for platform in platforms.split(','))
@@ -107,7 +107,7 @@ def test_a_wheel_is_for_what_its_library_is_for(native, tmp_path, platforms, tag
 
 
 @pytest.mark.parametrize('options', [(), ('--wheel',)], ids=['folder', 'wheel'])
-def test_a_home_is_told_everywhere(native, tmp_path, options):
+def test_the_website_is_in_all_files_that_link_to_it(native, tmp_path, options):
     files = read_all(packed(native, tmp_path / 'made.zip', 'https://example.org/dd', *options))
     for name, line in (('blender_manifest.toml', '\nwebsite = "https://example.org/dd"\n'),
                        ('website.py', 'WEBSITE = "https://example.org/dd"\n'),

@@ -14,7 +14,7 @@ METHODS = ('DETAIL', 'VARIATIONAL', 'NORMAL', 'GRADIENT')
 def test_handles_vertices_meet_their_handle_far_from_the_origin(native, folded, boxes_away):
     strip = Strip()
     places = strip.positions.astype(float)
-    if folded:  # flat on itself
+    if folded:  # flat onto itself
         places[:, 0] = np.minimum(places[:, 0], 24 - places[:, 0])
         places[:, 2] = 0
     away = boxes_away * np.linalg.norm(np.ptp(places, 0))
@@ -27,7 +27,7 @@ def test_handles_vertices_meet_their_handle_far_from_the_origin(native, folded, 
     wanted = rest @ matrix[0, :, :3].T + matrix[0, :, 3]
     deformer = native.Bind(places, strip.triangles, strip.roles, 1).finish()
     for method in METHODS:
-        # Offsets keep their digits. Single precision has no more for a place so far away.
+        # Offsets have all digits of single precision. Positions so far away would have fewer.
         offsets = deformer.offsets(matrix, method=method).reshape(-1, 3)[held]
         assert np.abs(rest + offsets - wanted).max() < 2e-8 * box
 
@@ -41,7 +41,7 @@ def test_a_handle_scaled_to_a_point_is_the_limit_of_ever_smaller_ones(native, st
         matrix = np.hstack([factor * np.eye(3), (1 - factor) * centre[:, None]])[None]
         return deformer.offsets(matrix, refine=refine).copy()
 
-    # Whatever is left of the collapsed triangles' rotations is rounding, which must not show.
+    # The collapsed triangles' rotations are rounding alone, which must not show.
     for factor in (1e-12, 1e-14, 1e-16):
         assert np.abs(scaled(factor) - scaled(0)).max() < 1e-4
     assert np.abs(scaled(1e-4) - scaled(0)).max() < 0.5

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The folders of the add-on and of the core know those below them alone, as their imports and includes say."""
+"""Each folder of the add-on and of the core uses only those on floors below its own (CONTRIBUTING.md), as its imports
+and includes say."""
 
 import ast
 import re
@@ -7,9 +8,9 @@ import re
 import pytest
 from conftest import ADDON
 
-# From the bottom up. The modules beside them (properties, handlers) come where their imports put them.
+# From the lowest floor up. Modules beside the folders (properties, handlers) have no floor, but may not close a circle.
 FOLDERS = ['library', 'scene', 'follow', 'setup', 'results', 'operators']
-ALSO = {'ui': 'operators'}  # of the same height, and neither knows the other
+ALSO = {'ui': 'operators'}  # on the same floor: neither may use the other
 MODULES = sorted(ADDON.rglob('*.py'))
 
 
@@ -24,7 +25,7 @@ def _is_module(parts):
 
 
 def imports(path):
-    """The add-on's modules that this one imports, wherever it does."""
+    """The add-on's modules that a file imports, at its top and in functions."""
     package = path.relative_to(ADDON).parent.parts
     for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
         if not isinstance(node, ast.ImportFrom) or not node.level:
@@ -40,7 +41,7 @@ def room(module):
 
 
 def arrows():
-    """{(room, room that it knows)}"""
+    """{(room, another room that it uses)}"""
     found = {(room(_module_of(path)), room(other)) for path in MODULES for other in imports(path)}
     return {(one, other) for one, other in found if one != other}
 
@@ -60,8 +61,8 @@ def test_a_folder_knows_those_below_it_alone(folder):
     assert not [other for other in known if height(other) >= height(folder)]
 
 
-def test_only_what_is_above_a_folder_is_known_by_what_lies_beside():
-    """Through modules beside the folders no way leads back up: no room is reached from itself."""
+def test_no_room_is_reached_from_itself():
+    """Nor through the modules that lie beside the folders."""
     known = {}
     for one, other in arrows():
         known.setdefault(one, set()).add(other)
@@ -88,7 +89,7 @@ def test_a_module_is_not_imported_in_a_circle():
 
 
 def test_nobody_imports_the_add_on_by_its_name():
-    """It has another one as an extension."""
+    """An extension's package has another name."""
     for path in MODULES:
         for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
             names = [node.module or ''] if isinstance(node, ast.ImportFrom) and not node.level else [
@@ -96,7 +97,7 @@ def test_nobody_imports_the_add_on_by_its_name():
             assert not any(name.split('.')[0] == 'detail_deform' for name in names), path
 
 
-def test_both_kinds_of_what_follows_have_all_that_their_life_asks_for():
+def test_both_kinds_of_followers_define_all_that_life_uses():
     def tree(name):
         return ast.parse((ADDON / 'follow' / f'{name}.py').read_text(encoding='utf-8'))
 
@@ -109,7 +110,7 @@ def test_both_kinds_of_what_follows_have_all_that_their_life_asks_for():
         assert asked <= names, asked - names
 
 
-# The core's, from the bottom up, with those that each may know.
+# The core's folders from the lowest floor up, with those that each may use.
 CORE = ADDON.parents[1] / 'native' / 'src'
 CORE_KNOWS = {
     'support': (), 'mesh': ('support',), 'kernels': ('support', 'mesh'), 'solver': ('support', 'kernels'),
@@ -121,7 +122,7 @@ CORE_KNOWS = {
     'transfer': ('support', 'mesh', 'kernels', 'solver', 'systems', 'reconstruction'),
     'wear': ('support', 'mesh', 'kernels', 'solver', 'systems', 'reconstruction', 'transfer'),
 }
-CORE_FRONT = ('deform', 'api')  # each knows all above
+CORE_FRONT = ('deform', 'api')  # may use all of the above
 
 
 def core_arrows():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the add-on's sources can't do, as SECURITY.md promises: nothing but the library is loaded, no text becomes code,
+"""The add-on's sources keep SECURITY.md's promises: nothing but the library is loaded, no text becomes code,
 no other program is started, nothing is sent."""
 
 import ast
@@ -7,8 +7,8 @@ import ast
 import pytest
 from conftest import ADDON
 
-# All that the add-on imports beside its own modules. Another one is weighed here first: nothing that talks to the
-# network, starts programs, or makes objects or code of files.
+# All modules that the add-on imports besides its own. Think before adding one: none may use the network, start
+# programs, or make objects or code of files.
 IMPORTS = {'_ctypes', 'array', 'ast', 'atexit', 'blf', 'bmesh', 'bpy', 'bpy_extras', 'collections', 'colorsys',
            'contextlib', 'copy', 'ctypes', 'dataclasses', 'enum', 'fnmatch', 'glob', 'gpu', 'gpu_extras', 'hashlib',
            'importlib', 'itertools', 'json', 'math', 'mathutils', 'numpy', 'os', 'pathlib', 'platform', 're', 'shlex',
@@ -19,7 +19,7 @@ OF_OS = {'O_BINARY', 'O_CREAT', 'O_RDWR', 'environ', 'fdopen', 'fstat', 'getpid'
 # Names and attributes, whoever they belong to.
 NEVER = {'__import__', 'allow_pickle', 'breakpoint', 'driver_namespace', 'eval', 'exec', 'execfile', 'exec_module',
          'fromstring', 'import_module', 'loads', 'memmap', 'use_scripts_auto_execute', 'urlopen'}
-# Where what could do harm is done, and nowhere else.
+# Names that could do harm, and the only files that may use them.
 ONLY_IN = {'CDLL': {'library/loading.py'}, '_ctypes': {'library/loading.py'}, 'rename': {'library/unlocking.py'},
            'tempfile': {'library/unlocking.py'}, 'webbrowser': {'ui/preferences.py'}, 'environ': {'library/loading.py'},
            'open': {'library/packed.py', 'results/alembic.py', 'scene/files.py', 'scene/pc2.py', 'ui/preferences.py'},
@@ -30,7 +30,7 @@ SOURCES = sorted(ADDON.rglob('*.py'))
 
 
 def names(tree):
-    """(name, line) of all that is called by name or looked up as an attribute."""
+    """(name, line) of all names, attributes and keyword arguments."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Name):
             yield node.id, node.lineno
@@ -65,7 +65,7 @@ def test_a_source_does_nothing_that_it_must_not(path):
 
 @pytest.mark.parametrize('path', SOURCES, ids=lambda path: path.relative_to(ADDON).as_posix())
 def test_the_table_of_modules_is_only_read(path):
-    """It belongs to all add-ons, and to Blender."""
+    """sys.modules belongs to all add-ons, and to Blender."""
     for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
         changed = getattr(node, 'targets', None) or [getattr(node, 'target', None)]
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr not in READING:

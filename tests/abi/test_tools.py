@@ -11,7 +11,7 @@ def test_measures_of_a_deformation(native, strip):
     assert found.intersecting_pairs == 0 and found.normal_error == 0
     assert found.stretch == pytest.approx(2 ** 0.5, rel=1e-5)
     assert found.area_ratio == pytest.approx(4, rel=1e-5)
-    # Pushed through itself: the two ends change sides.
+    # Folded so that its two ends pass through each other.
     crossed = strip.positions.copy()
     crossed[:, 0] = np.abs(crossed[:, 0] - 12) * 0.9
     crossed[:, 2] += np.where(strip.positions[:, 0] > 12, strip.positions[:, 1] - 3.5, 0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The C ABI: deformation transfer between meshes, and the search for what corresponds."""
+"""The C ABI: deformation transfer between meshes, and the search for correspondences."""
 import ctypes
 
 import numpy as np
@@ -49,8 +49,8 @@ def test_anchors_go_where_they_are_told(native, strip):
     assert np.abs(centred.apply(pose + np.float32(100), WHOLE) - centred.apply(pose, WHOLE)).max() < 1e-3
 
 
-def test_what_closes_on_the_source_closes_on_a_wider_target(native):
-    """A square with a slit that is open by a gap, the upper side of which comes down."""
+def test_a_gap_that_closes_on_the_source_closes_on_a_wider_target(native):
+    """A square with an open slit, whose upper side comes down."""
     side = 21
     x, row = np.meshgrid(np.linspace(0, 1, side), np.arange(2 * side), indexing='ij')
     upper = row >= side
@@ -61,10 +61,10 @@ def test_what_closes_on_the_source_closes_on_a_wider_target(native):
         return np.stack([x, np.where(upper, 1 - y, y), 0 * x], -1).reshape(-1, 3).astype(np.float32)
 
     corner = (np.arange(side - 1)[:, None] * 2 * side + np.arange(2 * side - 1)).ravel()
-    corner = corner[corner % (2 * side) != side - 1]  # across the slit
+    corner = corner[corner % (2 * side) != side - 1]  # no cells across the slit
     triangles = np.concatenate([np.stack([corner, corner + 2 * side, corner + 2 * side + 1], -1),
                                 np.stack([corner, corner + 2 * side + 1, corner + 1], -1)]).astype(np.int32)
-    for end in (0, side - 1):  # where both sides are one
+    for end in (0, side - 1):  # both sides of the slit share its ends
         triangles[triangles == end * 2 * side + side] = end * 2 * side + side - 1
     source, target = slit(0.04), slit(0.05)
     pose = source.copy()
@@ -84,7 +84,7 @@ def test_the_volumetric_original_and_a_given_placement(native, strip):
     turn = rotation(0.7, (1, 2, 3))[0]
     moved = (strip.positions @ turn[:, :3].T + turn[:, 3]).astype(np.float32)
     for formulation in ('SURFACE', 'FOURTH_POINTS', 'FOURTH_POINTS_UNWEIGHTED'):
-        # As they stand in the same space, without regard to how the target is turned.
+        # With the identity for a placement, the target's rotation isn't fitted.
         as_is = native.Transfer(mesh(strip), (moved, strip.triangles), placement=np.eye(4)[:3],
                                          formulation=formulation)
         spin = rotation(-1.1, (0, 0, 0))[0][:, :3].T
@@ -171,10 +171,10 @@ def test_matching_by_markers(native):
     assert set(pairs[:, 1]) == set(range(len(target.triangles)))
     for from_vertex, to_vertex in markers:
         assert np.allclose(fitted[from_vertex], target.positions[to_vertex], atol=1e-4)
-    # What corresponds lies at about the same place along the strip.
+    # Pairs lie at about the same place along the strip.
     along = [side.positions[side.triangles].mean(1)[:, 0] for side in (source, target)]
     assert np.abs(along[0][pairs[:, 0]] - along[1][pairs[:, 1]]).max() < 2
-    # And a pose carries over: the target bends as far as the source does.
+    # A pose carries over: the target bends as far as the source does.
     posed = native.Transfer(mesh(source), mesh(target), pairs).apply(bent(source.positions), WHOLE)
     end, expected = posed[-1] - posed[0], bent(target.positions)[-1] - bent(target.positions)[0]
     assert np.linalg.norm(end - expected) < 0.1 * np.linalg.norm(expected)
@@ -194,7 +194,7 @@ def test_matching_by_shape(native):
 
 def test_markers_tell_a_mirror_image(native):
     source, target = waved(24, 2.0), waved(47, 2.0)
-    for side in (source, target):  # unlike its image however it is turned
+    for side in (source, target):  # no rotation takes it to its mirror image
         side.positions[:, 2] += 0.3 * side.positions[:, 1] * np.sin(side.positions[:, 0] / 9)
     markers = [[8 * column + row, 16 * column + row] for column in (0, 6, 13, 23) for row in (0, 7)]
     mirrored = target.positions * np.float32([1, -1, 1])
@@ -210,7 +210,7 @@ def test_markers_tell_a_mirror_image(native):
         assert np.abs(posed - truth).max() < 0.01 * np.ptp(truth, axis=0).max()
 
 
-def test_a_part_is_found_by_how_it_stands(native):
+def test_a_part_is_found_by_a_given_stance(native):
     whole = waved(48, 2.0)
     is_of_part = whole.positions[whole.triangles, 0].max(1) < 6
     vertices, corners = np.unique(whole.triangles[is_of_part], return_inverse=True)
@@ -227,7 +227,7 @@ def test_a_part_is_found_by_how_it_stands(native):
 @pytest.mark.parametrize('mirrored', [False, True])
 def test_points_of_a_match_are_on_the_surface_and_carry_displacements(native, mirrored):
     source, target = waved(24, 2.0), waved(47, 2.0)
-    for side in (source, target):  # unlike its image however it is turned
+    for side in (source, target):  # no rotation takes it to its mirror image
         side.positions[:, 2] += 0.3 * side.positions[:, 1] * np.sin(side.positions[:, 0] / 9)
     image = np.float32([1, -1, 1] if mirrored else [1, 1, 1])
     there = target.positions * image, target.triangles[:, ::-1] if mirrored else target.triangles
@@ -250,7 +250,7 @@ def test_points_of_a_match_are_on_the_surface_and_carry_displacements(native, mi
     assert np.abs(displaced.apply(pose, WHOLE) - bent(target.positions) * image).max() < 0.03 * size
 
 
-def test_points_that_fit_nothing_are_refused(native, strip):
+def test_unusable_points_are_refused(native, strip):
     n, sides = len(strip.positions), (mesh(strip), mesh(strip))
     triangles, weights = np.zeros(n, np.int32), np.full((n, 3), 1 / 3, np.float32)
     native.Transfer(*sides, point_triangles=triangles, point_weights=weights)
@@ -285,7 +285,7 @@ def test_matching_refuses_and_cancels(native, strip):
     with pytest.raises(native.NativeError, match="cancelled") as caught:
         match.finish()
     assert caught.value.cancelled
-    native.Match(mesh(big), mesh(big), [[0, 0], [7, 7], [20000, 20000]]).close()  # ends it
+    native.Match(mesh(big), mesh(big), [[0, 0], [7, 7], [20000, 20000]]).close()  # cancels it
 
 
 def test_null_pointers_and_jobs_of_another_kind_are_refused(native, structs, strip):
@@ -302,7 +302,7 @@ def test_null_pointers_and_jobs_of_another_kind_are_refused(native, structs, str
     assert lib.dd_job_take_transfer(match._handle, made) == 1
     assert lib.dd_last_message().decode() == "This job is a match, which gives no transfer."
     assert not made
-    # What isn't there yet can't be asked for: who takes it, waits.
+    # Taking the result waits for the job, which was cancelled (6).
     match.cancel()
     assert lib.dd_job_take_match(match._handle, made) == 6 and not made
     match.close()
@@ -335,8 +335,8 @@ def test_offsets_are_positions_less_those_at_rest(native, structs, strip):
     assert np.allclose(strip.positions + out, transfer.apply(pose), atol=1e-5) and np.abs(out).max() > 1
 
 
-def test_what_is_worn_follows_what_it_lies_over_and_stays_outside(native, strip):
-    """A sheet of fewer vertices over the strip, which then bulges between them."""
+def test_a_worn_sheet_follows_the_surface_below_it(native, strip):
+    """A sheet of fewer vertices over the strip."""
     x, y = np.meshgrid(np.linspace(2, 14, 7), np.linspace(0.5, 6.5, 5), indexing='ij')
     low, high = strip.positions.min(0), strip.positions.max(0)
     x = low[0] + (high[0] - low[0]) * (x - 2) / 12

@@ -115,7 +115,7 @@ def camel():
 
 
 def sole(body):
-    """Cut off flat at the ground."""
+    """Cuts the body off flat at the ground."""
     body.parts.append((lambda p: p[..., 2], np.array([-1, -0.3, -0.12]), np.array([1, 0.3, 0.06]), 0.006, None, -1))
 
 
@@ -126,7 +126,7 @@ def add_horse(cell=0.016):
 
 
 def add_camel(cell=0.017, ratio=0.6):
-    """Triangles of all directions, where the horse has quads along the axes."""
+    """Triangles in all directions, where the horse has quads along the axes."""
     body = camel()
     turn = Matrix.Rotation(0.5, 3, 'Z') @ Matrix.Rotation(0.4, 3, 'X')
     points, quads = body.mesh(cell, turn)
@@ -143,7 +143,7 @@ def add_camel(cell=0.017, ratio=0.6):
 # ---------------------------------------------------------------- the gallop
 
 FORE, HIND = ("arm", "forearm", "cannon", "pastern"), ("thigh", "gaskin", "shank", "heel")
-# Bone: head, tail, parent; those of legs are on both sides.
+# Bone: head, tail, parent; leg bones, given for the left side, are on both.
 BONES = {
     "pelvis": ((-0.12, 0, 1.27), (-0.70, 0, 1.28), None), "chest": ((-0.12, 0, 1.27), (0.46, 0, 1.26), None),
     "neck": ((0.46, 0, 1.30), (0.82, 0, 1.58), "chest"), "nape": ((0.82, 0, 1.58), (1.10, 0, 1.87), "neck"),
@@ -159,8 +159,8 @@ BONES = {
     "shank": ((-0.77, .17, 0.58), (-0.75, .17, 0.20), "gaskin"),
     "heel": ((-0.75, .17, 0.20), (-0.67, .17, 0.03), "shank"),
 }
-# How far each is swung forward (what points forward: up) from its place at rest, in degrees, at shares of a leg's
-# stride, which begins where the hoof comes down.
+# Degrees by which each bone is swung forward from rest (one that points forward: up), at fractions of a leg's stride,
+# which begins where the hoof comes down.
 FORE_STRIDE = ((0.00, (16, 30, 30, 32)), (0.12, (0, 2, 2, 34)), (0.25, (-16, -32, -34, -20)),
                (0.38, (-12, -20, -100, -130)), (0.55, (6, 30, -85, -125)), (0.70, (18, 60, -25, -65)),
                (0.86, (24, 60, 48, 30)))
@@ -168,8 +168,8 @@ HIND_STRIDE = ((0.00, (28, 22, 34, 36)), (0.12, (6, 0, 4, 26)), (0.25, (-24, -36
                (0.36, (-20, -44, -58, -92)), (0.50, (4, -30, -72, -112)), (0.65, (26, -10, -50, -88)),
                (0.80, (40, 20, 8, -16)), (0.91, (38, 32, 38, 28)))
 LEGS = (("L", FORE, FORE_STRIDE, 0.40), ("R", FORE, FORE_STRIDE, 0.54),
-        ("L", HIND, HIND_STRIDE, 0.00), ("R", HIND, HIND_STRIDE, 0.13))  # and when in the gallop it comes down
-# Of the gallop itself: what is not a leg, and how high all is over the ground.
+        ("L", HIND, HIND_STRIDE, 0.00), ("R", HIND, HIND_STRIDE, 0.13))  # last: when in the gallop it comes down
+# Degrees of the bones that are no legs, over the gallop, and the height over the ground.
 TRUNK = ("pelvis", "chest", "neck", "nape", "head", "dock", "tail")
 GALLOP = ((0.00, (14, 7, 4, 2, 2, -40, -58), 0.05), (0.20, (6, 5, -6, -8, 0, -34, -52), 0.0),
           (0.40, (-7, 0, -16, -18, 4, -30, -46), 0.0), (0.60, (-7, -6, -14, -16, 6, -36, -60), 0.0),

@@ -12,7 +12,7 @@ from studio import activate, add_object
 BODY_COLOURS = {None: (0.36, 0.30, 0.27)}
 SHIRT_COLOURS = {None: (0.035, 0.13, 0.22), 'hem': (0.026, 0.10, 0.17)}
 LOOSE = 0.020  # how far the shirt is from the skin, about
-# The shirt's borders: a height; a point of a plane and the direction that is cut off; a ball around the neck.
+# The shirt's borders: a height; a point of a plane and the direction that is cut off; an ellipsoid around the neck.
 HEM, CUFF = 0.93, ((0, 0.39, 1.29), (0, 0.80, -0.60))
 COLLAR = ((0.030, 0, 1.60), (0.128, 0.120, 0.188))
 BONES = {
@@ -91,7 +91,7 @@ def add_shirt(cell=0.0085, ratio=0.6):
 
 
 def clipped(points, faces, beyond):
-    """Triangles without what has a positive value, cut along zero; values at points, nearly lengths."""
+    """Triangles without where `beyond`, about a length at each point, is positive; cut along its zeros."""
     beyond = np.where(np.abs(beyond) < 0.0015, 0, beyond)  # no slivers
     points, made, found = list(points), {}, []
 
@@ -119,7 +119,7 @@ def border_distance(points, faces):
 
 
 def folds(p):
-    """How far out of the even cloth: slack around the waist, creases that run from the armpits, a loose hem."""
+    """Offset from the even cloth: slack around the waist, creases that run from the armpits, a loose hem."""
     side, waist = math.atan2(p.y, p.x), math.exp(-((p.z - 1.07) / 0.10) ** 2)
     found = 0.007 * waist + 0.010 * waist * math.sin(7 * side + 32 * p.z) * math.sin(24 * p.z)
     pit = Vector((0, math.copysign(0.17, p.y), 1.30))

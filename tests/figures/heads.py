@@ -12,7 +12,7 @@ from studio import add_markers, add_object
 
 @dataclass
 class Face:
-    """Where things are on a head, in decimetres; what stands on both sides by its left place."""
+    """Places of a head's features, in decimetres; of those on both sides the left one's."""
     skull: tuple = ((-0.24, 0, 0.42), (0.97, 0.77, 0.80))
     face: tuple = ((0.10, 0, -0.32), (0.66, 0.60, 0.86))
     jaw: tuple = ((-0.06, 0.43, -0.62, 0.16), (0.24, 0.33, -0.96, 0.16), (0.54, 0.10, -1.13, 0.16))
@@ -29,11 +29,11 @@ class Face:
     eye: tuple = (0.50, 0.315, 0.0)
     eyeball: float = 0.225
     opening: tuple = (0.165, 0.082)  # half the width and half the height between the lids
-    lid: float = 0.05  # how thick
+    lid: float = 0.05  # thickness
     slant: float = 0.06  # of the outer corners above the inner ones
-    mouth: tuple = (0.745, -0.77)  # how far in front, how high
-    lips: tuple = (0.29, 0.056, 0.070)  # half the width, how thick the upper and the lower
-    hinge: tuple = (-0.05, -0.38)  # of the jaw
+    mouth: tuple = (0.745, -0.77)  # x and z
+    lips: tuple = (0.29, 0.056, 0.070)  # half the width, thickness of the upper and of the lower
+    hinge: tuple = (-0.05, -0.38)  # of the jaw, x and z
 
 
 YOUNG = Face()
@@ -52,9 +52,9 @@ OLD = Face(
 COLOURS = {"Young": {None: (0.50, 0.235, 0.145), 'lips': (0.36, 0.10, 0.075), 'brow': (0.10, 0.045, 0.022)},
            "Old": {None: (0.23, 0.29, 0.135), 'lips': (0.16, 0.115, 0.070), 'brow': (0.055, 0.06, 0.045)}}
 GAZE = 0.22  # to their left, in radians
-INSIDE = (0.10, 0.018, 0.016)  # of the mouth
-BROW_HAIR = ((0.055, 0.02, 0.035, -0.030), (0.050, 0, 0.045, -0.030), (0.035, -0.02, 0.050, -0.025))  # to the brow
-OVERLAP = (0.06, 0.3)  # of closed lids in the middle, and more at the corners, as shares of how far they were open
+INSIDE = (0.10, 0.018, 0.016)  # colour inside of the mouth
+BROW_HAIR = ((0.055, 0.02, 0.035, -0.030), (0.050, 0, 0.045, -0.030), (0.035, -0.02, 0.050, -0.025))  # added to brow
+OVERLAP = (0.06, 0.3)  # of closed lids, in the middle and added at the corners, as fractions of their opening
 KEYS = ("Jaw Open", "Smile", "Blink Left", "Brow Up")
 
 
@@ -107,13 +107,13 @@ def head(f):
 
 
 def corner_axis(f):
-    """From the left eye's inner corner to its outer one."""
+    """The direction from the left eye's inner corner to its outer one."""
     axis = np.array([-0.42, 1, f.slant])
     return axis / np.linalg.norm(axis)
 
 
 def turned(along):
-    """Rows: forward, to the outer corner, up, of the left eye."""
+    """The left eye's axes as rows: forward, to the outer corner, up."""
     up = np.cross(np.cross(along, [0, 0, 1]), along) * -1
     up /= np.linalg.norm(up)
     up *= np.sign(up[2])
@@ -162,7 +162,7 @@ def painted(body, f, name, points):
 
 
 def eyeball(f, sign, rings=24, sides=32):
-    """Its pole is the pupil."""
+    """Points, quads and colours of one eyeball, whose pole is the pupil."""
     polar, around = np.meshgrid(np.pi * (np.arange(rings) + 0.5) / rings, 2 * np.pi * np.arange(sides) / sides,
                                 indexing='ij')
     ball = np.stack([np.cos(polar), np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around)], -1)
@@ -186,19 +186,19 @@ def smoothstep(x):
 
 
 def near(points, place, reach):
-    """1 there, 0 from the reach on."""
+    """(n, 1): 1 at the place, falling to 0 at the reach."""
     return smoothstep(1 - np.linalg.norm((points - np.array(place)) / reach, axis=1))[:, None]
 
 
 def jaw_open(points, f, degrees=17):
-    """About the hinge; the lower lip parts from the upper one at the slit, the cheeks are drawn along."""
+    """A turn about the hinge; the lower lip parts from the upper one at the slit, the cheeks are drawn along."""
     front, high = f.mouth
     drop, side = high - points[:, 2], np.clip(np.abs(points[:, 1]) / f.lips[0], 0, 1)
-    # Far from the lips little by little; at the lips at once, by as much as makes the mouth an oval.
+    # Little by little away from the lips; at once between the lips, so far that the mouth becomes an oval.
     weight = smoothstep(0.5 + drop / 0.42) - 0.5
     lips = 0.5 * np.clip(drop / 0.006, -1, 1) * np.sqrt(1 - side ** 2) * smoothstep((points[:, 0] - front + 0.6) / 0.14)
     weight = 0.5 + np.where(np.abs(weight) > np.abs(lips), weight, lips)
-    # The throat and what is behind the jaw stay.
+    # The throat and the head behind the jaw stay.
     weight *= smoothstep((points[:, 0] - f.hinge[0] + 0.15 + 0.25 * (points[:, 2] - high)) / 0.45)
     weight *= smoothstep((points[:, 2] - f.chin[0][2] + 0.75) / 0.5)
     angle = np.radians(degrees) * weight
@@ -228,7 +228,7 @@ def blink_left(points, f):
     overlap = (OVERLAP[0] + OVERLAP[1] * np.minimum(along ** 2, 1.5)) * (high - low)
     edge, meet = np.where(is_upper, high, low), meet + np.where(is_upper, -overlap, overlap)
     share = np.clip(np.where(is_upper, (far - theta) / (far - high), (far + theta) / (far + low)), 0, 1)
-    # Steep at the lid's edge, where it has to arrive whole; level where it ends.
+    # The lid's edge moves all the way; the motion fades out smoothly where the lid ends.
     turn = share ** 1.6 * (meet - edge) * smoothstep((f.eyeball + f.lid + 0.19 - radius) / 0.17) * (np.abs(theta) < far)
     new = np.stack([q[:, 0] * np.cos(turn) - q[:, 2] * np.sin(turn), q[:, 1],
                     q[:, 0] * np.sin(turn) + q[:, 2] * np.cos(turn)], -1)
@@ -263,7 +263,7 @@ def add_keys(ob, f):
     for name, make, evened in zip(KEYS, (jaw_open, smile, blink_left, brow_up), (6, 6, 1, 6)):
         moved = make(points, f)
         moved[ob["skin"]:] = 0  # eyeballs stay
-        for _ in range(evened):  # along the surface, not across the slit
+        for _ in range(evened):  # smooths along the surface, not across the slit
             moved = relaxed(moved, faces)
         ob.shape_key_add(name=name, from_mix=False).data.foreach_set('co', np.float32(points + moved).ravel())
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bodies of our own: balls and limbs that grow together, as signed distances, and a mesh of where they are zero."""
+"""Bodies of our own: balls and limbs blended together as signed distances, and meshes of where these are zero."""
 
 import numpy as np
 
 
-NEAR = 0.05  # of a part's box: what is farther is not of it
+NEAR = 0.05  # from a part's box: farther out the part doesn't matter
 
 
 class Body:
@@ -27,7 +27,7 @@ class Body:
         self.parts.append((distance, centre - reach, centre + reach, blend, paint, -1 if carve else 1))
 
     def slab(self, centre, radii, half, blend=0.03, paint=None, carve=False):
-        """Level, of the outline of an ellipse in x and y, and half as thick as it says."""
+        """A level slab whose outline in x and y is an ellipse. half: half of its thickness."""
         centre, radii = np.array(centre, float), np.array(radii, float)
 
         def distance(p):
@@ -39,7 +39,7 @@ class Body:
         self.parts.append((distance, centre - reach, centre + reach, blend, paint, -1 if carve else 1))
 
     def limb(self, points, blend=0.03, paint=None, wide=1.0, carve=False):
-        """Cones with round ends along a curve through points (x, y, z, radius). wide: in y, of what it is high."""
+        """Cones with round ends along a curve through points (x, y, z, radius). wide: width in y over height."""
         points = smooth_curve(np.array(points, float))
         scale = np.array([1, 1 / wide, 1])
 
@@ -64,7 +64,7 @@ class Body:
             add(mirrored, *others, **named)
 
     def distance(self, p):
-        """Of points (n, 3) near the surface."""
+        """Signed distances of points (n, 3) near the surface."""
         found = np.full(len(p), 1.0)
         for distance, low, high, blend, _, sign in self.parts:
             near = ((p > low - blend - NEAR) & (p < high + blend + NEAR)).all(-1)
@@ -72,7 +72,7 @@ class Body:
         return found
 
     def paint(self, p, colours, width):
-        """(n, 3): what the part nearest to each point is painted, softly over a width. colours: {paint: colour}."""
+        """(n, 3): the colour of the part nearest to each point, blended over a width. colours: {paint: colour}."""
         weights, mixed = np.zeros(len(p)), np.zeros((len(p), 3))
         nearest = {}
         for distance, _, _, _, paint, sign in self.parts:
@@ -86,7 +86,7 @@ class Body:
         return mixed / weights[:, None]
 
     def mesh(self, cell, turn=None):
-        """(n, 3) points and (m, 4) quads over a grid of such cells. Another turn, (3, 3), gives another topology."""
+        """(n, 3) points and (m, 4) quads over a grid of such cells. turn: of the grid, (3, 3), for another topology."""
         axes = np.eye(3) if turn is None else np.array(turn, float)
         low, high = np.min([part[1] for part in self.parts], 0), np.max([part[2] for part in self.parts], 0)
         corners = np.stack(np.meshgrid(*zip(low, high), indexing='ij'), -1).reshape(-1, 3) @ axes
@@ -104,7 +104,7 @@ class Body:
         points = (low + cell * points) @ axes.T
         for _ in range(3):
             points = self.settled(relaxed(points, quads), 0.2 * cell)
-        return 0.5 * points + 0.5 * relaxed(points, quads), quads  # which evens out what is under a cell
+        return 0.5 * points + 0.5 * relaxed(points, quads), quads  # smooths what is smaller than a cell
 
     def settled(self, points, step):
         """Points moved onto the surface, by Newton's method."""
@@ -117,7 +117,7 @@ class Body:
 
 
 def smooth_curve(points, between=5):
-    """Catmull and Rom's through points, with as many new ones from each to the next."""
+    """The spline of Catmull and Rom through points, with so many new ones between each and the next."""
     if len(points) < 3:
         return points
     before, after = np.vstack([points[:1], points[:-1]]), np.vstack([points[1:], points[-1:]])
@@ -137,7 +137,7 @@ def joined(a, b, blend, sign):
 
 
 def surface_net(values):
-    """Where a grid of values changes its sign: a point in each cell, in cells, and a quad across each edge."""
+    """Where a grid of values changes its sign: a point in each such cell, in cells, a quad across each such edge."""
     inside = values < 0
     cells = np.zeros([n - 1 for n in values.shape], bool)
     corners = [tuple(slice(d, n - 1 + d) for d, n in zip(corner, values.shape)) for corner in np.ndindex(2, 2, 2)]

@@ -21,7 +21,7 @@ FRAMES = 26
 
 
 def show(empty):
-    """Renders leave empties out: three rods along the axes stand for one."""
+    """Adds three rods along an empty's axes, as renders leave empties out."""
     mesh = bpy.data.meshes.new("Axes")
     size = empty.empty_display_size
     corners, faces, colours = [], [], []

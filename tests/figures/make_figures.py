@@ -78,7 +78,7 @@ class Subject:
         """Adds a panel and its row of numbers; returns the measures."""
         deformed_base = self.shown(output='BASE')
         deformed = self.shown(output='RESULT', **settings)
-        # Once more: a method prepares itself when it is first used.
+        # Updated once more: the first update by a method prepares it.
         start = time.perf_counter()
         bpy.ops.object.detail_deform_update()
         slow = self.settings.method == 'VOLUMES'
@@ -104,7 +104,7 @@ class Subject:
 
 
 def plane_subject(name, motion):
-    """The bumpy plane, held on the left, its right side moved."""
+    """The bumpy plane, fixed on the left, its right side moved."""
     positions, faces = shapes.bumpy_plane()
     subject = Subject(name, positions, faces)
     column = np.repeat(np.arange(201), 201)

@@ -22,7 +22,7 @@ MARKERS = (((1.60, 0, 1.43), (1.90, 0, 2.05)), ((-1.01, 0, 0.49), (-0.84, 0, 0.7
            ((0.59, .17, 0.02), (0.62, .17, 0.03)))
 SPACING = 2.70
 SIZE = (1600, 290)
-TURN = 0.50  # of each animal about the vertical, towards who looks
+TURN = 0.50  # of each animal about the vertical, towards the camera, in radians
 
 
 def shape(ob):
@@ -30,7 +30,7 @@ def shape(ob):
 
 
 def line_up(ob, poses):
-    """Copies of it in its poses, beside one another, each as high over the ground as its phase says."""
+    """Copies of an animal in its poses, beside one another, each at its phase's height over the ground."""
     turn = np.array(Matrix.Rotation(-TURN, 3, 'Z'))
     for k, points in enumerate(poses):
         points = points - [*(points.min(0) + np.ptp(points, axis=0) / 2)[:2], points[:, 2].min()]

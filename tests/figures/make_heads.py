@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Makes addon/manual/heads.jpg: one head's keys above, carried over to another of other vertices and shape below.
+"""Makes addon/manual/heads.jpg: one head's keys above, carried over to a head of other topology and shape below.
 
 blender --background --factory-startup --python-exit-code 1 --python tests/figures/make_heads.py
 """

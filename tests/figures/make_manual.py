@@ -31,7 +31,7 @@ def open_scene(name):
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / name), load_ui=False)
 
 
-# Heights in overview.png: the box, the buttons, the method, what is shown, the ends, and the panels below.
+# Heights in overview.png of the status, Bind and its buttons, the method, the output, Apply and Remove, and the panels.
 OVERVIEW = (62, 135, 208, 300, 373, 418, 444, 470, 496, 522)
 
 
@@ -48,7 +48,7 @@ def turn_about_itself(empty, shift, degrees):
 
 
 def overview():
-    """The main panel, and its own panels closed."""
+    """The main panel, and its subpanels closed."""
     main, *others = panels.OBJECT_PT_detail_deform, *(
         cls for cls in panels.CLASSES if getattr(cls, 'bl_parent_id', "") == 'OBJECT_PT_detail_deform')
     return main, *(type(f'{cls.__name__}_closed', (cls,), {'bl_options': {'DEFAULT_CLOSED'}}) for cls in others)
@@ -69,7 +69,7 @@ def suzanne():
     look((-1.2, -5.0, 0.9), (-0.25, 0, 0.25), 62)
     ob.select_set(False)  # its outline hides the details
     yield from settle()
-    area('OUTLINER').type = 'INFO'  # nothing that moves
+    area('OUTLINER').type = 'INFO'  # an editor whose content doesn't change
     show_only(panels.OBJECT_PT_detail_deform, panels.OBJECT_PT_detail_deform_handles)
     yield from settle()
     picture('window.jpg', ('VIEW_3D', 'PROPERTIES'), ('-resize', '900x', '-quality', '72'))
@@ -92,7 +92,7 @@ def suzanne():
         panel_picture(f'{name}.png')
 
     show_only(panels.OBJECT_PT_detail_deform)
-    settings.handles[1].enabled = False  # no longer what it was bound for
+    settings.handles[1].enabled = False  # differs from what is bound, which gives a message
     yield from settle()
     panel_picture('message.png')
     settings.handles[1].enabled = True
@@ -169,7 +169,7 @@ def creatures():
 
 
 def examples_of(calf):
-    """Copies of it in its poses."""
+    """Copies of the calf in three of its poses."""
     scene, found = bpy.context.scene, []
     for frame, name in ((9, "Head down"), (17, "Step"), (24, "Leap")):
         scene.frame_set(frame)

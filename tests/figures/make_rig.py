@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Makes addon/manual/rig.jpg: a calf as its armature poses it; by examples of two other frames, pulled by handles that
-six of its bones carry; and with the example that Find Missing lists first. Red is what lies far from where the armature
-has it, by 5% of the calf's size and more.
+six of its bones carry; and with the example that Find Missing lists first. Red are vertices that lie 5% of the calf's
+size and more from where the armature has them.
 
 blender --background --factory-startup --python-exit-code 1 --python tests/figures/make_rig.py
 """
@@ -19,9 +19,9 @@ import studio  # noqa: E402
 from detail_deform.scene import mesh_data  # noqa: E402
 from detail_deform.setup import markers  # noqa: E402
 
-FRAMES = (6, 13, 21)  # that are no examples
+FRAMES = (6, 13, 21)  # not among the examples
 SIZE = (400, 300)
-WORST = 0.05  # of the calf's box: shown in full red
+WORST = 0.05  # error, as a fraction of the calf's box, that is shown in full red
 HANDLES = (("muzzle", 1, "head - muzzle"), ("hoof L", 26, "fetlock.L - hoof.L"), ("hoof R", 27, "fetlock.R - hoof.R"),
            ("heel L", 36, "pastern.L - heel.L"), ("heel R", 37, "pastern.R - heel.R"), ("rump", None, "rump - belly"))
 
@@ -48,7 +48,7 @@ def add_handles(calf, rig):
 
 
 def colour(calf, errors):
-    """Grey where they are none, red where they are worst."""
+    """Grey where there is no error, red where it is WORST and more."""
     share = np.clip(errors / WORST, 0, 1)[:, None]
     studio.colour(calf.data, (1 - share) * np.float32([0.6, 0.6, 0.6]) + share * np.float32([0.9, 0.05, 0.02]))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the settings of the shape do, each without them and by default: rims, single vertices, turns and densities.
+"""Effects of the settings of the shape, each switched off and by default: rims, single vertices, turns and densities.
 
     blender --background --factory-startup --python-exit-code 1 --python tests/figures/make_shape.py
 
@@ -32,7 +32,7 @@ DEFAULT = dict(rim_smoothing=0.05, rotation_smoothing=0.009, base_deformer='AUTO
 # ---------------------------------------------------------------- the cases
 
 def held_subject(name, shape, region, handle):
-    """Bound; returns it and its empty. region, handle: of positions, which vertices."""
+    """A bound subject and its handle's empty. region, handle: map positions to the vertices in it."""
     positions, faces = shape
     subject = Subject(name, positions, faces)
     subject.group("region", region(positions))
@@ -44,7 +44,7 @@ def held_subject(name, shape, region, handle):
 
 
 def sheet(name, radius, side):
-    """Its border is fixed, and a disc in its middle is pulled up."""
+    """A sheet whose border is fixed, and a disc in its middle pulled up."""
     subject, empty = held_subject(name, shapes.sheet(side), lambda p: (abs(p[:, :2] - 0.5) < 0.499).all(1),
                                   lambda p: np.linalg.norm(p[:, :2] - 0.5, axis=1) < radius)
     empty.location.z += 0.3
@@ -52,7 +52,7 @@ def sheet(name, radius, side):
 
 
 def twisted_bar(degrees, density=1):
-    """A tenth at each end is held; the empty's Euler angle says how far the one turns."""
+    """A bar, a tenth fixed at one end and a tenth in a handle at the other, which the empty's Euler angle turns."""
     shape = shapes.tube(60 * density + 1, 96 * density, BAR, shapes.square)
     subject, empty = held_subject(f"Bar {len(shape[0])}", shape, lambda p: p[:, 0] > 0.1 * BAR + 1e-6,
                                   lambda p: p[:, 0] > 0.9 * BAR - 1e-6)
@@ -62,7 +62,7 @@ def twisted_bar(degrees, density=1):
 
 
 def posed(subject, **options):
-    """Its surface as the library alone deforms it, which the panel's limits don't bind."""
+    """The subject's surface deformed by the library alone, without the limits of the panel."""
     triangles = mesh_data.triangles(subject.object.data)
     offsets = Bind(subject.rest, triangles, subject.roles, 1).finish().offsets(subject.motion[None], **options)
     made = Subject(f"{subject.object.name} posed", subject.rest + offsets.reshape(-1, 3), triangles)
@@ -71,7 +71,7 @@ def posed(subject, **options):
 
 
 def bent_cylinder(degrees):
-    """Along an arc as long as what is free."""
+    """A cylinder bent along an arc as long as its free part."""
     ends = 0.1 * CYLINDER, 0.9 * CYLINDER
     subject, empty = held_subject("Cylinder", shapes.tube(81, 60, CYLINDER, shapes.circle),
                                   lambda p: p[:, 0] > ends[0] + 1e-6, lambda p: p[:, 0] > ends[1] - 1e-6)
@@ -93,7 +93,7 @@ def pulled_limb(turns):
 
 
 def caged():
-    """A bumpy plane on a sheet of 6 × 6 faces that is rolled; both."""
+    """A bumpy plane, and its cage, a sheet of 6 × 6 faces that is rolled."""
     plane, cage = Subject("Bumpy", *shapes.bumpy_plane(161, 8)), Subject("Cage", *shapes.sheet(7))
     turn, arm = 2.2 * (cage.rest[:, 0] - 0.5), 1 / 2.2 - cage.rest[:, 2]
     posed = np.stack([arm * np.sin(turn) + 0.5, cage.rest[:, 1], 1 / 2.2 - arm * np.cos(turn)], -1)
@@ -109,7 +109,7 @@ def caged():
 
 
 def rows():
-    """Of each row its panels: subject, title, settings, and how it is looked at."""
+    """The panels of each row: subject, title, settings and camera."""
     profile = dict(view=(-0.25, -1, 0.04), centre=(0.403, 0.524, 0.29), height=0.05, pixels=240)
     mirrored = dict(view=(0, -1, 0.5), centre=(0.5, 0.5, 0.287), height=0.26, pixels=280, reflected=True)
     over = dict(view=(-0.35, -1, 0.3), centre=(0.5, 0.5, 0.17), height=0.4, pixels=220)
@@ -138,7 +138,7 @@ def rows():
     yield [(cage, "A cage", DEFAULT, above), (plane, "What follows it", DEFAULT, above)]
     densities = 1, 2, 4
     bars = [twisted_bar(135, density) for density in densities]
-    # A length of as many edges at each density, which is what smoothing from triangle to triangle comes to.
+    # A length of as many edges at each density, as smoothing from triangle to triangle would have it.
     by_edges = [posed(one, rotation_smoothing=DEFAULT['rotation_smoothing'] / density)
                 for one, density in zip(bars, densities)]
     for what, subjects in (("smoothed by edges", by_edges), ("the default", bars)):
@@ -148,7 +148,7 @@ def rows():
 # ---------------------------------------------------------------- what is measured
 
 def report(subject, title):
-    """Prints what was measured; returns what matters most of it."""
+    """Prints the measures; returns the one that tells most of the case."""
     deformed = subject.evaluated()
     triangles = mesh_data.triangles(subject.object.data)
     found = native.measure(subject.rest, deformed, triangles, subject.roles)
@@ -178,13 +178,13 @@ def normals(p, triangles):
 
 
 def slope_at_handle(subject, deformed, triangles):
-    """Mean over the triangles around it."""
+    """Mean slope of the triangles around the handle, in degrees."""
     around = (subject.roles[triangles] >= 0).any(1)
     return np.degrees(np.arccos(normals(deformed, triangles)[around, 2].clip(-1, 1))).mean()
 
 
 def crease_at_rim(subject, deformed, triangles):
-    """Mean over the edges between two vertices of the handle that a triangle on one side only is held by."""
+    """Mean angle, in degrees, at the edges between the handle's triangles and free ones."""
     beside, held = {}, (subject.roles[triangles] >= 0)
     for j in np.flatnonzero(held.sum(1) >= 2):
         for k in range(3):
@@ -196,7 +196,7 @@ def crease_at_rim(subject, deformed, triangles):
 
 
 def twist(deformed):
-    """How far the bar's rings turn, and how evenly. deformed: of the coarsest bar."""
+    """How evenly the bar's rings turn. deformed: of the coarsest bar."""
     rings = deformed[:61 * 96].reshape(61, 96, 3)[..., 1:].astype(float)
     across = rings[:, 0] - rings[:, 48]
     angles = np.degrees(np.unwrap(np.arctan2(across[:, 1], across[:, 0])))
@@ -207,7 +207,7 @@ def twist(deformed):
 
 
 def thickness(deformed):
-    """Of the cylinder in the plane of its bend, as a share of its diameter at rest."""
+    """The diameter in the middle of the cylinder, in the plane of its bend, as a fraction of that at rest."""
     ring = deformed[40 * 60:41 * 60].astype(float)
     return np.linalg.norm(ring[15] - ring[45]) / 0.16
 
@@ -215,7 +215,7 @@ def thickness(deformed):
 # ---------------------------------------------------------------- the sheet
 
 def paint(subject):
-    """What is held in another colour, shaded smoothly, sharp where it is at rest."""
+    """Free and held faces in two colours, shaded smoothly but for edges that are sharp at rest."""
     mesh = subject.object.data
     for name, colour in (("Free", (0.84, 0.58, 0.30, 1)), ("Held", (0.45, 0.47, 0.52, 1))):
         material = bpy.data.materials.get(name) or bpy.data.materials.new(name)
@@ -260,7 +260,7 @@ def prepare_scene():
 
 
 def picture(folder, sign, title, width, view, centre, height, pixels, reflected=False):
-    """(rows, columns, 4) of the scene as it is now. reflected: as stripes are, which show where a surface bends."""
+    """(rows, columns, 4) of the scene as it is now. reflected: shaded as stripes reflected, which show bends."""
     scene = bpy.context.scene
     shading = scene.display.shading
     shading.light = 'MATCAP' if reflected else 'STUDIO'

@@ -18,7 +18,7 @@ import shapes  # noqa: E402
 
 SIZE = (400, 330)
 COLUMNS, ROWS, LENGTH = 205, 121, 1.7  # of the thorny plate
-EDGE = 41  # columns that are fixed on the left, and that the handle has on the right: one row of thorns
+EDGE = 41  # columns fixed on the left, and in the handle on the right: one row of thorns each
 
 
 def render(name):
@@ -27,7 +27,7 @@ def render(name):
     scene.render.image_settings.file_format, scene.render.image_settings.quality = 'JPEG', 80
     scene.render.filepath = str(OUT / name)
     for stamp in (name for name in dir(scene.render) if name.startswith('use_stamp')):
-        setattr(scene.render, stamp, False)  # a picture made again is the same
+        setattr(scene.render, stamp, False)  # so that a picture made again has the same bytes
     bpy.ops.render.render(write_still=True)
 
 
@@ -64,7 +64,7 @@ def group(ob, name, chosen):
 
 
 def rolled(positions, angle):
-    """The plate between its edges along an arc, from the left."""
+    """The plate rolled up: bent along an arc between its edges, of which the left one stays."""
     x, z = positions[:, 0], positions[:, 2]
     begin = EDGE * LENGTH / (COLUMNS - 1)
     length = LENGTH - 2 * begin
@@ -101,7 +101,7 @@ def methods():
         settings.method = method
         update()
         bpy.ops.object.detail_deform_update()
-        render(f'method-{name}.jpg')  # which waits for slow results
+        render(f'method-{name}.jpg')  # a render waits for slow results
     settings.method, settings.output = 'TRANSFER', 'BASE'
     update()
     render('method-preview.jpg')
@@ -142,7 +142,7 @@ def order():
 
 
 def expressions():
-    """Two that were saved one after the other, and both together."""
+    """Two expressions that were saved one after the other, and both together."""
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'suzanne.blend'), load_ui=False)
     ob = activate(bpy.data.objects["Suzanne"])
     bpy.ops.object.detail_deform_bind(wait=True)

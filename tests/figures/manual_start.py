@@ -9,7 +9,7 @@ import numpy as np
 from manual_window import activate, area, look, picture, settle, window
 
 STEP = ('-shave', '2x2', '-resize', '480x', '-quality', '80')
-PULL = (-90, 421)  # of the menu's entry, pixels from where the menu was opened
+PULL = (-90, 421)  # place of the menu's entry, pixels from where the menu was opened
 
 
 def xdotool(*words):
@@ -17,7 +17,7 @@ def xdotool(*words):
 
 
 def to_mouse(x, y):
-    """Of the viewport's bottom left corner."""
+    """Moves the mouse to a place counted from the viewport's bottom left corner."""
     view = area('VIEW_3D')
     xdotool('mousemove', view.x + x, window().height - view.y - y)
 
@@ -35,11 +35,11 @@ def make(root):
     view = area('VIEW_3D').spaces[0]
     view.overlay.show_cursor = view.overlay.show_floor = view.overlay.show_axis_y = view.overlay.show_axis_x = False
     view.show_gizmo = view.show_region_toolbar = False
-    bpy.context.preferences.themes[0].view_3d.wire_edit = (0.32, 0.32, 0.32)  # it is dense
+    bpy.context.preferences.themes[0].view_3d.wire_edit = (0.32, 0.32, 0.32)  # lighter, as the mesh is dense
     for camera in [other for other in bpy.data.objects if other.type == 'CAMERA']:
         camera.hide_set(True)
     look((-1.4, -4.2, 0.9), (-0.75, 0, 0.35), 62)
-    bpy.context.scene.tool_settings.mesh_select_mode = (False, False, True)  # faces: no dots on them
+    bpy.context.scene.tool_settings.mesh_select_mode = (False, False, True)  # faces, which have no dots
     select(ob.data, ear)
     to_mouse(330, 700)
     yield 0.5

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's window, as make_manual.py arranges it, drives it and takes pictures of it."""
+"""Functions by which make_manual.py arranges Blender's window, drives it and takes pictures of it."""
 
 import subprocess
 from pathlib import Path
@@ -28,7 +28,7 @@ def in_area(kind):
 
 
 def picture(name, kinds, options):
-    """Of these areas, side by side, as far as the highest bottom; options of convert."""
+    """A picture of areas that lie side by side, cut at the highest of their lower edges. options: of convert."""
     areas = [area(kind) for kind in kinds]
     left, bottom = min(a.x for a in areas), max(a.y for a in areas)
     width, height = max(a.x + a.width for a in areas) - left, max(a.y + a.height for a in areas) - bottom
@@ -39,7 +39,7 @@ def picture(name, kinds, options):
 
 
 def panel_picture(name):
-    """The panels alone: what is left when the tabs, the search field, the path and the empty rest are cut off."""
+    """A picture of the panels alone, without the tabs, the search field, the path and the empty rest."""
     region = next(r for r in area('PROPERTIES').regions if r.type == 'WINDOW')
     top = window().height - region.y - region.height + PATH_HEIGHT
     shot = subprocess.run(['import', '-window', 'root', 'png:-'], check=True, capture_output=True).stdout
@@ -62,7 +62,7 @@ def number(name, places):
 
 
 def settle():
-    """Waits until the window shows what is so now."""
+    """Waits until the window shows the present state."""
     for _ in range(3):
         for shown in window().screen.areas:
             shown.tag_redraw()
@@ -70,7 +70,7 @@ def settle():
 
 
 def drag(start, end):
-    """With the mouse, from the bottom left corner of the window."""
+    """Drags with the mouse. Places are counted from the bottom left corner of the window."""
     for words in (('mousemove', *start), ('mousedown', 1), ('mousemove', *end), ('mouseup', 1)):
         if words[0] == 'mousemove':
             words = (*words[:2], window().height - words[2])
@@ -95,7 +95,7 @@ def _below(cls):
 
 
 def show_only(*classes):
-    """These of the add-on's panels, open; nothing else in the editor but the path."""
+    """Shows these panels alone, open, below the path."""
     for cls in _below(bpy.types.Panel):
         if cls.is_registered and getattr(cls, 'bl_context', "") in {'modifier', 'object'}:
             bpy.utils.unregister_class(cls)

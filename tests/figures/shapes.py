@@ -86,7 +86,7 @@ def sheet(side=121):
 
 
 def tube(rings, sides, length, outline):
-    """Triangles about the x axis, closed by caps. outline: of angles, (n,) to (n, 2): y and z."""
+    """Triangles about the x axis, closed by caps. outline: maps angles (n,) to y and z (n, 2)."""
     i, j = (a.ravel() for a in np.meshgrid(np.arange(rings), np.arange(sides), indexing='ij'))
     p = np.concatenate([(length / (rings - 1) * i)[:, None], outline(2 * np.pi * j / sides)], -1)
     p = np.concatenate([p, [[0, 0, 0], [length, 0, 0]]])

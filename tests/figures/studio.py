@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the scripts of pictures have in common: objects, a camera, a studio's light, pictures and sheets of them."""
+"""Shared by the scripts that make pictures: objects, a camera, a studio's light, pictures and sheets of them."""
 import tempfile
 from pathlib import Path
 
@@ -37,7 +37,7 @@ def colour(mesh, colours):
 
 
 def add_markers(ob, places, count=None):
-    """Numbered ones, at the vertices nearest to places. count: of the first so many vertices alone."""
+    """Numbered markers at the vertices nearest to places. count: among the first so many vertices alone."""
     points = np.array([vertex.co for vertex in ob.data.vertices[:count]])
     for number, place in enumerate(places, 1):
         nearest = int(np.linalg.norm(points - np.array(place), axis=1).argmin())
@@ -74,14 +74,14 @@ def save(pixels, path, quality=90):
     settings, view = bpy.context.scene.render.image_settings, bpy.context.scene.view_settings
     settings.file_format, settings.color_mode, settings.quality = 'JPEG', 'RGB', quality
     for stamp in (name for name in dir(bpy.context.scene.render) if name.startswith('use_stamp')):
-        setattr(bpy.context.scene.render, stamp, False)  # a picture made again is the same
-    view.view_transform, view.look, view.exposure = 'Standard', 'None', 0  # the picture has it already
+        setattr(bpy.context.scene.render, stamp, False)  # so that a picture made again has the same bytes
+    view.view_transform, view.look, view.exposure = 'Standard', 'None', 0  # the pixels went through a view already
     image.save_render(str(path))
 
 
 # ---------------------------------------------------------------- a studio: soft light, a floor that takes shadows
 
-BACKGROUND = ((0.80, 0.81, 0.83), (0.93, 0.935, 0.94))  # at the bottom and at the top, as seen
+BACKGROUND = ((0.80, 0.81, 0.83), (0.93, 0.935, 0.94))  # colours at the bottom and at the top, after the view transform
 
 
 def prepare(samples=48):
@@ -112,13 +112,13 @@ def add_light(name, place, at, size, watts, tint=(1, 1, 1), shadow=True):
 
 
 def add_floor(size=200):
-    """Seen by its shadows alone."""
+    """A floor of which shadows alone are seen."""
     corners = size * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     add_object("Floor", corners, [[0, 1, 2, 3]]).is_shadow_catcher = True
 
 
 def matte():
-    """Rough, in the vertices' colours."""
+    """A rough material in the vertices' colours."""
     found = bpy.data.materials.get("Matte")
     if not found:
         found = bpy.data.materials.new("Matte")
@@ -132,7 +132,7 @@ def matte():
 
 
 def on_paper(pixels):
-    """Over the background, opaque."""
+    """The pixels over the background, opaque."""
     height = np.linspace(0, 1, len(pixels), dtype=np.float32)[:, None, None]
     paper = (1 - height) * np.float32(BACKGROUND[0]) + height * np.float32(BACKGROUND[1])
     alpha = pixels[..., 3:]

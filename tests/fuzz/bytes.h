@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What the fuzzer's bytes say: a tame input has nothing in it that a caller shouldn't give, in a
-// wild one any choice and any number may be another than it should.
+// Decodes the fuzzer's bytes. A tame input gives only what a caller may give. In a wild one any
+// choice and any number may be invalid.
 #pragma once
 
 #include <fuzzer/FuzzedDataProvider.h>
@@ -19,13 +19,13 @@ class Bytes {
 
   bool tame() const { return tame_; }
   bool flag() { return data_.ConsumeIntegral<uint8_t>() & 1; }
-  /// 0 to count - 1; the first where the bytes have come to an end.
+  /// 0 to count - 1; 0 where the bytes have come to an end.
   int below(int count) {
     return count <= 256 ? data_.ConsumeIntegral<uint8_t>() % count
                         : data_.ConsumeIntegral<uint16_t>() % count;
   }
   bool one_in(int count) { return below(count) == count - 1; }
-  /// Something out of the way, in a wild input now and then.
+  /// Whether to give something invalid: in a wild input now and then.
   bool odd(int one_in = 24) { return !tame_ && this->one_in(one_in); }
   unsigned seed() { return data_.ConsumeIntegral<uint16_t>(); }
   double between(double low, double high) {
@@ -47,7 +47,8 @@ class Bytes {
     }
   }
 
-  /// A value of an enum or a whole number, first to last; in a wild input now and then another.
+  /// A value of an enum or a whole number, first to last; in a wild input now and then an invalid
+  /// one.
   template <class Value>
   Value choice(Value first, Value last) {
     const int32_t least = first, most = last;
@@ -56,19 +57,19 @@ class Bytes {
     const bool less = least > 0 && flag();
     return static_cast<Value>(less ? least - 1 : beyond(static_cast<size_t>(most) + 1));
   }
-  /// The same from 0 on.
+  /// A value from 0 to last.
   template <class Value>
   Value choice(Value last) {
     return choice(Value{}, last);
   }
 
-  /// A role, of a handle that there may not be.
+  /// A role that may be invalid, or of a handle that doesn't exist.
   int32_t role() {
     const int32_t one = one_in(2) ? beyond(3) : below(5);
     return one < 0 ? one - 2 * (one == -1) : one - 2;
   }
 
-  /// A number of a range, now and then one of its ends, or any there is.
+  /// A number of a range, now and then one of its ends; in a wild input now and then any number.
   double number(double low, double high) {
     if (odd()) return any();
     constexpr double kEnd = 1.0 / 16;
@@ -76,7 +77,7 @@ class Bytes {
     return share <= 0 ? low : share >= 1 ? high : low + (high - low) * share;
   }
 
-  /// Numbers that arithmetic breaks on, or any bits.
+  /// A number that arithmetic breaks on, or one of any bits.
   double any() {
     using limits = std::numeric_limits<double>;
     static const double kKnown[] = {0.0,
@@ -105,16 +106,16 @@ class Bytes {
     return value;
   }
 
-  /// 0 to count - 1, read from the other end: choices that leave all others what they are, as where
-  /// points lie.
+  /// 0 to count - 1, read from the other end of the bytes, so that all other choices keep theirs:
+  /// for the layout of points.
   int aside(int count) {
     uint8_t byte = 0;
     data_.ConsumeData(&byte, 1);
     return byte % count;
   }
 
-  /// Bytes from one point to the next: three floats, more of them now and then, and in a wild input
-  /// what no points can have.
+  /// Bytes from one point to the next: three floats, now and then more, and in a wild input now and
+  /// then a stride that points can't have.
   size_t stride() {
     const int kind = aside(48);
     if (kind < 32) return 3 * sizeof(float);
@@ -135,7 +136,7 @@ class Bytes {
     }
   }
 
-  /// The count of an array, or one that it hasn't.
+  /// The count of an array; in a wild input now and then a wrong one.
   size_t count(size_t given) {
     if (!odd(64)) return given;
     switch (below(4)) {
@@ -143,7 +144,7 @@ class Bytes {
         return 0;
       case 1:
         return given - (given > 0);
-      // One more than there are is read beyond the end by who doesn't check it.
+      // A call that doesn't check a count that is one too large reads beyond the end.
       case 2:
         return given + 1;
       default:
@@ -151,7 +152,7 @@ class Bytes {
     }
   }
 
-  /// A pointer, or null.
+  /// A pointer; in a wild input now and then null.
   template <class Value>
   Value* pointer(Value* given) {
     return odd(96) ? nullptr : given;

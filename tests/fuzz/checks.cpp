@@ -66,7 +66,7 @@ void refused(dd_status status, const char* what) {
 }
 
 dd_status watched(dd_job* job, Bytes& bytes, bool endless) {
-  // Polls until then, or never; what is endless only ends so.
+  // A job is cancelled after some polls, or never. An endless one only ends by that.
   const bool cancels = endless || bytes.one_in(8);
   const int polls = cancels ? bytes.below(64) : 0;
   double before = 0;

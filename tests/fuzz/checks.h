@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What the public header promises of every call, and who breaks it.
+// Promises of the public header about every call.
 #pragma once
 
 #include <algorithm>
@@ -14,24 +14,25 @@
 
 namespace dd::fuzz {
 
-/// Says what was promised, and aborts.
+/// Prints the promise that was broken, and aborts.
 [[noreturn]] void broken(const char* promise);
 
 inline void promise(bool kept, const char* sentence) {
   if (!kept) broken(sentence);
 }
 
-/// A status that there is, with a sentence and facts that agree with one another where it is an
-/// error; memory doesn't run out here and internal errors are ours. Returns whether all is well.
+/// Checks that a status is one of dd_status, and that an error has a message and facts that agree
+/// with one another. DD_ERROR_MEMORY and DD_ERROR_INTERNAL break a promise. Returns whether it is
+/// DD_OK.
 bool well(dd_status status);
 
-/// The same of a call that has nothing to refuse.
+/// Checks the status of a call that may not be refused.
 void must(dd_status status, const char* what);
 
-/// The same of one that has to be refused.
+/// Checks the status of a call that has to be refused.
 void refused(dd_status status, const char* what);
 
-/// What dd_last_error() says.
+/// The error that dd_last_error() gives.
 dd_error last_error();
 
 /// The function that fills options with their defaults.
@@ -65,14 +66,14 @@ Options usual() {
   return options;
 }
 
-/// A struct with as much room as a caller says it has, so that what is read or written beyond is
-/// seen: by older and newer callers too where the input is wild.
+/// A struct in memory of the size that a caller states, so that sanitizers see accesses beyond it.
+/// In a wild input the size may be that of an older or a newer caller.
 template <class Struct>
 class Sized {
  public:
   Sized(const Struct& values, Bytes& bytes) {
     size_t size = sizeof(Struct);
-    // Older headers ended where a field did: none in the middle of a pointer.
+    // Older headers ended between fields: multiples of 8 bytes don't cut a pointer.
     if (bytes.odd(16)) size = 8 * static_cast<size_t>(bytes.below(int(size / 8) + 3));
     size = std::max(size, sizeof(uint32_t));
     auto said = static_cast<uint32_t>(size);
@@ -85,15 +86,16 @@ class Sized {
   }
 
   Struct* get() const { return reinterpret_cast<Struct*>(struct_.get()); }
-  /// Of no size that a struct can have: what is given it has to refuse it.
+  /// Whether struct_size is one for which a call has to be refused.
   bool wrong() const { return wrong_; }
-  /// What the library knows of these options.
+  /// The options as the library reads them: defaults beyond the caller's size.
   Struct known() const {
     Struct values = usual<Struct>();
     std::memcpy(&values, before_.data(), std::min(before_.size(), sizeof(Struct)));
     return values;
   }
-  /// As many bytes as it has, of a call that gave this status.
+  /// Checks the struct after a call that returned status: unchanged if it failed. Returns whether
+  /// it was filled in.
   bool after(dd_status status) const {
     promise(status != DD_OK || !wrong_, "a struct_size that is none is refused");
     if (well(status)) return true;
@@ -108,8 +110,8 @@ class Sized {
   bool wrong_ = false;
 };
 
-/// Watches a job, and cancels it where the bytes say so or where it takes too long. Returns what
-/// dd_job_finish() does.
+/// Watches a job, and cancels it if the bytes say so or if it is endless. Returns the status of
+/// dd_job_finish().
 dd_status watched(dd_job* job, Bytes& bytes, bool endless = false);
 
 struct Freed {
@@ -121,8 +123,8 @@ struct Freed {
 template <class Object>
 using Owned = std::unique_ptr<Object, Freed>;
 
-/// The result of a job that was started with this status, and watched; none where it was refused,
-/// cancelled or failed. tame: then only the cancelled ones may fail.
+/// The result of a job that was started with this status, after watching it; null if it was
+/// refused, cancelled or failed. tame: nothing but a cancel may fail it.
 template <class Object>
 Owned<Object> taken(dd_status started, Owned<dd_job> job, Bytes& bytes, bool tame,
                     dd_status (*take)(dd_job*, Object**), bool endless = false) {

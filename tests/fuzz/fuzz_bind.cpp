@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Binds of any mesh with any roles and options, polled and cancelled anywhere, and what follows
-// from one: facts, a frame, and refusals of what a job doesn't give.
+// Binds of any mesh with any roles and options, polled and cancelled anywhere; then the facts of
+// the deformer, a frame at rest, and refusals of results that a bind doesn't give.
 #include "surfaces.h"
 
 using namespace dd::fuzz;
@@ -11,7 +11,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   dd_job* started = nullptr;
   const dd_status status = bind.start(&started, bytes);
   Owned<dd_job> job(started);
-  if (job && bytes.one_in(16)) return 0;  // let go of while it works
+  if (job && bytes.one_in(16)) return 0;  // freed while it works
   if (job && bytes.one_in(8)) {
     dd_transfer* transfer = nullptr;
     dd_update_info info{};

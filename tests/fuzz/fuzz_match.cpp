@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Searches for what corresponds, between any two meshes with any markers.
+// Searches for correspondences, between any two meshes with any markers.
 #include "checks.h"
 #include "meshes.h"
 #include "points.h"
@@ -27,7 +27,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   markers = std::vector<int32_t>(markers);
   auto options = usual<dd_match_options>();
   const bool endless = bytes.odd(64);
-  // Usual ones take long.
+  // The default numbers take long.
   options.stages = endless ? 1000 : bytes.choice(1, 3);
   options.rounds = endless ? 1000 : bytes.choice(1, 2);
   if (!endless && options.stages > 3) options.stages = 1001;
@@ -45,7 +45,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
                                           how.get(), bytes.pointer(&job));
   promise(status != DD_OK || !(how.wrong() || from.misplaced() || to.misplaced()),
           "a match with a stride or a struct_size that is none is refused");
-  // An older caller has the usual ones of what it doesn't know.
+  // A caller with an older struct would get the default numbers.
   if (how.known().stages != options.stages || how.known().rounds != options.rounds) {
     dd_job_free(job);
     return 0;

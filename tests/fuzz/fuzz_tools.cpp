@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What is done at once and leaves nothing: measures, distances, gradients, defaults.
+// Calls that need no job and keep no object: measures, distances, gradients, defaults.
 #include "checks.h"
 #include "meshes.h"
 #include "points.h"
@@ -140,7 +140,7 @@ void gradients(Bytes& bytes) {
   }
 }
 
-/// Options of a caller that says that they are so large, and has the room for it.
+/// Defaults for a caller that states any size, and has room for it.
 template <class Options>
 void defaults(Bytes& bytes) {
   size_t size = sizeof(Options);

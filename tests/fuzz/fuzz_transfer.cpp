@@ -8,13 +8,13 @@ using namespace dd::fuzz;
 
 namespace {
 
-/// Of numbers below these, or beyond.
+/// Pairs of numbers below `sources` and `targets`; in a wild input now and then beyond.
 std::vector<int32_t> any_pairs(int32_t sources, int32_t targets, Bytes& bytes) {
   std::vector<int32_t> pairs;
   const unsigned seed = bytes.seed();
   const int count = bytes.one_in(4) ? bytes.below(8) : 1 + bytes.below(256);
   for (int k = 0; k < count; ++k) {
-    // Neighbours' numbers are near, so that the pairs have a meaning as a whole.
+    // Consecutive numbers, so that neighbours are paired with neighbours.
     pairs.push_back(int32_t((seed + unsigned(k)) % unsigned(std::max(1, sources))));
     pairs.push_back(int32_t((3 * seed + unsigned(k)) % unsigned(std::max(1, targets))));
   }
@@ -41,7 +41,7 @@ void facts_agree(const dd_transfer* transfer, const Surface& target, Bytes& byte
   sized.after(dd_transfer_get_info(transfer, sized.get()));
 }
 
-/// Of packed meshes, without anything odd.
+/// The same transfer of packed meshes.
 Owned<dd_transfer> made(const Surface& source, const Surface& target,
                         const std::vector<int32_t>& pairs, const dd_transfer_options* options) {
   const dd_mesh from = source.mesh(), to = target.mesh();
@@ -68,7 +68,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (!same) {
     target = any_surface(bytes);
     const bool of_vertices = options.pairs_of == DD_PAIRS_OF_VERTICES;
-    // Given where none should be, they are refused.
+    // With nearest points for pairs, given ones are refused.
     if (options.pairs_of != DD_PAIRS_OF_NEAREST || bytes.odd())
       pairs =
           any_pairs(int32_t(of_vertices ? source.vertex_count() : source.triangle_count()),
@@ -83,7 +83,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   if (anchored || bytes.odd())
     for (int more = 1 + bytes.below(6); more > 0; --more) {
       const int32_t one = int32_t(bytes.seed() % std::max<size_t>(1, target.vertex_count()));
-      // Named twice it is refused.
+      // An anchor that is named twice is refused.
       if (std::find(anchors.begin(), anchors.end(), one) == anchors.end() || bytes.odd())
         anchors.push_back(bytes.odd(8) ? bytes.beyond(target.vertex_count()) : one);
     }
@@ -106,7 +106,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   options.gap = bytes.number(-0.1, 1);
   std::vector<int32_t> point_triangles;
   std::vector<float> point_weights;
-  // Of the nearest, none are taken.
+  // With nearest points for pairs, given points are refused.
   if (options.pairs_of == DD_PAIRS_OF_NEAREST ? bytes.odd(16) : bytes.one_in(3)) {
     const auto m = int32_t(std::max<size_t>(1, source.triangle_count()));
     for (size_t v = 0; v < target.vertex_count(); ++v) {
@@ -150,7 +150,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     const Points pose(at_rest ? source.positions : posed(source.positions, bytes), bytes);
     auto applied = usual<dd_apply_options>();
     applied.gradients = bytes.choice(DD_GRADIENTS_WHOLE);
-    // Now and then is enough for what is refused.
+    // Rotations are refused with these placings, which is tried now and then.
     if (takes_whole && bytes.aside(4) != 3) applied.gradients = DD_GRADIENTS_WHOLE;
     applied.values = bytes.choice(DD_VALUES_OFFSETS);
     Points places;
@@ -177,7 +177,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     promise(there || !(tame && in_place) || last_error().remedy == DD_REMEDY_WHOLE_GRADIENTS,
             "who asks for rotations is told that they don't go with such places");
     if (wrong || out.misplaced()) continue;
-    // Packed, and by what was made of packed meshes.
+    // The same with packed points, and by the transfer of packed meshes.
     places.pack();
     const dd_points packed = pose.packed();
     dd_transfer* other = of_packed ? of_packed.get() : transfer.get();

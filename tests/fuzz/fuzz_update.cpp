@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Updates of one surface by any method, with any options and matrices, in any order, at once or as
-// jobs: what is promised of each, and that none knows of the others.
+// jobs. Checks the promises about each, and that none depends on those before it.
 #include <optional>
 #include <string>
 
@@ -10,7 +10,7 @@ using namespace dd::fuzz;
 
 namespace {
 
-/// One update: what was asked for and what came of it.
+/// One update: its arguments and its result.
 struct Call {
   Motion motion;
   dd_status status = DD_OK;
@@ -29,7 +29,7 @@ class Updates {
                                              motion.matrices.size() / 12, motion.how(), &to));
   }
 
-  /// What a call gives is looked at; that of one that can be repeated is returned.
+  /// Makes a call and checks its result. Returns it if it can be repeated.
   std::optional<Call> call(dd_deformer* deformer) {
     Motion motion = any_motion(bind_, bytes_);
     if (motion.endless || bytes_.one_in(5)) {
@@ -51,13 +51,13 @@ class Updates {
       return one;
     }
     promise(!one.motion.tame, "what is nothing out of the way doesn't fail");
-    // Elsewhere it would not be refused.
+    // With packed points it would not be refused.
     if (one.out.misplaced()) return {};
     one.sentence = dd_last_message();
     return one;
   }
 
-  /// Done once more, with all points packed, it gives the same, to the bit.
+  /// The call once more, with all points packed, must give the same to the bit.
   void repeat(dd_deformer* deformer, const Call& one) const {
     Output again(count_);
     one.motion.base.pack();
@@ -79,11 +79,11 @@ class Updates {
       promise(!motion.tame && !job, "outputs are written only on DD_OK: a job was");
       return;
     }
-    if (bytes_.one_in(8)) {  // it may be in use
+    if (bytes_.one_in(8)) {  // the job may be using the deformer
       const dd_status meanwhile = dd_deformer_update(deformer, nullptr, 0, nullptr, nullptr);
       refused(meanwhile, "an update needs somewhere to go");
     }
-    if (bytes_.one_in(16)) return;  // let go of while it works
+    if (bytes_.one_in(16)) return;  // freed while it works
     const dd_status ended = watched(job.get(), bytes_, motion.endless);
     Output out(count_, bytes_);
     const dd_points_out to = out.get();
@@ -103,7 +103,7 @@ class Updates {
     const std::vector<float> found = out.values();
     promise(packed.values() == found, "where points lie has no say in an update");
     must(update(deformer, motion, at_once), "what a job does can be done at once");
-    // Steps add up to positions, from which offsets are taken: not to the last digit.
+    // Steps give positions, and offsets are differences of these: not exact to the last digit.
     const double size = extent(bind_.surface.positions);
     const std::vector<float> others = at_once.values();
     for (size_t k = 0; k < found.size(); ++k) {

@@ -9,7 +9,7 @@ namespace dd::fuzz {
 
 namespace {
 
-/// One fault, of those that no mesh is refused for.
+/// Adds one fault for which no mesh is refused.
 void spoil(Mesh& mesh, Bytes& bytes) {
   const int n = mesh.vertex_count(), m = mesh.triangle_count();
   const int v = bytes.below(n), w = bytes.below(n), t = bytes.below(m);
@@ -34,10 +34,10 @@ void spoil(Mesh& mesh, Bytes& bytes) {
     case 2:  // a fin on an edge
       add_triangle(mesh.triangles(t, 0), mesh.triangles(t, 1), add_vertex(1.3 * place));
       break;
-    case 3:  // a face once more
+    case 3:  // a doubled face
       add_triangle(mesh.triangles(t, 0), mesh.triangles(t, 1), mesh.triangles(t, 2));
       break;
-    case 4:  // a face that looks the other way
+    case 4:  // a flipped face
       std::swap(mesh.triangles(t, 0), mesh.triangles(t, 1));
       break;
     case 5:  // a hole
@@ -49,7 +49,7 @@ void spoil(Mesh& mesh, Bytes& bytes) {
     case 6:  // a face across the mesh
       add_triangle(v, w, mesh.triangles(t, 0));
       break;
-    case 7:  // next to no thickness
+    case 7:  // almost flat
       mesh.positions.col(bytes.below(3)) *= std::pow(10, -bytes.below(16));
       break;
     case 8:  // nearly a point
@@ -62,12 +62,12 @@ void spoil(Mesh& mesh, Bytes& bytes) {
       mesh.positions.row(mesh.triangles(t, 0)) = 0.5 * (mesh.positions.row(mesh.triangles(t, 1)) +
                                                         mesh.positions.row(mesh.triangles(t, 2)));
       break;
-    default:  // one far away from the others
+    default:  // a vertex far away from the others
       mesh.positions.row(v) *= std::pow(10, bytes.below(10));
   }
 }
 
-/// What has to be refused.
+/// Adds a fault for which the mesh has to be refused.
 void break_mesh(test::FlatMesh& mesh, Bytes& bytes) {
   switch (bytes.below(4)) {
     case 0:
@@ -119,7 +119,7 @@ void disturb(std::vector<float>& positions, Bytes& bytes) {
   if (positions.empty()) return;
   float& one = positions[bytes.below(static_cast<int>(positions.size()))];
   const double value = bytes.any();
-  // Beyond the range of floats a conversion has no meaning.
+  // The conversion of a double beyond the range of floats is undefined.
   one = std::abs(value) > std::numeric_limits<float>::max()
             ? std::copysign(std::numeric_limits<float>::infinity(), float(value > 0 ? 1 : -1))
             : static_cast<float>(value);

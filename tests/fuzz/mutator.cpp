@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// How inputs are made of inputs. Their bytes are choices, most read from the end: where libFuzzer
-// moves bytes all later choices mean something else, and its changes seldom come to what has to be
-// odd in two or three places at once. Inputs made of nothing do.
+// How inputs are mutated. Their bytes are choices, most of them read from the end: where libFuzzer
+// moves bytes, all later choices change their meaning, and its changes seldom give an input that is
+// invalid in two or three places at once. Random inputs do.
 #include <cstddef>
 #include <cstdint>
 #include <random>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Points as callers hold them: one right after the other, or with something of their own in
-// between.
+// Points as callers hold them: packed, or with other data in between.
 #pragma once
 
 #include <memory>
@@ -13,14 +12,14 @@ namespace dd::fuzz {
 
 constexpr size_t kPacked = 3 * sizeof(float);
 
-/// Whether the points of a call, or of a result, can't lie so: then it has to be refused.
+/// Whether points have a stride for which a call has to be refused.
 template <class Given>
 bool misplaced(const Given& points) {
   return points.count > 0 &&
          (points.stride < kPacked || points.stride > 4096 || points.stride % sizeof(float) != 0);
 }
 
-/// The same points, or what a call must not take for them: another count, or none.
+/// The points; in a wild input now and then with a wrong count, or null.
 template <class Given>
 Given counted(Given points, Bytes& bytes) {
   points.first = bytes.pointer(points.first);
@@ -28,7 +27,7 @@ Given counted(Given points, Bytes& bytes) {
   return points;
 }
 
-/// Floats from one point to the next; where they can't lie so none is read or written.
+/// Floats from one point to the next; 3 at a stride for which nothing is read or written.
 inline size_t step(size_t stride) {
   return misplaced(dd_points{nullptr, 1, stride}) ? 3 : stride / sizeof(float);
 }
@@ -36,7 +35,7 @@ inline size_t room(size_t count, size_t stride) {
   return count == 0 ? 0 : (count - 1) * step(stride) + 3;
 }
 
-/// Points to read, of just the size that they have. What lies between them is no number.
+/// Points to read, in memory that ends with the last one. Floats between them are NaN.
 class Points {
  public:
   Points() = default;
@@ -53,11 +52,11 @@ class Points {
 
   const std::vector<float>& values() const { return packed_; }
   dd_points packed() const { return detail_deform::points(packed_); }
-  /// As the bytes have them, or null where there are none; it stays where it is.
+  /// The points with the bytes' stride, at an address that stays, or null without points.
   dd_points* given() const { return given_.get(); }
   bool misplaced() const { return given_ && fuzz::misplaced(*given_); }
   bool spread() const { return !spread_.empty(); }
-  /// From now on they are given packed, but for what is wrong with them.
+  /// Makes given() packed from now on, unless it is invalid.
   void pack() const {
     if (!given_ || misplaced() || given_->first != data()) return;
     given_->first = packed_.data();
@@ -71,7 +70,7 @@ class Points {
   std::unique_ptr<dd_points> given_;
 };
 
-/// A mesh whose vertices lie as the bytes have it.
+/// A mesh whose vertices have the bytes' stride.
 class GivenMesh {
  public:
   GivenMesh(const test::FlatMesh& mesh, Bytes& bytes)
@@ -88,7 +87,7 @@ class GivenMesh {
   dd_mesh mesh_;
 };
 
-/// Points to write, of just the size that they have.
+/// Points to write, in memory that ends with the last one.
 class Output {
  public:
   explicit Output(size_t count, size_t stride = kPacked)
@@ -98,7 +97,7 @@ class Output {
   dd_points_out get() { return {values_.data(), count_, stride_}; }
   bool misplaced() const { return fuzz::misplaced(dd_points_out{nullptr, count_, stride_}); }
   const float* at(size_t row) const { return values_.data() + row * step(stride_); }
-  /// Without what lies between them.
+  /// The points, packed.
   std::vector<float> values() const {
     std::vector<float> packed;
     packed.reserve(3 * count_);
@@ -106,8 +105,8 @@ class Output {
     return packed;
   }
 
-  /// Of a call that gave this status: untouched, or finite and nothing else written. Returns
-  /// whether it is there.
+  /// Checks the points after a call that returned status: untouched if it failed, else finite, with
+  /// nothing written in between. Returns whether they are a result.
   bool after(dd_status status) const {
     promise(status != DD_OK || !misplaced(), "a stride that no points can have is refused");
     const bool there = well(status);

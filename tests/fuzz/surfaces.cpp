@@ -18,7 +18,7 @@ Eigen::Vector3d any_direction(Bytes& bytes) {
       .normalized();
 }
 
-/// size: of the mesh, centre: what a handle turns about.
+/// size: of the mesh. centre: of the handle's turn.
 Matrix any_matrix(Bytes& bytes, double size, const Eigen::Vector3d& centre) {
   Eigen::Matrix3d linear = Eigen::Matrix3d::Identity();
   Eigen::Vector3d shift = Eigen::Vector3d::Zero();
@@ -37,7 +37,7 @@ Matrix any_matrix(Bytes& bytes, double size, const Eigen::Vector3d& centre) {
   return matrix;
 }
 
-/// Of the vertices with that role; of all where there are none.
+/// The mean of the vertices with that role; 0 where there are none.
 Eigen::Vector3d centre_of(const Surface& surface, int32_t role) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   size_t count = 0;
@@ -64,7 +64,7 @@ Bind any_bind(Bytes& bytes) {
   dd_bind_options& options = bind.options;
   options = usual<dd_bind_options>();
   options.base_metric = bytes.choice(DD_METRIC_BASE);
-  // A base may collapse where nothing is wrong with the surface, and can't be measured on then.
+  // The base of a sound surface may collapse, and can't be measured on then.
   bind.tame = bind.tame && options.base_metric == DD_METRIC_SURFACE;
   if (bytes.one_in(3)) options.metric_smoothing = bytes.number(0, 4);
   options.smoothness = bytes.choice(DD_SMOOTHNESS_MEMBRANE, DD_SMOOTHNESS_CURVATURE_VARIATION);
@@ -96,7 +96,7 @@ Bind any_bind(Bytes& bytes) {
       bind.examples.emplace_back(posed(surface.positions, bytes), bytes);
     for (const Points& example : bind.examples)
       bind.given_examples.push_back(counted(*example.given(), bytes));
-    bind.given_examples.shrink_to_fit();  // no room to spare
+    bind.given_examples.shrink_to_fit();  // sanitizers see reads beyond the end
     options.examples = bytes.pointer(bind.given_examples.data());
     options.example_count = bind.given_examples.size();
   }
@@ -141,7 +141,7 @@ Owned<dd_deformer> Bind::made(int32_t threads) const {
 
 namespace {
 
-/// Settings of one method as they are given, or none, which stands for the usual ones.
+/// Settings of one method as they are passed, or null for the defaults.
 template <class Options>
 const Options* given_as(const Options& options, std::optional<Sized<Options>>& held, Bytes& bytes) {
   held.emplace(options, bytes);
@@ -151,7 +151,7 @@ const Options* given_as(const Options& options, std::optional<Sized<Options>>& h
 dd_refinement_options any_refinement(Bytes& bytes) {
   auto options = usual<dd_refinement_options>();
   options.iterations = bytes.one_in(2) ? bytes.choice(5) : 0;
-  // More than there may be, and not for long.
+  // An invalid number must be beyond the limit: any smaller one would take long.
   if (options.iterations > 10) options.iterations = 20000;
   return options;
 }
@@ -191,7 +191,7 @@ Motion any_motion(const Bind& bind, Bytes& bytes) {
   for (size_t h = 0; h < handles; ++h) {
     Matrix matrix;
     const Eigen::Vector3d centre = known ? centre_of(surface, int32_t(h)) : Eigen::Vector3d::Zero();
-    // Moved as the one before, now and then.
+    // Now and then two handles move alike.
     if (h > 0 && bytes.one_in(8))
       std::copy_n(motion.matrices.end() - 12, 12, matrix.data());
     else
@@ -259,7 +259,7 @@ void constraints_met(const Bind& bind, const Motion& motion, const Output& out) 
   const dd_update_options& options = motion.options;
   const Surface& surface = bind.surface;
   const bool by_examples = options.method == DD_METHOD_EXAMPLES;
-  // What the base does is its own business, and posed by weights the handles are let go.
+  // Nothing is promised of the base, nor of the handles in a pose by weights.
   if (options.output == DD_OUTPUT_BASE || (by_examples && motion.by_weights())) return;
   std::vector<char> used(surface.vertex_count(), 0);
   for (int32_t v : surface.triangles) used[size_t(v)] = 1;
@@ -275,7 +275,7 @@ void constraints_met(const Bind& bind, const Motion& motion, const Output& out) 
       const auto placed = [&](const Eigen::Vector3d& at) -> Eigen::Vector3d {
         return matrix.leftCols<3>() * at + matrix.col(3);
       };
-      // Of the numbers that the place is a sum of; steps are taken one after the other.
+      // A fraction of the terms that the place is the sum of; steps are taken one after another.
       const double rounding = (options.steps > 1 ? 1e-4 : 1e-6) *
                               (matrix.cwiseAbs().leftCols<3>().sum() * rest.cwiseAbs().maxCoeff() +
                                matrix.col(3).cwiseAbs().maxCoeff() + rest.cwiseAbs().maxCoeff() +

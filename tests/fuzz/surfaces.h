@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Binds and updates from bytes. What they point to they own, and may be moved with it.
+// Arguments of binds and updates, made from bytes. They own what they point to, and may be moved.
 #pragma once
 
 #include <optional>
@@ -17,14 +17,14 @@ struct Bind {
   std::vector<int32_t> base_triangles;
   std::vector<Points> examples;
   std::vector<dd_points> given_examples;
-  /// As the library knows them, and as they are given to it: maybe null, or of another size.
+  /// The options as the library reads them, and as they are passed: null, or of another size.
   dd_bind_options options{};
   std::shared_ptr<Sized<dd_bind_options>> given;
-  bool tame = false;   ///< then there is nothing to refuse
-  bool wrong = false;  ///< then there is
+  bool tame = false;   ///< must not be refused
+  bool wrong = false;  ///< must be refused
 
   dd_status start(dd_job** job, Bytes& bytes) const;
-  /// Without anything odd, all points packed, with so many threads.
+  /// The same bind with valid arguments and all points packed, by so many threads.
   Owned<dd_deformer> made(int32_t threads) const;
 };
 Bind any_bind(Bytes& bytes);
@@ -46,15 +46,15 @@ struct Motion {
   bool endless = false;
 
   const dd_update_options* how() const { return given ? given->get() : nullptr; }
-  /// Whether weights are given, by which the handles are let go.
+  /// Whether weights are given, with which handles don't have to be met.
   bool by_weights() const;
 };
 Motion any_motion(const Bind& bind, Bytes& bytes);
 
-/// What the header says of fixed vertices, handles' vertices and loose ones.
+/// Checks the header's promises about fixed vertices, handles' vertices and loose ones.
 void constraints_met(const Bind& bind, const Motion& motion, const Output& out);
 
-/// Facts that agree with one another and with the mesh.
+/// Checks that facts agree with one another and with the mesh.
 void facts_agree(const Bind& bind, const dd_deformer* deformer, Bytes& bytes);
 
 }  // namespace dd::fuzz

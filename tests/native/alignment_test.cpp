@@ -12,7 +12,7 @@ using namespace dd;
 
 namespace {
 
-/// To the bit.
+/// Exact comparison: an alignment doesn't depend on the number of threads.
 void check_same(const Alignment& a, const Alignment& b) {
   CHECK(a.placement.rotation == b.placement.rotation);
   CHECK(a.placement.scale == b.placement.scale);
@@ -60,7 +60,7 @@ TEST_CASE("two legs, one of which stands where the other stood, are told apart",
   const Positions by_functions = register_onto(source, target, {}, {});
   CHECK(test::mean_error(by_functions, truth) < 0.015);
   CHECK(test::mean_error(by_functions, truth, is_of_leg) < 0.03);
-  // Nearest points alone take one for the other.
+  // Registration by nearest points alone takes one leg for the other.
   Alignment placed = align(source, target, {});
   REQUIRE(placed.lies_on);
   placed.partner.clear();
@@ -68,7 +68,7 @@ TEST_CASE("two legs, one of which stands where the other stood, are told apart",
   CHECK(test::mean_error(register_onto(source, target, {}, placed, {}), truth, is_of_leg) > 0.1);
 }
 
-TEST_CASE("akin shapes find one another without markers", "[large]") {
+TEST_CASE("a body is registered onto a fatter one without markers", "[large]") {
   const Mesh source = test::beast(4), target = test::beast(5);
   const auto fatter = [](Positions p) {
     for (Index v = 0; v < p.rows(); ++v) p.row(v) *= 1 + 0.15 * std::sin(2 * p(v, 0) + p(v, 1));
@@ -98,9 +98,9 @@ TEST_CASE("the result depends neither on units nor on numbering nor on where the
   CHECK(mean < 2e-3 * box);
 }
 
-TEST_CASE("what fits about as well turned is told, stands as it was, and goes by a marker",
+TEST_CASE("a shape that fits as well turned is ambiguous, stands as it was, or goes by a marker",
           "[large]") {
-  // A box with a square base: a quarter turn is as good.
+  // A pillar with a square base fits as well after a quarter turn about z.
   Mesh pillar = test::sphere(4);
   for (Index v = 0; v < pillar.positions.rows(); ++v) {
     auto p = pillar.positions.row(v);
@@ -123,7 +123,7 @@ TEST_CASE("what fits about as well turned is told, stands as it was, and goes by
   CHECK_FALSE(align(test::beast(4), test::beast(3), {}).ambiguous);
 }
 
-TEST_CASE("small sheets find one another: what faces nothing fits no better for it") {
+TEST_CASE("small sheets are registered: points that face nothing don't improve a fit") {
   const auto height = [](double x, double y) {
     return 0.3 * x * x + 0.2 * y * y * y - 0.2 * x * y;
   };
@@ -162,7 +162,7 @@ TEST_CASE("the number of threads changes nothing of a match without markers", "[
   }
 }
 
-TEST_CASE("few, small, flat and torn meshes are placed or refused, and a search ends when told") {
+TEST_CASE("tiny, flat and torn meshes are registered without failure, a search can be cancelled") {
   const Mesh source = test::beast(3);
   Mesh triangle;
   triangle.positions.resize(3, 3);
@@ -174,7 +174,7 @@ TEST_CASE("few, small, flat and torn meshes are placed or refused, and a search 
     CHECK(register_onto(source, target, {}, {}).allFinite());
     CHECK(register_onto(target, source, {}, {}).allFinite());
   }
-  // Each triangle by itself.
+  // The source torn apart: no two triangles share a vertex.
   Mesh torn = source;
   torn.positions.resize(3 * Index(source.triangle_count()), 3);
   for (int j = 0; j < source.triangle_count(); ++j)

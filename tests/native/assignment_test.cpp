@@ -18,7 +18,7 @@ double cost_of(const Eigen::MatrixXd& costs, const std::vector<int>& columns) {
   return sum;
 }
 
-/// Through all orders.
+/// The least cost over all permutations of the columns.
 double least_cost(const Eigen::MatrixXd& costs) {
   if (costs.rows() > costs.cols()) return least_cost(costs.transpose());
   std::vector<int> order(size_t(costs.cols()));

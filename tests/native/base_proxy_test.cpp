@@ -16,7 +16,7 @@ Mesh flat(int columns, int rows) {
   return test::grid(columns, rows, [](double, double) { return 0.0; });
 }
 
-/// Rolls what lies along x up about an axis along y: x becomes an angle.
+/// Rolls a sheet up about an axis along y: x becomes an angle.
 Positions rolled(const Positions& p, double angle) {
   const double radius = 1 / angle;
   Positions result = p;
@@ -28,7 +28,7 @@ Positions rolled(const Positions& p, double angle) {
   return result;
 }
 
-/// By nearest points and the corners' weights alone: what a proxy's faces would make of it.
+/// Carries the surface by closest points and barycentric weights alone: the proxy's facets show.
 Positions by_faces(const Mesh& surface, const Mesh& proxy, const Positions& deformed) {
   Positions result(surface.positions.rows(), 3);
   const AabbTree tree(proxy);
@@ -84,7 +84,7 @@ TEST_CASE("a base of another topology carries the surface exactly along an affin
   CHECK(base.far.empty());
   CHECK(base.torn.empty());
 
-  // On a flat one also along a shear within its plane.
+  // A flat proxy follows a shear within its plane exactly, too.
   const BaseProxy sheet(flat(30, 30), flat(4, 5));
   Affine shear = test::identity();
   shear(0, 1) = 0.7;
@@ -93,25 +93,25 @@ TEST_CASE("a base of another topology carries the surface exactly along an affin
                                  test::transformed(shear, flat(30, 30).positions)) < 1e-13);
 }
 
-TEST_CASE("none of the faces of a base of another topology shows") {
+TEST_CASE("none of the faces of a base of another topology shows on the surface") {
   const Mesh surface = flat(101, 41), proxy = flat(7, 4);
   ThreadPool pool(1);
   const double angle = 1.5;
   const Positions deformed = rolled(proxy.positions, angle);
   const Positions carried = BaseProxy(surface, proxy).carry(deformed, pool);
-  const double even = angle / 100;
+  const double even = angle / 100;  // between neighbouring columns of a sheet rolled evenly
   CHECK(sharpest(surface, by_faces(surface, proxy, deformed)) > 16 * even);
   CHECK(sharpest(surface, carried) < 3.2 * even);
-  // It is nearer to what the proxy stands for than the proxy is itself.
+  // The carried surface is nearer to the cylinder that the proxy approximates than its facets are.
   const Positions meant = rolled(surface.positions, angle);
   const auto error = [&](const Positions& p) { return (p - meant).rowwise().norm().mean(); };
   CHECK(error(carried) < 0.5 * error(by_faces(surface, proxy, deformed)));
 }
 
-TEST_CASE("details turn with a cage of other topology, without its faces or its size") {
+TEST_CASE("details turn with a cage of another topology, whose facets and size don't show") {
   const Mesh surface = test::bumpy_plane(101, 6);
   Mesh cage = flat(9, 5);
-  cage.positions.col(2).array() += 0.12;  // above
+  cage.positions.col(2).array() += 0.12;  // above the surface
   const double angle = 1.2;
   const Positions deformed = rolled(cage.positions, angle);
   std::vector<int> roles(size_t(surface.vertex_count()), kFree);
@@ -131,7 +131,7 @@ TEST_CASE("details turn with a cage of other topology, without its faces or its 
                                surface.positions) < 1e-9);
 }
 
-TEST_CASE("the surface itself as a base of its own topology gives what a copy as base gives") {
+TEST_CASE("a copy of the surface gives nearly the same result as a proxy and as a base") {
   const Mesh surface = test::rough_sphere(3, 0.05);
   std::vector<int> roles = test::roles_by_height(surface, -0.6, 2);
   const Positions bent = rolled(surface.positions, 0.4);
@@ -144,10 +144,10 @@ TEST_CASE("the surface itself as a base of its own topology gives what a copy as
   CHECK(test::largest_difference(one, other) < 0.01 * bounding_box_diagonal(surface.positions));
 }
 
-TEST_CASE("vertices far from a base or between its parts are told, and a broken base refused") {
+TEST_CASE("vertices far from a base or between its parts are reported, a broken base is refused") {
   Mesh cage = flat(5, 5), above = cage;
   above.positions.col(2).array() += 0.4;
-  Mesh wall;  // from the one to the other
+  Mesh wall;  // from one sheet up to the other
   wall = flat(30, 30);
   wall.positions.col(2) = 0.4 * wall.positions.col(0);
   wall.positions.col(0).setConstant(0.5);
@@ -177,7 +177,7 @@ TEST_CASE("faces without area in a base of another topology turn with their neig
   Mesh cage = flat(5, 5);
   Mesh sliver = cage;
   sliver.triangles.conservativeResize(cage.triangles.rows() + 1, 3);
-  sliver.triangles.bottomRows(1) << 0, 1, 2;  // on a line
+  sliver.triangles.bottomRows(1) << 0, 1, 2;  // three vertices on a line
   const Mesh surface = test::bumpy_plane(31, 4);
   ThreadPool pool(1);
   const Positions deformed = rolled(cage.positions, 1);

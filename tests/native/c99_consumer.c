@@ -5,7 +5,7 @@
 
 #include "detail_deform/detail_deform.h"
 
-/* These values are in other people's compiled programs. */
+/* Programs that are compiled already contain these values. */
 typedef char pinned_status[DD_OK == 0 && DD_ERROR_ARGUMENT == 1 && DD_ERROR_MESH == 2 &&
                                    DD_ERROR_REGION == 3 && DD_ERROR_NUMERIC == 4 &&
                                    DD_ERROR_MEMORY == 5 && DD_ERROR_CANCELLED == 6 &&
@@ -79,7 +79,7 @@ int main(void) {
   dd_job_free(job);
   if (!check(dd_deformer_update(deformer, lift, 1, NULL, &first), "dd_deformer_update")) return 1;
   if (!check(dd_deformer_get_info(deformer, &info), "dd_deformer_get_info")) return 1;
-  /* The same as a job, of which the deformer may be freed. */
+  /* The same update as a job. The deformer may be freed while the job runs. */
   if (!check(dd_deformer_update_start(deformer, lift, 1, &update_options, &job),
              "dd_deformer_update_start"))
     return 1;

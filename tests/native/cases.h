@@ -50,7 +50,7 @@ Mesh tube(int rings, int sides, Place place) {
   return mesh;
 }
 
-/// Roles along z, heights as fractions of the mesh's.
+/// Fixed below, one handle above: heights along z, as fractions of the mesh's height.
 inline std::vector<int> ends_held(const Mesh& mesh, double fixed_below, double handle_above) {
   const double low = mesh.positions.col(2).minCoeff();
   const double height = mesh.positions.col(2).maxCoeff() - low;
@@ -59,7 +59,7 @@ inline std::vector<int> ends_held(const Mesh& mesh, double fixed_below, double h
 
 inline double radians(double degrees) { return degrees * std::acos(-1.0) / 180; }
 
-/// Turns the upper end towards +x about a point beside the middle.
+/// Turns the upper end towards +x about the axis along y through (x, 0, z).
 inline Affine bend(double degrees, double x, double z) {
   return rotation_about(radians(degrees), {0, 1, 0}, {x, 0, z}, {0, 0, 0});
 }
@@ -116,8 +116,8 @@ inline Case bent_cactus(double degrees = 70) {
   return made;
 }
 
-/// Fig. 4: a cylinder about the z axis and its base, a cylinder of half the radius, which is bent
-/// explicitly towards +x over a short length.
+/// Fig. 4: a cylinder about the z axis and its base, a cylinder of half the radius. A formula bends
+/// the base towards +x over a short length.
 struct ExplicitBend {
   Mesh mesh;
   Positions base, deformed_base;
@@ -135,8 +135,8 @@ inline Positions bent_explicitly(const Positions& p, double degrees, double bend
   return result;
 }
 
-/// 9,900 triangles, radius 1, closed by caps. The bend's radius: beyond that of the base, which so
-/// has no self-intersection, and within that of the surface.
+/// 9,900 triangles, radius 1, closed by caps. The bend's radius lies between that of the base, 0.5,
+/// so that the bent base doesn't intersect itself, and that of the surface.
 inline ExplicitBend cylinder_of_figure_4(double degrees, double bend_radius = 0.7) {
   ExplicitBend made;
   made.mesh = tube(90, 55, [](double u, double v) {
@@ -148,7 +148,7 @@ inline ExplicitBend cylinder_of_figure_4(double degrees, double bend_radius = 0.
   return made;
 }
 
-/// A disc pulled out of a flat unit sheet whose border is held; of no radius: its middle vertex.
+/// A disc pulled out of a flat unit sheet with a fixed border; at radius 0 the middle vertex alone.
 inline Case pulled_disc(int edges, double radius, double height = 0.3) {
   Case made;
   made.name = "disc pulled";
@@ -164,8 +164,8 @@ inline Case pulled_disc(int edges, double radius, double height = 0.3) {
   return made;
 }
 
-/// Each triangle in four, through the middles of its edges: the same shape. A middle has its ends'
-/// role where they have one.
+/// Splits each triangle into four at the midpoints of its edges, which keeps the shape. A midpoint
+/// has the role of its edge's ends where they agree, and is free elsewhere.
 inline Case subdivided(Case one) {
   std::map<std::pair<int, int>, int> middles;
   std::vector<Eigen::RowVector3d> added;

@@ -14,9 +14,9 @@ using test::surface;
 
 namespace {
 
-constexpr double kLength = 0.009;  // share of the active size
+constexpr double kLength = 0.009;  // rotation smoothing, as a fraction of active_size
 
-/// A surface with all that a refinement needs, and the base as a handle moves it.
+/// A bound surface, and its base and handles moved by the case's motion; in the unit box.
 struct Posed {
   explicit Posed(const test::Case& one)
       : pool(2),
@@ -41,7 +41,7 @@ struct Posed {
     return from;
   }
 
-  /// On the surface itself.
+  /// Refined on the surface itself: the reference.
   Rows whole(int iterations) {
     const auto gradients = make_base_gradients(bound, bound.base);
     gradients->take({base, linear}, true);
@@ -92,7 +92,7 @@ TEST_CASE("coarse: the result is that of the whole iteration to 0.2% of the box"
   }
 }
 
-TEST_CASE("coarse: fields that are linear over a flat surface come through as they are") {
+TEST_CASE("coarse: linear functions over a flat surface are interpolated exactly") {
   test::Case sheet = test::pulled_disc(200, 0.1);
   Posed posed(sheet);
   const double spacing = 0.02;
@@ -144,7 +144,7 @@ TEST_CASE("coarse: rest, rigid motion, scale, renumbering and threads are kept")
   double worst = 0;
   for (int v = 0; v < plane.mesh.vertex_count(); ++v)
     worst = std::max(worst, (result.row(renumbered.new_of_old[v]) - expected.row(v)).norm());
-  // Which of two triangles a vertex above their edge is taken to be in depends on their numbers.
+  // A vertex above the edge of two coarse triangles goes to one of them by their numbers.
   CHECK(worst < 1e-6);
 
   BindOptions single;
@@ -153,18 +153,19 @@ TEST_CASE("coarse: rest, rigid motion, scale, renumbering and threads are kept")
   CHECK(surface(alone, {plane.motion}, how) == expected);
 }
 
-TEST_CASE("coarse: the pose alone decides, and a drag in small moves has no jumps", "[large]") {
+TEST_CASE("coarse: the result depends on the pose alone and has no jumps in a drag", "[large]") {
   const test::Case bar = test::subdivided(test::subdivided(test::bent_cylinder()));
   Deformer deformer(bar.mesh, bar.roles, 1, {});
-  // Through 135°, from where on the unrefined result has a share.
+  // Through 135°, beyond which the unrefined result is blended in.
   const auto motion = [](double way) { return test::bent_cylinder(125 + 20 * way).motion; };
   const Positions last = test::dragged(deformer, 40, motion, test::usual());
   Deformer fresh(bar.mesh, bar.roles, 1, {});
   CHECK(surface(fresh, {test::bent_cylinder(145).motion}, test::usual()) == last);
 }
 
-TEST_CASE("coarse: whole turns, blends and few vertices take their own ways") {
-  // Twice about, on a base that blends motions: all that is refined of it comes from the gauge.
+TEST_CASE("coarse: a whole turn is refined without folds, a small mesh has no coarse level") {
+  // The handle's matrix is the identity and the base blends motions: the refinement knows of the
+  // turn by the gauge alone.
   const test::Case bar = test::subdivided(test::subdivided(test::twisted_bar()));
   Deformer deformer(bar.mesh, bar.roles, 1, {});
   UpdateOptions how = test::usual();

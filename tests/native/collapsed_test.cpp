@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Triangles without area, at rest or as they are moved: they have no rotation of their own.
+// Triangles without area, at rest or after a motion: they have no rotation of their own.
 #include <Eigen/Dense>
 
 #include "catch.h"
@@ -13,7 +13,7 @@ using test::surface;
 
 namespace {
 
-/// All of its triangles are too thin to turn by themselves.
+/// Triangles of length 1 and width 1e-4: too thin for a rotation of their own.
 Mesh ribbon() {
   Mesh mesh = test::grid(21, 3, [](double, double) { return 0.0; });
   mesh.positions.col(0) *= 20;
@@ -25,7 +25,7 @@ std::vector<int> ribbon_roles() { return test::strip_roles(21, 3, 2, 19); }
 
 }  // namespace
 
-TEST_CASE("a ribbon of triangles without area to speak of rests when transferred onto itself") {
+TEST_CASE("a ribbon of very thin triangles rests when transferred onto itself") {
   const Mesh mesh = ribbon();
   for (bool rotation_only : {false, true}) {
     MeshTransfer transfer(mesh, mesh, same_topology(mesh, mesh), {});
@@ -34,7 +34,7 @@ TEST_CASE("a ribbon of triangles without area to speak of rests when transferred
   }
 }
 
-TEST_CASE("EXAMPLES: a ribbon of triangles without area to speak of rests with its examples") {
+TEST_CASE("EXAMPLES: a ribbon of very thin triangles rests with its examples") {
   const Mesh mesh = ribbon();
   Deformer deformer(mesh, ribbon_roles(), 1, test::with({mesh.positions}));
   for (const UpdateOptions& options : {test::posed(), test::posed_by({1})})
@@ -44,7 +44,7 @@ TEST_CASE("EXAMPLES: a ribbon of triangles without area to speak of rests with i
 
 TEST_CASE("an outside base that is a line leaves the surface at rest") {
   const Mesh mesh = test::tube(21, 12, [](double u, double v) {
-    // Not about the line: what turns about it must show.
+    // Not symmetric about the line, so that a turn about it would show.
     const double radius = 0.2 + 0.1 * u * std::cos(v);
     return Eigen::RowVector3d(radius * std::cos(v) + 0.1, radius * std::sin(v), u);
   });

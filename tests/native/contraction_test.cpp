@@ -59,7 +59,7 @@ Mesh torus(int rings, int sides, double thickness) {
 
 }  // namespace
 
-TEST_CASE("contraction: who goes to a vertex is near, and the surface stays connected as it was") {
+TEST_CASE("contraction: no vertex goes farther than its radius, the topology stays") {
   struct {
     const char* name;
     Mesh mesh;
@@ -91,12 +91,12 @@ TEST_CASE("contraction: who goes to a vertex is near, and the surface stays conn
                             one.mesh.positions.row(made.vertices[made.triangles(j, (k + 1) % 3)]))
                                .norm());
     CHECK(farthest <= one.radius * (1 + 1e-12));
-    CHECK(nearest > 0.5 * one.radius);  // along edges they are a radius from each other
+    CHECK(nearest > 0.5 * one.radius);  // kept vertices are a radius apart along edges
     if (one.area > 0) CHECK(area(one.mesh, made) == Approx(one.area).epsilon(0.05));
   }
 }
 
-TEST_CASE("contraction: without radii nothing changes, and who has none stays alone") {
+TEST_CASE("contraction: without radii nothing changes, and a vertex without one stays alone") {
   const Mesh mesh = test::grid(31, 31, [](double x, double y) { return 0.1 * x * y; });
   const Contraction same = contract(mesh, everywhere(mesh, 0));
   CHECK(same.triangles == mesh.triangles);
@@ -111,8 +111,8 @@ TEST_CASE("contraction: without radii nothing changes, and who has none stays al
   for (int v = 0; v < 31; ++v) CHECK(gone[made.of_vertex[v]] == 1);
 }
 
-TEST_CASE("contraction: what is too narrow for its radii stays as it is") {
-  // A wire into a ball: a tube of 12 sides, thin in its upper half.
+TEST_CASE("contraction: a part too narrow for its radii stays as it is") {
+  // A ball on a wire: a tube of 12 sides whose upper half is thin.
   const Mesh mesh = test::tube(161, 12, [](double u, double v) {
     const double radius = u < 0.5 ? 0.2 * std::sin(std::acos(-1.0) * std::min(2 * u, 0.98)) + 0.005
                                   : 0.005 + 0.007 * (u < 0.51);
@@ -131,7 +131,7 @@ TEST_CASE("contraction: what is too narrow for its radii stays as it is") {
   CHECK(on_wire > 500);
 }
 
-TEST_CASE("contraction: fins, holes and loose vertices are no harm, and numbers don't matter") {
+TEST_CASE("contraction: fins, holes and loose vertices are allowed, numbering doesn't matter") {
   Mesh mesh = test::grid(41, 41, [](double x, double y) { return 0.1 * std::sin(9 * x) * y; });
   std::mt19937 random(5);
   for (Index v = 0; v < mesh.positions.rows(); ++v)
@@ -142,9 +142,9 @@ TEST_CASE("contraction: fins, holes and loose vertices are no harm, and numbers 
   mesh.positions.row(n) << 0.5, 0.5, 0.4;
   mesh.positions.row(n + 1) << 3, 3, 3;  // loose
   mesh.triangles.conservativeResize(m + 2, 3);
-  mesh.triangles.row(m) << 20 * 41 + 20, 20 * 41 + 21, int(n);  // a third at that edge
+  mesh.triangles.row(m) << 20 * 41 + 20, 20 * 41 + 21, int(n);  // a third triangle at an edge
   mesh.triangles.row(m + 1) = mesh.triangles.row(7);
-  mesh.triangles.row(100) << 0, 1, 42;  // a hole where it was
+  mesh.triangles.row(100) << 0, 1, 42;  // leaves a hole
   const Contraction made = contract(mesh, everywhere(mesh, 0.08));
   CHECK(made.of_vertex[n + 1] == -1);
   CHECK(made.of_vertex[n] >= 0);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Bodies with limbs, their poses, and how far a fit is off.
+// Bodies with limbs, their poses, and errors of a fit.
 #pragma once
 
 #include <algorithm>
@@ -21,8 +21,7 @@ inline double beast_radius(const Eigen::RowVector3d& direction) {
   return radius;
 }
 
-/// A body of a sphere's topology with five limbs, none like another, about which nothing is
-/// symmetric.
+/// A body of a sphere's topology with five limbs of different lengths and no symmetry.
 inline Mesh beast(int levels) {
   Mesh mesh = sphere(levels);
   for (Index v = 0; v < mesh.positions.rows(); ++v)
@@ -30,13 +29,14 @@ inline Mesh beast(int levels) {
   return mesh;
 }
 
-constexpr double kCavity = 0.45;  ///< radius of that of hollow()
+constexpr double kCavity = 0.45;  ///< radius of hollow()'s cavity
 
 /// The beast with a narrow opening and a cavity behind it.
 inline Mesh hollow(int levels) {
   Mesh mesh = sphere(levels);
   const Eigen::Vector3d opening = Eigen::Vector3d(-0.5, -0.5, -0.7).normalized();
-  constexpr double kInside = 1.3, kRim = 0.2;  // angles from there: on the sphere, at the opening
+  // Angles from the opening: the sphere's cap that becomes the cavity, and the opening's edge.
+  constexpr double kInside = 1.3, kRim = 0.2;
   for (Index v = 0; v < mesh.positions.rows(); ++v) {
     const Eigen::Vector3d direction = mesh.positions.row(v).transpose();
     const double angle = std::acos(std::clamp(direction.dot(opening), -1.0, 1.0));
@@ -52,7 +52,7 @@ inline Mesh hollow(int levels) {
   return mesh;
 }
 
-/// The beast with two long legs more beside each other.
+/// The beast with two more long legs beside each other.
 inline Mesh forked(int levels) {
   Mesh mesh = beast(levels);
   for (Index v = 0; v < mesh.positions.rows(); ++v) {
@@ -96,12 +96,12 @@ inline Positions turned(const Positions& p, double angle) {
   return transformed(rotation_about(angle, {1, 2, 3}, {0, 0, 0}, {5, -2, 1}), p);
 }
 
-/// Of the box, the mean distance between where a source was brought to and where it belongs.
+/// Mean distance of the fitted vertices from their true places, as a fraction of the box.
 inline double mean_error(const Positions& fitted, const Positions& truth) {
   return (fitted - truth).rowwise().norm().mean() / bounding_box_diagonal(truth);
 }
 
-/// The same of some vertices.
+/// The mean over the vertices that `has` accepts.
 template <class Has>
 inline double mean_error(const Positions& fitted, const Positions& truth, const Has& has) {
   double sum = 0;
@@ -118,11 +118,11 @@ inline double largest_error(const Positions& fitted, const Positions& truth) {
   return (fitted - truth).rowwise().norm().maxCoeff() / bounding_box_diagonal(truth);
 }
 
-/// Ways in which a quadruped's legs, head and tail point.
+/// Directions of a quadruped's legs, head and tail.
 constexpr double kLimbs[6][3] = {{0.7, 0.35, -1},   {0.7, -0.35, -1}, {-0.7, 0.35, -1},
                                  {-0.7, -0.35, -1}, {1, 0, 0.7},      {-1, 0, 0.5}};
 
-/// A body on four legs with a head and a tail, its left half like its right one.
+/// A body on four legs with a head and a tail, symmetric from left to right.
 inline Mesh quadruped(int levels, double legs = 2, double neck = 1.6) {
   const double lengths[6] = {legs, legs, legs, legs, neck, 1.2};
   Mesh mesh = sphere(levels);
@@ -139,7 +139,7 @@ inline Mesh quadruped(int levels, double legs = 2, double neck = 1.6) {
   return mesh;
 }
 
-/// The legs of a quadruped() swung about y, left and right and fore and hind the other way.
+/// A quadruped() whose legs are swung about y, neighbouring legs in opposite directions.
 inline Positions striding(const Positions& p, double angle) {
   Positions result = p;
   for (Index v = 0; v < p.rows(); ++v) {

@@ -19,7 +19,7 @@ inline UpdateOptions by(MethodKind method, bool rotation_only = true, int refine
   return options;
 }
 
-/// What the public interface does by default, but for the number of iterations.
+/// The defaults of the public interface, except for the number of iterations.
 inline UpdateOptions usual(int refine = 4) {
   UpdateOptions options = by(MethodKind::detail, true, refine);
   options.of_method.refined.rim_smoothing = 0.05;
@@ -32,7 +32,7 @@ inline UpdateOptions shown_base() {
   return options;
 }
 
-/// As the paper has it: measured by the mesh's own triangles, however obtuse they are.
+/// The paper's operators: of the mesh's own triangles, however obtuse they are.
 inline BindOptions as_given(BaseMetric metric = BaseMetric::surface) {
   BindOptions options;
   options.base_metric = metric;
@@ -55,8 +55,8 @@ inline Positions surface(Deformer& deformer, const std::vector<Affine>& handles,
   return surface(deformer, handles, by(MethodKind::detail, rotation_only));
 }
 
-/// The surface at the end of a drag of one handle through the motions from 0 to 1, which has no
-/// jumps: the handle's own vertices move by nearly the same in each move.
+/// The surface at the end of a drag of one handle, from motion(0) to motion(1). Checks that there
+/// are no jumps: in each step the farthest vertex, one of the handle's, moves by nearly the same.
 inline Positions dragged(Deformer& deformer, int moves, const std::function<Affine(double)>& motion,
                          const UpdateOptions& options) {
   Positions last = surface(deformer, {motion(0)}, options);
@@ -72,7 +72,7 @@ inline Positions dragged(Deformer& deformer, int moves, const std::function<Affi
   return last;
 }
 
-/// The sentence with which body is refused.
+/// The message of the Error with which body is refused.
 inline std::string refusal(const std::function<void()>& body, Status expected) {
   try {
     body();
@@ -83,7 +83,7 @@ inline std::string refusal(const std::function<void()>& body, Status expected) {
   return "accepted";
 }
 
-/// All constrained vertices in one handle.
+/// One handle holds all constrained vertices.
 inline std::vector<int> held_by_one(std::vector<int> roles) {
   for (int& role : roles) role = role == kFree ? kFree : 0;
   return roles;

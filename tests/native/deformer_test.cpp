@@ -96,7 +96,7 @@ TEST_CASE("a rigid motion of every constrained vertex moves the mesh rigidly") {
       CHECK(test::largest_difference(surface(deformer, {motion, motion}, rotation_only), expected) <
             1e-9);
   }
-  // The paper's own metric is known to miss this by far: PAPER's finding stays visible.
+  // The paper's own metric misses the rigid motion by far, which is why it isn't the default.
   Deformer deformer(plane.mesh, roles, 2, {BaseMetric::base, 0});
   CHECK(test::largest_difference(surface(deformer, {motion, motion}), expected) > 1e-2);
 }
@@ -154,7 +154,7 @@ TEST_CASE("Fig. 1: details turn with the base where variational minimization alo
   Deformer deformer(plane.mesh, plane.roles, 1, {});
   const Positions result = surface(deformer, {kLift});
   const Positions base = deformer.base(), base_deformed = deformer.deformed_base();
-  // With the surface metric VarMin's displacement is the base's.
+  // With the surface metric VarMin's displacement equals that of the base.
   const Positions variational = plane.mesh.positions + base_deformed - base;
   const auto error = [&](const Positions& p) {
     return mean_normal_error(plane.mesh, deformer.region(), base, base_deformed, p);
@@ -223,7 +223,7 @@ TEST_CASE("real meshes' faults are survived: loose, doubled, folded, many-sheete
     CHECK(result.col(2).maxCoeff() < 1);
     CHECK(result.col(2).minCoeff() > -0.2);
   }
-  // Still exact for rigid motions: the degenerate triangles' gradients are a neighbour's.
+  // Rigid motions stay exact: a degenerate triangle takes a neighbour's gradient.
   for (int& role : roles) role = role == kFixed ? 0 : role;
   const Affine motion = test::rotation_about(0.7, {0, 1, 2}, {0, 0, 0}, {1, 0, 0});
   Deformer deformer(mesh, roles, 1, {});
@@ -306,7 +306,7 @@ TEST_CASE("a refused update leaves the output as it was") {
                         Error);
         CHECK(out == untouched);
       }
-  // Near the end of their range it is not refused, and the sum of all is far beyond.
+  // 1e38 fits into a float and is written, though the sum over all vertices doesn't fit.
   Affine far = test::identity();
   far(2, 3) = 1e38;
   std::vector<float> out = untouched;
@@ -314,7 +314,7 @@ TEST_CASE("a refused update leaves the output as it was") {
   CHECK(*std::max_element(out.begin(), out.end()) == Approx(1e38));
 }
 
-TEST_CASE("a method that there is not is refused") {
+TEST_CASE("an unknown method is refused") {
   const Plane plane(21, 2);
   Deformer deformer(plane.mesh, plane.roles, 1, {});
   for (int kind : {-1, 6, 7, 1000})

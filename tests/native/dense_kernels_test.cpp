@@ -25,7 +25,7 @@ std::vector<const DenseKernels*> sets() {
   return result;
 }
 
-/// Symmetric, its eigenvalues between about 1 and 3.
+/// Symmetric, with eigenvalues between about 1 and 3.
 MatrixXd definite(int size) {
   MatrixXd a(size, size);
   for (int i = 0; i < size; ++i)
@@ -34,8 +34,8 @@ MatrixXd definite(int size) {
   return a;
 }
 
-/// In the first rows of a taller matrix, with NaN where nobody may look; rows that kernels may read
-/// ahead are there, too.
+/// A block in the first rows of a taller matrix that is NaN elsewhere, so that a kernel which uses
+/// other entries is found out. One more column, because kernels may read ahead without using it.
 struct Framed {
   Framed(const MatrixXd& inside, int stride, bool lower)
       : rows(static_cast<int>(inside.rows())),
@@ -44,7 +44,7 @@ struct Framed {
       for (Eigen::Index i = lower ? j : 0; i < inside.rows(); ++i) all(i, j) = inside(i, j);
   }
   MatrixXd inside() const { return all.topLeftCorner(rows, all.cols() - 1); }
-  /// Nothing was written outside.
+  /// All entries outside of the block are still NaN.
   bool whole() const {
     return all.bottomRows(all.rows() - rows).array().isNaN().all() &&
            all.rightCols<1>().array().isNaN().all();
@@ -76,7 +76,7 @@ TEST_CASE("dense kernels: a pivot block's factor and its inverse") {
       CHECK((X * C - MatrixXd::Identity(width, width)).cwiseAbs().maxCoeff() < 1e-14);
       CHECK((X - lower_of(X)).cwiseAbs().maxCoeff() == 0);
       CHECK(a.whole());
-      // Nothing of the block itself is read ahead, as nothing need be there.
+      // The pivot block may end where memory ends: kernels don't read ahead of it.
       std::vector<double> alone(A.data(), A.data() + A.size());
       CHECK(set->factor_pivot(width, alone.data(), width, bounds.data(), inverse.data()) == -1);
       CHECK(
@@ -110,7 +110,7 @@ TEST_CASE("dense kernels: the first pivot that isn't above its bound is named") 
       }
 }
 
-TEST_CASE("dense kernels: rows below a pivot block, and what they take from a front") {
+TEST_CASE("dense kernels: rows below a pivot block, and their products taken from a front") {
   for (const DenseKernels* set : sets())
     for (int width : kWidths)
       for (int height : {1, 2, 3, 4, 6, 9, 12, 14, 24, 37, 96, 191, 192, 193, 250}) {

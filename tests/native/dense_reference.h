@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The method once more, on dense matrices and by other formulas than the core's: angles instead of
-// cotangents from dot products, (13)'s linear system for the gradients, (15) by a matrix inverse,
-// the polar rotation by a singular value decomposition, elimination with pivoting. Compiled once:
-// in each test it took longer than all the rest.
+// The method on dense matrices, by other formulas than the core's: angles instead of cotangents
+// from dot products, (13)'s linear system for the gradients, (15) by a matrix inverse, the polar
+// rotation by a singular value decomposition, elimination with pivoting. It has a source file of
+// its own, because it takes longer to compile than the rest of a test.
 #pragma once
 
 #include <vector>
@@ -34,7 +34,7 @@ struct DenseResult {
   Positions variational;  ///< VarMin without multiresolution: δ on S itself
 };
 
-/// handles: rest to present of each. on_base: the bi-Laplacian of δq on B's geometry.
+/// handles: their matrices from rest to present. on_base: the bi-Laplacian of δq on B's geometry.
 DenseResult dense_transfer(const Mesh& mesh, const std::vector<int>& roles,
                            const std::vector<Affine>& handles, bool on_base, bool rotation_only);
 

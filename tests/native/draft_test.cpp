@@ -37,7 +37,7 @@ std::vector<Case> dense_cases() {
           test::subdivided(test::subdivided(test::bent_cactus()))};
 }
 
-/// Both ends handles, turned against each other.
+/// The case with a second handle in place of its fixed vertices.
 Case twice_held(Case one) {
   for (int& role : one.roles)
     if (role == kFixed) role = 1;
@@ -69,7 +69,7 @@ TEST_CASE("draft: it is near the result, by each method that a frame can show", 
   }
 }
 
-TEST_CASE("draft: rest is rest, handles are met and what is fixed stays") {
+TEST_CASE("draft: at rest nothing moves, handles are met and fixed vertices stay") {
   const Case one = test::subdivided(test::subdivided(test::bent_cactus()));
   const auto draft = draft_of(one);
   CHECK(draft->update(numbers({test::identity()}).data(), test::usual()).cwiseAbs().maxCoeff() <
@@ -83,13 +83,13 @@ TEST_CASE("draft: rest is rest, handles are met and what is fixed stays") {
   }
 }
 
-TEST_CASE("draft: what moves all handles moves the result") {
+TEST_CASE("draft: a rigid motion of all handles moves the result rigidly") {
   Case one = twice_held(test::subdivided(test::subdivided(test::bent_cactus())));
   const auto draft = draft_of(one, 2);
   const Affine all = test::rotation_about(2.2, {1, 2, 3}, {0.1, 0, 0.5}, {3, -2, 1});
   CHECK(test::largest_difference(surface_of(*draft, {all, all}),
                                  test::transformed(all, one.mesh.positions)) < 1e-6);
-  // And what another motion made before it, rotated about another point.
+  // So does one after another motion of one handle alone.
   Affine turned = all;
   turned.leftCols<3>() = all.leftCols<3>() * one.motion.leftCols<3>();
   turned.col(3) = all.leftCols<3>() * one.motion.col(3) + all.col(3);
@@ -105,14 +105,14 @@ TEST_CASE("draft: units and the number of threads don't matter") {
   BindOptions alone;
   alone.threads = 1;
   CHECK(surface_of(*draft_of(one, 1, alone), {one.motion}) == there);
-  // Which of two vertices at the same distance one goes to, rounding decides.
+  // The contraction chooses among vertices at the same distance by rounding: hence 1e-3.
   const double unit = 3000;
   one.mesh.positions *= unit;
   one.motion.col(3) *= unit;
   CHECK(test::largest_difference(surface_of(*draft_of(one), {one.motion}) / unit, there) < 1e-3);
 }
 
-TEST_CASE("draft: handles that only place turn as they do with the surface") {
+TEST_CASE("draft: free handles turn as on the surface") {
   const Case one = twice_held(test::subdivided(test::subdivided(test::bent_cylinder())));
   const auto draft = draft_of(one, 2);
   Deformer deformer(one.mesh, one.roles, 2, {});
@@ -129,7 +129,7 @@ TEST_CASE("draft: handles that only place turn as they do with the surface") {
         0.02 * box);
 }
 
-TEST_CASE("draft: parts without a handle rest, handles beside nothing are no fault") {
+TEST_CASE("draft: parts without a handle rest, parts wholly in a handle follow it") {
   const Case one = test::subdivided(test::subdivided(test::bent_cylinder()));
   Case all = one;
   const Mesh apart{one.mesh.positions.rowwise() + Eigen::RowVector3d(1, 0, 0), one.mesh.triangles};
@@ -166,9 +166,9 @@ TEST_CASE("draft: it is near the result for energies of each order", "[large]") 
   }
 }
 
-TEST_CASE("draft: triangles without area are no reason to have none") {
+TEST_CASE("draft: triangles without area don't prevent one") {
   Case one = test::subdivided(test::subdivided(test::bent_cylinder()));
-  // A vertex and all around it on one line.
+  // A vertex and all its neighbours on one line.
   const int at = 60 * 160 + 77;
   REQUIRE(one.roles[size_t(at)] == kFree);
   for (Index j = 0; j < one.mesh.triangles.rows(); ++j) {
@@ -180,7 +180,7 @@ TEST_CASE("draft: triangles without area are no reason to have none") {
   CHECK(surface_of(*draft_of(one), {one.motion}).allFinite());
 }
 
-TEST_CASE("draft: there is none where it would save little, nor with a base from outside") {
+TEST_CASE("draft: small meshes and bases from outside have none, wrong calls are refused") {
   const Case one = test::bent_cylinder();
   CHECK(!Draft::make(one.mesh, one.roles, 1, {}));
   const Case dense = test::subdivided(test::subdivided(one));

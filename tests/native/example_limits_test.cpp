@@ -30,9 +30,7 @@ std::vector<double> weights(const Deformer& deformer) {
 
 }  // namespace
 
-TEST_CASE(
-    "EXAMPLES, limits: a step is the best within them, by the conditions of Karush, Kuhn and "
-    "Tucker") {
+TEST_CASE("EXAMPLES, limits: a step satisfies the conditions of Karush, Kuhn and Tucker") {
   std::mt19937 generator(7);
   std::normal_distribution<double> normal;
   for (Index count = 1; count <= 12; ++count)
@@ -65,8 +63,7 @@ TEST_CASE(
 }
 
 TEST_CASE(
-    "EXAMPLES, limits: weights stay within, handles are met, and limits that bind nothing change "
-    "nothing") {
+    "EXAMPLES, limits: weights stay within, handles are met, inactive limits change nothing") {
   const ThreePoses poses;
   const Mesh& mesh = poses.limb.mesh;
   Deformer deformer(mesh, poses.handles.roles, 3, with(poses.examples));
@@ -99,7 +96,7 @@ TEST_CASE("EXAMPLES, limits: the result is a continuous function of the handles"
   const ThreePoses poses;
   const Mesh& mesh = poses.limb.mesh;
   Deformer deformer(mesh, poses.handles.roles, 3, with(poses.examples));
-  // From rest to the first example and as far again, past where its weight meets its limit.
+  // From rest to the first example and as far again, beyond the limit of its weight.
   const auto at = [&](double t) {
     std::vector<Affine> motions = poses.handles.at(mesh, poses.limb.bent(1e-3 + 120 * t, 0.5));
     return surface(deformer, motions, limited({0, 0.6, 0, 0.6, 0, 0.6}));

@@ -54,7 +54,7 @@ TEST_CASE("EXAMPLES: a limb twisted by more than half a turn interpolates along 
   }
 }
 
-TEST_CASE("EXAMPLES by given weights: handles are let go, what is fixed stays") {
+TEST_CASE("EXAMPLES by given weights: handles are ignored, fixed vertices stay") {
   const ThreePoses poses;
   const Mesh& mesh = poses.limb.mesh;
   Deformer deformer(mesh, poses.handles.roles, 3, with(poses.examples));
@@ -71,14 +71,15 @@ TEST_CASE("EXAMPLES by given weights: handles are let go, what is fixed stays") 
   const Positions half = surface(deformer, away, posed_by({0.5, 0, 0}));
   CHECK(test::largest_difference(half, poses.limb.bent(40, 0.5)) < 0.01 * box(mesh));
 
-  // Back to the handles, without a trace.
+  // Afterwards the handles place the surface as if no weights had been given.
   const std::vector<Affine> motions = poses.handles.at(mesh, poses.limb.bent(70, 0.7, 60));
   Deformer fresh(mesh, poses.handles.roles, 3, with(poses.examples));
   CHECK(test::largest_difference(surface(deformer, motions, posed()),
                                  surface(fresh, motions, posed())) == 0);
 }
 
-TEST_CASE("EXAMPLES by given weights: what nothing fixes goes where the examples' centres do") {
+TEST_CASE(
+    "EXAMPLES by given weights: a part without fixed vertices follows the examples' centres") {
   const Mesh ball = test::rough_sphere(3, 0.1);
   std::vector<int> roles(static_cast<size_t>(ball.vertex_count()), kFree);
   roles[0] = 0;
@@ -86,11 +87,11 @@ TEST_CASE("EXAMPLES by given weights: what nothing fixes goes where the examples
   const Affine turn = test::rotation_about(quarter, {0, 0, 1}, {0.5, 0, 0}, {0, 2, 3});
   const Positions turned = test::transformed(turn, ball.positions);
   BindOptions how = with({turned});
-  how.triangulation = Triangulation::given;  // whose centre is
+  how.triangulation = Triangulation::given;  // the centre below is that of the given triangles
   Deformer deformer(ball, roles, 1, how);
   CHECK(test::largest_difference(surface(deformer, {test::identity()}, posed_by({1})), turned) <
         1e-9);
-  // Half: turned by half of it, its centre half-way.
+  // Half of the weight: half of the turn, the centre half-way.
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   double whole = 0;
   for (Index j = 0; j < ball.triangles.rows(); ++j) {
@@ -108,7 +109,7 @@ TEST_CASE("EXAMPLES by given weights: what nothing fixes goes where the examples
                                  test::transformed(half, ball.positions)) < 1e-9);
 }
 
-TEST_CASE("EXAMPLES: rotation_only bends but doesn't swell") {
+TEST_CASE("EXAMPLES: rotation_only takes an example's bends but not its stretch") {
   const Limb limb;
   std::vector<int> roles = test::ends_held(limb.mesh, 0.01, 0.99);
   Positions longer = limb.mesh.positions;
@@ -141,7 +142,7 @@ TEST_CASE("EXAMPLES: the number of threads changes nothing", "[threads]") {
     CHECK(test::largest_difference(results[k], results[k % 2]) == 0);
 }
 
-TEST_CASE("EXAMPLES: what can't be used is refused with a sentence") {
+TEST_CASE("EXAMPLES: unusable examples and weights are refused with a message") {
   const Limb limb(9, 6);
   const std::vector<int> roles = test::ends_held(limb.mesh, 0.01, 0.99);
   const auto blame = [&](const std::vector<Positions>& examples) {
@@ -179,7 +180,7 @@ TEST_CASE("EXAMPLES: a handle out of reach doesn't turn a bulge into a pinch") {
   Deformer deformer(limb.mesh, test::ends_held(limb.mesh, 0.1, 0.95), 1,
                     with({limb.bent(100, 0.7), bulge}));
   for (const double aside : {0.3, 0.6, 0.9}) {
-    Affine moved = test::identity();  // without the turn that the bend would have
+    Affine moved = test::identity();  // without the turn of a bend
     moved.col(3) << aside, 0, -0.5 * aside;
     surface(deformer, {moved}, posed());
     const std::vector<double> weights = deformer.findings(MethodKind::examples).example_weights;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Posing by example where the handles ask for what no mix of examples is.
+// Posing by example where the handles ask for a pose that no mix of the examples has.
 #include "catch.h"
 #include "limbs.h"
 
@@ -26,7 +26,7 @@ double mean_difference(const Positions& a, const Positions& b) {
   return (a - b).rowwise().norm().mean();
 }
 
-/// All of them after one more motion.
+/// Each motion followed by `next`.
 std::vector<Affine> then(const std::vector<Affine>& motions, const Affine& next) {
   std::vector<Affine> result;
   for (const Affine& motion : motions) {
@@ -38,7 +38,7 @@ std::vector<Affine> then(const std::vector<Affine>& motions, const Affine& next)
   return result;
 }
 
-/// The first pose of a limb bent sideways farther out, as none of the examples is.
+/// The first example with its end bent sideways: a pose that no mix of the examples has.
 struct Beyond {
   ThreePoses poses;
   Positions truth;
@@ -58,7 +58,7 @@ struct Beyond {
 
 }  // namespace
 
-TEST_CASE("EXAMPLES: what turns all handles turns the result, beside examples in any stance") {
+TEST_CASE("EXAMPLES: the result turns with all handles, and doesn't turn with an example") {
   const Beyond of;
   const Mesh& mesh = of.poses.limb.mesh;
   std::vector<int> roles = of.poses.handles.roles;
@@ -88,7 +88,7 @@ TEST_CASE("EXAMPLES: what turns all handles turns the result, beside examples in
     }
 }
 
-TEST_CASE("EXAMPLES by given weights: an example in a stance of its own is met there") {
+TEST_CASE("EXAMPLES by given weights: an example that is moved rigidly is met in its place") {
   const ThreePoses poses;
   std::vector<int> roles = poses.handles.roles;
   for (int& role : roles)
@@ -128,7 +128,7 @@ TEST_CASE("EXAMPLES, refined: handles at an example's places reproduce it, on de
 TEST_CASE("EXAMPLES, refined: beyond them the surface turns as by detail transfer") {
   const Beyond of;
   const Limb& limb = of.poses.limb;
-  // Near the end alone: where the limb bends is the examples' to say.
+  // Handles near the end alone, so that the examples say where the limb bends.
   const Handled handles(limb, {triangle_at(limb, 28, 2), triangle_at(limb, 31, 7)});
   const std::vector<Affine> motions = handles.at(limb.mesh, of.truth);
   Deformer deformer(limb.mesh, handles.roles, 2, with(of.poses.examples));
@@ -148,7 +148,7 @@ TEST_CASE("EXAMPLES, refined: beyond them the surface turns as by detail transfe
     }
 }
 
-TEST_CASE("EXAMPLES, refined, without any goes where detail transfer goes") {
+TEST_CASE("EXAMPLES, refined: without examples it is detail transfer") {
   const Beyond of;
   const Mesh& mesh = of.poses.limb.mesh;
   Deformer deformer(mesh, of.poses.handles.roles, 3, with({}));
@@ -163,7 +163,7 @@ TEST_CASE("EXAMPLES, refined, without any goes where detail transfer goes") {
   CHECK(mean_difference(here, there) < 1e-3 * box(mesh));
 }
 
-TEST_CASE("EXAMPLES, refined: a handle that only places has its vertices' mean there") {
+TEST_CASE("EXAMPLES, refined: a handle that only places has its vertices' mean in its place") {
   const Beyond of;
   const Mesh& mesh = of.poses.limb.mesh;
   Deformer deformer(mesh, of.poses.handles.roles, 3, with(of.poses.examples));
@@ -179,7 +179,7 @@ TEST_CASE("EXAMPLES, refined: a handle that only places has its vertices' mean t
   CHECK((mean - told).norm() < 1e-9);
 }
 
-TEST_CASE("EXAMPLES, refined: a dense limb is placed by the mean of a handle's vertices") {
+TEST_CASE("EXAMPLES, refined: a dense limb reaches an example by a free handle") {
   const Limb limb(97, 36);
   const Positions bent = limb.bent(80, 0.5);
   std::vector<int> roles(static_cast<size_t>(limb.mesh.vertex_count()), kFree);

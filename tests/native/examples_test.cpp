@@ -23,14 +23,14 @@ Eigen::Matrix3d logarithm(const Eigen::Matrix3d& R) {
                       : Eigen::Matrix3d(angle / (2 * std::sin(angle)) * (R - R.transpose()));
 }
 
-/// By series: another way than the core's.
+/// By the power series: another way than the core's.
 Eigen::Matrix3d exponential(const Eigen::Matrix3d& A) {
   Eigen::Matrix3d sum = Eigen::Matrix3d::Identity(), term = sum;
   for (int k = 1; k < 40; ++k) sum += term = (term * A / k).eval();
   return sum;
 }
 
-/// Energy and positions for given weights, all dense.
+/// Energy and positions for given weights, by dense matrices.
 struct DensePose {
   double energy;
   Positions positions;
@@ -97,17 +97,17 @@ TEST_CASE("EXAMPLES: half-way along a bend of 120 degrees a limb keeps its lengt
   const Positions result = surface(deformer, handles.at(limb.mesh, half), posed());
   const auto length = [&](const Positions& p) {
     return (limb.centre(p, 60) - limb.centre(p, 32))
-        .norm();  // of what is straight beyond the joint
+        .norm();  // of the straight part beyond the joint
   };
   CHECK(length(result) == Approx(length(limb.mesh.positions)).epsilon(0.01));
   CHECK(deformer.findings(MethodKind::examples).example_weights[0] == Approx(0.5).margin(0.02));
   CHECK(test::largest_difference(result, half) < 0.01 * box(limb.mesh));
-  // What blending positions makes of it.
+  // Linear blending of positions halves this length.
   const Positions blended = 0.5 * (limb.mesh.positions + bent);
   CHECK(length(blended) == Approx(0.5 * length(limb.mesh.positions)).epsilon(0.01));
 }
 
-TEST_CASE("EXAMPLES: a half turn is found, though from the rest no slope leads there") {
+TEST_CASE("EXAMPLES: a half turn is found, though the energy has no slope towards it at rest") {
   const Limb limb;
   const Positions bent = limb.bent(180, 0.5);
   Handled handles(limb, {triangle_at(limb, 30, 3), triangle_at(limb, 30, 9)});
@@ -117,7 +117,7 @@ TEST_CASE("EXAMPLES: a half turn is found, though from the rest no slope leads t
 }
 
 TEST_CASE(
-    "EXAMPLES without any, or with the rest as one, is the Poisson solve with S's gradients") {
+    "EXAMPLES without examples, or with rest as the only one, is Poisson with S's gradients") {
   const Mesh mesh = test::rough_sphere(2, 0.15);
   const std::vector<int> roles = test::roles_by_height(mesh, -0.5, 0.7);
   const std::vector<Affine> motion = {
@@ -141,7 +141,7 @@ TEST_CASE("EXAMPLES: the result is the pose of its weights, and these have the l
   const std::vector<Positions> examples = {limb.bent(80, 0.4),
                                            limb.swollen(limb.bent(70, 0.8, 90))};
   const Handled handles(limb, {triangle_at(limb, 6, 2), triangle_at(limb, 10, 5)});
-  // Where neither example nor any blend of them is.
+  // Handles where no blend of the examples puts them.
   std::vector<Affine> motions = handles.at(mesh, limb.bent(50, 0.6, 40));
   motions[1].col(3) += Eigen::Vector3d(0.1, -0.1, 0.05);
   Positions held = mesh.positions;
@@ -150,7 +150,7 @@ TEST_CASE("EXAMPLES: the result is the pose of its weights, and these have the l
       held.row(v) = test::transformed(motions[handles.roles[v]], held.row(v));
   Deformer deformer(mesh, handles.roles, 2, with(examples));
   UpdateOptions options = posed();
-  options.of_method.example_stiffness = 0.01;  // that hardly has a say
+  options.of_method.example_stiffness = 0.01;  // small: the dense energy leaves it out
   const Positions result = surface(deformer, motions, options);
   const std::vector<double> found = deformer.findings(MethodKind::examples).example_weights;
   const Eigen::Map<const Eigen::VectorXd> weights(found.data(), 2);

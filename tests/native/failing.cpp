@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The linker's --wrap sends what the core and its Eigen ask of malloc here; operator new and
+// The linker's --wrap sends the core's and its Eigen's calls of malloc here; operator new and
 // pthread_create are replaced for the whole program.
 #include "failing.h"
 
@@ -15,7 +15,7 @@ namespace dd::test {
 
 namespace {
 
-std::atomic<int> failing{-1};  // what, or nothing
+std::atomic<int> failing{-1};  // a Failing::What, or -1 while nothing is to fail
 std::atomic<long> count{0}, first_to_fail{Failing::kNever}, last_to_fail{Failing::kNever};
 std::atomic<bool> any_failed{false};
 std::atomic<long> living{0};
@@ -45,7 +45,7 @@ bool Failing::failed() { return any_failed; }
 
 long living_allocations() { return living; }
 
-/// What make() gives, counted, or null where it is its turn to fail.
+/// Counts the allocation that make() does, or returns null if it is one that is to fail.
 template <class Make>
 void* counted(const Make& make) {
   void* made = fails(Failing::allocations) ? nullptr : make();

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Memory and threads that run out when a test says so.
+// Allocations and thread starts that fail when a test says so.
 #pragma once
 
 namespace dd::test {
 
-/// Which of the allocations, or of the threads started, fail: all from first to last, counted from
-/// the making of this object, and none any more when it goes.
+/// Makes the first to the last of the allocations, or of the thread starts, fail. They are counted
+/// from the construction of this object on; after its destruction none fails.
 class Failing {
  public:
   enum What { allocations, threads };
@@ -17,7 +17,7 @@ class Failing {
   Failing(const Failing&) = delete;
   Failing& operator=(const Failing&) = delete;
 
-  /// How many have been asked for, and whether one has failed.
+  /// How many were asked for since, and whether one failed.
   static long asked();
   static bool failed();
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Which side of a body's surface is outside, in a pose.
+// The outwardness of a body's surface in a pose.
 #include "wear/far_sides.h"
 
 #include <random>
@@ -12,7 +12,7 @@ using namespace dd;
 
 namespace {
 
-/// The fans of a surface's vertices, and how much they face outwards in poses.
+/// The outwardness of each vertex' fan of triangles in a pose.
 class Faced {
  public:
   explicit Faced(const Mesh& mesh)
@@ -40,7 +40,7 @@ class Faced {
 
 }  // namespace
 
-TEST_CASE("a ray leaves a surface where linear systems of all triangles say so first") {
+TEST_CASE("a ray's first exit from a surface is that of a search through all triangles") {
   const Mesh mesh = test::rough_sphere(3, 0.3);
   const AabbTree tree(mesh);
   const Positions normals = triangle_normals(mesh.positions, mesh.triangles);
@@ -80,7 +80,7 @@ TEST_CASE("a ray leaves a surface where linear systems of all triangles say so f
   CHECK(found_count > 50);
 }
 
-TEST_CASE("what moves rigidly, grows, is squashed or gets bumps faces outwards as before") {
+TEST_CASE("rigid motion, size, squashing and bumps keep the outwardness") {
   const Mesh ball = test::sphere(4);
   Faced faced(ball);
   CHECK(faced.in(ball.positions).minCoeff() > 1 - 1e-12);
@@ -90,13 +90,13 @@ TEST_CASE("what moves rigidly, grows, is squashed or gets bumps faces outwards a
     CHECK(faced.in(moved).minCoeff() > 1 - 1e-9);
   }
   CHECK(faced.in(ball.positions * Eigen::Vector3d(1, 1, 0.3).asDiagonal()).minCoeff() > 0.5);
-  // Thorns, with flanks of some 80 degrees: seen from outside nothing is lost.
+  // Thorns with flanks of some 80 degrees hide nothing from the opposite point.
   Positions thorny = ball.positions;
   for (Index v = 0; v < thorny.rows(); v += 5) thorny.row(v) *= 1.3;
   CHECK(faced.in(thorny).minCoeff() > 0.5);
 }
 
-TEST_CASE("rays along axes meet what is flush with their boxes, and begin beyond a distance") {
+TEST_CASE("rays along axes meet triangles that are flush with their boxes, and skip near ones") {
   Mesh slab;
   slab.positions.resize(8, 3);
   slab.positions << 0, 0, 1, 1, 0, 1, 1, 1, 1, 0, 1, 1, 0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0;
@@ -114,8 +114,9 @@ TEST_CASE("rays along axes meet what is flush with their boxes, and begin beyond
       }
 }
 
-TEST_CASE("an edge as of a blade faces outwards however it is turned") {
-  // Faces of unequal width that meet at 12 degrees: one is more than a right angle off their mean.
+TEST_CASE("a sharp edge faces outwards however it is turned") {
+  // Faces of unequal width meet at 12 degrees: the normal of one is more than 90 degrees off their
+  // mean.
   Mesh blade;
   blade.positions.resize(3 * 9, 3);
   for (int i = 0; i < 9; ++i)
@@ -139,10 +140,10 @@ TEST_CASE("an edge as of a blade faces outwards however it is turned") {
   }
 }
 
-TEST_CASE("what folds up or turns over faces outwards less and less") {
+TEST_CASE("outwardness falls continuously where a surface folds up and turns over") {
   const Mesh ball = test::sphere(4);
   Faced faced(ball);
-  // The cap above, pressed together towards the middle of it and through itself.
+  // The upper cap, pressed in x towards its middle and on through itself.
   Eigen::VectorXd before;
   for (double share = 1; share > -0.5; share -= 0.02) {
     Positions pose = ball.positions;
@@ -158,7 +159,7 @@ TEST_CASE("what folds up or turns over faces outwards less and less") {
   }
 }
 
-TEST_CASE("a sheet with nothing at its back faces outwards always") {
+TEST_CASE("a sheet has no opposite side: its outwardness stays 1") {
   const Mesh sheet = test::grid(9, 9, [](double x, double y) { return 0.1 * x * y; });
   Faced faced(sheet);
   CHECK(faced.in(-sheet.positions).minCoeff() == 1);

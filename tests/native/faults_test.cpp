@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The C ABI where memory or threads run out: a status and a sentence, whatever fails, no output
-// touched, nothing kept, and the next call as if nothing had been.
+// The C ABI where an allocation or a thread start fails: it returns a status and a message, leaves
+// outputs untouched and no memory behind, and the next call gives the right result.
 #include <cmath>
 #include <cstring>
 #include <functional>
@@ -91,12 +91,12 @@ int32_t bind(const dd_bind_options& options, dd_deformer** deformer) {
   return status;
 }
 
-/// Work that is done over and over: all of it, from arguments to freed.
-/// fallible(call) is what may fail; the rest prepares and cleans up.
+/// Runs a call in which allocations or thread starts may fail.
 using Fallible = std::function<int32_t(const std::function<int32_t()>& call)>;
+/// One use of the ABI, from the making of its arguments to the freeing of its results.
 struct Work {
   std::string name;
-  /// Gives the status of the call, with out as it left it.
+  /// Returns the status of its calls, with out as they left it. `fallible` runs those under test.
   std::function<int32_t(Floats& out, const Fallible& fallible)> run;
 };
 
@@ -115,7 +115,8 @@ Work bound(std::string name, dd_bind_options options) {
           }};
 }
 
-/// The first update by a method on what is bound already; refused, it is asked for once more.
+/// The first update by a method after a bind without faults. A refused one is repeated, and must
+/// equal the update of a fresh deformer.
 Work updated(std::string name, dd_update_options how, dd_bind_options options = bind_options(2)) {
   return {std::move(name), [=](Floats& out, const Fallible& fallible) {
             dd_deformer* deformer = nullptr;
@@ -309,7 +310,7 @@ std::vector<Work> works() {
   return all;
 }
 
-/// What went wrong with a work done while something failed; empty: nothing.
+/// Describes a failure of the ABI's promises under faults; empty if they are kept.
 std::string complaint(const Work& work, const Floats& expected, Failing::What what, long first,
                       long last) {
   const long before = test::living_allocations();
@@ -318,7 +319,7 @@ std::string complaint(const Work& work, const Floats& expected, Failing::What wh
     Floats out(expected.size(), kUntouched);
     bool failed = false;
     char sentence[256] = "";
-    dd_job_poll(nullptr, nullptr);  // so that the last message is another
+    dd_job_poll(nullptr, nullptr);  // leaves another message than the faults do
     const int32_t status = work.run(out, [&](const std::function<int32_t()>& call) {
       const Failing failing(what, first, last);
       const int32_t of_call = call();
@@ -333,6 +334,7 @@ std::string complaint(const Work& work, const Floats& expected, Failing::What wh
     if (status != DD_OK && std::strlen(sentence) < 20) found = "no sentence";
     if (status != DD_OK && out != Floats(out.size(), kUntouched)) found = "outputs written";
   }
+  // `found` allocates beyond the 15 characters that a string holds inside.
   const long leaked = test::living_allocations() - before - (found.capacity() > 15 ? 1 : 0);
   if (found.empty() && leaked != 0) found = std::to_string(leaked) + " allocations kept";
   return found;
@@ -341,7 +343,7 @@ std::string complaint(const Work& work, const Floats& expected, Failing::What wh
 /// Results without a fault, and how many allocations or threads the fallible call asks for.
 Floats expected_of(const Work& work, Failing::What what, long& asked) {
   Floats out(ball().positions.size(), kUntouched);
-  for (int twice = 0; twice < 2; ++twice) {  // what is made once stays
+  for (int twice = 0; twice < 2; ++twice) {  // counts in the second run: some memory is kept
     const int32_t status = work.run(out, [&](const std::function<int32_t()>& call) {
       const Failing counting(what, Failing::kNever);
       const int32_t of_call = call();
@@ -361,7 +363,7 @@ TEST_CASE("whichever allocation fails, the C ABI says so, keeps nothing and goes
     const Floats expected = expected_of(work, Failing::allocations, asked);
     INFO(work.name << ", " << asked << " allocations");
     REQUIRE(asked > 10);
-    // The first ones each, by which arguments are read and threads started, the others in steps.
+    // Each of the first 60, in which arguments are read and threads started; then some 150 more.
     const long step = std::max(1L, asked / 150);
     for (long k = 0; k < asked; k += k < 60 ? 1 : step) {
       const std::string found = complaint(work, expected, Failing::allocations, k, k);

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kAnyReach = 10;
 
-/// Of all triangles but those that face away.
+/// The nearest point of all triangles whose normal is less than 90 degrees off.
 PointOnTriangle nearest_of_all(const Mesh& mesh, const Eigen::RowVector3d& point,
                                const Eigen::RowVector3d& normal) {
   PointOnTriangle best;
@@ -25,7 +25,7 @@ PointOnTriangle nearest_of_all(const Mesh& mesh, const Eigen::RowVector3d& point
   return best;
 }
 
-/// Of what is about each vertex, as it is seen along its normal.
+/// The areas around each vertex as seen along its normal, up to a common factor.
 Eigen::VectorXd areas_about(const Mesh& mesh) {
   const Eigen::VectorXd areas = triangle_areas(mesh.positions, mesh.triangles);
   Positions sums = Positions::Zero(mesh.vertex_count(), 3);
@@ -44,7 +44,7 @@ Mesh stretched(Mesh mesh, double x, double others) {
 
 }  // namespace
 
-TEST_CASE("goals of a surface on itself are where it is, both ways") {
+TEST_CASE("goals of a surface on itself are its own vertices, both ways") {
   const Mesh mesh = test::rough_sphere(3, 0.1);
   ThreadPool pool(2);
   const GoalFinder finder(mesh, mesh, 0.1, pool);
@@ -52,7 +52,7 @@ TEST_CASE("goals of a surface on itself are where it is, both ways") {
   CHECK(largest_difference(finder.both_ways(mesh).places, mesh.positions) < 1e-12);
 }
 
-TEST_CASE("goals both ways are those of all triangles looked at one by one") {
+TEST_CASE("goals both ways equal those of a search through all triangles") {
   const Mesh source = test::rough_sphere(2, 0.1, 3);
   const Mesh target = stretched(test::rough_sphere(3, 0.1, 5), 1.3, 0.9);
   ThreadPool pool(2);
@@ -84,7 +84,7 @@ TEST_CASE("goals both ways are those of all triangles looked at one by one") {
   CHECK((weights.rowwise().sum().array() > 0).count() > source.vertex_count() / 2);
 }
 
-TEST_CASE("ends of the target draw those of the source") {
+TEST_CASE("ends of the target attract those of the source") {
   const Mesh source = stretched(test::sphere(4), 1, 0.2);
   const Mesh target = stretched(test::sphere(4), 1.15, 0.2);
   ThreadPool pool(1);
@@ -96,7 +96,7 @@ TEST_CASE("ends of the target draw those of the source") {
   CHECK(finder.both_ways(source).places(tip, 0) - source.positions(tip, 0) > 0.3 * away);
 }
 
-TEST_CASE("what lies beyond a border of the source draws nothing") {
+TEST_CASE("a target beyond a border of the source attracts nothing") {
   const auto flat = [](double, double) { return 0.0; };
   const Mesh source = test::grid(10, 10, flat);
   Mesh target = test::grid(40, 40, flat);

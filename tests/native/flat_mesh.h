@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What callers of the C ABI hold in their hands.
+// Meshes and structs in the form that the C ABI takes.
 #pragma once
 
 #include <cstdint>
@@ -29,7 +29,7 @@ struct FlatMesh {
   }
 };
 
-/// A struct that a call fills in, which says how large it is.
+/// A struct for a call to fill in, with its struct_size set.
 template <class Options>
 Options defaults() {
   Options options{};

@@ -26,7 +26,7 @@ Affine moved(double x, double y, double z) {
   return motion;
 }
 
-/// A tube in three handles; where nothing is fixed, all that moves moves the whole.
+/// A tube with three handles, whose lowest part is fixed or in the first handle.
 test::Case three_handles(bool fixed) {
   test::Case made = test::bent_cylinder();
   for (size_t v = 0; v < made.roles.size(); ++v) {
@@ -46,7 +46,7 @@ double stretch(const test::Case& of, const Positions& deformed) {
   return measure(of.mesh, deformed, free).stretch;
 }
 
-/// The motion that takes the vertices of a role nearest to where they are, and how far it misses.
+/// The rotation that fits a role's vertices from rest to the pose, and the largest error it leaves.
 struct Fit {
   Eigen::Matrix3d rotation;
   double miss;
@@ -75,7 +75,7 @@ TEST_CASE("a handle that only places goes along with a rigid motion of the other
     INFO(angle);
     const Eigen::Vector3d axis = Eigen::Vector3d(1, 2, -0.5).normalized();
     const Affine motion = test::rotation_about(angle, axis, {0.3, 0, 2}, {0.4, -1, 2});
-    // What its own matrix says of turns and sizes is of no account.
+    // The free handle's own matrix turns and scales as well, which must be ignored.
     const Eigen::Vector3d centre =
         handle_centres(deformer.region(), tube.mesh.positions).row(2).transpose();
     Affine places = test::rotation_about(0.7, {0, 1, 1}, centre, {0, 0, 0});
@@ -131,9 +131,9 @@ TEST_CASE("a limb pulled by a hand that only places stretches as little as by th
   }
 }
 
-TEST_CASE("handles that only place know nothing of other loose parts") {
-  // One tube is fixed and turned far, one floats by two handles that only place; and a vertex lies
-  // about.
+TEST_CASE("handles that only place don't depend on other loose parts") {
+  // One tube is fixed and turned far, the other hangs on two free handles alone, and one vertex has
+  // no triangle.
   const test::Case tube = three_handles(true);
   const int n = tube.mesh.vertex_count();
   Mesh mesh = test::appended(tube.mesh, tube.mesh);
@@ -206,7 +206,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("along a path the surface moves with a handle that only places, and back the same way") {
+TEST_CASE("along a path the surface moves with a handle that only places, without jumps") {
   const test::Case limb = test::bent_cactus();
   Deformer deformer(limb.mesh, limb.roles, 1, {});
   constexpr int kMoves = 60;
@@ -231,7 +231,7 @@ TEST_CASE("along a path the surface moves with a handle that only places, and ba
             on_the_way[kMoves / 2]) < 1e-12);
 }
 
-TEST_CASE("handles of one vertex, of a part of its own and of all methods may only place") {
+TEST_CASE("handles of one vertex may only place, by every method") {
   test::Case limb = test::bent_cylinder();
   for (size_t v = 0; v < limb.roles.size(); ++v)
     if (limb.roles[v] == 0) limb.roles[v] = kFree;
@@ -274,7 +274,7 @@ TEST_CASE("on a base from outside a handle that only places turns as the base do
 TEST_CASE("EXAMPLES: a handle that only places reaches an example by its mean, and turns with it") {
   const test::ThreePoses poses;
   const Mesh& mesh = poses.limb.mesh;
-  // Hands of some size, so that turned or not turned they are not the same.
+  // Handles so large that their turn shows.
   std::vector<int> roles = poses.handles.roles;
   for (int v = 0; v < mesh.vertex_count(); ++v) {
     const double z = mesh.positions(v, 2);
@@ -294,7 +294,7 @@ TEST_CASE("EXAMPLES: a handle that only places reaches an example by its mean, a
       options.free = {1, 1};
       const Positions found = surface(deformer, motions, options);
       CHECK(test::largest_difference(found, poses.examples[i]) < 1e-3 * test::box(mesh));
-      // By the same empties, but not turning, it can't be met.
+      // The same places without the turn don't give the example.
       options.free = {};
       CHECK(test::largest_difference(surface(deformer, motions, options), poses.examples[i]) >
             1e-2 * test::box(mesh));
@@ -307,7 +307,7 @@ TEST_CASE("EXAMPLES: the means of handles that only place are met, of parts that
   const Mesh two = test::appended(limb.mesh, limb.mesh);
   Positions bent(two.vertex_count(), 3);
   bent << limb.bent(70, 0.6), limb.mesh.positions;
-  // The first floats and is placed by two means, one of which has a vertex of the second, too.
+  // The first limb hangs on two free handles, one of which has a vertex of the second limb, too.
   std::vector<int> roles(size_t(two.vertex_count()), kFree);
   const int half = limb.mesh.vertex_count();
   for (int v = 0; v < half; ++v) {

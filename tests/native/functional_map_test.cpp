@@ -14,13 +14,13 @@ TEST_CASE("the smoothest functions of a sphere are the spherical harmonics") {
   std::vector<int> seeds;
   for (int v = 0; v < 40; ++v) seeds.push_back(v * 25);
   const SpectralBasis basis = spectral_basis(ball, 16, seeds, nullptr);
-  // l (l + 1), 2 l + 1 times each, of a sphere of area 1.
+  // Eigenvalues of the sphere of area 1: 4π l (l + 1), 2 l + 1 times each.
   int k = 0;
   for (int degree = 0; degree < 4; ++degree)
     for (int order = 0; order < 2 * degree + 1; ++order, ++k)
       CHECK(basis.values[k] ==
             Approx(4 * std::acos(-1.0) * degree * (degree + 1)).epsilon(0.02).margin(1e-8));
-  // Those of degree 1 are the coordinates.
+  // The functions of degree 1 span the coordinates.
   const Eigen::MatrixXd linear = basis.functions.middleCols(1, 3);
   for (int c = 0; c < 3; ++c) {
     const Eigen::VectorXd coordinate = ball.positions.col(c);

@@ -32,12 +32,12 @@ TEST_CASE(
     const double expected = (mesh.positions.row(v) - mesh.positions.row(centre)).norm();
     CHECK(distance[v] > expected - 1e-12);
     CHECK(distance[v] <
-          1.05 * expected + 0.4 / side);  // a part of an edge around the vertex itself
+          1.05 * expected + 0.4 / side);  // beside the source they err by a part of an edge
   }
 }
 
 TEST_CASE("distances on a cylinder go around it") {
-  // Bent without stretching: what they are on the plane.
+  // The sheet is bent without stretching: distances are those of the plane.
   const int side = 81;
   const auto flat = test::grid(side, side, [](double, double) { return 0.0; });
   Mesh bent = flat;
@@ -53,7 +53,7 @@ TEST_CASE("distances on a cylinder go around it") {
     CHECK(std::abs(on_bent[v] - on_flat[v]) < 2e-3 * on_flat[v] + 1e-12);
 }
 
-TEST_CASE("distances scale with the mesh and end where it does") {
+TEST_CASE("distances scale with the mesh and are infinite where no triangle leads") {
   Mesh mesh = test::grid(9, 9, [](double x, double y) { return 0.1 * std::sin(9 * x + y); });
   std::vector<char> sources(static_cast<size_t>(mesh.vertex_count()) + 1, 0);
   sources[4] = 1;
@@ -71,7 +71,7 @@ TEST_CASE("distances on a plane are never too short, whatever the sources and th
   std::mt19937 random(4);
   std::uniform_real_distribution<double> uniform(-1, 1);
   for (int round = 0; round < 40; ++round) {
-    // Regular, irregular, and sheared till most triangles are obtuse.
+    // Regular, irregular, and sheared until most triangles are obtuse.
     const int side = 21;
     Mesh mesh = test::grid(side, side, [](double, double) { return 0.0; });
     const double jitter = 0.4 * (round % 3) / 2 / side, shear = round % 4;
@@ -82,7 +82,7 @@ TEST_CASE("distances on a plane are never too short, whatever the sources and th
     }
     std::vector<char> sources(static_cast<size_t>(mesh.vertex_count()), 0);
     std::vector<int> at;
-    // On a grid of their own: no two have an edge in common.
+    // In every second row and column, so that no two sources share an edge.
     for (int k = 0; k < 1 + round; ++k) {
       at.push_back(side * 2 * static_cast<int>(random() % 10) +
                    2 * static_cast<int>(random() % 10));

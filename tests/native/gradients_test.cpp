@@ -14,7 +14,7 @@ using namespace dd;
 
 namespace {
 
-/// The pass over all triangles of S with every vertex free, as n×3.
+/// div(Sᵀ) by a GradientPass with every vertex free, n×3.
 Positions divergence_by_pass(const Mesh& surface, const Positions& base, const Positions& deformed,
                              bool rotation_only) {
   const int n = surface.vertex_count();
@@ -36,7 +36,7 @@ Positions divergence_by_pass(const Mesh& surface, const Positions& base, const P
   return result;
 }
 
-/// How many triangles another one, or none, stands in for.
+/// The number of triangles whose gradient is another one's, or none.
 int with_another(const StandIns& standing) {
   int count = 0;
   for (size_t j = 0; j < standing.of_triangle.size(); ++j)
@@ -83,7 +83,7 @@ TEST_CASE("S_j is (15), its rotation the polar one: both against inverse and SVD
 TEST_CASE("triangles of the base without area turn with a neighbour") {
   Pair pair;
   const Triangles& t = pair.surface.triangles;
-  // Draw a vertex's whole fan together: its triangles lose all area, some of it in a point.
+  // Two triangles of a vertex collapse to a point, which leaves their neighbours without area, too.
   std::vector<int> fan;
   for (Index j = 0; j < t.rows(); ++j)
     for (int k = 0; k < 3; ++k)
@@ -115,7 +115,7 @@ TEST_CASE("a part without any area keeps S_j = I: nothing stands in for it") {
     CHECK(standing.of_triangle[j] == (j < part.triangle_count() ? j : -1));
 }
 
-TEST_CASE("a collapsed part that hangs on one vertex turns with what it hangs on") {
+TEST_CASE("a collapsed part turns with the part that it shares a vertex with") {
   const Mesh part = test::sphere(1);
   Mesh both = test::appended(part, part);
   both.positions.bottomRows(part.vertex_count()).rowwise() = Eigen::RowVector3d(1, 0, 0);

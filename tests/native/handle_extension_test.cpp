@@ -29,7 +29,7 @@ struct Bound {
   }
 };
 
-/// Rows as in Region::free.
+/// The row order of Region::free.
 RowOrder plain_order(const Region& region) {
   RowOrder order;
   order.vertex_of_row = region.free;
@@ -64,7 +64,7 @@ TEST_CASE("the base solves L M⁻¹ L q = 0 and keeps constrained vertices") {
   CHECK(test::largest_difference(q, expected) < 1e-9);
 }
 
-TEST_CASE("the handles' extension is K's own solution, by functions and by a solve") {
+TEST_CASE("handles' displacements extend as by K itself, from kept functions or by a solve") {
   const Bound b;
   ThreadPool pool(2);
   const HandleCoordinates coordinates(b.region, b.mesh.positions);
@@ -108,7 +108,7 @@ TEST_CASE("the handles' extension is K's own solution, by functions and by a sol
 
 namespace {
 
-/// A strip whose handles are across it, the rest held by them alone.
+/// A strip with four handles across it and nothing fixed.
 struct Strip {
   explicit Strip(int length) {
     mesh = test::grid(length, 5,
@@ -117,7 +117,7 @@ struct Strip {
     for (int h = 0; h < 4; ++h)
       for (int v = 0; v < 10; ++v) roles[size_t(40 * h + v)] = h;
   }
-  /// Beside it, and so much larger, a plate with two handles.
+  /// Adds a plate with two handles beside the strip, `size` times as large.
   void add_plate(double size) {
     Mesh plate = test::grid(20, 20, [](double x, double y) { return 0.1 * x * y; });
     plate.positions *= size;
@@ -147,7 +147,7 @@ static RowMatrix given_values(const HandleCoordinates& coordinates, const Region
   return values;
 }
 
-/// Of a bound surface, rows as in Region::free.
+/// The functions of a bound surface, rows as in Region::free.
 static RowMatrix functions_of(const BoundSurface& bound) {
   RowMatrix space;
   const RowMatrix& in_order = bound.extension.functions(space);
@@ -159,8 +159,10 @@ static RowMatrix functions_of(const BoundSurface& bound) {
 }
 
 TEST_CASE(
-    "functions of many coordinates are K's own, where one solve is exact and where it is not") {
-  // Exactly enough by one solve or not, and where the base is too large beside it to tell.
+    "functions of many coordinates are K's own, whether one solve is exact enough for them or "
+    "not") {
+  // Strips for which one solve is exact enough in double precision, only in single, and in neither;
+  // beside a large plate the same error is smaller relative to the box. least, most: its bounds.
   const auto [length, plate, least, most] = GENERATE(table<int, double, double, double>(
       {{40, 0, 0, 1e-10}, {300, 10, 1e-10, 5e-7}, {1200, 0, 5e-7, 1}, {1200, 100, 1e-9, 1}}));
   Strip strip(length);
@@ -185,10 +187,10 @@ TEST_CASE(
     options.precision = precision;
     options.triangulation = Triangulation::given;
     const BoundSurface bound(mesh, region, options, pool, {});
-    // As far as one column can tell of many.
+    // The bind's limits, 1e-8 and 5e-7, apply to an estimate from one column: hence the factor 5.
     CHECK(off(functions_of(bound)) < 5 * (precision == Precision::full ? 1e-8 : 5e-7));
   }
-  // So that all cases are met.
+  // The error of one solve is that of the case.
   const RowMatrix at_handles = values(region.handle_vertices, kAllIndices);
   const HandleSolve solve(bending, region, &pool);
   HandleSolve::Space space;
@@ -204,7 +206,7 @@ TEST_CASE(
 }
 
 TEST_CASE(
-    "a few functions take one solve where frames work in single precision, and are refined else") {
+    "a few functions take one solve for frames in single precision, and are refined for double") {
   for (const int length : {40, 300, 1200}) {
     INFO(length);
     Strip strip(length);
@@ -232,7 +234,7 @@ TEST_CASE(
 
 TEST_CASE("a flat handle, one in a line and one of one point take fewer functions") {
   const Mesh plane = test::grid(13, 13, [](double x, double y) { return 0.1 * x * y; });
-  // A bent patch, three vertices, two and one.
+  // Handles of a bent patch, of three vertices, of two and of one.
   std::vector<int> roles(169, kFree);
   for (int v : {0, 1, 2, 13, 14, 15}) roles[v] = 0;
   for (int v : {10, 12, 25}) roles[v] = 1;
@@ -258,7 +260,7 @@ TEST_CASE("a flat handle, one in a line and one of one point take fewer function
   }
 }
 
-TEST_CASE("a handle's functions are 1 and its coordinates when everything constrained is in it") {
+TEST_CASE("with everything constrained in one handle its functions are 1 and B's coordinates") {
   Bound b;
   for (int& role : b.roles) role = role == kFree ? kFree : 0;
   b.region = split_region(b.mesh, b.roles, 1);
@@ -281,7 +283,7 @@ TEST_CASE("a handle's functions are 1 and its coordinates when everything constr
 
 namespace {
 
-/// A handle of its own for every so manieth vertex.
+/// Every step-th vertex is a handle of its own.
 struct ManyHandles {
   explicit ManyHandles(int levels, int step = 5) : mesh(test::rough_sphere(levels, 0.15)) {
     roles.assign(size_t(mesh.vertex_count()), kFree);
@@ -309,7 +311,7 @@ TEST_CASE("with a handle for every fifth vertex a frame solves for its base") {
   const int count = many.count();
   const Region region = split_region(many.mesh, many.roles, count);
   ThreadPool pool(2);
-  // K on S itself moves the surface where nothing but displacements is blended.
+  // VARIATIONAL uses K on S itself with either metric.
   const Positions displaced =
       test::dense_transfer(many.mesh, many.roles, many.motions, false, true).variational;
   for (BaseMetric metric : {BaseMetric::surface, BaseMetric::base}) {
@@ -329,7 +331,7 @@ TEST_CASE("with a handle for every fifth vertex a frame solves for its base") {
   }
 }
 
-TEST_CASE("many handles: K's factor serves frames in single precision where that is enough") {
+TEST_CASE("many handles: K's factor is in single precision where that is exact enough") {
   struct {
     Mesh mesh;
     std::vector<int> roles;
@@ -338,7 +340,7 @@ TEST_CASE("many handles: K's factor serves frames in single precision where that
   } cases[2];
   const ManyHandles sphere(5, 50);
   cases[0] = {sphere.mesh, sphere.roles, sphere.count(), true};
-  // Along a strip of 2,500 rows rounding comes to a thousandth between handles.
+  // On a strip of 2,500 rows single precision errs by a thousandth between handles.
   cases[1] = {Strip(2500).mesh, std::vector<int>(5 * 2500, kFree), 0, false};
   for (size_t v = 0; v < cases[1].roles.size(); v += 401) cases[1].roles[v] = cases[1].handles++;
   ThreadPool pool(2);
@@ -379,7 +381,7 @@ TEST_CASE("many handles: K's factor serves frames in single precision where that
 }
 
 TEST_CASE("many handles: the number of threads changes nothing", "[threads]") {
-  // A frame solves for its base wholly, or has the first half of that ready.
+  // A frame does all of the solve for its base, or half of it because the bind did the other.
   const int step = GENERATE(5, 50);
   const ManyHandles many(5, step);
   {
@@ -410,7 +412,7 @@ TEST_CASE("many handles: the number of threads changes nothing", "[threads]") {
         test::surface(shared, many.motions, options));
 }
 
-TEST_CASE("values of many handles spread harmonically as by their weights") {
+TEST_CASE("a harmonic blend of many handles' values equals their harmonic weights' sum") {
   Mesh mesh = test::rough_sphere(3, 0.15);
   std::vector<int> roles(size_t(mesh.vertex_count()), kFree);
   int count = 0;
@@ -446,12 +448,12 @@ TEST_CASE("each order of smoothness solves its own energy") {
   }
 }
 
-TEST_CASE("a border's slope and curvature are continued as far as the order says") {
+TEST_CASE("higher orders of smoothness continue a border's slope and curvature") {
   // Over a flat grid, values of a polynomial in x outside the region: the solution between is the
   // spline of the order, exact for polynomials below twice the order.
   const int side = 41;
   const Mesh flat = test::grid(side, side, [](double, double) { return 0.0; });
-  // Free between two strips; at the upper and lower border the natural conditions rule.
+  // Free between two strips; natural boundary conditions at the upper and lower border.
   const Region region = split_region(flat, test::strip_roles(side, side, 12, side - 12), 1);
   const auto operators = surface_operators(flat.positions, flat.triangles);
   double last = 1;
@@ -467,7 +469,7 @@ TEST_CASE("a border's slope and curvature are continued as far as the order says
   }
 }
 
-TEST_CASE("a long strip that is held at one end keeps its digits, or is refused beyond them") {
+TEST_CASE("a long strip held at one end is solved exactly, or refused where double can't") {
   const auto extended = [](int length) {
     Mesh ribbon = test::grid(length, 2, [](double, double) { return 0.0; });
     ribbon.positions.col(0) *= length - 1;

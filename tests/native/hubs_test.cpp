@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Vertices of many neighbours, which the energy's matrix would couple with one another.
+// Hubs: vertices of many neighbours, all of which the bi-Laplacian couples with one another.
 #include "base/base_surface.h"
 #include "deform.h"
 #include "dense_reference.h"
@@ -62,7 +62,7 @@ std::vector<HubCase> cases() {
   all[0].name = "a free pole";
   all[1].name = "a pole in a handle";
   all[1].roles[0] = 0;
-  // Without the curvature at both, one could rise against the other at no cost.
+  // Without the curvature at both poles, moving them against each other would cost nothing.
   all[2].name = "two free poles";
   return all;
 }
@@ -71,7 +71,7 @@ constexpr int kFew = 20;  // neighbours of a vertex that is no hub
 
 }  // namespace
 
-TEST_CASE("the energy with hubs beside its sparse part is the same matrix") {
+TEST_CASE("the energy as a sparse part and one of low rank for hubs is the same matrix") {
   for (const HubCase& one : cases())
     for (Smoothness smoothness : {Smoothness::thin_plate, Smoothness::curvature_variation}) {
       INFO(one.name << ", order " << static_cast<int>(smoothness));
@@ -84,7 +84,7 @@ TEST_CASE("the energy with hubs beside its sparse part is the same matrix") {
       const Eigen::MatrixXd sum =
           Eigen::MatrixXd(block.sparse) + vectors * block.core * vectors.transpose();
       CHECK((sum - full).cwiseAbs().maxCoeff() < 1e-14 * full.cwiseAbs().maxCoeff());
-      // A pole's row apart, no vertex meets more than those within three edges.
+      // Entries of vertices that aren't poles: the 7 × 7 within three edges, and the poles.
       for (int r = 0; r < region.free_count(); ++r)
         if (operators.laplacian.col(region.free[r]).nonZeros() <= kFew)
           CHECK(block.sparse.col(r).nonZeros() <= 7 * 7 + 2);
@@ -107,7 +107,7 @@ TEST_CASE("a surface with hubs is solved for as by a dense matrix") {
       const Positions q = base_surface(bending, region, one.mesh.positions);
       const Positions expected = test::dense_solve(energy, one.mesh.positions, one.roles, none);
       CHECK(test::largest_difference(q, expected) < 1e-9);
-      // Of values at the handle alone, by what frames solve with.
+      // Values at the handle alone, by the solve of frames.
       ThreadPool pool(1);
       Positions at_handle = Positions::Zero(one.mesh.vertex_count(), 3);
       for (int v : region.handle_vertices) at_handle.row(v) = one.mesh.positions.row(v);
@@ -131,7 +131,7 @@ TEST_CASE("a surface with hubs is solved for as by a dense matrix") {
   }
 }
 
-TEST_CASE("hubs of thousands of neighbours cost what other vertices do") {
+TEST_CASE("hubs of thousands of neighbours add few entries and no wide supernodes") {
   const int sides = 2000, rings = 6;
   const Mesh mesh = rings_about_poles(sides, rings, true);
   std::vector<int> roles(static_cast<size_t>(mesh.vertex_count()), kFree);

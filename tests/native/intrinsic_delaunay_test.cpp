@@ -24,7 +24,7 @@ Mesh jittered_sheet(int columns, int rows) {
   return mesh;
 }
 
-/// L of the triangles after all obtuse edges, however little, were flipped.
+/// L after every obtuse edge was flipped, without the margin kObtuse.
 Eigen::MatrixXd strict_laplacian(const Mesh& mesh) {
   const IntrinsicTriangles intrinsic = intrinsic_delaunay(mesh.positions, mesh.triangles, -1e-9);
   const int n = mesh.vertex_count();
@@ -76,7 +76,7 @@ bool same_operators(const SurfaceOperators& a, const SurfaceOperators& b) {
 
 }  // namespace
 
-TEST_CASE("DELAUNAY: of points in a plane it is one, from whatever triangles it starts") {
+TEST_CASE("DELAUNAY: the Laplacian of points in a plane is the same from any triangles") {
   const Mesh mesh = jittered_sheet(12, 9);
   const Eigen::MatrixXd L = strict_laplacian(mesh);
   CHECK(largest_weight_against(mesh, L) < 1e-9);
@@ -91,7 +91,7 @@ TEST_CASE("DELAUNAY: of points in a plane it is one, from whatever triangles it 
 
 TEST_CASE("DELAUNAY: a sheet that is folded along its edges has the Laplacian of the flat one") {
   const Mesh flat = test::with_slivers(jittered_sheet(12, 9));
-  // Two flaps about an edge line that no triangle crosses: the columns 4 and 8 are straight again.
+  // Folded along the columns 4 and 8, which are made straight so that no triangle crosses a fold.
   Mesh straight = jittered_sheet(12, 9);
   for (int i : {4, 8})
     for (int j = 0; j < 9; ++j) straight.positions.row(i * 9 + j) << i / 11.0, j / 8.0, 0;
@@ -108,7 +108,7 @@ TEST_CASE("DELAUNAY: a sheet that is folded along its edges has the Laplacian of
   CHECK(flat.triangle_count() == folded.triangle_count());
 }
 
-TEST_CASE("DELAUNAY: the operators keep the area and have no weight against it") {
+TEST_CASE("DELAUNAY: the operators keep the area and have no weight below the margin") {
   for (const Mesh& mesh : {test::rough_sphere(3, 0.25), test::with_slivers(test::sphere(3), 0.4),
                            test::with_slivers(test::bumpy_plane(21, 3), 0.3)}) {
     const auto given = surface_operators(mesh.positions, mesh.triangles);
@@ -121,13 +121,13 @@ TEST_CASE("DELAUNAY: the operators keep the area and have no weight against it")
     const Eigen::MatrixXd L = made.laplacian;
     CHECK(largest_weight_against(mesh, L) <= -0.5 * kObtuse + 1e-12);
     CHECK((L * Eigen::VectorXd::Ones(L.rows())).cwiseAbs().maxCoeff() < 1e-11);
-    // Only where something was flipped another triangle was measured.
+    // Triangles differ only where an edge was flipped.
     for (Index j = 0; j < mesh.triangles.rows(); ++j)
       if (!intrinsic.moved[j]) {
         CHECK(made.triangles.row(j) == mesh.triangles.row(j));
         CHECK(made.metric.cotangents.row(j) == given.metric.cotangents.row(j));
       }
-    // L p = div(G I): at rest gradients give the surface itself, in whatever triangles.
+    // L p = div(G I) on flipped triangles, too: identity gradients give the surface itself.
     const Positions flux = corner_divergence(made.metric, mesh.positions, made.triangles);
     Positions sum = Positions::Zero(mesh.vertex_count(), 3);
     for (Index k = 0; k < flux.rows(); ++k) sum.row(made.triangles(k / 3, k % 3)) += flux.row(k);
@@ -148,7 +148,7 @@ TEST_CASE("DELAUNAY: a regular grid stays as it is, rounded to floats, turned an
   }
 }
 
-TEST_CASE("DELAUNAY: neither numbering nor size nor winding has a say") {
+TEST_CASE("DELAUNAY: neither numbering nor size nor winding changes the Laplacian") {
   const Mesh mesh = test::with_slivers(test::rough_sphere(3, 0.1), 0.5);
   const Eigen::MatrixXd L =
       surface_operators(mesh.positions, mesh.triangles, Triangulation::delaunay).laplacian;
@@ -174,7 +174,8 @@ TEST_CASE("DELAUNAY: neither numbering nor size nor winding has a say") {
   CHECK((same - L).cwiseAbs().maxCoeff() < 1e-9);
 }
 
-TEST_CASE("DELAUNAY: corners that lie on the edges of others are linear functions' neighbours") {
+TEST_CASE(
+    "DELAUNAY: vertices on edges of others, closed by triangles without area, keep L linear") {
   // A vertex in the middle of every third edge, joined to one side only: on the other side a
   // triangle without area closes the gap.
   Mesh mesh = jittered_sheet(14, 11);
@@ -209,7 +210,7 @@ TEST_CASE("DELAUNAY: corners that lie on the edges of others are linear function
   CHECK(largest_weight_against(mesh, made.laplacian) <= -0.5 * kObtuse + 1e-9);
 }
 
-TEST_CASE("DELAUNAY: soups of triangles are flipped where that has a meaning, and come to an end") {
+TEST_CASE("DELAUNAY: flips of a triangle soup come to an end, and its operators are finite") {
   Mesh mesh = test::with_slivers(test::junction().mesh, 0.3);
   const Index n = mesh.positions.rows(), m = mesh.triangles.rows();
   mesh.positions.conservativeResize(n + 3, 3);
@@ -229,7 +230,7 @@ TEST_CASE("DELAUNAY: soups of triangles are flipped where that has a meaning, an
   CHECK(made.metric.cotangents.allFinite());
   CHECK(made.metric.areas.minCoeff() > 0);
   CHECK(made.masses.allFinite());
-  // Every vertex keeps its triangles' surface, and none is left without.
+  // A vertex has triangles after the flips if it had some before.
   std::vector<int> before(static_cast<size_t>(n + 3), 0), after = before;
   for (Index k = 0; k < mesh.triangles.size(); ++k) {
     ++before[mesh.triangles.data()[k]];
@@ -250,11 +251,11 @@ TEST_CASE("DELAUNAY: an edge of three triangles is never flipped") {
   CHECK(intrinsic_delaunay(mesh.positions, mesh.triangles).flips == 1);
 }
 
-TEST_CASE("DELAUNAY: a cone of thousands of needles comes to an end") {
+TEST_CASE("DELAUNAY: flips of a cone of thousands of needles come to an end") {
   const int sides = 4000;
   Mesh mesh;
   mesh.positions.resize(sides + 1, 3);
-  mesh.positions.row(0) << 0, 0, 40;  // the edges around it are shortest across the needles
+  mesh.positions.row(0) << 0, 0, 40;  // an apex so high that the triangles around it are needles
   for (int j = 0; j < sides; ++j) {
     const double v = 2 * std::acos(-1.0) * j / sides;
     mesh.positions.row(1 + j) << std::cos(v), std::sin(v), 0.02 * (j % 7);
@@ -282,7 +283,7 @@ TEST_CASE("DELAUNAY: around a leaning spike an edge runs from a vertex back to i
   for (Index k = 0; k < made.triangles.size(); ++k)
     loops += made.triangles(k / 3, k % 3) == made.triangles(k / 3, (k + 1) % 3);
   CHECK(loops > 0);
-  CHECK(loops % 2 == 0);  // each from both sides
+  CHECK(loops % 2 == 0);  // a loop is counted from both of its sides
   CHECK(made.metric.areas.sum() == Approx(given.metric.areas.sum()).epsilon(1e-12));
   CHECK(made.masses.sum() == Approx(given.masses.sum()).epsilon(1e-12));
   const Eigen::MatrixXd L = made.laplacian;

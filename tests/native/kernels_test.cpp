@@ -47,7 +47,7 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
   };
 
   SECTION("factor") {
-    // Supernodes of all widths with all numbers of rows below, which go to the next places.
+    // Supernodes of 1 to 11 columns and 0 to 42 rows below, which are the rows that follow.
     std::vector<int32_t> begin{0}, slots;
     std::vector<int64_t> rows{0}, starts{0};
     for (int width = 1; width <= 11; ++width)
@@ -86,7 +86,7 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
     CHECK(close(c, d));
   }
   SECTION("blend") {
-    // Some of its rows go together, what is left one by one.
+    // Kernels take several rows at a time and the rest one by one.
     for (int count : {7, 19}) {
       const auto weights = numbers(count * 8, double()), coefficients = numbers(4 * 8, double()),
                  rest = numbers(4 * count, double());
@@ -94,7 +94,7 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
       kBaselineKernels.blend(count, 8, weights.data(), coefficients.data(), rest.data(), a.data());
       kAvx2Kernels.blend(count, 8, weights.data(), coefficients.data(), rest.data(), b.data());
       CHECK(close(a, b));
-      // Where a range of rows begins has no say in their bits.
+      // The bits of a row don't depend on where its range begins.
       for (int r = 0; r < count; ++r)
         kAvx2Kernels.blend(1, 8, weights.data() + 8 * r, coefficients.data(), rest.data() + 4 * r,
                            c.data() + 4 * r);
@@ -148,7 +148,7 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
     for (int i = 0; i < kExamples; ++i) followed.push_back(numbers(4 * 20, double()));
     const auto start = numbers(4 * 20, double());
     for (bool rotation_only : {false, true})
-      // Turns of a few degrees and of radians: by series and by quotients.
+      // Turns of about a degree, by series, and of about a radian, by quotients.
       for (const Real size : {Real(0.02), Real(1)}) {
         const std::vector<Real> weights = {size, 0, -size / 2, 2 * size};
         struct Result {
@@ -177,7 +177,7 @@ TEMPLATE_TEST_CASE("all instruction sets compute the same", "", float, double) {
           return result;
         };
         const Result a = run(plain), b = run(wide);
-        // Sums of hundreds of products.
+        // Relative to at least 10, as these are sums of hundreds of products.
         const auto alike = [&](const auto& x, const auto& y) {
           for (size_t i = 0; i < x.size(); ++i)
             if (!(std::abs(x[i] - y[i]) < tolerance * (10 + std::abs(x[i])))) return false;
@@ -253,7 +253,7 @@ TEST_CASE("the mean of rotations does not depend on the signs of their quaternio
     }
     kernels().full.mean_rotations(0, 1, starts.data(), index, weights, rotations.data(),
                                   mean.data());
-    // Every second has the other sign, as on both sides of half a turn.
+    // Every second quaternion has the other sign, as beyond half a turn.
     for (int q = round % 2; q < 6; q += 2)
       for (int c = 0; c < 4; ++c) rotations[4 * q + c] *= -1;
     kernels().full.mean_rotations(0, 1, starts.data(), index, weights, rotations.data(),

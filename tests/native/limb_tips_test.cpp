@@ -10,18 +10,18 @@
 
 using namespace dd;
 
-TEST_CASE("three markers lose nothing of what the shapes tell", "[large]") {
+TEST_CASE("three markers lose nothing of a match that the shapes alone would give", "[large]") {
   const auto farthest = [](const Mesh& mesh, const Eigen::RowVector3d& way) {
     Index v = 0;
     (mesh.positions * way.transpose()).maxCoeff(&v);
     return static_cast<int>(v);
   };
   const auto marked = [&](const Mesh& mesh, const std::vector<Eigen::RowVector3d>& ways) {
-    Pairs markers;  // of vertices that a finer sphere has, too
+    Pairs markers;  // finer spheres have the same vertices and more
     for (const auto& way : ways) markers.push_back({farthest(mesh, way), farthest(mesh, way)});
     return markers;
   };
-  // On feet that a stride has turned by 57°: no turn and size takes them where they belong.
+  // Markers on feet that a stride has swung by 57°: no similarity fits them.
   const Mesh rest = test::quadruped(4);
   const Mesh source = {test::striding(test::quadruped(5).positions, 1),
                        test::quadruped(5).triangles};
@@ -31,7 +31,8 @@ TEST_CASE("three markers lose nothing of what the shapes tell", "[large]") {
     CHECK(test::mean_error(register_onto(source, rest, markers, {}), test::quadruped(5).positions) <
           0.02);
   }
-  // On limbs of which one is bent, where no map helps: by themselves they would shear the body.
+  // Markers on limbs, one of which is bent, without a functional map: a fit of the markers alone
+  // would shear the body.
   const Mesh straight = test::beast(5);
   const Mesh bent = {test::raised(test::beast(4).positions, 0.35), test::beast(4).triangles};
   const Pairs markers = marked(test::beast(4), {{1, 0.1, 0.3}, {-0.8, 0.5, -0.2}, {0.1, -1, 0.4}});
@@ -42,7 +43,7 @@ TEST_CASE("three markers lose nothing of what the shapes tell", "[large]") {
                          test::raised(straight.positions, 0.35)) < 0.01);
 }
 
-TEST_CASE("limbs end where they are farthest from the whole, and are told from one another") {
+TEST_CASE("limbs have tips at their ends, which are paired with those of the same limb") {
   const int levels[2] = {5, 4};
   const Mesh shapes[2] = {test::quadruped(5), test::quadruped(4, 3.5, 2.5)};
   const CoarseShape coarse[2] = {CoarseShape(shapes[0]), CoarseShape(shapes[1])};
@@ -65,13 +66,13 @@ TEST_CASE("limbs end where they are farthest from the whole, and are told from o
     };
     const int* nearest =
         std::min_element(ends[side], ends[side] + 6, [&](int a, int b) { return way(a) < way(b); });
-    CHECK(way(*nearest) < 0.6);  // of some 6 from end to end
+    CHECK(way(*nearest) < 0.6);  // a tenth of the body's length
     return nearest - ends[side];
   };
   const Pairs pairs = paired_tips(coarse[0], coarse[1], {}, {});
   CHECK(pairs.size() == 6);
   for (const auto& [one, other] : pairs) CHECK(limb_of(0, one) == limb_of(1, other));
-  // What is marked is left out, and leaves the rest as it is.
+  // A marked tip is left out, which leaves the other pairs as they are.
   const Pairs others = paired_tips(coarse[0], coarse[1], {}, {pairs[0]});
   CHECK(others.size() == 5);
   for (const std::array<int, 2>& pair : others)
@@ -88,7 +89,7 @@ TEST_CASE("limbs of other lengths are found without markers", "[large]") {
   CHECK(found.tips.size() == 6);
   const double by_tips = test::mean_error(register_onto(low, tall, {}, found, {}), truth);
   CHECK(by_tips < 0.04);
-  // Paired wrongly they lose nothing: what they lead to isn't trusted.
+  // Wrong pairs cost nothing: the alignment that they lead to isn't trusted.
   std::swap(found.tips[0][1], found.tips[1][1]);
   const double astray = test::mean_error(register_onto(low, tall, {}, found, {}), truth);
   found.tips.clear();

@@ -50,7 +50,7 @@ struct Limb {
     return transformed(turn, p);
   }
 
-  /// Turned about its length, more and more towards the top.
+  /// Turned about z, by an angle that grows from 0 at the bottom.
   Positions twisted(double degrees) const {
     Positions p = mesh.positions;
     for (Index v = 0; v < p.rows(); ++v) {

@@ -133,7 +133,7 @@ TEST_CASE("stretch is ‖S − R‖ of (15) and its polar rotation, normal error
         Approx(angle / double(mesh.triangle_count()) * 180 / std::acos(-1.0)).epsilon(1e-9));
 }
 
-TEST_CASE("only triangles with a free corner count, and only pairs that are new are new") {
+TEST_CASE("only triangles with a free corner count, and pairs that intersect at rest aren't new") {
   Mesh a = test::sphere(2), b = test::sphere(2);
   b.positions.rowwise() += Eigen::RowVector3d(0.5, 0.1, 0.2);
   const Mesh both = test::appended(a, b);

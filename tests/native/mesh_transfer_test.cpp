@@ -101,7 +101,7 @@ TEST_CASE("transferred onto a moved, scaled, renumbered copy a pose comes out as
   CHECK(worst < 1e-9 * bounding_box_diagonal(target.positions));
   CHECK(transfer.placement().scale == Approx(2.5));
 
-  // By vertices the same triangles are found.
+  // Pairs of vertices give the same pairs of triangles.
   Pairs vertices;
   for (int v = 0; v < mesh.vertex_count(); ++v) vertices.push_back({v, copy.new_of_old[v]});
   const Correspondence found_triangles = vertex_correspondence(vertices, mesh, target);
@@ -117,7 +117,7 @@ TEST_CASE("onto another rest shape: the same as a dense solve, and near the volu
   target.positions.col(2) *= 1.6;
   const Positions pose = bent(source.positions);
   const int n = target.vertex_count(), m = target.triangle_count();
-  // None, one or two sources a triangle.
+  // One or two sources for each triangle.
   std::mt19937 random(4);
   Pairs pairs;
   for (int j = 0; j < m; ++j) {
@@ -146,7 +146,7 @@ TEST_CASE("onto another rest shape: the same as a dense solve, and near the volu
             dense_gradient(source.positions, pose, source.triangles, correspondence.source[k]);
         mean += (rotation_only ? polar_rotation(S) : S) / (end - first);
       }
-      // The mean of two rotations by quaternions is the nearest one to their sum, too.
+      // The mean of two rotations by quaternions is also the rotation nearest to their sum.
       gradients.middleRows<3>(3 * j) = (rotation_only ? polar_rotation(mean) : mean).transpose();
     }
     Eigen::MatrixXd L = dense.L, right = dense.G.transpose() * dense.D * gradients;
@@ -178,8 +178,8 @@ TEST_CASE("the volumetric original gives a pose back too") {
        {Formulation::fourth_points, Formulation::fourth_points_unweighted}) {
     TransferOptions options;
     options.formulation = formulation;
-    // Its fourth points' edges follow e1 × e2 / √|e1 × e2|, S_j the unit normal (15): what a pose
-    // stretches differs, a rigid motion doesn't.
+    // Fourth points use e1 × e2 / √|e1 × e2|, S_j of (15) the unit normal: they differ where a pose
+    // stretches, but not for a rigid motion.
     const test::Affine rigid = test::rotation_about(1.3, {1, -1, 2}, {0, 0, 0}, {0.3, 4, 1});
     const Positions moved = test::transformed(rigid, mesh.positions);
     MeshTransfer transfer = onto(mesh, mesh, options);
@@ -188,7 +188,7 @@ TEST_CASE("the volumetric original gives a pose back too") {
   }
 }
 
-TEST_CASE("a rigid motion carries over, whatever corresponds to what") {
+TEST_CASE("a rigid motion carries over by any correspondence") {
   const Mesh source = test::rough_sphere(2, 0.3), target = test::rough_sphere(3, 0.2, 5);
   const test::Affine rigid = test::rotation_about(2.6, {1, 3, 2}, {1, 0, 0}, {0.3, 4, 1});
   std::mt19937 random(9);
@@ -246,7 +246,7 @@ TEST_CASE(
   for (int v : options.anchors) CHECK(pinned.row(v) == mesh.positions.row(v));
 }
 
-TEST_CASE("loose parts keep with their sources, and parts without one with the rest") {
+TEST_CASE("loose parts move with their sources, parts without one with the others' mean") {
   const Mesh ball = test::rough_sphere(2, 0.2);
   const auto at = [&](double x) {
     return Mesh{ball.positions.rowwise() + Eigen::RowVector3d(x, 0, 0), ball.triangles};
@@ -294,7 +294,7 @@ TEST_CASE("degenerate triangles and loose vertices on either side leave a finite
   const test::Affine rigid = test::rotation_about(1.1, {1, -1, 2}, {0, 0, 0}, {0.3, 4, 1});
   Positions moved = test::transformed(rigid, mesh.positions);
   Positions found = transfer.apply(moved, false);
-  moved.bottomRows(1) = mesh.positions.bottomRows(1);  // nothing moves it
+  moved.bottomRows(1) = mesh.positions.bottomRows(1);  // a vertex without triangles stays
   CHECK(largest_difference(found, moved) < 1e-9);
   const Positions pose = bent(mesh.positions);
   CHECK(largest_difference(transfer.apply(pose, false).topRows(100), pose.topRows(100)) < 0.02);
@@ -309,7 +309,7 @@ TEST_CASE("the number of threads changes no bit of a transferred pose", "[thread
   CHECK(alone == onto(mesh, mesh, options).apply(bent(mesh.positions), true));
 }
 
-TEST_CASE("what can't be transferred is refused with a sentence") {
+TEST_CASE("unusable transfers, poses and correspondences are refused with a message") {
   const Mesh mesh = test::rough_sphere(1, 0.1), other = test::rough_sphere(2, 0.1);
   const Correspondence same = same_topology(mesh, mesh);
   const int m = mesh.triangle_count();
@@ -359,7 +359,7 @@ TEST_CASE("a target that stands otherwise turns the deformations, one of another
   CHECK(placed(8 * degree, 0).isApprox(rotation_by({8 * degree, 0, 0}), 1e-9));
   CHECK(placed(0, 0.05).isIdentity(1e-12));
   CHECK(placed(90 * degree, 0.05).isApprox(rotation_by({90 * degree, 0, 0}), 1e-9));
-  // However far it is turned, the same rotation is found beside it.
+  // At any turn the fitted rotation errs by less than 60 degrees times the shear.
   for (const double sheared : {0.05, 0.1, 0.2})
     for (const double angle : {15 * degree, 35 * degree, 75 * degree}) {
       const Eigen::Matrix3d beside = rotation_by({-angle, 0, 0}) * placed(angle, sheared);
@@ -368,7 +368,7 @@ TEST_CASE("a target that stands otherwise turns the deformations, one of another
 }
 
 TEST_CASE("a longer neck doesn't turn the body that it is on") {
-  // A ball with a horn: what the target's horn is longer moves its centre, but turns few normals.
+  // A ball with a horn: the target's longer horn moves its centre but turns few normals.
   const Mesh source = test::rough_sphere(4, 0.02);
   Mesh target = source;
   for (Index v = 0; v < target.positions.rows(); ++v) {
@@ -394,7 +394,7 @@ TEST_CASE("triangles that a pose collapses turn with their neighbours") {
         pose.row(v) << pose(v, 0), height * pose(v, 1), 0.3 + height * pose(v, 2);
     return pose;
   };
-  // What is left of their rotations is rounding, which must not show.
+  // The rotations of the squeezed triangles are rounding alone, which must not show.
   const Positions quite = transfer.apply(squeezed(0), true);
   CHECK(largest_difference(transfer.apply(squeezed(1e-9), true), quite) < 1e-6);
   const Positions nothing = Positions::Zero(mesh.positions.rows(), 3);
@@ -404,7 +404,7 @@ TEST_CASE("triangles that a pose collapses turn with their neighbours") {
 }
 
 TEST_CASE(
-    "rotations alone are refused where places need whole gradients, and no placing skips its own") {
+    "rotations alone are refused where places need whole gradients, and taken where they don't") {
   const Mesh mesh = test::rough_sphere(2, 0.2);
   const Positions pose = bent(mesh.positions);
   for (const Placing placing :
@@ -451,7 +451,7 @@ TEST_CASE("a mirror image is deformed as one") {
         CHECK(largest_difference(transfer.apply(pose, false), image(pose)) < 1e-5 * box);
 
         if (placing == Placing::components) {
-          // Turns alone are mirrored as well: as the image of what the source makes of itself.
+          // With rotations alone it is the image of the source's transfer onto itself.
           MeshTransfer itself(source, source, each, options);
           const Positions own = itself.apply(pose, true);
           CHECK(largest_difference(transfer.apply(pose, true), image(own)) < 1e-5 * box);
@@ -464,7 +464,7 @@ TEST_CASE("a mirror image is deformed as one") {
   }
 }
 
-TEST_CASE("a mirror image of another shape is known, and what is nearly flat is none") {
+TEST_CASE("a mirror image of another shape is recognized, a nearly flat shape is none") {
   const Mesh source = test::rough_sphere(4, 0.2);
   Mesh target = source;
   target.positions.col(0) *= -1;
@@ -473,7 +473,7 @@ TEST_CASE("a mirror image of another shape is known, and what is nearly flat is 
   CHECK(onto(source, target).mirrored());
 
   const Mesh sheet = test::grid(20, 20, [](double x, double y) { return 0.2 * x * y; });
-  Mesh other = sheet;  // with a bend the other way, which no reflection explains
+  Mesh other = sheet;  // bent the other way, and with waves that no reflection explains
   for (Index v = 0; v < other.positions.rows(); ++v)
     other.positions(v, 2) =
         -0.02 * other.positions(v, 2) + 0.1 * std::sin(9 * other.positions(v, 0));

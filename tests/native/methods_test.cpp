@@ -30,7 +30,7 @@ struct Ball {
   }
 };
 
-/// exp(log R) by series: another way than the core's axis and angle.
+/// exp by its power series: another way than the core's axis and angle.
 Eigen::Matrix3d series_exponential(const Eigen::Matrix3d& A) {
   Eigen::Matrix3d sum = Eigen::Matrix3d::Identity(), term = sum;
   for (int k = 1; k < 30; ++k) {
@@ -97,7 +97,7 @@ TEST_CASE("GRADIENT: a translation leaves the gradients alone, the flaw that the
   const auto plane = test::lifted_plane(61);
   Deformer deformer(plane.mesh, plane.roles, 1, {});
   const Positions result = surface(deformer, {plane.motion}, by(MethodKind::gradient));
-  // With the gradients of S, p' is p and a harmonic displacement: VarMin of order 1.
+  // With S's own gradients p' is p and a harmonic displacement: VarMin of order 1.
   Deformer membrane(plane.mesh, plane.roles, 1, {BaseMetric::surface, 0, Smoothness::membrane});
   CHECK(test::largest_difference(
             result, surface(membrane, {plane.motion}, by(MethodKind::variational))) < 1e-9);
@@ -120,7 +120,7 @@ TEST_CASE(
                                    plane.mesh.positions) < 1e-10);
       const double missed =
           test::largest_difference(surface(deformer, {motion, motion}, options), expected);
-      // VarMin's own flaw: p is not in the operator's null space.
+      // VarMin isn't rotation-invariant: p is not in the operator's null space.
       CHECK((method == MethodKind::variational ? missed > 1e-3 : missed < 1e-9));
     }
 }
@@ -193,7 +193,7 @@ TEST_CASE("a part whose base collapses turns with the handle that alone holds it
   }
 }
 
-TEST_CASE("what fails on another geometry than the mesh's is not blamed on the mesh") {
+TEST_CASE("a failure on the smoothed geometry names metric_smoothing, not the mesh") {
   const auto plane = test::lifted_plane(41);
   const auto blame = [&](const BindOptions& options) {
     return test::refusal([&] { Deformer(plane.mesh, plane.roles, 1, options); }, Status::numeric);
@@ -214,7 +214,7 @@ TEST_CASE("NORMAL reconstructs S at rest at every level count, and follows rigid
     CHECK(test::largest_difference(surface(deformer, {motion}, options),
                                    test::transformed(motion, plane.mesh.positions)) < 1e-9);
     CHECK(deformer.findings(MethodKind::normal).unrepresented.empty());
-    // Random relief is no height field everywhere: the other way must be as exact.
+    // Random relief is no height field everywhere: vertices without a height must be as exact.
     Deformer rough(ball.mesh, ball.roles, 2, {});
     CHECK(test::largest_difference(surface(rough, {test::identity(), test::identity()}, options),
                                    ball.mesh.positions) < 1e-9);
@@ -247,7 +247,7 @@ TEST_CASE("NORMAL: over a plane the heights are those of the relief, a known sol
   }
 }
 
-TEST_CASE("NORMAL counts what is no height field over the base") {
+TEST_CASE("NORMAL counts vertices that no height over the base represents") {
   // A ball on a neck overhangs the plane it stands on.
   Mesh mesh = test::grid(41, 41, [](double, double) { return 0.0; });
   for (int v = 0; v < mesh.vertex_count(); ++v) {
@@ -283,8 +283,8 @@ TEST_CASE("VOLUMES keeps the space between base and surface, whatever the unit")
   Deformer deformer(plane.mesh, plane.roles, 1, {});
   const Positions result = surface(deformer, {plane.motion}, by(MethodKind::volumes));
   CHECK(deformer.findings(MethodKind::volumes).converged);
-  // The prisms' volumes once more, cut into three tetrahedra each (either way of cutting their
-  // sides is off by as much, so their mean is the bilinear prism).
+  // The prisms' volumes by another formula: the mean over six ways of cutting a prism into three
+  // tetrahedra. Both diagonals of a side err by as much, so the mean is the bilinear prism's.
   const auto volume = [&](const Positions& base, const Positions& over, Index j) {
     const auto corner = plane.mesh.triangles.row(j);
     double sum = 0;
@@ -353,7 +353,7 @@ TEST_CASE("VOLUMES tells how far it is, can be cancelled, and says when it stopp
   options.of_method.volume_tolerance = 1e-9;
   surface(deformer, {plane.motion}, options);
   CHECK(!deformer.findings(MethodKind::volumes).converged);
-  // Where the surface is its own base there is nothing to keep.
+  // Where the surface is its own base there is no volume to keep.
   const Mesh flat = test::grid(21, 21, [](double, double) { return 0.0; });
   Deformer bare(flat, test::strip_roles(21, 21, 3, 18), 1, {});
   CHECK(surface(bare, {plane.motion}, by(MethodKind::volumes)).allFinite());

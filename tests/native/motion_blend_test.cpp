@@ -35,7 +35,7 @@ test::Case three_handles() {
 /// The bar's end turned about its axis.
 Affine twist(double angle) { return test::rotation_about(angle, {0, 0, 1}, {0, 0, 0}, {0, 0, 0}); }
 
-/// The largest rate of twist over twentieths of the free length, against the even one.
+/// The largest twist between neighbouring twentieths of the free length, over an even twist's.
 double largest_rate(const test::Case& bar, const Positions& deformed, double angle) {
   constexpr int kSlabs = 20;
   double cosine[kSlabs] = {}, sine[kSlabs] = {};
@@ -96,7 +96,7 @@ TEST_CASE("blended motions: translations and small turns move the base as the li
   const std::vector<Affine> shifts = {shift, test::identity(), other};
   CHECK(test::largest_difference(base(shifts, BaseDeformer::motions),
                                  base(shifts, BaseDeformer::linear)) < 1e-12);
-  // To the second order of the turns.
+  // The difference is of second order: half of the angle, a quarter of it.
   double last = 0;
   for (double angle : {0.1, 0.05}) {
     const std::vector<Affine> motions = {
@@ -107,7 +107,7 @@ TEST_CASE("blended motions: translations and small turns move the base as the li
     if (angle < 0.1) CHECK(difference < 0.27 * last);
     last = difference;
   }
-  // By itself it stays with the linear base up to 135 degrees, and then goes over.
+  // `automatic` is the linear base up to 135 degrees, and then goes over to motions until 180.
   const auto bend = [&](double degrees, BaseDeformer kind) {
     return base({test::bend(degrees, 0.3, 0.8), test::identity(), test::identity()}, kind);
   };
@@ -117,7 +117,7 @@ TEST_CASE("blended motions: translations and small turns move the base as the li
                                  bend(179.999, BaseDeformer::motions)) < 1e-4);
 }
 
-TEST_CASE("blended motions: how far handles are turned apart is the most of any two") {
+TEST_CASE("blended motions: the automatic share goes by the largest angle between two handles") {
   const Mesh mesh = test::rough_sphere(3, 0.1);
   std::vector<int> roles(size_t(mesh.vertex_count()), kFree);
   constexpr int kCount = 40;
@@ -133,7 +133,7 @@ TEST_CASE("blended motions: how far handles are turned apart is the most of any 
       std::vector<Eigen::Vector3d> angles;
       for (int h = 0; h < kCount; ++h) {
         const Eigen::Vector3d axis = Eigen::Vector3d::Random().normalized();
-        // In pairs of opposite turns, so that some are as far from the mean as others.
+        // Alternating turns, so that several handles are equally far from the mean.
         const Eigen::Vector3d angle =
             Eigen::Vector3d(0, 0, common) + kTurn / 2 * spread * (h % 2 ? -1 : 1) * axis;
         angles.push_back(angle);
@@ -142,7 +142,7 @@ TEST_CASE("blended motions: how far handles are turned apart is the most of any 
         motions.push_back(motion);
       }
       blend.take(motions, {});
-      // Nothing is fixed: apart from the first.
+      // Nothing is fixed: rotations count relative to the first handle's.
       double farthest = 0;
       const auto to_first = [&](int h) -> Eigen::Vector3d {
         return rotation_vector(rotation_by(angles[0]).transpose() * rotation_by(angles[size_t(h)]));
@@ -156,7 +156,8 @@ TEST_CASE("blended motions: how far handles are turned apart is the most of any 
     }
 }
 
-TEST_CASE("blended motions: handles have their places whatever their matrices are") {
+TEST_CASE(
+    "blended motions: handles are in their places with mirrored, sheared and singular matrices") {
   const test::Case tube = three_handles();
   Deformer deformer(tube.mesh, tube.roles, 3, {});
   Affine mirrored = test::identity(), sheared = twist(4), flat = test::identity();
@@ -174,7 +175,7 @@ TEST_CASE("blended motions: handles have their places whatever their matrices ar
       CHECK((result.row(v) -
              test::transformed(motions[size_t(tube.roles[v])], tube.mesh.positions.row(v)))
                 .norm() < 1e-12);
-  // Next to a handle the base goes with it.
+  // The base of a handle moves by its matrix.
   UpdateOptions shown = blended();
   shown.output = Output::base;
   const Positions base = surface(deformer, motions, shown);
@@ -219,7 +220,7 @@ TEST_CASE("a bar twisted by one turn and by two, in one step: even, and without 
 TEST_CASE("a cylinder bent along an arc of its own length, in one step") {
   const test::Case tube = test::bent_cylinder();
   Deformer deformer(tube.mesh, tube.roles, 1, {});
-  const std::vector<char> all(tube.roles.size(), 1);  // as published figures are
+  const std::vector<char> all(tube.roles.size(), 1);  // published figures count all triangles
   const double low = 0.16, length = 1.44 - low;
   const struct {
     double degrees, stretch;
@@ -237,7 +238,7 @@ TEST_CASE("a cylinder bent along an arc of its own length, in one step") {
   }
 }
 
-TEST_CASE("the pose alone decides, and turning on past half a turn and whole ones has no jumps") {
+TEST_CASE("the result depends on the pose alone, and turning beyond whole turns has no jumps") {
   const test::Case bar = test::twisted_bar();
   Deformer deformer(bar.mesh, bar.roles, 1, {});
   UpdateOptions options = test::usual();
@@ -245,7 +246,7 @@ TEST_CASE("the pose alone decides, and turning on past half a turn and whole one
   const double farthest = 1.3 * kTurn;
   const auto at = [&](int k) {
     const double angle = farthest * k / kMoves;
-    // Sideways as well: at a whole turn no screw does that.
+    // Moved sideways as well, which no screw motion does at a whole turn.
     Affine motion = twist(angle);
     motion(0, 3) = 0.2 * k / kMoves;
     options.turns = {0, 0, angle};

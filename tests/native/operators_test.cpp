@@ -57,7 +57,7 @@ TEST_CASE("L = GᵀDG, L 1 = 0, zᵀLz is the Dirichlet energy, masses sum to th
 }
 
 TEST_CASE("L is symmetric to the bit, with triangles that have a vertex twice or thrice, too") {
-  // As intrinsic flips may make them; and three around one edge.
+  // Triangles that intrinsic flips may make, and three around one edge.
   Triangles t(7, 3);
   t << 0, 1, 2, 0, 1, 0, 2, 2, 2, 1, 0, 3, 1, 3, 1, 0, 1, 4, 3, 0, 0;
   TriangleMetric metric;
@@ -160,7 +160,7 @@ TEST_CASE("triangles without area are counted, finite, and change no other trian
   mesh.triangles.row(m) << int(n - 3), int(n - 2), int(n - 1);
   mesh.triangles.row(m + 1) << 0, 5, int(n - 1);
   mesh.triangles.row(m + 2) << 2, 3, 4;
-  mesh.positions.row(3) = mesh.positions.row(2);  // two corners in one place: others change too
+  mesh.positions.row(3) = mesh.positions.row(2);  // two corners in one place, as in others
   mesh.positions.row(4) = mesh.positions.row(2);  // three
   const auto metric = triangle_metric(mesh.positions, mesh.triangles);
 

@@ -64,7 +64,7 @@ TEST_CASE("a rigid motion of an outside base moves the surface rigidly") {
   const Affine motion = test::rotation_about(2.1, {1, 2, 0.5}, {0.2, 0, 0}, {0.3, -1, 2});
   const Positions expected = test::transformed(motion, ball.mesh.positions);
   for (const UpdateOptions& options : kAll) {
-    if (options.method == MethodKind::variational) continue;  // its known flaw
+    if (options.method == MethodKind::variational) continue;  // isn't rotation-invariant
     CHECK(test::largest_difference(
               surface_over(deformer, test::transformed(motion, ball.base), options), expected) <
           1e-9);
@@ -187,7 +187,7 @@ TEST_CASE("refined over an outside base that turns by more than a whole turn: no
     const Eigen::AngleAxisd turn(6 * twisted(v, 2), Eigen::Vector3d::UnitZ());
     twisted.row(v) = (turn * Eigen::Vector3d(twisted.row(v))).transpose();
   }
-  // Whatever a seam would do, it would do elsewhere after all is turned.
+  // A seam where the gauge's signs meet would lie elsewhere after a turn of everything.
   const Affine turn = test::rotation_about(2.9, {1, 0.4, 0.2}, {0, 0, 0}, {0, 0, 0});
   const UpdateOptions refined = test::usual();
   const Positions expected = test::transformed(turn, surface_over(deformer, twisted, refined));

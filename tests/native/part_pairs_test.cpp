@@ -18,12 +18,12 @@ Mesh ball(int levels, const Eigen::RowVector3d& centre, double radius) {
   return mesh;
 }
 
-/// From the middle of a skin to its eye on the side -1 or 1.
+/// The direction from the middle of a skin to its eye on the side -1 or 1.
 Eigen::RowVector3d to_eye(int side) {
   return Eigen::RowVector3d(0.8, 0.45 * side, 0.4).normalized();
 }
 
-/// A skin and two eyes that stand out of it by a part of their radius.
+/// A skin and two eyes that stand out of it by the fraction `out` of their radius.
 Mesh face(int levels, double radius, double out, double skin = 1) {
   Mesh mesh = ball(levels, {0, 0, 0}, skin);
   for (int side : {-1, 1})
@@ -36,7 +36,7 @@ std::vector<int> parts_of(const Mesh& mesh) {
   return Components(mesh.triangles, mesh.vertex_count()).of_vertex;
 }
 
-/// The part of the other mesh's point that is nearest to each vertex.
+/// For each vertex the part of the other mesh that has its nearest point.
 std::vector<int> nearest_parts(const Mesh& mesh, const Mesh& other) {
   const LooseParts own(mesh), others(other);
   const PartPairs pairs(mesh, own, other, others);
@@ -54,11 +54,11 @@ std::vector<int> nearest_parts(const Mesh& mesh, const Mesh& other) {
 
 }  // namespace
 
-TEST_CASE("loose parts take those of their own kind, though others are nearer") {
+TEST_CASE("loose parts are matched with their counterparts, though other parts are nearer") {
   const Mesh source = face(4, 0.3, 0.7), target = face(4, 0.26, 0.7, 0.99);
   CHECK(nearest_parts(target, source) == parts_of(target));
   CHECK(nearest_parts(source, target) == parts_of(source));
-  // Which they are by far not by what is nearest.
+  // Nearest points alone would mix the parts up.
   const AabbTree tree(source);
   const std::vector<int> of_source = parts_of(source), of_target = parts_of(target);
   int others = 0;
@@ -70,7 +70,7 @@ TEST_CASE("loose parts take those of their own kind, though others are nearer") 
   CHECK(others > 20);
 }
 
-TEST_CASE("teeth take their own of a row that is shifted by most of a tooth") {
+TEST_CASE("teeth are matched with a row that is shifted by most of a tooth") {
   Mesh row = ball(3, {0, 0, 10}, 4);
   for (int i = 0; i < 14; ++i) row = test::appended(row, ball(2, {0.5 * i, 0.02 * i * i, 0}, 0.2));
   Mesh other = row;
@@ -81,9 +81,9 @@ TEST_CASE("teeth take their own of a row that is shifted by most of a tooth") {
   CHECK(nearest_parts(other, row) == parts);
 }
 
-TEST_CASE("what is one loose part may correspond to several, and one that is missing to another") {
+TEST_CASE("one loose part may correspond to several, and one without a counterpart to another") {
   const Mesh source = face(4, 0.3, 0.7);
-  // An edge of each eye's rear grown to the skin: one part, of nearly the same shape.
+  // Each eye's rear is joined to the skin by a triangle: one part, of nearly the same shape.
   Mesh grown = source;
   const std::vector<int> parts = parts_of(source);
   const Index count = grown.triangles.rows();
@@ -98,7 +98,7 @@ TEST_CASE("what is one loose part may correspond to several, and one that is mis
   const std::vector<int> nearest = nearest_parts(grown, source);
   int others = 0;
   for (size_t v = 0; v < parts.size(); ++v) others += nearest[v] != parts[v];
-  CHECK(others <= 3 * 2);  // what the added triangles turn
+  CHECK(others <= 3 * 2);  // corners of the added triangles, which turn the normals there
   const Mesh skin = ball(4, {0, 0, 0}, 1);
   CHECK(nearest_parts(source, skin) == std::vector<int>(parts.size(), 0));
 }
@@ -106,7 +106,7 @@ TEST_CASE("what is one loose part may correspond to several, and one that is mis
 TEST_CASE("a fit and what corresponds keep eyes and skin apart") {
   const Mesh source = face(4, 0.3, 0.6), target = face(5, 0.24, 0.8, 1.03);
   const Pairs markers = {
-      {0, 0}, {1, 1}, {2, 2}, {3, 3}, {4, 4}};  // balls don't tell how they stand
+      {0, 0}, {1, 1}, {2, 2}, {3, 3}, {4, 4}};  // a ball alone leaves the rotation open
   const Mesh fitted = {register_onto(source, target, markers, {}), source.triangles};
   const Match match = match_triangles(fitted, target, 0.1);
   const std::vector<int> of_source = parts_of(source), of_target = parts_of(target);

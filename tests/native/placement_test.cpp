@@ -14,8 +14,7 @@
 
 using namespace dd;
 
-TEST_CASE("what a remesh lacks, as the inside of a mouth, leaves the rest where it belongs",
-          "[large]") {
+TEST_CASE("what a remesh lacks, as the inside of a mouth, doesn't move the rest", "[large]") {
   const Mesh source = test::hollow(5), closed = test::beast(4);
   const Mesh target = {3 * test::turned(closed.positions, 2), closed.triangles};
   const Positions truth = 3 * test::turned(source.positions, 2);
@@ -34,13 +33,14 @@ TEST_CASE("what a remesh lacks, as the inside of a mouth, leaves the rest where 
   };
   const Positions found = fitted(lying);
   CHECK(error_outside(found) < 5e-3);
-  // What has no counterpart would drag the rest along.
+  // Without lies_on, parts without a counterpart drag the rest along.
   Alignment by_all = lying;
   by_all.lies_on = false;
   CHECK(error_outside(fitted(by_all)) > 2.5 * error_outside(found));
 }
 
-TEST_CASE("what lies on another in parts, turned too, stands as it was where it fits best") {
+TEST_CASE(
+    "of placements that fit about as well the one that stands as it was is taken, or a marker's") {
   const auto ball = [](double x, double y, double radius) {
     Mesh mesh = test::sphere(2);
     mesh.positions *= radius;
@@ -65,7 +65,7 @@ TEST_CASE("what lies on another in parts, turned too, stands as it was where it 
   CHECK(found.lies_on);
   CHECK_FALSE(found.ambiguous);
   CHECK(found.placement.rotation.isIdentity(1e-3));
-  // A marker has more to say: a leg on the next one.
+  // A marker decides: one leg onto the next.
   const Alignment marked = align(legs, shaken(legs), {{0, legs.vertex_count() / 4}});
   CHECK(marked.lies_on);
   CHECK_FALSE(marked.placement.rotation.isIdentity(0.5));
@@ -91,7 +91,7 @@ static void check_a_part_cut_off(const Mesh& whole) {
     const Positions fitted = register_onto(source, target, {}, found, {});
     CHECK(test::mean_error(fitted, source.positions, has_a_counterpart) < 1e-3);
   }
-  // With an origin, unit and axes of its own it is found by how it stands.
+  // A part with an origin, unit and axes of its own is found by the stance that is given.
   Similarity own;
   own.rotation = Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, -1).normalized()).toRotationMatrix();
   own.scale = 40;
@@ -109,7 +109,7 @@ static void check_a_part_cut_off(const Mesh& whole) {
     mirrored.mirrored = true;
     CHECK_FALSE(align(source, target, {}, 0, {}, &mirrored).lies_on);
   }
-  // By a marker at another place it doesn't stand where it belongs.
+  // A marker at another place overrides the stance.
   Index low = 0;
   whole.positions.col(0).minCoeff(&low);
   CHECK_FALSE(align(whole, moved, {{static_cast<int>(low), 0}}, 0, {}, &own).lies_on);
@@ -117,7 +117,7 @@ static void check_a_part_cut_off(const Mesh& whole) {
   CHECK(test::largest_error(marked.placement.all(whole.positions), whole.positions) > 0.05);
 }
 
-TEST_CASE("a part that was cut off is found where it stands, as the whole is by the part") {
+TEST_CASE("a part that was cut off is found where it stands, and so is the whole from the part") {
   check_a_part_cut_off(test::beast(3));
 }
 
@@ -125,11 +125,11 @@ TEST_CASE("a part that was cut off of a finer mesh is found where it stands", "[
   check_a_part_cut_off(test::beast(4));
 }
 
-TEST_CASE("what is tiny lies on a surface by its own measure, not because it is near") {
+TEST_CASE("what is tiny lies on a surface by its own size, not because it is near") {
   const Mesh whole = test::beast(4);
   Mesh crumb = test::grid(12, 12, [](double x, double y) { return 0.5 * std::cos(9 * x) * y; });
   crumb.positions.rowwise() -= crumb.positions.colwise().mean();
-  Similarity stance;  // in the surface, a thousandth of it large
+  Similarity stance;  // places the crumb in the surface, at a thousandth of the surface's size
   stance.scale = 0.001 * bounding_box_diagonal(whole.positions);
   stance.shift = whole.positions.row(77).transpose();
   CHECK_FALSE(align(crumb, whole, {}, 0, {}, &stance).lies_on);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What a frame loses by single precision, and that threads change nothing.
+// The error of frames in single precision, and that threads change nothing.
 #include <cmath>
 #include <memory>
 
@@ -70,12 +70,12 @@ TEST_CASE("single precision stays within 1e-5 of the box of double", "[large]") 
       const double error = test::largest_difference(test::surface(*single, {one.motion}, how),
                                                     test::surface(*full, {one.motion}, how));
       CHECK(error < 1e-5 * box);
-      CHECK(error > 0);  // it is single
+      CHECK(error > 0);  // it was computed in single precision
     }
   }
 }
 
-TEST_CASE("single precision at rest is exact, and so is any number of threads",
+TEST_CASE("single precision is exact at rest and doesn't depend on the number of threads",
           "[threads][large]") {
   for (const Example& one : examples()) {
     INFO(one.name);
@@ -122,7 +122,7 @@ TEST_CASE("the Poisson system refines where single precision alone is too far of
     return result;
   };
   const Positions expected = solved(full);
-  // Harmonic along a strip is linear in its length.
+  // A harmonic function along a strip is linear in its length.
   CHECK(std::abs(expected(3 * (length / 2) + 1, 2) - 0.5) < 0.05);
   CHECK(test::largest_difference(solved(single), expected) < 1e-6);
 }

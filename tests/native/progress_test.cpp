@@ -15,7 +15,7 @@ using test::by;
 
 namespace {
 
-/// What a job tells, and what it should have.
+/// The progress that a job reports.
 struct Told {
   std::vector<double> fractions;
 
@@ -31,7 +31,7 @@ struct Told {
   }
 };
 
-/// Of a whole job. least: how often it tells something.
+/// Checks the progress of a whole job. least: of how many reports.
 void check_from_start_to_end(const Told& told, size_t least = 3) {
   CHECK(told.fractions.size() >= least);
   CHECK(told.rises());
@@ -50,7 +50,7 @@ BindOptions bind_options(BaseMetric metric, double smoothing, Precision precisio
 
 }  // namespace
 
-TEST_CASE("the progress of a bind never falls, whatever it is of") {
+TEST_CASE("the progress of a bind never falls, with any options") {
   const test::Case plane = test::lifted_plane(81);
   std::vector<BindOptions> binds = {
       bind_options(BaseMetric::surface, 0, Precision::single),
@@ -70,7 +70,7 @@ TEST_CASE("the progress of a bind never falls, whatever it is of") {
 TEST_CASE("the progress of a motion in steps never falls, by any method") {
   test::Case plane = test::lifted_plane(41);
   plane.motion = test::rotation_about(1.2, {0, 1, 0.2}, {0.9, 0.5, 0}, {0, 0, 0.4});
-  // A large turn, whose volumes come back in steps that change more than those before them.
+  // A large turn, for which some steps of VOLUMES change more than those before them.
   test::Case ball = {"ball", test::rough_sphere(3, 0.05), {}, {}};
   ball.roles = test::roles_by_height(ball.mesh, -0.6, 0.6);
   ball.motion = test::rotation_about(2.9, {0.3, 1, 0.2}, {0, 0, 0.5}, {0.1, 0, 0});
@@ -86,7 +86,7 @@ TEST_CASE("the progress of a motion in steps never falls, by any method") {
         INFO(one.name << " by method " << static_cast<int>(method) << ", steps " << steps);
         Deformer deformer(one.mesh, one.roles, 1, {});
         split_update(deformer, motion, by(method), told.listener());
-        // One step of a quick method is a frame.
+        // One step of a quick method is a frame, with a report before and after.
         check_from_start_to_end(told, steps > 1 || method == MethodKind::volumes ? 3 : 2);
       }
 }
@@ -103,7 +103,7 @@ TEST_CASE("the progress of a match never falls") {
 }
 
 TEST_CASE("progress doesn't fall where single precision is tried in vain") {
-  // Too long a strip, held at one end.
+  // A strip too long for single precision, held at one end.
   const int length = 80001;
   const Mesh strip =
       test::grid(length, 3, [](double x, double) { return 0.01 * std::sin(60 * x); });

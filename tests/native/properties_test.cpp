@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What holds for every method on any mesh: rest, motions of all handles alike, and that neither
-// unit, place, orientation nor numbering has a say.
+// Properties of every method on any mesh: rest, common motions of all handles, and independence of
+// unit, place, orientation and numbering.
 #include <memory>
 #include <string>
 
@@ -17,22 +17,23 @@ namespace {
 struct Way {
   std::string name;
   UpdateOptions options;
-  bool turns_along = true;  ///< turns rigidly where all handles do
-  /// To what share of the box it is the same in other units and numbers. What is found in steps
-  /// ends when these are small enough.
+  bool turns_along = true;  ///< follows a rotation of all handles rigidly
+  /// How far, as a fraction of the box, the result may depend on unit and numbering. Iterations end
+  /// when their steps are small enough, and rounding has a part in when that is.
   double same = 1e-8;
 };
 
 std::vector<Way> ways() {
-  std::vector<Way> all = {{"TRANSFER", by(MethodKind::detail)},
-                          {"TRANSFER, whole gradients", by(MethodKind::detail, false)},
-                          {"TRANSFER, refined", test::usual()},
-                          {"GRADIENT", by(MethodKind::gradient)},
-                          {"VOLUMES", by(MethodKind::volumes), true, 1e-3},
-                          // p is not in the kernel of its operator.
-                          {"VARIATIONAL", by(MethodKind::variational), false},
-                          // The rotations of examples are part of them.
-                          {"EXAMPLES", by(MethodKind::examples), false}};
+  std::vector<Way> all = {
+      {"TRANSFER", by(MethodKind::detail)},
+      {"TRANSFER, whole gradients", by(MethodKind::detail, false)},
+      {"TRANSFER, refined", test::usual()},
+      {"GRADIENT", by(MethodKind::gradient)},
+      {"VOLUMES", by(MethodKind::volumes), true, 1e-3},
+      // p is not in the kernel of its operator.
+      {"VARIATIONAL", by(MethodKind::variational), false},
+      // In examples_beyond_test.cpp, to 1e-7 of the box where 1e-8 is asked here.
+      {"EXAMPLES", by(MethodKind::examples), false}};
   for (int levels : {1, 3}) {
     all.push_back({"NORMAL, levels: " + std::to_string(levels), by(MethodKind::normal)});
     all.back().options.of_method.levels = levels;
@@ -60,7 +61,7 @@ struct Scene {
   Scene(test::Shape shape, unsigned seed) : mesh(test::random_mesh(shape, seed, seed % 2)) {
     for (unsigned other = 1; roles.empty() || handle_count() < 2; ++other)
       roles = test::random_roles(mesh, seed + 100 * other, 2);
-    // Where the surface folds, the least of all differences decides to which side it goes.
+    // Small motions: in a surface that folds, rounding would decide to which side it goes.
     motions = {test::rotation_about(0.3, {1, 0.4, 0.2}, centre(0), {0.05, 0.02, 0.05}),
                test::rotation_about(-0.2, {0, 1, 1}, centre(1), {0, -0.02, 0.03})};
     example = test::transformed(motions[0], mesh.positions);
@@ -73,7 +74,8 @@ struct Scene {
     return test::surface(*bound(), by, options);
   }
   Positions deformed(const UpdateOptions& options) const { return deformed(options, motions); }
-  /// Whether a method can show all of the surface: NORMAL height fields alone, VOLUMES beside it.
+  /// Whether the method can represent the surface: NORMAL needs a height field over the base, and
+  /// VOLUMES is compared only where NORMAL finds one.
   bool shown_by(const UpdateOptions& options) const {
     if (options.method != MethodKind::normal && options.method != MethodKind::volumes) return true;
     const auto deformer = bound();
@@ -98,13 +100,13 @@ struct Scene {
   }
 };
 
-/// The same where nothing is fixed: handle 0 takes what was.
+/// The scene with its fixed vertices in handle 0.
 Scene let_go(Scene scene) {
   for (int& role : scene.roles) role = role == kFixed ? 0 : role;
   return scene;
 }
 
-/// All scenes are tried within one test case: a bind of a scene serves no other.
+/// Checks every scene by every method. Each binds its own deformer.
 template <class Check>
 void for_each_scene(Check check) {
   for (int shape = 0; shape < test::kShapeCount; ++shape)
@@ -159,7 +161,7 @@ TEST_CASE("any mesh by any method: handles that all move alike take the surface 
   });
 }
 
-TEST_CASE("any mesh by any method: unit, place, orientation and numbering have no say") {
+TEST_CASE("any mesh by any method: unit, place, orientation and numbering don't matter") {
   int shown = 0;
   for_each_scene([&](const Scene& scene, const Way& way) {
     if (!scene.shown_by(way.options)) return;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Meshes of all kinds that a number stands for, for properties that hold for any mesh.
+// Meshes of all kinds made from a seed, for properties that hold for any mesh.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -31,7 +31,7 @@ inline Triangles kept_triangles(const Triangles& triangles, const std::vector<ch
   return result;
 }
 
-/// The triangles that are kept, and the vertices that these have.
+/// The mesh of the triangles that are kept, without other vertices.
 inline Mesh kept(const Mesh& mesh, const std::vector<char>& keep) {
   Mesh result{{}, kept_triangles(mesh.triangles, keep)};
   std::vector<int> number(static_cast<size_t>(mesh.vertex_count()), -1), vertices;
@@ -50,7 +50,7 @@ inline Mesh kept(const Mesh& mesh, const std::vector<char>& keep) {
   return result;
 }
 
-/// With a few round holes.
+/// The mesh with three round holes.
 inline Mesh holed(const Mesh& mesh, std::mt19937& random) {
   std::vector<char> keep(static_cast<size_t>(mesh.triangle_count()), 1);
   const double size =
@@ -63,7 +63,7 @@ inline Mesh holed(const Mesh& mesh, std::mt19937& random) {
       if ((mesh.positions.row(corner[0]) - at).norm() < 0.08 * size) keep[j] = 0;
     }
   }
-  // Nobody can say which way the border runs where two meet in a vertex.
+  // Triangles at a vertex where borders meet are removed, too: such a border has no order.
   for (bool meet = true; meet;) {
     meet = false;
     const Mesh now = {mesh.positions, kept_triangles(mesh.triangles, keep)};
@@ -78,7 +78,7 @@ inline Mesh holed(const Mesh& mesh, std::mt19937& random) {
           meet = true;
         }
   }
-  // Of a mesh of a few triangles something is to stay.
+  // A mesh of few triangles stays as it is.
   return std::count(keep.begin(), keep.end(), 1) > 8 ? kept(mesh, keep) : mesh;
 }
 
@@ -123,12 +123,12 @@ inline Mesh random_mesh(Shape shape, unsigned seed, int detail) {
   return {};
 }
 
-/// Of every loose part the one end along a direction is fixed and the other in handle 0; others are
-/// around a vertex each, handle_count in all where that leaves anything free.
+/// In every loose part one end along a random direction is fixed and the other in handle 0. Each
+/// further handle is the neighbourhood of a vertex; they end where they would leave too few free.
 inline std::vector<int> random_roles(const Mesh& mesh, unsigned seed, int handle_count) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> any(-1, 1);
-  // One after the other: compilers differ in which argument comes first.
+  // In statements of their own: compilers differ in which argument of a call comes first.
   const double x = any(random), y = any(random), z = any(random);
   const Eigen::Vector3d along(x + 0.05, 0.3 * y, z);
   const Eigen::VectorXd height = mesh.positions * along;

@@ -101,7 +101,8 @@ TEST_CASE("refinement follows the same iteration on dense matrices") {
   const Affine motion = test::rotation_about(0.5, {1, 0.3, 0}, {0, 0, 1}, {0.2, 0.1, 0.3});
   Deformer deformer(mesh, roles, 1, {});
   const Positions start = surface(deformer, {motion});
-  // Means of quaternions and of matrices agree to the third order of the rotations' differences.
+  // Passes of the core at these counts. Means of quaternions and of matrices agree to the third
+  // order of the rotations' differences: hence 0.02 of the motion.
   const std::vector<Pass> four{{3.25, 0}, {1.45, 1}, {3.25, 1}, {1, 1}};
   const std::vector<Pass> six{{4, 1}, {1, 1}, {2, 1}, {1, 1}, {2, 0.8}, {1, 0.5}};
   for (const auto& passes : {four, six})
@@ -147,7 +148,7 @@ TEST_CASE("refined: rest, rigid motion, scale and renumbering are kept") {
   CHECK(worst < 1e-9);
 }
 
-TEST_CASE("refined: the pose alone decides, and a drag in small moves has no jumps") {
+TEST_CASE("refined: the result depends on the pose alone, and a drag in small moves has no jumps") {
   auto cylinder = test::bent_cylinder();
   Deformer deformer(cylinder.mesh, cylinder.roles, 1, {});
   const Positions last = test::dragged(
@@ -185,7 +186,7 @@ TEST_CASE("refined: no fold and little stretch on the four cases of the survey, 
 }
 
 TEST_CASE("refined: the density of a part doesn't decide its shape") {
-  // The bar once more with every vertex of the coarse one, the upper half eight times as dense.
+  // The bar with every vertex of the even one, and eight times as dense in its upper half.
   const test::Case even = test::twisted_bar();
   const auto mixed = [&] {
     test::Case made = even;

@@ -60,7 +60,7 @@ TEST_CASE("handles that nothing follows are named") {
   CHECK(split_region(mesh, roles, 2).idle_handles == std::vector<int>{1});
 }
 
-TEST_CASE("roles that leave nothing to do are refused with a sentence") {
+TEST_CASE("roles that leave nothing to do are refused with a message") {
   const Mesh mesh = test::sphere(1);
   const auto size = static_cast<size_t>(mesh.vertex_count());
   std::vector<int> roles(size, kFree);

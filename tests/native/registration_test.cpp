@@ -45,7 +45,7 @@ int nearest_vertex(const Mesh& mesh, const Eigen::RowVector3d& point) {
   return static_cast<int>(best);
 }
 
-/// Markers at the ends of the axes and between two of them.
+/// Markers at the ends of the axes.
 Pairs markers(const Mesh& source, const Mesh& target) {
   Pairs pairs;
   for (const Eigen::RowVector3d& point :
@@ -88,7 +88,7 @@ TEST_CASE("the nearest point of a mesh is that of a search through all triangles
     const auto odd = [](int j) { return j % 2 == 1; };
     double least = 1e9;
     for (int j = 1; j < mesh.triangle_count(); j += 2) {
-      // By descent over the weights of a fine grid, refined: no formula shared with the core's.
+      // By descent in the barycentric weights: no formula shared with the core's.
       const Eigen::Vector3d a = mesh.positions.row(mesh.triangles(j, 0)),
                             b = mesh.positions.row(mesh.triangles(j, 1)),
                             c = mesh.positions.row(mesh.triangles(j, 2));
@@ -149,7 +149,7 @@ TEST_CASE("the nearest point that faces is that of a search through all triangle
       CHECK(normals.row(found.triangle).dot(normal) > 0);
       CHECK(tree.nearest_facing(point, normal, 0.9 * std::sqrt(least)).triangle < 0);
     }
-    CHECK((without > 50) == !closed);  // a sheet faces about half of all directions nowhere
+    CHECK((without > 50) == !closed);  // no triangle of a sheet faces about half of all directions
   }
 }
 
@@ -161,7 +161,7 @@ TEST_CASE("registered by markers, a mesh lies on another of different topology")
   for (const auto& [from, to] : pairs)
     CHECK((fitted.row(from) - target.positions.row(to)).norm() < 1e-9 * box);
   CHECK(largest_distance(fitted, target) < 2e-3 * box);
-  // It lies about where the map takes it, and no triangle is turned over.
+  // The fit is near the map that made the target, and turns no triangle over.
   Positions mapped = source.positions;
   for (Index v = 0; v < mapped.rows(); ++v) mapped.row(v) = shaped(mapped.row(v));
   CHECK((fitted - mapped).rowwise().norm().mean() < 0.02 * box);
@@ -195,7 +195,7 @@ TEST_CASE("registration depends neither on units nor on where the source lies") 
 }
 
 TEST_CASE("an open source is not pulled beyond an open target's border") {
-  // A square onto half of itself: what has no partner must not be heaped on the border.
+  // A square onto half of itself: vertices without a counterpart must not gather at the border.
   const Mesh source = test::grid(21, 21, [](double, double) { return 0.0; });
   const Mesh target = test::grid(11, 21, [](double x, double y) { return 0.02 * x * y; });
   Mesh half = target;
@@ -250,7 +250,7 @@ TEST_CASE("real meshes' faults are survived: loose, doubled, degenerate, in part
   CHECK(match.correspondence.target_count() == target.triangle_count());
 }
 
-TEST_CASE("markers tell a mirror image, of places that are not in a plane") {
+TEST_CASE("markers tell a mirror image if they don't lie in a plane") {
   const Mesh source = turned_sphere(4), target = shaped_sphere(4, Eigen::Matrix3d::Identity());
   const Pairs pairs = markers(source, target);
   CHECK(!marked_as_mirror_image(source, target, pairs));
@@ -264,11 +264,11 @@ TEST_CASE("markers tell a mirror image, of places that are not in a plane") {
   CHECK(twice.triangles == source.triangles);
 }
 
-TEST_CASE("specks beside what lies on another leave the fit solvable, and the rest in its place") {
+TEST_CASE("specks beside a surface leave its registration solvable and in its place") {
   const Mesh target = test::rough_sphere(5, 0.02);
   const int count = target.vertex_count();
   Mesh source = target;
-  for (const double side : {-1.0, 1.0}) {  // facing as what is nearest to them does
+  for (const double side : {-1.0, 1.0}) {  // facing as the target does there
     Mesh speck = test::grid(2, 2, [](double, double) { return 0.0; });
     speck.positions *= 2e-6;
     speck.positions.col(2).array() += 1.28 * side;

@@ -79,7 +79,7 @@ TEST_CASE("a singular or indefinite matrix is refused with a row") {
     hole.coeffRef(k, 5) = 0;
   }
   CHECK(refused_row(hole) == 5);
-  // Whatever rounding leaves of the last pivot, in any size and order.
+  // A closed surface's Laplacian is singular: its last pivot is rounding, in any size and order.
   for (int level : {4, 5, 6})
     for (double noise : {0.0, 0.05, 0.3}) {
       const Mesh closed = test::rough_sphere(level, noise);
@@ -89,7 +89,7 @@ TEST_CASE("a singular or indefinite matrix is refused with a row") {
 
 namespace {
 
-/// A plane's Laplacian without its border columns: what a frame solves with.
+/// The free block of a plane's Laplacian, as frames solve with it.
 struct System {
   Mesh mesh = test::bumpy_plane(121);
   Region region = split_region(mesh, test::strip_roles(121, 121, 10, 110), 1);
@@ -124,9 +124,9 @@ TEST_CASE("a factor in domains equals Eigen's simplicial one, by either order") 
     }());
     const double error = (single.solve(system.B) - expected).norm() / expected.norm();
     CHECK(error < 1e-5);
-    CHECK(error > 1e-9);  // it is single
+    CHECK(error > 1e-9);  // it was stored in single precision
     CHECK(single.bytes() < 0.6 * factor.bytes());
-    // The rounded one is the one that was written so.
+    // Rounding a factor gives the one that was stored in single precision at once.
     ThreadPool pool(2);
     const SparseCholesky rounded = factor.in_single(&pool);
     CHECK(rounded.solve(system.B) == single.solve(system.B));
@@ -134,12 +134,12 @@ TEST_CASE("a factor in domains equals Eigen's simplicial one, by either order") 
   }
 }
 
-TEST_CASE("the first half of a solve can be had from what a few entries make of it") {
+TEST_CASE("the first half of a solve can be precomputed for columns of a few entries") {
   const System system;
   const SparseCholesky factor = system.factor(Precision::full, nullptr);
   const SymbolicCholesky& symbolic = factor.symbolic();
   REQUIRE(symbolic.domain_count() > 1);
-  // In domains, at the top, several in a column, and a column of nothing.
+  // Entries in domains and at the top, several in a column, and an empty column.
   std::vector<Eigen::Triplet<double>> entries;
   const int n = factor.size(), top = symbolic.section_begin(symbolic.domain_count());
   const int rows[] = {0, 7, top - 1, top, n - 1, n / 2, n / 3};
@@ -205,7 +205,7 @@ TEST_CASE(
   const SparseCholesky by_places = system.factor(Precision::single, nullptr);
   const SparseCholesky by_degree = system.factor(Precision::single, nullptr, false);
   CHECK(10 * by_places.entries() < 11 * by_degree.entries());
-  // Triangles of 1 : 1,000 must not mislead the planes that cut.
+  // Triangles of 1 : 1,000 must not mislead the planes of the dissection.
   const Mesh strip = test::grid(2001, 3, [](double x, double) { return 0.01 * std::sin(60 * x); });
   const Region of_strip = split_region(strip, test::strip_roles(2001, 3, 1, 2000), 1);
   const SparseMatrix thin =
@@ -246,7 +246,7 @@ TEST_CASE("a factorization can be cancelled, and says how far it is") {
   CHECK_THROWS_AS(factor_free_block(system.A, system.region, options), Error);
 }
 
-TEST_CASE("pool do every task once, pass on exceptions, and can go on after one") {
+TEST_CASE("a pool does every task once, passes on exceptions, and can go on after one") {
   ThreadPool pool(4);
   CHECK(pool.count() == 4);
   for (int tasks : {0, 1, 2, 7, 1000}) {

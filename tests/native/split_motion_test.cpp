@@ -136,8 +136,8 @@ TEST_CASE("a whole turn in steps winds a bar once around, forwards everywhere an
     last = angle;
   }
   CHECK(turned == Approx(2 * std::acos(-1.0)).epsilon(1e-6));
-  // An even twist turns by 2π / 49 from each of the free rings to the next. The twist of each step
-  // is strongest in the middle, and what was twisted more before is thinner and softer.
+  // An even twist turns by 2π / 49 from each of the free rings to the next. Each step twists most
+  // in the middle, where the steps before it have made the bar thinner and softer.
   CHECK(largest < 3.6 * 2 * std::acos(-1.0) / 49);
   std::vector<char> free;
   for (int role : bar.roles) free.push_back(role == kFree);
@@ -165,7 +165,7 @@ TEST_CASE("a split refuses with the handle or the step, and can be cancelled") {
       contains("cancelled"));
 }
 
-TEST_CASE("steps begin at the bound surface, whatever it was used for before, and let go of it",
+TEST_CASE("steps begin at rest whatever the deformer was used for before, and release it early",
           "[large]") {
   const auto one = test::bent_cactus();
   const auto volumes = by(MethodKind::volumes), refined = by(MethodKind::detail, true, 4);

@@ -78,7 +78,7 @@ TEST_CASE("gradients of linear functions are exact, volumes sum to the block's")
   CHECK(volumes(regular).sum() == Approx(27));
 }
 
-TEST_CASE("the Poisson system equals a dense one and reproduces what it is given gradients of") {
+TEST_CASE("the Poisson system equals a dense one and reproduces positions from their gradients") {
   const int side = 4;
   const TetMesh mesh = shaken_block(side, 0.12, 7);
   const auto roles = ends(mesh, side);
@@ -153,13 +153,13 @@ TEST_CASE("unusable solids are refused with the vertex or tetrahedron") {
         Status::region);
   };
   CHECK_THAT(refused_roles(std::vector<int>(27, kFree), 0), contains("Nothing holds"));
-  // Each handle would take memory, whether it has a vertex or not.
+  // A handle without vertices would take memory, too.
   CHECK_THAT(refused_roles(roles, 2), contains("Handle 1 has no vertices"));
   CHECK_THAT(refused_roles(roles, 2000000000), contains("more handles than vertices"));
 }
 
-TEST_CASE("after fourth points that can't be solved for, the ones before still can") {
-  // Inner vertices drawn together leave tetrahedra that only their volumes keep in proportion.
+TEST_CASE("a formulation that can't be solved for leaves the one before usable") {
+  // Inner vertices are drawn together: weighted by volume, their tiny tetrahedra can be solved for.
   bool refused = false;
   for (int side : {4, 5})
     for (double drawn : {1e-6, 1e-7}) {
@@ -208,7 +208,7 @@ TEST_CASE("transfer by fourth points comes close to the surface formulation on t
   }
 }
 
-TEST_CASE("weighted by volumes it is the Poisson system of the tetrahedra: §4") {
+TEST_CASE("fourth points weighted by volumes are the Poisson system of the tetrahedra: §4") {
   const Mesh mesh = test::rough_sphere(2, 0.15);
   const auto roles = test::roles_by_height(mesh, -0.5, 0.7);
   const Affine motion = test::rotation_about(0.6, {1, 0.3, 0}, {0, 0, 1}, {0.2, 0.1, 0.4});
@@ -217,7 +217,7 @@ TEST_CASE("weighted by volumes it is the Poisson system of the tetrahedra: §4")
     UpdateOptions options = by(MethodKind::detail, rotation_only);
     options.of_method.formulation = Formulation::fourth_points;
     const Positions result = test::surface(deformer, {motion}, options);
-    // The same from geometric gradients, all triangles made solid, and dense gradients of the base.
+    // The same by gradient(solid) over all triangles, and by dense gradients of the base.
     std::vector<int> all(static_cast<size_t>(mesh.triangle_count()));
     std::iota(all.begin(), all.end(), 0);
     const TetMesh solid = with_fourth_points(mesh, all);

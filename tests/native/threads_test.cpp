@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Threads change nothing; [threads] is what the thread sanitizer looks at.
+// Results don't depend on threads. The thread sanitizer runs the tests tagged [threads].
 #include <atomic>
 #include <chrono>
 #include <fstream>
@@ -52,7 +52,7 @@ TEST_CASE("the number of threads changes no method", "[threads]") {
 
 TEST_CASE("the number of threads changes no refinement, whose parts are made at once",
           "[threads]") {
-  for (const int side : {kSide, 121}) {  // beyond 10,000 free vertices on a coarse surface
+  for (const int side : {kSide, 121}) {  // from 10,000 free vertices on a coarse surface
     const auto refined = [&](int threads) {
       return test::surface(*bound(6, threads, side), {turn(0.4)}, test::usual());
     };
@@ -157,8 +157,8 @@ TEST_CASE("all pools share the process's workers, which end with the last of the
   if (before > 0) CHECK(threads_of_this_process() == before);
 }
 
-TEST_CASE("callers beyond as many as can be helped work alone", "[threads]") {
-  // More at once than there are rounds: each caller's sum is right and its exception its own.
+TEST_CASE("callers beyond as many as the workers can serve work alone", "[threads]") {
+  // More at once than the workers have rounds: each caller's sum and exception are its own.
   constexpr int kCallers = 40, kTasks = 300;
   std::vector<std::thread> callers;
   std::atomic<int> right{0}, caught{0};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What goes where its source goes: places beside gradients, what closes, and slivers.
+// Transfers by the source's places besides its gradients, contacts that close, and slivers.
 #include <algorithm>
 #include <map>
 #include <numeric>
@@ -38,7 +38,7 @@ Positions arched(const Positions& p) {
   return result;
 }
 
-/// A sheet with a slit along y = 1/2 that is open by a gap in its middle, as an eye between lids.
+/// A sheet with a slit along y = 1/2 that is open by `gap` in its middle, as an eye between lids.
 struct Lids {
   static constexpr int kColumns = 41, kRows = 25;  // of either half; the last row is at the slit
   explicit Lids(double gap) {
@@ -51,7 +51,7 @@ struct Lids {
     }
     for (Index k = 0; k < mesh.triangles.size(); ++k) {
       int& corner = mesh.triangles.data()[k];
-      // The slit ends at the first and the last column.
+      // The halves share their vertices at the slit's ends.
       const int column = corner % kHalf / kRows;
       if (corner >= kHalf && corner % kRows == kRows - 1 && (column == 0 || column == kColumns - 1))
         corner -= kHalf;
@@ -59,14 +59,14 @@ struct Lids {
     for (Index j = mesh.triangles.rows() / 2; j < mesh.triangles.rows(); ++j)
       std::swap(mesh.triangles(j, 1), mesh.triangles(j, 2));
   }
-  /// The upper lid comes down by so much in its middle, and by none at its other end.
+  /// The upper lid moved down by `by` in the middle of its edge, by less towards its other border.
   static Positions closed(const Positions& p, double by) {
     Positions result = p;
     for (int v = kHalf; v < 2 * kHalf; ++v)
       result(v, 1) -= by * std::sin(kPi * p(v, 0)) * (v % kRows) / (kRows - 1);
     return result;
   }
-  /// Mean distance of the edges in the middle third.
+  /// Mean distance of the lids' edges in the middle third.
   static double gap(const Positions& p) {
     double sum = 0;
     int count = 0;
@@ -106,13 +106,13 @@ TEST_CASE("a grid finds each pair within reach once, as a search through all doe
   }
 }
 
-TEST_CASE("a grid looks at a crowd evenly, across cells too") {
+TEST_CASE("a grid with a limit of neighbours samples a crowd evenly, across cells too") {
   constexpr int kCount = 4000;
   Positions points = 0.01 * Positions::Random(kCount, 3);
   points.bottomRows(kCount / 2).col(2).array() += 0.5;
   std::vector<int> all(kCount), times(kCount, 0);
   std::iota(all.begin(), all.end(), 0);
-  points.row(0) << 0, 0, -0.7;  // the origin of cells of 1: the heaps are in two of them
+  points.row(0) << 0, 0, -0.7;  // cells of size 1 begin here, so that each heap is in another
   ThreadPool pool(2);
   const PointGrid grid(points, all, 1, pool);
   int pairs = 0;
@@ -126,7 +126,7 @@ TEST_CASE("a grid looks at a crowd evenly, across cells too") {
   CHECK(*std::max_element(times.begin(), times.end()) < 12 * pairs / kCount);
 }
 
-TEST_CASE("contacts are what the formula says of all pairs") {
+TEST_CASE("contacts equal their formula over all pairs") {
   std::mt19937 random(8);
   std::uniform_real_distribution<double> anywhere(0, 1);
   constexpr int kCount = 200;
@@ -135,7 +135,7 @@ TEST_CASE("contacts are what the formula says of all pairs") {
   for (Positions* p : {&rest, &posed, &placed})
     for (double& value : p->reshaped()) value = anywhere(random);
   const bool few_move = GENERATE(false, true);
-  if (few_move) {  // to others, which rest
+  if (few_move) {  // towards points that rest
     posed = rest;
     for (int i = 0; i < 12; ++i) posed.row(i) += 0.95 * (rest.row(i + 100) - rest.row(i));
   }
@@ -176,7 +176,8 @@ TEST_CASE("contacts are what the formula says of all pairs") {
 }
 
 TEST_CASE(
-    "a crowd is looked at in part, and points denser than a contact's reach stand for others") {
+    "contacts in a crowd are sampled, and samples stand for points denser than a contact's "
+    "reach") {
   std::mt19937 random(8);
   std::uniform_real_distribution<double> anywhere(0, 1);
   constexpr int kCount = 40000;
@@ -186,7 +187,7 @@ TEST_CASE(
   Contacts contacts(rest, std::vector<int>(kCount, 0), Eigen::VectorXd::Ones(kCount), 0.01);
   Positions two_heaps = 1e-6 * rest;
   two_heaps.topRows(kCount / 2).col(0).array() += 0.012;
-  // All within reach of all, and many in neighbouring cells but out of reach.
+  // All within reach of all; and two heaps in neighbouring cells, out of reach of each other.
   for (const Positions& heap : {Positions(1e-6 * rest), Positions(0.01 * rest), two_heaps}) {
     REQUIRE(contacts.take(heap, pool));
     const Rows found = contacts.missing(heap, rest, pool);
@@ -195,8 +196,8 @@ TEST_CASE(
           int(0.995 * kCount));  // others stand for the rest
   }
 
-  // Two sheets that close: with ten thousand points or with forty, the same share of the mass is
-  // moved by the same way.
+  // Two sheets that close, of ten thousand points or of forty: the same share of the mass is moved
+  // by the same vector.
   const auto moved = [&](int side) {
     const Mesh sheet = test::grid(side, side, [](double, double) { return 0.0; });
     Positions open(2 * side * side, 3), closed, placed;
@@ -218,7 +219,7 @@ TEST_CASE(
   CHECK(fine[1] == Approx(coarse[1]).epsilon(0.02));
 }
 
-TEST_CASE("places of the source change nothing where gradients tell them already") {
+TEST_CASE("places of the source change nothing where gradients give them already") {
   const Mesh mesh = test::rough_sphere(4, 0.2);
   const double box = bounding_box_diagonal(mesh.positions);
   const Positions pose = arched(mesh.positions);
@@ -241,7 +242,7 @@ TEST_CASE("places of the source change nothing where gradients tell them already
 }
 
 TEST_CASE(
-    "a part of the surface goes where its source goes, though gradients don't add up so far") {
+    "a part of the surface goes where its source goes, though integrated gradients go elsewhere") {
   // A bulge slides along a sheet; the target's sheet is the source's, its middle stretched.
   const int side = 61;
   const Mesh source = test::grid(side, side, [](double, double) { return 0.0; });
@@ -270,7 +271,7 @@ TEST_CASE("lids that close on the source close on a target whose gap is wider") 
   CHECK(gap < 0.0011);
   CHECK(Lids::gap(gradients_alone.apply(closed, false)) > 8 * gap);
   CHECK(Lids::gap(follows.apply(closed, false)) < 2 * gap);
-  // Both give way, and what is far from the slit hardly does.
+  // Both lids give way, and the sheet's far borders hardly do.
   const Positions found = follows.apply(closed, false);
   const int lower = Lids::kColumns / 2 * Lids::kRows + Lids::kRows - 1;
   CHECK(found(lower, 1) - target.mesh.positions(lower, 1) > 0.002);
@@ -319,9 +320,9 @@ TEST_CASE("an eye of another size turns about its own centre and stays round") {
   CHECK(largest_difference(found.topRows(first), face.positions) < 1e-6 * box);
 }
 
-TEST_CASE("a sliver of the source doesn't decide what a region of the target does") {
+TEST_CASE("a sliver of the source doesn't decide how a region of the target deforms") {
   Mesh source = test::rough_sphere(4, 0.05);
-  // A vertex beside an edge: its triangle is next to none, and grows in the pose.
+  // A vertex beside an edge makes its triangle a sliver, which grows in the pose.
   const Eigen::RowVector3i t = source.triangles.row(900);
   const Positions& p = source.positions;
   const Eigen::RowVector3d middle = 0.5 * (p.row(t[0]) + p.row(t[1]));
@@ -375,7 +376,8 @@ TEST_CASE("where the target is a small part of the source there are no slivers")
 }
 
 TEST_CASE(
-    "a part that is larger on the target as a whole has no slivers, one without area no say") {
+    "a part that is larger on the target as a whole has no slivers, one without area does no "
+    "harm") {
   Mesh small = test::rough_sphere(4, 0.1);
   const Positions wide = small.positions.rowwise() + Eigen::RowVector3d(4, 0, 0);
   const auto with_part = [&](double size) {
@@ -385,7 +387,7 @@ TEST_CASE(
   };
   const Mesh target = with_part(1);
   const int m = target.triangle_count();
-  Pairs pairs;  // a triangle more for the first, so that it isn't one to one
+  Pairs pairs;  // one more than triangles, so that they aren't one to one
   for (int j = 0; j < m; ++j) pairs.push_back({j, j});
   pairs.push_back({1, 0});
   const auto correspondence = triangle_correspondence(pairs, m, m);
@@ -430,7 +432,7 @@ Mesh finer(const Mesh& mesh) {
   return result;
 }
 
-/// By weights, of values at a mesh's vertices.
+/// Values at a mesh's vertices, interpolated at points of its triangles.
 Positions at_points(const std::vector<PointOnTriangle>& points, const Triangles& t,
                     const Positions& values) {
   Positions result = Positions::Zero(Index(points.size()), 3);
@@ -449,7 +451,7 @@ TEST_CASE("a source that was fitted tells the points that a target's vertices co
   const auto points = points_of_fit(source, target, match.correspondence, pool);
   CHECK(largest_difference(at_points(points, source.triangles, source.positions),
                            target.positions) < 1e-12);
-  // A triangle's centre is nearer to its pair's than a vertex is to what such pairs tell of it.
+  // Pairs of triangles alone don't tell the vertices' points as exactly.
   const SourceGradients gradients(source, target, match.correspondence, {});
   const SourcePoints told(source, target, Fans(target.triangles, target.vertex_count()), gradients,
                           {}, pool);
@@ -473,7 +475,7 @@ TEST_CASE("displacements are the source's, in proportion where sizes differ") {
   // Another shape, turned and of another size.
   shape.positions.col(1) *= 1.3;
   const Eigen::Matrix3d turn = rotation_by(Eigen::Vector3d(0.4, -1, 2));
-  const double halfway = 1.15;  // between what doesn't count and what does
+  const double halfway = 1.15;  // between sizes that count as the same and those that scale fully
   for (const auto& [size, share] : {std::pair(1.0, 1.0),
                                     {1.09, 1.0},
                                     {0.92, 1.0},
@@ -491,7 +493,7 @@ TEST_CASE("displacements are the source's, in proportion where sizes differ") {
                              target.positions + share * expected * turn.transpose()) < 1e-9 * size);
     CHECK(largest_difference(transfer.apply(source.positions, false), target.positions) < 1e-12);
   }
-  // Without points of their own, as pairs tell them.
+  // Without points of their own, vertices take those of the pairs.
   options.points.clear();
   options.placement = nullptr;
   MeshTransfer by_pairs(source, shape, match.correspondence, options);
@@ -518,7 +520,7 @@ TEST_CASE("vertices without a point go with displaced ones around them") {
   const Eigen::RowVector3d shift(0.3, -1, 2);
   const Positions shifted = p.rowwise() + shift;
   CHECK(largest_difference(transfer.apply(shifted, false), shifted) < 1e-9);
-  // What moves around the hole is continued into it: no crease at its rim.
+  // The motion around the hole is continued into it, without a crease at its rim.
   Positions wave = p;
   for (Index v = 0; v < p.rows(); ++v) wave(v, 0) += 0.2 * p(v, 2);
   const Positions found = transfer.apply(wave, false);
@@ -547,7 +549,7 @@ TEST_CASE("parts without a source go as displaced ones do, and pinned ones keep 
   CHECK(largest_difference(pinned.apply(pose, false), target.positions) < 1e-9);
 }
 
-TEST_CASE("points that are given for some vertices are those of pairs for others") {
+TEST_CASE("vertices without a given point take the pairs', and weights are scaled to add up to 1") {
   const Mesh source = test::rough_sphere(3, 0.15), target = finer(source);
   ThreadPool pool(1);
   const Match match = match_triangles(source, target, 0.1);
@@ -568,7 +570,7 @@ TEST_CASE("points that are given for some vertices are those of pairs for others
   }
 }
 
-TEST_CASE("points that no search gives are refused") {
+TEST_CASE("points with an impossible triangle, weights or count are refused") {
   const Mesh mesh = test::rough_sphere(2, 0.1);
   const auto refused = [&](int triangle, const Eigen::Vector3d& weights, Index count) {
     TransferOptions options;

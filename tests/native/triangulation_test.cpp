@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What a shape's triangles have to say in how it deforms: as little as can be.
+// How a deformation depends on the triangulation of a shape: as little as possible.
 #include "cases.h"
 #include "catch.h"
 #include "deform.h"
@@ -55,7 +55,7 @@ TEST_CASE("TRIANGULATION: slivers in the flat faces of a bar change nothing", "[
   }
 }
 
-TEST_CASE("TRIANGULATION: on curved shapes slivers count for a tenth of what they did") {
+TEST_CASE("TRIANGULATION: on curved shapes Delaunay flips take nine tenths of slivers' effect") {
   for (const test::Case& one : {test::bent_cylinder(), test::lifted_plane(61)}) {
     const Mesh slivers = test::with_slivers(one.mesh, 0.2);
     const Positions expected = deformed(one.mesh, one, test::usual());
@@ -80,14 +80,13 @@ TEST_CASE("TRIANGULATION: whatever the slivers, rest is rest and a rigid motion 
     if (how.output == Output::result)
       CHECK(largest_difference(surface(resting, {test::identity()}, how), slivers.positions) <
             1e-9);
-    // Smooth displacement isn't rotation-invariant on S itself, and the feet of normal
-    // displacements and the volumes are as exact as their iterations.
+    // VARIATIONAL isn't rotation-invariant; NORMAL and VOLUMES are as exact as their iterations.
     if (how.method == MethodKind::detail && how.output == Output::result)
       CHECK(largest_difference(surface(held, {motion}, how), expected) < 1e-8);
   }
 }
 
-TEST_CASE("TRIANGULATION: pose by example doesn't depend on it where the shape doesn't") {
+TEST_CASE("TRIANGULATION: pose by example is the same in other triangles of flat faces") {
   const test::Case bar = test::twisted_bar();
   const Mesh slivers = test::with_slivers(bar.mesh);
   const auto posed = [&](const Mesh& mesh) {
@@ -162,7 +161,7 @@ TEST_CASE("NON-MANIFOLD: sheets that meet in a line bind and deform by every met
               1e-9);
       const Positions result = surface(deformer, {lift}, how);
       REQUIRE(result.allFinite());
-      // The bar is pulled up, and nothing goes farther than the handle's border did.
+      // The bar of the T is pulled up, and no vertex goes much farther than the handle.
       const double least = how.output == Output::base ? -0.2 : -0.12;
       CHECK((result - mesh.positions).rowwise().norm().maxCoeff() < 0.5);
       CHECK(result.col(2).minCoeff() > least);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// One shape in other triangles, and a shape of several sheets.
+// One shape in other triangles, and a shape of three sheets.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -11,8 +11,8 @@
 
 namespace dd::test {
 
-/// Edges between triangles of one plane (but for tolerance, in radians) are flipped to obtuse ones
-/// wherever that is possible, several times over: the same shape and vertices, slivers for faces.
+/// The same shape and vertices with slivers for triangles. In three passes, edges between triangles
+/// that are coplanar up to tolerance, in radians, are flipped to obtuse ones where possible.
 inline Mesh with_slivers(Mesh mesh, double tolerance = 1e-6, unsigned seed = 1) {
   const auto place = [&](int v) -> Eigen::Vector3d { return mesh.positions.row(v).transpose(); };
   const auto normal = [&](int a, int b, int c) -> Eigen::Vector3d {

@@ -40,8 +40,8 @@ TEST_CASE("vertex gradients of a plane that is stretched in itself are the stret
   for (int v = 0; v < mesh.vertex_count(); ++v) CHECK((at(found, v) - stretch).norm() < 1e-12);
 }
 
-TEST_CASE("a vertex gradient maps the edges around it in the mean") {
-  // Least squares over edges and normals of one fan tell the gradient of each of its triangles.
+TEST_CASE("a vertex gradient is the area-weighted mean of its triangles' gradients") {
+  // A triangle's gradient is solved for from two of its edges and its normal.
   const Mesh mesh = bumpy();
   Positions moved = mesh.positions;
   for (Index v = 0; v < moved.rows(); ++v) {
@@ -70,19 +70,19 @@ TEST_CASE("a vertex gradient maps the edges around it in the mean") {
   }
 }
 
-TEST_CASE("triangles without area have no say in vertex gradients") {
+TEST_CASE("triangles without area don't enter vertex gradients") {
   Mesh mesh;
   mesh.positions.resize(6, 3);
   mesh.positions << 0, 0, 0, 1, 0, 0, 0, 1, 0, 2, 0, 0, 5, 5, 5, 3, 0, 0;
   mesh.triangles.resize(3, 3);
   mesh.triangles << 0, 1, 2, 0, 1, 3, 1, 3, 5;  // the last two are flat
   Positions moved = 3 * mesh.positions;
-  moved.row(3) << 7, 8, 9;  // where the second has an area
+  moved.row(3) << 7, 8, 9;  // gives the second one an area when deformed
   const VertexGradients found = vertex_gradients(mesh, moved);
   Eigen::Matrix3d expected = 3 * Eigen::Matrix3d::Identity();
   expected(2, 2) = 1;
   for (int v : {0, 1, 2}) CHECK((at(found, v) - expected).norm() < 1e-12);
   for (int v : {3, 4, 5}) CHECK(at(found, v) == Eigen::Matrix3d::Identity());
-  moved.row(2) = moved.row(0);  // nor where it has lost it
+  moved.row(2) = moved.row(0);  // takes the first one's area when deformed
   CHECK(at(vertex_gradients(mesh, moved), 0) == Eigen::Matrix3d::Identity());
 }

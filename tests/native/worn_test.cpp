@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Garments and props that follow what they lie over.
+// Garments and props that follow a body.
 #include "catch.h"
 #include "deform/mesh_transfer.h"
 #include "mesh/triangles.h"
@@ -49,7 +49,7 @@ Positions bent(const Positions& p, double curvature) {
   return result;
 }
 
-/// Bent as by a skeleton, whose skin goes through itself on the inside from some 53 degrees on.
+/// Bent by linear blend skinning: the skin passes through itself on the inside from some 53° on.
 Positions folded(const Positions& p, double angle) {
   const double c = std::cos(angle), s = std::sin(angle);
   Positions result = p;
@@ -79,14 +79,13 @@ struct Worn {
   std::unique_ptr<MeshTransfer> transfer;
 };
 
-/// Where a body is outside of a garment: how deep, at most, its vertices and middles of triangles
-/// are inside the body, by the nearest of all its triangles.
+/// The greatest depth of a garment's vertices and triangle centres inside a body.
 double depth(const Mesh& body, const Mesh& garment) {
   const AabbTree tree(body);
   const Positions normals = triangle_normals(body.positions, body.triangles);
   double deepest = 0;
   const auto look = [&](const Eigen::Vector3d& place) {
-    // Of several that are as near the one that it is most in front of.
+    // Of several nearest triangles, the one that the place is farthest in front of.
     const PointOnTriangle near = tree.nearest(place, 1e3, [](int) { return true; });
     double height = -1e3;
     tree.nearest(place, std::sqrt(near.squared_distance) + 1e-9, [&](int j) {
@@ -102,7 +101,7 @@ double depth(const Mesh& body, const Mesh& garment) {
   return deepest;
 }
 
-/// How far vertices of the body stand out of a garment, at most.
+/// The greatest distance of the body's vertices outside of a garment.
 double standing_out(const Mesh& body, const Mesh& garment) {
   const AabbTree tree(garment);
   const Positions normals = triangle_normals(garment.positions, garment.triangles);
@@ -118,7 +117,7 @@ double standing_out(const Mesh& body, const Mesh& garment) {
   return farthest;
 }
 
-/// A muscle that rises.
+/// A tube whose muscle at (1, 0, 0) bulges by `by`.
 Positions flexed(const Positions& p, double by) {
   Positions result = p;
   for (Index v = 0; v < p.rows(); ++v) {
@@ -140,7 +139,7 @@ TEST_CASE("a sleeve of another topology bends with an arm at the distance that i
   const Positions posed = worn.at(bent(arm.positions, 0.3));
   CHECK((posed - truth).rowwise().norm().mean() < 2e-3 * box);
   CHECK(largest_difference(posed, truth) < 1e-2 * box);
-  // Gradients alone drift, as (14) keeps a place on the mean.
+  // Gradients alone drift, as (14) leaves all but the mean place to them.
   Worn drifting(arm, sleeve, -1, Placing::components);
   CHECK((drifting.at(bent(arm.positions, 0.3)) - truth).rowwise().norm().mean() >
         3 * (posed - truth).rowwise().norm().mean());
@@ -157,7 +156,7 @@ TEST_CASE("what is worn moves rigidly with its source, at any gap") {
   }
 }
 
-TEST_CASE("a garment is kept outside of what rises below it, and where it is far it stays") {
+TEST_CASE("a garment is kept outside of a bulge below it, and moves no farther than it must") {
   const Mesh body = tube(1, -4, 4, 96, 180);
   Mesh shirt = tube(1.03, -3, 3, 19, 27);
   const double box = UnitBox(shirt.positions).scale;
@@ -169,12 +168,12 @@ TEST_CASE("a garment is kept outside of what rises below it, and where it is far
   const Mesh posed{pose, body.triangles};
   CHECK(depth(posed, {through, shirt.triangles}) > 1e-3 * box);
   CHECK(depth(posed, {outside, shirt.triangles}) < 1e-5 * box);
-  // Only where it must be, and not by more than it must.
+  // The correction is small, too.
   CHECK(largest_difference(through, outside) < 0.05 * box);
 }
 
 TEST_CASE("a garment is kept outside of a body that is inside out, too") {
-  // An arm beside a trunk, which is where a ray from it outwards comes to.
+  // A trunk beside the arm, which outward rays from the arm meet.
   const Mesh arm = tube(1, -4, 4, 96, 180), shirt = tube(1.03, -3, 3, 19, 27);
   Mesh trunk = tube(2, -6, 6, 48, 40);
   trunk.positions.col(0).array() += 3.5;
@@ -213,7 +212,7 @@ TEST_CASE("the sides of thick cloth are pushed out together, in their order") {
   }
 }
 
-TEST_CASE("what rises between the vertices of a coarse garment lifts it") {
+TEST_CASE("bulges between the vertices of a coarse garment lift it") {
   const Mesh body = tube(1, -4, 4, 120, 240), shirt = tube(1.05, -3, 3, 13, 17);
   Positions pose = body.positions;
   for (Index v = 0; v < pose.rows(); ++v) {
@@ -277,7 +276,7 @@ TEST_CASE("a garment goes on steadily while its source folds through itself in a
       roughest = std::max(roughest, bend.rowwise().norm().maxCoeff());
     }
     INFO(around << ", " << thick << ": " << roughest);
-    CHECK(roughest < 0.02);  // without that it is looked at how the arm faces, .1 to .25
+    CHECK(roughest < 0.02);  // 0.1 to 0.25 without outwardness (FarSides)
   }
 }
 
@@ -302,7 +301,7 @@ TEST_CASE("props keep their shape and go with what they lie on") {
       CHECK((posed.row(a) - posed.row(b)).norm() ==
             Approx((props.positions.row(a) - props.positions.row(b)).norm()).margin(1e-9));
     }
-  // As the arm does there.
+  // Button and ring move about as the arm does there.
   const Positions truth = bent(props.positions, 0.3);
   const Index first = ring.positions.rows(), last = first + button.positions.rows();
   CHECK(largest_difference(posed.middleRows(first, last - first),
