@@ -18,18 +18,19 @@ from mathutils import Matrix
 
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "build" / "demo"
-# A handle is dragged in steps, as a user does it: every step costs one live update.
+# A handle is dragged in steps, as by a user's mouse: every step costs one update.
 DRAG_STEPS = 12
-# Relative to the bounding box's diagonal; float32 coordinates hold about 1e-7 of it.
+# Fractions of the bounding box's diagonal. EXACT: Blender's float32 coordinates are exact to about 1e-7 of it, and the
+# rest is for rounding in the solves. VISIBLE: a hundredth, less than the shortest motion below.
 EXACT = 1e-5
 VISIBLE = 1e-2
 
 
 class DemoError(Exception):
-    """One plain sentence for the user."""
+    """The demo can't go on, or its result is wrong; the message is one sentence for the user."""
 
 
-# ---------------------------------------------------------------- motions, one a scene
+# ---------------------------------------------------------------- motions, one for each scene
 
 def drag(motions):
     """Moves empties step by step; motions: name -> (shift, axis, degrees), in the empty's axes."""
@@ -72,7 +73,7 @@ SCENES = {
 # ---------------------------------------------------------------- one scene
 
 class Subject:
-    """The bound object of an opened scene, with what is needed to check its deformation."""
+    """The bound object of an opened scene, with its rest positions and vertex masks to check the deformation by."""
 
     def __init__(self, scene_name, object_name):
         self.scene_name = scene_name
@@ -135,7 +136,7 @@ class Subject:
 
     def expect(self, complaint, difference, tolerance):
         worst = np.abs(difference).max(initial=0) / self.size
-        # Written so that NaN fails too.
+        # Not "worst > tolerance": a NaN must fail too.
         if not worst <= tolerance:
             raise DemoError(f"{self.scene_name}: {complaint}, by {worst:.1e} of the mesh's size.")
 
@@ -187,7 +188,7 @@ def mask_of(ob, group_name):
 
 @contextlib.contextmanager
 def quiet():
-    """Sends what Blender says of files, renders and EGL to a log, out of the way of our lines."""
+    """Sends Blender's own messages about files, renders and EGL to a log, so that only the demo's lines are shown."""
     sys.stdout.flush()
     saved = [os.dup(1), os.dup(2)]
     with open(OUT / "render.log", "ab") as log:
@@ -224,7 +225,7 @@ def main(names):
     try:
         table([run_scene(name) for name in names or SCENES])
     finally:
-        # A handler left behind at exit makes some versions of the Python module crash or hang.
+        # Some versions of the bpy module crash or hang at exit while a handler is still registered.
         detail_deform.unregister()
 
 

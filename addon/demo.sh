@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
-# Builds Detail Deform and deforms three scenes with it in background Blender; times on the
-# screen, pictures in build/demo/. Gets what is missing first.
+# Installs missing packages, builds Detail Deform and deforms three scenes with it in background
+# Blender. Prints times, and writes pictures to build/demo/.
 #
 # addon/demo.sh [bumpy_plane] [suzanne] [animated]
 set -euo pipefail

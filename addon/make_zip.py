@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Zips the add-on as users install it, with a library: the same bytes from the same sources, whenever and wherever that
-is.
+"""Zips the add-on with its library, as users install it. The zip is reproducible: the same sources and library give the
+same bytes on any machine and at any time.
 
     python3 addon/make_zip.py LIBRARY PLATFORMS ZIP [WEBSITE] [--wheel]
 
-PLATFORMS: Blender's names, with commas between; the library may be for several. WEBSITE: where Blender's own buttons
-and the add-on's lead, if there is a place. The zip serves Blender 3.4 (legacy, by bl_info) and 4.2 on (extension, by
-the manifest). With --wheel it is for 4.2 on alone: the library is in a wheel, as Blender's extensions site wants it."""
+PLATFORMS: Blender's names of the platforms that the library is for, separated by commas. WEBSITE: the project's
+address, if it has one, to which Blender's and the add-on's buttons lead. The zip serves Blender 3.4 (legacy, by
+bl_info) and 4.2 on (extension, by the manifest). With --wheel it is for 4.2 on alone: the library is in a wheel, as
+Blender's extensions site wants it."""
 
 import argparse
 import base64
@@ -26,10 +27,10 @@ from manual_page import page
 ADDON = Path(__file__).resolve().parent
 SOURCE = ADDON / 'detail_deform'
 LICENSES = (ADDON.parent / 'LICENSE', ADDON / 'LICENSES.md')
-DISTRIBUTION = 'detail_deform_library'  # what the wheel is of
+DISTRIBUTION = 'detail_deform_library'  # the wheel's name
 
 
-# What Blender and pip know a library's platforms by; make_zip.py's callers build for no earlier systems.
+# Blender's name of each platform, and pip's tag for it. The tag names the oldest system that the library is built for.
 TAGS = {'linux-x64': 'manylinux_2_17_x86_64', 'linux-arm64': 'manylinux_2_17_aarch64', 'windows-x64': 'win_amd64',
         'macos-arm64': 'macosx_11_0_arm64', 'macos-x64': 'macosx_11_0_x86_64',
         'macos-arm64,macos-x64': 'macosx_11_0_universal2'}
@@ -42,12 +43,13 @@ def contents(library, platforms, website, date, in_wheel):
     files[Path('MANUAL.html')] = page((ADDON / 'MANUAL.md').read_text(encoding='utf-8')).encode()
     files.update({path.relative_to(ADDON): path.read_bytes() for path in (ADDON / 'manual').iterdir()})
     manifest = (SOURCE / 'blender_manifest.toml').read_text(encoding='utf-8')
-    # A zip must not offer itself to those that its library is not for.
+    # An extension repository must not offer the zip to platforms that its library isn't built for.
     listed = ', '.join(f'"{platform}"' for platform in platforms.split(','))
     fields = f'platforms = [{listed}]'
     if in_wheel:
         version = re.search('\nversion = "(.*)"', manifest)[1]
-        # With the version in the name: what one version's library locks or leaves is in no other version's way.
+        # The version is in the package's name, so that files of an older version that Windows keeps locked, or that
+        # were left behind, don't stand in a new version's way.
         package = f"{DISTRIBUTION}_{version.replace('.', '_')}"
         path = Path('wheels', f'{DISTRIBUTION}-{version}-py3-none-{TAGS[platforms]}.whl')
         files[path] = wheel(library, package, version, TAGS[platforms], date)
@@ -67,8 +69,8 @@ def contents(library, platforms, website, date, in_wheel):
 
 
 def with_digest(library):
-    """The library's file, and what the add-on knows the whole library by: a part of one ends Blender where it is
-    loaded."""
+    """(name, bytes) of the library's file, and of its checksum, by which the add-on recognizes an incomplete file:
+    loading one would crash Blender."""
     content = library.read_bytes()
     return [(library.name, content), (f'{library.name}.sha256', f'{hashlib.sha256(content).hexdigest()}\n'.encode())]
 
@@ -107,7 +109,7 @@ def replaced(pattern, text, source):
 
 
 def moment():
-    """Of the sources, as a zip has it: SOURCE_DATE_EPOCH's, the commit's, or now."""
+    """The date for all files in the zip: SOURCE_DATE_EPOCH, else that of the sources' commit, else now."""
     seconds = os.environ.get('SOURCE_DATE_EPOCH')
     if not seconds and shutil.which('git'):
         seconds = subprocess.run(['git', '-C', ADDON, 'log', '-1', '--format=%ct'], capture_output=True,
@@ -118,7 +120,7 @@ def moment():
 def add_files(target, files, date):
     for name, content in files:
         entry = zipfile.ZipInfo(name, date)
-        entry.create_system = 3  # Unix, wherever it is made
+        entry.create_system = 3  # Unix, on every system, for the same bytes
         entry.external_attr = 0o100644 << 16
         target.writestr(entry, content, zipfile.ZIP_DEFLATED, 9)
 
@@ -132,8 +134,8 @@ def main():
     parser.add_argument('--wheel', action='store_true')
     asked, date = parser.parse_args(), moment()
     with zipfile.ZipFile(asked.zip, 'w') as target:
-        # Blender 3.4 to 4.1 removes what is there before it unpacks, by the folder's own entry: or it would write into
-        # a library that is loaded.
+        # Before it unpacks a zip, Blender 3.4 to 4.1 removes the folders that the zip has an entry for. Without the
+        # entry it would write over the library while that is loaded.
         folder = zipfile.ZipInfo('detail_deform/', date)
         folder.create_system = 3
         folder.external_attr = 0o40755 << 16 | 0x10

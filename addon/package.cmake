@@ -1,4 +1,4 @@
-# Target addon_zip: the add-on as users install it, with the library of this platform inside.
+# Target addon_zip: the add-on as users install it, with the library for this platform in it.
 # One zip serves Blender 3.4 (legacy, by bl_info) and 4.2 on (extension, by the manifest).
 # Target extension_zip: the same with the library in a wheel, as Blender's extensions site wants it.
 file(READ ${PROJECT_SOURCE_DIR}/addon/detail_deform/blender_manifest.toml dd_manifest)
@@ -7,7 +7,7 @@ if(NOT CMAKE_MATCH_1 STREQUAL PROJECT_VERSION)
   message(FATAL_ERROR "blender_manifest.toml has version ${CMAKE_MATCH_1}, CMakeLists.txt ${PROJECT_VERSION}.")
 endif()
 
-# Blender's names of platforms.
+# The platform by the name that Blender's manifests use.
 set(dd_processor ${DD_PROCESSOR})
 if(dd_processor MATCHES "^(aarch64|arm64)$")
   set(dd_processor arm64)
@@ -25,7 +25,7 @@ set(DETAIL_DEFORM_WEBSITE "" CACHE STRING "Where the project is at home; its rep
 set(dd_zip ${CMAKE_BINARY_DIR}/detail_deform-${PROJECT_VERSION}-${dd_platform}.zip)
 set(dd_extension ${CMAKE_BINARY_DIR}/detail_deform_extension-${PROJECT_VERSION}-${dd_platform}.zip)
 
-# By the name without a version, which elsewhere is that of a link.
+# The zip gets the file name without a version: on Windows the library's own, elsewhere a symbolic link's.
 if(WIN32)
   set(dd_library $<TARGET_FILE:detail_deform>)
 else()

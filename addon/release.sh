@@ -1,17 +1,17 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
-# What a release consists of, in build/release-<version>/: the zips, an extension repository of them
+# Makes all files of a release in build/release-<version>/: the zips, an extension repository of them
 # (index.json and index.html, for Blender 4.2 and later; to be put on a server as it is), their
-# checksums, and the notes, which are the changelog's of this version. In extensions-site/ what is
-# uploaded to Blender's own site: the same with the library in a wheel. A repository has one zip of
-# each platform, so they are in a folder of their own.
+# checksums, and the notes, which are the changelog's entry for this version. The zips for Blender's
+# own extensions site, with the library in a wheel, are in the subfolder extensions-site/, because a
+# repository's folder may have only one zip for each platform.
 #
 # addon/release.sh [ZIP...]
 #
-# ZIP: made elsewhere, as by a workflow on macOS. Zips are built here for each platform that none is
-# given for and that there is a compiler for: the machine's own, Windows x64, 64-bit ARM Linux.
-# Names of others are printed. DETAIL_DEFORM_WEBSITE in the environment: where the project is at home.
+# ZIP: a zip that was made elsewhere, such as on macOS. Zips are built here for Linux x64, Windows x64
+# and 64-bit ARM Linux, unless the platform's zip is given or its compiler is missing; missing zips are
+# named. The environment variable DETAIL_DEFORM_WEBSITE is the project's address, if it has one.
 set -euo pipefail
 given=()
 for zip in "$@"; do given+=("$(realpath "$zip")"); done
@@ -36,7 +36,7 @@ rm -rf "$out"
 site=$out/extensions-site
 mkdir -p "$site"
 
-# put ZIP: where its kind belongs
+# put ZIP: copies it to the folder for its kind
 put() {
     case ${1##*/} in
         detail_deform_extension-*) cp "$1" "$site" ;;
@@ -64,12 +64,12 @@ build_zips() {
 }
 
 prepare_build
-build_zips check linux-x64 c++  # what the tests are run on
+build_zips check linux-x64 c++  # the preset that the tests are run on
 build_zips windows windows-x64 x86_64-w64-mingw32-g++-posix
 build_zips linux-arm64 linux-arm64 aarch64-linux-gnu-g++
 [ -e "$out/detail_deform-$version-macos.zip" ] || dd_say "No zips for macOS: they are built there"
 
-# Blender's own tool, which comes with Blender as a module, too; that of every version that is here.
+# Every installed version of Blender's own extension tool, which comes with the bpy wheels, checks each zip.
 prepare_wheel 3.13 5.2.3
 for venv in build/venv-bpy-*; do
     tool=$(find "$venv" -path '*bl_pkg/cli/blender_ext.py')

@@ -1,8 +1,8 @@
 # shellcheck shell=bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
-# What is looked at without running it, after prepare_linters. Sourced from the repository root; each function
-# prints what it finds and returns non-zero where it found something.
+# The linters, after prepare_linters. Sourced from the repository root. Each function prints its findings, and
+# returns non-zero where there are any.
 
 dd_lint_sources() {
     find native tests/native tests/fuzz -name '*.c' -o -name '*.cpp' -o -name '*.h'
@@ -12,13 +12,13 @@ lint_format() {
     dd_lint_sources | xargs build/venv-linters/bin/clang-format --dry-run -Werror
 }
 
-# clang-format leaves long comments as they are; Python's lines are ruff's.
+# The length of C and C++ lines, as clang-format leaves long comments as they are. ruff checks Python's.
 lint_margin() {
     ! dd_lint_sources | LC_ALL=C.UTF-8 xargs grep -nE '^.{101}'
 }
 
-# Several files at a time, as tests/run.sh builds them: reading Eigen once for each is most of it. What is
-# deprecated is in the headers of GCC's library, which is older than this clang.
+# By the preset "check", a unity build: most of the time goes into reading Eigen, once for each unit. Uses of
+# deprecated declarations are all in the headers of libstdc++, which is older than this clang.
 lint_tidy() {
     cmake --preset check >/dev/null || return
     build/venv-linters/bin/run-clang-tidy.py -clang-tidy-binary build/venv-linters/bin/clang-tidy \
@@ -28,8 +28,8 @@ lint_tidy() {
     [ "${PIPESTATUS[0]}" = 0 ]
 }
 
-# What the tests are compiled from, by the build's own commands and with the headers that prepare_catch3 got. By
-# clang, which takes a quarter of GCC's time for it; after prepare_clang.
+# Compiles the C++ tests by the build's own commands, but with the headers of Catch2 3 from prepare_catch3, and by
+# clang from prepare_clang, which takes a quarter of GCC's time.
 compile_with_catch3() {
     cmake --preset check >/dev/null || return
     python3 - <<'PYTHON'

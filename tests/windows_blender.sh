@@ -1,18 +1,18 @@
 # shellcheck shell=bash
 # SPDX-License-Identifier: GPL-3.0-or-later
 #
-# Blender for Windows, as the Python module bpy, under Wine. Sourced from the repository root, after
-# tests/prepare.sh and tests/windows.sh; used after prepare_windows and after the zip for Windows was
-# made.
+# Tests the add-on in Blender for Windows, as the Python module bpy, under Wine. Sourced from the
+# repository root, after tests/prepare.sh and tests/windows.sh; needs prepare_windows and the zip for
+# Windows.
 
-# prepare_windows_wheel PYTHON BPY, as in "prepare_windows_wheel 3.11 4.5.15": that Blender in
-# build/windows-bpy-BPY. From 5.1 on it needs Python 3.13.
+# prepare_windows_wheel PYTHON BPY, as in "prepare_windows_wheel 3.11 4.5.15": installs that version of
+# bpy into build/windows-bpy-BPY. From 5.1 on bpy needs Python 3.13.
 prepare_windows_wheel() {
     local folder=$PWD/build/windows-bpy-$2 numpy
     dd_need_packages xvfb xauth libgl1 libgl1-mesa-dri || return
     dd_new_windows "$PWD/build/wine-bpy-$2" || return
     dd_windows_wheel_runs "$2" >/dev/null 2>&1 && return 0
-    # Newer numpys call what Debian 12's Wine lacks.
+    # Newer versions of numpy call functions that Debian 12's Wine lacks.
     case $1 in 3.11) numpy=1.26.4 ;; *) numpy=2.4.6 ;; esac
     dd_get_windows_python "$folder" "$1" "bpy==$2" "numpy==$numpy" pytest==8.3.5 colorama || {
         dd_complain "pip could not get bpy $2 for Windows."
@@ -32,35 +32,38 @@ dd_windows_wheel_runs() {
     in_windows_blender "$1" -c "import bpy, pytest; assert bpy.app.version_string.startswith('$1')"
 }
 
-# in_windows_blender BPY ARGUMENT...: the Python that has it. It renders by OpenGL, which wants a screen.
+# in_windows_blender BPY ARGUMENT...: runs the Python that has bpy, on a virtual screen, which rendering
+# by OpenGL needs.
 in_windows_blender() {
     [ -e "build/windows-bpy-$1/python.exe" ] || return
     (
-        # Each has a Windows of its own, which ends with it: what was begun in one without a screen, or
-        # with one that has gone, leaves the others in it without, and holds on to the output.
+        # Each version of bpy has its own Wine prefix, whose server ends with it. A Wine server that was
+        # started without a screen, or whose screen is gone, gives no screen to later programs either,
+        # and keeps the output open.
         export WINEPREFIX=$PWD/build/wine-bpy-$1
-        # Without the debugger a crash ends the program; with it, a window waits for somebody to close it.
+        # Without Wine's debugger a crash ends the program. With it, a window waits to be closed.
         WINEDLLOVERRIDES="winedbg.exe=d" \
             xvfb-run -a timeout 3000 wine "$PWD/build/windows-bpy-$1/python.exe" "${@:2}" </dev/null 2>&1
         status=$?
         wineserver -k
         exit "$status"
-    ) | sed -u '/^wine: Read access denied for device/d'  # of Z:, whose label nobody needs
+    ) | sed -u '/^wine: Read access denied for device/d'  # drive Z:, whose label Wine tries to read
     return "${PIPESTATUS[0]}"
 }
 
-# dd_mend_python FOLDER: its platform and shutil do without what is taken away here, which Debian 12's
-# Wine has names for and no code.
+# dd_mend_python FOLDER: removes two interfaces (_wmi and CopyFile2) that Debian 12's Wine declares but
+# doesn't implement. Python's modules platform and shutil do without them.
 dd_mend_python() {
     rm -f "$1/DLLs/_wmi.pyd"
     echo "import _winapi; vars(_winapi).pop('CopyFile2', None)" >"$1/Lib/site-packages/sitecustomize.py"
 }
 
-# dd_mend_numpy FOLDER: numpy 2 calls complex functions of Windows' C library that Wine has no code
-# for. They come from a library of our own, which hands all others on and has a name of that length.
+# dd_mend_numpy FOLDER: makes numpy 2 import its mathematical functions from a library that is built
+# here. It implements the complex functions that Wine lacks and forwards all others to Windows' C
+# library. Its name is not longer than the original, so that it fits into numpy's import table.
 dd_mend_numpy() {
     local core=$1/Lib/site-packages/numpy/_core
-    # shellcheck disable=SC2016  # awk's
+    # shellcheck disable=SC2016  # the variables are awk's
     x86_64-w64-mingw32-objdump -p "$core"/_multiarray_umath.*.pyd | awk '
         BEGIN { print "LIBRARY dd-crt-math.dll\nEXPORTS" }
         /DLL Name/ { dll = $3 }
@@ -84,11 +87,11 @@ path.write_bytes(content.replace(theirs, b'dd-crt-math.dll'.ljust(len(theirs), b
 PYTHON
 }
 
-# windows_blender_suite BPY MARKS [pytest argument]...: tests the zip there, as installed into user
-# folders of its own. A parenthesis, so that what it makes goes however it ends.
+# windows_blender_suite BPY MARKS [pytest argument]...: tests the zip, installed into new user folders.
+# A subshell, so that its trap removes these folders however it ends.
 windows_blender_suite() (
     windows_zip=$(ls build/windows/detail_deform-*-windows-x64.zip) || exit
-    # There what is allocated looks through all free blocks, so that 10,000 objects take minutes.
+    # Wine before 9 searches all free blocks at each allocation, so that 10,000 objects take minutes.
     quick=()
     dd_at_least "$(wine --version | sed 's/^wine-//')" 9 || quick=(-k "not does_not_go_through")
     folder=$(mktemp -d) || exit

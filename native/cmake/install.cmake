@@ -16,7 +16,7 @@ install(EXPORT detail_deform-targets NAMESPACE detail_deform:: DESTINATION ${dd_
 configure_package_config_file(cmake/detail_deform-config.cmake.in detail_deform-config.cmake
   INSTALL_DESTINATION ${dd_package_dir})
 write_basic_package_version_file(detail_deform-config-version.cmake COMPATIBILITY SameMajorVersion)
-# Where it is installed is known where it is read.
+# The prefix is written relative to the .pc file, so that an installed tree can be moved.
 file(RELATIVE_PATH DD_PREFIX_FROM_PC /${CMAKE_INSTALL_LIBDIR}/pkgconfig /)
 configure_file(cmake/detail_deform.pc.in detail_deform.pc @ONLY)
 install(FILES

@@ -9,5 +9,5 @@ set(CMAKE_FIND_ROOT_PATH /usr/aarch64-linux-gnu)
 set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
 set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
 set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE ONLY)
-# GCC 12 takes what a vector frees there for the middle of something.
+# A false positive of GCC 12 for ARM: it takes the pointer that a std::vector frees for one into the middle of a block.
 set(CMAKE_CXX_FLAGS_INIT -Wno-free-nonheap-object)

@@ -21,12 +21,12 @@ def pytest_configure(config):
     config.addinivalue_line('markers', "thorough: takes long for what it tells; for tests/run.sh --all")
 
 
-# Debian builds Blender for 64-bit ARM without it.
+# Debian builds Blender for 64-bit ARM without OpenVDB.
 has_voxels = pytest.mark.skipif(not bpy.app.build_options.openvdb, reason="this Blender remeshes no voxels")
 
 
 def make_zip(library, path, *options, sources=REPOSITORY):
-    """Packs the add-on with this library, for this system, as a build does it."""
+    """Packs the add-on with this library into a zip for this system, by the build's script."""
     system = {'win32': 'windows', 'darwin': 'macos'}.get(sys.platform, 'linux')
     processor = 'arm64' if platform.machine() in {'aarch64', 'arm64'} else 'x64'
     script = sources / 'addon' / 'make_zip.py'
@@ -35,7 +35,7 @@ def make_zip(library, path, *options, sources=REPOSITORY):
 
 @functools.lru_cache
 def can_start_programs():
-    """Of one for another processor, which runs in an emulator, the system may not know how."""
+    """False in an emulator where the system doesn't know how to start programs for the emulated processor."""
     try:
         return subprocess.run([sys.executable, '-c', ''], check=False).returncode == 0
     except OSError:
@@ -94,8 +94,8 @@ def nothing_printed_to_the_console(capfd):
 
 @pytest.fixture(autouse=True)
 def context_has_no_owner(request):
-    """Until 4.3, reading `context.tool_settings` makes that scene the owner of `bpy.context`: see
-    scene/selection.py. Later tests would read the owner after it is gone, so the run ends here."""
+    """Until 4.3, reading `context.tool_settings` makes the scene the owner of `bpy.context`: see
+    scene/selection.py. Later tests would read the owner after it was freed, so the run ends here."""
     yield
     if bpy.context.id_data is not None:
         pytest.exit(f"{request.node.nodeid} leaves {bpy.context.id_data} as the owner of bpy.context", 1)
@@ -121,7 +121,7 @@ def own(ob):
 
 
 def moved(ob):
-    """How far the vertex that moved most is shown from where it is stored."""
+    """The largest coordinate of any vertex's offset, evaluated minus stored."""
     return np.abs(evaluated(ob) - own(ob)).max()
 
 
@@ -133,7 +133,7 @@ def activate(ob):
 
 
 def in_a_collection(*objects, name="Hidden"):
-    """Moves objects of the scene's own collection into a new one inside of it, which is returned."""
+    """Moves objects from the scene's collection into a new child collection, which is returned."""
     scene, made = bpy.context.scene.collection, bpy.data.collections.new(name)
     scene.children.link(made)
     for ob in objects:
@@ -232,7 +232,7 @@ def add_from(ob, chosen, **options):
 
 
 def pull(ob, chosen, **options):
-    """The empty that Pull makes for these vertices."""
+    """Presses Pull with these vertices selected; returns the new handle's empty."""
     select(ob, chosen)
     assert bpy.ops.object.detail_deform_pull(**options) == {'FINISHED'}, ob.detail_deform.status
     update()
@@ -256,7 +256,7 @@ def data_blocks():
 
 
 def symmetric(n=25):
-    """A wavy square about the origin, mirror image of itself across x = 0, its triangles too."""
+    """A wavy square about the origin, which is its own mirror image across x = 0, in its triangles too."""
     p = wavy(n)
     p[:, :2] -= 0.5
     p[:, 2] = 0.03 * np.cos(40 * p[:, 0]) * np.cos(31 * p[:, 1])
@@ -274,5 +274,5 @@ def symmetric(n=25):
 
 @pytest.fixture
 def rigged():
-    from rigs import make_rigged  # which goes by this module
+    from rigs import make_rigged  # here, because rigs imports this module
     return make_rigged()

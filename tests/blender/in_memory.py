@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which libraries this process has in memory, as its system tells."""
+"""The shared libraries that this process has loaded, by the operating system's own account."""
 
 import ctypes
 import sys
 
 
 def libraries(name):
-    """Paths of those with this in the name of their file, as they were when they were loaded; None where the system has
-    no way to ask."""
+    """Paths, as of when they were loaded, of the libraries with this text in their file's name; None on systems that
+    can't be asked."""
     if sys.platform == 'linux':
         with open('/proc/self/maps', encoding='utf-8') as file:
             found = {line.split(maxsplit=5)[5].strip() for line in file if '/' in line}

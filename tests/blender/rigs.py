@@ -72,7 +72,7 @@ def at(frame):
 
 
 def posed(ob, frame):
-    """What the armature alone makes of the mesh there."""
+    """Positions at this frame with the armature as the only modifier."""
     shown = [(m, m.show_viewport) for m in ob.modifiers]
     for m, _ in shown:
         m.show_viewport = m.type == 'ARMATURE'
@@ -101,8 +101,8 @@ def from_poses(**options):
 
 
 def make_library(rig, **poses):
-    """Actions of these names, each one pose: at its only frame, 7, "Lower" has that rotation. Leaves the action that is
-    played."""
+    """Makes an action for each name, with one pose: "Lower" has the given rotation at frame 7. The rig goes on playing
+    the action that it had."""
     played, lower = rig.animation_data.action, rig.pose.bones["Lower"]
     for name, turn in poses.items():
         rig.animation_data.action = None

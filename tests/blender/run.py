@@ -4,7 +4,7 @@
     blender --background --factory-startup --python tests/blender/run.py -- ZIP [pytest arguments]
     python tests/blender/run.py -- ZIP [pytest arguments]          (bpy as a module)
 
-The add-on goes where BLENDER_USER_RESOURCES says: tests/run.sh makes that a folder of its own.
+The add-on is installed into the folder BLENDER_USER_RESOURCES, which has to be set; tests/run.sh makes a new one.
 """
 import os
 import sys
@@ -17,7 +17,7 @@ HERE = Path(__file__).resolve().parent
 
 
 def install(zip_path):
-    """Installs and enables; returns the module's name."""
+    """Installs and enables the add-on; returns its module's name."""
     if hasattr(bpy.ops, 'extensions') and bpy.app.version >= (4, 2, 0):
         bpy.ops.extensions.package_install_files(filepath=str(zip_path), repo='user_default',
                                                  enable_on_install=True)
@@ -43,7 +43,7 @@ def main(arguments):
     status = pytest.main([str(HERE), '-q', '-p', 'no:cacheprovider', *arguments[1:]])
     bpy.ops.preferences.addon_disable(module=module)
     sys.stdout.flush()
-    # Past Blender's own way out, which turns some statuses into 0.
+    # Blender's own exit would turn some of pytest's statuses into 0.
     os._exit(int(status))
 
 

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What users read, gathered from where it is written: the sentences of the add-on's sources and of the C library's, and
-the labels that Blender shows. … stands for what differs from case to case."""
+"""All texts that users read: the sentences in the sources of the add-on and of the C library, and the labels that
+Blender shows. In a sentence, … stands for each part that is filled in when it is shown."""
 
 import ast
 import re
 
 import bpy
 
-SPEAKERS = {'MeshProblem', 'MirrorsItself', 'NotACache', 'poll_message_set'}  # what refuses with a sentence
+# Exceptions and functions whose first argument is the sentence of a refusal.
+SPEAKERS = {'MeshProblem', 'MirrorsItself', 'NotACache', 'poll_message_set'}
 
 
 def literals(tree):
@@ -25,7 +26,7 @@ def literals(tree):
 
 
 def text_of(node):
-    """Of a string or an f-string, else None."""
+    """The text of a node that is a string or an f-string, else None."""
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         return node.value
     if isinstance(node, ast.JoinedStr):
@@ -40,13 +41,13 @@ def sources(folder):
 
 
 def texts(folder):
-    """(where, text) of all with more than one word, or with a full stop."""
+    """(file:line, text) of all texts with more than one word or with a full stop."""
     return [(f'{path.relative_to(folder)}:{node.lineno}', text) for path, tree in sources(folder)
             for node, text in literals(tree) if ' ' in text.strip() or text.endswith('.')]
 
 
 def refusals(folder):
-    """(where, sentence) of all that the add-on refuses with."""
+    """(file:line, sentence) of all refusals of the add-on."""
     for path, tree in sources(folder):
         for call in ast.walk(tree):
             if isinstance(call, ast.Call) and getattr(call.func, 'attr', getattr(call.func, 'id', "")) in SPEAKERS:
@@ -56,7 +57,7 @@ def refusals(folder):
 
 
 def native_sentences(folder):
-    """What the C library says: the texts of each statement of its sources."""
+    """The C library's sentences: the string literals of each statement of its sources, joined."""
     for path in sorted((*folder.rglob('*.cpp'), *folder.rglob('*.h'))):
         source = re.sub(r'//.*', '', path.read_text(encoding='utf-8'))
         for statement in source.split(';'):
@@ -69,7 +70,7 @@ def native_sentences(folder):
 
 
 def labels(folder):
-    """All that stands on buttons, fields, menus and panels of the add-on."""
+    """The labels of all buttons, fields, menus and panels of the add-on."""
     found = set()
     settings = bpy.types.Object.bl_rna.properties['detail_deform'].fixed_type
     groups = [settings, *(settings.properties[name].fixed_type

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Long use: the same thing many times over, and what has grown between a tenth of them and the end.
+"""Long use: repeats an action many times, and compares memory and counts after a tenth of the repetitions with those at
+the end.
 
     blender --background --factory-startup --python tests/blender/soak.py -- ZIP [--short] [NAME...]
     python tests/blender/soak.py -- ZIP [--short] [NAME...]          (bpy as a module)
 
-Set BLENDER_USER_RESOURCES to an empty folder. NAMEs choose loops. What Blender itself does is then done once more in
-another process that has never heard of the add-on, so that what grows there too is known for Blender's own. Linux
-only: it reads /proc, and asks the C library what is in use and what has only not been given back.
+Set BLENDER_USER_RESOURCES to an empty folder. NAMEs choose loops. Loops of Blender's own actions are then repeated in
+another process without the add-on: what grows there too is Blender's own leak. Linux only: memory is read from /proc,
+and the C library is asked how much of it is in use and how much only hasn't been given back to the system.
 """
 import argparse
 import ctypes
@@ -28,7 +29,7 @@ if str(HERE) not in sys.path:
 import conftest as c  # noqa: E402
 import run  # noqa: E402
 
-# More memory in use than this share of all of it is growth.
+# A loop grows if both its resident memory and its memory in use grow by more than this fraction of the resident memory.
 MAY_GROW = 0.02
 
 
@@ -42,8 +43,8 @@ _process.mallinfo2.restype = _Mallinfo2
 
 
 def given_back():
-    """Bytes in use, now that all that is not has been given back to the system. Debian's Blender has jemalloc, the
-    others the C library's own."""
+    """Gives all free memory back to the system; returns the bytes in use. Debian's Blender allocates by jemalloc, the
+    others by the C library's malloc."""
     gc.collect()
     if not hasattr(_process, 'mallctl'):
         _process.malloc_trim(0)
@@ -57,15 +58,15 @@ def given_back():
 
 
 def add_on_parts():
-    """{name: module} of the add-on, as installed; empty where there is none."""
+    """{name: module} of the installed add-on; empty in a Blender without it."""
     name = os.environ.get('DD_TEST_MODULE')
     return {key[len(name) + 1:]: value for key, value in list(sys.modules.items())
             if key.startswith(f'{name}.') and value} if name else {}
 
 
 def measured():
-    """(bytes in memory, bytes in use, counts) now that all that can be given back has been."""
-    time.sleep(0.1)  # threads that have done their work end
+    """(resident bytes, bytes in use, counts) after free memory was given back."""
+    time.sleep(0.1)  # for threads that have done their work to end
     in_use = given_back()
     with open('/proc/self/statm') as file:
         resident = int(file.read().split()[1]) * os.sysconf('SC_PAGE_SIZE')
@@ -73,7 +74,7 @@ def measured():
 
 
 def counts():
-    """{what: how many} of all that must not grow."""
+    """{name: number} of everything whose number must not grow."""
     handlers = [f for name in dir(bpy.app.handlers) if isinstance(f := getattr(bpy.app.handlers, name), list)]
     found = {'threads': len(os.listdir('/proc/self/task')), 'files': len(os.listdir('/proc/self/fd')),
              'handlers': sum(map(len, handlers)), 'Python modules': len(sys.modules), 'types': len(dir(bpy.types))}
@@ -96,8 +97,8 @@ LOOPS = {}
 
 
 def loop(count, short, blenders_own=False):
-    """Registers a function that makes a scene and returns step(number). blenders_own: Blender can do it without the
-    add-on too; the function then takes the scene from a file that was saved with it."""
+    """Registers a function that makes a scene and returns step(number). blenders_own: the steps don't need the add-on
+    and are repeated without it; the function then opens a scene that was saved with the add-on."""
     def register(make):
         LOOPS[make.__name__] = (make, count, short, blenders_own)
         return make
@@ -105,7 +106,7 @@ def loop(count, short, blenders_own=False):
 
 
 def animated_strip(name="Strip", n=21):
-    """Bound, its handle keyed over the frames 1 to 100."""
+    """A bound strip whose handle is keyed over the frames 1 to 100."""
     ob = c.bind(c.make_strip(n, name))
     target = ob.detail_deform.handles[0].target
     for frame in (1, 50, 100):
@@ -116,7 +117,7 @@ def animated_strip(name="Strip", n=21):
 
 
 def scene_file(folder, name, make):
-    """Saves the scene that make() makes, with the add-on; and opens it, with the add-on or without."""
+    """Opens the file of this name. Where there is none yet, make() makes its scene first, which needs the add-on."""
     path = str(Path(folder) / f'{name}.blend')
     if not os.path.exists(path):
         c.new_scene()
@@ -127,7 +128,7 @@ def scene_file(folder, name, make):
 
 @loop(100_000, 2_000)
 def updates(folder):
-    """By all methods, in steps, with free turns."""
+    """Updates by all methods, in steps, and with free turns."""
     ob = c.make_strip(21)
     c.add_handle(ob, 'middle', c.add_empty("Middle", (0.5, 0.5, 0)))
     c.group(ob, 'middle', np.flatnonzero(np.abs(c.own(ob)[:, 0] - 0.5) < 0.03))
@@ -163,7 +164,8 @@ def updates(folder):
 
 @loop(1_000, 60)
 def binds(folder):
-    """Each anew, some with a refusal before, some left before they are done."""
+    """Binds with other settings each time; sometimes after a refused bind, or after one that is ended before it is
+    done."""
     ob = c.make_strip(31)
 
     def step(number):
@@ -218,7 +220,7 @@ def _followed():
 
 @loop(100, 16, blenders_own=True)
 def files(folder):
-    """One opened after the other, each changed and saved."""
+    """Opens one file after the other, changes and saves each."""
     kinds = {'one': animated_strip, 'two': _two_strips, 'followed': _followed}
     for name, make in kinds.items():
         scene_file(folder, name, make)
@@ -229,7 +231,7 @@ def files(folder):
         bpy.context.scene.frame_set(40)
         assert c.moved(bpy.data.objects["Strip"]) > 0.02
         bpy.ops.wm.save_as_mainfile(filepath=str(Path(folder) / f'{name}{os.getpid()}.blend'), copy=True)
-    # The counts differ from file to file: both measurements are made with the same one open.
+    # The counts differ from file to file, so ran() makes both measurements with the same one open.
     return step
 
 
@@ -246,7 +248,7 @@ def playback(folder):
 
 @loop(400, 30, blenders_own=True)
 def copies(folder):
-    """Of a bound object, shown and deleted again, in two ways."""
+    """Copies a bound object, evaluates the copy and deletes it, by operators and by bpy.data in turn."""
     scene_file(folder, 'undo', animated_strip)
 
     def step(number):
@@ -276,7 +278,7 @@ def copies(folder):
 
 @loop(50, 5)
 def enable_and_disable(folder):
-    """Of the add-on, with something bound."""
+    """Disables and enables the add-on while an object is bound."""
     animated_strip()
     name = os.environ['DD_TEST_MODULE']
 
@@ -292,7 +294,7 @@ def enable_and_disable(folder):
 
 @loop(10_000, 300)
 def following(folder):
-    """A source, live; stopped and started again."""
+    """Follows a source by live transfer, which is stopped and started again now and then."""
     _followed()
     source, target = bpy.data.objects["Source"], bpy.data.objects["Strip"]
 
@@ -309,7 +311,7 @@ def following(folder):
 
 @loop(200, 15)
 def pulls(folder):
-    """From a selection, a second one, the result saved as a shape key, and all of it removed."""
+    """Pulls two selections, saves the result as a shape key, and removes everything again."""
     ob = c.make_strip(21)
     bpy.ops.object.detail_deform_remove()
     ob.vertex_groups.clear()
@@ -335,7 +337,7 @@ def pulls(folder):
 
 @loop(100, 8)
 def bakes(folder):
-    """A cache, played and dropped; shape keys; Alembic; applied."""
+    """Bakes a cache that is played and dropped, shape keys and Alembic; applies another object's deformation."""
     ob = animated_strip()
     path = str(Path(folder) / 'bake.pc2')
 
@@ -368,7 +370,7 @@ def bakes(folder):
 
 
 class Row:
-    """What a loop made of memory and counts."""
+    """The growth of memory and counts in a loop."""
 
     def __init__(self, name, steps, before, after, seconds):
         self.name, self.steps, self.seconds = name, steps, seconds
@@ -378,7 +380,8 @@ class Row:
 
     @property
     def is_flat(self):
-        # Either tells: pages that are not given back are no leak, nor is what a cache of Blender's keeps once.
+        # A leak raises both numbers. Resident memory alone grows where pages aren't given back, memory in use alone
+        # where Blender fills a cache once.
         return min(self.grown, self.in_use) <= MAY_GROW * self.resident and not self.more
 
     def __str__(self):
@@ -393,12 +396,12 @@ HEAD = (f"{'loop':<28} {'steps':>7} {'s':>7} {'MB':>8} {'grown':>8} {'%':>6} {'i
 
 
 def ran(name, folder, short=False, own=False):
-    """The Row of a loop. own: without the add-on."""
+    """Runs a loop; returns its Row. own: the add-on isn't there."""
     make, count, short_count, _ = LOOPS[name]
     c.new_scene()
     step, steps = make(folder), short_count if short else count
     tenth = max(steps // 10, 3)
-    tenth -= (tenth - steps) % 3  # files: the same one is open
+    tenth -= (tenth - steps) % 3  # the loop "files" then has the same one of its three files open at both measurements
     start = time.monotonic()
     for number in range(steps):
         if number == tenth:
@@ -408,7 +411,7 @@ def ran(name, folder, short=False, own=False):
 
 
 def without_the_add_on(names, folder, short):
-    """Those loops in a Blender that knows nothing of it; prints their rows."""
+    """Runs these loops in a Blender without the add-on; prints their rows."""
     command = [sys.executable, __file__]
     if bpy.app.binary_path:
         command = [bpy.app.binary_path, '--background', '--factory-startup', '--python', __file__]

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What no longer is as it was bound is bound again by itself, where that is quick."""
+"""An object whose mesh, settings or handles have changed since Bind is bound again automatically, where binding is
+quick."""
 
 import bpy
 import numpy as np
@@ -10,7 +11,7 @@ from conftest import activate, add_from, bind, evaluated, make_strip, own, refus
 
 @pytest.fixture
 def tick(part, as_in_a_window):
-    """Calls what the timer would; whether it was set up."""
+    """tick() does the timer's work; returns whether the timer was registered."""
     as_in_a_window('follow.auto_bind')
     module = part('follow.auto_bind')
 
@@ -48,10 +49,10 @@ def test_an_edited_mesh_is_bound_again_with_its_pose(tick):
     assert ob.detail_deform.is_bound, ob.detail_deform.status
     moved = evaluated(ob) - own(ob)
     assert np.allclose(moved[-1], (0, 0, 0.3), atol=1e-5)
-    assert not tick()  # once
+    assert not tick()  # and no second time
 
 
-def test_so_is_one_with_other_settings_or_handles(tick):
+def test_changed_settings_or_handles_are_bound_again(tick):
     ob = posed()
     ob.detail_deform.smoothness = 1
     assert tick() and ob.detail_deform.is_bound
@@ -63,7 +64,7 @@ def test_so_is_one_with_other_settings_or_handles(tick):
 
 
 @pytest.mark.parametrize('why', ['off', 'not live', 'slow'])
-def test_but_not_always(tick, part, monkeypatch, why):
+def test_nothing_is_bound_again_when_off_not_live_or_slow(tick, part, monkeypatch, why):
     ob = posed()
     if why == 'slow':
         monkeypatch.setattr(part('follow.auto_bind'), '_LIMIT_SECONDS', 0)
@@ -75,7 +76,8 @@ def test_but_not_always(tick, part, monkeypatch, why):
 
 
 def test_in_the_midst_of_a_change_nothing_is_lost(tick):
-    """A handle without vertices: it can't be bound, is told so, and goes on when it can."""
+    """While a handle has no vertices the object can't be bound, and its status says so; it is bound again when the
+    handle has vertices."""
     ob = posed()
     group = ob.vertex_groups['right']
     members = [v.index for v in ob.data.vertices if v.groups and any(g.group == group.index for g in v.groups)]
@@ -91,7 +93,7 @@ def test_in_the_midst_of_a_change_nothing_is_lost(tick):
     assert tick() and ob.detail_deform.is_bound, ob.detail_deform.status
 
 
-def test_scripts_say_when(part):
+def test_without_a_window_scripts_have_to_bind_again(part):
     ob = posed()
     raise_one(ob)
     assert not bpy.app.timers.is_registered(part('follow.auto_bind')._bind_again)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frames kept where the add-on is not needed."""
+"""Baked frames, which play without the add-on: point caches, shape keys and Alembic files."""
 
 import math
 import os
@@ -18,7 +18,7 @@ FRAMES = range(1, 13)
 
 @pytest.fixture
 def strip():
-    """Bound, its handle keyed over the frames 1 to 12."""
+    """A bound strip whose handle is keyed over the frames 1 to 12."""
     ob = bind(make_strip())
     target = ob.detail_deform.handles[0].target
     for frame in FRAMES:
@@ -33,7 +33,7 @@ def strip():
 
 
 def played(ob, frames=FRAMES):
-    """(frames, n, 3): what is shown in each."""
+    """(frames, n, 3): the evaluated positions of each frame."""
     result = []
     for frame in frames:
         bpy.context.scene.frame_set(frame)
@@ -69,7 +69,7 @@ def test_nothing_is_computed_while_a_cache_plays(strip, tmp_path, part, monkeypa
     assert not computed
 
 
-def test_a_cache_holds_what_the_modifiers_before_do(strip, tmp_path):
+def test_a_cache_contains_the_effect_of_modifiers_before(strip, tmp_path):
     wave = strip.modifiers.new("Wave", 'WAVE')
     wave.height = 0.2
     bpy.ops.object.modifier_move_to_index(modifier="Wave", index=0)
@@ -81,12 +81,12 @@ def test_a_cache_holds_what_the_modifiers_before_do(strip, tmp_path):
 
 
 def test_a_baked_file_plays_with_factory_settings(strip, tmp_path):
-    """In a Blender that has never heard of the add-on."""
+    """In a Blender without the add-on."""
     live = played(strip)
     blend = str(tmp_path / 'shot.blend')
     bpy.ops.wm.save_as_mainfile(filepath=blend)
     bpy.ops.object.detail_deform_bake()
-    assert (tmp_path / 'shot_Strip.pc2').exists()  # beside the file unless another place is given
+    assert (tmp_path / 'shot_Strip.pc2').exists()  # by default beside the .blend file
     bpy.ops.wm.save_mainfile()
     np.save(tmp_path / 'live.npy', live)
     code = f"""
@@ -107,14 +107,14 @@ print('PLAYED')
 
 
 def run_blender(folder, code):
-    """Output of another Blender of the same kind that runs this code."""
+    """Runs this code in a second process of this Blender; returns its output."""
     script = Path(folder) / f'script{len(os.listdir(folder))}.py'
     script.write_text(code, encoding='utf-8')
     return subprocess.run(command(script), capture_output=True, text=True, check=False).stdout
 
 
 def command(script, *arguments):
-    """Of another Blender of the same kind that runs this script."""
+    """The command that runs this script in a second process of this Blender."""
     if not can_start_programs():
         pytest.skip("no programs like this one can be started here")
     if bpy.app.binary_path:
@@ -123,7 +123,7 @@ def command(script, *arguments):
 
 
 def test_halves_by_two_processes_equal_the_whole(strip, tmp_path, module):
-    """As a render farm splits a shot."""
+    """As when a render farm splits a shot."""
     blend = str(tmp_path / 'shot.blend')
     bpy.ops.wm.save_as_mainfile(filepath=blend)
     whole, parts = tmp_path / 'whole.pc2', tmp_path / 'parts.pc2'
@@ -160,7 +160,7 @@ def test_shape_keys_play_what_was_live(strip):
     assert np.abs(played(strip, range(3, 7)) - live[2:6]).max() < 1e-6
 
 
-def test_shape_keys_can_hold_nothing_that_comes_before_them(strip):
+def test_shape_keys_are_refused_with_a_modifier_before_detail_deform(strip):
     strip.modifiers.new("Wave", 'WAVE')
     bpy.ops.object.modifier_move_to_index(modifier="Wave", index=0)
     assert "'Wave' stands before" in refusal(bpy.ops.object.detail_deform_bake, mode='SHAPE_KEYS')
@@ -170,7 +170,7 @@ def test_shape_keys_can_hold_nothing_that_comes_before_them(strip):
 def test_alembic(strip, tmp_path):
     live = played(strip)
     path = tmp_path / 'strip.abc'
-    if not bpy.app.build_options.alembic:  # Debian's
+    if not bpy.app.build_options.alembic:  # such as Debian's Blender
         assert "without Alembic" in refusal(bpy.ops.object.detail_deform_bake, mode='ALEMBIC', filepath=str(path))
         return
     assert bpy.ops.object.detail_deform_bake(mode='ALEMBIC', filepath=str(path)) == {'FINISHED'}
@@ -181,8 +181,8 @@ def test_alembic(strip, tmp_path):
 
 @pytest.mark.skipif(not bpy.app.build_options.alembic, reason="Debian's Blender has no Alembic")
 @pytest.mark.parametrize('hidden', ['inner', 'outer', 'both', 'object'])
-def test_alembic_of_what_renders_do_not_show(strip, tmp_path, hidden):
-    """By its collection, by one around that, or by itself: it is in the file, and hidden as before."""
+def test_alembic_contains_an_object_that_is_hidden_in_renders(strip, tmp_path, hidden):
+    """Whether the object itself, its collection or an outer collection is hidden: each is as before afterwards."""
     outer, inner = bpy.data.collections.new("Outer"), bpy.data.collections.new("Inner")
     bpy.context.scene.collection.children.link(outer)
     outer.children.link(inner)
@@ -230,7 +230,7 @@ def test_sentences(strip, tmp_path):
     assert os.listdir(tmp_path) == ['odd.pc2']
 
 
-def test_what_goes_wrong_in_a_frame_names_it_and_leaves_the_old_cache(strip, tmp_path):
+def test_a_failed_frame_is_named_and_the_old_cache_is_left(strip, tmp_path):
     path = tmp_path / 'strip.pc2'
     bpy.ops.object.detail_deform_bake(filepath=str(path), use=False)
     before = path.read_bytes()
@@ -262,7 +262,7 @@ def test_objects_of_like_names_have_caches_of_their_own(strip, tmp_path):
         '//shot_Strip_.pc2', '//shot_Strip_ 2.pc2'}
 
 
-def test_apply_takes_nothing_that_is_not_shown(strip, tmp_path):
+def test_apply_is_refused_while_the_deformation_is_hidden(strip, tmp_path):
     bpy.ops.object.detail_deform_bake(filepath=str(tmp_path / 'strip.pc2'))
     assert "press Go Live first" in refusal(bpy.ops.object.detail_deform_apply, mode='MESH')
     bpy.ops.object.detail_deform_bake_drop()
@@ -285,7 +285,7 @@ def test_a_bake_leaves_frame_and_shape_as_they_were(strip, tmp_path):
 
 @pytest.mark.parametrize('mode', ['CACHE', 'SHAPE_KEYS', 'SLIDERS', 'KEY_VALUES'])
 def test_stretched_time_is_refused(strip, tmp_path, mode):
-    """Whatever is keyed or cached would play at other times than it was taken at."""
+    """With Time Stretching, keys and caches would play at other frames than they were taken at."""
     if mode in {'SLIDERS', 'KEY_VALUES'}:
         strip.shape_key_add(name="Basis", from_mix=False)
         key = strip.shape_key_add(name="Lift", from_mix=False)
@@ -353,6 +353,6 @@ def test_other_vertices_in_renders_are_refused(strip, tmp_path, change):
     path = str(tmp_path / 'strip.pc2')
     assert "and a cache holds one kind" in refusal(bpy.ops.object.detail_deform_bake, filepath=path)
     smooth.driver_remove('show_viewport')
-    # Behind Detail Deform it is no matter.
+    # A modifier behind Detail Deform may change the number of vertices.
     bpy.ops.object.modifier_move_to_index(modifier="Subdivision", index=len(strip.modifiers) - 1)
     assert bpy.ops.object.detail_deform_bake(filepath=path) == {'FINISHED'}

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sources whose modifiers make vertices are followed below these."""
+"""A source with modifiers that make vertices, such as Subdivision Surface, is followed by its shape below them: the
+pose that the other modifiers give to the vertices of its own mesh."""
 
 import bpy
 import numpy as np
@@ -74,7 +75,7 @@ def test_followed_below(pair, kind):
     assert live() == {'FINISHED'}, target.detail_deform.transfer.state
     assert np.abs(evaluated(target) - pose).max() < 1e-4
     assert target.detail_deform.transfer.state == "Follows 'Source'."
-    # What is shown of the source is as it was, and nothing has come into the file but what shows the result.
+    # The source looks as before, and the file has no new data-blocks but the node group that shows the result.
     assert np.array_equal(evaluated(source), shown)
     assert {block for block in data_blocks() - before if block[0] != 'node_groups'} == set()
     source.modifiers["Twist"].angle = -0.5
@@ -111,7 +112,7 @@ def test_pose_and_animation_below(pair, tmp_path, kind):
 
 @pytest.mark.parametrize('kind', ['SUBSURF', 'MIRROR', 'SOLIDIFY'])
 def test_an_armature_behind_is_followed(kind):
-    """As where a half is mirrored and then posed."""
+    """An armature behind the modifier that makes vertices, as where one half is modelled, mirrored and then posed."""
     source, _ = make_rigged()
     poses, scene = {}, bpy.context.scene
     for frame in (11, 16, 31):
@@ -128,7 +129,7 @@ def test_an_armature_behind_is_followed(kind):
         assert np.abs(evaluated(target) - pose).max() < 1e-3, frame
 
 
-def test_what_is_left_out_is_said(pair, capfd):
+def test_modifiers_that_are_left_out_are_named(pair, capfd):
     source, target = pair
     pose = evaluated(source)
     MAKERS['SUBSURF'](source)
@@ -138,7 +139,7 @@ def test_what_is_left_out_is_said(pair, capfd):
     transfer()
     assert sentence in capfd.readouterr().out
     assert np.abs(coordinates(target.data.shape_keys.key_blocks["Source Pose"]) - pose).max() < 1e-5
-    transfer(what='ALL_KEYS')  # which no modifier has a part in
+    transfer(what='ALL_KEYS')  # in shape keys no modifier has a part
     assert "left out" not in capfd.readouterr().out
     for key in target.data.shape_keys.key_blocks:
         key.value = 0
@@ -149,7 +150,7 @@ def test_what_is_left_out_is_said(pair, capfd):
 
 
 @pytest.mark.parametrize('kind', ['DECIMATE', 'BEVEL', 'MASK'])
-def test_what_is_left_out_behind_what_may_make_vertices_is_said(pair, kind):
+def test_modifiers_left_out_behind_one_that_may_make_vertices_are_named(pair, kind):
     source, target = pair
     maker = source.modifiers.new("Maker", kind)
     if kind == 'DECIMATE':
@@ -189,8 +190,8 @@ def test_a_follower_that_subdivides_is_followed_in_turn(pair):
         assert np.abs(evaluated(last) - evaluated(source)).max() < 1e-3
 
 
-def test_as_many_vertices_are_not_the_same_ones(pair):
-    """A mask leaves half, and a mirror makes it as many again."""
+def test_an_equal_number_of_vertices_is_not_taken_for_the_same_vertices(pair):
+    """A mask hides half of the vertices and a mirror doubles the rest: the number is right, the vertices are not."""
     source, target = pair
     pose = evaluated(source)
     half = source.vertex_groups.new(name="half")
@@ -203,8 +204,8 @@ def test_as_many_vertices_are_not_the_same_ones(pair):
     assert np.abs(evaluated(target) - pose).max() < 1e-4
 
 
-def test_in_a_render_by_what_renders_show(pair, tmp_path):
-    """The frame that is rendered follows what the render shows of the source."""
+def test_a_render_follows_the_source_as_rendered(pair, tmp_path):
+    """A rendered frame follows the source with the modifiers and levels that are set for renders."""
     source, target = pair
     pose = evaluated(source)
     modifier = MAKERS['SUBSURF'](source)

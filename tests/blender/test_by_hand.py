@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a drag in the viewport begins: the tool Pull, and the dots at the handles. The window test drags them."""
+"""The tool Pull and the gizmo dots at the handles, by which a drag in the viewport begins. The drags themselves are in
+gui/."""
 
 import bpy
 import numpy as np
@@ -16,7 +17,7 @@ def dots(part):
 def test_the_tool_is_in_edit_modes_toolbar():
     from bl_ui.space_toolsystem_toolbar import VIEW3D_PT_tools_active
     tools = VIEW3D_PT_tools_active.tools_from_context(bpy.context, mode='EDIT_MESH')
-    assert list(tools)[-1].idname == 'detail_deform.pull'  # at the end, and not behind another one's button
+    assert list(tools)[-1].idname == 'detail_deform.pull'  # at the end, and not within another tool's group
 
 
 def test_the_tools_operator_pulls_what_is_selected_and_moves_it():
@@ -48,7 +49,7 @@ def test_there_is_a_dot_at_each_handle_but_the_active_one(part):
     bind(ob)
     assert dots(part) == (ob, [0])
     empty = pull(ob, np.arange(625) == 100)
-    assert dots(part) == (ob, [0])  # the other one's
+    assert dots(part) == (ob, [0])  # the empty of handle 1 is active and shows Blender's own gizmo
     activate(ob)
     assert dots(part) == (ob, [0, 1])
     empty.hide_set(True)
@@ -78,7 +79,7 @@ def test_a_dot_stays_on_the_surface_when_an_expression_is_raised(part):
     bpy.ops.object.mode_set(mode='EDIT')
     assert not raised.shifts(ob, ob.detail_deform.handles).any()
     bpy.ops.object.mode_set(mode='OBJECT')
-    # What a binding starts from counts no more: the empty is led from there.
+    # An expression that is raised at Bind shifts no dot: the empties' motions are counted from that shape.
     bind(ob)
     bpy.ops.object.mode_set(mode='EDIT')
     assert not raised.shifts(ob, ob.detail_deform.handles).any()

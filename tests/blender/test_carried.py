@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is kept in an object's own space goes along where that space changes under it: Set Origin and Apply on what is
-bound and posed move nothing, neither at once nor with the next Re-bind."""
+"""Set Origin and Apply on a bound and posed object change its local space but move nothing in the world, neither at
+once nor with the next Re-bind: everything that the add-on keeps in local space is transformed along."""
 
 import math
 
@@ -15,7 +15,7 @@ TILTED = Matrix.LocRotScale((3, 1, -2), Euler((0.3, 0, 0.8)), (2, 2, 2))
 
 
 def seen(ob):
-    """(n, 3): where the vertices are in the world."""
+    """(n, 3): the evaluated positions in the world."""
     world = np.array(ob.matrix_world)
     return evaluated(ob) @ world[:3, :3].T + world[:3, 3]
 
@@ -57,7 +57,7 @@ def check_nothing_moves(ob, change, empty=None, exact=1e-5):
     assert np.abs(seen(ob) - before).max() < exact * size(before), "at once"
     bind(ob, keep_rest=True)
     assert np.abs(seen(ob) - before).max() < exact * size(before), "bound again"
-    if empty:  # and it follows as it did
+    if empty:  # the surface still follows its handle
         empty.location.z += 0.1
         update()
         assert np.abs(seen(ob) - before).max() > 0.05
@@ -92,7 +92,7 @@ def test_at_rest_it_stays_at_rest(name):
 
 @pytest.mark.parametrize('name', CHANGES)
 def test_a_handle_that_came_to_the_deformed_surface(name):
-    """What the binding before had made of the mesh goes along, too, and the way home."""
+    """The shape at which the second handle was bound is transformed along, and so are the handles' rest places."""
     ob = bind(make_strip(world=TILTED))
     rest = seen(ob)
     empty = ob.detail_deform.handles[0].target
@@ -113,7 +113,7 @@ def test_a_handle_that_came_to_the_deformed_surface(name):
 
 @pytest.mark.parametrize('name', CHANGES)
 def test_a_handle_that_mirrors_another(name):
-    """Across the plane that it was bound to."""
+    """Its mirror plane is transformed along."""
     ob = symmetric()
     ob.matrix_world = TILTED
     x = own(ob)[:, 0]
@@ -136,7 +136,7 @@ def test_a_handle_that_mirrors_another(name):
 @pytest.mark.parametrize('name', CHANGES)
 @pytest.mark.parametrize('levels', [0, 2])
 def test_a_base_object(name, levels):
-    """A copy, and one whose modifiers make vertices."""
+    """A base object that is a copy of the surface, or one whose modifiers make vertices."""
     ob = make_strip(world=TILTED)
     base = ob.copy()
     base.data = ob.data.copy()
@@ -157,7 +157,8 @@ def test_a_base_object(name, levels):
 @pytest.mark.parametrize('change', [
     Matrix.Translation((0.3, 0, 0.2)), Matrix.Scale(1.5, 4), Matrix.Rotation(0.4, 4, 'Y')])
 def test_all_vertices_moved_by_hand_are_an_edit(change):
-    """The empties stay where they are and what they were told stays a motion in the object's space."""
+    """An edit that moves all vertices alike is not taken for a change of the local space: the handles' motions stay as
+    they are in the object's space."""
     ob = bind(make_strip())
     empty = ob.detail_deform.handles[0].target
     empty.location.z += 0.5
@@ -209,7 +210,8 @@ def test_undone_and_redone():
 
 
 def test_a_flat_mesh():
-    """A plane doesn't tell how its normal went: as it does by a rotation and a scale."""
+    """A plane's vertices don't determine the change of space along its normal; it is completed as a rotation and a
+    scale."""
     ob = make_strip(world=TILTED)
     flat = own(ob) * (1, 1, 0)
     ob.data.vertices.foreach_set('co', flat.astype(np.float32).ravel())
@@ -221,7 +223,7 @@ def test_a_flat_mesh():
     check_nothing_moves(ob, CHANGES['apply all'], empty)
 
 
-# What is worn
+# ---- garments
 
 def tube(name, radius, low, high, around, along):
     t, z = np.meshgrid(np.linspace(0, 2 * np.pi, around, endpoint=False), np.linspace(low, high, along + 1))
@@ -237,7 +239,7 @@ def tube(name, radius, low, high, around, along):
 @pytest.mark.parametrize('whose', ['Body', 'Shirt', 'both'])
 @pytest.mark.parametrize('name', CHANGES)
 def test_a_garment_that_follows(name, whose):
-    """How it stands to its source is kept between their own spaces."""
+    """The follower's place relative to its source is kept in the local spaces of both."""
     body, shirt = tube("Body", 1, -4, 4, 40, 60), tube("Shirt", 1.1, -2, 2, 32, 24)
     for ob, place in ((body, TILTED), (shirt, Matrix.LocRotScale((-1, 2, 0), Euler((0, 0.5, 0.2)), (0.5, 0.5, 0.5)))):
         ob.data.transform(place.inverted())
@@ -265,5 +267,5 @@ def test_a_garment_that_follows(name, whose):
             update()
     update()
     assert shirt.detail_deform.transfer.state == "Follows 'Body'."
-    # What lies over an edge may be told to lie over either face beside it.
+    # Not to rounding: the nearest point of a vertex over an edge may fall on either face beside it.
     assert np.abs(seen(shirt) - before).max() < 1e-3 * size(before)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What happens to a binding when the mesh, its groups or the file change."""
+"""A binding when the mesh, its groups or the file change."""
 import time
 
 import bpy
@@ -33,7 +33,7 @@ def swap_positions(ob):
 
 
 def swap_faces(ob):
-    """The same counts and positions, two faces' corners exchanged."""
+    """Exchanges a corner between two faces: counts and positions stay the same."""
     loops = ob.data.loops
     first, second = loops[0].vertex_index, loops[4].vertex_index
     loops[0].vertex_index, loops[4].vertex_index = second, first
@@ -62,7 +62,7 @@ def test_changes_are_noticed_by_content(change, sentence):
     touch(ob)
     assert sentence in ob.detail_deform.status and "Re-bind" in ob.detail_deform.status
     assert not ob.detail_deform.is_bound
-    # Frozen, not followed: the offsets belong to another mesh.
+    # The shape is frozen and doesn't follow its handle, because the binding is another mesh's.
     offsets = evaluated(ob) - own(ob)
     right(ob).location.z += 1
     update()
@@ -71,7 +71,7 @@ def test_changes_are_noticed_by_content(change, sentence):
     assert len(shown) == len(offsets)
 
 
-def test_a_change_that_is_taken_back_is_forgiven():
+def test_a_change_that_is_taken_back_keeps_the_binding():
     ob = posed()
     shown = evaluated(ob)
     swap_positions(ob)
@@ -140,7 +140,7 @@ def test_settings_that_need_a_new_bind_say_so():
 
 def test_a_deleted_group_or_handle_is_named():
     ob = posed()
-    ob.vertex_groups.remove(ob.vertex_groups['right'])  # tags nothing in Blender
+    ob.vertex_groups.remove(ob.vertex_groups['right'])  # Blender doesn't tag the object as changed
     right(ob).location.z += 0.1
     update()
     assert "'right'" in ob.detail_deform.status
@@ -238,7 +238,7 @@ def test_another_file_gives_back_the_memory_of_what_was_bound(module, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=path)
     made = bound.cache.find(content).made
     bpy.ops.wm.open_mainfile(filepath=path)
-    assert bound.cache.find(content).made is made  # the same file asks for the same
+    assert bound.cache.find(content).made is made  # the file that is opened needs it
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     assert bound.cache.find(content) is None
 
@@ -302,7 +302,7 @@ def test_a_duplicate_with_its_own_mesh_follows_too():
         assert np.allclose((evaluated(each) - own(each))[members(each, 'right')], (0, 0, 0.5), atol=1e-5)
 
 
-def test_a_linked_duplicate_goes_along_and_is_not_fought_over():
+def test_a_linked_duplicate_goes_along_and_only_the_first_writes_to_the_mesh():
     ob = posed()
     copy = ob.copy()
     bpy.context.scene.collection.objects.link(copy)
@@ -318,7 +318,7 @@ def test_a_linked_duplicate_goes_along_and_is_not_fought_over():
 
 
 def finish_in_background(life):
-    """What the window's timer does, called by hand: background Blender has none."""
+    """Does the work of the window's timer, which background Blender doesn't run."""
     for _ in range(2000):
         if life._poll() is None:
             return
@@ -328,7 +328,7 @@ def finish_in_background(life):
 
 def test_a_bind_in_the_background_ends_with_the_surface_bound(part):
     binding, life, cache = part('follow.binding'), part('follow.life'), part('follow.bound').cache
-    ob = make_strip(37)  # of a size that no other test has bound already
+    ob = make_strip(37)  # a size that no other test uses, whose binding isn't cached
     binding.bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
     assert cache.contents_under_way() and "Preparing (" in ob.detail_deform.status
     assert not ob.detail_deform.is_bound
@@ -339,7 +339,7 @@ def test_a_bind_in_the_background_ends_with_the_surface_bound(part):
     assert np.abs(evaluated(ob) - own(ob)).max() > 0.39
 
 
-def test_a_bind_in_the_background_notices_what_happens_meanwhile(part):
+def test_a_bind_in_the_background_notices_edits_deletion_unbinding_and_cancelling(part):
     binding, life = part('follow.binding'), part('follow.life')
     changed, deleted, unbound, cancelled = (make_strip(n, name=str(n)) for n in (31, 32, 33, 61))
     for ob in (changed, deleted, unbound, cancelled):

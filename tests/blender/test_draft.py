@@ -9,11 +9,11 @@ import pytest
 
 from conftest import activate, add_empty, add_handle, evaluated, group, make_strip, moved, own, update
 
-SIDE = 230  # dense enough for a draft
+SIDE = 230  # vertices along a side: more than _DRAFT_FROM below in all
 
 
 class Binding:
-    """A strip that is being bound in a window; it isn't done before it may be."""
+    """A strip that is being bound in a window. Its bind seems to be running until end()."""
 
     def __init__(self, part, monkeypatch):
         self.ob, self._part, self._held = make_strip(SIDE), part, True
@@ -29,7 +29,7 @@ class Binding:
         self._held = True
         self._part('follow.binding').bind(self.ob, bpy.context.evaluated_depsgraph_get(), wait=False,
                                           keep_rest=keep_rest)
-        self.shown.forget(self.ob.data)  # the draft of the binding before
+        self.shown.forget(self.ob.data)  # a draft of an earlier binding
         for _ in range(tries):
             self.life._poll()
             if self.shows_draft():
@@ -42,7 +42,7 @@ class Binding:
         return record is not None and record.is_draft
 
     def end(self):
-        """The bind may be done."""
+        """Lets the bind end, and waits for it."""
         self._held = False
         for _ in range(3000):
             if self.life._poll() is None:
@@ -58,7 +58,7 @@ class Binding:
         return evaluated(self.ob)
 
     def whole(self):
-        """What the bound surface shows for the same pose."""
+        """The bound surface's result for the present pose."""
         self.life.refresh(self.ob, bpy.context.evaluated_depsgraph_get(), force=True)
         update()
         return evaluated(self.ob)
@@ -121,7 +121,7 @@ def test_unbinding_meanwhile_shows_rest(binding):
 
 
 @pytest.mark.parametrize('keep', ['apply', 'save_key'])
-def test_what_is_kept_is_the_whole_result(binding, keep):
+def test_apply_and_save_key_take_the_whole_result(binding, keep):
     ob = binding.ob
     rest, draft = own(ob), binding.bend()
     binding._held = False
@@ -137,7 +137,7 @@ def test_what_is_kept_is_the_whole_result(binding, keep):
         kept = values.reshape(-1, 3)
     difference = np.abs(kept - draft).max()
     assert 1e-5 < difference < 0.02
-    again = Binding.__new__(Binding)  # the same pose of a surface that was bound before it was bent
+    again = Binding.__new__(Binding)  # for its bend(), on a surface that is bound before it is bent
     again.ob, again.life = make_strip(SIDE, name="Again"), binding.life
     bpy.ops.object.detail_deform_bind(wait=True)
     assert np.abs(kept - again.bend()).max() < 1e-5
@@ -211,7 +211,7 @@ def test_where_live_is_off_nothing_moves_by_itself(binding):
     binding.end()
     ob.detail_deform.live = False
     shown = binding.bend()
-    binding.ob.data.vertices[0].co.z -= 0.01  # another content
+    binding.ob.data.vertices[0].co.z -= 0.01  # an edit, so that there is no cached binding for it
     ob.data.update()
     with pytest.raises(AssertionError, match="no draft came"):
         binding.begin(keep_rest=True, tries=100)
@@ -232,14 +232,14 @@ def test_a_cancel_leaves_what_the_binding_starts_from(binding):
     assert np.abs(higher - start).max() > 0.1
     activate(ob)
     bpy.ops.object.detail_deform_bind_cancel()
-    binding.bend(0.7)  # which must not begin it anew
+    binding.bend(0.7)  # a motion must not begin the cancelled bind anew
     binding.end()
     update()
     assert ob.detail_deform.status == "It was cancelled."
     assert np.abs(evaluated(ob) - start).max() < 1e-5
 
 
-def test_examples_have_none(binding):
+def test_posing_by_example_has_no_draft(binding):
     ob = binding.ob
     draft = binding.bend()
     ob.detail_deform.method = 'EXAMPLES'
@@ -260,7 +260,7 @@ def test_a_render_waits_for_the_result(binding, part, monkeypatch):
     assert 1e-5 < np.abs(evaluated(ob) - draft).max() < 0.02
 
 
-def test_an_edit_meanwhile_is_not_written_to(binding):
+def test_no_draft_is_written_to_a_mesh_that_was_replaced(binding):
     ob = binding.ob
     binding.bend()
     other = bpy.data.meshes.new('Other')
@@ -272,7 +272,7 @@ def test_an_edit_meanwhile_is_not_written_to(binding):
     assert moved(ob) == 0
 
 
-def test_light_meshes_and_scripts_get_none(part, as_in_a_window):
+def test_light_meshes_and_scripts_get_no_draft(part, as_in_a_window):
     bound = part('follow.bound')
     assert not bound._has_draft(10_000_000)
     as_in_a_window('follow.bound')

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A drag on a heavy mesh shows what is quick, and the whole result when it pauses; scripts, frames and renders get
-the whole result alone."""
+"""A drag on a heavy mesh shows a quick result with fewer refinement passes, and the whole result when it pauses.
+Scripts, frames and renders get the whole result alone."""
 
 import time
 
@@ -13,7 +13,7 @@ from conftest import activate, bind, evaluated, make_strip, update
 
 @pytest.fixture
 def heavy(part, as_in_a_window):
-    """A bound strip in a window, on which a whole update takes long."""
+    """A bound strip in a window, for which the add-on believes that a whole update takes a second."""
     as_in_a_window('follow.life')
     ob = bind(make_strip())
     part('follow.bound').cache.find(ob.detail_deform.signature).full_ms = 1000.0
@@ -22,7 +22,7 @@ def heavy(part, as_in_a_window):
 
 
 def bend(ob, turn):
-    """By a script: without anything in between."""
+    """Moves the handle as a script does, without a turn of the window's event loop before."""
     target = ob.detail_deform.handles[0].target
     target.rotation_euler.y = turn
     target.location.z = 0.3
@@ -32,7 +32,7 @@ def bend(ob, turn):
 
 @pytest.fixture
 def drag(part):
-    """As bend(), where the window goes on before."""
+    """drag(ob, turn): as bend(), but in the midst of a drag in the window."""
     def to(ob, turn):
         part('follow.drag').updated()
         part('follow.drag')._tick()
@@ -41,7 +41,7 @@ def drag(part):
 
 
 def whole(part, ob):
-    """What the settings ask for."""
+    """The result with all passes that the settings ask for."""
     part('follow.life').refresh(ob, bpy.context.evaluated_depsgraph_get(), force=True)
     part('follow.bound').cache.find(ob.detail_deform.signature).full_ms = 1000.0
     update()
@@ -72,7 +72,7 @@ def test_as_many_passes_as_there_is_time_for(part):
     assert 'refine' not in look.quick({'method': 'NORMAL'}, 0.1)
 
 
-def test_it_starts_when_the_drag_pauses(part, heavy, drag):
+def test_the_whole_result_starts_when_the_drag_pauses(part, heavy, drag):
     drag(heavy, -1.2)
     slow_results = part('follow.slow_results')
     slow_results._tick()
@@ -122,7 +122,7 @@ def test_a_drag_ends_when_nothing_has_moved_for_a_while(part, heavy):
     assert module.share(1000.0) == 1.0
 
 
-def test_undo_ends_it(part, heavy, drag):
+def test_undo_ends_a_drag(part, heavy, drag):
     drag(heavy, -1.2)
     part('session').ended(part('session').Until.REPLACED)
     assert not bpy.app.timers.is_registered(part('follow.drag')._tick)  # or it would go on
@@ -137,7 +137,7 @@ def test_a_frame_shows_the_whole_result_also_where_nothing_has_moved_since(part,
     assert np.abs(shown - whole(part, heavy)).max() < 1e-6
 
 
-def test_so_does_a_file(part, heavy, drag, tmp_path):
+def test_a_saved_file_has_the_whole_result(part, heavy, drag, tmp_path):
     quick = drag(heavy, -1.2)
     path = str(tmp_path / 'dragged.blend')
     bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
@@ -162,7 +162,7 @@ def test_another_update_leaves_the_whole_result_under_way(part, heavy, drag):
 
 @pytest.fixture
 def expected(part, heavy, drag):
-    """What is to be shown where the quick result is."""
+    """The whole result, while the quick one of the same pose is shown."""
     quick = drag(heavy, -1.2)
     expected = whole(part, heavy)
     drag(heavy, -1.0)
@@ -179,7 +179,7 @@ def test_a_change_that_asks_for_bind_leaves_the_whole_result(part, heavy, expect
     assert np.abs(evaluated(heavy) - expected).max() < 1e-5
 
 
-def test_a_pull_right_after_it_starts_from_the_whole_result(part, heavy, expected):
+def test_a_pull_right_after_a_drag_starts_from_the_whole_result(part, heavy, expected):
     activate(heavy)
     bpy.ops.object.mode_set(mode='EDIT')
     part('follow.slow_results')._tick()
@@ -192,7 +192,7 @@ def test_a_pull_right_after_it_starts_from_the_whole_result(part, heavy, expecte
     assert np.abs(evaluated(heavy) - expected).max() < 1e-4
 
 
-def test_so_does_a_render(part, heavy, drag, monkeypatch):
+def test_a_render_shows_the_whole_result(part, heavy, drag, monkeypatch):
     quick = drag(heavy, -1.2)
     life = part('follow.life')
     monkeypatch.setattr(life, 'must_wait', lambda depsgraph: True)
@@ -211,11 +211,11 @@ def test_apply_takes_the_whole_result(part, heavy, drag):
     assert np.abs(bend(again, -1.2) - applied).max() < 1e-5
 
 
-# Binding in a window
+# ---- binding in a window
 
 def test_the_first_update_is_prepared_with_the_binding(part, as_in_a_window):
     as_in_a_window('follow.life')
-    ob = make_strip(120)  # so large that no stage is over between two looks
+    ob = make_strip(120)  # large enough for each stage to be seen by the loop below
     part('follow.binding').bind(ob, bpy.context.evaluated_depsgraph_get(), wait=False, keep_rest=False)
     cache, stages = part('follow.bound').cache, set()
     while cache.is_running(ob.detail_deform.signature):
@@ -229,7 +229,7 @@ def test_the_first_update_is_prepared_with_the_binding(part, as_in_a_window):
 
 
 @pytest.mark.parametrize('when', ["", "preparing the first update"])
-def test_it_can_be_cancelled_in_either_half(part, as_in_a_window, when):
+def test_a_bind_can_be_cancelled_in_either_half(part, as_in_a_window, when):
     as_in_a_window('follow.life')
     ob = make_strip(120)
     binding, cache = part('follow.binding'), part('follow.bound').cache

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is drawn in the viewport is drawn on every back end, though in the background there is none to draw on."""
+"""The add-on draws in the viewport only by functions that all of Blender's graphics back ends support. In the
+background nothing can be drawn, so its sources are searched for the others."""
 
 import re
 from pathlib import Path
 
 import pytest
 
-# Names, and what Vulkan and Metal do of them.
+# Patterns of names that Vulkan or Metal don't support, each with the reason.
 NOT_EVERYWHERE = {
     r'\bbgl\b': "is OpenGL itself",
     r'line_width_set': "leaves lines a pixel wide: scene/shaders.py has wide ones",
@@ -28,6 +29,7 @@ def test_nothing_is_drawn_by_what_only_opengl_has(module, name):
 
 
 def test_points_and_lines_have_shaders_that_make_them_wide(module):
-    """Blender's other shaders leave them a pixel wide but on OpenGL, so both are asked for in one place."""
+    """Blender's shaders without a width draw them one pixel wide, except on OpenGL. So only scene/shaders.py chooses
+    shaders."""
     built_in = {where.partition(':')[0] for where, line in lines_of(module) if 'from_builtin' in line}
     assert built_in == {'shaders.py'}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What must not grow, by short forms of the loops of soak.py."""
+"""Memory, data-blocks and threads don't grow in long use, by short forms of the loops of soak.py."""
 import sys
 
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What users do beside deforming: empties are deleted, groups renamed, meshes copied. What was right stays right."""
+"""Users delete empties, rename groups and copy meshes beside deforming; the deformation stays right."""
 
 import bpy
 import numpy as np
@@ -14,7 +14,7 @@ BRING_BACK = bpy.ops.object.detail_deform_bring_back
 
 @pytest.fixture
 def pulled():
-    """A strip with two handles whose empties Pull has made, each led away."""
+    """A strip with two handles made by Pull, both moved."""
     ob = make_strip()
     ob.detail_deform.handles.clear()
     ob.vertex_groups.clear()
@@ -28,11 +28,11 @@ def pulled():
 
 
 def right(ob):
-    """What the first handle has made of its vertices."""
+    """Offsets of the first handle's vertices."""
     return (evaluated(ob) - own(ob))[own(ob)[:, 0] > 0.8]
 
 
-# Deleted empties
+# ---- deleted empties
 
 def delete(empty):
     activate(empty)
@@ -82,7 +82,7 @@ def test_an_empty_comes_back_where_it_was(pulled, saved, tmp_path):
     assert "lost its empty" in refusal(BRING_BACK)
 
 
-def test_one_on_a_bone_stays_and_goes_with_it(tmp_path):
+def test_a_deleted_empty_on_a_bone_comes_back_on_the_bone(tmp_path):
     ob, _ = make_rigged()
     tip = own(ob)[:, 0] > 2.8
     empty = pull(activate(ob), tip, radius=1)
@@ -114,13 +114,13 @@ def test_two_handles_of_one_deleted_empty_get_it_back(pulled):
     assert "lost their empties" not in pulled.detail_deform.status
 
 
-def test_one_that_is_gone_for_good_begins_anew_at_rest(pulled):
+def test_an_empty_removed_from_the_file_begins_anew_at_rest(pulled):
     remove(pulled.detail_deform.handles[0].target)
     activate(pulled)
     assert BRING_BACK() == {'FINISHED'}
     update()
     empty = pulled.detail_deform.handles[0].target
-    # Where the second handle was added, the surface began anew.
+    # 0.3: the first handle's motion at the time of the second Pull, whose Bind starts from the surface shown then.
     assert np.allclose(right(pulled), (0, 0, 0.3), atol=1e-5)
     middle = evaluated(pulled)[own(pulled)[:, 0] > 0.8].mean(axis=0)
     assert np.linalg.norm(np.array(empty.matrix_world.translation) - middle) < 0.02
@@ -142,8 +142,8 @@ def test_the_handle_of_a_deleted_empty_can_be_removed(pulled):
     assert "deleted" not in pulled.detail_deform.status
 
 
-def test_one_in_a_collection_that_is_excluded_is_not_deleted(pulled):
-    """Where it is is not known, but it is there."""
+def test_an_empty_in_an_excluded_collection_is_not_taken_for_deleted(pulled):
+    """It isn't evaluated, so its place is unknown, but it is in the file."""
     collection = pulled.detail_deform.handle_collection
     layer = next(layer for layer in bpy.context.view_layer.layer_collection.children if layer.collection == collection)
     layer.exclude = True
@@ -153,7 +153,7 @@ def test_one_in_a_collection_that_is_excluded_is_not_deleted(pulled):
     assert "deleted" not in pulled.detail_deform.status
 
 
-# Renamed groups
+# ---- renamed groups
 
 @pytest.mark.parametrize('which', ['handle', 'region', 'influence', 'all'])
 def test_a_group_that_is_renamed_stays_what_it_was(pulled, which):
@@ -176,7 +176,7 @@ def test_a_group_that_is_renamed_stays_what_it_was(pulled, which):
     of.handles[0].target.location.z += 0.1
     update()
     assert np.allclose(right(pulled)[:, 2].mean(), 0.4, atol=0.02)
-    assert of.pulled_region  # which Pull may still change
+    assert of.pulled_region  # the region is still known as Pull's own, which a later Pull may extend
 
 
 def test_a_group_that_is_deleted_is_said(pulled):
@@ -186,7 +186,7 @@ def test_a_group_that_is_deleted_is_said(pulled):
     assert "does not have" in pulled.detail_deform.status
 
 
-def test_a_group_that_was_moved_in_the_list_is_no_other_one(pulled):
+def test_a_group_that_was_moved_in_the_list_is_still_the_handles(pulled):
     names = [handle.vertex_group for handle in pulled.detail_deform.handles]
     before = evaluated(pulled)
     pulled.vertex_groups.active_index = 0
@@ -197,7 +197,7 @@ def test_a_group_that_was_moved_in_the_list_is_no_other_one(pulled):
     assert np.abs(evaluated(pulled) - before).max() < 1e-6
 
 
-# Copies
+# ---- copies
 
 def linked_copy(ob, along=(3, 0, 0)):
     activate(ob)
@@ -227,7 +227,7 @@ def test_the_first_of_linked_copies_moves_their_mesh(pulled, by_pull, renamed):
     assert np.array_equal(evaluated(copy), shown)
     assert ob.detail_deform.is_bound and not ob.detail_deform.problem
     assert f"has the same mesh as '{ob.name}'" in copy.detail_deform.status
-    ob.data.vertices[0].co.z += 0.1  # an edit, and the new bind after it
+    ob.data.vertices[0].co.z += 0.1  # an edit, which needs a new Bind
     ob.data.update()
     update()
     bind(ob, keep_rest=True)
@@ -262,7 +262,7 @@ def test_a_linked_copy_can_not_be_unbound_alone(pulled):
     assert "posed alike" in copy.detail_deform.status
 
 
-def test_a_copy_of_the_mesh_alone_is_posed_as_the_first_wherever_it_stands(pulled):
+def test_a_copy_with_its_own_mesh_is_posed_like_the_first_wherever_it_stands(pulled):
     activate(pulled)
     bpy.ops.object.duplicate()
     copy = bpy.context.view_layer.objects.active
@@ -296,7 +296,7 @@ def test_the_copy_stays_when_the_first_lets_its_handles_go(pulled, what):
     assert np.allclose((evaluated(copy) - before)[own(copy)[:, 0] > 0.8, 2], 0.1, atol=0.02)
 
 
-def test_empties_of_one_by_intention_still_pull_from_where_each_stands():
+def test_two_objects_that_were_given_one_empty_follow_it_from_where_each_stands():
     one, two = make_strip(name="One"), make_strip(name="Two")
     two.detail_deform.handles[0].target = one.detail_deform.handles[0].target
     bind(one)
@@ -306,7 +306,7 @@ def test_empties_of_one_by_intention_still_pull_from_where_each_stands():
     assert np.abs(evaluated(two) - own(two)).max() > 0.9
 
 
-# What a reach holds
+# ---- loose parts within a reach
 
 def parts():
     """Two bumpy strips side by side, the second narrower."""

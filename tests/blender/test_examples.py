@@ -86,7 +86,7 @@ def test_in_between_limbs_turn_along_an_arc(limb):
     length = np.linalg.norm(np.diff(line, axis=0), axis=1).sum()
     assert abs(length / LENGTH - 1) < 0.01
     straight = middle_line(0.5 * (own(limb) + curled(own(limb), 2 * np.pi / 3)))
-    assert np.linalg.norm(np.diff(straight, axis=0), axis=1).sum() / LENGTH < 0.85  # what shape keys alone do
+    assert np.linalg.norm(np.diff(straight, axis=0), axis=1).sum() / LENGTH < 0.85  # blended linearly, as by shape keys
     assert abs(found(limb)[0] - 0.5) < 0.05
 
 
@@ -127,13 +127,13 @@ def test_weights_by_sliders(limb):
     settings = limb.detail_deform
     settings.weights_by = 'SLIDERS'
     update()
-    assert abs(settings.examples[0].weight - 0.5) < 0.05  # they go on from what the handle asked for
+    assert abs(settings.examples[0].weight - 0.5) < 0.05  # the sliders start from the weights that the handle found
     assert np.abs(evaluated(limb) - before).max() < 0.05
     for weight in (1.0, 0.5):
         settings.examples[0].weight, settings.examples[1].weight = weight, 0.0
         update()
         assert np.abs(evaluated(limb) - curled(own(limb), weight * 2 * np.pi / 3)).max() < 0.02
-    # Keyed, they play.
+    # Keyed sliders are played.
     for frame, weight in ((1, 0.0), (11, 1.0)):
         settings.examples[0].weight = weight
         settings.examples[0].keyframe_insert('weight', frame=frame)
@@ -158,7 +158,7 @@ def test_posed_copies_as_examples(limb):
     bind(limb)
     pull(limb, 2 * np.pi / 3)
     assert np.abs(evaluated(limb) - curled(own(limb), 2 * np.pi / 3)).max() < 5e-3
-    # An edit of the copy is noticed, and of the list.
+    # Edits of the copy and of the list of examples are noticed.
     copy.data.vertices[0].co.z += 1
     copy.data.update()
     update()
@@ -214,7 +214,7 @@ def test_what_is_wrong_with_examples_is_said(limb):
     settings.examples[0].name = "Nothing"
     assert "has no shape key of that name" in settings.status
     assert "has no shape key of that name" in refusal(bpy.ops.object.detail_deform_bind)
-    settings.examples[0].name = "Bend"  # the refused Bind has left the present one
+    settings.examples[0].name = "Bend"  # the refused Bind has kept the earlier binding
     assert settings.is_bound
     settings.examples.clear()
     bind(limb)
@@ -252,7 +252,7 @@ def test_examples_matter_to_their_method_alone(limb):
     assert np.abs(evaluated(limb) - curled(own(limb), 2 * np.pi / 3)).max() < 5e-3
 
 
-def test_a_posed_copy_at_rest_or_gone_is_told(limb):
+def test_a_posed_copy_that_is_at_rest_or_deleted_is_refused(limb):
     limb.detail_deform.examples.clear()
     copy = bpy.data.objects.new("Copy", limb.data.copy())
     copy.shape_key_clear()

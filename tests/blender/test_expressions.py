@@ -38,7 +38,7 @@ def test_an_expression_is_saved_and_the_binding_goes_on():
     update()
     assert np.abs(evaluated(ob) - shape).max() < 1e-6
 
-    # The next one, of the same binding.
+    # A second expression with the same binding.
     key.value = 0
     empty.location.x += 0.2
     update()
@@ -49,7 +49,7 @@ def test_an_expression_is_saved_and_the_binding_goes_on():
     assert np.abs(key_offsets(ob, "Smile.001") - (other - own(ob))).max() < 1e-6
 
 
-def test_while_the_empty_is_active():
+def test_an_expression_is_saved_while_the_empty_is_active():
     ob, empty = posed()
     activate(empty)
     assert bpy.ops.object.detail_deform_save_key() == {'FINISHED'}
@@ -77,7 +77,7 @@ def test_of_several_handles_the_active_empty_goes_back():
     assert abs(second.matrix_world.translation.z - places[1][2, 3] - 0.2) < 1e-6
 
 
-def test_what_was_built_in_two_pulls_is_one_expression():
+def test_a_shape_made_by_two_pulls_is_one_expression():
     ob, _ = posed()
     select(ob, (own(ob)[:, 0] > 0.4) & (own(ob)[:, 0] < 0.5))
     bpy.ops.object.detail_deform_pull()
@@ -90,7 +90,7 @@ def test_what_was_built_in_two_pulls_is_one_expression():
     assert np.abs(key_offsets(ob, "Expression") - (shape - own(ob))).max() < 1e-6
 
 
-def test_as_much_as_is_shown_is_saved(part):
+def test_a_reduced_factor_is_saved_as_shown(part):
     ob, _ = posed()
     set_factor(part, ob, 0.5)
     update()
@@ -99,7 +99,7 @@ def test_as_much_as_is_shown_is_saved(part):
     assert np.abs(key_offsets(ob, "Expression") - (shape - own(ob))).max() < 1e-6
 
 
-def test_nothing_is_not_saved():
+def test_an_undeformed_or_unbound_surface_is_not_saved():
     ob = bind(make_strip())
     assert "Nothing is deformed" in refusal(bpy.ops.object.detail_deform_save_key)
     assert not ob.data.shape_keys
@@ -125,7 +125,7 @@ def test_a_saved_key_is_the_start_of_the_next_pull():
 @pytest.mark.parametrize('deformed', [False, True])
 def test_back_to_rest_without_a_binding(deformed):
     ob, empty = posed()
-    if deformed:  # by a start
+    if deformed:  # a second binding, which starts from the deformed surface
         select(ob, (own(ob)[:, 0] > 0.4) & (own(ob)[:, 0] < 0.5))
         bpy.ops.object.detail_deform_pull()
         bpy.context.active_object.location.x += 0.1
@@ -149,8 +149,8 @@ def test_after_apply_there_is_no_way_back():
     assert "none has a rest place" in refusal(bpy.ops.object.detail_deform_handle_reset)
 
 
-def test_from_edit_mode_it_is_saved_and_edited_on():
-    """As the key that was active, and at rest."""
+def test_an_expression_is_saved_from_edit_mode():
+    """Edit Mode goes on with the same active key, and the surface is back at rest."""
     ob, _ = posed()
     update()
     shape, rest = evaluated(ob), own(ob)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the reach of a handle holds falls off by an energy of its own order."""
+"""Falloff: within its reach, a handle's deformation may fall off by an energy of another order than the mesh's
+Smoothness."""
 
 import bpy
 import numpy as np
@@ -14,8 +15,9 @@ MOTION = {'z': 0.15, 'turn': -0.4, 'about': (0.45, 0, 0)}
 
 @pytest.mark.parametrize('falloff', FALLOFFS)
 @pytest.mark.parametrize('of_mesh', [1, 2])
-def test_it_is_that_smoothness_in_its_reach_alone(falloff, of_mesh):
-    """As a sheet of that smoothness bound to the reach as its region. The large handle goes by the mesh's."""
+def test_a_falloff_is_its_smoothness_within_the_reach_alone(falloff, of_mesh):
+    """The small handle's reach deforms like a sheet of that smoothness with the reach as its region. The large handle
+    goes by the mesh's smoothness."""
     ob, large, small, reach = two_pulls(smoothness=of_mesh)
     p, core = own(ob), members(ob, "Handle.001")
     pose(large, z=0.1)
@@ -33,8 +35,9 @@ def test_it_is_that_smoothness_in_its_reach_alone(falloff, of_mesh):
     assert np.abs(evaluated(ob) - without)[~reach].max() < 1e-6
 
 
-def test_each_is_another_shape():
-    """By a height of 1, the mean heights a quarter of the way from a handle to the border and at three quarters."""
+def test_each_falloff_has_another_shape():
+    """Compares the heights, as fractions of the handle's, at a quarter and at three quarters of the way from the handle
+    to the border of its reach."""
     heights = {}
     for falloff in ('MESH', *FALLOFFS):
         ob = bumpy(80)
@@ -66,7 +69,7 @@ def test_a_change_waits_for_bind_and_bind_keeps_the_pose_of_others():
     assert ob.detail_deform.signature == signature
 
 
-def test_without_a_reach_it_says_nothing():
+def test_without_a_reach_a_falloff_changes_nothing():
     ob, _, _, _ = two_pulls()
     ob.detail_deform.handles[0].falloff = 'SHARP'
     bpy.ops.object.detail_deform_bind(keep_rest=True)
@@ -80,8 +83,9 @@ def pulled(ob, x, falloff, radius=0.2):
     return ob.detail_deform.handles[-1]
 
 
-def test_pull_takes_one():
-    """The first pull has that of the mesh; what is shared stays as it is."""
+def test_pull_sets_the_falloff():
+    """The first Pull's falloff becomes the mesh's Smoothness. A pull that shares another handle's reach takes that
+    handle's falloff."""
     ob = bumpy()
     assert pulled(ob, -0.5, 'SHARP').falloff == 'MESH' and ob.detail_deform.smoothness == 1
     assert pulled(ob, 0.0, 'SMOOTHER').falloff == 'SMOOTHER' and ob.detail_deform.smoothness == 1

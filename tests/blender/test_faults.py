@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What fails around the add-on: its library, the disk, memory and threads. One sentence each, nothing is lost, Blender
-lives, and all works when what was missing is there again."""
+"""Failures around the add-on: of its library, the disk, memory and threads. Each costs one sentence and no data,
+Blender doesn't crash, and the add-on works again when the cause is gone."""
 
 import contextlib
 import os
@@ -21,7 +21,8 @@ HERE = Path(__file__).resolve().parent
 
 @pytest.fixture
 def in_child(module, tmp_path):
-    """in_child(function, *arguments): its output, run in another Blender with a copy of the add-on, which may break."""
+    """in_child(function, *arguments): runs a function of a test file in another Blender, with a copy of the add-on that
+    it may damage; returns its output."""
     copies = tmp_path / 'copy'
     shutil.copytree(Path(module.__file__).parent, copies / 'detail_deform')
 
@@ -49,10 +50,10 @@ os._exit(0)
     return run
 
 
-# The library
+# ---- the library
 
 def put(path, content):
-    """Another file of that name, of which nothing is loaded."""
+    """Replaces a file by a new one, not in place: the old one may be loaded. None: by a folder; b'nothing': by none."""
     if os.path.isdir(path):
         os.rmdir(path)
     elif os.path.exists(path):
@@ -64,7 +65,8 @@ def put(path, content):
 
 
 def sentence_of_all(blend):
-    """Opens a file with a bound object while the library can't be loaded; the one sentence that everything says."""
+    """Opens a file with a bound object while the library can't be loaded; returns the sentence, which is the same in
+    the status and in the refusals of Bind and Update."""
     bpy.ops.wm.open_mainfile(filepath=blend, load_ui=False)
     ob = activate(bpy.data.objects['Strip'])
     before = evaluated(ob)
@@ -83,7 +85,7 @@ def sentence_of_all(blend):
         try:
             getattr(bpy.ops.object, f'detail_deform_{operator}')()
         except RuntimeError:
-            pass  # a sentence; the output must not have a traceback
+            pass  # refused by a sentence; in_child() finds tracebacks in the output
     bpy.data.objects.remove(other)
     bpy.ops.wm.save_as_mainfile(filepath=f'{blend}.again.blend')
     bpy.ops.wm.open_mainfile(filepath=f'{blend}.again.blend', load_ui=False)
@@ -93,7 +95,7 @@ def sentence_of_all(blend):
 
 
 def check_libraries_that_cannot_be_loaded(blend):
-    """In a child."""
+    """Runs in a child process."""
     import detail_deform
     from detail_deform.library import native, structs
     path = native.library_path()
@@ -106,7 +108,7 @@ def check_libraries_that_cannot_be_loaded(blend):
     for content in (*cut, *holes, bytes(one_bit)):
         put(path, content)
         assert "damaged or of another version" in sentence_of_all(blend)
-    # One of another system has a record that fits, as has whatever else was packed.
+    # A zip for another system, or one packed with a wrong file, has the right checksum for the file in it.
     import hashlib
     for content in (b'MZ' + bytes(5000), b'\xcf\xfa\xed\xfe' + bytes(5000), b'not a library\n'):
         put(path, content)
@@ -143,14 +145,14 @@ def save_posed(folder):
 
 
 def test_a_library_that_cannot_be_loaded_costs_a_sentence_and_nothing_else(in_child, tmp_path):
-    """Without the check, Blender dies by a bus error within the system's loader."""
+    """Without the check of the checksum, the system's loader crashes Blender by a bus error."""
     in_child(check_libraries_that_cannot_be_loaded, save_posed(tmp_path))
 
 
-# Memory and threads
+# ---- memory and threads
 
 def limit_memory(to):
-    """To so many bytes more than are there."""
+    """Limits the process's addresses to those it has and so many bytes more; 0 takes the limit away."""
     import resource
     with open('/proc/self/statm') as file:
         present = int(file.read().split()[0]) * os.sysconf('SC_PAGE_SIZE')
@@ -158,10 +160,10 @@ def limit_memory(to):
 
 
 def check_memory_that_runs_out():
-    """In a child."""
-    # First numpy: its OpenBLAS ends the process where it can't get its own memory, which it keeps.
-    # The bind of 160,000 vertices takes over 300 MB. Threads that have run keep up to 64 MB of addresses each, which
-    # the limit doesn't count as new: 40,000 vertices fit into them now and then.
+    """Runs in a child process."""
+    # The small bind comes first because numpy's OpenBLAS ends the process where it can't get its buffers, which it then
+    # keeps. The bind of 160,000 vertices takes over 300 MB. It has to be so large because threads that have run keep up
+    # to 64 MB of addresses each, which the limit doesn't count as new: 40,000 vertices fitted into them now and then.
     small, ob = bind(make_strip(9, "Small")), make_strip(400)
     limit_memory(20_000_000)
     assert "not enough memory" in refusal(bpy.ops.object.detail_deform_bind, wait=True)
@@ -178,11 +180,11 @@ def check_memory_that_runs_out():
 
 
 def check_threads_that_cannot_be_started():
-    """In a child."""
+    """Runs in a child process."""
     import resource
     ob = bind(make_strip())
     other = make_strip(40, "Other")
-    if os.geteuid() == 0:  # to whom no limit applies
+    if os.geteuid() == 0:  # the limit doesn't apply to root
         os.setgid(65534)
         os.setuid(65534)
     resource.setrlimit(resource.RLIMIT_NPROC, (1, 1))
@@ -190,7 +192,7 @@ def check_threads_that_cannot_be_started():
     assert not other.detail_deform.is_bound and moved(other) == 0
     ob.detail_deform.handles[0].target.location.z += 0.4
     update()
-    assert abs(moved(ob) - 0.4) < 1e-4 and ob.detail_deform.is_bound  # an update needs none
+    assert abs(moved(ob) - 0.4) < 1e-4 and ob.detail_deform.is_bound  # an update needs no thread
     ob.detail_deform.steps = 2
     ob.detail_deform.handles[0].target.location.z += 0.1
     update()
@@ -209,7 +211,7 @@ def test_memory_and_threads_that_run_out(in_child, check):
 
 @pytest.mark.parametrize('place', ['scene.mesh_data.group_entries', 'scene.handle_matrices.local_places',
                                    'scene.mesh_data.topology_signature'])
-def test_memory_that_python_does_not_get(strip, part, monkeypatch, place):
+def test_an_array_that_python_cannot_allocate(strip, part, monkeypatch, place):
     module, name = place.rsplit('.', 1)
 
     def fails(*_, **__):
@@ -226,11 +228,11 @@ def test_memory_that_python_does_not_get(strip, part, monkeypatch, place):
     assert evaluated(strip).shape == shown.shape
 
 
-# The disk
+# ---- the disk
 
 @pytest.fixture
 def disk(tmp_path):
-    """A small disk of its own: disk.full(), disk.read_only() make it so."""
+    """A mounted disk of 400 kB: disk.full() fills it up, disk.read_only() makes it read-only."""
     class Disk:
         folder = tmp_path / 'disk'
 
@@ -256,7 +258,7 @@ def disk(tmp_path):
 
 @pytest.fixture
 def strip():
-    """Bound, posed, its handle keyed over the frames 1 to 9: a cache of 68 kB."""
+    """A bound strip with its handle keyed over the frames 1 to 9, whose cache takes 68 kB, at frame 9."""
     ob = bind(make_strip())
     target = ob.detail_deform.handles[0].target
     for frame in (1, 9):
@@ -269,7 +271,7 @@ def strip():
 
 @pytest.fixture
 def at_frame():
-    """at_frame(number, happens): in the midst of a bake."""
+    """at_frame(number, happens): calls happens() once, when a bake comes to that frame."""
     added = []
 
     def call(number, happens):
@@ -286,7 +288,7 @@ def at_frame():
 
 
 def follower(ob):
-    """Another strip, active, whose source this one is."""
+    """Another strip, which is active and has this one as its source."""
     other = make_strip(name="Other")
     other.detail_deform.handles.clear()
     other.detail_deform.transfer.source = ob
@@ -321,7 +323,7 @@ def test_a_disk_that_is_full_before_a_bake(strip, disk, write):
 
 @pytest.mark.parametrize('write', WRITERS)
 def test_a_disk_that_becomes_full_during_a_bake(strip, disk, at_frame, write):
-    """A part stays in its place, for others may write to it."""
+    """A cache of which only a part is baked is left where it is, as other processes may be writing to it."""
     at_frame(5, disk.full)
     shown = evaluated(strip)
     sentence = write(strip, disk.folder / 'strip.pc2')
@@ -359,7 +361,7 @@ def test_a_folder_that_is_deleted_during_a_bake(strip, tmp_path, at_frame, write
 
 @removes_open_files
 def test_a_file_that_takes_the_place_of_the_unfinished_cache(strip, tmp_path, at_frame):
-    """What can't be removed costs no other sentence than what went wrong."""
+    """A leftover that can't be removed doesn't replace the sentence about the failure."""
     path = tmp_path / 'strip.pc2'
 
     def exchange():
@@ -374,7 +376,7 @@ def test_a_file_that_takes_the_place_of_the_unfinished_cache(strip, tmp_path, at
 @pytest.mark.skipif(not bpy.app.build_options.alembic, reason="this Blender was built without Alembic")
 @pytest.mark.parametrize('how', ['full', 'full, but not seen so', 'read_only', 'deleted'])
 def test_alembic_where_it_cannot_be_written(strip, disk, at_frame, part, monkeypatch, how):
-    """But for a disk that becomes full during the export: then Blender's exporter ends Blender."""
+    """A disk that becomes full during the export isn't tested: then Blender's exporter crashes Blender."""
     path = disk.folder / 'caches' / 'strip.abc'
     path.parent.mkdir()
     if how == 'deleted':

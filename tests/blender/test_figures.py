@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The meshes that the manual's pictures are made of: whole, on the surfaces that they are made for."""
+"""The meshes of the manual's pictures are closed, and lie on the surfaces that they were made from."""
 
 import sys
 
@@ -17,7 +17,7 @@ from implicit import Body
 
 
 def edges_of(faces):
-    """{(a, b): how often}, along each face's way round."""
+    """{(a, b): number of faces} of directed edges."""
     found = {}
     for face in faces:
         for edge in zip(face, [*face[1:], face[0]]):
@@ -26,7 +26,7 @@ def edges_of(faces):
 
 
 def assert_closed(points, faces):
-    """Each edge is run through once in each direction, and the normals point outwards."""
+    """Each edge has two faces, which run through it in opposite directions, and the normals point outwards."""
     edges = edges_of(faces)
     assert set(edges.values()) == {1} and all((b, a) in edges for a, b in edges)
     corners = np.array([points[face[:3]] for face in faces] + [points[[face[0], face[2], face[-1]]] for face in faces
@@ -35,7 +35,7 @@ def assert_closed(points, faces):
 
 
 @pytest.mark.parametrize("turn", (None, [[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]]))
-def test_a_ball_is_a_ball_on_any_grid(turn):
+def test_a_ball_is_round_and_closed_on_any_grid(turn):
     body = Body()
     body.ball((0.1, -0.2, 0.3), 0.5)
     points, quads = body.mesh(0.04, turn)
@@ -44,7 +44,7 @@ def test_a_ball_is_a_ball_on_any_grid(turn):
     assert len(points) - 2 * len(quads) + len(quads) == 2
 
 
-def test_what_is_carved_out_is_hollow_and_both_sides_are_alike():
+def test_balls_can_be_carved_out_of_both_sides():
     body = Body()
     body.ball((0, 0, 0), 0.5)
     body.both(body.ball, (0, 0.5, 0), 0.2, 0.02, carve=True)
@@ -59,7 +59,7 @@ def test_the_animals_are_whole_and_the_horse_gallops():
     horse, camel = animals.add_horse(0.03), animals.add_camel(0.03)
     for ob in (horse, camel):
         edges = edges_of([list(p.vertices) for p in ob.data.polygons])
-        # On so coarse a grid thin places such as the ears' edges may touch themselves.
+        # Not all edges: on so coarse a grid the two sides of thin places, such as the ears' edges, may touch.
         assert sum(edges.get((b, a), 0) != 1 or times != 1 for (a, b), times in edges.items()) < 0.002 * len(edges)
     assert len(horse.data.vertices) != len(camel.data.vertices)
     animals.add_gallop(horse)

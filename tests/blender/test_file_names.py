@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What files are called: names and paths that systems take for others than they seem."""
+"""Names of files that an operating system takes for the same as another name, for a device, or doesn't allow."""
 
 import os
 import sys
@@ -27,7 +27,7 @@ def keyed(name, height):
 
 
 def risen(ob):
-    """How high what is shown rises."""
+    """The greatest height shown at the last frame."""
     bpy.context.scene.frame_set(FRAMES[-1])
     return evaluated(ob)[:, 2].max()
 
@@ -37,7 +37,7 @@ def bake(ob, **options):
     assert bpy.ops.object.detail_deform_bake(**options) == {'FINISHED'}
 
 
-# That differ for Blender alone
+# ---- names that only Blender takes for different ones
 
 ALIKE = pytest.mark.parametrize('first, second', [
     ("Strip", "STRIP"), ("Straße", "STRASSE"), ("Head?", "head*"),
@@ -65,17 +65,17 @@ def test_names_that_a_disk_takes_for_the_same_have_caches_of_their_own(tmp_path,
     ({'use': False}, '.pc2'),
     pytest.param({'mode': 'ALEMBIC'}, '.abc', marks=pytest.mark.skipif(
         not bpy.app.build_options.alembic, reason="this Blender was built without Alembic"))])
-def test_so_do_files_that_nothing_plays(tmp_path, first, second, options, ending):
+def test_names_that_a_disk_takes_for_the_same_have_files_of_their_own(tmp_path, first, second, options, ending):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / 'shot.blend'))
     obs = keyed(first, 0.5), keyed(second, 1.5)
-    for _ in range(2):  # each time under the same name
+    for _ in range(2):  # the second time over the same two files
         for ob in obs:
             bake(ob, **options)
     names = [name for name in os.listdir(tmp_path) if name.endswith(ending)]
     assert len(names) == 2 and len({name.casefold() for name in names}) == 2
 
 
-def test_a_copy_leaves_the_first_its_file(tmp_path):
+def test_baking_again_without_playing_writes_over_the_same_file(tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / 'shot.blend'))
     ob = keyed("Strip", 0.5)
     bake(ob, use=False)
@@ -85,7 +85,7 @@ def test_a_copy_leaves_the_first_its_file(tmp_path):
     assert [name for name in os.listdir(tmp_path) if name.endswith('.pc2')] == ['shot_Strip.pc2']
 
 
-def test_a_list_belongs_to_the_object_that_is_called_as_it(tmp_path, part):
+def test_a_list_belongs_to_the_object_that_has_its_name(tmp_path, part):
     list_in = part('setup.matching').list_in
     (tmp_path / 'A_B.txt').write_text("0 0\n", encoding='ascii')
     named, alike = make_strip(5, "A_B"), make_strip(5, "A:B")
@@ -96,7 +96,7 @@ def test_a_list_belongs_to_the_object_that_is_called_as_it(tmp_path, part):
     assert list_in(str(tmp_path), alike)[0] == str(tmp_path / 'A_B.txt')
 
 
-# Without a drive or a folder
+# ---- paths without a drive or a folder
 
 @pytest.mark.parametrize('path', ['cache.pc2', *(['{}/cache.pc2', '{}\\cache.pc2'] if windows else [])])
 def test_a_cache_is_played_from_where_it_was_written(tmp_path, monkeypatch, path):
@@ -112,14 +112,14 @@ def test_a_cache_is_played_from_where_it_was_written(tmp_path, monkeypatch, path
     assert os.path.isabs(ob.modifiers["Detail Deform Cache"].filepath) and abs(risen(ob) - height) < 1e-6
 
 
-def test_a_path_beside_the_file_stays_one(tmp_path):
+def test_a_path_relative_to_the_blend_file_stays_relative(tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / 'shot.blend'))
     ob = keyed("Strip", 0.5)
     bake(ob, filepath='//cache.pc2')
     assert ob.modifiers["Detail Deform Cache"].filepath == '//cache.pc2'
 
 
-# That are too long, or something else
+# ---- names that are too long, or not allowed
 
 def test_a_name_that_is_too_long_is_said(tmp_path):
     ob = keyed("Strip", 0.5)
@@ -149,7 +149,7 @@ def test_no_object_s_file_is_called_as_a_device(part):
 
 @pytest.fixture
 def on_windows(part, monkeypatch):
-    """Where this isn't Windows, the module takes it for that."""
+    """On other systems, makes the add-on's module take the system for Windows."""
     if not windows:
         monkeypatch.setattr(part('scene.files'), 'sys', SimpleNamespace(platform='win32'))
 
@@ -168,7 +168,7 @@ def test_names_that_windows_takes_for_something_else(tmp_path, on_windows, name,
     assert os.listdir(tmp_path) == []
 
 
-def test_why_windows_finds_no_long_path(part, on_windows):
+def test_the_sentence_for_a_path_too_long_for_windows(part, on_windows):
     reason = part('scene.files').reason
     assert "its path has 300 characters" in reason(FileNotFoundError(2, "No such file or directory"), 300 * 'x')
     assert reason(FileNotFoundError(2, "No such file or directory"), 'x') == "No such file or directory"

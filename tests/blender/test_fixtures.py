@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scenes of blend_fixtures, as the demo deforms them: 33,000 to 120,000 triangles."""
+"""The scenes of blend_fixtures/, with 33,000 to 120,000 triangles, deformed as by the demo."""
 import bpy
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def normals(positions, tris):
 
 
 def intersecting_pairs(positions, tris):
-    """Pairs of triangles that meet without sharing a vertex, by Blender's own tree."""
+    """Number of pairs of triangles that intersect and share no vertex, by Blender's BVHTree."""
     tree = BVHTree.FromPolygons(positions.tolist(), tris.tolist(), all_triangles=True)
     pairs = np.array(tree.overlap(tree), int).reshape(-1, 2)
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]
@@ -32,10 +32,10 @@ def intersecting_pairs(positions, tris):
 
 
 def carried_normals(ob, lift, tris):
-    """Rest normals turned by the rotation of a base plane that is raised to the lifted one.
+    """Rest normals, rotated as the base plane was: the normals that the lifted details should have.
 
-    The lifted base of Fig. 1 is nearly a surface of one slope a column of the grid, so its rotation
-    about y is read off the mean height and length of each column: another way than the library's.
+    The lifted base of Fig. 1 depends nearly on x alone. So its rotation about y is taken from the mean
+    height and x of each column of the grid, which shares no code with the library.
     """
     rest, now = own(ob), evaluated(ob)
     columns = np.round(rest[:, 0] * 200).astype(int)
@@ -67,7 +67,7 @@ def test_bumpy_plane_lifted_as_in_figure_1():
     free = members(ob, 'region')[tris].all(axis=1)
     error = mean_angle(normals(lifted, tris)[free], carried_normals(ob, 0.38, tris)[free])
     assert error < 4
-    # The measure would see details that did not turn at all.
+    # The measure is sensitive: details that are not rotated at all are far off.
     assert mean_angle(normals(rest, tris)[free], carried_normals(ob, 0.38, tris)[free]) > 15
 
 
@@ -135,7 +135,8 @@ def test_the_calfs_poses_carry_over_to_the_giraffe(part):
     bpy.context.view_layer.objects.active = giraffe
     assert len(triangles(calf)) > 1.5 * len(triangles(giraffe)) > 25000
     assert bpy.ops.object.detail_deform_transfer_match() == {'FINISHED'}
-    assert np.mean(giraffe.data['detail_deform_match']['confidence']) > 0.85  # its neck and legs are longer
+    # Below 1: the giraffe's neck and legs are longer than the calf's.
+    assert np.mean(giraffe.data['detail_deform_match']['confidence']) > 0.85
     rests, marked = [own(calf), own(giraffe)], [part('setup.markers').of(ob) for ob in (calf, giraffe)]
     native, scene = part('library.native'), bpy.context.scene
     hooves = members(giraffe, "Hooves")
@@ -148,12 +149,12 @@ def test_the_calfs_poses_carry_over_to_the_giraffe(part):
             if anchor == 'PINNED':
                 assert np.abs(poses[1][hooves] - rests[1][hooves]).max() < 1e-5
                 continue
-            # The limbs turn as the calf's do, where these turn much.
+            # Each limb turns by the same angle as the calf's; one of these turns far.
             arms = [[directions(points, m) for points in (rest, pose)] for rest, pose, m in zip(rests, poses, marked)]
             by_calf, by_giraffe = (turned(*pair) for pair in arms)
             assert by_calf.max() > 30
             assert np.abs(by_calf - by_giraffe).max() < 8, (by_calf, by_giraffe)
-            # And the giraffe meets itself no more than the calf does.
+            # The giraffe intersects itself no more than the calf does.
             shares = []
             for ob, rest, pose in zip((calf, giraffe), rests, poses):
                 tris = triangles(ob)
@@ -187,7 +188,7 @@ def test_52_shape_keys_take_one_factorization(part, monkeypatch):
     assert len(transfers) == 1
     keys = target.data.shape_keys.key_blocks
     assert [key.name for key in keys] == [key.name for key in source.data.shape_keys.key_blocks]
-    # Each key moves about what the source's moves, as far and no further.
+    # Each key moves the same vertices as the source's key, about as far.
     for key in list(keys)[1:]:
         moved = [np.empty(rest.size, np.float32) for _ in range(2)]
         for values, of in zip(moved, (source.data.shape_keys.key_blocks[key.name], key)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The main job: the surface follows its empties."""
+"""The surface follows its handles' empties."""
 import math
 
 import bpy
@@ -45,7 +45,7 @@ def test_the_surface_follows_and_the_mesh_itself_does_not_change():
 
 
 def test_details_turn_with_the_surface():
-    """Middle of the strip: the ridges' normals lean back with the slope."""
+    """In the middle of the lifted strip the ridges' normals lean back with the slope."""
     ob = make_strip(61)
     bind(ob)
     lift(ob, 0.6)
@@ -132,7 +132,7 @@ def test_renders_show_the_frame_they_render(engine, tmp_path):
     scene.render.resolution_x, scene.render.resolution_y = 96, 72
     scene.frame_start, scene.frame_end = 1, 4
     scene.render.filepath = str(tmp_path / 'frame_')
-    # Which is read without Blender, for 5.2 opens no image under Wine.
+    # A raw format that numpy can read: Blender 5.2 opens no image under Wine.
     scene.render.image_settings.file_format = 'TARGA_RAW'
     bpy.ops.render.render(animation=True)
 
@@ -140,7 +140,7 @@ def test_renders_show_the_frame_they_render(engine, tmp_path):
         return np.fromfile(tmp_path / f'frame_{frame:04d}.tga', np.uint8)[18:] / 255
 
     first, second, third, fourth = (pixels(frame) for frame in (1, 2, 3, 4))
-    # The fourth frame is posed as the first: what these two differ by is noise.
+    # The fourth frame has the first one's pose, so these two differ by the renderer's noise alone.
     assert np.abs(first - third).mean() > 3 * np.abs(first - fourth).mean() + 1e-3
     assert np.abs(second - third).mean() > 1e-3
 
@@ -250,7 +250,7 @@ def test_live_off_waits_for_update():
     assert np.abs(evaluated(ob) - own(ob)).max() > 0.39
 
 
-def test_factor_and_the_place_in_the_stack(part):
+def test_factor_scales_the_offsets_and_later_modifiers_see_the_result(part):
     ob = make_strip()
     bind(ob)
     full = lift(ob)
@@ -315,7 +315,7 @@ def test_several_objects_each_follow_their_own_empties():
     assert np.abs((evaluated(first) - own(first))[:, 1]).max() < 0.1
 
 
-# Unit, place and parents of object and empties
+# ---- unit, transform and parents of object and empties
 
 WORLDS = {
     'turned': Matrix.Translation((3, -2, 1)) @ Matrix.Rotation(0.8, 4, 'X'),

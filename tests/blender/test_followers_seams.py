@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A garment that is modelled as a half with Mirror: following, and what is transferred to it, leave its seam closed."""
+"""A garment modelled as one half with a Mirror modifier: live transfer and transferred shapes leave its seam closed."""
 
 import bpy
 import numpy as np
@@ -29,7 +29,7 @@ def tube(name, radius, low, high, around, along):
 
 @pytest.fixture
 def dressed():
-    """A body whose key moves more on one side, animated, and half a shirt."""
+    """(body, shirt): a body with an animated shape key that moves one side more, and half a shirt."""
     body, shirt = tube("Body", 1, -4, 4, 47, 60), tube("Shirt", 1.1, -2, 2, 48, 30)
     p = own(body)
     belly = np.exp(-p[:, 2:] ** 2) * (0.5 * p * (1, 1, 0) + (0.1, 0, 0))
@@ -54,14 +54,14 @@ def check_closed(shirt, count, moves=True):
         assert np.abs(p[:len(seam)] - own(shirt)).max() > 0.2
 
 
-def test_as_it_follows(dressed):
+def test_the_seam_is_closed_while_it_follows(dressed):
     _, shirt = dressed
     count = len(evaluated(shirt))
     assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
     check_closed(shirt, count, moves=False)
     bpy.context.scene.frame_set(4)
     check_closed(shirt, count)
-    # Where nothing is merged there is no seam to close, and with it again there is.
+    # Without merging there is no seam to close.
     shirt.modifiers["Mirror"].use_clip = shirt.modifiers["Mirror"].use_mirror_merge = False
     bpy.context.scene.frame_set(3)
     bpy.context.scene.frame_set(4)
@@ -74,7 +74,7 @@ def test_as_it_follows(dressed):
 
 
 @pytest.mark.parametrize('what', ['ALL_KEYS', 'POSE', 'CACHE', 'SHAPE_KEYS'])
-def test_what_is_transferred(dressed, what, tmp_path):
+def test_the_seam_is_closed_in_transferred_shapes(dressed, what, tmp_path):
     _, shirt = dressed
     count = len(evaluated(shirt))
     if what == 'ALL_KEYS':
@@ -90,7 +90,7 @@ def test_what_is_transferred(dressed, what, tmp_path):
     check_closed(shirt, count)
 
 
-def test_that_mirror_stands_wrong_is_said(dressed):
+def test_a_mirror_before_detail_deform_is_named(dressed):
     _, shirt = dressed
     assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
     assert "modifier stack" not in shirt.detail_deform.transfer.state

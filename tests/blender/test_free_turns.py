@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handles that only place: their vertices keep their shape and turn as the surface asks."""
+"""Free handles: they give their vertices a place; the vertices keep their shape, and turn as the surface does."""
 
 import math
 
@@ -12,7 +12,7 @@ from test_shape import FREE, HEIGHT, bar_mesh, make, make_bar, target_of
 
 
 def fitted(ob, name):
-    """The rotation nearest to what the vertices of a group did, and how far they miss it."""
+    """The rotation that is nearest to the motion of a group's vertices, and the largest distance from it."""
     which = members(ob, name)
     rest, now = own(ob)[which], evaluated(ob)[which]
     rest, now = rest - rest.mean(0), now - now.mean(0)
@@ -22,12 +22,12 @@ def fitted(ob, name):
 
 
 def turned(rotation):
-    """Degrees."""
+    """The angle of a rotation, in degrees."""
     return math.degrees(math.acos(np.clip((np.trace(rotation) - 1) / 2, -1, 1)))
 
 
 def stretch(ob, triangles):
-    """Mean change of an edge's length."""
+    """Mean relative change of the edges' lengths."""
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     length = [np.linalg.norm(p[edges[:, 0]] - p[edges[:, 1]], axis=1) for p in (own(ob), evaluated(ob))]
     return np.abs(length[1] / length[0] - 1).mean()
@@ -35,7 +35,7 @@ def stretch(ob, triangles):
 
 @pytest.fixture
 def pulled():
-    """A bar whose end is pulled to a side."""
+    """A bar whose end is moved to a side without being turned."""
     mesh = bar_mesh()
     ob = make_bar(*mesh)
     target_of(ob).location.x += 0.5
@@ -44,16 +44,16 @@ def pulled():
     return ob, mesh[1]
 
 
-def test_a_limb_follows_its_hand_without_a_twist_of_the_wrist(pulled):
+def test_a_free_handle_turns_with_the_limb(pulled):
     ob, triangles = pulled
     hand = ob.detail_deform.handles[0]
     as_told, stiff = evaluated(ob), stretch(ob, triangles)
     assert turned(fitted(ob, hand.vertex_group)[0]) < 0.01
-    hand.turns = 'FREE'  # at once
+    hand.turns = 'FREE'  # applies without a new Bind
     rotation, miss = fitted(ob, hand.vertex_group)
     assert miss < 1e-5 and turned(rotation) > 25 and rotation[0, 2] > 0, (miss, turned(rotation))
     assert stretch(ob, triangles) < 0.7 * stiff
-    # About the place of the empty, whose own turn and size are of no account.
+    # The vertices turn about the empty's place; its own rotation and scale don't matter.
     which = members(ob, hand.vertex_group)
     pivot, place = np.array((0, 0, HEIGHT)), np.array(target_of(ob).location)
     assert np.abs(place + (own(ob)[which] - pivot) @ rotation.T - evaluated(ob)[which]).max() < 1e-5
@@ -80,7 +80,7 @@ def test_by_any_method_a_limb_at_rest_stays_at_rest(method):
     assert 'turns nothing' not in ob.detail_deform.status
 
 
-def test_the_pose_survives_a_new_bind(pulled):
+def test_update_keeps_the_pose(pulled):
     ob, _ = pulled
     ob.detail_deform.handles[0].turns = 'FREE'
     before = evaluated(ob)
@@ -88,7 +88,7 @@ def test_the_pose_survives_a_new_bind(pulled):
     assert np.abs(evaluated(ob) - before).max() < 1e-6
 
 
-def test_a_mirrored_handle_turns_as_the_other_one():
+def test_a_mirrored_free_handle_turns_as_the_mirror_image():
     positions, triangles = bar_mesh()
     positions = positions - (0, 0, HEIGHT / 2)  # about the origin
     z = positions[:, 2]
@@ -104,13 +104,14 @@ def test_a_mirrored_handle_turns_as_the_other_one():
     rotations = [fitted(ob, handle.vertex_group)[0] for handle in ob.detail_deform.handles]
     flip = np.diag([1, 1, -1])
     assert turned(rotations[0]) > 10
-    assert np.abs(flip @ rotations[0] @ flip - rotations[1]).max() < 1e-2  # the clusters are not symmetric
+    # To 1e-2, and not to rounding, because the clusters of the surface by which turns are found are not symmetric.
+    assert np.abs(flip @ rotations[0] @ flip - rotations[1]).max() < 1e-2
 
 
 def test_by_examples_a_hand_that_is_placed_turns_as_the_example_does():
     positions, triangles = bar_mesh()
     ob = make_bar(positions, triangles)
-    # Bent along an arc of a quarter turn.
+    # The example is the bar bent along an arc by 90 degrees.
     angle = np.clip((positions[:, 2] - FREE[0]) / (FREE[1] - FREE[0]), 0, 1) * math.pi / 2
     radius = (FREE[1] - FREE[0]) / (math.pi / 2)
     arm, rest = radius - positions[:, 0], np.maximum(positions[:, 2] - FREE[1], 0)

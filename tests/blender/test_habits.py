@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Each feature, and what users do beside it every day: what is seen stays where it is, goes on from there, or a
-sentence says why not."""
+"""Each feature of the add-on together with each of Blender's everyday actions: the displayed surface stays where it is
+and can be moved further, or a sentence says why not."""
 
 import bpy
 import numpy as np
@@ -14,7 +14,7 @@ SIZE = np.sqrt(2)
 N = 15  # vertices along each side
 
 
-# Features: each makes a mesh that shows something else than its own vertices, and says what moves it on.
+# ---- features: each returns a deformed object, and the data that push() moves in order to deform it further
 
 def tip(ob):
     return own(ob)[:, 0] > 0.8
@@ -44,7 +44,7 @@ def examples():
     ob.detail_deform.region = ""
     ob.shape_key_add(name="Basis")
     key = ob.shape_key_add(name="Up")
-    key.value = 0.0  # 5.2 shows it
+    key.value = 0.0  # Blender 5.2 adds keys with the value 1
     p = own(ob)
     key.data.foreach_set('co', (p + np.stack([0 * p[:, 0], 0 * p[:, 0], p[:, 0] ** 2], 1)).astype(np.float32).ravel())
     activate(ob)
@@ -54,7 +54,7 @@ def examples():
 
 
 def expression():
-    """A saved key with a value, and a handle beside."""
+    """A saved expression with the value 0.5, and a handle."""
     ob, (empty,) = handles()
     empty.location.z += 0.3
     update()
@@ -66,7 +66,7 @@ def expression():
 
 
 def cage():
-    """A smooth copy, moved by one of its vertices."""
+    """A base object: a copy of the surface, deformed by a modifier."""
     ob = make_strip(N)
     ob.detail_deform.handles.clear()
     base = ob.copy()
@@ -82,7 +82,7 @@ def cage():
 
 
 def follower():
-    """Another strip that follows one which handles move."""
+    """A strip that follows another one, which has a handle, by live transfer."""
     source, movers = handles()
     ob = make_strip(N)
     ob.name = "Follower"
@@ -99,7 +99,7 @@ def follower():
 
 
 def garment():
-    """A smaller strip over one that handles move, by nearest points."""
+    """A smaller strip above one with a handle, which it follows by nearest points."""
     source, movers = handles()
     ob = make_strip(N - 2)
     ob.name = "Garment"
@@ -120,17 +120,17 @@ def garment():
 
 
 def followed():
-    """What is done is done to the source."""
+    """A follower, whose source the actions are done to."""
     return follower()
 
 
 def worn():
-    """The same of a garment."""
+    """A garment, whose source the actions are done to."""
     return garment()
 
 
 def cache():
-    """Frames of a keyed handle, baked: it is pushed by the frame."""
+    """A baked cache of a keyed handle; push() changes the frame."""
     ob, (empty,) = handles()
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 32
@@ -154,11 +154,11 @@ def curves(ob):
 
 
 def transferred_key():
-    """A key that came from another mesh."""
+    """A shape key transferred from another mesh."""
     source = make_strip(N)
     source.shape_key_add(name="Basis")
     key = source.shape_key_add(name="Up")
-    key.value = 0.0  # 5.2 shows it
+    key.value = 0.0  # Blender 5.2 adds keys with the value 1
     p = own(source)
     key.data.foreach_set('co', (p + np.stack([0 * p[:, 0], 0 * p[:, 0], p[:, 0] ** 2], 1)).astype(np.float32).ravel())
     ob = make_strip(N)
@@ -181,7 +181,7 @@ OF_THE_SOURCE = {'followed', 'worn'}
 
 
 def push(movers, amount):
-    """Moves the feature on."""
+    """Deforms a feature's object further."""
     for number, mover in enumerate(movers):
         if isinstance(mover, bpy.types.Object):
             mover.matrix_world = Matrix.Translation((0, 0, amount / (1 + number))) @ mover.matrix_world
@@ -195,7 +195,7 @@ def push(movers, amount):
 
 
 def seen(ob):
-    """(n, 3): its own vertices as they are seen, in the world."""
+    """(n, 3): where the mesh's own vertices are displayed, in the world."""
     found = ob.evaluated_get(bpy.context.evaluated_depsgraph_get())
     p = np.empty(3 * len(found.data.vertices), np.float32)
     found.data.vertices.foreach_get('co', p)
@@ -204,7 +204,7 @@ def seen(ob):
 
 
 def sentences(ob):
-    """What is said of it that isn't as usual."""
+    """All sentences shown for the object that report something unusual; "" where there is none."""
     of = ob.detail_deform
     source = of.transfer.source if of.transfer.live else None
     return ' '.join(filter(None, (
@@ -212,7 +212,7 @@ def sentences(ob):
         of.status if "Re-bind" in of.status or "Bake again" in of.status else "")))
 
 
-# Actions: none of them should move what is seen. Those that give an object give it for the one to look at.
+# ---- actions: none of them should move the displayed surface. An action may return the object to be looked at instead.
 
 def set_origin(ob):
     bpy.context.scene.cursor.location = (0.3, 0.2, 0.1)
@@ -355,7 +355,7 @@ def another_scene(ob):
 
 
 def join_something(ob):
-    """Another mesh is joined to it: its own vertices come first."""
+    """Joins another mesh to it, whose vertices come behind its own."""
     bpy.ops.mesh.primitive_cube_add(size=0.1, location=(5, 5, 5))
     cube = bpy.context.active_object
     activate(ob)
@@ -364,7 +364,7 @@ def join_something(ob):
 
 
 def add_mirror(ob):
-    """Far from what is deformed."""
+    """Adds a Mirror whose plane is far from the object."""
     modifier = ob.modifiers.new("Mirror", 'MIRROR')
     modifier.use_axis = (False, True, False)
     other = bpy.data.objects.new("Plane", None)
@@ -387,7 +387,7 @@ def off(ob, expected):
 
 @pytest.mark.parametrize('action', ACTIONS, ids=lambda action: action.__name__)
 @pytest.mark.parametrize('feature', FEATURES)
-def test_what_is_seen_stays_and_goes_on(feature, action):
+def test_an_action_moves_nothing_and_the_surface_still_follows(feature, action):
     ob, movers = FEATURES[feature]()
     push(movers, 0.2)
     rest = own(ob)
@@ -403,11 +403,12 @@ def test_what_is_seen_stays_and_goes_on(feature, action):
     update()
     bpy.context.scene.frame_set(bpy.context.scene.frame_current)
     said = sentences(looked_at)
-    # What is nearest is found anew where the mesh is another one, and of two triangles that meet there the other one.
+    # A fraction of SIZE. More for garments: their nearest points are found anew on a changed mesh, and where a vertex
+    # lies over an edge its point may fall on the other triangle.
     near = 3e-3 if feature in {'garment', 'worn'} else 1e-4
     assert off(looked_at, before) < near or said, "it moved"
     if action is not undo and looked_at == ob and not said:
-        # It goes on as it would have.
+        # The surface still follows, and comes back.
         push(movers, 0.1)
         after = seen(ob)
         push(movers, -0.1)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What will go wrong is said before: a region that is only a tip, empties that a copy shares, and edits of the rest
-shape."""
+"""Warnings of setups that will give a wrong result: a region that is only the tip of a limb, examples that are no
+poses, empties that run after themselves or that a copy shares, and modes that edit the rest shape."""
 
 import math
 import re
@@ -17,8 +17,8 @@ RINGS, AROUND = 33, 12
 
 
 def make_limb(first, held=30):
-    """A tube along z, with a shape key that bends its middle by a right angle; region and handle from these rings on,
-    method Examples, bound."""
+    """A tube along z, bound by the method Examples, with a shape key that bends its middle by a right angle as example.
+    The region begins at the ring `first`, the handle at `held`."""
     angles = np.linspace(0, 2 * np.pi, AROUND, endpoint=False)
     p = np.array([(0.4 * math.cos(a), 0.4 * math.sin(a), z) for z in np.linspace(0, 4, RINGS) for a in angles])
     faces = [(i * AROUND + j, i * AROUND + (j + 1) % AROUND, (i + 1) * AROUND + (j + 1) % AROUND, (i + 1) * AROUND + j)
@@ -43,7 +43,7 @@ def make_limb(first, held=30):
 
 
 def bent(p):
-    """By a right angle between z = 1 and 3."""
+    """Positions bent by a right angle between z = 1 and 3."""
     x, y, z = p.T
     turn, radius = 0.5 * np.pi * np.clip((z - 1) / 2, 0, 1), 4 / np.pi
     beyond, below = np.maximum(z - 3, 0), np.minimum(z, 1)
@@ -58,7 +58,7 @@ def thickness(ob, ring):
 
 
 def to_the_bend(ob):
-    """The handle to where the example has its vertices."""
+    """Moves the handle to the place that its vertices have in the example."""
     held = members(ob, 'end')
     empty = ob.detail_deform.handles[0].target
     empty.matrix_world = Matrix.Translation(bent(own(ob))[held].mean(0)) @ Matrix.Rotation(0.5 * np.pi, 4, 'Y')
@@ -110,7 +110,7 @@ def by_a_mesh_that_goes_by_it(empty, ob):
 def test_an_empty_that_goes_by_vertices_that_it_moves_runs_after_itself(hold):
     ob = bind(make_strip())
     empty = ob.detail_deform.handles[0].target
-    # By the object, and by what has nothing to do with its vertices, it may go.
+    # It may depend on the object's transform, and on meshes that don't depend on its vertices.
     empty.parent = ob
     empty.constraints.new('COPY_ROTATION').target = ob
     empty.constraints.new('SHRINKWRAP').target = make_strip(name="Elsewhere")
@@ -133,7 +133,7 @@ def test_a_region_that_is_only_a_tip_leaves_a_stub_of_an_example_and_says_so():
     status = tip.detail_deform.status
     assert "Example 'Bend' also moves what lies beside the region (such as vertex 29" in status and "stub" in status
     to_the_bend(tip)
-    assert thickness(tip, 27) < 0.36  # as it says
+    assert thickness(tip, 27) < 0.36  # thinner than the whole limb's 0.39, as the warning says
     tip.detail_deform.method = 'TRANSFER'
     assert "stub" not in tip.detail_deform.status
 
@@ -158,7 +158,7 @@ def test_an_example_that_is_no_pose_is_named(shape, said):
 
 
 @pytest.mark.parametrize('segments', [12, 160])
-def test_a_mirror_image_is_seen_at_any_density_and_not_in_what_is_open(segments):
+def test_a_mirror_image_is_seen_at_any_density_and_only_of_a_closed_surface(segments):
     bpy.ops.mesh.primitive_uv_sphere_add(segments=segments, ring_count=segments // 2)
     ball = bpy.context.active_object
     group(ball, 'end', np.flatnonzero(own(ball)[:, 2] > 0.8))
@@ -176,7 +176,7 @@ def test_a_mirror_image_is_seen_at_any_density_and_not_in_what_is_open(segments)
 
 
 def mirrored_along_z(ob):
-    """What is said of that as an example."""
+    """The status with the mesh's mirror image along z as an example."""
     rest = own(ob)
     activate(ob)
     ob.shape_key_add(name="Basis")
@@ -195,10 +195,10 @@ def test_a_region_of_a_single_row_is_said():
     assert "single row" not in bind(make_strip()).detail_deform.status
 
 
-# A copy
+# ---- copies
 
 def duplicated(ob, along=3.0):
-    """Shift D of the mesh alone, and a move."""
+    """A copy of the object and its mesh without its empties, as by Shift D, moved along x."""
     activate(ob)
     bpy.ops.object.duplicate(linked=False)
     copy = bpy.context.active_object
@@ -225,7 +225,7 @@ def test_a_copy_that_follows_the_firsts_empties_says_so_and_gets_its_own(pulled)
     assert "Its empties are those of 'Strip' too" in copy.detail_deform.status
     assert "Its empties" not in pulled.detail_deform.status
     assert "posed alike" in copy.detail_deform.status
-    assert np.abs(evaluated(copy) - shape).max() < 1e-5  # wherever it stands
+    assert np.abs(evaluated(copy) - shape).max() < 1e-5  # in local space, although the copy stands elsewhere
     theirs = pulled.detail_deform.handles[0].target
     theirs.location.z += 0.1
     update()
@@ -243,7 +243,7 @@ def test_a_copy_that_follows_the_firsts_empties_says_so_and_gets_its_own(pulled)
     update()
     assert np.allclose(evaluated(pulled), shape, atol=1e-5) and np.abs(evaluated(copy) - shape).max() > 0.15
     assert "own already" in refusal(bpy.ops.object.detail_deform_own_empties)
-    # It goes with what was made for it, and the first one stays as it is.
+    # Remove takes the copy's own empties away, and the first object keeps its own.
     before = data_blocks()
     bpy.ops.object.detail_deform_remove()
     assert np.allclose(evaluated(pulled), shape, atol=1e-5) and theirs.name in bpy.data.objects
@@ -259,7 +259,7 @@ def test_a_copy_with_its_empties_has_its_own_already(pulled):
     assert "Its empties" not in copy.detail_deform.status + pulled.detail_deform.status
 
 
-def test_two_meshes_with_one_empty_by_intention_say_nothing():
+def test_two_meshes_that_were_given_one_empty_are_not_warned_of():
     one, two = make_strip(name="One"), make_strip(name="Two")
     two.detail_deform.handles[0].target = one.detail_deform.handles[0].target
     bind(one)
@@ -282,8 +282,9 @@ def test_empties_without_a_parent_are_copied_to_where_the_copy_is(pulled):
     assert np.allclose(evaluated(copy), shape, atol=1e-5)
 
 
-def test_what_an_empty_hangs_on_is_the_copys_too(pulled):
-    """Another handle's empty, an action, a constraint, a driver."""
+def test_own_empties_refer_to_the_copy(pulled):
+    """The copied empties' parents, constraints and drivers refer to the copy and its empties, and their actions are
+    copies."""
     first = pulled.detail_deform.handles[0].target
     group(pulled, 'middle', [70, 71])
     second = add_handle(pulled, 'middle', add_empty("Second", own(pulled)[70])).target
@@ -321,7 +322,7 @@ def test_two_handles_with_one_empty_have_one_on_the_copy(pulled):
     assert mine[0] == mine[1] != pulled.detail_deform.handles[0].target
 
 
-# Modes that work on the rest shape
+# ---- modes that edit the rest shape
 
 @pytest.mark.parametrize('mode', ['EDIT', 'SCULPT'])
 def test_apply_first_in_the_mode_that_works_on_the_rest_shape(pulled, part, mode):
@@ -337,7 +338,7 @@ def test_apply_first_in_the_mode_that_works_on_the_rest_shape(pulled, part, mode
 
 
 def test_a_mode_that_blender_does_not_change_is_said(pulled):
-    """It doesn't for what is disabled in viewports, but to leave Edit Mode."""
+    """Blender refuses to change the mode of an object that is disabled in viewports, except out of Edit Mode."""
     activate(pulled)
     rest = own(pulled)
     bpy.ops.object.mode_set(mode='SCULPT')

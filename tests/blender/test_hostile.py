@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files whose content nobody has made with the add-on, by mistake or on purpose: a sentence or nothing, never an
-exception, an endless update or a crash; and what the add-on's sources can't do."""
+"""Files with content that the add-on doesn't write, broken by mistake or on purpose: they give a sentence or nothing,
+never an exception, an endless update or a crash; and no path in them is written to."""
 
 import os
 import struct
@@ -18,12 +18,12 @@ BUTTONS = ('update', 'bind', 'handle_reset', 'save_key', 'copy_settings', 'place
 
 
 def stored(ob):
-    """The settings as a file holds them, with no limits and no kinds."""
+    """The settings as a file stores them: custom properties, without limits or types."""
     return (ob.bl_system_properties_get() if bpy.app.version >= (5, 0) else ob)['detail_deform']
 
 
 def use(ob, buttons=BUTTONS):
-    """What a session with such an object does: draws, plays, moves, presses, undoes."""
+    """Plays frames, reads all that panels show, moves the handles, presses buttons and undoes."""
     settings = ob.detail_deform
     for frame in (3, 4):
         bpy.context.scene.frame_set(frame)
@@ -45,7 +45,7 @@ def use(ob, buttons=BUTTONS):
         try:
             getattr(bpy.ops.object, f'detail_deform_{operator}')()
         except RuntimeError:
-            pass  # a sentence, or a poll
+            pass  # refused by a sentence, or by poll()
         update()
     bpy.ops.ed.undo_push(message="pressed")
     bpy.ops.ed.undo()
@@ -54,7 +54,7 @@ def use(ob, buttons=BUTTONS):
 
 @pytest.fixture
 def opened(tmp_path, part):
-    """opened(change): the strip of a file that was changed so, bound and posed, as it is opened."""
+    """opened(change): saves a bound and posed strip, changed by change(ob), opens the file, and returns the strip."""
     def make(change, prepare=lambda: bind(make_strip(11))):
         ob = prepare()
         for handle in ob.detail_deform.handles:
@@ -129,7 +129,7 @@ def test_a_setting_that_no_button_gives(opened, change):
     use(opened(change), ('update', 'handle_reset', 'bind', 'remove'))
 
 
-# Pointers
+# ---- pointers
 
 def _following():
     source, target = raw_strip("Source", 11), raw_strip("Strip", 11)
@@ -141,7 +141,7 @@ def _following():
 
 
 def pointer(**chosen):
-    """Of the settings, to the object that is called so."""
+    """Sets pointers of the settings to the objects of these names."""
     def change(ob):
         for name, other in chosen.items():
             owner = ob.detail_deform.transfer if name == 'source' else ob.detail_deform
@@ -221,7 +221,7 @@ def test_a_source_that_is_no_mesh(opened):
 
 
 def match(**parts):
-    """A saved match with these parts in the place of good ones."""
+    """Replaces parts of a saved match; None deletes a part."""
     def change(ob):
         kept = ob.data['detail_deform_match']
         for name, value in parts.items():
@@ -253,7 +253,7 @@ def _matched(tmp_path):
     match(point_triangles=[10**9] * 121, point_weights=[0.5] * 363)])
 def test_a_saved_match_that_no_search_gives(opened, tmp_path, part, change):
     ob = opened(change, lambda: _matched(tmp_path))
-    part('scene.correspondence').vertex_confidence(ob)  # as Show Match draws it
+    part('scene.correspondence').vertex_confidence(ob)  # read by Show Match
     bpy.ops.ed.undo_push(message="opened")
     try:
         bpy.ops.object.detail_deform_transfer_save(filepath=str(tmp_path / 'written.txt'))
@@ -263,7 +263,7 @@ def test_a_saved_match_that_no_search_gives(opened, tmp_path, part, change):
 
 
 def other_sockets(ob):
-    """The node group's own sockets, of other kinds, with the same names."""
+    """Replaces the sockets of the add-on's node group by sockets of other types with the same names."""
     group = ob.modifiers['Detail Deform'].node_group
     kinds = {'Factor': 'NodeSocketString', 'Influence': 'NodeSocketGeometry', 'Invert': 'NodeSocketObject',
              'Base': 'NodeSocketFloat'}
@@ -283,7 +283,7 @@ def no_nodes(ob):
 def values_of_other_kinds(ob):
     modifier = ob.modifiers['Detail Deform']
     for key in list(modifier.keys()):
-        del modifier[key]  # or it keeps its kind
+        del modifier[key]  # otherwise the property keeps its type
         modifier[key] = [1, 2]
 
 
@@ -294,7 +294,7 @@ def test_nodes_that_are_not_ours(opened, change):
     use(opened(change))
 
 
-# Files that are read, and paths
+# ---- files that are read, and paths
 
 HEADER = struct.Struct('<12siiffi')
 
@@ -330,7 +330,7 @@ def test_lists_that_are_none(tmp_path, content):
 
 
 @pytest.mark.skipif(not hasattr(os, 'mkfifo'), reason="no such files on this system")
-def test_what_has_no_end_is_not_read(tmp_path):
+def test_devices_pipes_and_folders_are_not_read(tmp_path):
     bind(make_strip(11))
     os.mkfifo(tmp_path / 'pipe')
     for path in ('/dev/zero', str(tmp_path / 'pipe'), str(tmp_path)):
@@ -342,8 +342,8 @@ def test_what_has_no_end_is_not_read(tmp_path):
         assert "it is no file" in refusal(bpy.ops.object.detail_deform_transfer_live)
 
 
-def test_no_path_of_a_file_is_written_to(tmp_path):
-    """A bake goes beside the file, whatever names and paths that file holds."""
+def test_no_path_within_a_blend_file_is_written_to(tmp_path):
+    """A bake without a path goes beside the .blend file, whatever names and paths are stored in that."""
     inside, victims = tmp_path / 'inside', [tmp_path / 'victim.pc2', tmp_path / 'list.txt']
     inside.mkdir()
     for victim in victims:

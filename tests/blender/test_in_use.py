@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An update of the add-on while another Blender of the same user has it in use, from a folder of any name."""
+"""The add-on is updated while another Blender of the same user has its library loaded; the user's folder has a name
+outside of ASCII."""
 
 import os
 import subprocess
@@ -41,14 +42,14 @@ wait()
 
 
 class Other:
-    """A Blender that runs the script by steps."""
+    """Another Blender, which runs a script and waits at each wait() in it."""
 
     def __init__(self, arguments, environment):
         self._process = subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                          stderr=subprocess.STDOUT, text=True, encoding='utf-8', env=environment)
 
     def step(self):
-        """What it says of the deformation until it waits."""
+        """Runs up to the next wait(); returns the lines that start with "deforms", and all lines."""
         lines = []
         for line in self._process.stdout:
             if line.startswith('waits'):
@@ -72,8 +73,8 @@ def test_an_update_while_another_blender_has_the_library(tmp_path, part):
     script, profile = tmp_path / 'script.py', tmp_path / 'Größe 画像'
     script.write_text(OF_BOTH.replace(', version(module)', '') + INSTALL, encoding='utf-8')
     profile.mkdir()
-    # Blender writes UTF-8 on every system. The module bpy leaves Windows' own encoding, in which 5.2's
-    # installer can't print the profile's name.
+    # Blender's Python prints UTF-8 on every system, but Python with the module bpy prints in Windows' own encoding, in
+    # which the installer of 5.2 fails to print the folder's name.
     environment = {**os.environ, 'BLENDER_USER_RESOURCES': str(profile), 'DETAIL_DEFORM_LIBRARY': '',
                    'PYTHONIOENCODING': 'utf-8'}
     others = {}

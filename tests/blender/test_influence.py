@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of the result is shown, and where."""
+"""Influence: a vertex group whose weights scale the displayed offsets."""
 
 import bpy
 import numpy as np
@@ -10,7 +10,7 @@ from conftest import activate, bind, evaluated, group, make_strip, own, update
 
 @pytest.fixture
 def lifted():
-    """Bound and lifted, with a group "soft" whose weights fall from 1 to 0 across the strip."""
+    """A bound and lifted strip, with a group "soft" whose weights rise from 0 to 1 across it."""
     ob = bind(make_strip())
     soft = ob.vertex_groups.new(name='soft')
     for vertex, y in enumerate(own(ob)[:, 1]):
@@ -25,21 +25,21 @@ def shown(ob):
     return evaluated(ob) - own(ob)
 
 
-def test_a_vertex_group_says_where(lifted):
+def test_weights_scale_the_offsets(lifted):
     whole, y = shown(lifted), own(lifted)[:, 1:2]
     assert np.abs(whole).max() > 0.3
     lifted.detail_deform.influence = 'soft'
     assert np.abs(shown(lifted) - y * whole).max() < 1e-6
     lifted.detail_deform.invert_influence = True
     assert np.abs(shown(lifted) - (1 - y) * whole).max() < 1e-6
-    # The weights are read live: no new bind.
+    # Changed weights apply without a new Bind.
     lifted.vertex_groups['soft'].add(range(len(y)), 0.25, 'REPLACE')
     assert np.abs(shown(lifted) - 0.75 * whole).max() < 1e-6
     lifted.detail_deform.influence = ''
     assert np.abs(shown(lifted) - whole).max() < 1e-6 and lifted.detail_deform.is_bound
 
 
-def test_it_is_there_before_the_modifier_is(part):
+def test_an_influence_chosen_before_bind_applies(part):
     ob = make_strip()
     ob.detail_deform.influence = 'right'
     bind(ob)
@@ -48,7 +48,7 @@ def test_it_is_there_before_the_modifier_is(part):
     assert (moved > 0.39).sum() == 75 and (moved == 0).sum() == len(moved) - 75
 
 
-def test_a_group_that_is_gone_shows_nothing_and_that_is_said(lifted):
+def test_without_its_group_nothing_is_shown_and_the_status_says_so(lifted):
     lifted.detail_deform.influence = 'soft'
     assert "Influence refers" not in lifted.detail_deform.status
     lifted.vertex_groups.remove(lifted.vertex_groups['soft'])
@@ -71,9 +71,9 @@ def test_a_follower_whose_group_is_gone_says_so():
 
 
 @pytest.mark.parametrize('bound', [False, True])
-def test_what_join_leaves_is_not_shown(bound):
-    """The offsets of an object that was joined into another come with its mesh. bound: those that a binding before had
-    made of it, too."""
+def test_offsets_of_a_joined_object_are_not_shown(bound):
+    """Join brings the attributes of the joined mesh along, and with them its offsets. bound: also the offsets of the
+    binding before, from which its present one started."""
     joined, ob = bind(make_strip(name="Joined")), make_strip()
     joined.detail_deform.handles[0].target.location.z += 0.4
     update()

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was installed is the zip, whole and by itself."""
+"""The installed zip: it is the code that is tested, it unregisters completely, Blender's validator accepts it, and
+scripts that use it end."""
 import os
 import subprocess
 import sys
@@ -74,14 +75,14 @@ def test_bindings_come_back_after_disabling_and_enabling(module):
 @pytest.mark.skipif(bpy.app.version < (4, 2, 0), reason="extensions came with 4.2")
 @pytest.mark.parametrize('options', [None, (), ('--wheel',)], ids=['tested', 'folder', 'wheel'])
 def test_blenders_own_validator_accepts_the_zip(part, tmp_path, options):
-    """The tested one, and both kinds that are made of the sources."""
+    """The tested zip, and both kinds that are packed from the sources here."""
     tool = Path(bpy.utils.system_resource('SCRIPTS'), 'addons_core', 'bl_pkg', 'cli', 'blender_ext.py')
     assert tool.exists()
     path = os.environ['DD_TEST_ZIP']
     if options is not None:
         path = tmp_path / 'made.zip'
         make_zip(part('library.native').library_path(), path, *options)
-    # A module has no executable of its own; its interpreter is Python itself.
+    # sys.executable is Blender's Python, or with the module bpy the Python that runs this.
     checked = subprocess.run([sys.executable, tool, 'validate', path], capture_output=True, text=True)
     assert checked.returncode == 0, checked.stdout + checked.stderr
 

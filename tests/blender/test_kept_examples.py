@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the mix of examples makes, kept as shape keys, sliders and keyed values."""
+"""A pose mixed of examples, kept as a shape key, as keyed sliders and as keyed values of shape keys."""
 
 import re
 
@@ -13,7 +13,7 @@ from rigs import LENGTH, add_handles, at, from_poses, key
 
 
 @pytest.mark.parametrize('weights_by', ['HANDLES', 'SLIDERS'])
-def test_what_is_seen_is_saved_as_a_key(rigged, weights_by):
+def test_the_displayed_shape_is_saved_as_a_key(rigged, weights_by):
     ob, rig = rigged
     add_handles(ob, rig if weights_by == 'SLIDERS' else None)
     from_poses(frames='KEYS')
@@ -49,7 +49,7 @@ def test_found_weights_are_baked(rigged):
     at(4)
     assert bake(mode='SLIDERS') == {'FINISHED'}
     assert ob.detail_deform.weights_by == 'SLIDERS' and bpy.context.scene.frame_current == 4
-    ob.detail_deform.handles[0].target.parent = None  # let go
+    ob.detail_deform.handles[0].target.parent = None  # it no longer follows the bone
     for frame, (shape, weights) in expected.items():
         at(frame)
         assert np.allclose([e.weight for e in ob.detail_deform.examples], weights, atol=1e-5)
@@ -77,8 +77,8 @@ def test_found_weights_are_baked_as_values_of_keys(rigged):
 
 
 @pytest.mark.parametrize('mode', ['SLIDERS', 'KEY_VALUES'])
-def test_what_weights_alone_do_not_hold_is_said(rigged, mode, capfd):
-    """The root is held by a handle that stays, of which weights know nothing."""
+def test_the_difference_that_weights_alone_leave_is_reported(rigged, mode, capfd):
+    """The root is held by a resting handle, and weights alone don't hold it."""
     ob, rig = rigged
     add_handles(ob, rig)
     ob.detail_deform.region = ''
@@ -118,7 +118,7 @@ def test_weights_that_are_driven_are_not_baked(rigged, mode):
 
 
 @pytest.mark.parametrize('mode', ['SLIDERS', 'KEY_VALUES'])
-def test_keyed_weights_take_the_place_of_what_was_keyed(rigged, mode, part, monkeypatch):
+def test_baked_weights_replace_earlier_keyframes(rigged, mode, part, monkeypatch):
     ob, rig = rigged
     add_handles(ob, rig)
     from_poses(frames='KEYS')
@@ -136,7 +136,7 @@ def test_keyed_weights_take_the_place_of_what_was_keyed(rigged, mode, part, monk
     refresh = life.refresh
     monkeypatch.setattr(life, 'refresh', lambda *given: (refreshed.append(1), refresh(*given)))
     assert bpy.ops.object.detail_deform_bake(mode=mode) == {'FINISHED'}
-    # Twice a frame of each walk, of which sliders take two, and not for each key.
+    # Two refreshes a frame in each pass over the frames, of which sliders need two, but none for each keyframe.
     assert len(refreshed) < (5 if mode == 'SLIDERS' else 3) * 31
     animation = (ob if mode == 'SLIDERS' else ob.data.shape_keys).animation_data
     for curve in part('scene.actions').curves(animation.action):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shape keys that mean the same under different names, in a transfer."""
+"""Transferring shape keys to keys with other names: other spellings of a name, and names from a file."""
 
 import bpy
 import numpy as np
@@ -43,8 +43,8 @@ def test_which_key_goes_where(part):
     names = ["eyeBlinkLeft", "eyeBlink_L", "jawOpen", "smile"]
     assert places(names, ["EyeBlinkL", "Jaw Open", "jaw_open"], {}, False) == {name: name for name in names}
     assert places(names, ["EyeBlinkL", "Jaw Open", "jaw_open", "smile", "Smile"], {}, True) == {
-        "eyeBlinkLeft": "EyeBlinkL", "eyeBlink_L": "eyeBlink_L",  # which is taken
-        "jawOpen": "jawOpen",  # it could be either
+        "eyeBlinkLeft": "EyeBlinkL", "eyeBlink_L": "eyeBlink_L",  # "EyeBlinkL" is taken already
+        "jawOpen": "jawOpen",  # two names of the target are spellings of it
         "smile": "smile"}
     assert places(names, [], {"jawOpen": "smile", "other": "x"}, True) == {
         "jawOpen": "smile", "eyeBlinkLeft": "eyeBlinkLeft", "eyeBlink_L": "eyeBlink_L", "smile": None}
@@ -55,7 +55,7 @@ def test_keys_go_to_those_of_alike_names(source, targets):
     keys_of(source)["Bend"].name = "eyeBlinkLeft"
     add_key(ann, "EyeBlink_L", own(ann))
     choose(source, ann)
-    many(what='ALL_KEYS', alike_names=True)  # it is the user's own
+    many(what='ALL_KEYS', alike_names=True)  # "EyeBlink_L" is the user's own key and stays
     assert [key.name for key in keys_of(ann)] == ["Basis", "EyeBlink_L", "EyeBlink_L.001", "Lift"]
     assert np.abs(coordinates(keys_of(ann)["EyeBlink_L"]) - own(ann)).max() < 1e-6
     add_key(bob, "EyeBlink_L", own(bob))
@@ -63,7 +63,7 @@ def test_keys_go_to_those_of_alike_names(source, targets):
     many(what='ALL_KEYS', alike_names=True, replace=True)
     assert [key.name for key in keys_of(bob)] == ["Basis", "EyeBlink_L", "Lift"]
     assert [key.name for key in keys_of(cid)] == ["Basis", "eyeBlinkLeft", "Lift"]
-    # From now on it is one that was transferred.
+    # From now on the key counts as a transferred one, and is written without `replace`.
     keys_of(source)["eyeBlinkLeft"].data[3].co.z += 0.1
     many(what='ALL_KEYS', alike_names=True)
     assert [key.name for key in keys_of(bob)] == ["Basis", "EyeBlink_L", "Lift"]
@@ -96,13 +96,13 @@ def test_two_keys_don_t_go_to_one(source, targets, tmp_path):
     assert "Left out: 'Lift': another key" in row("Ann")
 
 
-# None over another one
+# ---- no key is written over another one
 
 def is_shape(key, of):
     return np.abs(coordinates(key) - coordinates(of)).max() < 1e-4
 
 
-def test_a_file_of_names_goes_for_keys_that_were_transferred_before(source, targets, tmp_path):
+def test_a_file_of_names_applies_to_keys_that_were_transferred_before(source, targets, tmp_path):
     path = tmp_path / "names.txt"
     path.write_text("Bend -> Jaw Open\n")
     ann = targets[0]
@@ -121,7 +121,7 @@ def test_a_file_of_names_goes_for_keys_that_were_transferred_before(source, targ
     assert "another name" not in row("Ann") and len(keys_of(ann)) == 3
 
 
-def test_a_key_of_a_name_that_another_one_went_to(source, targets, tmp_path):
+def test_a_key_whose_name_another_key_was_transferred_to(source, targets, tmp_path):
     path = tmp_path / "names.txt"
     path.write_text("Bend -> Smile\n")
     ann = targets[0]
@@ -149,7 +149,7 @@ def test_one_source_leaves_the_keys_of_another(source, targets, tmp_path):
     assert [key.name for key in keys_of(ann)] == ["Basis", "Smile", "Lift", "Bend"]
     assert is_shape(keys_of(ann)["Smile"], keys_of(source)["Bend"])
     assert is_shape(keys_of(ann)["Bend"], keys_of(other)["Bend"])
-    # The same name of the target is one key, whose change of hands is said.
+    # Two sources that write to the same key of the target: the change is reported.
     choose(source, ann)
     many(what='ALL_KEYS')
     assert is_shape(keys_of(ann)["Bend"], keys_of(source)["Bend"]) and "or source: 'Bend'." in row("Ann")
@@ -166,13 +166,13 @@ def test_sources_beside_one_key_of_the_user_s_own_have_one_each(source, targets)
         assert [key.name for key in keys_of(ann)] == ["Basis", "Bend", "Bend.001", "Bend.002"]
         assert is_shape(keys_of(ann)["Bend.001"], keys_of(source)["Bend"])
         assert is_shape(keys_of(ann)["Bend.002"], keys_of(other)["Bend"])
-    # Without the user's own they remain what they are.
+    # When the user's own key is gone, the transferred keys keep their names.
     ann.shape_key_remove(mine)
     many(what='ALL_KEYS')
     assert [key.name for key in keys_of(ann)] == ["Basis", "Bend.001", "Bend.002"]
 
 
-def test_what_is_made_beside_a_key_has_no_name_of_another(source, targets):
+def test_a_key_made_beside_a_users_key_takes_no_other_keys_name(source, targets):
     ann = targets[0]
     add_key(ann, "Bend", own(ann))
     add_key(source, "Bend.001", own(source) + (0, 0, 1))

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sources from other files: linked, as library overrides, in instanced collections; and what of a target may be so."""
+"""Sources from other files: linked, as library overrides, and in instanced collections; and targets from other files,
+which are refused."""
 
 import bpy
 import numpy as np
@@ -16,7 +17,7 @@ KINDS = ('LINKED', 'OVERRIDE', 'INSTANCE')
 
 @pytest.fixture
 def library(tmp_path):
-    """A file with the collection "Character": a rigged mesh with a driven key and a subdivision."""
+    """The path of a file with the collection "Character": a rigged mesh with a driven shape key and a subdivision."""
     source, rig = make_rigged()
     add_key(source, "Fat", own(source) * (1, 1.5, 1.5))
     source.data.shape_keys.key_blocks["Fat"].driver_add('value').driver.expression = "0.25"
@@ -29,7 +30,7 @@ def library(tmp_path):
 
 
 def bring(library, kind):
-    """The source, in the scene."""
+    """Brings the collection into the scene; returns its mesh object, the source."""
     with bpy.data.libraries.load(library, link=True) as (_, into):
         into.collections = ["Character"]
     collection, scene = into.collections[0], bpy.context.scene
@@ -48,7 +49,7 @@ def bring(library, kind):
 
 
 def truth(library, frames):
-    """{frame: what the source is like without its subdivision}, from the file itself."""
+    """{frame: positions of the source without its subdivision}, evaluated in the library's own file."""
     bpy.ops.wm.open_mainfile(filepath=library)
     source = bpy.data.objects["Limb"]
     source.modifiers["Subdivision"].show_viewport = False
@@ -99,7 +100,7 @@ def test_follows_saved_reloaded_and_as_the_library_changes(library, tmp_path, ki
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
     assert_follows(bpy.data.objects["Target"], poses)
-    # The library gets a thicker mesh, and this file is told to read it again.
+    # The library's mesh is changed; the file that links to it is opened again.
     bpy.ops.wm.open_mainfile(filepath=library)
     bpy.data.objects["Limb"].data.shape_keys.key_blocks["Fat"].driver_remove('value')
     bpy.data.objects["Limb"].data.shape_keys.key_blocks["Fat"].value = 1.0
@@ -111,7 +112,7 @@ def test_follows_saved_reloaded_and_as_the_library_changes(library, tmp_path, ki
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_to_many_with_one_that_fails(library, kind, capfd):
-    """What failed can't be kept with such a source, and stands in the text."""
+    """A linked source can't store which targets failed; the text data-block lists them."""
     source = bring(library, kind)
     good, odd = copy_of_rest(source, "Good"), raw_strip("Odd", 9)
     if kind == 'INSTANCE':  # it can't be the active object
@@ -153,13 +154,14 @@ def test_a_target_that_belongs_to_another_file_is_refused_by_name(library):
     for operator in (transfer, live):
         said = refusal(operator, source="Other")
         assert "The mesh of 'Local', 'Limb', is linked from another file, 'library.blend'" in said
-    bpy.ops.object.make_local(type='SELECT_OBDATA')  # as it says
+    bpy.ops.object.make_local(type='SELECT_OBDATA')  # Make Local > All, as the sentence advises
     assert transfer(source="Other") == {'FINISHED'} and local.data.shape_keys and not other.data.shape_keys
 
 
 def test_an_override_is_refused_as_a_target_until_it_is_local(library):
     source = bring(library, 'OVERRIDE')
-    copy_of_rest(source, "Other").detail_deform.transfer.source = None  # else 3.4 doesn't make it local
+    # Without a user of the source: Blender 3.4 makes no object local that is in use.
+    copy_of_rest(source, "Other").detail_deform.transfer.source = None
     activate(source)
     for operator in (transfer, live):
         assert "'Limb' is a library override of 'library.blend'" in refusal(operator, source="Other")

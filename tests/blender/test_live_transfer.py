@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Following a source: by which correspondence, and how it is prepared."""
+"""Live transfer: the correspondence that it uses, and its preparation in the background."""
 
 import re
 
@@ -14,7 +14,7 @@ live = bpy.ops.object.detail_deform_transfer_live
 
 
 def marked(ob, n):
-    """Markers at the corners and in the middle."""
+    """Adds markers at the corners and in the middle."""
     for number, vertex in enumerate((0, n - 1, n * n - n, n * n - 1, n * (n // 2) + n // 2), 1):
         group(ob, f"Marker {number}", [vertex])
 
@@ -45,7 +45,7 @@ def bend(source, value=1.0):
 
 
 def assert_bent(target, within):
-    # Where it is as a whole is another matter.
+    # Up to a translation, which the gradients leave open.
     difference = evaluated(target) - bent(own(target))
     assert np.abs(difference - difference.mean(0)).max() < within
 
@@ -55,7 +55,7 @@ def kept_pairs(target):
 
 
 def test_markers_are_searched_when_following_starts(pair):
-    """And not taken for what was kept before."""
+    """An earlier match that is stored isn't used in their place."""
     source, target = pair
     settings = target.detail_deform.transfer
     settings.correspondence = 'MARKERS'
@@ -63,7 +63,7 @@ def test_markers_are_searched_when_following_starts(pair):
     assert settings.correspondence == 'STORED' and len(kept_pairs(target)) > 500
     bend(source)
     assert_bent(target, 0.1)
-    # Other markers, started anew: others are found, whatever is kept.
+    # With other markers a new start finds other pairs, although a match is stored.
     before = kept_pairs(target)
     live(on=False)
     for ob in (source, target):
@@ -95,7 +95,7 @@ def test_a_list_is_read_when_following_starts(alike, tmp_path):
 
 
 def test_pairs_of_triangles_and_of_vertices_are_told_apart(alike, tmp_path, factored):
-    """Where their numbers are the same."""
+    """Also where the numbers in both lists are the same."""
     _, target = alike
     path = tmp_path / "pairs.txt"
     path.write_text(''.join(f"{k} {k}\n" for k in range(600)))
@@ -126,7 +126,7 @@ def test_a_choice_that_can_t_be_meant_while_following_is_said(alike):
 
 
 class Counted:
-    """Counts the native.TransferJobs that are waited for; these fail where they are told to."""
+    """Job: a native.TransferJob whose finish() is counted, and raises `failure` if there is one."""
 
     def __init__(self, native, failure=None):
         counted = self
@@ -143,7 +143,7 @@ class Counted:
 
 
 def poll_until_ready(life):
-    """What the timer does, until it wants to be called no more."""
+    """Does the timer's work until it has none left."""
     while life._poll() is not None:
         pass
 
@@ -162,7 +162,8 @@ def factored(part, monkeypatch):
 
 
 def test_nothing_is_factored_within_an_update(alike, part, as_in_a_window, factored):
-    """In the window it is prepared beside, with progress, and followed when it is ready."""
+    """In the window a job prepares the transfer in the background and reports its progress; the target follows when it
+    has ended."""
     source, target = alike
     life = part('follow.life')
     as_in_a_window('follow.life')
@@ -175,7 +176,7 @@ def test_nothing_is_factored_within_an_update(alike, part, as_in_a_window, facto
     update()
     assert factored.count == 1 and target.detail_deform.transfer.state == "Follows 'Source'."
     assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
-    # An edit of the source is prepared for in the same way; meanwhile the last result stays.
+    # So does an edit of the source; meanwhile the last result is shown.
     shown = evaluated(target)
     basis = source.data.shape_keys.key_blocks[0]
     basis.data[300].co.z += 0.01
@@ -200,7 +201,7 @@ def test_preparing_can_be_cancelled(alike, part, as_in_a_window, factored):
     assert np.abs(evaluated(target) - own(target)).max() == 0
 
 
-def test_what_could_not_be_prepared_is_said_and_not_tried_at_every_update(alike, part, as_in_a_window, monkeypatch):
+def test_a_failed_preparation_is_reported_and_not_tried_at_every_update(alike, part, as_in_a_window, monkeypatch):
     source, target = alike
     native = part('library.native')
     life = part('follow.life')
@@ -214,7 +215,7 @@ def test_what_could_not_be_prepared_is_said_and_not_tried_at_every_update(alike,
         poll_until_ready(life)
         assert target.detail_deform.transfer.state == "There is no memory left."
     assert failing.count == 1
-    # Following again tries again.
+    # Starting to follow tries again.
     monkeypatch.undo()
     live(on=False)
     assert live(source="Source") == {'FINISHED'}

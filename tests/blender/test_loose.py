@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vertices of a mesh that are in no face, as of whiskers and laces, go with its surface."""
+"""Vertices that are in no face, such as those of whiskers and laces, go along with the mesh's surface."""
 
 import bpy
 import numpy as np
@@ -34,20 +34,20 @@ def chain(first, count):
 
 
 def whisker(points):
-    """From a vertex into the air, bowed."""
+    """A bowed chain of edges from a vertex of the surface into the air."""
     root = 8 * N + 8
     s = np.linspace(0.1, 1, 6)[:, None]
     return points[root] + s * (0.1, 0.05, 0.4) + s**2 * (0, 0.1, 0), [(root, len(points)), *chain(len(points), 6)]
 
 
 def lace(points):
-    """Over the surface, joined to nothing."""
+    """A chain above the surface, joined to nothing."""
     s = np.linspace(0.1, 0.9, 9)[:, None]
     return s * (1, 0.6, 0) + (0, 0.1, 0.04), chain(len(points), 9)
 
 
 def bridge(points):
-    """In the air, from one end of it to the other."""
+    """A chain through the air between two vertices of the surface."""
     ends = 3 * N + 8, 13 * N + 8
     s = np.linspace(0, 1, 9)[1:-1, None]
     over = points[ends[0]] + s * (points[ends[1]] - points[ends[0]]) + np.sin(np.pi * s) * (0, 0, 0.2)
@@ -55,7 +55,7 @@ def bridge(points):
 
 
 def dust(points):
-    """Single vertices."""
+    """Single vertices without edges."""
     return np.random.default_rng(1).random((5, 3)) * (1, 1, 0.1), []
 
 
@@ -64,7 +64,7 @@ THINGS = {f.__name__: f for f in (whisker, lace, bridge, dust)}
 
 @pytest.fixture(params=THINGS)
 def dressed(request):
-    """(surface, the same with a thing of loose vertices, which of its vertices these are)."""
+    """(surface, a copy of it with loose vertices, indices of these)."""
     points, faces = grid()
     more, edges = THINGS[request.param](points)
     body = add("Body", points, [], faces)
@@ -77,7 +77,7 @@ def rest(ob):
 
 
 def carried(body, target, pose):
-    """The target's positions in the key that it gets from this pose of the body."""
+    """The target's positions in the key that is transferred from this pose of the body."""
     add_key(body, "Pose", pose)
     body.active_shape_key_index = len(body.data.shape_keys.key_blocks) - 1
     activate(target)
@@ -93,20 +93,20 @@ def test_a_rigid_motion_takes_all_along(dressed):
 
 
 def test_a_bend_takes_them_where_the_surface_goes(dressed, request):
-    """The mesh that is bent through all of space tells where: to what a thing's own stiffness leaves."""
+    """Compared with bent(), which bends all of space. Only to a third, because chains keep their own shape."""
     body, target, loose = dressed
     found = carried(body, target, bent(rest(body)))
     right = bent(rest(target))
     moved = np.linalg.norm((right - rest(target))[loose], axis=1)
     assert np.linalg.norm((found - right)[loose], axis=1).max() < 0.35 * moved.max()
     size = np.linalg.norm(np.ptp(rest(target)[loose], axis=0))
-    if 'whisker' in request.node.name:  # it keeps its shape
+    if 'whisker' in request.node.name:  # hangs on one vertex, so that it turns as a rigid body
         assert np.linalg.norm(np.ptp(found[loose], axis=0)) == pytest.approx(size, rel=0.35)
         lengths = [np.linalg.norm(np.diff(p[loose], axis=0), axis=1) for p in (found, rest(target))]
         assert np.allclose(*lengths, rtol=1e-3)
 
 
-def test_it_follows_live(dressed):
+def test_live_transfer_gives_the_same_positions(dressed):
     body, target, _ = dressed
     add_key(body, "Pose", bent(rest(body)))
     found = carried(*dressed[:2], bent(rest(body)))
@@ -120,8 +120,8 @@ def test_it_follows_live(dressed):
     assert np.abs(evaluated(target) - found).max() < 1e-4
 
 
-def test_what_moves_by_itself_in_a_copy_does_so(dressed):
-    """A key that lowers whiskers, from one mesh to another of the same topology."""
+def test_by_topology_loose_vertices_move_as_the_sources_do(dressed):
+    """A key that moves only the loose vertices, transferred to a copy of twice the size."""
     _, source, loose = dressed
     points = rest(source)
     faces = [list(face.vertices) for face in source.data.polygons]
@@ -143,7 +143,7 @@ def carried_alike(source, target, pose):
 
 
 def cat():
-    """(a surface with a whisker, which of its vertices are in no face)."""
+    """(a surface with a whisker, mask of the whisker's vertices)."""
     points, faces = grid()
     more, edges = whisker(points)
     ob = add("Cat", np.concatenate([points, more]), edges, faces)
@@ -155,8 +155,9 @@ def middle(points):
 
 
 @pytest.mark.parametrize('in_handle', [False, True])
-def test_a_whisker_goes_with_what_a_handle_moves(in_handle):
-    """By Pull, whose reach counts along the surface; whether the handle has some of its vertices or none."""
+def test_a_whisker_goes_along_with_the_handle_at_its_root(in_handle):
+    """Whether some of the whisker's vertices are in the handle or none. Pull measures its reach along the surface, so
+    the whisker has no distance of its own."""
     ob, is_loose = cat()
     empty = pull(ob, middle(rest(ob)) & (in_handle | ~is_loose), radius=0.3)
     motion = Matrix.Translation((0.1, 0, 0.2)) @ Matrix.Rotation(0.6, 4, 'Y')
@@ -179,7 +180,7 @@ def test_a_whisker_beside_the_handle_bends_with_the_surface():
     assert np.allclose(np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1), rtol=0.02)
 
 
-def test_what_hangs_is_not_said_to_stay():
+def test_a_whisker_is_not_reported_as_staying_behind():
     ob, _ = cat()
     pull(ob, middle(rest(ob)), radius=0.3)
     assert "stay" not in ob.detail_deform.status
@@ -198,7 +199,7 @@ def test_a_whisker_on_a_face_without_area_only_moves_along():
     points, faces = grid()
     more, edges = whisker(points)
     root = edges[0][0]
-    for face in faces:  # all around the root at one place
+    for face in faces:  # move the corners of all faces around the root to one point
         if root in face:
             points[face] = points[root]
     ob = add("Cat", np.concatenate([points, more]), edges, faces)

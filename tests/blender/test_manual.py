@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The manual comes with the add-on, opens in the browser, and none of its links or pictures leads nowhere."""
+"""The manual comes with the add-on and opens in the browser, and all of its links and pictures exist."""
 
 import ast
 import importlib
@@ -17,11 +17,11 @@ import pytest
 
 from conftest import REPOSITORY, bind, can_start_programs, make_strip
 
-EMPTY = {'img', 'meta'}  # elements without an end
+EMPTY = {'img', 'meta'}  # elements without an end tag
 
 
 class Page(HTMLParser):
-    """A page's anchors, links and pictures. Fails where an element ends that didn't begin."""
+    """A page's anchors, links and pictures. Fails where start and end tags don't match."""
 
     def __init__(self, text):
         super().__init__()
@@ -46,7 +46,7 @@ class Page(HTMLParser):
 
 @pytest.fixture
 def opened(monkeypatch):
-    """Addresses that a browser was to open."""
+    """The addresses that the add-on gives to the browser."""
     found = []
     monkeypatch.setattr(webbrowser, 'open', found.append)
     return found
@@ -64,12 +64,12 @@ def test_the_manual_opens_whole(opened):
     assert '**' not in page.text and '](' not in page.text and '| ' not in page.text.replace(" | Detail", "")
 
 
-def test_it_is_the_one_of_the_zip(part, module):
+def test_the_installed_manual_is_opened(part, module):
     found = part('ui.preferences').manual()
     assert module.__file__.startswith(str(found.parent))
 
 
-def test_markdown_becomes_what_it_means(monkeypatch):
+def test_markdown_becomes_html(monkeypatch):
     monkeypatch.syspath_prepend(str(REPOSITORY / 'addon'))
     page = importlib.import_module('manual_page').page
     text = page("# A & B: c\n\nOne *two* **three > `<f>`**,\nand [four](#a--b-c), [five](../FIVE.md).\n\n"
@@ -83,7 +83,7 @@ def test_markdown_becomes_what_it_means(monkeypatch):
         assert expected in text
 
 
-def test_a_report_has_what_is_needed(part, opened, monkeypatch):
+def test_a_report_names_versions_mesh_modifiers_and_status(part, opened, monkeypatch):
     ob = bind(make_strip(9))
     preferences = part('ui.preferences')
     text = preferences.report(ob)
@@ -96,7 +96,7 @@ def test_a_report_has_what_is_needed(part, opened, monkeypatch):
     assert bpy.ops.wm.detail_deform_report() == {'FINISHED'} and opened == ["https://example.org/deform/issues"]
 
 
-def test_a_zip_that_is_told_of_a_website_leads_there(part, tmp_path):
+def test_a_zip_made_for_a_website_links_to_it(part, tmp_path):
     if not can_start_programs():
         pytest.skip("no programs like this one can be started here")
     made, website = tmp_path / 'made.zip', "https://example.org/deform"

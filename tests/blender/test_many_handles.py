@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A handle for each vertex or island of a selection, and hundreds of them at work."""
+"""A handle for each vertex or island of a selection, and a surface with hundreds of handles."""
 
 import bpy
 import numpy as np
@@ -19,13 +19,13 @@ def plane():
 
 
 def every(ob, step):
-    """(n,) bool: of the rows and columns of the plane but the left ones, each so many."""
+    """(n,) bool: the vertices in every step-th row and column of the plane, without the leftmost columns."""
     places = np.round((own(ob)[:, :2] + 1) * 30).astype(int)
     return (places % step == 0).all(axis=1) & (places[:, 0] > 3)
 
 
 def add_each(ob, each, chosen):
-    """The handles that are made."""
+    """Adds handles, for each 'VERTEX' or 'ISLAND' of the chosen vertices; returns them."""
     count = len(ob.detail_deform.handles)
     select(ob, chosen)
     assert bpy.ops.object.detail_deform_handle_add(each=each) == {'FINISHED'}
@@ -71,8 +71,8 @@ def test_a_handle_for_each_island(plane):
         assert np.abs(seen(plane, handle.target) - p[part].mean(0)).max() < 1e-6
 
 
-def test_islands_as_they_are_found_one_by_one(part):
-    """Of a random graph, by going from vertex to vertex."""
+def test_islands_are_those_of_a_search_from_vertex_to_vertex(part):
+    """Of random graphs."""
     random = np.random.default_rng(5)
     for edge_count in (0, 200, 450):
         edges = random.integers(0, 600, (edge_count, 2))
@@ -95,7 +95,7 @@ def test_islands_as_they_are_found_one_by_one(part):
         assert [island.tolist() for island in found] == expected
 
 
-def test_what_gives_no_handles(plane):
+def test_refusals_add_no_handles(plane):
     before = data_blocks()
     assert "not in Edit Mode" in refusal(bpy.ops.object.detail_deform_handle_add, each='VERTEX')
     select(plane, np.zeros(len(own(plane)), bool))
@@ -128,7 +128,7 @@ def test_five_hundred_handles_hold_and_move_their_vertices(plane):
     assert np.abs(result[fixed] - own(plane)[fixed]).max() < 1e-6
 
 
-def test_those_that_come_to_a_deformed_surface_move_nothing(plane):
+def test_handles_added_to_a_deformed_surface_move_nothing(plane):
     chosen = np.linalg.norm(own(plane)[:, :2] - (0.5, 0), axis=1) < 0.15
     pull(plane, chosen, radius=0.8).location.z += 0.5
     update()
@@ -145,7 +145,7 @@ def test_those_that_come_to_a_deformed_surface_move_nothing(plane):
     assert np.abs(evaluated(plane) - own(plane)).max() < 1e-5
 
 
-def test_they_go_with_the_bones_that_pose_their_vertices():
+def test_handles_on_a_posed_mesh_have_bones_as_parents():
     ob, rig = rigged(bend=1.2)
     activate(ob)
     chosen = (np.abs(own(ob)[:, 2] - 3.5) < 0.15) & (own(ob)[:, 1] < -0.2)
@@ -158,7 +158,7 @@ def test_they_go_with_the_bones_that_pose_their_vertices():
 
 
 def updates_of(action):
-    """How often the scene was evaluated meanwhile."""
+    """Runs an action; returns how often the scene was evaluated meanwhile."""
     seen = []
     bpy.app.handlers.depsgraph_update_post.append(lambda scene, depsgraph: seen.append(scene))
     try:
@@ -208,7 +208,7 @@ def test_the_scene_is_evaluated_as_often_for_many_as_for_few(plane):
     assert many > 4 * few and of_many == of_few
 
 
-def test_one_empty_of_many_that_is_exchanged_costs_one(plane, part):
+def test_exchanging_one_of_many_empties_keeps_the_drivers_variables(plane, part):
     add_each(plane, 'VERTEX', every(plane, 10))
     bind(plane)
     handles = plane.detail_deform.handles

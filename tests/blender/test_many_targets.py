@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One source onto many meshes: what fails leaves its target as it is, and a second run replaces what the first made."""
+"""Transfer from one source to many targets: a failure leaves its target as it was, and a second run replaces the shape
+keys of the first."""
 
 from types import SimpleNamespace
 
@@ -64,7 +65,7 @@ def targets(source):
 def test_all_selected_meshes_get_the_keys(source, targets):
     moved = own(source) + (3, 0, 0)
     shaped(targets[1], moved)
-    choose(source, *targets, bpy.data.objects["Right"])  # an empty, which is none of them
+    choose(source, *targets, bpy.data.objects["Right"])  # the last is an empty, which is no target
     assert many(what='ALL_KEYS') == {'FINISHED'}
     for target, shift in zip(targets, (0, 3, 0)):
         assert [key.name for key in keys_of(target)] == ["Basis", "Bend", "Lift"]
@@ -78,7 +79,7 @@ def test_all_selected_meshes_get_the_keys(source, targets):
     assert bpy.context.active_object == source
 
 
-def test_what_fails_is_untouched_and_said_and_the_others_are_done(source, targets):
+def test_failed_targets_are_untouched_and_named_and_the_others_are_done(source, targets):
     ann, bob, cid = targets
     shared, absolute, other, following = (raw_strip(name) for name in ("Dan", "Eve", "Fay", "Gil"))
     twin = bpy.data.objects.new("Twin", shared.data)
@@ -108,7 +109,7 @@ def test_what_fails_is_untouched_and_said_and_the_others_are_done(source, target
     for ob in (bob, shared, other, following):
         assert not keys_of(ob)
     assert len(keys_of(absolute)) == 2
-    # What is put right is taken off the list, by whichever of the two operators; the rest stays there.
+    # A target that succeeds later, by either of the two operators, is taken off the list; the others stay on it.
     bob.detail_deform.transfer.anchor = 'SOURCE'
     choose(source, bob)
     many(what='ALL_KEYS')
@@ -144,7 +145,7 @@ def test_a_target_in_edit_mode_or_linked_is_left(source, targets, tmp_path):
     assert len(keys_of(ann)) == 3 and not keys_of(linked)
 
 
-def test_the_question_is_refused_once_where_it_is_wrong(source, targets, tmp_path):
+def test_wrong_arguments_are_refused_once_and_not_for_each_target(source, targets, tmp_path):
     activate(source)
     assert "No other mesh is selected" in refusal(many, what='ALL_KEYS')
     choose(source, *targets)
@@ -175,7 +176,7 @@ def test_each_target_has_its_own_settings(source, targets):
     assert np.abs(np.ptp(twice[2], axis=0) - np.ptp(own(cid), axis=0)).max() < 1e-4
 
 
-def test_each_target_is_matched_by_what_it_has(source, targets, tmp_path):
+def test_each_target_is_matched_by_its_own_topology_markers_match_or_list(source, targets, tmp_path):
     by_markers, matched, listed, other = (raw_strip(name, 33) for name in ("Marked", "Matched", "Li/sted", "Foreign"))
     mark(source, 25, False)
     for ob in (by_markers, matched, other):
@@ -199,7 +200,7 @@ def test_each_target_is_matched_by_what_it_has(source, targets, tmp_path):
     for ob in obs[1:4]:
         found = coordinates(keys_of(ob)["Bend"])
         assert np.abs(found - bent(own(ob))).max() < 0.05
-    # What was found is kept, and the second run goes by it.
+    # The match that was found is stored, and the second run uses it.
     choose(source, by_markers)
     many(what='ALL_KEYS')
     assert "Saved Match" in row("Marked") and len(keys_of(by_markers)) == 3
@@ -228,7 +229,7 @@ def test_the_current_pose_and_an_animation(source, targets, tmp_path):
             assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
 
 
-# Once more
+# ---- a second run
 
 def test_a_second_run_updates_in_place_and_loses_nothing(source, targets):
     ann, bob, _ = targets
@@ -240,7 +241,7 @@ def test_a_second_run_updates_in_place_and_loses_nothing(source, targets):
     many(what='ALL_KEYS', drivers=True)
     assert [key.name for key in keys_of(ann)] == ["Basis", "Lift", "Bend", "Lift.001"]
     assert "'Lift.001' beside 'Lift'" in row("Ann")
-    # The user goes on with the keys.
+    # The user works on with the transferred keys.
     bend = keys_of(bob)["Bend"]
     bend.slider_max, bend.value = 1.5, 0.75
     bend.keyframe_insert('value', frame=1)
@@ -249,7 +250,7 @@ def test_a_second_run_updates_in_place_and_loses_nothing(source, targets):
     keys_of(bob)["Lift"].vertex_group = 'left'
     group(source, 'left', range(25))
     before = {ob.name: [key.name for key in keys_of(ob)] for ob in targets}
-    # The source is sculpted on.
+    # The source's keys are changed.
     new = own(source) + own(source)[:, :1] * (0, 0.2, 0)
     for key in ("Bend", "Lift"):
         keys_of(source)[key].data.foreach_set('co', new.astype(np.float32).ravel())
@@ -260,7 +261,7 @@ def test_a_second_run_updates_in_place_and_loses_nothing(source, targets):
     assert np.abs(coordinates(keys_of(ann)["Lift"]) - mine).max() < 1e-6
     for ob, name in ((ann, "Bend"), (ann, "Lift.001"), (bob, "Bend"), (bob, "Lift")):
         assert np.abs(coordinates(keys_of(ob)[name]) - new).max() < 1e-4
-    # What was not changed on a target follows the source, what was stays, and that is said.
+    # Settings of a key that the user hasn't changed on the target follow the source; changed ones stay, and are named.
     assert (keys_of(ann)["Bend"].slider_min, keys_of(ann)["Bend"].slider_max) == (-0.5, 2)
     assert keys_of(ann)["Bend"].value == 0.25
     assert (bend.slider_min, bend.slider_max, bend.value) == (-1, 1.5, 0.75)
@@ -270,7 +271,7 @@ def test_a_second_run_updates_in_place_and_loses_nothing(source, targets):
     assert [curve.driver.expression for curve in bob.data.shape_keys.animation_data.drivers] == ["0.125"]
     assert [curve.data_path for curve in bob.data.shape_keys.animation_data.action.fcurves] == [
         'key_blocks["Bend"].value'] if hasattr(bpy.types.Action, 'fcurves') else True
-    # And so it is the third time.
+    # The same in a third run.
     keys_of(source)["Bend"].slider_max = 1.0
     many(what='ALL_KEYS')
     assert bend.slider_max == 1.5 and keys_of(ann)["Bend"].slider_max == 1.0
@@ -351,7 +352,7 @@ def test_factors_are_kept_and_shared_and_memory_is_bounded(source, targets, part
     targets[2].data.shape_keys.reference_key.data.foreach_set('co', shaped_basis.astype(np.float32).ravel())
     many(what='ALL_KEYS')
     assert made[2:] == ["Cid"]
-    # Where there is no room, what this run has used stays; what it has not goes.
+    # With room for one factor only, the one that this run used last stays.
     monkeypatch.setattr(factored, '_MOST_BYTES', 1.5 * max(size for _, size in factored._kept.values()))
     factored._kept.clear()
     for _ in range(2):
@@ -366,11 +367,11 @@ def test_factors_are_kept_and_shared_and_memory_is_bounded(source, targets, part
     assert not factored._kept
 
 
-# The end before the end
+# ---- cancelling, undo and the table
 
 @pytest.fixture
 def work(part, source, targets):
-    """The generator that the operator runs, over these targets, and its rows."""
+    """work(*targets): the rows of the table, and the generator that the operator runs over these targets."""
     transfer, table_of = part('results.transfer'), part('results.transfer_table')
 
     def begin(*obs, what='ALL_KEYS'):
@@ -386,7 +387,7 @@ def work(part, source, targets):
     return begin
 
 
-def test_what_is_done_stays_and_what_is_under_way_is_untouched_at_a_cancel(source, targets, work):
+def test_a_cancel_keeps_the_finished_targets_and_leaves_the_others_untouched(source, targets, work):
     rows, generator = work(*targets)
     while not rows[0].outcome:
         assert 0 <= next(generator) <= 1
@@ -394,7 +395,7 @@ def test_what_is_done_stays_and_what_is_under_way_is_untouched_at_a_cancel(sourc
     assert [len(keys_of(target)) for target in targets] == [3, 0, 0]
     assert "1 of 3 targets done, 2 cancelled and left as they were." in table()
     assert "Cancelled" in row("Bob") and "Cancelled" in row("Cid") and not failures(source)
-    # In the midst of the second one.
+    # Cancelled in the midst of the second target.
     for ob in targets:
         ob.shape_key_clear()
     rows, generator = work(*targets)
@@ -416,7 +417,7 @@ def test_a_cancel_before_anything_is_done_leaves_nothing(source, targets, work):
 
 
 def test_esc_is_a_step_of_undo_where_something_stays(part, source, targets, work, monkeypatch):
-    """As the window calls it."""
+    """By the operator's modal(), as the window calls it."""
     base = part('operators.operator_base')
     monkeypatch.setattr(base.Progress, '__init__', lambda self, context: None)
     monkeypatch.setattr(base.Progress, 'tell', lambda *told: "")
@@ -508,11 +509,11 @@ def test_the_panel_of_the_source(part, source, targets):
     assert panel.poll(bpy.context)
     refusal(many, what='ALL_KEYS')
     activate(source)
-    assert panel.poll(bpy.context)  # for what failed
+    assert panel.poll(bpy.context)  # because of the failed target
 
 
 class Layout:
-    """Writes down what a panel draws: labels, and whom its buttons go to."""
+    """Stands in for a panel's layout and records the labels and buttons that are drawn."""
 
     def __init__(self):
         self.labels, self.buttons = [], []
@@ -545,19 +546,20 @@ def test_a_failed_target_is_known_by_whatever_name(part, source, targets):
     activate(source)
     refusal(many, what='ALL_KEYS', targets=[{'name': name} for name in ("Odd", "Even", "Nobody")])
     odd, even = bpy.data.objects["Odd"], bpy.data.objects["Even"]
-    odd.name, targets[0].name = "Renamed", "Odd"  # another one has the name now
+    odd.name, targets[0].name = "Renamed", "Odd"  # another object has the old name now
     labels, buttons = drawn()
     assert buttons == ["Renamed", "Even"] and "Renamed" in labels and "'Nobody' is in no scene." in labels
     activate(source)
     assert bpy.ops.object.detail_deform_target_activate(target=buttons[0]) == {'FINISHED'}
     assert bpy.context.active_object == odd
-    # As users delete it, and from the file.
+    # Deleted by the operator, then removed from the file.
     activate(even)
     bpy.ops.object.delete()
     assert drawn()[1] == ["Renamed"] and "'Even' is in no scene." in drawn()[0]
     bpy.data.objects.remove(even)
     assert drawn()[1] == ["Renamed"] and "'Even' is in no scene." in drawn()[0]
-    # What is done is taken off the list under its present name, and another one of the old name takes nothing off.
+    # A failed target that succeeds is taken off the list by its present name; another object with its old name isn't
+    # taken for it.
     choose(source, targets[0])
     many(what='ALL_KEYS')
     assert "Odd" in failures(source)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Markers: shown on both meshes, hidden behind the surface, and those that contradict the others are named."""
+"""Markers: those that contradict the others are named, matches with few or no markers, and how markers are shown."""
 
 import bmesh
 import bpy
@@ -14,14 +14,14 @@ from test_transfer import add_key, bent, mark, raw_strip, transfer
 
 @pytest.fixture
 def creatures():
-    """A calf and a giraffe, with the same 39 markers."""
+    """(calf, giraffe), with the same 39 markers."""
     bpy.ops.wm.open_mainfile(filepath=str(FIXTURES / 'creatures.blend'), load_ui=False)
     return bpy.data.objects["Calf"], bpy.data.objects["Giraffe"]
 
 
 @pytest.fixture
 def heads():
-    """Suzanne, and one with other faces, a broad face, a long chin and small ears. Her eyes are loose parts."""
+    """(Suzanne, a triangulated Suzanne with a broad face, a long chin and small ears). The eyes are loose parts."""
     made = []
     for name in ("Narrow", "Broad"):
         bpy.ops.mesh.primitive_monkey_add()
@@ -44,7 +44,7 @@ def _broad(p):
 
 
 def ended(steps):
-    """What a generator gives at its end."""
+    """Runs a generator to its end; returns its return value."""
     while True:
         try:
             next(steps)
@@ -53,7 +53,11 @@ def ended(steps):
 
 
 def share_found(part, pair, marked, size, wrong, count=60):
-    """Of how many sets of so many markers those that are wrong are in doubt, and no others."""
+    """The fraction of random sets of `size` markers in which exactly the wrong markers are doubted.
+
+    marked: the vertices of corresponding markers on both objects of the pair. wrong: 'misplaced', one marker of a set
+    is at a distant other marker's place; 'exchanged', two distant ones are exchanged; '', all are right.
+    """
     check, rng = part('setup.marker_check'), np.random.default_rng(1)
     there, here = (ended(check._distances(ob, vertices)) for ob, vertices in zip(pair, marked))
     found = 0
@@ -71,7 +75,7 @@ def share_found(part, pair, marked, size, wrong, count=60):
 
 
 def apart(distances, size, rng):
-    """Rows that lie apart, as an artist chooses places."""
+    """Indices of rows that are far apart from each other, as an artist chooses markers' places."""
     chosen = [int(rng.integers(len(distances)))]
     while len(chosen) < size:
         left = [k for k in rng.permutation(len(distances)).tolist() if k not in chosen][:8]
@@ -98,7 +102,7 @@ def test_the_wrong_markers_of_unlike_animals_are_named(creatures, part, size, wr
 
 @pytest.mark.parametrize('wrong', ['', 'misplaced', 'exchanged'])
 def test_markers_on_unlike_heads(heads, part, wrong):
-    # The same vertices on both, as the first ones are those of the cage; some are on her eyes.
+    # The same vertices on both: the first 507 are those of the mesh before subdivision. Some are on the eyes.
     p = own(heads[0])[:507]
     places = apart(np.linalg.norm(p[:, None] - p, axis=2), 30, np.random.default_rng(1))
     found = share_found(part, heads, [places, places], 10, wrong)
@@ -111,8 +115,9 @@ def test_animals_with_all_their_markers_are_in_no_doubt(creatures, part):
 
 @pytest.mark.large
 @pytest.mark.parametrize('count', [0, 3])
-def test_a_calf_finds_a_giraffe(creatures, part, count):
-    """Whose neck and legs are longer: the other markers end near where they belong."""
+def test_a_calf_is_matched_to_a_giraffe(creatures, part, count):
+    """The fitted calf's markers, without those given to the search, are near the giraffe's; its neck and legs are
+    longer than the calf's."""
     there, here = (np.array(vertices) for vertices in marked_animals(part, creatures))
     calf, giraffe = ((own(ob), triangles(ob)) for ob in creatures)
     places = calf[0][there]
@@ -128,8 +133,8 @@ TURN = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
 
 
 def give_other_faces(heads, change):
-    """A key to the source, and its shape to the target, turned and shifted, with other faces. A remesh has what is
-    seen from outside alone."""
+    """Adds a key to the source; gives its rest shape, turned, shifted and with other faces, to the target. A remesh
+    keeps only the surface that is visible from outside."""
     source, target = heads
     p = own(source)
     add_key(source, "Chin", p + np.where(p[:, 2:] < -0.4, (0, -0.2, -0.1), 0))
@@ -162,7 +167,8 @@ def test_a_head_with_other_faces_needs_no_markers(heads, change):
 
 
 def _put(source, ear, stands):
-    """(4, 4): from the source's space to that of the ear, both of which stand in the scene as they did."""
+    """Changes the local spaces of both objects; returns the matrix (4, 4) from the source's to the ear's. In the world
+    only a sheared parent moves them, both together."""
     if stands == "with an origin of its own":
         bpy.ops.object.origin_set(type='ORIGIN_GEOMETRY')
     elif stands == "turned, and sheared by its parent":
@@ -203,7 +209,7 @@ def test_a_part_in_an_object_of_its_own_needs_no_markers(heads, stands):
     assert np.abs(moved - moved.mean(0) - (expected - expected.mean(0))).max() < 0.01
 
 
-def test_how_a_source_stands_is_told_as_far_as_it_is_a_rotation_and_a_scale(part):
+def test_the_stance_of_a_source_is_a_rotation_and_a_scale(part):
     proportions = part('scene.proportions')
     source, target = raw_strip("Source"), raw_strip("Target")
 
@@ -262,7 +268,7 @@ def test_displacements_go_by_the_points_that_are_kept_with_a_match(heads, part):
     assert np.allclose(moved[rest[:, 2] < -0.55].mean(0), TURN @ (0, -0.2, -0.1), atol=0.01)
 
 
-def test_what_fits_turned_as_well_asks_for_a_marker_and_may_be_taken(part):
+def test_an_ambiguous_match_asks_for_a_marker_and_may_be_taken(part):
     source, target = raw_strip("Source", 21), raw_strip("Target", 33)
     for ob in (source, target):  # flat squares
         ob.data.vertices.foreach_set('co', (own(ob) * (1, 1, 0)).astype(np.float32).ravel())
@@ -273,7 +279,7 @@ def test_what_fits_turned_as_well_asks_for_a_marker_and_may_be_taken(part):
     assert target.data.shape_keys is None
     assert bpy.ops.object.detail_deform_transfer_match(source="Source") == {'FINISHED'}
     assert target.detail_deform.transfer.correspondence == 'STORED'
-    # As they stand.
+    # Of the ways to turn it, Find Match takes the one in which the meshes stand.
     matched = part('scene.correspondence').stored(source, target)
     centres = [own(ob)[triangles].mean(1)[matched.pairs[:, side]] for side, (ob, triangles) in enumerate(
         ((source, matched.source_triangles), (target, matched.target_triangles)))]
@@ -285,7 +291,7 @@ def test_wrong_markers_are_named_before_anything_is_transferred(part):
     add_key(source, "Bend", bent(own(source)))
     mark(source, 21, False)
     mark(target, 33, False)
-    for name, vertex in (("Marker 1", 33 * 33 - 1), ("Marker 9", 0)):  # opposite corners, exchanged
+    for name, vertex in (("Marker 1", 33 * 33 - 1), ("Marker 9", 0)):  # opposite corners: 1 and 9 are exchanged
         target.vertex_groups.remove(target.vertex_groups[name])
         group(target, name, [vertex])
     activate(target)
@@ -294,7 +300,7 @@ def test_wrong_markers_are_named_before_anything_is_transferred(part):
     target.detail_deform.transfer.correspondence = 'MARKERS'
     assert named in refusal(bpy.ops.object.detail_deform_transfer_live, source="Source")
     assert target.data.shape_keys is None and not target.detail_deform.transfer.live
-    # They may be meant so.
+    # Find Match uses them nevertheless: they may be intended.
     assert bpy.ops.object.detail_deform_transfer_match(source="Source") == {'FINISHED'}
     assert target.detail_deform.transfer.correspondence == 'STORED'
 
@@ -316,7 +322,7 @@ def test_the_wrong_one_of_a_few_markers_is_named(creatures, part, size):
     assert ended(check.search(*creatures, good[0], exchanged)) == (numbers[0], partner)
 
 
-def test_one_wrong_marker_is_named_in_the_panel_and_as_it_is_corrected_no_more(part):
+def test_a_wrong_marker_is_named_in_the_panel_until_it_is_corrected(part):
     source, target = raw_strip("Source", 21), raw_strip("Target", 33)
     mark(source, 21, False)
     mark(target, 33, False)
@@ -365,10 +371,10 @@ def test_numbers_are_shown_on_both_meshes_whichever_is_active(part):
     assert list(labels(source).values()) == [True] * 4
     target.detail_deform.transfer.show_markers = False
     assert not labels(source)
-    assert not labels(make_strip())  # nobody's source
+    assert not labels(make_strip())  # neither a source nor a target
 
 
-def test_what_lies_behind_the_surface_is_hidden(part):
+def test_markers_behind_the_surface_are_hidden(part):
     bpy.ops.mesh.primitive_uv_sphere_add(location=(2, 0, 0), scale=(1, 2, 1))
     ball = bpy.context.active_object
     update()
@@ -379,7 +385,7 @@ def test_what_lies_behind_the_surface_is_hidden(part):
     front, back = min(places, key=lambda p: p.y), max(places, key=lambda p: p.y)
     assert not hidden(front, eye, [ball], depsgraph) and hidden(back, eye, [ball], depsgraph)
     assert not hidden(back, eye, [], depsgraph)
-    # As they are seen: it is flattened.
+    # By the present shape, after it was flattened.
     ball.data.vertices.foreach_set('co', (own(ball) * (1, 0, 1)).astype(np.float32).ravel())
     ball.data.update()
     update()
@@ -403,7 +409,7 @@ def test_a_source_knows_its_targets(part):
     assert "'Nobody' is not in this scene" in refusal(bpy.ops.object.detail_deform_target_activate, target="Nobody")
 
 
-def test_a_marker_empty_that_is_moved_is_another(part):
+def test_a_marker_empty_that_is_moved_marks_another_vertex(part):
     ob = raw_strip("Strip")
     empty = add_empty("Marker 4", own(ob)[9], parent=ob)
     update()

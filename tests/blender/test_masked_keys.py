@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shape keys masked by vertex groups, as the left and right half of one expression: what counts is the shape that they
-show, with weights between 0 and 1, too."""
+"""Shape keys masked by vertex groups, such as the left and right halves of one expression: transfer, examples and Bind
+use the shape that Blender displays, also with weights between 0 and 1."""
 
 import bpy
 import numpy as np
@@ -11,7 +11,7 @@ from test_transfer import add_key, copy_of_rest, coordinates, raw_strip, transfe
 
 
 def shown_alone(ob, name):
-    """(n, 3): the key at 1, all others at 0, as Blender shows it."""
+    """(n, 3): positions displayed by Blender with the key at 1 and all others at 0."""
     for key in ob.data.shape_keys.key_blocks:
         key.value = float(key.name == name)
     update()
@@ -54,7 +54,7 @@ def test_transferred_to_a_mesh_without_the_groups(halves):
 
 
 def test_transferred_to_a_mesh_with_the_groups(halves):
-    """There the key is masked as the source's is, and not twice."""
+    """There the key is masked by the group like the source's, and its shape is not masked once more."""
     target = copy_of_rest(halves)
     for side in 'LR':
         made = target.vertex_groups.new(name=side)
@@ -68,7 +68,7 @@ def test_transferred_to_a_mesh_with_the_groups(halves):
         assert np.abs(shown_alone(target, name) - shown_alone(halves, name)).max() < 1e-5, name
 
 
-def test_as_examples(halves):
+def test_masked_keys_as_examples(halves):
     vertices = np.flatnonzero((own(halves)[:, 0] > 0.95) & (own(halves)[:, 1] > 0.8))
     halves.vertex_groups.new(name='corner').add(vertices.tolist(), 1, 'REPLACE')
     halves.vertex_groups.new(name='region').add(np.flatnonzero(own(halves)[:, 0] > 0.08).tolist(), 1, 'REPLACE')
@@ -105,7 +105,7 @@ def test_a_pinned_key_is_where_a_bind_starts(halves):
     update()
     bind(halves)
     assert np.abs(evaluated(halves) - seen).max() < 1e-6
-    # What turns with the handle is the shape that is seen.
+    # The handle turns the displayed shape.
     empty.rotation_euler.y = -0.5
     update()
     turned = evaluated(halves)[vertices] - empty.location

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The choice of method, what belongs to it, and what the status says about it."""
+"""The choice of method, the settings of each method, and the remarks in the status."""
 
 import bpy
 import numpy as np
@@ -52,7 +52,7 @@ def test_refine_and_rotation_only_change_the_result_at_once(strip):
     assert np.abs(refined - linear).max() > 1e-3
     whole = shown_with(strip, rotation_only=False)
     assert np.abs(whole - linear).max() > 1e-3
-    # Refinement goes by rotations alone.
+    # Refinement carries rotations alone, so this setting doesn't matter to it.
     assert np.array_equal(shown_with(strip, refine=4), whole)
 
 
@@ -60,7 +60,7 @@ def test_showing_the_base_and_back(strip):
     result = evaluated(strip)
     base = shown_with(strip, output='BASE')
     assert np.abs(base - result).max() > 1e-3
-    # Smoother than the relief over it.
+    # The base is smoother than the surface, by second differences.
     assert np.std(np.diff(base[:, 2], 2)) < 0.8 * np.std(np.diff(result[:, 2], 2))
     assert np.array_equal(shown_with(strip, output='RESULT'), result)
 
@@ -79,7 +79,7 @@ def test_smoothness_asks_for_a_new_bind_and_changes_the_base(strip):
         bind(strip)
         assert np.abs(evaluated(strip) - base).max() > 1e-4
     shown_with(strip, smoothness=2)
-    assert strip.detail_deform.stale  # bound for 3 now
+    assert strip.detail_deform.stale  # its binding is for 3
 
 
 def test_gradient_editing_says_that_a_moved_handle_turns_nothing(strip):
@@ -128,7 +128,7 @@ def test_each_method_on_a_real_mesh_through_the_addon():
         assert ob.detail_deform.update_ms > 0
 
 
-def test_volumes_say_how_well_they_are_kept(strip):
+def test_the_status_says_how_well_volumes_are_kept(strip):
     pose(strip)
     shown_with(strip, method='VOLUMES')
     assert 'The result by Displacement Volumes is shown. Volumes are kept within' in strip.detail_deform.status

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Edit Mode's symmetry at the midline: what lies on the plane stays on it, and both sides are mirror images."""
+"""Pull with Edit Mode's symmetry, across the midline: vertices on the mirror plane stay on it, and both sides deform as
+mirror images."""
 
 import bpy
 import numpy as np
@@ -33,7 +34,7 @@ def square():
 
 
 def mirrored(ob, vectors):
-    """By the vertex on the other side."""
+    """(n, 3): for each vertex the mirror image of its counterpart's vector."""
     p = own(ob)
     number = {tuple(row): k for k, row in enumerate(np.round(p, 5) + 0.0)}
     return vectors[[number[tuple(row)] for row in np.round(p * (-1, 1, 1), 5) + 0.0]] * (-1, 1, 1)
@@ -62,7 +63,7 @@ def test_both_sides_are_mirror_images(square, selection, motion):
 
 
 def test_whole_turns_about_the_plane(square):
-    """Two turns of the tip of a pull stay two, of which none is lost in the middle."""
+    """Two whole turns about the plane's normal are kept when the motion is made symmetric."""
     square.detail_deform.base_deformer = 'MOTIONS'
     empty = pull(square, distances(square) < 0.1, radius=0.4)
     empty.rotation_euler.x += 4 * np.pi
@@ -75,7 +76,7 @@ def test_whole_turns_about_the_plane(square):
     assert np.abs(evaluated(square) - turned).max() > 0.01
 
 
-def test_a_second_pull_and_the_next_bind_keep_it(square):
+def test_a_second_pull_and_the_next_bind_keep_the_symmetry(square):
     empty = pull(square, SELECTIONS['one side with the line'](own(square), distances(square)), radius=0.35)
     empty.matrix_world = empty.matrix_world @ MOTIONS['turned any way']
     update()
@@ -95,7 +96,7 @@ def test_a_second_pull_and_the_next_bind_keep_it(square):
     assert np.abs(evaluated(square) - before).max() < 1e-4
 
 
-def test_it_can_be_switched_off(square):
+def test_a_handles_symmetry_can_be_switched_off(square):
     empty = pull(square, distances(square) < 0.1, radius=0.35)
     handle = square.detail_deform.handles[0]
     assert handle.symmetric == {'X'}
@@ -114,7 +115,8 @@ def test_across_two_planes(square):
     empty.matrix_world = empty.matrix_world @ MOTIONS['turned any way']
     update()
     moved = (evaluated(square) - own(square))[distances(square) < 0.1]
-    assert np.allclose(moved, moved[0], atol=1e-6) and np.abs(moved[0, :2]).max() < 1e-6  # it only goes up
+    # Symmetric across both planes, the middle can only move along z.
+    assert np.allclose(moved, moved[0], atol=1e-6) and np.abs(moved[0, :2]).max() < 1e-6
 
 
 def test_without_symmetry_nothing_is_held(square):

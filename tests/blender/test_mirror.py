@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handles mirrored across the object, with an empty of their own or following another's motion."""
+"""Handles mirrored to the object's other side: with their own empties, or following the other handle's motion."""
 
 import bpy
 import numpy as np
@@ -22,7 +22,7 @@ def test_a_mirrored_handle_bends_the_other_side_alike():
     assert mirrored.name == "ear.R"
     assert (members(ob, mirrored.vertex_group) == ((p[:, 0] < -0.4) & (p[:, 1] > 0.2))).all()
     bind(ob)
-    # Mirrored motions, in the empties' own spaces, give a mirrored surface.
+    # Mirror-image motions of both empties give a symmetric surface.
     flip = Matrix.Diagonal((-1, 1, 1, 1))
     motion = Matrix.Translation((0.1, 0.05, 0.3)) @ Matrix.Rotation(0.5, 4, 'Y')
     left, right = (h.target for h in (ob.detail_deform.handles[0], mirrored))
@@ -36,14 +36,14 @@ def test_a_mirrored_handle_bends_the_other_side_alike():
     assert np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-4
 
 
-def test_the_mirror_image_of_a_posed_handle_stands_on_the_surface_as_it_is_there():
+def test_the_mirror_image_of_a_posed_handle_is_placed_on_the_deformed_surface():
     ob = symmetric()
     p = own(ob)
     handle = add_from(ob, (p[:, 0] > 0.4) & (p[:, 1] > 0.2))
     bind(ob)
     update()
     rest = handle.target.matrix_world.copy()
-    handle.target.location.z += 1  # it is alone, so everything comes along
+    handle.target.location.z += 1  # the only handle and no region: the whole surface moves along
     update()
     bpy.ops.object.detail_deform_handle_mirror(axis='X')
     update()
@@ -81,7 +81,7 @@ def test_a_symmetric_handle_mirrors_every_motion():
     assert np.abs(moved - p).max() > 0.2
     assert np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-4
 
-    # Whole turns too, in steps.
+    # Whole turns are mirrored too, in several steps.
     ob.detail_deform.steps = 4
     target.rotation_euler.y += 2 * np.pi
     update()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A target that is its source's mirror image is deformed as one."""
+"""A target that is its source's mirror image gets mirror images of the source's deformations."""
 
 import bpy
 import numpy as np
@@ -13,7 +13,7 @@ FLIP = np.diag([-1.0, 1.0, 1.0])
 
 
 def glove(name, n=25):
-    """A sheet that is no mirror image of itself and lies in no plane."""
+    """A bent sheet that is not its own mirror image."""
     ob = raw_strip(name, n)
     p = own(ob)
     p[:, 2] = 0.4 * p[:, 0] ** 2 + 0.3 * p[:, 1] * p[:, 0] - 0.2 * p[:, 1] ** 2
@@ -53,7 +53,7 @@ def test_a_flipped_mesh_gets_mirrored_keys(pair, capfd, placing, formulation):
     assert np.abs(found - truth).max() < 1e-5 * np.linalg.norm(np.ptp(truth, axis=0))
 
 
-def test_it_follows_as_one(pair):
+def test_a_flipped_mesh_follows_as_a_mirror_image(pair):
     source, target = pair
     target.detail_deform.transfer.source = source
     assert bpy.ops.object.detail_deform_transfer_live() == {'FINISHED'}
@@ -63,8 +63,8 @@ def test_it_follows_as_one(pair):
         assert np.abs(evaluated(target) - evaluated(source) @ FLIP).max() < 1e-4
 
 
-def test_an_object_mirrored_by_its_scale_needs_no_more(pair):
-    """In its own space it is deformed as its source is, and so as a mirror image in the scene's."""
+def test_an_object_mirrored_by_its_scale_is_not_mirrored_again(pair):
+    """In local space it deforms like its source, which its scale mirrors in the world."""
     source, _ = pair
     target = activate(glove("Left"))
     target.scale.x = -1
@@ -72,7 +72,7 @@ def test_an_object_mirrored_by_its_scale_needs_no_more(pair):
     transfer(source="Source", what='ALL_KEYS')
     found = coordinates(target.data.shape_keys.key_blocks["Bend"])
     assert np.abs(found - twisted(own(source))).max() < 1e-5
-    # Mirrored twice, it stands as the source does and is deformed alike.
+    # With its mesh mirrored too, it looks like the source in the world, and deforms like it.
     flipped(activate(glove("Twice"))).scale.x = -1
     update()
     transfer(source="Source", what='ALL_KEYS')
@@ -86,7 +86,7 @@ def marked(ob, n):
         group(ob, f"Marker {number}", [round(x * (n - 1)) * n + round(y * (n - 1))])
 
 
-def test_markers_say_it(pair, capfd):
+def test_markers_tell_a_mirror_image(pair, capfd):
     source, _ = pair
     target = flipped(glove("Other", 31), np.diag([1.0, -1.0, 1.0]))
     target.data.flip_normals()
@@ -103,8 +103,8 @@ def test_markers_say_it(pair, capfd):
     assert np.abs(truth - own(target)).max() > 0.3
 
 
-def test_a_plane_is_turned_over(capfd):
-    """Which has the same effect in it, and leaves its outside as it was."""
+def test_a_mirrored_plane_is_turned_over_instead(capfd):
+    """A plane's mirror image is also its rotation by 180 degrees, which keeps its outside outside."""
     source, target = raw_strip("Source"), raw_strip("Target")
     for ob in (source, target):
         set_own(ob, own(ob) * (1, 1, 0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which example is missing, and how far the examples are from it."""
+"""Find Missing: the poses that the examples can't be mixed to, and their errors."""
 
 import bpy
 import numpy as np
@@ -30,7 +30,7 @@ def test_the_twist_is_missing_beside_the_bend(rigged, part):
     error = first.mean_error
     ob.detail_deform.show_error = True
     red, green = part('ui.preview').vertex_colours(ob)[:, :2].T
-    worst = np.abs(own(ob)[:, 0] - 2).argmin()  # where it is twisted and no handle holds it
+    worst = np.abs(own(ob)[:, 0] - 2).argmin()  # twisted, and not held by a handle
     assert red[worst] > 0.6 and (green[own(ob)[:, 0] < 0.5] > 0.7).all()
     assert bpy.context.scene.frame_current == 3
     assert bpy.ops.object.detail_deform_example_add_missing() == {'FINISHED'}
@@ -60,7 +60,7 @@ def test_a_listed_pose_whose_action_is_gone_is_refused(rigged):
 
 @pytest.fixture
 def searched(rigged):
-    """Two rows of one name: the twist at frame 31, and a bend the other way at 41."""
+    """A mesh with two listed poses of the same name: the twist at frame 31, and the opposite bend at frame 41."""
     ob, rig = rigged
     lower = rig.pose.bones["Lower"]
     lower.rotation_euler = (-1.2, 0, 0)
@@ -76,7 +76,7 @@ def searched(rigged):
     return ob
 
 
-def test_errors_are_of_their_row_and_stay_when_the_object_is_renamed(searched, part):
+def test_each_row_has_its_errors_also_after_the_object_is_renamed(searched, part):
     errors_of, settings = part('results.missing_examples').errors_of, searched.detail_deform
     of_rows = []
     for settings.missing_index in (0, 1):
@@ -92,13 +92,13 @@ def test_nothing_is_coloured_where_no_errors_are_known(searched, part):
     preview, settings = part('ui.preview'), searched.detail_deform
     settings.show_error = True
     assert preview.vertex_colours(searched) is not None
-    part('results.missing_examples').forget()  # as another file does
+    part('results.missing_examples').forget()  # called when another file is opened
     assert preview.vertex_colours(searched) is None
     settings.preview = True
     assert preview.vertex_colours(searched) is not None
 
 
-def test_numbers_are_old_once_an_example_was_added(searched, part):
+def test_errors_are_out_of_date_once_an_example_was_added(searched, part):
     is_old = part('results.missing_examples').is_old
     assert not is_old(searched)
     assert bpy.ops.object.detail_deform_example_add_missing() == {'FINISHED'}

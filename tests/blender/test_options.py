@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The table of options: Blender's properties hold to it, and each row has the effect, or the reason, that it says."""
+"""The table of options: Blender's properties agree with it, and each setting either changes the result or has the
+reason why not that the table states."""
 
 import bpy
 import numpy as np
@@ -24,7 +25,7 @@ def look(part):
 
 @pytest.fixture
 def strip():
-    """Bound, its handle moved, turned and scaled, with an example, and so set that every setting can matter."""
+    """A bound strip with an example, its handle moved, turned and scaled, in which every setting can have an effect."""
     ob = make_strip(n=17)
     ob.shape_key_add(name="Basis", from_mix=False)
     bent = own(ob)
@@ -32,8 +33,9 @@ def strip():
     ob.shape_key_add(name="Bent", from_mix=False).data.foreach_set('co', bent.astype(np.float32).ravel())
     assert bpy.ops.object.detail_deform_examples_from_keys() == {'FINISHED'}
     ob.detail_deform.metric_smoothing = 0.5  # without it Smooth Displacement has one metric
-    ob.detail_deform.volume_tolerance = 1.0  # a search that ends before the limit of iterations
-    ob.detail_deform.base_deformer = 'LINEAR'  # as Automatic is for such a turn, so that Motions is the other one
+    ob.detail_deform.volume_tolerance = 1.0  # the search ends before the limit of iterations
+    # Automatic chooses Linear for such a turn; with Linear set, other_value() chooses Motions.
+    ob.detail_deform.base_deformer = 'LINEAR'
     bind(ob)
     target = ob.detail_deform.handles[0].target
     motion = Matrix.Translation((-0.1, 0, 0.1)) @ Matrix.Rotation(0.3, 4, 'Y')
@@ -47,7 +49,7 @@ def tables(options):
             (bpy.types.PropertyGroup.bl_rna_get_subclass_py('DetailDeformTransfer'), options.TRANSFER_SETTINGS))
 
 
-def test_properties_are_as_the_table_has_them(options):
+def test_properties_agree_with_the_table(options):
     for cls, table in tables(options):
         for option in table:
             found = cls.bl_rna.properties[option.name]
@@ -98,7 +100,7 @@ def shown(ob):
 
 
 def changes(ob, option):
-    """What toggling the setting changes of what is shown."""
+    """Whether another value of the setting changes the displayed shape."""
     settings, before = ob.detail_deform, shown(ob)
     present = getattr(settings, option.name)
     setattr(settings, option.name, other_value(option, present))
@@ -109,14 +111,14 @@ def changes(ob, option):
 
 
 def reason(options, look, option, settings):
-    """Why it has no effect, as the panel says it."""
+    """The panel's reason why the setting has no effect; "" where it has one."""
     if not options.is_shown(option, settings):
         return "no row"
     return options.why_not(option, settings) or (look.why_no_base(settings) if option.section == 'BASE' else "")
 
 
 def with_rows(options):
-    # What a base object does is that object's matter.
+    # Without `base`, whose effect depends on the base object.
     return [option for option in options.SETTINGS if option.section and option.name != 'base']
 
 
@@ -129,7 +131,7 @@ def test_each_setting_has_an_effect_or_a_reason_why_not(strip, options, look, me
 
 
 @pytest.mark.parametrize('method', METHODS)
-def test_a_setting_without_what_it_needs_has_no_effect(strip, options, look, method):
+def test_a_setting_without_the_settings_it_needs_has_no_effect(strip, options, look, method):
     settings, tried = strip.detail_deform, 0
     settings.method = method
     rows = {option.name: option for option in options.SETTINGS}
@@ -147,7 +149,7 @@ def test_a_setting_without_what_it_needs_has_no_effect(strip, options, look, met
     assert tried == {'TRANSFER': 8, 'GRADIENT': 0, 'EXAMPLES': 7}.get(method, 1)
 
 
-def test_steps_and_refinement_of_a_base_object_say_why_not(options):
+def test_steps_and_refinement_have_reasons_with_a_base_object(options):
     ob = activate(make_strip())
     rows = {option.name: option for option in options.SETTINGS}
     settings = ob.detail_deform
@@ -159,7 +161,7 @@ def test_steps_and_refinement_of_a_base_object_say_why_not(options):
     assert (told['refine'], told['steps']) == (0, 1)
 
 
-def test_no_stiffness_is_not_the_usual_one(strip):
+def test_a_stiffness_of_zero_is_not_taken_for_the_default(strip):
     settings = strip.detail_deform
     settings.method = 'EXAMPLES'
     usual = shown(strip)
@@ -170,7 +172,7 @@ def test_no_stiffness_is_not_the_usual_one(strip):
     assert np.abs(none - least).max() < 0.01 * np.abs(usual - least).max()
 
 
-def test_copy_settings_takes_those_that_the_table_says(options):
+def test_copy_settings_copies_the_settings_marked_in_the_table(options):
     ob, other = make_strip(n=7, name="One"), make_strip(n=7, name="Other")
     for option in options.SETTINGS:
         present = getattr(ob.detail_deform, option.name)
@@ -189,7 +191,7 @@ def test_copy_settings_takes_those_that_the_table_says(options):
 @pytest.mark.parametrize('settings, text', [
     ({}, 'SURFACE.0.2'), ({'metric_smoothing': 0.75, 'smoothness': 3}, 'SURFACE.0.75.3'),
     ({'base_metric': 'BASE', 'metric_smoothing': 0.75, 'smoothness': 1}, 'BASE.0.1')])
-def test_a_signature_has_the_words_that_files_hold(settings, text):
+def test_a_signature_has_the_same_words_as_in_existing_files(settings, text):
     ob = make_strip(n=7)
     for name, value in settings.items():
         setattr(ob.detail_deform, name, value)

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""base = OBJECT: another object, deformed by any modifiers, is the base: a copy, or a cage of its own topology."""
+"""Base Object: the base is another object, deformed by any modifiers; a copy of the surface, or a cage of another
+topology."""
 
 import bmesh
 import bpy
@@ -88,7 +89,7 @@ def test_details_follow_whatever_deforms_the_base(deformer):
     update()
     moved, moved_base = evaluated(ob), evaluated(base)
     assert np.abs(moved_base - own(base)).max() > 0.1
-    # As far from its base as at rest, in the mean and nearly so everywhere.
+    # The distances from the base stay as at rest, in the mean to 0.02 and for each vertex to 0.1; relief 0.03, size 1.
     rest_height = np.linalg.norm(own(ob) - own(base), axis=1)
     height = np.linalg.norm(moved - moved_base, axis=1)
     assert abs(height.mean() - rest_height.mean()) < 0.02
@@ -206,7 +207,7 @@ def test_a_hidden_base_is_followed_in_renders(hide, tmp_path):
 
 
 def cage(n, height=0.0, below=0.0):
-    """A flat grid of n × n faces over the unit square and somewhat more, and that it is no copy."""
+    """A flat grid of n × n faces over the unit square and 0.05 beyond, which is no copy of the strip."""
     x, y = (a.ravel() for a in np.meshgrid(*[np.linspace(-0.05, 1.05, n + 1)] * 2, indexing='ij'))
     i, j = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(n), indexing='ij'))
     a = i * (n + 1) + j
@@ -219,7 +220,7 @@ def cage(n, height=0.0, below=0.0):
 
 
 def rolled(positions, angle):
-    """Along an arc about y, as Simple Deform's Bend has it, or nearly so."""
+    """Positions bent along an arc about y by an angle."""
     turn, arm = angle * (positions[:, 0] - 0.5), 1 / angle - positions[:, 2]
     return np.stack([arm * np.sin(turn) + 0.5, positions[:, 1], 1 / angle - arm * np.cos(turn)], -1)
 
@@ -232,7 +233,7 @@ def pose_key(base, positions):
 
 
 @pytest.mark.parametrize('refine', [0, 4])
-def test_details_follow_a_cage_of_other_faces_and_none_of_them_shows(refine):
+def test_details_follow_a_coarse_cage_whose_faces_do_not_show(refine):
     ob, base = make_pair(61)
     bpy.data.objects.remove(base)
     base = cage(6, below=0.06)
@@ -245,7 +246,7 @@ def test_details_follow_a_cage_of_other_faces_and_none_of_them_shows(refine):
     pose_key(base, rolled(own(base), 1.2))
     update()
     moved, meant = evaluated(ob), rolled(own(ob), 1.2)
-    moved += (meant - moved).mean(0)  # nothing holds it but the cage
+    moved += (meant - moved).mean(0)  # up to a translation: without handles nothing but the cage gives the place
     assert np.linalg.norm(moved - meant, axis=1).max() < 0.03
     assert np.linalg.norm(meant - own(ob), axis=1).max() > 0.1
 
@@ -271,7 +272,7 @@ def test_a_cage_may_have_a_subdivision_and_its_shape_at_bind_is_kept():
     base.modifiers[0].levels = 1
     update()
     assert "were there when it was bound" in ob.detail_deform.status
-    # Bound anew it has another rest.
+    # A new Bind stores the cage's present shape as its rest shape.
     base.modifiers[0].render_levels = 1
     bind(ob, keep_rest=True)
     assert len(ob.detail_deform.base_rest_mesh.vertices) < len(own(ob)) and "Bound" in ob.detail_deform.status
@@ -306,7 +307,7 @@ DIFFERENT = {
 
 
 class Probe(bpy.types.RenderEngine):
-    """Notes the surface as renders have it, frame by frame."""
+    """A render engine that records the strip's evaluated positions in each rendered frame."""
     bl_idname, bl_label = 'DD_PROBE', "Probe"
     seen = {}
 
@@ -319,7 +320,7 @@ class Probe(bpy.types.RenderEngine):
 
 @pytest.fixture
 def rendered(tmp_path):
-    """rendered(): {frame: (n, 3)} of frames 1 to 5."""
+    """rendered(): {frame: (n, 3)}, the positions in renders of the frames 1 to 5."""
     bpy.utils.register_class(Probe)
 
     def run():
@@ -357,7 +358,7 @@ def lifted_cage(copy):
 
 @pytest.mark.parametrize('copy', [False, True])
 @pytest.mark.parametrize('kind', DIFFERENT)
-def test_a_base_that_has_other_vertices_in_renders_is_followed_below_what_makes_them(rendered, kind, copy):
+def test_a_base_with_other_vertices_in_renders_is_followed_below_the_modifiers_that_make_them(rendered, kind, copy):
     ob, base = lifted_cage(copy)
     DIFFERENT[kind](base)
     update()
@@ -370,8 +371,8 @@ def test_a_base_that_has_other_vertices_in_renders_is_followed_below_what_makes_
     assert "render" not in ob.detail_deform.status
 
 
-def test_what_a_render_could_not_follow_is_said_after_it(rendered):
-    """As where Simplify comes after Bind. The next render that can takes it back."""
+def test_the_status_reports_a_base_that_a_render_could_not_follow(rendered):
+    """Such as where Simplify is enabled after Bind. The next render that follows it clears the report."""
     ob, _ = lifted_cage(copy=False)
     bind(activate(ob))
     render = bpy.context.scene.render
@@ -424,7 +425,7 @@ def test_another_base_object_has_a_rest_of_its_own():
     bind(ob, keep_rest=True)
     assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6 and "far" not in of.status
     bpy.data.objects.remove(of.base_object)
-    assert of.status is not None  # before the next update, too
+    assert of.status is not None  # it can be read before the next update
 
 
 def test_a_base_without_faces_is_refused():
@@ -444,7 +445,7 @@ def test_a_base_without_faces_is_refused():
     assert [mesh.name for mesh in bpy.data.meshes if "Rest" in mesh.name] == [ob.detail_deform.base_rest_mesh.name]
 
 
-def test_vertices_far_from_a_cage_are_told():
+def test_vertices_far_from_a_cage_are_reported():
     ob, base = make_pair()
     bpy.data.objects.remove(base)
     ob.detail_deform.base_object = cage(4, below=0.3)
@@ -466,7 +467,7 @@ def test_unsuitable_bases_are_refused():
     assert "no base object" in refusal(bind_op, wait=True)
     ob.detail_deform.base_object = base
     bind(ob)
-    base.modifiers.new("Thick", 'SOLIDIFY')  # which it is followed below
+    base.modifiers.new("Thick", 'SOLIDIFY')  # the base is followed below it
     update()
     assert "Bound" in ob.detail_deform.status and np.abs(evaluated(ob) - own(ob)).max() < 1e-5
     base.modifiers.clear()
@@ -494,7 +495,7 @@ def test_the_same_faces_in_another_order_are_a_copy():
 
 
 def test_the_same_counts_joined_otherwise_are_no_copy():
-    """And a grid whose vertices are numbered from its other end, where the faces join those of the same numbers."""
+    """A grid numbered from its other end: its faces join the same vertex numbers, but the vertices are elsewhere."""
     ob, base = make_pair(4)
     faces = [tuple(p.vertices) for p in base.data.polygons]
     put(base, own(base)[::-1], [tuple(15 - v for v in face) for face in faces])
@@ -521,7 +522,7 @@ def test_an_edit_of_the_base_deforms_and_stays_with_the_next_bind():
     lift_some(base, -0.2)
     assert np.abs(evaluated(ob) - own(ob)).max() < 1e-5
     lift_some(base, 0.2)
-    assert bpy.ops.object.detail_deform_bind(wait=True) == {'FINISHED'}  # anew: the cage as it is now is at rest
+    assert bpy.ops.object.detail_deform_bind(wait=True) == {'FINISHED'}  # without keep_rest: at rest as it is now
     update()
     assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
 
@@ -542,7 +543,7 @@ def test_a_cage_that_is_edited_is_followed_live():
     assert np.allclose((evaluated(ob) - own(ob))[:, 2], 0.3, atol=1e-5) and ob.detail_deform.is_bound
 
 
-def test_another_number_of_vertices_needs_a_new_bind():
+def test_a_base_with_another_number_of_vertices_needs_a_new_bind():
     ob, base = make_pair()
     bind(ob)
     activate(base)
@@ -583,7 +584,7 @@ def test_removing_the_base_is_noticed():
     assert "no base object" in ob.detail_deform.status
 
 
-def test_gradient_editing_says_that_it_does_not_go_by_the_base():
+def test_the_status_says_that_gradient_editing_ignores_the_base():
     ob, _ = make_pair()
     bind(ob)
     ob.detail_deform.method = 'GRADIENT'

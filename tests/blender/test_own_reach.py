@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A handle with a reach of its own moves nothing beyond it, and is held while others move."""
+"""A handle with its own reach moves nothing beyond it, and keeps its place while other handles move."""
 
 import bpy
 import numpy as np
@@ -27,7 +27,8 @@ def disk(ob, x, y, radius):
 
 
 def two_pulls(**settings):
-    """A large pull, and a small one inside its region. The object, the two empties, and what the small one reaches."""
+    """(object, large empty, small empty, (n,) mask of the small one's reach): a large pull, and a small one within its
+    region."""
     ob = bumpy()
     for name, value in settings.items():
         setattr(ob.detail_deform, name, value)
@@ -43,7 +44,7 @@ def pose(empty, x=0.0, y=0.0, z=0.0, turn=0.0, about=(0, 0, 0)):
 
 
 def by_itself(region, handles, **settings):
-    """A new sheet bound to that region alone. handles: [(members, motion of its empty or None)]. Its offsets."""
+    """Offsets of a new sheet that is bound with this region alone. handles: [(mask, motion of its empty or None)]."""
     ob = bumpy()
     for name, value in settings.items():
         setattr(ob.detail_deform, name, value)
@@ -65,7 +66,7 @@ def by_itself(region, handles, **settings):
     return evaluated(ob) - p
 
 
-def test_what_is_reached_is_what_moves():
+def test_a_handle_moves_the_vertices_within_its_reach_alone():
     ob, _, small, reach = two_pulls()
     before = evaluated(ob)
     pose(small, z=0.2, turn=0.5, about=(0.45, 0, 0))
@@ -84,19 +85,20 @@ SETTINGS = {
 
 
 @pytest.mark.parametrize('name', SETTINGS)
-def test_alone_it_is_a_handle_with_its_reach_for_a_region(name):
+def test_a_reach_deforms_like_a_region_of_its_own(name):
     ob, _, small, reach = two_pulls(**SETTINGS[name])
     p, core = own(ob), members(ob, "Handle.001")
     motion = {'z': 0.15, 'turn': -0.4, 'about': (0.45, 0, 0)}
     pose(small, **motion)
     found = evaluated(ob) - p
-    # The part of the mesh around the reach has other edges in the mean, and another box.
+    # A fraction of the sheet's diagonal. Not to rounding, because the solves depend on the mean edge length and the
+    # bounding box, and these are those of the part around the reach here, and of the whole sheet there.
     assert np.abs(found - by_itself(reach, [(core, motion)], **SETTINGS[name])).max() < 2e-4 * np.sqrt(8)
 
 
 @pytest.mark.parametrize('name', [name for name in SETTINGS if name != 'base metric'])  # not exact for rigid motions
-def test_it_goes_along_with_a_larger_motion(name):
-    """The large handle moves the whole mesh rigidly, the small one moves beside: as alone, and then all of it moved."""
+def test_a_reach_goes_along_with_a_rigid_motion_of_the_large_handle(name):
+    """The small handle deforms its reach, then both handles move rigidly: so does the deformed surface."""
     ob = bumpy()
     for setting, value in SETTINGS[name].items():
         setattr(ob.detail_deform, setting, value)
@@ -113,7 +115,7 @@ def test_it_goes_along_with_a_larger_motion(name):
     update()
     there = np.array(whole)
     assert np.abs(evaluated(ob) - (alone @ there[:3, :3].T + there[:3, 3])).max() < 2e-4
-    # The large one alone: the small one's vertices stay where their empty does, the others go.
+    # With the large handle moved alone, the small one's vertices stay with their empty, and the others move.
     small.matrix_world = rest
     update()
     found, core, reach = evaluated(ob), members(ob, "Handle.001"), members(ob, "Reach")
@@ -121,7 +123,7 @@ def test_it_goes_along_with_a_larger_motion(name):
     assert np.abs(found - (p @ there[:3, :3].T + there[:3, 3]))[~(reach | core)].max() < 2e-4
 
 
-def test_while_the_surface_bends_its_vertices_are_where_its_empty_says_in_the_mean():
+def test_while_the_surface_bends_the_mean_of_a_handles_vertices_follows_its_empty():
     ob, large, small, _ = two_pulls()
     p, core, rest = own(ob), members(ob, "Handle.001"), small.matrix_world.copy()
     pose(large, z=0.5, turn=0.5)
@@ -136,7 +138,7 @@ def test_by_examples_the_region_mixes_them_and_a_reach_does_not():
     p = own(ob)
     ob.shape_key_add(name="Basis")
     key = ob.shape_key_add(name="Hill")
-    key.value = 0.0  # 5.2 shows it
+    key.value = 0.0  # Blender 5.2 adds keys with the value 1
     hill = p + np.exp(-4 * (p[:, :2] ** 2).sum(axis=1))[:, None] * (0, 0, 0.5)
     key.data.foreach_set('co', hill.astype(np.float32).ravel())
     activate(ob)
@@ -162,7 +164,7 @@ def test_a_pull_that_reaches_another_handle_shares_its_region():
     assert members(ob, "Region")[disk(ob, 0.45, 0, 0.3)].all()
 
 
-def test_beyond_the_region_of_the_first_it_reaches_as_far():
+def test_a_reach_may_be_outside_the_first_handles_region():
     ob = bumpy()
     pull(ob, disk(ob, 0, 0, 0.2), radius=0.3)
     region = members(ob, "Region")
@@ -172,7 +174,7 @@ def test_beyond_the_region_of_the_first_it_reaches_as_far():
     assert np.abs(evaluated(ob) - own(ob))[members(ob, "Handle.001"), 2] == pytest.approx(0.2, abs=1e-5)
 
 
-def test_both_sides_of_a_symmetric_pull_are_one():
+def test_both_sides_of_a_symmetric_pull_share_one_reach():
     ob = symmetric(41)
     ob.data.use_mirror_x = True
     pull(ob, disk(ob, 0, 0.35, 0.07), radius=0.15)
@@ -219,7 +221,7 @@ def test_a_group_of_the_users_is_a_reach_and_stays_when_mirrored():
     assert members(ob, "Reach")[before].all() and members(ob, "Reach")[disk(ob, -0.45, 0, 0.2)].all()
 
 
-def test_without_its_reach_it_shares_the_region():
+def test_a_handle_without_its_reach_goes_by_the_region():
     ob, _, small, reach = two_pulls()
     ob.detail_deform.handles[1].reach = ''
     activate(ob)
@@ -250,7 +252,7 @@ def test_a_reach_without_anything_to_move_is_refused():
     assert "that is free to follow is beside it within its reach" in refusal(bpy.ops.object.detail_deform_bind)
 
 
-def test_the_handle_goes_with_its_group():
+def test_removing_a_handle_removes_its_groups():
     ob, _, _, _ = two_pulls()
     activate(ob)
     ob.detail_deform.handle_index = 1
@@ -277,7 +279,7 @@ def test_a_group_that_something_else_uses_stays():
     assert "Reach" in ob.vertex_groups
 
 
-def test_it_is_there_again_after_loading(tmp_path):
+def test_reaches_are_saved_and_loaded(tmp_path):
     ob, large, small, _ = two_pulls()
     pose(large, z=0.3)
     pose(small, z=0.2)
@@ -292,7 +294,7 @@ def test_it_is_there_again_after_loading(tmp_path):
 
 
 def test_all_back_to_rest_and_a_pose_of_both():
-    """From rest both moves count from the mesh as it is, and each handle's vertices are where its empty says."""
+    """After the return to rest, both handles' vertices follow their empties' motions from there."""
     ob, large, small, _ = two_pulls()
     p = own(ob)
     pose(large, z=0.3)
@@ -321,7 +323,7 @@ def test_a_third_within_the_second_and_many():
     assert np.abs((evaluated(ob) - before)[held].mean(axis=0) - (0, 0, 0.05)).max() < 0.01
 
 
-def test_the_base_is_shown_of_all():
+def test_the_displayed_base_includes_the_reaches():
     ob, _, small, reach = two_pulls()
     ob.detail_deform.output = 'BASE'
     update()
@@ -333,7 +335,7 @@ def test_the_base_is_shown_of_all():
 
 
 def test_drafts_of_parts_stand_in_until_all_are_bound(part):
-    """By their jobs: a draft comes once each part has one or is done."""
+    """The job of all parts has a draft once each part has a draft or is done."""
     reaches, native, PartsJob = part('follow.reaches'), part('library.native'), part('follow.parts_job').PartsJob
     n = 420
     x, y = np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n))
@@ -365,7 +367,8 @@ def test_drafts_of_parts_stand_in_until_all_are_bound(part):
 
 
 def test_one_pull_after_the_other(part, monkeypatch):
-    """Six, each with a reach of its own: each stays where it was led, and groups are read as often as for one."""
+    """Six pulls, each with its own reach: each handle's vertices stay where they were moved, and a later pull reads
+    vertex groups no more often than the second."""
     ob = bumpy(50)
     pull(ob, disk(ob, -0.8, -0.8, 0.1), radius=2.0)
     mesh_data, counts = part('scene.mesh_data'), []
@@ -387,7 +390,7 @@ def test_one_pull_after_the_other(part, monkeypatch):
     assert 0 < counts[-1] <= counts[1]
 
 
-# Beside other settings
+# ---- together with other settings
 
 def with_hill(ob):
     p = own(ob)
@@ -402,7 +405,7 @@ def with_hill(ob):
 
 
 @pytest.mark.parametrize('has_reach', [False, True])
-def test_sliders_of_examples_move_it_with_all_handles_at_rest(has_reach):
+def test_sliders_of_examples_deform_with_all_handles_at_rest(has_reach):
     ob = bumpy()
     with_hill(ob)
     pull(ob, disk(ob, 0, 0, 0.2), radius=0.9)
@@ -414,7 +417,7 @@ def test_sliders_of_examples_move_it_with_all_handles_at_rest(has_reach):
     assert np.abs(evaluated(ob) - own(ob)).max() > 0.3
 
 
-def test_weights_that_handles_ask_for_are_those_of_now():
+def test_found_weights_are_those_of_the_present_pose():
     ob = bumpy()
     with_hill(ob)
     large = pull(ob, disk(ob, 0, 0, 0.2), radius=0.9)
@@ -428,7 +431,7 @@ def test_weights_that_handles_ask_for_are_those_of_now():
 
 
 @pytest.mark.parametrize('degrees', [170, 190, 360, 540, 720])
-def test_turned_together_by_whole_turns_it_is_rigid(degrees):
+def test_handles_turned_together_by_more_than_half_a_turn_are_rigid(degrees):
     ob = bumpy()
     large = pull(ob, disk(ob, 0, 0, 0.2), radius=9.0)
     small = pull(ob, disk(ob, 0.6, 0, 0.1), radius=0.2)
@@ -442,7 +445,7 @@ def test_turned_together_by_whole_turns_it_is_rigid(degrees):
 
 
 def test_a_small_one_twists_by_whole_turns_of_its_own():
-    """As without the large one, which only stands a little higher."""
+    """The twist stays when the large handle is moved a little."""
     ob, large, small, reach = two_pulls()
     small.rotation_euler.z += 2 * np.pi
     update()
@@ -453,7 +456,7 @@ def test_a_small_one_twists_by_whole_turns_of_its_own():
 
 
 def test_a_turn_of_the_large_one_makes_no_jump():
-    """By steps of five degrees, beside the same without the small one."""
+    """In steps of five degrees, each of which moves the surface little more than without the small handle."""
     longest = []
     for has_reach in (True, False):
         bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
@@ -472,9 +475,9 @@ def test_a_turn_of_the_large_one_makes_no_jump():
     assert (longest[0] < 1.5 * longest[1] + 0.02).all()
 
 
-# Which share one
+# ---- shared reaches
 
-def test_a_pull_that_reaches_one_with_a_reach_shares_that():
+def test_a_pull_that_reaches_a_handle_with_a_reach_shares_its_reach():
     ob = bumpy()
     pull(ob, disk(ob, -0.6, 0, 0.1), radius=0.3)
     region = members(ob, "Region")
@@ -487,7 +490,7 @@ def test_a_pull_that_reaches_one_with_a_reach_shares_that():
     assert moved[members(ob, "Handle.001")].max() < 1e-9 and moved[~members(ob, "Reach")].max() < 1e-9
 
 
-def test_a_pull_that_reaches_several_takes_all_of_theirs():
+def test_a_pull_that_reaches_several_joins_their_reaches():
     ob = bumpy()
     pull(ob, disk(ob, -0.6, 0, 0.1), radius=0.3)
     pull(ob, disk(ob, 0.3, 0.5, 0.1), radius=0.2)
@@ -497,7 +500,7 @@ def test_a_pull_that_reaches_several_takes_all_of_theirs():
     assert len({handle.reach for handle in list(ob.detail_deform.handles)[1:]}) == 1
     shared = members(ob, ob.detail_deform.handles[3].reach)
     assert shared[before].all() and ob.detail_deform.handles[0].reach == ""
-    # And one that reaches the first as well has all of them go by the region.
+    # With a pull that also reaches the first handle, all of them go by the region.
     pull(ob, disk(ob, -0.1, 0, 0.05), radius=0.7)
     assert not any(handle.reach for handle in ob.detail_deform.handles)
     assert members(ob, "Region")[shared].all() and ob.detail_deform.is_bound
@@ -514,7 +517,7 @@ def test_a_region_that_no_handle_goes_by_any_more_is_not_shared():
     pose(third, z=0.2)
     moved = np.abs(evaluated(ob) - own(ob)).max(axis=1)
     assert not moved[~shared].any() and shared[reach].all() and shared.sum() < 2.5 * reach.sum()
-    # Its group may go.
+    # The group of the region may be deleted, as no handle goes by it.
     ob.vertex_groups.remove(ob.vertex_groups["Region"])
     pose(third, z=0.1)
     assert ob.detail_deform.is_bound, ob.detail_deform.status
@@ -571,7 +574,7 @@ def test_a_symmetric_image_is_exact_where_both_reach():
 
 
 def test_the_larger_reach_comes_first_in_any_order():
-    """What a large one moves takes a small one along, also where the small one is first in the list."""
+    """A large reach takes a small one along, also where the small one's handle is first in the list."""
     found = []
     for names in (("Small", "Large"), ("Large", "Small")):
         bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
@@ -594,9 +597,9 @@ def test_the_larger_reach_comes_first_in_any_order():
     assert np.abs(found[0] - found[1]).max() < 1e-6 and found[0][:, 2].max() == pytest.approx(0.3, abs=0.02)
 
 
-# What is said
+# ---- sentences
 
-def test_what_is_left_of_a_mirror_image_is_no_loose_part():
+def test_the_region_left_by_a_removed_mirror_image_is_no_loose_part():
     ob, _, _, _ = two_pulls()
     activate(ob)
     ob.detail_deform.handle_index = 1
@@ -607,7 +610,7 @@ def test_what_is_left_of_a_mirror_image_is_no_loose_part():
     assert "loose part" not in ob.detail_deform.status
 
 
-def test_a_reach_that_holds_a_whole_loose_part_is_said():
+def test_a_reach_with_a_whole_loose_part_is_reported():
     bpy.ops.mesh.primitive_uv_sphere_add(radius=0.2, location=(0.3, 0, 1))
     sphere = bpy.context.active_object
     ob = bumpy()
@@ -627,7 +630,7 @@ def test_a_reach_away_from_its_handle_is_refused_with_its_name():
     assert "Handle.001" in said and "beside it within its reach" in said
 
 
-def test_a_part_that_fails_while_another_is_bound_is_told_at_the_end(part):
+def test_a_part_that_fails_while_another_is_bound_is_reported_with_the_meshs_vertices(part):
     reaches, native, PartsJob = part('follow.reaches'), part('library.native'), part('follow.parts_job').PartsJob
 
     class Job:

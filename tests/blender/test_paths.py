@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Folders of all kinds: all that is written and read goes there, and is found again."""
+"""Files in folders with unusual and long names are written, read and found again."""
 
 import os
 
@@ -13,7 +13,8 @@ NAME = "Größe 画像 \N{DRAGON}"
 
 
 def check_all_that_is_written_to(folder):
-    """And read there: files, caches beside them and elsewhere, Alembic files, lists of pairs and of key names."""
+    """Writes and reads every kind of file in a folder: .blend files, caches, Alembic files, and lists of pairs and of
+    key names."""
     blend = str(folder / f'{NAME}.blend')
     ob = keyed(NAME, 0.5)
     live = risen(ob)
@@ -61,7 +62,7 @@ def test_folders_of_any_name(tmp_path, name):
     check_all_that_is_written_to(folder)
 
 
-def test_paths_that_are_longer_than_windows_takes_them_by_itself(tmp_path):
+def test_paths_longer_than_260_characters(tmp_path):
     folder = tmp_path.joinpath(*['a folder whose name is long'] * 10)
     try:
         folder.mkdir(parents=True)

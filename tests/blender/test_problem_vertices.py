@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Select Problem Vertices: from a sentence about vertices to all of them, in Edit Mode."""
+"""Select Problem Vertices: selects, in Edit Mode, all vertices that a sentence is about."""
 
 import bpy
 import numpy as np
@@ -18,7 +18,7 @@ def selected(ob):
 
 
 def extended(positions, faces=()):
-    """The strip with more vertices and faces, in no group, so without a region."""
+    """The strip with more vertices and faces, which are in no group, two handles and no region."""
     ob = make_strip()
     old = [tuple(p.vertices) for p in ob.data.polygons]
     right = [v.index for v in ob.data.vertices if v.index >= 22 * 25]
@@ -35,7 +35,7 @@ def extended(positions, faces=()):
 
 
 @pytest.mark.parametrize('value', [float('nan'), 1e35])
-def test_all_vertices_of_a_refusal_not_only_the_first(value):
+def test_all_vertices_of_a_refusal_are_selected(value):
     ob = make_strip()
     wrong = [7, 311, 600]
     for vertex in wrong:
@@ -52,7 +52,7 @@ def test_all_vertices_of_a_refusal_not_only_the_first(value):
     assert not SELECT.poll()
 
 
-def test_also_what_is_hidden_and_whatever_was_selected():
+def test_a_hidden_vertex_is_selected_in_place_of_the_old_selection():
     ob = make_strip()
     ob.data.vertices[7].co.y = float('nan')
     ob.data.vertices[7].hide = True
@@ -87,8 +87,8 @@ def test_the_region_that_no_handle_reaches():
     assert selected(ob) == [3, 4, 5]
 
 
-def test_what_the_status_of_a_bound_mesh_warns_of():
-    """Loose vertices, a part without a handle, and faces without area, all at once."""
+def test_all_warnings_of_a_bound_mesh_are_selected_at_once():
+    """Loose vertices, a part without a handle, and faces without area."""
     ob = extended([(0, 0, 3), (0, 0, 4), (3, 0, 0), (4, 0, 0), (3, 1, 0), own(make_strip())[MIDDLE]],
                   [(627, 628, 629), (MIDDLE, MIDDLE + 1, 630)])
     bind(activate(ob))
@@ -98,8 +98,8 @@ def test_what_the_status_of_a_bound_mesh_warns_of():
     assert selected(ob) == [MIDDLE, MIDDLE + 1, *range(625, 631)]
 
 
-def test_what_does_no_harm_is_not_in_the_panels_status(part):
-    """A bound mesh of which nothing is wrong but a face without area: it is told under Advanced, and to scripts."""
+def test_a_harmless_remark_is_not_in_the_panels_status(part):
+    """A face without area does no harm: it is reported under Advanced and in the status for scripts."""
     ob = extended([own(make_strip())[MIDDLE]], [(MIDDLE, MIDDLE + 1, 625)])
     bind(activate(ob))
     status = part('follow.status')
@@ -113,7 +113,7 @@ def test_what_does_no_harm_is_not_in_the_panels_status(part):
     assert status.harmless(ob) == "" and "Re-bind" in status.urgent(ob)
 
 
-def test_from_the_empty():
+def test_the_operator_works_while_an_empty_is_active():
     ob = extended([(0, 0, 3)])
     bind(activate(ob))
     activate(ob.detail_deform.handles[0].target)
@@ -121,7 +121,7 @@ def test_from_the_empty():
     assert bpy.context.active_object == ob and selected(ob) == [625]
 
 
-def test_where_no_message_is_about_vertices():
+def test_the_operator_is_disabled_where_no_sentence_is_about_vertices():
     ob = bind(make_strip())
     assert not SELECT.poll()
     ob.detail_deform.handles[0].target = None
@@ -129,8 +129,8 @@ def test_where_no_message_is_about_vertices():
     assert "lost their empties" in ob.detail_deform.status and not SELECT.poll()
 
 
-def test_below_a_problem_that_names_none():
-    """What else is known of the mesh is no matter then."""
+def test_the_operator_is_disabled_below_a_problem_without_vertices():
+    """The mesh's loose vertices, of which it would warn otherwise, don't matter then."""
     ob = extended([(0, 0, 3), own(make_strip())[MIDDLE]], [(MIDDLE, MIDDLE + 1, 626)])
     bind(activate(ob))
     assert SELECT.poll()
@@ -140,8 +140,8 @@ def test_below_a_problem_that_names_none():
     assert "does not have" in ob.detail_deform.status and not SELECT.poll()
 
 
-def test_of_another_mesh_it_selects_nothing():
-    """What was refused is not looked for in a mesh that has taken its place."""
+def test_vertices_of_a_refusal_are_not_selected_in_another_mesh():
+    """The refused mesh was replaced."""
     ob = make_strip()
     ob.data.vertices[7].co.y = float('nan')
     refusal(bpy.ops.object.detail_deform_bind, wait=True)

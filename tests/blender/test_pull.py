@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pull: a handle, a region and a binding from a selection, in one action."""
+"""Pull: makes a handle and a region from a selection, and binds, in one action."""
 
 import bpy
 import numpy as np
@@ -26,7 +26,7 @@ def test_pull_makes_all_of_it_at_once():
     assert np.allclose(moved[p[:, 0] > 1.2], 0.3, atol=1e-5)
     assert not moved[p[:, 0] < 0.5].any()
 
-    # A second handle: the first keeps its pose, and the region reaches around both.
+    # After a second Pull the first handle keeps its pose, and the region is around both.
     select(ob, p[:, 0] < -1.2)
     assert bpy.ops.object.detail_deform_pull(radius=0.4) == {'FINISHED'}
     moved = np.linalg.norm(evaluated(ob) - p, axis=1)
@@ -43,10 +43,10 @@ def test_pull_keeps_a_region_of_the_users_own():
     assert ob.detail_deform.region == 'region' and len(ob.detail_deform.handles) == 2
 
 
-def test_pull_that_fails_takes_back_what_it_began():
+def test_a_pull_that_fails_leaves_no_data_blocks_handles_or_groups():
     ob = make_strip()
     before = data_blocks()
-    select(ob, own(ob)[:, 0] > 0.95)  # all of them are in the other handle
+    select(ob, own(ob)[:, 0] > 0.95)  # vertices of the first handle
     assert "larger weight in another handle" in refusal(bpy.ops.object.detail_deform_pull)
     assert ob.mode == 'EDIT' and len(ob.detail_deform.handles) == 1 and len(ob.vertex_groups) == 2
     assert data_blocks() == before
@@ -93,7 +93,7 @@ def test_poses_are_not_counted_twice():
     assert np.abs(evaluated(ob) - applied).max() < 1e-6
 
 
-def test_empties_go_where_this_view_layer_sees_them():
+def test_empties_go_into_a_collection_of_this_view_layer():
     ob = make_strip()
     hidden = bpy.data.collections.new("Elsewhere")
     bpy.data.scenes.new("Other").collection.children.link(hidden)
@@ -110,14 +110,14 @@ def test_from_mesh_to_empty_and_back():
     bpy.ops.object.detail_deform_handle_activate()
     empty = ob.detail_deform.handles[0].target
     assert bpy.context.active_object == empty and bpy.context.selected_objects == [empty]
-    assert bpy.ops.object.detail_deform_pull.poll()  # or its slider would be gone after it has run
+    assert bpy.ops.object.detail_deform_pull.poll()  # otherwise Adjust Last Operation would show no slider
     bpy.ops.object.detail_deform_mesh_activate()
     assert bpy.context.active_object == ob
     assert "Edit Mode" in refusal(bpy.ops.object.detail_deform_pull)
 
 
 @pytest.mark.parametrize('how', ['as it is', 'hidden', 'disabled', 'unselectable', 'in a hidden collection'])
-def test_from_an_empty_to_edit_mode_where_there_is_one(how):
+def test_from_an_empty_to_edit_mode_where_blender_allows_it(how):
     ob = bind(make_strip())
     activate(ob.detail_deform.handles[0].target)
     if how == 'hidden':
@@ -137,7 +137,7 @@ def test_from_an_empty_to_edit_mode_where_there_is_one(how):
         assert how == 'in a hidden collection'
 
 
-def test_it_is_said_that_one_handle_without_a_region_takes_all_along():
+def test_the_status_says_that_one_handle_without_a_region_moves_the_whole_mesh():
     ob = make_strip()
     ob.detail_deform.region = ""
     bind(ob)
@@ -155,10 +155,10 @@ def test_no_way_to_a_mesh_that_is_not_in_the_view_layer():
     assert not bpy.ops.object.detail_deform_mesh_activate.poll()
 
 
-# How far it reaches
+# ---- how far it reaches
 
 def sheet(n=40, scale=1.0, size=1.0):
-    """A flat square of two units, its places times scale in the mesh and times size by the object."""
+    """A flat square of two units, whose vertices are scaled by `scale`, and its object by `size`."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=n, y_subdivisions=n)
     ob = bpy.context.active_object
     ob.data.vertices.foreach_set('co', (scale * own(ob)).astype(np.float32).ravel())
@@ -168,7 +168,7 @@ def sheet(n=40, scale=1.0, size=1.0):
 
 
 def reach_of_disk(radius, **of):
-    """How far Pull reaches beyond a disk in the middle of a sheet, in the sheet's own measure."""
+    """How far Pull reaches beyond a disk in the middle of a sheet, in units of the unscaled sheet."""
     ob = sheet(**of)
     away = np.linalg.norm(own(ob)[:, :2], axis=1) / of.get('scale', 1.0)
     pull(ob, away <= max(radius, away.min()))
@@ -202,11 +202,11 @@ def test_a_second_pull_adds_to_the_region_of_the_first_where_it_reaches_that_han
     assert not both[away & ~first].any()
 
 
-# Cancelled
+# ---- cancelling
 
 @pytest.fixture
 def begin(part):
-    """Begins a Pull of these vertices in the background, and goes on until it binds. Returns its stages."""
+    """begin(ob, chosen): starts a Pull of these vertices in the background, up to its bind; returns its generator."""
     def run(ob, chosen):
         select(ob, chosen)
         stages = part('setup.pulling').Pull(bpy.context, ob).stages(wait=False, watch=True)
@@ -230,7 +230,7 @@ def test_a_pull_that_is_cancelled_leaves_nothing_behind(begin):
     pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2)
 
 
-def test_it_can_be_cancelled_after_each_stage(part):
+def test_a_pull_can_be_cancelled_after_each_stage(part):
     ob = sheet()
     pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2)
     before, groups = data_blocks(), len(ob.vertex_groups)
@@ -248,7 +248,7 @@ def test_it_can_be_cancelled_after_each_stage(part):
         assert ob.detail_deform.is_bound, ob.detail_deform.status
 
 
-def test_one_that_is_cancelled_leaves_the_binding_that_there_was(begin):
+def test_a_pull_that_is_cancelled_leaves_the_earlier_binding(begin):
     ob = sheet()
     p = own(ob)
     first = pull(ob, np.linalg.norm(p[:, :2], axis=1) < 0.2)
@@ -267,7 +267,7 @@ def test_one_that_is_cancelled_leaves_the_binding_that_there_was(begin):
 
 
 def test_a_selection_on_both_sides_is_measured_once(part):
-    """Edit Mode's symmetry takes the image along, and the reach is that of one side."""
+    """With Edit Mode's symmetry the mirror image is pulled too, and the reach depends on the size of one side."""
     ob = sheet(60)
     p = own(ob)
     ob.data.use_mirror_x = True

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A modifier before Detail Deform may leave nothing that could be deformed: the status says so and names it."""
+"""A modifier before Detail Deform that discards the mesh leaves nothing to deform: the status names it."""
 
 import bpy
 import numpy as np
@@ -9,7 +9,7 @@ from conftest import activate, bind, evaluated, has_voxels, make_strip, own, upd
 
 
 def node_group(kind):
-    """Nodes that hand the mesh on ('pass'), put a cube in its place ('cube') or nothing ('empty')."""
+    """A node group that passes the mesh on ('pass'), or replaces it by a cube ('cube') or by nothing ('empty')."""
     made = bpy.data.node_groups.new(kind, 'GeometryNodeTree')
     if hasattr(made, 'interface'):
         for way in ('INPUT', 'OUTPUT'):
@@ -42,7 +42,7 @@ def lift(ob, height=0.1):
 @pytest.mark.parametrize('early', [False, True])
 def test_a_mesh_that_is_discarded_is_noticed(kind, early):
     ob = make_strip()
-    if early:  # where it stood after a bind by hand, or in a file from before
+    if early:  # the modifier is there before Bind, and is moved before Detail Deform afterwards
         add_nodes(ob, kind, 0)
         bind(ob)
         bpy.ops.object.modifier_move_to_index(modifier=kind.title(), index=0)
@@ -59,7 +59,7 @@ def test_a_mesh_that_is_discarded_is_noticed(kind, early):
     assert np.allclose((evaluated(ob) - own(ob))[-1], (0, 0, 0.2), atol=1e-5)
 
 
-def test_it_is_said_when_nothing_moves():
+def test_a_discarded_mesh_is_noticed_in_a_frame_in_which_no_handle_moves():
     ob = bind(make_strip())
     lift(ob)
     add_nodes(ob, 'cube', 0)
@@ -73,7 +73,7 @@ def test_it_is_said_when_nothing_moves():
 
 
 @pytest.mark.parametrize('kind, index', [('pass', 0), ('pass', 1), ('cube', 1)])
-def test_modifiers_that_hand_the_mesh_on_or_come_later_are_no_fault(kind, index):
+def test_modifiers_that_pass_the_mesh_on_or_come_later_are_not_reported(kind, index):
     ob = bind(make_strip())
     add_nodes(ob, kind, index)
     update()
@@ -83,7 +83,7 @@ def test_modifiers_that_hand_the_mesh_on_or_come_later_are_no_fault(kind, index)
 
 
 @has_voxels
-def test_a_voxel_remesh_before_it_is_named():
+def test_a_voxel_remesh_before_detail_deform_is_named():
     ob = bind(make_strip())
     ob.modifiers.new("Remesh", 'REMESH').voxel_size = 0.2
     bpy.ops.object.modifier_move_to_index(modifier="Remesh", index=0)
@@ -92,7 +92,7 @@ def test_a_voxel_remesh_before_it_is_named():
     assert "'Remesh' before Detail Deform" in ob.detail_deform.status
 
 
-def test_a_follower_says_it_too():
+def test_a_modifier_that_discards_a_followers_mesh_is_named():
     source = make_strip(name="Source")
     target = make_strip(name="Target")
     target.detail_deform.handles.clear()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is read of a mesh all at once is what Blender says of each item, in any mode; Bind reads it once, and writes
-what has become another thing."""
+"""Mesh data that is read in bulk equals Blender's data of each element, in any mode. Bind reads it once, and writes
+only a changed result."""
 
 import bpy
 import numpy as np
@@ -9,7 +9,7 @@ from conftest import activate, add_handle, bind, evaluated, group, make_strip, m
 
 
 def mixed():
-    """Triangles, quads and a larger face, a loose edge and a loose vertex; with shape keys."""
+    """A mesh of triangles, quads, a larger face, a loose edge and a loose vertex, with shape keys."""
     points = [(x, y, 0.1 * x * y) for y in range(3) for x in range(4)] + [(5, 0, 1), (5, 1, 1), (6, 0, 2)]
     faces = [(0, 1, 5, 4), (1, 2, 6), (1, 6, 5), (2, 3, 7, 11, 10, 6), (4, 5, 9, 8)]
     mesh = bpy.data.meshes.new("Mixed")
@@ -40,7 +40,7 @@ def test_meshes_in_any_mode(part):
     check(ob.data, mesh_data)
     bpy.ops.mesh.select_all(action='SELECT')
     bpy.ops.mesh.subdivide()
-    check(ob.data, mesh_data)  # as it was, until the edit is taken over
+    check(ob.data, mesh_data)  # the mesh before the edit, until update_from_editmode()
     ob.update_from_editmode()
     assert len(ob.data.vertices) > 15
     check(ob.data, mesh_data)
@@ -99,7 +99,8 @@ def test_bind_reads_once(part, monkeypatch):
 
 
 def test_bound_again_unchanged_the_result_stays():
-    """Blender need not evaluate the mesh anew. What isn't the result any more is replaced."""
+    """An unchanged result isn't written again, which would make Blender evaluate the mesh. Offsets that were changed by
+    others are replaced."""
     ob = bind(make_strip())
     ob.detail_deform.handles[0].target.location.z += 0.3
     update()
@@ -113,10 +114,10 @@ def test_bound_again_unchanged_the_result_stays():
     assert moved(ob) == 0
 
 
-def test_bound_again_unchanged_the_scene_needs_what_it_needed():
-    """What an object depends on is not told anew, as Blender would then find it out for the whole scene."""
+def test_bound_again_unchanged_the_driver_is_kept():
+    """A new driver would make Blender rebuild the dependencies of the whole scene."""
     ob = bind(make_strip())
-    ob.animation_data.drivers[0].lock = True  # by which it is known again
+    ob.animation_data.drivers[0].lock = True  # marks the driver
     bind(ob)
     assert ob.animation_data.drivers[0].lock
     left = bpy.data.objects.new("Left", None)
@@ -128,11 +129,11 @@ def test_bound_again_unchanged_the_scene_needs_what_it_needed():
     assert [v.targets[0].id for v in driver.driver.variables] == [bpy.data.objects["Right"], left]
 
 
-# Whole groups at a time
+# ---- vertex groups read as columns, by geometry nodes
 
 @pytest.fixture
 def columns(part, monkeypatch):
-    """The module, for which no mesh is too small."""
+    """The module scene.group_columns, made to read meshes of any size by nodes."""
     module = part('scene.group_columns')
     for name in ('_VERTICES_A_GROUP', '_VERTICES_AN_OBJECT'):
         monkeypatch.setattr(module, name, 0)
@@ -140,8 +141,8 @@ def columns(part, monkeypatch):
 
 
 def grouped():
-    """Weights between 0 and 1 and at their ends, in groups of all kinds of names, one without vertices; the object
-    hidden, turned, with a modifier that makes vertices, and shape keys."""
+    """A hidden, rotated object with shape keys and a modifier that makes vertices. Its groups have unusual names, and
+    weights from 0.25 to 1; one is empty."""
     ob = mixed()
     randomness = np.random.default_rng(5)
     for name in ("Region", "Ünïcödé", ".hidden", "with 'quotes' and\\", "position.001", "Empty"):
@@ -158,11 +159,12 @@ def grouped():
 def as_dictionary(entries):
     vertices, places, weights = (values.tolist() for values in entries)
     result = dict(zip(zip(vertices, places), weights))
-    assert len(result) == len(vertices)  # none twice
+    assert len(result) == len(vertices)  # no entry is there twice
     return result
 
 
 def data():
+    """Numbers of data-blocks."""
     return [len(getattr(bpy.data, kind)) for kind in ('scenes', 'objects', 'meshes', 'node_groups', 'collections')]
 
 
@@ -172,7 +174,7 @@ def test_groups_at_once_are_those_of_each_vertex(columns, part, monkeypatch):
     expected, before = as_dictionary(mesh_data.group_entries(ob, names)), data()
     monkeypatch.setattr(mesh_data, 'group_entries', None)
     assert as_dictionary(columns.entries(ob, names)) == expected and len(expected) > 40
-    # A group that isn't asked for, another order, weights that were changed and not looked at by Blender yet.
+    # Other groups, in another order, with weights that Blender hasn't evaluated since they were changed.
     ob.vertex_groups["Region"].add([0, 3], 0.875, 'REPLACE')
     ob.vertex_groups["Empty"].add([7], 1.0, 'REPLACE')
     found = as_dictionary(columns.entries(ob, ["Empty", "Region"]))
@@ -180,11 +182,11 @@ def test_groups_at_once_are_those_of_each_vertex(columns, part, monkeypatch):
     assert data() == before
 
 
-# Some of them mean something to Blender, some did in an earlier version.
+# Names of attributes that Blender uses, or used in earlier versions.
 @pytest.mark.parametrize('name', ["position", "normal", "id", "index", "radius", "crease", "material_index", "UVMap",
                                   "shade_smooth", "sharp_face", "sharp_edge", ".corner_vert", ".select_vert", "Own"])
 @pytest.mark.parametrize('weight', [1.0, 0.3])
-def test_groups_of_names_that_mean_something_else(columns, part, name, weight):
+def test_groups_with_names_of_attributes(columns, part, name, weight):
     ob, mesh_data = mixed(), part('scene.mesh_data')
     ob.data.uv_layers.new(name="UVMap")
     ob.data.attributes.new("Own", 'FLOAT', 'POINT').data[4].value = 1
@@ -193,13 +195,13 @@ def test_groups_of_names_that_mean_something_else(columns, part, name, weight):
     ob.data.polygons[1].material_index = 1
     group(ob, "Before", [1, 2, 3])
     ob.vertex_groups.new(name="Any").name = name
-    name = ob.vertex_groups[-1].name  # some versions refuse those that are there
+    name = ob.vertex_groups[-1].name  # some versions change a name that an attribute has
     ob.vertex_groups[name].add([1, 2, 3, 5, 8, 13], weight, 'REPLACE')
     asked = ["Before", name]
     assert as_dictionary(columns.entries(ob, asked)) == as_dictionary(mesh_data.group_entries(ob, asked))
 
 
-def test_groups_that_nodes_do_not_see(columns, part, monkeypatch):
+def test_groups_that_nodes_can_not_read_are_read_one_by_one(columns, part, monkeypatch):
     ob, mesh_data = grouped(), part('scene.mesh_data')
     asked, read = [], mesh_data.group_entries
     monkeypatch.setattr(mesh_data, 'group_entries', lambda *of: asked.append(of) or read(*of))
@@ -212,7 +214,8 @@ def test_groups_that_nodes_do_not_see(columns, part, monkeypatch):
 
 
 def test_groups_at_once_where_it_takes_less(part, monkeypatch):
-    """Not of few vertices, in many groups, among many objects or of what is driven: each costs something of its own."""
+    """Groups are read one by one where that takes less: for few vertices, in many groups, among many objects, and where
+    drivers would be evaluated."""
     columns, ob = part('scene.group_columns'), grouped()
     monkeypatch.setattr(part('scene.mesh_data'), 'group_entries', lambda *_: False)
     monkeypatch.setattr(columns, '_columns', lambda mesh, names: dict.fromkeys(names, (np.zeros(1), np.zeros(1))))
@@ -246,7 +249,8 @@ def test_groups_at_once_where_it_takes_less(part, monkeypatch):
 
 
 def test_a_bind_by_groups_at_once(columns, part, monkeypatch):
-    """Nobody is told of the scene that it takes, nor is the mesh taken for edited; what listens does so afterwards."""
+    """Handlers aren't called for the scratch scene and hear of no edit of the mesh; afterwards they are called as
+    usual."""
     ob = make_strip()
     bind(ob)
     expected, before = ob.detail_deform.signature, data()
@@ -275,8 +279,8 @@ def test_a_bind_by_groups_at_once(columns, part, monkeypatch):
             getattr(bpy.app.handlers, event).remove(listens)
 
 
-def test_groups_at_once_leave_what_is_animated_as_it_was_left(columns, part):
-    """What was changed by hand since the last frame, and not keyed, stays: nothing is animated anew."""
+def test_groups_at_once_evaluate_no_animation(columns, part):
+    """Animated values that were changed since the last frame, and not keyed, stay."""
     ob = mixed()
     group(ob, "A", [1, 2, 3])
     ob.data.materials.append(bpy.data.materials.new("Glass"))
@@ -294,8 +298,8 @@ def test_groups_at_once_leave_what_is_animated_as_it_was_left(columns, part):
 
 
 @pytest.mark.parametrize('name', ['_copy', '_depsgraph'])
-def test_nodes_that_give_nothing(columns, part, monkeypatch, name):
-    """The nodes make no copy, or Blender no depsgraph, as while its interface is locked."""
+def test_groups_are_read_one_by_one_where_nodes_fail(columns, part, monkeypatch, name):
+    """No copy could be made, or Blender gives no depsgraph, such as while its interface is locked."""
     ob, mesh_data = mixed(), part('scene.mesh_data')
     group(ob, "A", [1, 2, 3])
     monkeypatch.setattr(columns, name, lambda *_: None)
@@ -316,8 +320,8 @@ def test_groups_at_once_that_fail_leave_nothing(columns, monkeypatch, name):
     assert data() == before
 
 
-def test_many_bound_meshes_are_read_once_each(part, monkeypatch):
-    """However many there are, a frame reads no groups and joins no vertices."""
+def test_frames_of_many_bound_meshes_read_no_groups(part, monkeypatch):
+    """Nor do they look for split vertices."""
     strips = [bind(make_strip(9 + number, name=f"Strip {number}")) for number in range(12)]
     read, split, mesh_data = [], part('scene.split'), part('scene.mesh_data')
     for module, name in ((split, 'Joined'), (mesh_data, 'group_entries')):

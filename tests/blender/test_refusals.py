@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bad input gets a sentence that names it, and the mesh stays untouched."""
+"""Bad input is refused by a sentence that names it, and the mesh stays untouched."""
 import bpy
 import numpy as np
 import pytest
@@ -123,7 +123,7 @@ def test_empty_with_zero_scale():
 
 
 def test_an_empty_with_zero_scale_leaves_the_binding():
-    """Bound anew in such a pose it would have no rest."""
+    """A new Bind in this pose is refused, as a matrix with a scale of zero is no rest pose."""
     ob = bind(make_strip())
     empty = ob.detail_deform.handles[0].target
     empty.scale = (0, 0, 0)
@@ -136,7 +136,7 @@ def test_an_empty_with_zero_scale_leaves_the_binding():
     assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
 
 
-def test_places_that_are_no_numbers_are_named_for_whose_they_are():
+def test_the_owner_of_a_location_that_is_no_number_is_named():
     ob = bind(make_strip())
     target, shown = ob.detail_deform.handles[0].target, evaluated(ob)
     for owner, sentence in ((ob, "Object 'Strip' has a location"),
@@ -221,8 +221,8 @@ def test_linked_mesh(tmp_path):
 
 @pytest.mark.parametrize('value, sentence', [
     (float('nan'), "Vertex 311 has a coordinate that is not a finite number"),
-    (float('inf'), "Vertex 311 has a coordinate of 3.4")])  # Blender stores the largest number
-def test_coordinates_that_are_no_places(value, sentence):
+    (float('inf'), "Vertex 311 has a coordinate of 3.4")])  # Blender clamps infinity to the largest float
+def test_coordinates_that_are_nan_or_infinite(value, sentence):
     ob = make_strip()
     ob.data.vertices[311].co.y = value
     assert_refused(ob, sentence)
@@ -249,7 +249,7 @@ def test_loose_vertices_and_edges_stay_and_are_reported():
     assert np.abs(moved[first:]).max() == 0 and np.isfinite(moved).all()
 
 
-def test_zero_area_triangles_are_survived_and_reported():
+def test_triangles_without_area_give_a_finite_result_and_are_reported():
     middle = 12 * 25 + 12
     ob, _ = extended([(0.5, 0.5, 0.1)], [(middle, middle + 1, 625)])
     ob.data.vertices[625].co = ob.data.vertices[middle].co
@@ -260,7 +260,7 @@ def test_zero_area_triangles_are_survived_and_reported():
     assert np.isfinite(moved).all() and np.abs(moved).max() < 0.45
 
 
-def test_non_manifold_edges_are_survived():
+def test_non_manifold_edges_give_a_finite_result():
     middle = 12 * 25 + 12
     ob, first = extended([(0.5, 0.52, 0.3), (0.5, 0.52, -0.3)],
                          [(middle, middle + 1, 625), (middle, middle + 1, 626)])

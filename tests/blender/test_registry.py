@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Bound objects and followers are known: an update costs what these cost, however large the scene is."""
+"""The registry of bound objects and followers: an update doesn't search the scene, so its cost doesn't depend on the
+number of other objects; and each new member is found."""
 
 import contextlib
 import os
@@ -14,7 +15,7 @@ from conftest import activate, add_empty, bind, evaluated, make_strip, own, upda
 
 @contextlib.contextmanager
 def steps_of(module):
-    """Counts the steps that the interpreter takes in the add-on's own code."""
+    """Counts the bytecodes that the interpreter executes in the add-on's code."""
     folder = os.path.dirname(module.__file__)
     count = [0]
 
@@ -34,7 +35,7 @@ def steps_of(module):
 
 
 def fill_scene(count):
-    """Meshes that nothing is bound to."""
+    """Adds objects that are not bound, with one mesh."""
     mesh = bpy.data.meshes.new("Pebble")
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
     collection = bpy.context.scene.collection
@@ -59,7 +60,7 @@ def steps_of_a_frame(module):
 
 @pytest.mark.parametrize('bound', [False, True])
 def test_an_update_does_not_go_through_the_scene(module, bound):
-    """Not a step more with 10,000 objects than with 10."""
+    """Not one bytecode more with 10,000 objects than with 10."""
     counts = []
     for objects in (10, 10000):
         bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
@@ -73,9 +74,9 @@ def test_an_update_does_not_go_through_the_scene(module, bound):
     assert bound == (min(counts[0]) > 200)
 
 
-def test_what_is_drawn_of_a_foreign_empty_does_not_go_through_the_scene(module, part):
-    """Panels, gizmos and polls ask at each redraw whose handle the active empty is: a search for the first, of all
-    objects, and none for the others."""
+def test_asking_again_whose_an_empty_is_does_not_go_through_the_scene(module, part):
+    """Panels, gizmos and poll() ask at each redraw whose handle the active empty is: the first time all objects are
+    searched, later none."""
     owners, counts = part('scene.handle_owners'), []
     for objects in (10, 1000):
         bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
@@ -89,7 +90,7 @@ def test_what_is_drawn_of_a_foreign_empty_does_not_go_through_the_scene(module, 
             for _ in range(20):
                 assert owners.of(foreign) == (None, -1)
         counts.append(count[0])
-        # Whatever makes the empty a handle's, or takes it away, is seen at once.
+        # A change of any handle's empty is noticed at once.
         ob.detail_deform.handles[0].target = foreign
         assert owners.of(foreign) == (ob, 0) and owners.of(mine)[0] is None
         ob.detail_deform.handles[0].target = mine
@@ -101,7 +102,7 @@ def test_what_is_drawn_of_a_foreign_empty_does_not_go_through_the_scene(module, 
     assert counts[0] == counts[1]
 
 
-def test_with_nothing_bound_it_does_not_go_through_what_changed(module):
+def test_with_nothing_bound_an_update_does_not_go_through_the_changed_objects(module):
     counts = []
     for objects in (10, 1000):
         bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
@@ -120,7 +121,7 @@ def handle(ob):
 
 
 def follows(ob):
-    """Whether a handle's move shows at the next change of frame, which names nobody."""
+    """Whether the surface follows its handle at a change of frame, which doesn't tell which objects have changed."""
     heights = []
     for step in (0.1, -0.1):
         handle(ob).location.z += step
@@ -154,7 +155,7 @@ def test_a_duplicate_is_known(strip):
 
 
 def test_a_copy_made_while_another_is_deleted_is_known(strip):
-    """As many use the modifier as before."""
+    """The node group's number of users is the same as before."""
     copy = copied(strip)
     bpy.context.scene.frame_set(2)
     last = copied(strip)
@@ -171,7 +172,7 @@ def test_renamed_and_deleted_objects_leave_the_others_known(strip):
         assert follows(ob)
 
 
-def test_after_undo_and_redo_it_is_known(strip):
+def test_after_undo_and_redo_objects_are_known(strip):
     bpy.ops.ed.undo_push(message="one")
     copied(strip).name = "Copy"
     bpy.ops.ed.undo_push(message="two")
@@ -199,7 +200,7 @@ def test_an_appended_or_linked_object_is_known(strip, tmp_path, link, part):
     assert link == ("is linked from another file" in ob.detail_deform.status)
 
 
-def test_an_unbound_object_is_left_alone(strip, module):
+def test_after_remove_an_update_costs_no_more_than_without_the_object(strip, module):
     mover = add_empty("Mover", (0, 0, 0))
     bpy.ops.object.detail_deform_remove()
     update()
@@ -222,8 +223,8 @@ def test_a_follower_is_known_with_its_copies(strip):
         assert np.abs(evaluated(ob) - evaluated(strip)).max() < 1e-4
 
 
-def test_editing_many_unbound_meshes_is_no_work_of_ours(strip, module):
-    """What is edited is looked up, not searched for."""
+def test_many_unbound_meshes_cost_no_update_more(strip, module):
+    """With one bound object; an object that changed is looked up, not searched for."""
     assert np.isfinite(evaluated(strip)).all()
     mover = add_empty("Mover", (0, 0, 0))
     update()
@@ -232,8 +233,8 @@ def test_editing_many_unbound_meshes_is_no_work_of_ours(strip, module):
     assert steps_of_an_update(module, mover) <= few + 100
 
 
-def test_what_a_deleted_copy_showed_is_forgotten(part):
-    """It may be as large as the mesh, where a base object or a source is followed."""
+def test_the_record_of_a_deleted_copy_is_forgotten(part):
+    """With a base object or a source a record is as large as the mesh."""
     ob = bind(make_strip())
     shown = part('follow.shown')
     known = len(shown._shown)

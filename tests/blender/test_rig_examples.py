@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Examples that an armature makes: which poses, and what is left alone."""
+"""Examples made from an armature's poses: the choice of poses, and the state of the scene afterwards."""
 
 import bpy
 import numpy as np
@@ -9,14 +9,14 @@ from conftest import add_empty, bind, evaluated, own, refusal, update
 from rigs import LENGTH, SIDES, add_handles, at, from_poses, key, make_library, names, posed
 
 
-# Which poses
+# ---- which poses
 
 def test_a_range_by_a_step(rigged):
     ob, _ = rigged
     expected = {frame: posed(ob, frame) for frame in (6, 11, 31)}
     at(4)
     from_poses(frames='RANGE', frame_start=1, frame_end=31, step=5)
-    # Frames 1 and 21 are the rest, 16 is 6 again.
+    # Frames 1 and 21 are at rest, and 16 has the same pose as 6.
     assert names(ob) == ["Frame 6", "Frame 11", "Frame 26", "Frame 31"]
     for frame, shape in expected.items():
         assert np.abs(key(ob, f"Frame {frame}") - shape).max() < 1e-6
@@ -27,8 +27,8 @@ def test_a_range_by_a_step(rigged):
 @pytest.mark.parametrize('scale, reverse, expected', [
     (1.0, False, ["Frame 20", "Frame 40"]), (2.0, False, ["Frame 30", "Frame 70"]),
     (1.0, True, ["Frame 10", "Frame 30"])])
-def test_keys_that_strips_play(rigged, scale, reverse, expected):
-    """When they play them; those of a muted track don't count."""
+def test_keys_in_nla_strips(rigged, scale, reverse, expected):
+    """At the frames in which a strip plays them; a muted track doesn't count."""
     ob, rig = rigged
     shapes = [posed(ob, frame) for frame in (11, 31)]
     action = rig.animation_data.action
@@ -72,7 +72,7 @@ def test_keys_markers_and_poses_of_a_library(rigged):
     rig.animation_data.action.use_fake_user = True
     rig.animation_data.action = played
     at(25)
-    lower.rotation_euler = (0.1, 0.2, 0.3)  # in no key
+    lower.rotation_euler = (0.1, 0.2, 0.3)  # not keyed
     lower["switch"] = 0.5
     rig.pose.bones["Upper"].location = (0, 0.5, 0)
     update()
@@ -110,7 +110,7 @@ def test_poses_of_a_library_reach_bones_that_are_not_selected(rigged):
     assert [chosen for _, chosen in selection(rig)] == before
 
 
-def test_poses_of_a_library_leave_what_they_key_beside_places(rigged):
+def test_poses_of_a_library_restore_keyed_properties_and_constraints(rigged):
     ob, rig = rigged
     lower = rig.pose.bones["Lower"]
     constraint = lower.constraints.new('COPY_ROTATION')
@@ -135,15 +135,15 @@ def test_poses_of_a_library_leave_what_they_key_beside_places(rigged):
     at(1)
     from_poses(frames='LIBRARY')
     assert names(ob) == ["Bent", "Held"]
-    assert np.abs(key(ob, "Held") - held).max() < 1e-5  # nothing is left of the pose before
+    assert np.abs(key(ob, "Held") - held).max() < 1e-5  # the pose before, "Bent", leaves no trace
     assert constraint.influence == 0.25 and list(lower["numbers"]) == [1, 2]
 
 
-def test_those_that_differ_most(rigged):
+def test_the_poses_that_differ_most(rigged):
     ob, rig = rigged
     root = rig.pose.bones["Upper"]
     root.rotation_mode = 'XYZ'
-    for frame, far in ((1, 0), (25, 5)):  # what moves the mesh as a whole makes no other pose
+    for frame, far in ((1, 0), (25, 5)):  # a motion of the whole mesh, which makes no other pose
         root.location, root.rotation_euler = (far, 0, -far), (far, 0.5 * far, 0)
         root.keyframe_insert('location', frame=frame)
         root.keyframe_insert('rotation_euler', frame=frame)
@@ -167,9 +167,9 @@ def test_equal_poses_are_one_and_none_is_refused(rigged):
     assert "No modifier poses 'Limb'" in refusal(bpy.ops.object.detail_deform_examples_from_poses)
 
 
-# What is left alone, and what is not
+# ---- modifiers, handles and the scene afterwards
 
-def test_the_armature_is_switched_off_or_said(rigged):
+def test_an_armature_that_poses_a_second_time_is_reported_and_can_be_switched_off(rigged):
     ob, rig = rigged
     bent = posed(ob, 11)
     add_handles(ob, rig)
@@ -192,14 +192,14 @@ def test_an_armature_that_was_renamed_still_poses_twice(rigged):
     bind(ob)
     ob.modifiers["Armature"].name = "Skeleton"
     assert "'Skeleton' poses the result once more" in ob.detail_deform.status
-    ob.modifiers.new("Armature", 'CAST')  # another one of the old name
+    ob.modifiers.new("Armature", 'CAST')  # another modifier with the old name
     assert "'Skeleton' poses the result once more" in ob.detail_deform.status
     assert bpy.ops.object.detail_deform_posers_off() == {'FINISHED'}
     assert not ob.modifiers["Skeleton"].show_viewport and ob.modifiers["Armature"].show_viewport
     assert "once more" not in ob.detail_deform.status
 
 
-def test_the_deformation_is_not_taken_for_nodes_that_are_gone(rigged):
+def test_detail_deforms_nodes_are_not_taken_for_removed_nodes(rigged):
     ob, _ = rigged
     ob.modifiers.clear()
     ob.modifiers.new("Bend", 'NODES')
@@ -230,15 +230,16 @@ def test_an_empty_that_a_bone_carries_pulls_to_the_poses(rigged, turns):
     expected = {frame: posed(ob, frame) for frame in (1, 11, 31)}
     add_handles(ob, rig).turns = turns
     from_poses(frames='KEYS')
-    at(8)  # where the bone is posed, and the mesh at rest
+    at(8)  # the bone is posed here, and the mesh at rest, because its armature modifier is off
     bind(ob)
-    for frame in (1, 11, 31) if turns == 'TARGET' else (1, 11):  # a twist moves no tip
+    # A twist doesn't move the tip, so a free handle can't ask for it.
+    for frame in (1, 11, 31) if turns == 'TARGET' else (1, 11):
         at(frame)
         assert np.abs(evaluated(ob) - expected[frame]).max() < 1e-2 * LENGTH, frame
     assert ob.detail_deform.examples[0].found_weight == pytest.approx(float(frame == 11), abs=0.05)
 
 
-def test_an_empty_that_was_put_on_the_mesh_beside_a_posed_bone_starts_there(rigged):
+def test_an_empty_on_the_resting_mesh_with_a_posed_bone_rests_where_it_is(rigged):
     ob, rig = rigged
     from_poses(frames='KEYS')
     at(11)
@@ -248,7 +249,7 @@ def test_an_empty_that_was_put_on_the_mesh_beside_a_posed_bone_starts_there(rigg
     assert handle.rest_matrix[3] == pytest.approx(handle.target.matrix_world.translation.x)
 
 
-def test_modifiers_that_make_vertices_and_those_behind_go_on(rigged):
+def test_modifiers_that_pose_nothing_stay_on(rigged):
     ob, _ = rigged
     bent = posed(ob, 11)
     made = ob.modifiers.new("Subdivision", 'SUBSURF')
@@ -282,7 +283,7 @@ def test_a_lattice_poses_too(rigged):
     assert not ob.modifiers["Cage"].show_viewport
 
 
-def test_shape_keys_that_are_seen_are_part_of_the_examples(rigged):
+def test_displayed_shape_keys_are_part_of_the_examples(rigged):
     ob, rig = rigged
     ob.shape_key_add(name="Basis", from_mix=False)
     fat = ob.shape_key_add(name="Fat", from_mix=False)
@@ -301,14 +302,14 @@ def test_shape_keys_that_are_seen_are_part_of_the_examples(rigged):
         assert np.abs(evaluated(ob) - shape).max() < 1e-2 * LENGTH
 
 
-def test_a_cancelled_walk_and_one_that_fails_leave_all_as_it_was(rigged, part):
+def test_cancelled_or_failed_the_operator_leaves_all_as_it_was(rigged, part):
     ob, rig = rigged
     add_handles(ob, rig)
     from_poses(frames='RANGE', frame_start=11, frame_end=11)
     bind(ob)
     at(5)
     lower = rig.pose.bones["Lower"]
-    lower.rotation_euler.z = 0.7  # in no key
+    lower.rotation_euler.z = 0.7  # not keyed
     update()
     before = (names(ob), len(ob.data.shape_keys.key_blocks), [(m.show_viewport, m.show_render) for m in ob.modifiers],
               tuple(lower.rotation_euler), bpy.context.scene.frame_current)
@@ -317,7 +318,7 @@ def test_a_cancelled_walk_and_one_that_fails_leave_all_as_it_was(rigged, part):
     for _ in range(12):
         next(work)
     assert bpy.context.scene.frame_current == 12
-    work.close()  # as by Esc
+    work.close()  # cancels it, as Esc does
     bad = rig.pose.bones["Upper"]
     bad.keyframe_insert('scale', frame=1)
     bad.scale = (float('inf'),) * 3
@@ -333,7 +334,7 @@ def test_a_cancelled_walk_and_one_that_fails_leave_all_as_it_was(rigged, part):
     assert np.abs(evaluated(ob) - shape).max() < 1e-6
 
 
-# Limits
+# ---- limits of weights
 
 def test_a_limited_example_is_not_exaggerated(rigged):
     ob, rig = rigged
@@ -345,7 +346,7 @@ def test_a_limited_example_is_not_exaggerated(rigged):
     assert example.found_weight > 1.2
     example.limited = True
     assert example.found_weight == 1 and ob.detail_deform.is_bound
-    assert np.abs(evaluated(ob)[-SIDES:] - tip).max() < 1e-5  # the handle is met
+    assert np.abs(evaluated(ob)[-SIDES:] - tip).max() < 1e-5  # the handle's vertices still follow it
     example.largest_weight = 0.25
     assert example.found_weight == 0.25
     example.limited = False

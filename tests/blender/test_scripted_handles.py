@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scripts may change the list of handles behind the add-on's back: nothing is driven by another handle's empty."""
+"""Scripts may change the list of handles without the add-on's operators: no handle is then moved by another's empty."""
 
 import bpy
 import numpy as np
@@ -33,7 +33,7 @@ def nudge(ob):
 
 
 def test_handles_in_another_order(strip):
-    """It is noticed by content: put back, it is bound again."""
+    """The change is noticed by its content, so that the binding is valid again when the order is restored."""
     strip.detail_deform.handles.move(0, 1)
     nudge(strip)
     assert_unchanged(strip)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""On a mesh that is posed by anything but one plain armature, an empty stands on what is seen, and what is seen of its
-vertices moves and turns as it does."""
+"""On a mesh that is posed by other modifiers than one plain armature, a handle's empty is placed on the displayed
+surface, and the displayed vertices move and turn as the empty does."""
 
 import bpy
 import numpy as np
@@ -27,7 +27,7 @@ def make_limb():
 
 
 def in_space_of(ob, other):
-    """Puts another object where it is at home in the mesh's own space."""
+    """Adds another object to the scene with the mesh's transform, so that both share a local space."""
     bpy.context.scene.collection.objects.link(other)
     other.matrix_world = ob.matrix_world
     return other
@@ -46,7 +46,8 @@ def by_curve(ob):
 
 
 def by_lattice(ob):
-    """Stretched by a half, and leant over; it reaches farther than the limb is led."""
+    """A lattice that stretches by a half and leans over. It is larger than the limb, so that the moved limb stays in
+    it."""
     data = bpy.data.lattices.new("Lattice")
     lattice = in_space_of(ob, bpy.data.objects.new("Lattice", data))
     lattice.matrix_world = ob.matrix_world @ Matrix.Translation((0, 0, LENGTH / 2)) @ Matrix.Scale(2 * LENGTH, 4)
@@ -143,7 +144,7 @@ POSED = {f.__name__[3:]: f for f in (
 
 
 def seen(ob):
-    """(n, 3) float64: in the world, where modifiers show the mesh's own vertices."""
+    """(n, 3) float64: the displayed positions of the mesh's own vertices, in the world."""
     hidden = [m for m in ob.modifiers if m.type == 'SUBSURF' and m.show_viewport]
     for modifier in hidden:
         modifier.show_viewport = False
@@ -160,7 +161,8 @@ def tip_of(ob):
     return own(ob)[:, 2] > LENGTH - 0.2
 
 
-# Of how far it is moved. A Bend goes by the bounds of what it bends, which the pull changes.
+# Tolerances as fractions of the motion, 0.1 for other modifiers. The add-on replaces the modifiers by the similarity
+# that it measured when the empty was placed. A Bend also depends on the mesh's bounding box, which the motion changes.
 FIRST_ORDER = {'bend': 0.3}
 
 
@@ -180,7 +182,7 @@ def posed(request):
     return activate(ob)
 
 
-def test_the_empty_stands_on_its_vertices_and_moves_nothing(posed):
+def test_a_pull_places_its_empty_on_its_vertices_and_moves_nothing(posed):
     tip, before = tip_of(posed), seen(posed)
     empty = pull(posed, tip, radius=1.5)
     assert np.linalg.norm(place(empty) - before[tip].mean(axis=0)) < 1e-4 * extent(before)
@@ -188,7 +190,7 @@ def test_the_empty_stands_on_its_vertices_and_moves_nothing(posed):
     assert np.allclose(empty.matrix_world.to_scale(), (1, 1, 1), atol=1e-4)
 
 
-def test_what_is_seen_moves_as_the_empty_does(posed):
+def test_displayed_vertices_move_as_the_empty_does(posed):
     tip = tip_of(posed)
     empty = pull(posed, tip, radius=1.5)
     before, step = seen(posed), np.array((0.1, 0.2, -0.1))
@@ -197,7 +199,7 @@ def test_what_is_seen_moves_as_the_empty_does(posed):
     assert np.linalg.norm(moved - step) < FIRST_ORDER.get(posed['kind'], 0.1) * np.linalg.norm(step)
 
 
-def test_what_is_seen_turns_as_the_empty_does(posed):
+def test_displayed_vertices_turn_as_the_empty_does(posed):
     tip = tip_of(posed)
     empty = pull(posed, tip, radius=1.5)
     before, middle = seen(posed)[tip], Matrix.Translation(empty.matrix_world.translation)
@@ -209,8 +211,7 @@ def test_what_is_seen_turns_as_the_empty_does(posed):
 
 
 @pytest.mark.parametrize('operator', ['handle_add', 'pull'])
-def test_a_single_vertex_has_a_turn_too(operator):
-    """That of its neighbours."""
+def test_a_single_vertex_is_posed_by_the_rotation_of_its_neighbours(operator):
     ob = make_limb()
     by_lattice(ob)
     chosen = np.arange(len(own(ob))) == 40 * AROUND
@@ -230,7 +231,7 @@ def test_a_single_vertex_has_a_turn_too(operator):
 
 
 def test_a_handle_that_was_there_before_the_pose_counts_from_bind():
-    """Its empty stands where it stood; what is seen moves as it does."""
+    """Its empty stays where it was placed, and the displayed vertices move as it does."""
     ob = make_limb()
     tip = tip_of(ob)
     add_from(activate(ob), tip)
@@ -253,13 +254,13 @@ def test_rebind_and_set_origin_keep_the_pose():
     assert bpy.ops.object.detail_deform_bind(wait=True, keep_rest=True) == {'FINISHED'}
     assert np.abs(seen(ob) - before).max() < 1e-4 * extent(before)
     bpy.ops.object.transform_apply(location=True, rotation=True, scale=True)
-    before = seen(ob)  # armatures count bones from the object's own space
+    before = seen(ob)  # anew, because an armature's effect depends on the object's local space
     activate(ob)
     assert bpy.ops.object.detail_deform_bind(wait=True, keep_rest=True) == {'FINISHED'}
     assert np.abs(seen(ob) - before).max() < 1e-4 * extent(before)
 
 
-def test_back_to_rest_puts_the_empty_on_what_is_seen_by_then():
+def test_back_to_rest_puts_the_empty_on_the_surface_as_displayed_by_then():
     ob = make_limb()
     by_hook(ob)
     tip = tip_of(ob)
@@ -277,7 +278,7 @@ def test_back_to_rest_puts_the_empty_on_what_is_seen_by_then():
     assert np.linalg.norm(moved - step) < 0.1 * np.linalg.norm(step)
 
 
-def test_a_second_handle_stands_on_what_the_first_has_moved():
+def test_a_second_handle_stands_on_the_surface_moved_by_the_first():
     ob = make_limb()
     by_bend(ob)
     first = pull(activate(ob), tip_of(ob), radius=1.5)
@@ -303,8 +304,8 @@ def test_the_mirrored_handle_stands_on_its_vertices():
 
 
 @pytest.mark.parametrize('type_', ['DISPLACE', 'SMOOTH'])
-def test_what_only_adds_to_places_turns_nothing(type_):
-    """The patch is seen in another shape, but goes the way it is pulled."""
+def test_modifiers_that_only_add_offsets_rotate_no_handle(type_):
+    """They change the displayed shape, but not the directions in which it moves."""
     ob = make_strip()
     modifier = ob.modifiers.new("Adder", type_)
     if type_ == 'DISPLACE':
@@ -321,7 +322,7 @@ def test_what_only_adds_to_places_turns_nothing(type_):
     assert np.allclose(ob.detail_deform.handles[0].pose_matrix[:3], (1, 0, 0), atol=1e-6)
 
 
-def test_a_pose_that_makes_other_vertices_is_as_if_there_were_none():
+def test_modifiers_behind_one_that_makes_other_vertices_pose_no_handle():
     ob = make_limb()
     ob.modifiers.new("Remesh", 'REMESH').voxel_size = 0.1
     by_bend(ob)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Handles and regions made from selections and groups, and taken away."""
+"""Handles and regions are made from selections and groups, changed, reset and removed."""
 
 import bpy
 import numpy as np
@@ -31,13 +31,13 @@ def test_a_handle_from_a_selection(plane):
     assert (members(plane, handle.vertex_group) == chosen).all()
     empty = handle.target
     update()
-    # In the middle of its vertices, its Z axis along their normal, which is the plane's own.
+    # In the middle of its vertices, its Z axis along their normal, the plane's.
     middle = plane.matrix_world @ Vector(own(plane)[chosen].mean(0))
     assert (empty.matrix_world.translation - middle).length < 1e-5
     normal = plane.matrix_world.to_3x3() @ Vector((0, 0, 1))
     assert (empty.matrix_world.to_3x3().col[2] - normal).length < 1e-5
     assert 0.9 < empty.empty_display_size < 1.1  # half of its vertices' extent
-    # Its own collection beside the object, and a child of the object.
+    # In a collection of its own beside the object, and with the object as parent.
     assert [c.name for c in empty.users_collection] == [f"{plane.name} Handles"]
     assert empty.users_collection[0].name in plane.users_collection[0].children
     place = empty.matrix_world.translation.copy()
@@ -50,8 +50,8 @@ def test_a_handle_from_a_selection(plane):
 
 
 @pytest.mark.parametrize('unit', [1e-22, 1e22])
-def test_a_handle_in_an_odd_unit_stands_aligned_and_binds(plane, unit):
-    """Areas are the unit's square, which single precision can't hold."""
+def test_a_handle_on_a_mesh_in_an_extreme_unit_is_aligned_and_binds(plane, unit):
+    """Areas are proportional to the unit's square, 1e44 or 1e-44, which single precision can't hold."""
     plane.data.transform(Matrix.Rotation(np.pi / 2, 4, 'X'))
     chosen = own(plane)[:, 0] > 0.75
     plane.data.vertices.foreach_set('co', (unit * own(plane)).astype(np.float32).ravel())
@@ -71,14 +71,14 @@ def test_a_handle_that_is_no_child_and_not_aligned(plane):
     assert (np.array(handle.target.matrix_world)[:3, :3] == np.eye(3)).all()
 
 
-def test_a_ring_points_nowhere():
+def test_the_empty_of_a_ring_without_a_normal_is_not_rotated():
     bpy.ops.mesh.primitive_cylinder_add(vertices=32, end_fill_type='NOTHING')
     ob = bpy.context.active_object
     handle = add_from(ob, own(ob)[:, 2] > 0)
     assert np.allclose(handle.target.rotation_euler, 0)
 
 
-def test_what_the_user_chose_instead_is_not_removed(plane):
+def test_remove_leaves_the_users_own_empties_and_groups(plane):
     handle = add_from(plane, own(plane)[:, 0] > 0.5)
     made, mine = handle.target.name, bpy.data.objects.new("Mine", None)
     bpy.context.scene.collection.objects.link(mine)
@@ -110,7 +110,7 @@ def test_the_region_from_a_selection(plane):
         bpy.ops.object.mode_set(mode='OBJECT')
         assert plane.detail_deform.region == "Region"
         assert (members(plane, "Region") == chosen).all()
-    assert members(plane, "painted").sum() == 5  # the user's own stays
+    assert members(plane, "painted").sum() == 5  # the user's own group isn't changed
     assert len(plane.vertex_groups) == 2
     bpy.ops.object.detail_deform_remove()
     assert [g.name for g in plane.vertex_groups] == ["painted"]
@@ -120,13 +120,13 @@ def test_the_region_around_the_handles(plane):
     p = own(plane)
     add_from(plane, p[:, 0] > 0.95)
     assert bpy.ops.object.detail_deform_region_around(radius=0.72) == {'FINISHED'}
-    # The front of a straight line on a plane is exact: up to seven rows of vertices.
+    # Distances from a straight line on a plane are exact: 0.72 is seven rows of vertices, 0.1 apart.
     assert (members(plane, "Region") == (p[:, 0] > 0.25)).all()
     plane.scale = (2, 2, 2)
     update()
     bpy.ops.object.detail_deform_region_around(radius=0.72)  # in the world's unit
     assert (members(plane, "Region") == (p[:, 0] > 0.65)).all()
-    bpy.ops.object.detail_deform_region_around()  # a quarter of the object's size
+    bpy.ops.object.detail_deform_region_around()  # the default: a quarter of the bounding box's diagonal
     assert (members(plane, "Region") == (p[:, 0] > 0.95 - 0.25 * np.sqrt(8))).all()
     bpy.ops.object.detail_deform_region_around(by='EDGES', steps=3)
     assert (members(plane, "Region") == (p[:, 0] > 0.65)).all()
@@ -156,7 +156,7 @@ def test_select_and_assign():
     right = members(ob, 'right')
     assert bpy.ops.object.detail_deform_handle_select() == {'FINISHED'} and ob.mode == 'EDIT'
     assert (selected(ob) == right).all()
-    # The group was the user's: it stays, and the handle gets one of its own.
+    # The handle's group was the user's own: it stays, and the handle gets a new one.
     less = own(ob)[:, 0] > 0.95
     select(ob, less)
     assert bpy.ops.object.detail_deform_handle_assign() == {'FINISHED'}
@@ -164,7 +164,7 @@ def test_select_and_assign():
     assert (selected(ob) == less).all()
     handle = ob.detail_deform.handles[0]
     assert (members(ob, 'right') == right).all() and handle.vertex_group == 'right.001'
-    # From then on that one is changed.
+    # The new group is changed from then on.
     more = own(ob)[:, 0] > 0.8
     select(ob, more)
     bpy.ops.object.detail_deform_handle_assign()
@@ -202,7 +202,7 @@ def test_back_to_rest():
     bpy.ops.object.detail_deform_handle_reset(index=0)
     update()
     assert np.abs(np.array(first.target.matrix_world) - np.array(places[0])).max() < 1e-6
-    assert abs(first.target.rotation_euler.x) < 1e-6  # no whole turn is left
+    assert abs(first.target.rotation_euler.x) < 1e-6  # whole turns are taken back too
     assert np.abs(np.array(second.target.matrix_world) - np.array(places[1])).max() > 0.1
     bpy.ops.object.detail_deform_handle_reset(everything=True)
     update()
@@ -299,7 +299,7 @@ def test_assigning_again_makes_no_second_group_and_a_child_of_the_empty_stays_in
     assert np.abs(np.array(child.matrix_world) - np.array(place)).max() < 1e-6
 
 
-def test_a_handle_that_nothing_follows_is_told():
+def test_a_handle_that_nothing_follows_is_reported():
     ob = make_strip()
     group(ob, 'corner', [0])
     add_handle(ob, 'corner', add_empty("Corner", (0, 0, 0)))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The shape that the default settings give: no crease at a rim, no spike at a vertex, even turns of any size in one
-step, and the same at any density. With the settings that leave the paper's system alone, the paper's shape."""
+"""The shape by the default settings: no crease at a rim, no spike at a single vertex, even twists of any size in one
+step, and the same shape at any density. With the settings PAPERS, the shape by the paper's system (14) alone."""
 
 import math
 from types import SimpleNamespace
@@ -15,7 +15,7 @@ PAPERS = {'rim_smoothing': 0, 'refine': 0, 'base_deformer': 'LINEAR'}
 
 
 def make(name, positions, triangles, region, held, place):
-    """An object whose region deforms and whose one handle holds some of it; the empty is at the place."""
+    """An unbound object. region, held: (n,) masks of its region and of its only handle, whose empty is at `place`."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(np.asarray(positions).tolist(), [], np.asarray(triangles).tolist())
     ob = bpy.data.objects.new(name, mesh)
@@ -37,11 +37,11 @@ def set_all(ob, settings):
         setattr(ob.detail_deform, name, value)
 
 
-# ---- A flat sheet
+# ---- a flat sheet
 
 def pulled_sheet(n, radius):
-    """A unit sheet of n × n squares, its outermost ring fixed, of which a disc is pulled out by 0.3. Returns the
-    object, its triangles, and the disc as bools."""
+    """(object, triangles, mask of the disc): a unit sheet of n × n squares with a fixed border, out of which a disc is
+    moved by 0.3."""
     side = n + 1
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, side), np.linspace(0, 1, side), indexing='ij'))
     i, j = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(n), indexing='ij'))
@@ -62,8 +62,8 @@ def normals(positions, triangles):
 
 
 def crease(ob, triangles, disc):
-    """Mean angle in degrees between the two triangles of an edge on the disc's rim, flat at rest: one of them is in
-    the disc, the other one isn't."""
+    """Mean angle in degrees between the two triangles at an edge of the disc's rim, of which one is in the disc; 0 at
+    rest."""
     sides = {}
     for number, corners in enumerate(triangles.tolist()):
         for k in range(3):
@@ -77,7 +77,7 @@ def crease(ob, triangles, disc):
 
 
 def creases(n):
-    """By default, and without smooth rims."""
+    """The creases by default and with Rim Smoothing 0."""
     sheet = pulled_sheet(n, 0.13)
     by_default = crease(*sheet)
     sheet[0].detail_deform.rim_smoothing = 0
@@ -92,7 +92,7 @@ def test_the_crease_at_a_handle_vanishes_with_the_edge_length():
 
 
 def slope(n):
-    """Mean slope in degrees of the triangles at a single vertex that is pulled."""
+    """Mean slope in degrees of the triangles at a handle of a single vertex."""
     ob, triangles, vertex = pulled_sheet(n, 0.1 / n)
     assert vertex.sum() == 1
     around = triangles[vertex[triangles].any(1)]
@@ -104,14 +104,14 @@ def test_a_single_vertex_stands_on_no_spike():
     assert coarse <= 20 and fine < coarse, (coarse, fine)
 
 
-# ---- A bar that is twisted
+# ---- a twisted bar
 
 RINGS, SIDES, HEIGHT = 61, 96, 1.2
 FREE = (0.1 * HEIGHT, 0.9 * HEIGHT)  # between the fixed and the held end
 
 
 def bar_mesh():
-    """A closed square tube along z, whose corners are vertices."""
+    """(positions, triangles) of a closed square tube along z, with vertices on its edges."""
     s = 8 * np.arange(SIDES) / SIDES
     side = np.floor(s / 2)
     along, angle = s - 2 * side - 1, side * math.pi / 2
@@ -131,7 +131,7 @@ def bar_mesh():
 
 
 def subdivided(positions, triangles):
-    """Each triangle cut into four at the middles of its edges; the vertices that were there come first."""
+    """Cuts each triangle into four at the middles of its edges; the old vertices come first."""
     edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
     edges, of = np.unique(edges, axis=0, return_inverse=True)
     ab, bc, ca = len(positions) + of.reshape(3, -1)
@@ -151,14 +151,15 @@ def bar():
 
 
 def turn(ob, degrees):
-    """Twists it by its empty's Euler angle; returns the positions that come of it."""
+    """Twists the bar by its empty's Euler angle; returns the deformed positions."""
     target_of(ob).rotation_euler.z = math.radians(degrees)
     update()
     return evaluated(ob)
 
 
 def largest_rate(positions):
-    """The largest rate of twist in any of 20 slabs of the free part, as a share of the even one."""
+    """(the largest rate of twist in any of 20 slabs of the free part, as a fraction of the mean rate; the twist in
+    degrees)."""
     rings = [p[:RINGS * SIDES, 0].reshape(RINGS, SIDES) + 1j * p[:RINGS * SIDES, 1].reshape(RINGS, SIDES)
              for p in (bar_mesh()[0], positions)]
     angles = np.unwrap(np.angle((rings[1] * rings[0].conj()).sum(1)))
@@ -167,7 +168,7 @@ def largest_rate(positions):
 
 
 def intersecting(ob, part):
-    """How many triangles with a free vertex pass through another one."""
+    """Number of triangles with a free vertex that intersect another one."""
     native = part('library.native')
     rest, triangles = own(ob), part('scene.mesh_data').triangles(ob.data)
     roles = np.where(rest[:, 2] > FREE[1] - 1e-6, 0,
@@ -186,8 +187,9 @@ def test_two_turns_at_once_are_even(bar):
     assert turned == pytest.approx(720, abs=1) and rate <= 1.3, (turned, rate)
 
 
-def test_small_moves_move_the_surface_little_and_lead_back(bar):
-    """Through 135 and 180 degrees too, where the base that is shown changes from one kind to the other."""
+def test_the_surface_is_a_continuous_function_of_the_turn(bar):
+    """Through 135 and 180 degrees too, where Automatic goes over from one kind of base to the other; and the way back
+    gives the same shapes."""
     held = members(bar, 'held')
     angles = np.linspace(0, 360, 201)
     seen = []
@@ -221,7 +223,7 @@ def test_a_turn_is_the_same_after_saving_and_in_a_jump_to_any_frame(bar, tmp_pat
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / 'turned.blend'))
         scene, bar = bpy.context.scene, bpy.data.objects['Bar']
         assert np.abs(evaluated(bar) - typed[frame]).max() < 1e-5, frame
-        # Not what was stored, but made anew.
+        # Computed anew, and not only read from the file.
         assert bpy.ops.object.detail_deform_update() == {'FINISHED'}
         assert np.abs(evaluated(bar) - typed[frame]).max() < 1e-5, frame
     jumps(bar)
@@ -234,10 +236,10 @@ def test_twice_the_density_is_the_same_shape():
     assert apart <= 0.01 * np.linalg.norm(np.ptp(coarse[0], axis=0)), apart
 
 
-# ---- The paper's
+# ---- the paper's shape
 
 @pytest.mark.parametrize('degrees', [50, 135, 200])
-def test_the_papers_result_can_be_reached_to_the_bit(bar, part, degrees):
+def test_with_the_papers_settings_the_addon_shows_the_librarys_result_to_the_bit(bar, part, degrees):
     set_all(bar, PAPERS)
     turn(bar, degrees)
     native, matrices = part('library.native'), part('scene.handle_matrices')
@@ -245,7 +247,6 @@ def test_the_papers_result_can_be_reached_to_the_bit(bar, part, degrees):
     roles = np.where(members(bar, 'held'), 0, np.where(members(bar, 'region'), native.ROLE_FREE, native.ROLE_FIXED))
     bound = native.Bind(rest, part('scene.mesh_data').triangles(bar.data), roles, 1).finish()
     places = matrices.local_places(bar, bpy.context.evaluated_depsgraph_get())
-    # -1 is DD_NONE: what asks for neither.
     offsets = bound.offsets(matrices.motions(bar.detail_deform, places), refine=0, rim_smoothing=0,
                             base_deformer='LINEAR')
     assert np.array_equal(part('scene.offset_attribute').read(bar.data), offsets.reshape(-1, 3))
@@ -253,13 +254,13 @@ def test_the_papers_result_can_be_reached_to_the_bit(bar, part, degrees):
 
 
 class Layout:
-    """Takes the place of a panel's layout, and notes the properties that are drawn."""
+    """Stands in for a panel's layout and records the properties that are drawn."""
 
     def __init__(self, drawn):
         self.drawn = drawn
 
     def prop(self, of, name, **_):
-        if name in of.bl_rna.properties:  # an input of a modifier isn't
+        if name in of.bl_rna.properties:  # not so for the inputs of a modifier
             self.drawn.append(of.bl_rna.properties[name].name)
 
     def prop_search(self, of, name, *_, **__):
@@ -270,7 +271,7 @@ class Layout:
 
 
 def drawn(ob, part, *panels):
-    """Names of the properties that these panels draw."""
+    """The labels of the properties that these panels draw."""
     context, names = SimpleNamespace(preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1)),
                                      region=SimpleNamespace(width=300, type='WINDOW'), object=ob), []
     for name in panels:

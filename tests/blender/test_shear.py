@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sources and targets that are scaled differently along their axes, sheared by their parents, or mirrored: what counts
-is the shape that is seen."""
+"""Sources and targets whose world matrix scales their axes differently, shears or mirrors: a transfer goes by the
+shapes in the world."""
 
 import bpy
 import numpy as np
@@ -18,7 +18,8 @@ PARENTS = {'SHEARED': ((1, 3, 0.8), 1), 'SHEARED_AND_MIRRORED': ((1, 2, 0.7), -1
 
 
 def sheared(ob, kind):
-    """Under a parent that is scaled and turned in the scene, and turned itself: (3, 3), its world matrix."""
+    """Gives an object a scaled and rotated parent, and rotates it; returns the linear part of its world matrix,
+    (3, 3)."""
     scale, sign = PARENTS[kind]
     parent = add_empty(f"Parent of {ob.name}", (1, -2, 0.5))
     parent.scale, parent.rotation_euler = scale, (0.2, -0.4, 1.0)
@@ -29,7 +30,7 @@ def sheared(ob, kind):
 
 
 def seen(ob, positions):
-    """In the scene, but for where the object is."""
+    """Local positions in the world, without the object's location."""
     return positions @ np.array(ob.matrix_world, float)[:3, :3].T
 
 
@@ -60,7 +61,7 @@ def test_a_target_in_a_sheared_space(kind):
     transfer(source="Source", what='ALL_KEYS')
     made = target.data.shape_keys.key_blocks["Bend"]
     assert np.abs(in_place(seen(target, coordinates(made))) - in_place(pose)).max() < 1e-4
-    # And where it follows, while all of it is carried about.
+    # The same for live transfer, while the target's parent moves.
     target.shape_key_clear()
     target.detail_deform.transfer.source = source
     assert live() == {'FINISHED'}
@@ -71,8 +72,8 @@ def test_a_target_in_a_sheared_space(kind):
         assert np.abs(in_place(seen(target, evaluated(target))) - in_place(evaluated(source))).max() < 1e-3
 
 
-def test_both_in_spaces_of_their_own():
-    """Turned and sheared differently they look alike, and are deformed alike."""
+def test_both_in_different_sheared_spaces():
+    """Their local spaces differ, but in the world they look alike, and are deformed alike."""
     source, target = glove("Source"), glove("Target")
     rest, pose = own(source), twisted(own(source))
     into = np.linalg.inv(sheared(source, 'SHEARED')).T
@@ -88,8 +89,8 @@ def test_both_in_spaces_of_their_own():
     assert np.abs(in_place(seen(target, found)) - in_place(pose)).max() < 1e-4
 
 
-def test_matched_as_they_are_seen(part):
-    """A mesh that is three times as long as its data fits one whose data is so."""
+def test_objects_are_matched_in_their_proportions_in_the_world(part):
+    """A mesh that its object scales along y by 3 fits one whose own vertices are scaled so."""
     proportions = part('scene.proportions')
     source, target = glove("Source", 21), glove("Target", 31)
     rest = own(target)
@@ -119,7 +120,7 @@ def test_proportions_have_an_inverse(part, scale):
         update()
         found = proportions.of(ob)
         assert np.isfinite(np.linalg.inv(found)).all() and np.allclose(found, found.T, atol=1e-6)
-        # However it is turned.
+        # Independent of the object's rotation.
         ob.rotation_euler = (0, 0, turn)
         update()
         if np.isfinite(scale).all():

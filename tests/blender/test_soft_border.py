@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The deformation fades towards the region's border: exact at handles, and as a continuous function between."""
+"""Soft Border: the deformation fades towards the region's border, continuously, and is exact at handles."""
 
 import bpy
 import numpy as np
@@ -9,8 +9,8 @@ from conftest import activate, evaluated, members, own, pull, update
 
 
 def lifted(soft_border, n=120, **settings):
-    """A sheet whose middle is pulled up by 0.4, and the heights along a line from there to the region's border, by the
-    share of the way."""
+    """(object, way, heights): a sheet whose middle is lifted by 0.4, and the heights along a line from the handle,
+    where the way is 1, to the region's border, where it is 0."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=n, y_subdivisions=n)
     ob = bpy.context.active_object
     p = own(ob)
@@ -30,8 +30,8 @@ def at(way, heights, place):
     return float(np.interp(place, way[::-1], heights[::-1]))
 
 
-def test_without_it_the_border_is_smooth_already():
-    """The slope in the last cells goes to zero with their size."""
+def test_without_a_soft_border_the_slope_at_the_border_vanishes_with_the_edge_length():
+    """Because the base is clamped at the border."""
     slopes = []
     for n in (100, 200):
         bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
@@ -41,7 +41,7 @@ def test_without_it_the_border_is_smooth_already():
     assert slopes[1] < 0.7 * slopes[0] < 0.35
 
 
-def test_it_fades_and_handles_arrive():
+def test_the_deformation_fades_and_handles_are_exact():
     before = lifted(0.0)
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     after = lifted(1.0)
@@ -53,7 +53,7 @@ def test_it_fades_and_handles_arrive():
     assert np.abs(moved[members(ob, "Handle")] - (0, 0, 0.4)).max() < 1e-5
     assert not moved[~members(ob, "Region")].any()
     heights = after[2]
-    assert np.abs(np.diff(heights)).max() < 0.03  # no step anywhere
+    assert np.abs(np.diff(heights)).max() < 0.03  # continuous: of a height of 0.4 in some 40 edges
     assert (np.diff(heights[(after[1] > 0) & (after[1] < 1)]) < 1e-6).all()
 
 
@@ -64,7 +64,7 @@ def test_only_the_given_share_of_the_way_is_changed():
     inside = way > 0.31
     assert np.abs(narrow - plain)[inside].max() < 1e-6
     assert np.abs(narrow - plain)[~inside].max() > 0.01
-    ob.detail_deform.soft_border = 0.0  # at once, without a new bind
+    ob.detail_deform.soft_border = 0.0  # applies without a new Bind
     update()
     assert ob.detail_deform.is_bound
     line = (np.abs(own(ob)[:, 1]) < 1e-4) & (own(ob)[:, 0] >= 0)
@@ -73,7 +73,7 @@ def test_only_the_given_share_of_the_way_is_changed():
 
 @pytest.mark.parametrize('settings', [{'method': 'VARIATIONAL'}, {'method': 'GRADIENT'}, {'smoothness': 1},
                                       {'steps': 3}])
-def test_by_any_method(settings):
+def test_a_soft_border_with_any_method(settings):
     _, way, heights = lifted(0.8, n=40, **settings)
     assert abs(at(way, heights, 1.0) - 0.4) < 1e-4 and at(way, heights, 0.1) < 0.02
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes that are split along seams, as importers make them, deform as the whole ones do."""
+"""Meshes that are split along seams, with several vertices in one place, as by importers, deform like unsplit ones."""
 
 import bpy
 import numpy as np
@@ -22,24 +22,24 @@ def grid(n=SIZE):
 
 
 def along(points, faces):
-    """Parts of a plane split in two."""
+    """The parts of faces: two halves."""
     return (points[faces].mean(axis=1)[:, 0] > 0.5).astype(int)
 
 
 def quarters(points, faces):
-    """Four, which meet at one place."""
+    """The parts of faces: four, which meet at one place."""
     middle = points[faces].mean(axis=1)
     return (middle[:, 0] > 0.5) + 2 * (middle[:, 1] > 0.5)
 
 
 def slit(points, faces):
-    """Two that are joined but for a slit: its ends are one vertex."""
+    """The parts of faces: two, which are only split along a slit; each end of the slit is one vertex."""
     middle = points[faces].mean(axis=1)
     return ((middle[:, 0] > 0.5) & (np.abs(middle[:, 1] - 0.5) < 0.3)).astype(int)
 
 
 def every(points, faces):
-    """Each face has vertices of its own."""
+    """The parts of faces: each face is one."""
     return np.arange(len(faces))
 
 
@@ -47,7 +47,7 @@ SPLITS = {f.__name__: f for f in (along, quarters, slit, every)}
 
 
 def split(points, faces, parts):
-    """(points, faces, which vertex each is of)."""
+    """(points, faces, for each vertex its number in the unsplit mesh)."""
     if parts is slit:
         of_face = slit(points, faces)
         inside = np.zeros(len(points), bool)
@@ -74,7 +74,7 @@ def add(name, points, faces):
 
 @pytest.fixture(params=SPLITS)
 def pair(request):
-    """(whole, split, which vertex of the first each of the second is)."""
+    """(unsplit object, split object, for each vertex of the second its number in the first)."""
     points, faces = grid()
     parted, own_faces, origin = split(points, faces, SPLITS[request.param])
     assert len(parted) > len(points)
@@ -82,7 +82,7 @@ def pair(request):
 
 
 def turned(empty):
-    """By one motion of the world, wherever it stands."""
+    """Moves an empty by a motion of the whole world, which doesn't depend on the empty's place."""
     about = Matrix.Translation((0.42, 0.5, 0))
     empty.matrix_world = (Matrix.Translation((0.05, 0, 0.2)) @ about @ Matrix.Rotation(0.5, 4, 'Y') @ about.inverted()
                           @ empty.matrix_world)
@@ -118,8 +118,8 @@ def test_one_side_of_a_seam_in_a_handle_takes_the_other_along(pair):
         assert np.abs(places - places[0]).max() < 1e-6
 
 
-def test_where_one_side_is_fixed_the_seam_is(pair):
-    """A region that ends there has no gap, and what is outside of it doesn't move."""
+def test_a_seam_with_one_fixed_side_is_fixed(pair):
+    """Where the region ends at a seam no gap opens, and the vertices outside of it don't move."""
     _, parted, origin = pair
     if len(np.unique(origin)) * 2 < len(origin):
         pytest.skip("each face is a part")
@@ -137,7 +137,7 @@ def test_where_one_side_is_fixed_the_seam_is(pair):
     assert np.abs((evaluated(parted) - own(parted))[~inside]).max() == 0
 
 
-def test_it_opens_where_that_is_asked_for(pair):
+def test_without_join_split_the_seam_opens(pair):
     whole, parted, origin = pair
     parted.detail_deform.join_split = False
     chosen = np.linalg.norm(own(whole)[:, :2] - (0.42, 0.5), axis=1) < 0.09
@@ -158,8 +158,8 @@ def test_the_choice_takes_effect_with_the_next_bind():
     assert max(np.ptp(evaluated(ob)[origin == vertex], axis=0).max() for vertex in np.unique(origin)) > 0.01
 
 
-def test_what_a_key_takes_apart_stays_apart():
-    """Lips touch along a line, and open in a key."""
+def test_vertices_that_a_shape_key_separates_are_not_joined():
+    """Such as of lips, which touch along a line and open in a key."""
     points, faces = grid()
     parted, own_faces, origin = split(points, faces, slit)
     ob = add("Lips", parted, own_faces)
@@ -187,7 +187,7 @@ def test_a_key_that_is_sculpted_apart_later_counts_with_the_next_bind():
 
 
 def test_a_card_with_two_faces_is_not_sewn_up():
-    """Its sides lie on one another, borders and all."""
+    """All vertices of its front and back are in the same places."""
     points, faces = grid(11)
     ob = add("Card", np.concatenate([points, points]), np.concatenate([faces, faces[:, ::-1] + len(points)]))
     front = np.arange(2 * len(points)) < len(points)
@@ -204,12 +204,12 @@ def test_bodies_that_touch_at_one_vertex_are_two():
     ob = add("Two", np.concatenate([points, other]), np.concatenate([faces, faces + len(points)]))
     turned(pull(ob, np.linalg.norm(own(ob) - points[-1], axis=1) < 0.15, radius=0.3))
     shown = evaluated(ob)
-    assert np.array_equal(shown[len(points) - 1], shown[len(points)])  # both are in the handle
+    assert np.array_equal(shown[len(points) - 1], shown[len(points)])  # both vertices are in the handle
     assert np.abs(shown - own(ob)).max(axis=1)[len(points):].max() > 0.1
 
 
-def test_cracks_of_results_are_closed_and_ways_of_their_own_kept(part):
-    """Of transfers, which find each side of a seam by itself."""
+def test_small_cracks_of_transfers_are_closed_and_real_openings_kept(part):
+    """A transfer finds the offsets of both sides of a seam separately."""
     points, faces = grid()
     parted, own_faces, origin = split(points, faces, along)
     ob = add("Split", parted, own_faces)

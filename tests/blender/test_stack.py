@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Modifier stacks as artists have them: before Mirror, Subdivision and Armature, closed seams, posed bones."""
+"""Detail Deform in artists' modifier stacks, with Mirror, Subdivision and armatures: its place, closed seams of Mirror,
+and empties on posed bones."""
 
 import bpy
 import numpy as np
@@ -14,7 +15,7 @@ def names(ob):
 
 
 @pytest.mark.parametrize('kind', ['MIRROR', 'SUBSURF', 'ARMATURE', 'LATTICE', 'ARRAY', 'SOLIDIFY'])
-def test_pull_places_it_first(kind):
+def test_pull_places_detail_deform_first(kind):
     ob = make_strip()
     ob.modifiers.new("Theirs", kind)
     ob.modifiers.new("Another", 'BEVEL')
@@ -24,7 +25,7 @@ def test_pull_places_it_first(kind):
     assert not bpy.ops.object.detail_deform_place.poll()
 
 
-def test_but_behind_what_comes_from_a_file():
+def test_detail_deform_is_placed_behind_a_cache():
     ob = make_strip()
     ob.modifiers.new("Cache", 'MESH_CACHE')
     ob.modifiers.new("Smooth", 'SUBSURF')
@@ -33,7 +34,7 @@ def test_but_behind_what_comes_from_a_file():
 
 
 def positions_from(ob, name):
-    """Nodes that put each vertex where an attribute of this name says: as they are bound, or where they are already."""
+    """Adds nodes that set positions from the attribute of this name: 'bound' has the mesh's present positions."""
     bound = ob.data.attributes.new('bound', 'FLOAT_VECTOR', 'POINT')
     bound.data.foreach_set('vector', own(ob).astype(np.float32).ravel())
     tree = bpy.data.node_groups.new("Theirs", 'GeometryNodeTree')
@@ -73,8 +74,8 @@ def laplacian(ob):
 
 @pytest.mark.parametrize('make', [bound_to_a_cage, laplacian, lambda ob: positions_from(ob, 'bound')])
 @pytest.mark.parametrize('earlier', [False, True])
-def test_behind_what_overwrites_positions(make, earlier):
-    """What is pulled is seen, and that is its place: nothing asks to move it elsewhere."""
+def test_detail_deform_is_placed_behind_a_modifier_that_overwrites_positions(make, earlier):
+    """The deformation is displayed there, and the status doesn't ask to move the modifier."""
     ob = make_strip()
     if earlier:
         ob.modifiers.new("Bend", 'SIMPLE_DEFORM').angle = 0
@@ -89,7 +90,7 @@ def test_behind_what_overwrites_positions(make, earlier):
     assert "modifier stack" not in ob.detail_deform.status
     activate(ob)
     assert not bpy.ops.object.detail_deform_place.poll()
-    # Moved in front of it by hand, that is said, and the button brings it back.
+    # Moved in front of it by the user, it is reported, and the button moves it back.
     bpy.ops.object.modifier_move_to_index(modifier="Detail Deform", index=0)
     update()
     assert np.abs(evaluated(ob) - before).max() < 1e-3
@@ -100,14 +101,14 @@ def test_behind_what_overwrites_positions(make, earlier):
     assert np.abs(evaluated(ob) - before).max() > 0.29
 
 
-def test_nodes_that_go_by_the_positions_that_they_get_come_behind():
+def test_nodes_that_read_the_positions_they_get_come_behind():
     ob = make_strip()
     positions_from(ob, 'position')
     bind(ob)
     assert names(ob) == ["Detail Deform", "Theirs"] and "modifier stack" not in ob.detail_deform.status
 
 
-def test_multires_stays_before_and_that_is_said():
+def test_multires_stays_before_and_is_reported():
     ob = make_strip()
     ob.modifiers.new("Detail", 'MULTIRES')
     ob.modifiers.new("Twin", 'MIRROR')
@@ -117,7 +118,7 @@ def test_multires_stays_before_and_that_is_said():
     assert "should stand behind" in refusal(bpy.ops.object.detail_deform_place)
 
 
-def test_where_it_stands_wrong_it_is_said_and_a_button_moves_it():
+def test_a_wrong_place_is_reported_and_a_button_corrects_it():
     ob = bind(make_strip())
     assert "modifier stack" not in ob.detail_deform.status
     ob.modifiers.new("Twin", 'MIRROR')
@@ -152,7 +153,7 @@ def shown_offsets(ob):
 @pytest.mark.parametrize('across', [False, True])
 @pytest.mark.parametrize('refine', [0, 4])
 def test_the_seam_of_a_mirror_stays_closed(across, refine):
-    """By a handle beside the plane, and by one on it, that is moved off it too."""
+    """For a handle beside the plane, and for one on the plane that is moved away from it."""
     ob = half()
     ob.detail_deform.refine = refine
     p, seam = own(ob), on_seam(ob)
@@ -167,15 +168,15 @@ def test_the_seam_of_a_mirror_stays_closed(across, refine):
     assert np.abs(moved[seam, 0]).max() < 1e-6
     assert np.abs(moved[seam]).max() > 0.05
     if not across:
-        assert np.abs(moved[chosen] - (0.2, -0.5, 0.1)).max() < 1e-5  # the handle is met
-    # None of the half crosses over to the other.
+        assert np.abs(moved[chosen] - (0.2, -0.5, 0.1)).max() < 1e-5  # exact at the handle
+    # No vertex crosses the plane.
     assert (np.abs(own(ob)[:, 0] + moved[:, 0])[~seam] > 1e-4).all()
     seen = evaluated(ob)
-    assert len(seen) == 2 * len(p) - seam.sum()  # all of the seam was merged
+    assert len(seen) == 2 * len(p) - seam.sum()  # Mirror has merged the whole seam
 
 
-def test_the_seam_stays_closed_in_an_odd_unit():
-    """Squares of lengths leave the range of single precision."""
+def test_the_seam_stays_closed_in_an_extreme_unit():
+    """Squares of lengths, 1e40, leave the range of single precision."""
     ob = half()
     seam, unit = on_seam(ob), 1e20
     places = unit * own(ob)
@@ -191,7 +192,7 @@ def test_the_seam_stays_closed_in_an_odd_unit():
     assert np.abs(moved[seam]).max() > 0.05
 
 
-def test_without_a_mirror_nothing_is_taken_back():
+def test_without_a_mirror_the_seam_is_not_held():
     ob = half()
     ob.modifiers.clear()
     seam = on_seam(ob)
@@ -200,7 +201,7 @@ def test_without_a_mirror_nothing_is_taken_back():
     update()
     before = shown_offsets(ob)
     assert np.abs(before[seam, 0]).max() > 1e-3
-    ob.modifiers.new("Mirror", 'MIRROR')  # from now on it is
+    ob.modifiers.new("Mirror", 'MIRROR')  # from now on the seam is held
     empty.location.x += 0.001
     update()
     assert np.abs(shown_offsets(ob)[seam, 0]).max() < 1e-6
@@ -222,7 +223,7 @@ def test_the_seam_of_another_objects_plane():
 
 
 def test_the_seam_of_a_small_mesh_far_away(part):
-    """Blender 5.2 hands matrices to numpy in single precision, in which their inverse would lose the plane by more than
+    """Blender 5.2 gives matrices to numpy in single precision. Inverted in that, the plane's error would be larger than
     the distance within which Mirror merges."""
     ob = half()
     ob.matrix_world = (Matrix.Translation((1000, 500, 300)) @ Euler((0.4, 0.2, 0.9)).to_matrix().to_4x4()
@@ -236,10 +237,10 @@ def test_the_seam_of_a_small_mesh_far_away(part):
     assert abs(point @ normal) < 1e-3 * distance and np.abs(normal - (1, 0, 0)).max() < 1e-6
 
 
-# Armatures
+# ---- armatures
 
 def rigged(bend=0.0):
-    """A column of two bones, the upper one bent; with the rig's object."""
+    """(mesh object, armature object): a column with two bones, the upper of which is bent."""
     bpy.ops.mesh.primitive_cylinder_add(vertices=24, radius=0.3, depth=0.1)
     ob = bpy.context.active_object
     bpy.ops.object.mode_set(mode='EDIT')
@@ -283,7 +284,7 @@ def turn(rig, bend):
 
 
 @pytest.mark.parametrize('height', [3.5, 2.0])
-def test_on_a_posed_bone_the_empty_stands_on_the_skin_and_goes_with_it(height):
+def test_on_a_posed_bone_the_empty_stands_on_the_skin_and_goes_along(height):
     ob, rig = rigged(bend=1.2)
     p = own(ob)
     chosen = (np.abs(p[:, 2] - height) < 0.15) & (p[:, 1] < -0.2)
@@ -295,13 +296,14 @@ def test_on_a_posed_bone_the_empty_stands_on_the_skin_and_goes_with_it(height):
     place = np.array(empty.matrix_world.translation)
     assert np.linalg.norm(evaluated(ob)[chosen].mean(0) - place) < 0.02
 
-    # Pulled along the world's X: so moves the skin.
+    # The empty is moved along the world's X axis, and the skin moves so.
     empty.matrix_world = Matrix.Translation((0.3, 0, 0)) @ empty.matrix_world
     update()
     moved = evaluated(ob) - before
-    tolerance = 1e-4 if height > 3 else 0.15  # where two bones share it, the skin goes between
+    # At 2.0 both bones have weights, and their blended motion isn't the rigid one of the empty's bone.
+    tolerance = 1e-4 if height > 3 else 0.15
     assert np.abs(moved[chosen] - (0.3, 0, 0)).max() < tolerance
-    # As the bone turns, the shape stays what it is at rest, and the empty goes with the skin.
+    # When the bone turns, the offsets before the armature stay, and the empty goes along with the skin.
     at_rest = shown_offsets(ob).copy()
     turn(rig, -0.5)
     assert np.abs(shown_offsets(ob) - at_rest).max() < 1e-4
@@ -373,7 +375,7 @@ def test_a_bone_that_is_gone_is_named():
 
 
 @pytest.mark.parametrize('parented', [True, False])
-def test_of_two_armatures_the_one_that_poses_it(parented):
+def test_of_two_armatures_the_posing_one_is_the_parent(parented):
     ob, rig = rigged(bend=1.2)
     other = bpy.data.objects.new("Other", bpy.data.armatures.new("Other"))
     bpy.context.scene.collection.objects.link(other)
@@ -390,7 +392,7 @@ def test_of_two_armatures_the_one_that_poses_it(parented):
     assert np.linalg.norm(evaluated(ob)[chosen].mean(0) - np.array(empty.matrix_world.translation)) < 0.02
 
 
-def test_a_mirror_that_comes_after_a_start_closes_its_seam():
+def test_a_mirror_added_after_two_pulls_closes_its_seam():
     ob = half()
     ob.modifiers.clear()
     seam = on_seam(ob)
@@ -404,14 +406,14 @@ def test_a_mirror_that_comes_after_a_start_closes_its_seam():
     assert np.abs(shown_offsets(ob)[seam, 0]).max() < 1e-6
 
 
-def test_a_soft_body_stays_before_too():
+def test_a_soft_body_stays_before_and_is_reported():
     ob = make_strip()
     ob.modifiers.new("Soft", 'SOFT_BODY')
     bind(ob)
     assert names(ob) == ["Soft", "Detail Deform"] and "'Soft' has to come before" in ob.detail_deform.status
 
 
-# Symmetry
+# ---- Edit Mode's symmetry
 
 def test_edit_modes_symmetry_makes_the_symmetric_handle():
     ob = symmetric(41)
@@ -428,7 +430,7 @@ def test_edit_modes_symmetry_makes_the_symmetric_handle():
     assert np.abs(moved).max() > 0.09 and np.abs(moved[image] * (-1, 1, 1) - moved).max() < 1e-5
 
 
-def test_on_the_middle_it_makes_none_and_on_a_half_neither():
+def test_symmetry_makes_no_second_handle_on_the_middle_or_on_a_half():
     ob = symmetric(41)
     ob.data.use_mirror_x = True
     pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.06, radius=0.3)
@@ -439,7 +441,7 @@ def test_on_the_middle_it_makes_none_and_on_a_half_neither():
     assert len(ob.detail_deform.handles) == 1
 
 
-def test_a_pull_that_fails_takes_both_back():
+def test_a_symmetric_pull_that_fails_adds_neither_handle():
     ob = symmetric(41)
     ob.data.use_mirror_x = True
     chosen = own(ob)[:, 0] > 0.4

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A handle that is added starts from the surface as it is seen: it moves nothing, and its empty stands on it."""
+"""A handle added to a deformed surface: it moves nothing, its empty stands on the displayed surface, and the binding
+starts from there."""
 
 import bpy
 import numpy as np
@@ -17,7 +18,7 @@ def box(ob):
 
 
 def pulled_sheet(lift=0.6, turn=0.0):
-    """A sheet whose middle is pulled out, and its empty."""
+    """(object, empty): a sheet of size 2 whose middle is lifted."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=40, y_subdivisions=40)
     ob = bpy.context.active_object
     pull(ob, np.linalg.norm(own(ob)[:, :2], axis=1) < 0.2, radius=0.7)
@@ -33,7 +34,7 @@ def on_slope(ob):
 
 
 def on_surface(ob, empty, chosen):
-    """How far the empty is from the middle of these vertices as they are seen, in the object's space."""
+    """The empty's distance from the middle of these displayed vertices, in local space."""
     place = np.array(ob.matrix_world.inverted() @ empty.matrix_world.translation)
     return np.linalg.norm(evaluated(ob)[chosen].mean(0) - place)
 
@@ -47,9 +48,9 @@ def test_a_second_pull_moves_nothing_and_stands_on_the_surface(turn):
     assert np.abs(evaluated(ob) - before).max() < SIZE * box(ob)
     assert on_surface(ob, second, spot) < SIZE * box(ob)
     normal = np.array(second.matrix_world.col[2])[:3]
-    assert normal[0] > 0.3  # away from the slope, which the flat sheet has not
+    assert normal[0] > 0.3  # the slope's normal and not the flat sheet's
 
-    # Both go on from there, and each alone takes its vertices along.
+    # Both handles move on from there, each with its own vertices.
     second.location.x += 0.2
     update()
     moved = evaluated(ob) - before
@@ -62,7 +63,8 @@ def test_a_second_pull_moves_nothing_and_stands_on_the_surface(turn):
 
 
 def test_the_start_is_as_smooth_as_a_pose_from_rest():
-    """What is built in two pulls is near what both handles make of the flat sheet at once."""
+    """A shape made by two pulls is near the shape that both handles in the same places give to the flat sheet at
+    once."""
     ob, first = pulled_sheet(lift=0.3)
     spot = on_slope(ob)
     second = pull(ob, spot)
@@ -103,7 +105,7 @@ def test_a_handle_of_one_vertex():
     assert np.abs(evaluated(ob) - before).max() < SIZE
     assert on_surface(ob, empty, spot) < SIZE
     home = np.array(ob.detail_deform.handles[-1].home_matrix).reshape(4, 4)[:3, 3]
-    assert np.linalg.norm(home - own(ob)[spot][0]) < 0.05  # by the rigid motion of all around
+    assert np.linalg.norm(home - own(ob)[spot][0]) < 0.05  # by the rigid motion of its neighbourhood
 
 
 def pulled_square(side=1):
@@ -124,11 +126,11 @@ def test_a_mirrored_handle_with_an_empty_of_its_own_moves_nothing():
     update()
     assert np.abs(evaluated(ob) - before).max() < SIZE
     there = np.linalg.norm(own(ob)[:, :2] - (-0.25, 0), axis=1) < 0.06
-    assert on_surface(ob, ob.detail_deform.handles[1].target, there) < 0.005  # its rotated mean is not quite so
+    assert on_surface(ob, ob.detail_deform.handles[1].target, there) < 0.005  # the mean of rotated vertices, to 0.005
 
 
-def test_one_made_symmetric_later_takes_the_whole_mirrored_pose():
-    """Also what was made of it before another handle came."""
+def test_a_handle_made_symmetric_later_gives_the_whole_mirrored_pose():
+    """Also the part of its pose that it had before another handle was added."""
     ob, empty = pulled_square()
     p = own(ob)
     pull(ob, np.linalg.norm(p[:, :2] - (0, 0.2), axis=1) < 0.05)
@@ -141,11 +143,12 @@ def test_one_made_symmetric_later_takes_the_whole_mirrored_pose():
     image = np.array([np.linalg.norm(p - q * (-1, 1, 1), axis=1).argmin() for q in p])
     left, now = np.linalg.norm(p[:, :2] - (0.25, 0), axis=1) < 0.06, evaluated(ob)
     assert np.abs(now[left] - p[left]).max() > 0.09
-    assert np.abs(now[image][left] * (-1, 1, 1) - now[left]).max() < 0.01  # of what was pulled unevenly the nearest
+    # To 0.01: the earlier part of the pose is carried over as the nearest rigid motion of an uneven deformation.
+    assert np.abs(now[image][left] * (-1, 1, 1) - now[left]).max() < 0.01
 
 
-def test_a_mirrored_pose_goes_on_as_it_is():
-    """Symmetric from the first, posed, then a third handle: nothing moves, and the two go on as mirror images."""
+def test_a_third_handle_keeps_a_symmetric_pose():
+    """Two symmetric handles are posed, and a third is added: nothing moves, and the two stay mirror images."""
     ob, empty = pulled_square()
     activate(ob)
     bpy.ops.object.detail_deform_handle_reset(everything=True)
@@ -188,7 +191,7 @@ def test_the_shape_of_keys_is_the_start(value):
     assert on_surface(ob, empty, spot) < SIZE * box(ob)
     empty.rotation_euler.rotate(Euler((0, 0, 0.5)))
     update()
-    # Rigid about what is seen, not about the mesh without its keys.
+    # The handle rotates the displayed shape, not the mesh without its keys.
     middle = before[spot].mean(0)
     turn = np.array(Euler((0, 0, 0.5)).to_matrix())
     assert np.abs(evaluated(ob)[spot] - (middle + (before[spot] - middle) @ turn.T)).max() < 1e-5
@@ -222,7 +225,7 @@ def test_back_to_rest_is_the_mesh_itself():
     assert not [name for name in ob.data.attributes.keys() if 'kept' in name]
 
 
-def test_it_survives_saving(tmp_path):
+def test_the_start_is_saved_and_loaded(tmp_path):
     ob, _ = pulled_sheet()
     second = pull(ob, on_slope(ob))
     second.location.x += 0.1
@@ -262,11 +265,11 @@ def test_unbind_shows_the_mesh():
     bpy.ops.object.detail_deform_unbind()
     update()
     assert np.abs(evaluated(ob) - own(ob)).max() == 0
-    bind(ob)  # from here: the empties' places are the rest
+    bind(ob)  # a new binding, whose rest is the empties' present places
     assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
 
 
-def test_a_slow_result_goes_on_from_there_too():
+def test_a_slow_result_also_starts_from_the_deformed_surface():
     ob, _ = pulled_sheet(lift=0.3)
     second = pull(ob, on_slope(ob))
     ob.detail_deform.steps = 3
@@ -278,7 +281,7 @@ def test_a_slow_result_goes_on_from_there_too():
     assert np.abs(moved[on_slope(ob)] - (0.1, 0, 0)).max() < 1e-5
 
 
-def test_a_handle_that_was_off_comes_back_where_it_stands():
+def test_a_handle_that_was_disabled_moves_nothing_when_enabled():
     ob, _ = pulled_sheet()
     pull(ob, np.linalg.norm(own(ob)[:, :2] - (-0.6, 0), axis=1) < 0.08)
     off = ob.detail_deform.handles[1]
@@ -292,14 +295,14 @@ def test_a_handle_that_was_off_comes_back_where_it_stands():
     assert np.abs(evaluated(ob) - before).max() < SIZE
 
 
-def test_no_base_object_of_a_surface_that_is_deformed_already():
+def test_make_base_object_is_refused_where_a_start_is_deformed():
     ob, _ = pulled_sheet()
     pull(ob, on_slope(ob))
     activate(ob)
     assert "put all handles back to rest" in refusal(bpy.ops.object.detail_deform_base_make)
 
 
-def test_nothing_is_kept_where_nothing_was_moved():
+def test_a_pull_on_an_undeformed_surface_keeps_no_start():
     ob = bind(make_strip())
     select(ob, (own(ob)[:, 0] > 0.4) & (own(ob)[:, 0] < 0.5))
     bpy.ops.object.detail_deform_pull()
@@ -322,7 +325,7 @@ def test_a_symmetric_pull_on_the_slope_moves_nothing(turn):
     assert np.abs(evaluated(ob) - own(ob)).max() < 1e-6
 
 
-def test_a_symmetric_handle_that_was_off_comes_back_where_it_was():
+def test_a_symmetric_handle_that_was_disabled_moves_nothing_when_enabled():
     ob = symmetric(41)
     ob.data.use_mirror_x = True
     pull(ob, np.linalg.norm(own(ob)[:, :2] - (0.25, 0), axis=1) < 0.06, radius=0.3)
@@ -361,7 +364,7 @@ def test_back_to_rest_in_any_scale_of_the_object(scale):
 
 
 @pytest.mark.parametrize('by', ['factor', 'influence'])
-def test_where_half_of_it_is_shown(part, by):
+def test_a_pull_while_half_of_the_deformation_is_shown(part, by):
     ob, _ = pulled_sheet()
     if by == 'influence':
         ob.vertex_groups.new(name="half").add(range(len(ob.data.vertices)), 0.5, 'REPLACE')
@@ -379,7 +382,7 @@ def test_where_half_of_it_is_shown(part, by):
     assert abs(second.matrix_world.translation.z) < 0.03
 
 
-def test_a_base_object_has_nothing_of_the_start():
+def test_a_base_object_gets_no_attributes_of_the_start():
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=20, y_subdivisions=20)
     ob = bpy.context.active_object
     with_key(ob)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""T-split: large motions in steps. In background mode their result is there at once."""
+"""Steps: large motions are split into several updates. In background mode the result is there at once."""
 
 import math
 
@@ -17,7 +17,7 @@ def strip():
 
 
 def bend(ob, degrees):
-    """The right side along an arc about the y axis."""
+    """Turns the right side along an arc about an axis parallel to y."""
     target = ob.detail_deform.handles[0].target
     pivot = Matrix.Translation((0.5, 0, 0.3))
     rest = Matrix.Translation((1, 0.5, 0))
@@ -25,7 +25,7 @@ def bend(ob, degrees):
     update()
 
 
-def test_steps_change_a_large_bend_and_say_so(strip):
+def test_steps_change_a_large_bend_and_the_status_names_them(strip):
     bend(strip, -120)
     quick = evaluated(strip)
     strip.detail_deform.steps = 6
@@ -67,7 +67,7 @@ def test_whole_turns_of_an_euler_rotation_count():
     target.rotation_euler.x = 2 * math.pi
     update()
     wound = evaluated(strip)
-    # From column to column the strip turns on, once around in all.
+    # The strip's columns are twisted from one to the next, by a whole turn in all.
     across = wound.reshape(25, 25, 3)[:, -1] - wound.reshape(25, 25, 3)[:, 0]
     angles = np.unwrap(np.arctan2(across[:, 2], across[:, 1]))
     assert abs(angles[-1] - angles[0] - 2 * math.pi) < 0.02
@@ -97,7 +97,7 @@ def test_apply_takes_the_result_in_steps(strip):
 
 
 def test_steps_arrive_when_the_handles_pause(strip, part, as_in_a_window):
-    """The window's way: quick result first, the steps by a timer, the last pose wins."""
+    """In a window the quick result comes first, then the steps by a timer, for the last pose alone."""
     slow_results, token = part('follow.slow_results'), part('scene.offset_attribute').token
     as_in_a_window('follow.life')
     strip.detail_deform.steps = 5
@@ -113,14 +113,14 @@ def test_steps_arrive_when_the_handles_pause(strip, part, as_in_a_window):
     update()
     assert np.abs(evaluated(strip) - quick).max() > 0.01
     assert 'The result in 5 steps is shown' in strip.detail_deform.status
-    # Cancelled, it comes back by Update.
+    # A cancelled result is started again by Update.
     bend(strip, -110)
     assert bpy.ops.object.detail_deform_bind_cancel() == {'FINISHED'}
     assert slow_results.progress(token(strip.data)) is None
     assert 'press Update' in strip.detail_deform.status
     assert bpy.ops.object.detail_deform_update() == {'FINISHED'}
     assert slow_results.progress(token(strip.data)) == 0.0
-    # A pose that is left before its steps are ready is forgotten.
+    # The steps of a pose that was changed before they were ready are dropped.
     bend(strip, -90)
     slow_results._requests[token(strip.data)].due = 0
     slow_results._tick()
@@ -132,7 +132,7 @@ def test_steps_arrive_when_the_handles_pause(strip, part, as_in_a_window):
 
 
 def test_a_frame_stops_slow_work_on_its_deformer_which_begins_again_later(strip, part):
-    """Two objects of the same content share one: neither waits for the other's slow result."""
+    """Two objects with the same content share a deformer: neither waits for the other's slow result."""
     native, slow_results = part('library.native'), part('follow.slow_results')
     deformer = part('follow.bound').cache.find(strip.detail_deform.signature).made
     endless = {'method': 'VOLUMES', 'volume_tolerance': 1e-300, 'volume_iterations': 10**9}
@@ -174,7 +174,7 @@ def test_a_frame_stops_slow_work_on_its_deformer_which_begins_again_later(strip,
     slow_results._requests.clear()
 
 
-def test_an_empty_without_size_collapses_its_vertices_and_turns_nothing(strip):
+def test_an_empty_with_zero_scale_is_refused_in_steps_and_gives_a_finite_result_in_one(strip):
     strip.detail_deform.steps = 2
     target = strip.detail_deform.handles[0].target
     target.rotation_euler.x = 7
@@ -186,8 +186,8 @@ def test_an_empty_without_size_collapses_its_vertices_and_turns_nothing(strip):
     assert 'Bound' in strip.detail_deform.status and np.isfinite(evaluated(strip)).all()
 
 
-def test_what_is_refused_while_it_starts_is_said_and_ends(strip, part, as_in_a_window, monkeypatch):
-    """The timer goes on, and nothing is under way any more."""
+def test_a_failure_while_steps_start_is_reported_and_ends_them(strip, part, as_in_a_window, monkeypatch):
+    """The timer's function raises nothing, and no request is left."""
     native, slow_results = part('library.native'), part('follow.slow_results')
 
     def fail(*_, **options):
@@ -205,8 +205,8 @@ def test_what_is_refused_while_it_starts_is_said_and_ends(strip, part, as_in_a_w
     assert "no memory left" in strip.detail_deform.status
 
 
-def test_steps_that_fail_are_said_until_a_handle_moves(strip, part, monkeypatch):
-    """Not only until the next update."""
+def test_failed_steps_are_reported_until_a_handle_moves(strip, part, monkeypatch):
+    """And not only until the next frame."""
     native = part('library.native')
 
     def fail(*_, **options):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a user may do to a bound and posed object beside moving its handles, and what should come of it."""
+"""Users' other actions on a bound and posed object: undo, modes, modifiers, shape keys, other files and scenes."""
 
 import bpy
 import numpy as np
@@ -21,7 +21,7 @@ def posed():
 
 
 def moves(ob, empty=None):
-    """Whether the surface follows: what a move of the handle by 0.1 moves its vertices by."""
+    """Whether the handle's vertices follow it when it is moved by 0.1; it is moved back."""
     before = evaluated(ob)
     empty = empty or handle(ob)
     empty.location.z += 0.1
@@ -34,7 +34,7 @@ def moves(ob, empty=None):
 
 
 def test_undo_and_redo_of_a_bind():
-    """Undone, it is not bound and at rest; redone, it is bound and follows."""
+    """After undo it isn't bound; after redo it is bound and follows."""
     ob = make_strip()
     bpy.ops.ed.undo_push(message="before")
     bind(ob)
@@ -50,7 +50,7 @@ def test_undo_and_redo_of_a_bind():
 
 
 def test_modes(posed):
-    """The shape stays through every mode, and is followed again after each."""
+    """The shape stays through every mode, and the surface follows its handle afterwards."""
     shown = evaluated(posed)
     for mode in ('EDIT', 'SCULPT', 'WEIGHT_PAINT', 'VERTEX_PAINT', 'TEXTURE_PAINT'):
         bpy.ops.object.mode_set(mode=mode)
@@ -72,7 +72,8 @@ def test_a_handle_moved_in_edit_mode_is_followed_afterwards(posed):
 
 
 def test_the_modifier_muted(posed):
-    """Rest is shown and nothing computed; unmuted, it catches up."""
+    """While the modifier is hidden, the rest shape is shown and nothing is computed; shown again, it has the handle's
+    present pose."""
     modifier = posed.modifiers['Detail Deform']
     modifier.show_viewport = False
     update()
@@ -86,7 +87,7 @@ def test_the_modifier_muted(posed):
 
 
 def test_the_modifier_removed_by_hand(posed):
-    """Rest is shown; the panel says why, and Update or Bind brings it back."""
+    """The rest shape is shown, and the status says why; Update or Bind adds the modifier again."""
     posed.modifiers.remove(posed.modifiers['Detail Deform'])
     handle(posed).location.z += 0.1
     update()
@@ -101,7 +102,7 @@ def test_the_modifier_removed_by_hand(posed):
 
 
 def test_the_modifier_applied_by_hand(posed):
-    """As Apply: the result is the mesh now, it is not bound any more, and nothing is left behind."""
+    """Like the add-on's Apply: the mesh has the result, is no longer bound, and has no attributes of the add-on."""
     shown = evaluated(posed)
     bpy.ops.object.modifier_apply(modifier='Detail Deform')
     update()
@@ -114,7 +115,7 @@ def test_the_modifier_applied_by_hand(posed):
 
 @pytest.mark.parametrize('first', [False, True])
 def test_subdivision(posed, first):
-    """Before or behind: the result is the subdivided one, and handles are followed."""
+    """Before or behind Detail Deform: the subdivided surface follows the handle."""
     posed.modifiers.new("Subdivision", 'SUBSURF')
     if first:
         bpy.ops.object.modifier_move_to_index(modifier="Subdivision", index=0)
@@ -142,7 +143,7 @@ def test_mirror_behind(posed):
 
 @pytest.mark.parametrize('first', [False, True])
 def test_armature(posed, first):
-    """Before: the deformation is added to the pose. Behind: the pose takes the deformation along."""
+    """Before Detail Deform: the offsets are added to the pose. Behind it: the offsets are posed too."""
     data = bpy.data.armatures.new("Rig")
     rig = bpy.data.objects.new("Rig", data)
     bpy.context.scene.collection.objects.link(rig)
@@ -159,7 +160,7 @@ def test_armature(posed, first):
     if first:
         bpy.ops.object.modifier_move_to_index(modifier="Armature", index=0)
     rig.pose.bones["Bone"].rotation_mode = 'XYZ'
-    rig.pose.bones["Bone"].rotation_euler = (0, np.pi / 2, 0)  # about the bone, which stands upright
+    rig.pose.bones["Bone"].rotation_euler = (0, np.pi / 2, 0)  # about its own Y axis, which is the world's Z
     update()
     quarter = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])
     if first:
@@ -171,7 +172,7 @@ def test_armature(posed, first):
 
 
 def test_shape_keys(posed):
-    """Keys move what is deformed; changing a key's value is no edit of the mesh."""
+    """Offsets are added to the shape by keys; changing a key's value is no edit of the mesh."""
     offsets = evaluated(posed) - own(posed)
     posed.shape_key_add(name="Basis")
     key = posed.shape_key_add(name="Wide")
@@ -185,8 +186,8 @@ def test_shape_keys(posed):
 
 
 def test_append_and_link(posed, tmp_path):
-    """Appended with its collection it follows; the object alone keeps its shape and says what is missing;
-    linked it shows the saved result and says that it can't change."""
+    """Appended with its collection it follows; the object alone keeps its shape and its status names the missing
+    empties; linked it shows the saved result."""
     shown = evaluated(posed)
     collection = bpy.data.collections.new("Asset")
     bpy.context.scene.collection.children.link(collection)
@@ -247,7 +248,7 @@ def test_a_linked_object_that_is_made_local_follows(posed, tmp_path):
 
 @pytest.mark.parametrize('kind', ['LINK_COPY', 'FULL_COPY'])
 def test_a_copy_of_the_scene(posed, kind):
-    """Linked, both scenes show the same; a full copy has handles of its own."""
+    """A linked copy has the same objects; a full copy has its own object and empties."""
     first = bpy.context.window.scene
     bpy.ops.scene.new(type=kind)
     second = bpy.context.window.scene
@@ -263,7 +264,7 @@ def test_a_copy_of_the_scene(posed, kind):
 
 
 def test_several_scenes_play_each_their_own(posed):
-    """An object in a scene that is not shown is left alone, and caught up with when it is."""
+    """An object isn't updated while another scene is shown, and has the present pose when its own is."""
     other = bpy.data.scenes.new("Other")
     window = bpy.context.window
     home = window.scene

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Something of the user's has the name under which the deformation is stored: it is said and never lost."""
+"""The user's own data has the name under which the add-on stores the offsets: it is reported, and never lost."""
 
 import bpy
 import numpy as np
@@ -63,7 +63,7 @@ def is_named_mine(ob, take):
 
 
 @TAKES
-def test_removing_and_unbinding_leave_it(take):
+def test_removing_and_unbinding_leave_the_users_data(take):
     ob = bind(make_strip())
     ob.data.attributes.remove(ob.data.attributes[NAME])
     take(ob)
@@ -74,9 +74,9 @@ def test_removing_and_unbinding_leave_it(take):
 
 
 @TAKES
-def test_a_name_taken_after_the_bind_is_said_until_it_is_free(take):
+def test_a_name_taken_after_the_bind_is_reported_until_it_is_free(take):
     ob = bind(make_strip())
-    if take in (face_attribute, colours):  # Blender gives another name beside one of its own
+    if take in (face_attribute, colours):  # Blender makes the names of attributes unique
         ob.data.attributes.remove(ob.data.attributes[NAME])
     what = take(ob)
     if not is_there(ob, take):

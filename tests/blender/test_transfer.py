@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Deformations carried over from one mesh to another."""
+"""Transfer: deformations carried over from one mesh to another."""
 
 import bpy
 import numpy as np
@@ -11,7 +11,7 @@ transfer = bpy.ops.object.detail_deform_transfer
 
 
 def bent(p, bend=1.0):
-    """Bent upwards about the width, without stretch along the middle."""
+    """Positions bent upwards about the y axis, without stretch at z = 0."""
     angle, radius = bend * p[:, 0], 1 / bend - p[:, 2]
     return np.stack([radius * np.sin(angle), p[:, 1], 1 / bend - radius * np.cos(angle)], -1)
 
@@ -29,7 +29,7 @@ def add_key(ob, name, positions, **values):
         ob.shape_key_add(name="Basis", from_mix=False)
     key = ob.shape_key_add(name=name, from_mix=False)
     key.data.foreach_set('co', np.asarray(positions, np.float32).ravel())
-    key.value = 0.0  # from 5.2 on they come with 1
+    key.value = 0.0  # Blender 5.2 adds keys with the value 1
     for prop, value in values.items():
         setattr(key, prop, value)
     return key
@@ -42,7 +42,7 @@ def coordinates(key):
 
 
 def copy_of_rest(source, name="Target"):
-    """Local, of the same topology."""
+    """A local target with the source's rest shape and topology; active."""
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(own(source).tolist(), [], [list(face.vertices) for face in source.data.polygons])
     target = bpy.data.objects.new(name, mesh)
@@ -53,7 +53,7 @@ def copy_of_rest(source, name="Target"):
 
 @pytest.fixture
 def pair():
-    """Source with two keys, and a target like it, active."""
+    """(source with two shape keys, target of the same shape); the target is active."""
     source, target = raw_strip("Source"), raw_strip("Target")
     add_key(source, "Bend", bent(own(source)), slider_min=-1.0, slider_max=2.0, value=0.25)
     add_key(source, "Twist", own(source) + 0.2 * own(source)[:, [2, 0, 1]] * own(source)[:, :1])
@@ -113,7 +113,7 @@ def test_the_current_pose_by_modifiers(pair):
     assert np.abs(own(target) - own(source)).max() == 0
 
 
-def test_a_target_that_stands_otherwise_is_deformed_accordingly(pair):
+def test_a_rotated_and_scaled_target_is_deformed_accordingly(pair):
     source, target = pair
     turn = np.array([[0, -2, 0], [2, 0, 0], [0, 0, 2]])  # a quarter turn about z, twice the size
     target.data.vertices.foreach_set('co', (own(target) @ turn.T + (3, 1, 0)).astype(np.float32).ravel())
@@ -140,7 +140,7 @@ def test_animation_as_a_cache_and_as_keyed_keys(pair, tmp_path):
         scene.frame_set(frame)
         assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-5
         assert np.abs(evaluated(other) - evaluated(source)).max() < 1e-5
-    # Again, and there is one modifier still.
+    # A second transfer adds no second modifier.
     activate(target)
     transfer(source="Source", what='ANIMATION', frame_start=1, frame_end=3, cache_path=path)
     assert len(target.modifiers) == 1
@@ -156,7 +156,7 @@ def test_by_a_list_of_pairs(pair, tmp_path, pairs_of):
     transfer(source="Source", what='ACTIVE_KEY', correspondence='LIST', filepath=str(path), pairs_of=pairs_of)
     twist = coordinates(source.data.shape_keys.key_blocks["Twist"])
     assert np.abs(coordinates(target.data.shape_keys.key_blocks["Twist"]) - twist).max() < 1e-5
-    # It is kept, and can be used and written again.
+    # The pairs are stored, and can be used and saved again.
     transfer(source="Source", what='ALL_KEYS', correspondence='STORED', pattern="Bend")
     assert np.abs(coordinates(target.data.shape_keys.key_blocks["Bend"]) - bent(own(source))).max() < 1e-5
     target.detail_deform.transfer.source = source
@@ -165,7 +165,7 @@ def test_by_a_list_of_pairs(pair, tmp_path, pairs_of):
 
 
 def mark(ob, n, as_empties):
-    """Corners, middles of the sides and centre of an n × n strip."""
+    """Adds markers at the corners, the middles of the sides and the centre of an n × n strip."""
     for number, (i, j) in enumerate([(a, b) for a in (0, n // 2, n - 1) for b in (0, n // 2, n - 1)], 1):
         if as_empties:
             empty = add_empty(f"Marker {number}", own(ob)[i * n + j] + (0, 0, 0.01), parent=ob)
@@ -179,7 +179,7 @@ def mark(ob, n, as_empties):
 def test_by_markers_onto_another_topology(as_empties, tmp_path):
     source, target = raw_strip("Source", 21), raw_strip("Target", 33)
     p = own(target)
-    p[:, 2] = 0.05 * np.sin(20 * p[:, 1])  # other relief
+    p[:, 2] = 0.05 * np.sin(20 * p[:, 1])  # another relief than the source's
     target.data.vertices.foreach_set('co', p.astype(np.float32).ravel())
     add_key(source, "Bend", bent(own(source)))
     mark(source, 21, as_empties)
@@ -189,7 +189,7 @@ def test_by_markers_onto_another_topology(as_empties, tmp_path):
     found = coordinates(target.data.shape_keys.key_blocks["Bend"])
     shift = (found - bent(p)).mean(0)
     assert np.abs(found - bent(p) - shift).max() < 0.03
-    # Kept with the target, through the file.
+    # The match is stored with the target and saved with the file.
     path = str(tmp_path / "kept.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
@@ -209,7 +209,7 @@ def test_correspondences_are_found_shown_and_forgotten(part):
     assert settings.correspondence == 'STORED'
     confidence = part('scene.correspondence').vertex_confidence(target)
     assert confidence.shape == (33 * 33,) and confidence.min() > 0.5
-    assert settings.show_match  # before anything goes by it
+    assert settings.show_match  # so that the user sees it before it is used
     colours = part('ui.preview').vertex_colours(target)
     assert (colours[:, 1] > colours[:, 0]).all()  # green
     bpy.ops.object.detail_deform_transfer_forget()
@@ -253,7 +253,7 @@ def test_a_target_follows_its_source_live(pair, tmp_path):
         update()
         assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-4
     assert np.abs(own(target) - own(source)).max() == 0
-    # In playback, with the source hidden.
+    # In playback, also while the source is hidden.
     for frame, value in ((1, 0.0), (10, 1.0)):
         key.value = value
         key.keyframe_insert('value', frame=frame)
@@ -263,21 +263,21 @@ def test_a_target_follows_its_source_live(pair, tmp_path):
         expected = own(source) + key.value * (bent(own(source)) - own(source))
         assert np.abs(evaluated(target) - expected).max() < 1e-4
     source.hide_viewport = False
-    # Through the file.
+    # After saving and loading.
     path = str(tmp_path / "live.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.open_mainfile(filepath=path)
     source, target = bpy.data.objects["Source"], activate(bpy.data.objects["Target"])
     bpy.context.scene.frame_set(10)
     assert np.abs(evaluated(target) - bent(own(source))).max() < 1e-4
-    # The target's mesh edited: it goes on from there.
+    # After an edit of the target's mesh, which is followed from.
     target.data.vertices.foreach_set('co', (own(target) + (0, 0, 2)).astype(np.float32).ravel())
     target.data.update()
     update()
     bpy.context.scene.frame_set(9)
     bpy.context.scene.frame_set(10)
     assert np.abs(evaluated(target) - bent(own(source)) - (0, 0, 2)).max() < 1e-4
-    # What goes wrong is said.
+    # A deleted source is reported.
     bpy.data.objects.remove(source)
     update()
     bpy.context.scene.frame_set(3)
@@ -332,12 +332,12 @@ def test_refusals(pair, tmp_path):
     add_key(source, "Broken", np.full((len(source.data.vertices), 3), np.nan))
     assert "'Broken': Vertex 0 of the source is not finite" in refusal(transfer, source="Source", what='ALL_KEYS',
                                                                 pattern="Broken")
-    # Nothing of all that has left a trace.
+    # No refusal has left a trace.
     assert not target.data.shape_keys and not target.modifiers and not list(tmp_path.glob("*.pc2*"))
 
 
 def test_a_key_with_a_vertex_out_of_all_bounds_is_left_out_and_named(pair, capfd):
-    """In a pose, too: one such vertex would move all of the target."""
+    """A pose with such a vertex is refused, as it would move the whole target."""
     source, target = pair
     positions = own(source)
     positions[7, 2] = 1e30
@@ -403,11 +403,11 @@ def test_followers_that_swap_their_names_keep_to_their_own_sources(pair):
         assert np.abs(evaluated(ob) - evaluated(follows)).max() < 1e-4
 
 
-def test_what_was_transferred_before_is_replaced_and_not_doubled(pair):
+def test_an_earlier_transferred_key_is_replaced_and_not_doubled(pair):
     source, target = pair
     modifier = source.modifiers.new("Deform", 'SIMPLE_DEFORM')
     modifier.deform_method = 'TWIST'
-    source.name = "S" * 62  # with " Pose" longer than names may be
+    source.name = "S" * 62  # with " Pose" longer than Blender's limit for names
     for angle in (1.0, 0.5):
         modifier.angle = angle
         update()
@@ -415,7 +415,7 @@ def test_what_was_transferred_before_is_replaced_and_not_doubled(pair):
         assert len(target.data.shape_keys.key_blocks) == 2
         assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-5
     assert target.active_shape_key_index == 1
-    # A key that came to depend on another one is made whole again.
+    # A transferred key that the user made relative to another key is written relative to the basis again.
     target.data.shape_keys.key_blocks[1].relative_key = add_key(target, "Other", own(target) + 1)
     transfer(source=source.name)
     assert np.abs(evaluated(target) - evaluated(source)).max() < 1e-5
@@ -434,7 +434,7 @@ def test_ranges_and_names_of_all_kinds(pair):
     assert "Bend" in target.data.shape_keys.key_blocks
 
 
-def test_objects_scaled_unevenly_are_taken_as_they_look(pair):
+def test_objects_scaled_unevenly_are_deformed_as_displayed(pair):
     source, target = pair
     target.data.vertices.foreach_set('co', (own(target) / (4, 1, 1)).astype(np.float32).ravel())
     target.scale = (4, 1, 1)
@@ -487,7 +487,7 @@ def test_a_refused_transfer_leaves_what_was_kept(pair, tmp_path):
     assert "no vertex group" in refusal(transfer, source="Source", correspondence='LIST', filepath=str(path),
                                         anchor='PINNED', anchor_group='none')
     assert list(target.data['detail_deform_match']['pairs']) == before == [0, 0]
-    # Another kind of pairs than the file says.
+    # The file's header says that it has pairs of triangles.
     target.detail_deform.transfer.source = source
     bpy.ops.object.detail_deform_transfer_save(filepath=str(path))
     assert "holds pairs of triangles" in refusal(transfer, source="Source", correspondence='LIST', filepath=str(path),
@@ -517,7 +517,7 @@ def test_a_bound_source_is_followed_without_delay(pair):
     assert np.abs(evaluated(target) - evaluated(strip)).max() < 1e-4
 
 
-def test_the_ends_of_following(pair):
+def test_following_ends_by_apply_unbind_removal_or_deletion(pair):
     source, target = pair
     source.data.shape_keys.key_blocks["Bend"].value = 1
     live = bpy.ops.object.detail_deform_transfer_live
@@ -562,7 +562,7 @@ def test_a_start_that_is_refused_changes_nothing(pair):
     bpy.ops.object.detail_deform_transfer_live(source="Source")
     assert "not of the same topology" in refusal(bpy.ops.object.detail_deform_transfer_live, source=other.name)
     assert settings.live and settings.source == source
-    # What it follows by can't be forgotten meanwhile.
+    # There is no saved match to forget: it follows by topology.
     assert "no Saved Match" in refusal(bpy.ops.object.detail_deform_transfer_forget)
 
 
@@ -602,7 +602,8 @@ def test_the_original_formulation_with_fourth_points(pair):
         for ob in (target, other):
             activate(ob)
             transfer(source="Source", what='ALL_KEYS', pattern="Bend", formulation=formulation)
-        # Onto a mesh at the same rest it comes back by each, onto another one they differ a little.
+        # On a mesh with the source's rest shape each formulation gives the source's pose; on another one they differ a
+        # little.
         assert np.abs(coordinates(target.data.shape_keys.key_blocks["Bend"]) - bent(own(source))).max() < 1e-5
         found.append(coordinates(other.data.shape_keys.key_blocks["Bend"]))
     for original in found[1:]:
@@ -614,13 +615,13 @@ def turned(faces):
 
 
 def halved(faces):
-    """Triangles, by either diagonal in turns."""
+    """Triangles, cutting the quads by either diagonal in turns."""
     return [part for number, f in enumerate(faces) for part in (
         ([f[0], f[1], f[2]], [f[0], f[2], f[3]]) if number % 2 else ([f[1], f[2], f[3]], [f[1], f[3], f[0]]))]
 
 
 def joined(faces):
-    """Two quads to one face of six corners, in each second row."""
+    """Joins some pairs of quads to faces of six corners."""
     found, left = [], list(map(tuple, faces))
     while left:
         first = left.pop(0)
@@ -656,8 +657,9 @@ FACES = {
 
 @pytest.mark.parametrize('of_source', [False, True])
 @pytest.mark.parametrize('kind', FACES)
-def test_the_order_of_faces_says_nothing(pair, kind, of_source, part):
-    """What they join does, triangulated, too: such meshes match vertex by vertex, and are examples of one another."""
+def test_the_order_and_triangulation_of_faces_do_not_matter(pair, kind, of_source, part):
+    """Meshes whose faces join the same vertices, also when triangulated, have the same topology: they match vertex by
+    vertex, and can be examples of one another."""
     source, target = pair
     faces = [list(face.vertices) for face in target.data.polygons]
     if of_source:
@@ -680,8 +682,8 @@ def test_the_order_of_faces_says_nothing(pair, kind, of_source, part):
     assert np.abs(part('scene.examples').positions(target)[0][5] - own(source)[5]).max() < 1e-6
 
 
-def test_faces_that_join_other_vertices_are_told(pair):
-    """One diagonal turned in a mesh of triangles, and a face that is gone."""
+def test_faces_that_join_other_vertices_are_refused(pair):
+    """One flipped edge in a mesh of triangles, and a missing face."""
     source, target = pair
     faces = [list(face.vertices) for face in target.data.polygons]
     triangles = [part for f in faces for part in ([f[0], f[1], f[2]], [f[0], f[2], f[3]])]
@@ -696,8 +698,8 @@ def test_faces_that_join_other_vertices_are_told(pair):
     assert "not of the same topology" in refusal(transfer, source="Source", what='ALL_KEYS', correspondence='TOPOLOGY')
 
 
-def test_what_is_kept_of_many_keys_is_read_and_written_once(pair, part, monkeypatch):
-    """Whatever goes through all keys for each of them takes minutes for the thousands that some files have."""
+def test_the_record_of_many_keys_is_read_and_written_once(pair, part, monkeypatch):
+    """A cost quadratic in the number of keys takes minutes for the thousands of keys in some files."""
     source, target = pair
     for number in range(40):
         add_key(source, f"Key {number}", own(source) + 0.01 * number)
@@ -705,7 +707,7 @@ def test_what_is_kept_of_many_keys_is_read_and_written_once(pair, part, monkeypa
     for owner, name in ((transferred, 'made_keys'), (transferred.json, 'dumps')):
         was = getattr(owner, name)
         monkeypatch.setattr(owner, name, lambda *args, was=was, name=name, **kw: calls.append(name) or was(*args, **kw))
-    for _ in range(2):  # a second time each gets its shape anew
+    for _ in range(2):  # the second time, the keys of the first are replaced
         calls.clear()
         activate(target)
         assert transfer(source="Source", what='ALL_KEYS') == {'FINISHED'}

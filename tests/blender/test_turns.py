@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Turns beside the simple one about a single channel: tilted ones, mirrored objects and handles, handles that turn
-against each other or all together."""
+"""Rotations of handles beside the simple one about a single Euler angle: tilted empties, mirrored objects and handles,
+handles that turn against each other or together, and other Euler angles of the same rotation."""
 
 import math
 
@@ -14,7 +14,7 @@ from test_shape import FREE, HEIGHT, bar_mesh, largest_rate, make, make_bar, tar
 
 
 def largest_jump(ob, values, set_to):
-    """The largest move of a vertex from one value to the next, as a share of the largest one of a held vertex."""
+    """The largest move of a vertex from one value to the next, as a fraction of the largest move of a held vertex."""
     held = np.any([members(ob, handle.vertex_group) for handle in ob.detail_deform.handles], axis=0)
     seen = []
     for value in values:
@@ -26,7 +26,7 @@ def largest_jump(ob, values, set_to):
 
 
 def by_two():
-    """A bar with a handle at each end and nothing that is fixed, and the empties of its upper and its lower end."""
+    """(unbound object, upper empty, lower empty): a bar with a handle at each end and no fixed vertex."""
     positions, triangles = bar_mesh()
     z = positions[:, 2]
     ob = make("Bar", positions, triangles, z > FREE[0] + 1e-6, z > FREE[1] - 1e-6, (0, 0, HEIGHT))
@@ -36,7 +36,7 @@ def by_two():
     return ob, *(handle.target for handle in ob.detail_deform.handles)
 
 
-def test_the_other_way_is_the_mirror_image():
+def test_a_turn_the_other_way_is_the_mirror_image():
     ob = make_bar(*bar_mesh())
     rates = [largest_rate(turn(ob, degrees)) for degrees in (360, -360)]
     assert rates[1][1] == pytest.approx(-360, abs=1) and rates[0][0] == pytest.approx(rates[1][0], abs=0.01)
@@ -50,13 +50,13 @@ def test_a_tilt_takes_no_whole_turn_away(tilt):
     assert turned == pytest.approx(360, abs=5) and rate <= 1.5, (turned, rate)
 
 
-def test_a_tilted_turn_has_no_pop():
+def test_a_tilted_turn_is_continuous():
     ob = make_bar(*bar_mesh())
     target_of(ob).rotation_euler.x = math.radians(10)
     assert largest_jump(ob, np.linspace(180, 540, 201), lambda degrees: turn(ob, degrees)) <= 3
 
 
-def test_a_mirrored_object_turns_on_beyond_half_a_turn():
+def test_a_mirrored_object_turns_continuously_beyond_half_a_turn():
     positions, triangles = bar_mesh()
     z = positions[:, 2]
     ob = make("Bar", positions, triangles, z > FREE[0] + 1e-6, z > FREE[1] - 1e-6, (0, 0, HEIGHT))
@@ -90,7 +90,7 @@ def test_all_handles_together_move_the_mesh_rigidly():
         assert np.abs(evaluated(ob) - own(ob) @ turned.T).max() < 1e-5, degrees
 
 
-def test_a_mirrored_handle_is_no_half_turn():
+def test_a_handle_mirrored_by_its_scale_is_not_taken_for_a_half_turn():
     ob = make_bar(*bar_mesh())
     shapes = {}
     for deformer in ('AUTOMATIC', 'LINEAR'):
@@ -103,14 +103,14 @@ def test_a_mirrored_handle_is_no_half_turn():
         assert np.abs(shapes['AUTOMATIC', scale] - shapes['LINEAR', scale]).max() < 1e-3, scale
 
 
-# One rotation, told by other angles
+# ---- other Euler angles of the same rotation
 
 TILTS = [(-2, 0.9, 2.5), (2, 0.5, -2), (3, 0.3, 3), (2.5, 0.2, 0.5), (2.5, -0.7, 2.5)]
 ORDERS = ['XYZ', 'XZY', 'YXZ', 'YZX', 'ZXY', 'ZYX']
 
 
 def tilted_bar(tilt, order='XYZ'):
-    """A bar that was bound with its empty turned by these angles, and the empty."""
+    """(object, empty): a bar that was bound while its empty was rotated by these Euler angles."""
     positions, triangles = bar_mesh()
     z = positions[:, 2]
     ob = make("Bar", positions, triangles, z > FREE[0] + 1e-6, z > FREE[1] - 1e-6, (0, 0, HEIGHT))
@@ -121,7 +121,7 @@ def tilted_bar(tilt, order='XYZ'):
 
 
 def otherwise(empty):
-    """The same rotation by the other angles that give it."""
+    """Gives the empty the other triple of Euler angles of its rotation."""
     middle = 'XYZ'.index(empty.rotation_mode[1])
     angles = [angle - math.copysign(math.pi, angle) for angle in empty.rotation_euler]
     angles[middle] = math.copysign(math.pi, empty.rotation_euler[middle]) - empty.rotation_euler[middle]
@@ -140,8 +140,8 @@ def test_the_other_angles_of_a_rotation_turn_nothing(tilt, order):
 
 
 @pytest.mark.parametrize('tilt', [(0, 0, 0), *TILTS])
-def test_angles_by_the_formula_turn_nothing(tilt):
-    """Beyond half a turn, too, where a matrix gives none."""
+def test_other_angles_beyond_half_a_turn_turn_nothing(tilt):
+    """(x + π, π − y, z + π), the same rotation, by angles beyond those that a matrix is decomposed into."""
     ob, empty = tilted_bar(tilt)
     x, y, z = empty.rotation_euler
     empty.rotation_euler = (x + math.pi, math.pi - y, z + math.pi)
@@ -167,8 +167,8 @@ def test_parented_and_freed_with_its_place_kept_nothing_moves(tilt):
 
 
 @pytest.mark.parametrize('tilt', TILTS)
-def test_a_matrix_turns_a_tilted_empty_as_one_that_is_not(tilt):
-    """34 degrees about the bar."""
+def test_a_matrix_turns_a_tilted_empty_like_one_without_a_tilt(tilt):
+    """By 0.6 rad, 34 degrees, about the bar."""
     shapes = []
     for angles in ((0, 0, 0), tilt):
         ob, empty = tilted_bar(angles)
@@ -181,8 +181,8 @@ def test_a_matrix_turns_a_tilted_empty_as_one_that_is_not(tilt):
 
 @pytest.mark.parametrize('degrees', [-720, -360, 340, 360, 720])
 @pytest.mark.parametrize('told_otherwise', [False, True])
-def test_whole_turns_of_a_channel_stay(degrees, told_otherwise):
-    """From either of the two triples for the rest on."""
+def test_whole_turns_of_an_euler_angle_count(degrees, told_otherwise):
+    """Starting from either of the two triples of Euler angles of the rest rotation."""
     ob, empty = tilted_bar((0.4, 0.2, 0.5))
     if told_otherwise:
         otherwise(empty)
@@ -204,13 +204,14 @@ def test_another_rotation_mode_turns_nothing(of_rest, now, tilt):
     bpy.ops.object.detail_deform_unbind()
     bind(ob)
     empty.rotation_mode = now
-    empty.matrix_world = place  # Blender keeps the angles from one order to another, and with them no rotation
+    empty.matrix_world = place  # with another order, Blender keeps the angles and not the rotation
     update()
     assert np.abs(evaluated(ob) - own(ob)).max() < 1e-4
 
 
 def test_turns_by_channels_have_no_jumps(part):
-    """Any two channels, or all, up to half a turn from a rest of any angles: what has turned goes on as they do."""
+    """The rotation vector is a continuous function of the Euler angles, up to nearly half a turn in two or three angles
+    from random rest angles."""
     rng = np.random.default_rng(7)
     channel_turns = part('scene.euler_angles').channel_turns
     for _ in range(200):
@@ -221,7 +222,7 @@ def test_turns_by_channels_have_no_jumps(part):
         assert np.abs(np.diff(turned, axis=0)).max() < 0.1, (rest, along)
 
 
-def test_bend_length_without_refinement_says_why_not(part):
+def test_bend_length_without_refinement_has_no_effect_and_a_reason(part):
     options = part('library.options')
     bend_length = next(option for option in options.SETTINGS if option.name == 'rotation_smoothing')
     ob = make_bar(*bar_mesh())

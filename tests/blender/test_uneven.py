@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What handles deform is the shape that is seen: an object whose scale differs from axis to axis, or that its parents
-shear, gives what the same shape gives with its scale applied."""
+"""Handles deform the shape in the world: an object whose axes are scaled differently, or that its parents shear,
+deforms like the same shape with its scale applied."""
 
 import bmesh
 import bpy
@@ -12,7 +12,7 @@ from conftest import activate, add_empty, bind, evaluated, group, make_strip, ow
 from test_transfer import add_key
 
 SPACES = {'FLAT': Matrix.Diagonal((1, 1, 0.25, 1)), 'LONG': Matrix.Diagonal((3, 1, 1, 1)),
-          'MIRRORED': Matrix.Diagonal((-1, 0.5, 1, 1)), 'SHEARED': None}  # by a scaled parent
+          'MIRRORED': Matrix.Diagonal((-1, 0.5, 1, 1)), 'SHEARED': None}  # SHEARED: by a scaled parent, in strips()
 
 
 def in_world(ob, points=None):
@@ -21,16 +21,16 @@ def in_world(ob, points=None):
 
 
 def put_into(ob, space):
-    """The same shape in the scene, in another space of its own."""
+    """Gives an object another world matrix without changing its shape in the world."""
     ob.data.transform(space.inverted())
     ob.matrix_world = space
     update()
 
 
 def strips(space):
-    """(the strip, the same shape in another space)."""
+    """(strip, an object of the same shape in the world with another local space)."""
     plain, other = make_strip(name="Plain"), make_strip(name="Other")
-    for ob in (plain, other):  # alike in any space, where Blender splits faces by their shape
+    for ob in (plain, other):  # before the space changes, because Blender's own triangulation depends on shape
         mesh = bmesh.new()
         mesh.from_mesh(ob.data)
         bmesh.ops.triangulate(mesh, faces=mesh.faces)
@@ -68,7 +68,7 @@ METHODS = [{'method': method} for method in ('TRANSFER', 'VARIATIONAL', 'NORMAL'
 
 @pytest.mark.parametrize('settings', METHODS, ids=str)
 @pytest.mark.parametrize('space', SPACES)
-def test_every_method_deforms_what_is_seen(space, settings):
+def test_every_method_deforms_the_shape_in_the_world(space, settings):
     pair = strips(space)
     for ob in pair:
         for name, value in settings.items():
@@ -94,7 +94,7 @@ def test_whole_turns_and_handles_that_turn_freely(space):
 
 
 @pytest.mark.parametrize('space', SPACES)
-def test_a_base_of_their_own(space):
+def test_base_objects(space):
     pair = strips(space)
     for ob in pair:
         bind(ob)
@@ -126,7 +126,7 @@ def test_examples(space):
 
 
 @pytest.mark.parametrize('space', SPACES)
-def test_a_second_pull_begins_where_the_first_has_led(space):
+def test_a_second_pull_starts_from_the_first_ones_pose(space):
     pair = strips(space)
     for ob in pair:
         bind(ob)
@@ -141,7 +141,7 @@ def test_a_second_pull_begins_where_the_first_has_led(space):
     assert np.abs(in_world(pair[0]) - in_world(pair[1])).max() < 1e-3
 
 
-def test_a_change_of_scale_is_said_and_re_bind_takes_it_up():
+def test_a_change_of_scale_is_reported_until_re_bind():
     _, ob = strips('LONG')
     bind(ob)
     turned(ob)
@@ -168,7 +168,7 @@ def test_apply_scale_and_re_bind_move_nothing(space):
     assert "scale" not in ob.detail_deform.status
 
 
-def test_scale_that_is_alike_along_all_axes_changes_no_digit():
+def test_a_uniform_scale_has_the_identity_as_proportions():
     ob = make_strip(world=Matrix.Scale(3, 4))
     group(ob, "unused", [0])
     bind(ob)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Versions that follow one another: installed, used, updated while in use, and removed, in a profile of its own."""
+"""A version of the add-on is installed, used, replaced by another while in use, and removed, in new user folders."""
 import os
 import re
 import shutil
@@ -145,7 +145,8 @@ print('left', left())
 '''
 
 
-# Modules that one version has and the other hasn't, and two that import one another the other way round.
+# Code added to the sources of each version: a module that the other version doesn't have, and two modules of which the
+# first imports the second in one version and the other way round in the other.
 MODULES = {OLDER: {'scene/only_older.py': "from .made_first import VERSION, Made\n",
                    'scene/made_first.py': "from .made_second import VERSION, Made\n",
                    'scene/made_second.py': f"VERSION = '{OLDER}'\n\n\nclass Made:\n    pass\n",
@@ -157,7 +158,7 @@ MODULES = {OLDER: {'scene/only_older.py': "from .made_first import VERSION, Made
 
 
 def zip_of(version, folder, library, *options):
-    """The sources packed as that version, which a module inside knows, too."""
+    """Packs the sources as that version, which is also the constant VERSION of a module in it."""
     sources = folder / version
     shutil.copytree(REPOSITORY / 'addon', sources / 'addon', ignore=shutil.ignore_patterns('lib', '__pycache__'))
     shutil.copy(REPOSITORY / 'LICENSE', sources)
@@ -185,7 +186,8 @@ since_4_2 = pytest.mark.skipif(bpy.app.version < (4, 2, 0), reason="wheels came 
                                           pytest.param(IN_WHEEL, IN_WHEEL, id='wheel', marks=since_4_2),
                                           pytest.param((), IN_WHEEL, id='folder-wheel', marks=since_4_2)])
 def test_a_version_replaces_another_that_is_in_use(tmp_path, part, older, newer):
-    """Also where one has its library in its folder and the other in a wheel, as from other places."""
+    """Also where one has its library in the add-on's folder and the other in a wheel, as from Blender's extensions
+    site."""
     library = part('library.native').library_path()
     script = tmp_path / 'script.py'
     script.write_text(OF_BOTH + (EXTENSION if bpy.app.version >= (4, 2, 0) else LEGACY), encoding='utf-8')

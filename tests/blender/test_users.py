@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What was made here and something of the user's has come to need stays when handles are removed."""
+"""Vertex groups and empties that the add-on has made stay when handles are removed, if something of the user's uses
+them."""
 
 import bpy
 import numpy as np
@@ -67,7 +68,7 @@ def test_a_group_that_is_used_stays(pulled, kind, removal):
 
 @pytest.mark.parametrize('removal', REMOVALS)
 def test_a_group_that_nobody_uses_goes(pulled, removal):
-    """A modifier that is only called as the group is doesn't use it, nor one of nodes that has none yet."""
+    """A modifier whose own name is the group's doesn't use it, and a nodes modifier without nodes does no harm."""
     name = pulled.detail_deform.handles[0].vertex_group
     pulled.modifiers.new(name, 'MASK')
     pulled.modifiers.new("Nodes", 'NODES')

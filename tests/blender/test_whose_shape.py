@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Every object shows its own shape, whatever objects and meshes are called, exchanged or copied from."""
+"""Every object shows its own shape, also when objects and meshes are renamed, exchanged or copied."""
 
 import bpy
 import numpy as np
@@ -13,7 +13,7 @@ def handle(ob):
 
 
 def lifted(ob):
-    """By how much the handle's vertices are lifted."""
+    """The height by which the handle's last vertex is displaced."""
     return evaluated(ob)[-1, 2] - own(ob)[-1, 2]
 
 
@@ -23,7 +23,7 @@ def lift(ob, height):
 
 @pytest.fixture
 def alike():
-    """Two objects of equal content, one lifted."""
+    """Two bound objects with the same signature, of which the first is lifted."""
     first, second = bind(make_strip(name="First")), bind(make_strip(name="Second"))
     assert first.detail_deform.signature == second.detail_deform.signature
     lift(first, 0.4)
@@ -126,7 +126,7 @@ def test_a_slow_result_that_nobody_waits_for_ends(alike, part, as_in_a_window):
 
 
 def test_weights_of_examples_are_those_of_the_object(alike):
-    """And stay with it when it is renamed."""
+    """Found weights belong to the object, also after it is renamed."""
     first, second = alike
     for ob in alike:
         bpy.context.view_layer.objects.active = activate(ob)
@@ -147,7 +147,7 @@ def test_weights_of_examples_are_those_of_the_object(alike):
 
 
 def test_an_edit_that_is_taken_back_by_hand_shows_what_the_handles_ask_for(alike):
-    """Its offsets may have been edited with it."""
+    """The offsets are computed anew, because they may have been edited with the mesh."""
     first, _ = alike
     place = first.data.vertices[300].co.copy()
     first.data.vertices[300].co.z += 1

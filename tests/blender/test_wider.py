@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A whole garment over a body that is modelled as a half with Mirror goes with both halves."""
+"""A whole garment over a body that is modelled as one half with Mirror follows both halves."""
 
 import bpy
 import numpy as np
@@ -29,7 +29,7 @@ def tube(name, radius, low, high, around, along, keep=None):
 
 
 def belly(p):
-    """Alike on both sides."""
+    """A pose that is symmetric across x = 0."""
     return p + np.exp(-p[:, 2:] ** 2) * (0.5 * p * (1, 1, 0) + (0, 0.2, 0))
 
 
@@ -45,7 +45,7 @@ AXES = {'one axis': (half, (True, False)), 'two axes': (quarter, (True, True))}
 
 
 def dress(keep, axes, place=None):
-    """A whole body and a part with Mirror, a shirt for each, all of it elsewhere."""
+    """(bodies, shirts): a whole body, and a part of it with Mirror; a shirt for each; all with the matrix `place`."""
     bodies = tube("Whole", 1, -4, 4, 48, 60), tube("Part", 1, -4, 4, 48, 60, keep)
     shirts = [tube(name, 1.1, -2, 2, 37, 30) for name in ("Of Whole", "Of Part")]
     mirror = bodies[1].modifiers.new("Mirror", 'MIRROR')
@@ -83,7 +83,7 @@ def test_keys_and_followers_are_those_of_a_whole_body(kind, merged):
 
 
 @pytest.mark.parametrize('what', ['POSE', 'FOLLOW'])
-def test_an_armature_behind_mirror_poses_each_half_its_own_way(what):
+def test_an_armature_behind_mirror_may_pose_the_halves_differently(what):
     bodies, shirts = dress(half, (True, False))
     rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
     bpy.context.scene.collection.objects.link(rig)
@@ -117,7 +117,7 @@ def test_an_armature_behind_mirror_poses_each_half_its_own_way(what):
     assert np.abs(one - other).max() < 0.01
 
 
-def test_a_mirror_that_is_added_while_it_follows_counts():
+def test_a_mirror_added_while_a_garment_follows_applies():
     bodies, shirts = dress(half, (True, False))
     body, shirt = bodies[1], shirts[1]
     body.modifiers.clear()
@@ -136,7 +136,7 @@ def test_a_mirror_that_is_added_while_it_follows_counts():
     assert np.allclose(moved[left, 0].min(), -moved[own(shirt)[:, 0] > 0.5, 0].max(), atol=0.02)
 
 
-def test_what_an_array_adds_is_not_followed_and_said_where_it_matters():
+def test_copies_by_an_array_are_not_followed_and_reported_where_a_garment_is_near_them():
     body = tube("Body", 1, -2, 2, 48, 30)
     array = body.modifiers.new("Rows", 'ARRAY')
     array.use_relative_offset, array.use_constant_offset, array.constant_offset_displace = False, True, (2.5, 0, 0)
@@ -151,8 +151,8 @@ def test_what_an_array_adds_is_not_followed_and_said_where_it_matters():
 
 
 @pytest.mark.parametrize('way', ['hidden', 'removed'])
-def test_a_mirror_that_goes_while_it_follows(way):
-    """An armature comes behind it."""
+def test_a_mirror_hidden_or_removed_while_a_garment_follows(way):
+    """With an armature behind it."""
     bodies, shirts = dress(half, (True, False))
     body, shirt = bodies[1], shirts[1]
     add_key(body, "Pose", belly(own(body)), value=1)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What only Windows has: drives, backslashes, and files that are locked while somebody has them open.
+"""Peculiarities of Windows: drives, backslashes, and files that are locked while a program has them open.
 
-DD_TEST_DRIVE and DD_TEST_READ_ONLY_DRIVE in the environment: drives for these tests, which may and may not be written
-to (T:, R:)."""
+The environment variables DD_TEST_DRIVE and DD_TEST_READ_ONLY_DRIVE name a writable and a read-only drive for these
+tests, such as T: and R:."""
 
 import os
 import shutil
@@ -43,7 +43,7 @@ def read_only_drive():
     return drive('DD_TEST_READ_ONLY_DRIVE')
 
 
-# Drives
+# ---- drives
 
 def test_all_that_is_written_to_another_drive(other_drive):
     folder = other_drive / 'Größe 画像'
@@ -83,7 +83,7 @@ def test_a_drive_that_is_not_there(strip):
     assert [m.type for m in strip.modifiers] == ['NODES']
 
 
-# Backslashes
+# ---- backslashes
 
 @pytest.mark.parametrize('path', ['//caches\\strip.pc2', '//caches/strip.pc2', '//..\\shots\\caches/strip.pc2',
                                   '{}\\caches\\strip.pc2', '{}/caches/strip.pc2'])
@@ -107,10 +107,10 @@ def test_a_cache_s_name_is_not_taken_twice_because_it_is_spelled_otherwise(strip
     assert other.modifiers["Detail Deform Cache"].filepath == '//shot_Other 2.pc2'
 
 
-# Locks
+# ---- locked files
 
 def check_that_it_stays(path, write, why):
-    """What is there, and nothing else beside it."""
+    """A refused write leaves the file as it was, and no other file beside it."""
     before = path.read_bytes()
     assert f"'{path}' can't be written: " in refusal(write, filepath=str(path)), why
     assert path.read_bytes() == before and os.listdir(path.parent) == [path.name]
@@ -131,7 +131,7 @@ def test_a_cache_that_another_program_has_open(baked):
 
 
 def takes_the_place_of_what_may_only_be_read(folder):
-    """Wine lets a file do so, where Windows doesn't."""
+    """Whether a file can replace a read-only one: in Wine it can, on Windows it can't."""
     old, new = folder / 'old', folder / 'new'
     for path in (old, new):
         path.write_bytes(b'')

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What users read: every setting and operator says what it is for, sentences call what is on the screen by the label
-that it has there, and the manual does so too and has a row for each message."""
+"""Texts for users: every setting and operator has a tooltip, sentences and the manual call buttons and settings by
+their labels, and the manual has a row for each message."""
 
 import re
 from pathlib import Path
@@ -12,7 +12,7 @@ from conftest import REPOSITORY, add_from, bind, group, make_strip, own, refusal
 from sentences import labels, native_sentences, refusals, texts
 
 MANUAL = REPOSITORY / 'addon' / 'MANUAL.md'
-# Blender's own, and other names. In the add-on's sentences every other word with a capital is a label of the add-on.
+# Blender's labels and other names. Any other word with a capital in a sentence has to be a label of the add-on.
 BLENDERS = {
     "Add Modifier", "Add-ons", "Alembic", "Apply", "Armature", "Blender", "By Distance", "Clean Up", "Cloth", "Control",
     "Ctrl+F", "Ctrl+V", "Deform", "Degenerate Dissolve", "Detail Deform", "EEVEE", "Edit", "Edit Mode", "Enter", "Esc",
@@ -22,7 +22,7 @@ BLENDERS = {
     "Old", "Output", "PC2", "Preferences", "Properties", "R", "Relations", "Relative", "Render", "S", "Select More",
     "Selected Objects and Data", "Shape Key", "Shape Keys", "Shift", "Subdivision", "Tab", "Time Stretching", "Vertex",
     "Visual Geometry to Mesh", "X", "Y", "Z"}
-# Of data that is made, and what else has a capital.
+# Names of data that the add-on makes, and other words with a capital.
 OTHERS = {"UVs", "Middle", "Detail Deform Transfer", "DOCTYPE", "I", "Marker 1", "Marker 2", "{} Pose", "… Rest",
           "… Mirrored",
           "Object Mode", "Poisson", "Press", "UTF-8", "Windows", "with an Empty of Its Own"}
@@ -58,8 +58,8 @@ def test_every_setting_and_operator_has_a_tooltip():
         assert len(rna.description) > 20, rna.identifier
 
 
-def test_tooltips_end_as_blenders_do():
-    """Blender adds the full stop."""
+def test_tooltips_end_without_a_full_stop():
+    """Blender adds it."""
     groups, operators = described()
     for rna in (*groups, *operators):
         for text in (rna.description if rna in operators else "", *(p.description for p in visible(rna))):
@@ -90,30 +90,30 @@ def test_no_two_settings_have_one_label():
     assert sorted(set(names)) == sorted(names)
 
 
-def test_numbers_of_methods_are_those_that_files_hold():
-    """Wherever a method stands in its menu."""
+def test_numbers_of_methods_are_those_of_existing_files():
+    """They don't depend on a method's place in the menu."""
     methods = bpy.types.Object.bl_rna.properties['detail_deform'].fixed_type.properties['method'].enum_items
     assert {item.identifier: item.value for item in methods} == {
         'TRANSFER': 0, 'VARIATIONAL': 1, 'NORMAL': 2, 'GRADIENT': 3, 'VOLUMES': 4, 'EXAMPLES': 5}
 
 
-# Sentences
+# ---- sentences
 
 def unknown(text, known):
-    """Words with a capital that are no label: neither known, nor at the beginning of a sentence."""
+    """Words with a capital that are neither known labels nor at the beginning of a sentence."""
     for name in sorted(known, key=len, reverse=True):
         text = re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", '·', text)
     text = re.sub(r"'…'|…", '·', text)
     return re.findall(r"(?<![.?!] )(?<!^)(?<!\n)\b[A-Z][\w-]*", text)
 
 
-def test_what_a_sentence_names_has_that_label(folder):
+def test_sentences_use_the_labels_of_buttons_and_settings(folder):
     known = labels(folder) | BLENDERS | OTHERS
     wrong = [(where, text, found) for where, text in texts(folder) if (found := unknown(text, known))]
     assert not wrong, '\n'.join(map(str, wrong))
 
 
-def test_the_check_of_names_finds_what_is_wrong(folder):
+def test_the_check_of_labels_finds_wrong_ones(folder):
     known = labels(folder) | BLENDERS
     assert unknown("Nothing follows: press Around Handles.", known) == ["Around"]
     assert unknown("Only rotations count (Rotation Only).", known) == ["Rotation", "Only"]
@@ -121,13 +121,13 @@ def test_the_check_of_names_finds_what_is_wrong(folder):
     assert unknown("The last Bind, of 'X': choose Quality of large bends.", known) == []
 
 
-def test_what_is_pressed_is_a_label(folder):
+def test_press_is_followed_by_a_label(folder):
     for where, text in texts(folder):
         for word in re.findall(r"\b[Pp]ress (\S+)", text):
             assert word[0].isupper(), (where, text)
 
 
-# Status
+# ---- the status
 
 def test_progress_is_said_in_steps(part):
     ob = make_strip(n=60)
@@ -173,7 +173,7 @@ def test_the_status_counts_in_plain_words():
 
 
 def test_handles_and_examples_are_called_by_name(part):
-    """Also where the C library, which knows their numbers only, says the sentence."""
+    """Also in the C library's sentences: the library knows only numbers, which the add-on replaces by names."""
     ob = make_strip()
     add_from(ob, own(ob)[:, 0] < 0.3)
     ob.detail_deform.examples.add().name = "Bent"
@@ -195,21 +195,22 @@ def test_handles_and_examples_are_called_by_name(part):
     assert "'right'" in refusal(bpy.ops.object.detail_deform_update)
 
 
-# The manual
+# ---- the manual
 
 def pattern(words):
-    """Of a row's words: … stands for whatever differs."""
+    """The regular expression of a row of the manual, in which … stands for any text."""
     return '.*'.join(re.escape(part.strip()) for part in words.strip().split('…'))
 
 
 def is_of(row, text):
-    """Whether a row is about a sentence, which may be put together of two."""
+    """Whether a row is about a sentence. The row's text may be in the sentence; or the sentence, which may be a part of
+    a longer message, at the beginning of the row."""
     begins = text.split('…')[0]
     return bool(re.search(pattern(row), text)) or len(begins.split()) > 3 and re.match(pattern(text.rstrip('.')), row)
 
 
 def rows():
-    """What the manual's tables of messages have in their first column, one for each sentence."""
+    """The sentences in the first column of the manual's tables of messages."""
     text = MANUAL.read_text(encoding='utf-8').split('## What a message means')[1].split('\n## ')[0]
     cells = re.findall(r'^\| (.*?) \|', text, re.MULTILINE)
     return [alternative for cell in cells if cell not in {'it says'} and set(cell) - set('-|')
@@ -230,14 +231,14 @@ def test_each_row_of_the_manual_is_a_message(folder):
 
 
 def bold(text):
-    """What a text of ours has in bold."""
+    """The words in bold in a Markdown text, split at commas and at > in menu paths."""
     text = re.sub(r'```.*?```', '', text, flags=re.DOTALL)
     for found in re.findall(r'\*\*(.+?)\*\*', text):
         yield from (part.strip() for part in re.split(r' > |, ', re.sub(r'\[(.*?)\]\(.*?\)', r'\1', found)))
 
 
 @pytest.mark.parametrize('file', ['addon/MANUAL.md', 'README.md'])
-def test_what_the_manual_has_in_bold_is_a_label(folder, file):
+def test_words_in_bold_are_labels(folder, file):
     known = labels(folder) | BLENDERS | {"+", "−", "▾", "⇄", "What a message means"}
     wrong = {name for name in bold((REPOSITORY / file).read_text(encoding='utf-8')) if name not in known}
     assert not wrong, wrong

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Clothes and props that follow what they lie over."""
+"""Clothes and props that follow a body by nearest points."""
 
 import bpy
 import numpy as np
@@ -14,7 +14,7 @@ transfer, live = bpy.ops.object.detail_deform_transfer, bpy.ops.object.detail_de
 
 
 def tube(name, radius, low, high, around, along):
-    """About the z axis, with normals outwards."""
+    """A tube about the z axis with normals outwards."""
     turn, z = np.meshgrid(np.linspace(0, 2 * np.pi, around, endpoint=False), np.linspace(low, high, along + 1))
     points = np.stack([radius * np.cos(turn), radius * np.sin(turn), z], -1).reshape(-1, 3)
     i, k = np.meshgrid(np.arange(along), np.arange(around), indexing='ij')
@@ -34,13 +34,13 @@ def bent(p, curvature=0.3):
 
 
 def flexed(p, by=0.4):
-    """A muscle that rises."""
+    """Positions of an arm with a raised muscle."""
     share = np.exp(-8 * ((p - (1, 0, 0)) ** 2).sum(1))[:, None]
     return p + by * share * p * (1, 1, 0) / np.linalg.norm(p[:, :2], axis=1)[:, None]
 
 
 def pimpled(p):
-    """What rises between the vertices of a coarse garment."""
+    """Positions of an arm with three pimples, narrow enough to rise between the vertices of a coarse garment."""
     result = p.copy()
     for z in (-1.7, 0.1, 1.3):
         share = np.exp(-200 * ((p - (np.cos(z), np.sin(z), z)) ** 2).sum(1))[:, None]
@@ -49,7 +49,7 @@ def pimpled(p):
 
 
 def place(ob, matrix):
-    """Another space for the same places."""
+    """Gives an object another matrix without moving its vertices in the world."""
     ob.matrix_world = matrix
     ob.data.transform(matrix.inverted())
     update()
@@ -62,7 +62,7 @@ def world(ob, points):
 
 @pytest.fixture
 def dressed():
-    """An arm with keys, and a sleeve of other topology, active."""
+    """(arm, sleeve): an arm with shape keys, and a sleeve of another topology, which is active."""
     arm, sleeve = tube("Arm", 1, -4, 4, 48, 80), tube("Sleeve", 1.1, -2, 2, 37, 30)
     add_key(arm, "Bend", bent(own(arm)))
     add_key(arm, "Flex", flexed(own(arm)))
@@ -88,7 +88,7 @@ def test_a_garment_follows_live_and_stays_where_it_was(dressed):
     update()
     assert np.abs(evaluated(sleeve) - bent(rest)).max() < 0.03
     assert "Follows 'Arm'" in sleeve.detail_deform.transfer.state
-    # An edit of the garment is taken up: it still hangs there.
+    # After an edit the garment still follows.
     sleeve.data.vertices[0].co *= 1.1
     sleeve.data.update()
     update()
@@ -98,7 +98,7 @@ def test_a_garment_follows_live_and_stays_where_it_was(dressed):
 
 
 @pytest.mark.parametrize('mirrored', [False, True])
-def test_it_lies_where_it_stands_in_the_scene_whatever_their_spaces(dressed, mirrored):
+def test_a_garment_follows_in_the_world_whatever_the_local_spaces(dressed, mirrored):
     arm, sleeve = dressed
     wanted = bent(own(sleeve))
     put_elsewhere(sleeve)
@@ -113,7 +113,8 @@ def test_it_lies_where_it_stands_in_the_scene_whatever_their_spaces(dressed, mir
 
 
 def sunk(shirt, points, arm):
-    """How far the arm's vertices as they are now stand out of a shirt with these, at most, by Blender's own search."""
+    """The greatest height of a displayed vertex of the arm outside of a shirt with these positions, by Blender's
+    BVHTree."""
     shirt.data.calc_loop_triangles()
     tree = BVHTree.FromPolygons(points.tolist(), [list(face.vertices) for face in shirt.data.loop_triangles])
     found = 0
@@ -126,14 +127,14 @@ def sunk(shirt, points, arm):
 
 @pytest.fixture
 def shirt(dressed):
-    """A coarse one over the arm, active."""
+    """A coarse shirt over the arm; active."""
     shirt = tube("Shirt", 1.06, -3, 3, 13, 17)
     settings = shirt.detail_deform.transfer
     settings.source, settings.correspondence = dressed[0], 'NEAREST'
     return activate(shirt)
 
 
-def test_it_is_kept_outside_by_keys_poses_and_frames(dressed, shirt, tmp_path):
+def test_a_shirt_is_kept_outside_in_keys_poses_and_frames(dressed, shirt, tmp_path):
     arm, name = dressed[0], "Goose Pimples"
     transfer(what='ALL_KEYS', keep_outside=False)
     through = coordinates(shirt.data.shape_keys.key_blocks[name])
@@ -160,7 +161,7 @@ def test_it_is_kept_outside_by_keys_poses_and_frames(dressed, shirt, tmp_path):
         assert sunk(shirt, evaluated(shirt), arm) < 0.005
 
 
-def test_the_gap_is_kept_live_and_a_change_of_it_is_taken_up(dressed, shirt):
+def test_the_gap_is_kept_live_and_its_change_applies_at_once(dressed, shirt):
     arm, settings = dressed[0], shirt.detail_deform.transfer
     live()
     arm.data.shape_keys.key_blocks["Goose Pimples"].value = 1
@@ -193,7 +194,7 @@ def test_props_keep_their_shape(dressed):
 
 def test_many_garments_each_by_its_own_panel(dressed):
     arm, sleeve = dressed
-    twin = tube("Copy", 1, -4, 4, 48, 80)  # as the arm: of the same topology
+    twin = tube("Copy", 1, -4, 4, 48, 80)  # the arm's topology
     activate(arm)
     for ob in (sleeve, twin):
         ob.select_set(True)
@@ -202,8 +203,8 @@ def test_many_garments_each_by_its_own_panel(dressed):
     assert np.abs(coordinates(twin.data.shape_keys.key_blocks["Bend"]) - bent(own(twin))).max() < 1e-4
 
 
-def test_what_many_garments_go_by_is_evaluated_once_a_frame(dressed, part, monkeypatch):
-    """A subdivided body is evaluated once more below its subdivision, which takes as long as that."""
+def test_the_source_of_many_garments_is_evaluated_once_a_frame(dressed, part, monkeypatch):
+    """A subdivided body has to be evaluated a second time without its subdivision, which costs as much as the first."""
     arm, sleeve = dressed
     arm.modifiers.new("Subdivision", 'SUBSURF')
     other = sleeve.copy()
@@ -227,11 +228,11 @@ def test_what_many_garments_go_by_is_evaluated_once_a_frame(dressed, part, monke
         asked.clear()
         arm.data.shape_keys.key_blocks["Bend"].value = value - 0.2
         update()
-        assert len(asked) == updates  # no more for two than for one
+        assert len(asked) == updates  # as many for two garments as for one
         other.detail_deform.transfer.live = True
 
 
-def test_what_can_not_be_worn_is_said(dressed, tmp_path):
+def test_refusals_of_garments(dressed, tmp_path):
     arm, sleeve = dressed
     live()
     live(on=False)
@@ -247,7 +248,7 @@ def test_what_can_not_be_worn_is_said(dressed, tmp_path):
     assert "is scaled to 0" in sentence and "'Arm'" in sentence
 
 
-def test_a_script_that_changes_how_it_is_matched_while_it_follows_is_told(dressed):
+def test_a_change_of_correspondence_while_following_is_reported(dressed):
     arm, sleeve = dressed
     settings = sleeve.detail_deform.transfer
     twin = tube("Twin", 1.1, -2, 2, 37, 30)
@@ -262,7 +263,7 @@ def test_a_script_that_changes_how_it_is_matched_while_it_follows_is_told(dresse
     assert not settings.problem
 
 
-def test_a_file_keeps_how_they_stood(dressed, tmp_path):
+def test_the_relative_place_of_garment_and_source_is_saved(dressed, tmp_path):
     arm, sleeve = dressed
     arm.data.shape_keys.key_blocks["Bend"].value = 1
     put_elsewhere(sleeve)
@@ -273,7 +274,7 @@ def test_a_file_keeps_how_they_stood(dressed, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=path)
     sleeve, arm = bpy.data.objects["Sleeve"], bpy.data.objects["Arm"]
     assert np.abs(evaluated(sleeve) - before).max() < 1e-6
-    sleeve.location.x += 1  # as an object, with all that it has taken from the arm
+    sleeve.location.x += 1  # moves the sleeve with its offsets, which don't change
     key = arm.data.shape_keys.key_blocks["Bend"]
     for value in (0, 1):
         key.value = value

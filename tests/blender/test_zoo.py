@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The zoo of defects: each kind alone and some of their pairs give a result that keeps its constraints, or a sentence
-that the manual has. zoo/run.py drives all pairs, and files."""
+from the manual. zoo/run.py drives all pairs, and files."""
 
 import bpy
 import numpy as np
@@ -12,7 +12,7 @@ from zoo.driver import Case, drive, patterns
 from zoo.kind import Kind
 from zoo.run import print_table
 
-PAIRS = 150  # one in so many: about two hundred
+PAIRS = 150  # one pair in 150 is driven: about 200 of 30,000
 
 
 @pytest.fixture
@@ -21,7 +21,8 @@ def rows():
 
 
 def driven(cases, rows, capfd):
-    """Prints how many of each part of the zoo gave what; the failures."""
+    """Drives the cases; prints the numbers of results, sentences and failures by part of the zoo; returns the
+    failures."""
     part_of = {kind: module.__name__.split('.')[-1] for module in kinds.PARTS for kind in module.KINDS}
     table, failures = {}, []
     for case in cases:
@@ -53,7 +54,7 @@ def test_some_pairs(rows, capfd):
     assert not failures, '\n'.join(failures)
 
 
-# What the zoo would not see it could not find.
+# ---- planted faults, which the zoo's checks have to find
 
 def posed(of):
     update()
@@ -61,7 +62,7 @@ def posed(of):
 
 
 def spoiled(change):
-    """A kind that spoils the offsets that are shown."""
+    """A kind that changes the displayed offsets by change(offsets, rest)."""
     def make(of):
         posed(of)
         offsets = checks.offsets(of.ob)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Blender writes to its console: kept in a file beside the screenshots, and searched for what no check asks for.
+"""Blender's console: kept in a file beside the screenshots, and searched for faults that no check asks for.
 
-Exceptions in drawing, handlers and timers end there and nowhere else, and so do most of the complaints that Blender's
-interface has about what it is asked to draw.
+Exceptions in drawing, handlers and timers are printed there and nowhere else, and so are most of the complaints of
+Blender's interface about properties and operators that panels ask for.
 """
 
 import os
@@ -10,32 +10,32 @@ import re
 import subprocess
 import sys
 
-# On the second line are Blender's own words about an interface that asks for what isn't there, of which 5.2 prints no
-# more than the place, and on the third about a modifier that can't do its work.
+# Second line: Blender's messages about panels that draw a missing property or operator, of which 5.2 prints only the
+# file and line. Third line: messages about a modifier that can't be evaluated.
 _FAULTS = re.compile(r'Traceback \(most recent call last\)|DeprecationWarning|Error: Python|'
                      r'property not found|unknown operator|operator missing|detail_deform\S+\.py:\d+$|'
                      r'bke\.modifier|object\.modifier ')
-_FOLLOWING = 20  # lines of context that are shown with a fault
+_FOLLOWING = 20  # lines that are shown from a fault on
 
 
 class Console:
-    """From now on, until it is closed, everything that is written to it."""
+    """Copies everything that this process prints to a file, until close()."""
 
     def __init__(self, path):
         self._path = path
-        # Another process has to do it: Blender writes from C too, and would wait forever for a thread of its own that
-        # waits for the interpreter.
+        # By another process. A thread of this one could deadlock: Blender writes from C too, holding the interpreter
+        # that the thread would wait for while Blender waits for the full pipe.
         self._tee = subprocess.Popen(['tee', str(path)], stdin=subprocess.PIPE, start_new_session=True)
         self._before = [os.dup(number) for number in (1, 2)]
         self._lead_to([self._tee.stdin.fileno()] * 2)
         self._tee.stdin.close()
 
     def close(self):
-        """Returns what was wrong, [str], each with the lines that follow it."""
+        """Returns the faults, [str], each with the lines that follow it."""
         self._lead_to(self._before)
         try:
             self._tee.wait(10)
-        except subprocess.TimeoutExpired:  # what Blender has started to compile shaders may hold the other end
+        except subprocess.TimeoutExpired:  # processes that Blender started to compile shaders may hold the pipe open
             self._tee.terminate()
         lines, found, shown = self._path.read_text(errors='replace').splitlines(), [], 0
         for number, line in enumerate(lines):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the walks share: where things are in the window, events that are sent to it, screenshots and checks."""
+"""Shared by the walks: places in the window, events that are sent to it, screenshots and checks."""
 
 import subprocess
 import sys
@@ -11,9 +11,9 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[3]
 OUT = Path(sys.argv[sys.argv.index('--') + 1]).resolve()
-# The engine that came with 4.2 had another name until it was the only one.
+# EEVEE Next, which came with 4.2, has EEVEE's name from 5.0 on.
 EEVEE = 'BLENDER_EEVEE_NEXT' if (4, 2) <= bpy.app.version < (5, 0) else 'BLENDER_EEVEE'
-_LIMIT_SECONDS = 180  # for what takes a moment, on a machine that is as busy as can be
+_LIMIT_SECONDS = 180  # for conditions that take a moment, on a very busy machine
 failures = []
 
 
@@ -32,7 +32,7 @@ def screenshot(name):
 
 
 def surface():
-    """The mesh with the handle, and its empty. Python references don't outlive undo and loading."""
+    """(mesh object with a handle, its empty), looked up anew, because undo and loading invalidate references."""
     ob = next(o for o in bpy.data.objects if o.type == 'MESH' and o.detail_deform.handles)
     return ob, ob.detail_deform.handles[0].target
 
@@ -70,11 +70,11 @@ def point_at(kind):
 
 
 def arrange():
-    """The desk as the walks expect it: Blender's reports in view, and nothing in the way."""
+    """Arranges the window for the walks: an Info editor with Blender's reports, and no splash screen."""
     preferences = bpy.context.preferences
     preferences.view.show_splash = False
-    preferences.view.smooth_view = 0  # ms that a view takes to get where it is asked to
-    preferences.system.viewport_aa = 'OFF'  # without a graphics card smooth edges take longer than all else
+    preferences.view.smooth_view = 0  # ms of a view's animated motion
+    preferences.system.viewport_aa = 'OFF'  # without a graphics card anti-aliasing takes longer than all else
     for each in bpy.context.window_manager.windows[0].screen.areas:
         if each.type == 'OUTLINER':
             each.type = 'INFO'
@@ -82,18 +82,18 @@ def arrange():
 
 def new_scene():
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    arrange()  # whether this brings its own desk depends on what was opened before
+    arrange()  # read_homefile() may have reset the window, depending on the file that was open
     yield from settle()
 
 
 def show_modifiers(ob):
-    """The tab is there only once the mesh has been drawn."""
+    """Shows the Modifiers tab. It exists only after the Properties editor has been drawn with the mesh."""
     activate(ob)
     area('PROPERTIES').spaces[0].context = 'MODIFIER'
 
 
 def is_drawn(panel):
-    """Whether a panel of the add-on is seen, and open: what of another tab or closed isn't drawn."""
+    """Whether a panel of the add-on is visible and open: Blender doesn't draw closed panels and those in other tabs."""
     kind, drawn = getattr(bpy.types, panel), []
     draw = kind.draw
 
@@ -110,8 +110,8 @@ def is_drawn(panel):
 
 
 def show_sidebar(panel):
-    """The viewport's, with the tab of this panel. Blender tells nobody where a tab is, and 5.2 has one more, named
-    Animation, above the add-on's: each is tried in turn."""
+    """Opens the viewport's sidebar with the tab of this panel. The place of a tab is unknown to scripts, and 5.2 has
+    one more, Animation, above the add-on's: each place is clicked in turn."""
     area('VIEW_3D').spaces.active.show_region_ui = True
     yield from settle()
     for y in range(80, 400, 30):
@@ -121,7 +121,7 @@ def show_sidebar(panel):
 
 
 def click_in_view(x, y):
-    """x, y: pixels from the viewport's right upper corner."""
+    """Clicks. x, y: pixels from the viewport's upper right corner."""
     where, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
     xdotool('mousemove', where.x + where.width - x, window.height - where.y - where.height + y)
     yield from settle()
@@ -142,8 +142,8 @@ def activate(ob):
 
 
 def settle():
-    """Until what was sent or set is acted on and drawn: each of these takes a turn of Blender's loop, or two, and on a
-    busy machine a turn takes longer than the pause that is asked for."""
+    """Waits until Blender has handled events and drawn: each takes one or two turns of its event loop. Counted in
+    turns, as on a busy machine a turn takes longer than the pause."""
     for _ in range(5):
         yield 0.04
 
@@ -155,7 +155,7 @@ def wait_until(condition):
 
 
 def expect(what, condition):
-    """A check of what comes about in a while."""
+    """Checks a condition that may take a while to hold."""
     yield from wait_until(condition)
     check(what, condition())
 
@@ -167,6 +167,6 @@ def call_pull():
 
 
 def in_hand():
-    """Whether Pull has ended, with the empty going with the mouse."""
+    """Whether Pull has ended and its empty is being moved by the mouse."""
     ob = bpy.context.active_object
     return ob is not None and ob.type == 'EMPTY' and surface()[0].detail_deform.is_bound

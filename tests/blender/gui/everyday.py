@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What happens around a pull: another pose, a local view, a deleted empty, a split mesh."""
+"""Pull on posed meshes, in Local View, inside another pull, across a symmetry plane and on loose parts; a deleted
+empty, and an edited cage."""
 
 import bpy
 import numpy as np
@@ -9,7 +10,7 @@ from desk import (activate, area, check, coordinates, evaluated, expect, in_hand
 
 
 def select(ob, chosen):
-    """These vertices, in Edit Mode. chosen: (n,) bool."""
+    """Selects vertices and enters Edit Mode. chosen: (n,) bool."""
     with in_view():
         bpy.ops.object.mode_set(mode='EDIT')
         bpy.ops.mesh.select_all(action='DESELECT')
@@ -47,7 +48,7 @@ def tip_in_world(ob, tip):
 
 
 def pulling_what_is_posed():
-    """In a local view."""
+    """Pulls the tip of a mesh that a modifier poses, in Local View."""
     yield from new_scene()
     ob, tip = posed_limb()
     with in_view():
@@ -68,7 +69,7 @@ def pulling_what_is_posed():
     space = area('VIEW_3D').spaces.active
     seen_there = empty.evaluated_get(bpy.context.evaluated_depsgraph_get()).visible_in_viewport_get(space)
     check("in Local View the empty is there, too", space.local_view and seen_there)
-    xdotool('key', 'Escape')  # what has it go with the mouse
+    xdotool('key', 'Escape')  # ends the move by the mouse
     yield from settle()
     place = np.array(empty.matrix_world.translation)
     check("the empty stands on what is seen", np.linalg.norm(place - seen) < 0.02)
@@ -89,7 +90,7 @@ def pulling_what_is_posed():
 
 
 def deleting_an_empty():
-    """By its key, as a user does; the panel brings it back."""
+    """Deletes an empty by the key X; the panel's button brings it back."""
     ob, empty = surface()
     with in_view():
         activate(ob)
@@ -121,7 +122,7 @@ def deleting_an_empty():
 
 
 def pulling_inside():
-    """A small pull inside a large one: what is coloured is what moves."""
+    """A small pull inside a large one moves the vertices that were coloured, and no others."""
     yield from new_scene()
     with in_view():
         bpy.ops.mesh.primitive_grid_add(x_subdivisions=60, y_subdivisions=60)
@@ -140,7 +141,7 @@ def pulling_inside():
         bpy.ops.object.detail_deform_pull('INVOKE_DEFAULT')
     xdotool('key', '0', 'period', '4')
     yield from settle()
-    xdotool('key', 's')  # what is shared falls off as before
+    xdotool('key', 's')  # the key for the falloff, without effect here: a shared reach keeps its falloff
     yield from settle()
     screenshot('inside-shared')  # the whole region, as it reaches the other handle
     xdotool('key', 'BackSpace', '1', '5', 's', 's')
@@ -149,7 +150,7 @@ def pulling_inside():
     xdotool('key', 'Return')
     yield from wait_until(in_hand)
     yield from settle()
-    xdotool('key', 'Escape')  # what has it go with the mouse
+    xdotool('key', 'Escape')  # ends the move by the mouse
     yield from settle()
     ob, _ = surface()
     check("the second pull has a reach of its own", ob.detail_deform.handles[1].reach == "Reach")
@@ -168,7 +169,7 @@ def pulling_inside():
 
 
 def pulling_across_the_middle():
-    """With X symmetry, what lies on the plane and to one side of it, aside and up."""
+    """With X symmetry, pulls vertices on the plane and on one side of it, aside and up."""
     yield from new_scene()
     with in_view():
         bpy.ops.mesh.primitive_monkey_add()
@@ -197,7 +198,7 @@ def pulling_across_the_middle():
 
 
 def pulling_a_whole_part():
-    """What moves rigidly is said."""
+    """A pull that moves a whole loose part rigidly is reported."""
     yield from new_scene()
     with in_view():
         bpy.ops.mesh.primitive_uv_sphere_add(location=(3, 0, 0))
@@ -218,7 +219,7 @@ def pulling_a_whole_part():
 
 
 def editing_a_cage():
-    """By G in Edit Mode, live, and Re-bind keeps it."""
+    """Edits a cage by G in Edit Mode: the surface follows, and Re-bind keeps its shape."""
     yield from new_scene()
     with in_view():
         bpy.ops.mesh.primitive_grid_add(x_subdivisions=30, y_subdivisions=30)

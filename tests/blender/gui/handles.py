@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A mesh with a handle: it is opened, its problems are selected, it is bound, dragged, undone and reopened."""
+"""A file with a handle: opened, its problem vertices selected, bound, dragged, undone and reopened."""
 
 import bmesh
 import bpy
@@ -16,7 +16,7 @@ def opening():
     show_modifiers(surface()[0])
     yield from settle()
     panel = area('PROPERTIES')
-    # Its header, below the names and the menu.
+    # Clicks on the panel's header, below the editor's own header and the list of modifiers.
     xdotool('mousemove', panel.x + 60, bpy.context.window_manager.windows[0].height - panel.y - panel.height + 118,
             'click', 1)
     yield from settle()
@@ -25,7 +25,7 @@ def opening():
 
 
 def selecting_problems():
-    """From a sentence to the vertices that it is about, in view; and undo."""
+    """Select Problem Vertices selects the vertices of a sentence and moves the view to them; undo."""
     ob, _ = surface()
     for vertex in (7, 9):
         ob.data.vertices[vertex].co.z = float('nan')
@@ -89,7 +89,7 @@ def binding():
 
 
 def is_whole():
-    """Whether no other result is to take the place of what is shown."""
+    """Whether the displayed result is the final one, which no slower result will replace."""
     from detail_deform.follow import shown
     return shown.by(surface()[0].data).is_final
 
@@ -115,7 +115,7 @@ def dragging():
     check("a drag moves the empty in many steps", len(set(np.round(moved, 6))) > 10 and moved[-1] > 0.05)
     check("the surface follows at every step", np.abs(moved - shown).max() < 1e-5)
     _, empty = surface()
-    yield from wait_until(is_whole)  # on a busy machine a drag shows the quick result
+    yield from wait_until(is_whole)  # on a busy machine a drag shows a quick result
     check("and stays when the drag ends", np.allclose(offsets()[members], (0, 0, empty.location.z - height), atol=1e-5))
     surface()[0].detail_deform.preview = True
     activate(surface()[0])
@@ -164,7 +164,7 @@ def reopening():
     yield from settle()
     screenshot('stale')
     ob.detail_deform.auto_bind = True
-    auto_bind._LIMIT_SECONDS = 60  # however busy the machine is
+    auto_bind._LIMIT_SECONDS = 60  # so that binding isn't taken for slow on a busy machine
     ob.data.vertices[0].co.z -= 0.1
     ob.data.update()
     bound_to = ob.detail_deform.signature

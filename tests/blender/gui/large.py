@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Large meshes and scenes: drafts while a drag lasts, and ten thousand objects beside."""
+"""Large meshes and scenes: a draft while a dense mesh is being bound, and bound objects among ten thousand others."""
 
 import bpy
 import numpy as np
@@ -9,7 +9,8 @@ from desk import (OUT, ROOT, activate, check, coordinates, evaluated, expect, in
 
 
 def heavy_plane(side=330):
-    """A bumpy plane that is dense enough for a draft: its left edge is fixed, the right one has a handle."""
+    """(object, empty): a bumpy plane, by default dense enough for a draft, with a fixed left edge and a handle at the
+    right one."""
     bpy.ops.wm.open_mainfile(filepath=str(ROOT / 'blend_fixtures' / 'bumpy_plane.blend'), load_ui=False)
     for ob in list(bpy.data.objects):
         bpy.data.objects.remove(ob)
@@ -33,7 +34,7 @@ def heavy_plane(side=330):
 
 
 def drafting():
-    """A drag while a heavy mesh is being bound, which isn't seen to end before that."""
+    """Drags a handle while a dense mesh is being bound; the bind seems to be running until the drag has ended."""
     from detail_deform.follow import shown
     from detail_deform.library import native
     ob, empty = heavy_plane()
@@ -79,7 +80,8 @@ def drafting():
 
 
 def keeping_track():
-    """Copied, renamed, deleted, taken back and appended among ten thousand others, whatever is bound follows."""
+    """Bound objects are copied, renamed, deleted, brought back by undo and appended among ten thousand others, and
+    still follow their handles."""
     ob, empty = heavy_plane(60)
     pebble = bpy.data.meshes.new("Pebble")
     pebble.from_pydata([(0, 0, 0), (0.02, 0, 0), (0, 0.02, 0)], [], [(0, 1, 2)])
@@ -98,7 +100,7 @@ def keeping_track():
         return [o for o in bpy.data.objects if o.type == 'MESH' and o.detail_deform.handles]
 
     def follow(count):
-        """Whether so many meshes, and no fewer, go with a handle of theirs."""
+        """Moves all handles; whether there are `count` bound meshes and all of them follow."""
         meshes = bound()
         before = [evaluated(ob)[-1, 2] for ob in meshes]
         for ob in meshes:
@@ -108,7 +110,7 @@ def keeping_track():
             return [abs(evaluated(ob)[-1, 2] - height - 0.1) < 1e-5 for ob, height in zip(meshes, before)]
 
         yield from wait_until(lambda: all(moved()))
-        # As every motion by hand ends. What no step has, 4.3 and 5.2 take back without evaluating it anew.
+        # Every motion by a user ends with an undo step. Undoing changes without one, 4.3 and 5.2 don't evaluate them.
         bpy.ops.ed.undo_push(message="Moved")
         return moved() == count * [True]
 
@@ -139,7 +141,7 @@ def keeping_track():
     yield from press('x', 'Return')
     yield from wait_until(lambda: len(bound()) == 1)
     check("one is deleted, the other follows", (yield from follow(1)))
-    yield from press('ctrl+z', 'ctrl+z')  # the motion, and that it was deleted
+    yield from press('ctrl+z', 'ctrl+z')  # the motion, then the deletion
     yield from wait_until(lambda: len(bound()) == 2)
     check("undo brings it back, and both follow", (yield from follow(2)))
     path = str(OUT / 'pair.blend')

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pull in the hand, and the tool with the dots at the handles."""
+"""Pull by keys and mouse, the tool Pull, and the dots at the handles."""
 
 import bpy
 import numpy as np
@@ -53,7 +53,7 @@ def region_of(ob):
 
 
 def choosing_and_cancelling(ob):
-    """The reach by the wheel and the mouse; what Esc leaves, and undo."""
+    """Chooses the reach by the mouse and the wheel, cancels by Esc, and undoes."""
     blocks = len(bpy.data.objects), len(bpy.data.collections), len(bpy.data.node_groups)
     yield from call_pull()
     for _ in range(10):
@@ -102,7 +102,7 @@ def choosing_and_cancelling(ob):
 
 
 def mouse_in_corner():
-    """Of the view, where a menu could have been. Where it is then."""
+    """Moves the mouse to a corner of the view, where a menu could have been; returns its place."""
     view, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
     region = next(r for r in view.regions if r.type == 'WINDOW')
     at = region.x + region.width - 60, window.height - region.y - 60
@@ -117,7 +117,7 @@ def was_undone(blocks):
 
 
 def drag(name, place, right, down):
-    """From a place in the world, by pixels, with the left button. name: of the screenshot before it is let go."""
+    """Drags with the left button from a place in the world, by pixels. name: of the screenshot before the release."""
     from bpy_extras.view3d_utils import location_3d_to_region_2d
     view, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
     region = next(r for r in view.regions if r.type == 'WINDOW')
@@ -136,7 +136,7 @@ def drag(name, place, right, down):
 
 
 def show_tool():
-    """A screenshot of the toolbar's end, which is below the window's."""
+    """Scrolls the toolbar to its end, which is below the window's edge, and takes a screenshot."""
     view, window = area('VIEW_3D'), bpy.context.window_manager.windows[0]
     region = next(r for r in view.regions if r.type == 'TOOLS')
     xdotool('mousemove', region.x + region.width // 3, window.height - region.y - region.height // 2)
@@ -166,7 +166,7 @@ def by_hand():
     ob = bpy.context.active_object
     brow = max(ob.data.vertices, key=lambda v: v.co.z - v.co.y).co.copy()
     ob.update_from_editmode()
-    yield from drag('by_hand-box', brow + type(brow)((-2, 0, 0)), 300, 150)  # from where nothing is
+    yield from drag('by_hand-box', brow + type(brow)((-2, 0, 0)), 300, 150)  # from an empty place
     ob = bpy.context.active_object
     ob.update_from_editmode()
     check("the tool selects by a box where nothing is", any(v.select for v in ob.data.vertices)

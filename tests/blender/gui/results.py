@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What becomes of a handle's deformation: expressions, renders, baked files."""
+"""Expressions, renders and baked files."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from desk import (EEVEE, OUT, activate, area, call_pull, check, click_in_view, c
                   is_drawn, new_scene, point_at, screenshot, settle, show_modifiers, show_sidebar, surface, wait_until,
                   xdotool)
 
-SAVE_BUTTON = (117, 360)  # in the viewport's sidebar, pixels from the viewport's right upper corner
+SAVE_BUTTON = (117, 360)  # in the viewport's sidebar, pixels from the viewport's upper right corner
 
 
 def saved(ob):
@@ -19,7 +19,7 @@ def saved(ob):
 
 
 def expressing():
-    """From Suzanne to a symmetric expression as a shape key, and back at rest, each action of the hand counted."""
+    """From Suzanne to a symmetric expression saved as a shape key, counting the user's actions."""
     yield from new_scene()
     with in_view():
         bpy.ops.mesh.primitive_monkey_add()
@@ -87,7 +87,7 @@ def expressing():
 
 
 def expressing_again(ob):
-    """The next expression with another handle, which goes on in Edit Mode."""
+    """A second expression with another handle, made and saved without leaving Edit Mode."""
     others = {handle.name for handle in ob.detail_deform.handles}
     saved(ob).value = 0
     xdotool('key', 'Tab')
@@ -130,7 +130,7 @@ def expressing_again(ob):
 
 
 def rendering():
-    """From the window, which computes frames in another thread, whether it may be used meanwhile or not."""
+    """Renders from the window, where frames are evaluated in another thread, with and without a locked interface."""
     scene = bpy.context.scene
     bpy.context.preferences.view.render_display_type = 'NONE'
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One mesh follows another, and keys go to many."""
+"""Live transfer by markers, and transfer of shape keys to many targets."""
 
 import bpy
 import numpy as np
@@ -7,7 +7,8 @@ import numpy as np
 from desk import (ROOT, activate, area, check, coordinates, evaluated, expect, in_view, is_drawn, new_scene,
                   point_at, screenshot, settle, show_modifiers, wait_until, xdotool)
 
-HEADERS = (141, 166)  # of the two panels in the full window, pixels from its top, while the first is closed
+# Both panels' headers in the maximized editor while the first panel is closed: pixels from the window's top.
+HEADERS = (141, 166)
 
 
 def transferring():
@@ -77,7 +78,7 @@ def transferring():
 
 
 def seen_alone(kind, name):
-    """A screenshot of one area in the whole window."""
+    """Takes a screenshot of one editor, maximized."""
     window = bpy.context.window_manager.windows[0]
     with bpy.context.temp_override(window=window, area=area(kind)):
         bpy.ops.screen.screen_full_area()
@@ -89,7 +90,7 @@ def seen_alone(kind, name):
 
 
 def transferring_to_many():
-    """Keys of one Suzanne onto eight others, of which one can't be done: cancelled, taken back, and done."""
+    """Transfers keys of one Suzanne to eight others, of which one fails: cancelled, undone, then completed."""
     yield from new_scene()
     with in_view():
         bpy.ops.mesh.primitive_monkey_add()

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The add-on in Blender's own window, driven by real key and mouse events.
+"""Tests the add-on in Blender's window by real key and mouse events.
 
     xvfb-run -a -s "-screen 0 1280x800x24" blender --factory-startup --window-geometry 0 0 1280 800 \
         --python tests/blender/gui/window.py -- build/gui
 
-Writes a screenshot of each state into the folder, which is emptied first, and one line a check; ends with 1
-if one failed, or if the console has an exception. Behind the folder, names of ROWS choose among them, or with a ~
-before them leave them out. Needs xdotool and ImageMagick's import.
+Empties the folder, writes screenshots into it, and prints a line for each check; the exit status is 1 if a check failed
+or the console has an exception. Names of ROWS behind the folder choose these rows; with a ~ before the name a row is
+left out. Needs xdotool and ImageMagick's import.
 """
 
 import os
@@ -32,7 +32,8 @@ from console import Console
 from desk import OUT, ROOT, arrange, failures, screenshot
 
 
-# What a walk leaves is where the next one of its row begins; each row opens or makes what it is about.
+# Each row begins with a walk that opens or makes a scene; each later walk goes on with the scene that the one before it
+# has left.
 ROWS = {
     'handles': (handles.opening, handles.selecting_problems, handles.binding, handles.dragging, handles.undoing,
                 handles.reopening),
@@ -46,7 +47,7 @@ ROWS = {
 
 
 def checks(rows):
-    """Yields the seconds to wait before going on: in between Blender handles its events."""
+    """Runs the walks. Yields the seconds to wait before going on, in which Blender handles its events."""
     platform = gpu.platform
     print(f"Blender {bpy.app.version_string}, {platform.backend_type_get()} {platform.version_get()}", flush=True)
     arrange()

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is asked of a result, and of what a refusal leaves. None of it is computed by the add-on's own code."""
+"""The checks of results, and of meshes after a refusal. They share no code with the add-on."""
 
 import bpy
 import numpy as np
 
 OFFSET = 'detail_deform_offset'
 EPS = float(np.finfo(np.float32).eps)
-# Sentences of the status that explain why what is free may stay at rest, or why it is left behind.
+# Parts of sentences in the status that explain why free vertices stay at rest or are left behind.
 STAYS = ("at rest", "Nothing follows", "is hidden", "baked cache", "next to no area", "single row",
          "goes by the handles", "overhang", "between parts of the base", "far from the base")
 
 
 class Failure(Exception):
-    """Neither a result nor a sentence."""
+    """The outcome is neither a right result nor a sentence."""
 
 
 def own(ob):
@@ -23,7 +23,7 @@ def own(ob):
 
 
 def offsets(ob):
-    """(n, 3), or None where there are none."""
+    """(n, 3): the stored offsets, or None where there are none."""
     found = ob.data.attributes.get(OFFSET)
     if found is None or found.data_type != 'FLOAT_VECTOR':
         return None
@@ -39,7 +39,7 @@ def _faces(mesh):
 
 
 def stored(ob):
-    """What is the user's: bytes of coordinates, faces and shape keys, and the groups with their weights."""
+    """The user's data: bytes of coordinates, faces and shape keys, and the groups with their weights."""
     keys = ob.data.shape_keys
     blocks = {}
     for block in keys.key_blocks if keys else ():
@@ -68,7 +68,7 @@ def evaluated(ob):
 
 
 def is_finite(of):
-    """What is shown, where the mesh itself is."""
+    """Fails where offsets are not finite, or displayed vertices of a mesh that is."""
     moved = offsets(of.ob)
     if moved is not None and not np.isfinite(moved).all():
         raise Failure("offsets that are not finite")
@@ -78,7 +78,7 @@ def is_finite(of):
 
 
 def _roles(ob):
-    """(n,) handle of each vertex, -1 free, -2 fixed; told by the documented rules."""
+    """(n,) handle of each vertex, -1 free, -2 fixed; by the manual's rules."""
     settings, count = ob.detail_deform, len(ob.data.vertices)
     groups = {g.name: g.index for g in ob.vertex_groups}
     weights = np.zeros((len(groups) + 1, count))
@@ -97,15 +97,15 @@ def _roles(ob):
 
 
 def _place(ob, handle, depsgraph):
-    """Without what modifiers do to the mesh's own shape."""
+    """(4, 4): the empty in the object's space, before modifiers pose the mesh."""
     world = np.array(ob.evaluated_get(depsgraph).matrix_world, float)
     pose = np.array(handle.pose_matrix, float).reshape(4, 4) if any(handle.pose_matrix) else np.eye(4)
     return np.linalg.inv(world @ pose) @ np.array(handle.target.evaluated_get(depsgraph).matrix_world, float)
 
 
 def motions(of):
-    """{number: (4, 4)} rest to present of the handles whose place is an empty's, in the object's space; and by how
-    much single precision leaves them open."""
+    """({number: (4, 4)}, float): the motions from rest in the object's space, of handles that follow an empty's place
+    alone; and a bound for their error by single precision."""
     ob, depsgraph = of.ob, bpy.context.evaluated_depsgraph_get()
     found, open_by = {}, 0.0
     for k, handle in enumerate(h for h in ob.detail_deform.handles if h.enabled):
@@ -125,7 +125,8 @@ def motions(of):
 
 
 def is_result(of, status, moved):
-    """Whether the offsets keep what they have to. moved: whether handles were."""
+    """Fails where fixed vertices or handles are not where they have to be, or free ones don't follow. moved: whether
+    handles were moved."""
     ob, found = of.ob, offsets(of.ob)
     if any(words in status for words in ("is hidden", "nothing is shown", "baked cache")):
         return
@@ -141,7 +142,7 @@ def is_result(of, status, moved):
         is_outside = ob.detail_deform.base == 'OBJECT'
         if np.abs(found[roles == -2]).max(initial=0) > 0 and not (is_outside and of.shows_base):
             raise Failure("what is fixed moved")
-        if is_outside:  # handles only add to what the base does
+        if is_outside:  # handles' motions are added to the base's, which isn't known here
             wanted = {}
         for k, motion in wanted.items():
             inside = np.flatnonzero(roles == k)
@@ -153,13 +154,14 @@ def is_result(of, status, moved):
         is_still = not moved and not of.shows_base and wanted and amplitude < tolerance
         if is_still and np.abs(found).max(initial=0) > 2 * tolerance:
             raise Failure(f"at rest something moves by {np.abs(found).max():.3g} of {size:.3g}")
-        is_mirrored = any(handle.mirrors for handle in ob.detail_deform.handles)  # a plane far away throws it far
+        is_mirrored = any(handle.mirrors for handle in ob.detail_deform.handles)  # may go far, across a distant plane
         if wanted and not is_mirrored and (amplitude > tolerance or not of.shows_base):
             _follows(of, roles, wanted, rest, found, amplitude, tolerance, status)
 
 
 def _follows(of, roles, wanted, rest, found, amplitude, tolerance, status):
-    """What is free goes along with its handle, and not far beyond, as it is seen."""
+    """Fails where free vertices move much farther in the world than the handles, or stay at rest beside one that
+    moves."""
     linear, into = np.array(of.ob.matrix_world, float)[:3, :3], np.eye(4)
     into[:3, :3] = linear / np.linalg.norm(linear, 2)
     rest, found = rest @ into[:3, :3].T, found @ into[:3, :3].T
@@ -167,12 +169,12 @@ def _follows(of, roles, wanted, rest, found, amplitude, tolerance, status):
     amplitude = max(np.abs(rest[roles == k] @ (motion[:3, :3] - np.eye(3)).T + motion[:3, 3]).max(initial=0)
                     for k, motion in wanted.items())
     moved = np.linalg.norm(found, axis=1)
-    # What lies far off the rest, as the tip of a spike, turns by as much as its neighbours: it may go further.
+    # Vertices far from the others, such as the tip of a spike, turn like their neighbours and so may move farther.
     away = np.linalg.norm(rest - np.median(rest, axis=0), axis=1)
     turned = max(np.abs(motion[:3, :3] - np.eye(3)).max() for motion in wanted.values())
     reach = amplitude + turned * np.median(away) + tolerance
     allowed = 4 * np.sqrt(3) * reach * (1 + away / max(np.median(away), 1e-300))
-    if "next to no area" in status:  # beside such triangles little is known of what is smooth
+    if "next to no area" in status:  # triangles without area spoil the smoothness of the vertices around them
         allowed *= 10
         allowed[_of_needles(of.ob.data, rest)] = np.inf
     if (moved > allowed).any():
@@ -190,12 +192,13 @@ def _follows(of, roles, wanted, rest, found, amplitude, tolerance, status):
         free = beside[roles[beside] == -1]
         if len(free) and moved[free].max() < 1e-3 * amplitude:
             raise Failure(f"it stays at rest beside handle {k} and says nothing")
-    if of.ob.detail_deform.method == 'TRANSFER' and not of.shows_base:  # others may tear what stands off the base
+    # Other methods may tear vertices far from the base.
+    if of.ob.detail_deform.method == 'TRANSFER' and not of.shows_base:
         _is_whole(of.ob, roles, rest, found)
 
 
 def _corners(mesh):
-    """(m, 3): of its triangles."""
+    """(m, 3): corners of the mesh's triangles."""
     mesh.calc_loop_triangles()
     corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
     mesh.loop_triangles.foreach_get('vertices', corners)
@@ -203,7 +206,7 @@ def _corners(mesh):
 
 
 def _of_needles(mesh, rest):
-    """The vertices of triangles that are next to lines."""
+    """Vertices of triangles whose height is at most a thousandth of their longest edge."""
     corners = _corners(mesh)
     sides = [rest[corners[:, (k + 1) % 3]] - rest[corners[:, k]] for k in range(3)]
     longest = np.max([np.linalg.norm(side, axis=1) for side in sides], axis=0)
@@ -211,7 +214,8 @@ def _of_needles(mesh, rest):
 
 
 def _is_whole(ob, roles, rest, found):
-    """No edge of a face, as it is seen, takes all of the motion, and is half as long again by it."""
+    """Fails where an edge of a face becomes half as long again in the world, by more than 0.9 of the largest motion:
+    the surface is torn there."""
     corners, world = _corners(ob.data), np.array(ob.matrix_world, float)[:3, :3]
     rest, found = rest @ world.T, found @ world.T
     amplitude = np.abs(found[roles >= 0]).max(initial=0)
@@ -219,7 +223,7 @@ def _is_whole(ob, roles, rest, found):
     before, now = (np.linalg.norm(shape[ends[:, 0]] - shape[ends[:, 1]], axis=1) for shape in (rest, rest + found))
     growth, held = now - before, (roles[ends] != -1).all(1)
     if growth[held].max(initial=0) > 0.1 * amplitude:
-        return  # a step from one that is held to the next goes on beyond them: a plate that bends knows no other way
+        return  # neighbouring held vertices move apart themselves, and a smooth surface continues this beyond them
     growth[held | (growth < 0.5 * before)] = 0
     if growth.max(initial=0) > 0.9 * amplitude:
         raise Failure(f"the edge between vertices {ends[growth.argmax()].tolist()} takes "

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One case driven through the add-on: Add, handles, Bind, a motion, the methods, Apply or Remove All. What comes of it
-is a result that keeps its constraints, or a sentence that the manual has; all else is a failure."""
+"""Drives a case through the add-on: Add, handles, Bind, a motion, the methods, Apply or Remove All. The outcome is a
+result that keeps its constraints, or a sentence from the manual; anything else is a failure."""
 
 import contextlib
 import os
@@ -20,14 +20,14 @@ METHODS = ('TRANSFER', 'VARIATIONAL', 'NORMAL', 'GRADIENT', 'VOLUMES', 'EXAMPLES
 
 class Outcome(NamedTuple):
     kind: str  # 'result', 'sentence' or 'failure'
-    text: str  # the sentences, or what failed
+    text: str  # the sentences, or the failure
 
 
 class Case(NamedTuple):
-    """kinds: as of kinds.KINDS, in the order in which they are made."""
+    """kinds: Kinds, in the order in which they are made."""
     kinds: tuple
     methods: tuple = METHODS
-    applied: bool = True  # at the end; else all is removed
+    applied: bool = True  # ends with Apply, otherwise with Remove All
 
     @property
     def name(self):
@@ -35,8 +35,8 @@ class Case(NamedTuple):
 
 
 def drive(case, rows, prepared=None):
-    """The Outcome of a case in an empty scene, None where its kinds don't combine. rows: what the manual's tables of
-    messages have, as patterns. prepared: gives a Specimen that has its handles, in place of the healthy sheet."""
+    """The Outcome of a case in an empty scene, None where its kinds don't combine. rows: patterns() of the manual.
+    prepared: a function that returns a Specimen with handles, in place of the healthy sheet."""
     said = []
     with _console(said):
         try:
@@ -53,7 +53,7 @@ def drive(case, rows, prepared=None):
 
 @contextlib.contextmanager
 def _console(said):
-    """Appends what is printed meanwhile, by C too."""
+    """Appends everything that is printed meanwhile, also by C, to `said`."""
     sys.stdout.flush()
     sys.stderr.flush()
     with tempfile.TemporaryFile() as kept:
@@ -62,7 +62,7 @@ def _console(said):
             os.dup2(kept.fileno(), 1)
             os.dup2(kept.fileno(), 2)
             with open(os.dup(kept.fileno()), 'w', encoding='utf-8') as text, contextlib.redirect_stdout(text), \
-                    contextlib.redirect_stderr(text):  # a test runner may have put others in their place
+                    contextlib.redirect_stderr(text):  # pytest may have replaced sys.stdout and sys.stderr
                 yield
         finally:
             sys.stdout.flush()
@@ -75,7 +75,7 @@ def _console(said):
 
 
 def patterns(manual):
-    """Of the rows of the manual's tables of messages, without those that a few common words would meet."""
+    """The rows of the manual's tables of messages as regular expressions."""
     text = manual.split('## What a message means')[1].split('\n## ')[0]
     cells = [cell for cell in re.findall(r'^\| (.*?) \|', text, re.MULTILINE) if set(cell) - set('-|')]
     rows = [row.strip() for cell in cells if cell != 'it says' for row in cell.split(' / ')]
@@ -134,7 +134,7 @@ class _Drive:
             self._before = checks.stored(self._specimen.ob)
 
     def operate(self, name, **options):
-        """Whether the operator did it; where it refuses, its sentence is taken."""
+        """Runs an operator; whether it finished. The sentence of a refusal is checked and kept."""
         operator = getattr(bpy.ops.object, f'detail_deform_{name}')
         try:
             return operator(**options) == {'FINISHED'}
@@ -153,7 +153,7 @@ class _Drive:
             self._sentences.append(sentence)
 
     def _wrong(self):
-        """What the panel says is wrong, or ''."""
+        """The status where it reports a problem, or ''."""
         settings = self._specimen.ob.detail_deform
         return settings.status if settings.stale or settings.problem else ""
 
@@ -161,7 +161,7 @@ class _Drive:
         of = self._specimen
         try:
             empty = of.empty
-        except DoesNotCombine:  # whoever took it away wants to see what Bind says
+        except DoesNotCombine:  # a kind took the empty away; its case goes on with the sentence of Bind
             return
         with np.errstate(all='ignore'):
             empty.location.x -= 0.05 * of.size
@@ -185,7 +185,7 @@ class _Drive:
             raise checks.Failure(f"{when}: {failure} | {of.ob.detail_deform.status}") from None
 
     def _ended(self):
-        """After Apply or Remove All; the Outcome."""
+        """Applies or removes all; returns the Outcome."""
         of = self._specimen
         checks.own_is_kept(of.ob, self._before)
         if self._case.applied and self._is_bound_well() and checks.offsets(of.ob) is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Real meshes: loaded, given a region and a handle by rule, and driven as the zoo's are."""
+"""Meshes from files: given a region and a handle by rule, and driven like the zoo's."""
 
 from pathlib import Path
 
@@ -13,12 +13,12 @@ from .specimen import REGION, RIGHT, DoesNotCombine, Specimen, update
 
 HOWS = ("by its ends", "by a pull")
 _ORDER = ('result', 'sentence', 'failure')
-_MOST = 3  # objects of a file, the largest
-_SMALL = 20000  # vertices that slow methods are tried with
+_MOST = 3  # the number of a file's largest objects that are driven
+_SMALL = 20000  # the number of vertices below which slow methods are tried
 
 
 def drive_file(path, how, rows):
-    """The Outcome of the largest objects of a file, the worst counting; None where it has none."""
+    """The worst Outcome of a file's largest objects; None where there is no mesh."""
     worst = None
     for name in _load(path):
         if worst is not None:
@@ -33,7 +33,7 @@ def drive_file(path, how, rows):
 
 
 def _load(path):
-    """Names of the largest mesh objects that can be made active."""
+    """Loads a file; returns the names of its largest visible mesh objects."""
     try:
         if Path(path).suffix == '.blend':
             bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
@@ -77,7 +77,7 @@ def _import_off(path):
 
 
 def _prepare(drive, name, how):
-    """Gives it what _Drive.run() binds."""
+    """Makes the Specimen for _Drive.run(): an object of the scene with a region and a handle."""
     ob = bpy.data.objects[name]
     for other in bpy.context.view_layer.objects:
         other.select_set(other == ob)
@@ -105,7 +105,7 @@ def _prepare(drive, name, how):
 
 
 def _pull(drive, of, share):
-    """As an artist does with a vertex and its neighbours, at two thirds of the way."""
+    """Pulls a vertex and its neighbours, at two thirds of the mesh's length."""
     mesh = of.ob.data
     used = np.zeros(len(share), bool)
     corners = np.empty(len(mesh.loops), np.int32)

@@ -28,7 +28,7 @@ def _free(of):
     return found
 
 
-# The region
+# ---- the region
 
 @kind("region empty", about='region')
 def _region_empty(of):
@@ -93,7 +93,7 @@ def _locked(of):
         group.lock_weight = True
 
 
-# Handles
+# ---- handles
 
 @kind("handle without vertices", about='handle')
 def _handle_empty(of):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A kind of defect, and how a list of them is written."""
+"""A kind of defect, and the decorator that collects kinds in a list."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 class Kind(NamedTuple):
     name: str
-    stage: str  # 'mesh': make(Sheet); 'object': make(Specimen) before Bind; 'pose': make(Specimen) after
+    stage: str  # 'mesh': make(Sheet); 'object': make(Specimen) before Bind; 'pose': make(Specimen) after Bind
     make: Callable
-    whole: bool  # it puts another mesh in the sheet's place
-    about: str  # two about the same thing don't combine
+    whole: bool  # it replaces the sheet by another mesh
+    about: str  # two kinds about the same thing don't combine
 
 
 class Kinds(list):
-    """As a decorator of functions that make a kind."""
+    """A list of kinds, and a decorator that adds a function as `make` of a new one."""
 
     def __init__(self, stage):
         self._stage = stage
@@ -26,6 +26,6 @@ class Kinds(list):
         return taken
 
     def each(self, about, made):
-        """Many that differ in a value: {name: a function}."""
+        """Adds several kinds about the same thing. made: {name: make}."""
         for name, make in made.items():
             self.append(Kind(name, self._stage, make, False, about))

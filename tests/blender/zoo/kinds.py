@@ -14,15 +14,15 @@ ALL = [kind for part in PARTS for kind in part.KINDS]
 
 
 def alone():
-    """Each kind with all methods, once to be applied and once to be removed."""
+    """The healthy sheet, and each kind alone; with all methods, ending with Apply."""
     yield HEALTHY
     for kind in ALL:
         yield Case((kind,))
 
 
 def pairs(share=1):
-    """Each two that can be made on one mesh, with the default method and one other, which the pair's name chooses; of
-    them one in so many as share says."""
+    """All pairs of kinds that combine, or one in `share` of them. Each is driven with the default method and another
+    one, which depends on the pair's names."""
     for one, other in itertools.combinations(ALL, 2):
         if one.whole and other.whole or one.about and one.about == other.about:
             continue

@@ -9,7 +9,7 @@ from .specimen import DoesNotCombine
 KINDS = kind = Kinds('mesh')
 
 
-# Coordinates
+# ---- coordinates
 
 def _set(value):
     def make(sheet):
@@ -87,7 +87,7 @@ def _tiny_part(sheet):
     sheet.positions[some] = middle + 1e-6 * (sheet.positions[some] - middle)
 
 
-# Faces
+# ---- faces
 
 @kind("a face without area")
 def _no_area(sheet):
@@ -262,7 +262,7 @@ def _second_part(sheet):
     sheet.region = region | set(range(first, first + count))
 
 
-# Faces of many corners
+# ---- faces of many corners
 
 @kind("n-gons only")
 def _ngons(sheet):
@@ -270,7 +270,7 @@ def _ngons(sheet):
 
 
 def _rows_of_ngons(place, n=9):
-    """Strips across, each one face."""
+    """(positions, faces): a grid in which each row is one face."""
     positions = [place(i / (n - 1), j / (n - 1)) for i in range(n) for j in range(n)]
     faces = [[*range(i * n, i * n + n), *range((i + 1) * n + n - 1, (i + 1) * n - 1, -1)] for i in range(n - 1)]
     return positions, faces
@@ -306,7 +306,7 @@ def _large_ngon(sheet):
     sheet.become(np.c_[np.cos(angle), np.sin(angle), 0.1 * np.sin(5 * angle)], [range(300)])
 
 
-# Other meshes
+# ---- other meshes
 
 @kind("no vertices", whole=True)
 def _nothing(sheet):
@@ -358,7 +358,8 @@ def _fan(sheet):
 
 
 def _wrapped(place, n, m, twisted):
-    """A grid whose second way round is closed, and the first too, with the second reversed where it is twisted."""
+    """(positions, faces) of an n × m grid that is closed in both directions. twisted: where the first direction closes,
+    the second one is reversed."""
     faces = []
     for i in range(n):
         for j in range(m):

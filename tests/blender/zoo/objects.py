@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kinds of odd objects: transforms, empties, shape keys, modifiers, whose mesh it is."""
+"""Kinds of odd objects: transforms, empties, shape keys, modifiers, shared and linked meshes, modes."""
 
 import tempfile
 from pathlib import Path
@@ -15,13 +15,13 @@ KINDS = kind = Kinds('object')
 
 
 def _assign(which, name, value):
-    """Of the object or of its empty."""
+    """Sets a property of the object ('ob') or of its empty ('empty')."""
     def make(of):
         setattr(getattr(of, which), name, value)
     return make
 
 
-# Transforms
+# ---- transforms
 
 KINDS.each('transform', {f"object {name} {value}": _assign('ob', name, value) for name, value in (
     ('scale', (0, 0, 0)), ('scale', (1, 0, 1)), ('scale', (-1, 1, 1)), ('scale', (1, 20, 0.05)),
@@ -88,7 +88,7 @@ def _disabled(of):
 @kind("empty the mesh itself", about='empty')
 def _itself(of):
     of.handle.target = of.ob
-    of.is_carried = True  # its motion is none, whatever it does
+    of.is_carried = True  # the object doesn't move relative to itself
 
 
 @kind("empty another mesh", about='empty')
@@ -101,7 +101,7 @@ def _cycle(of):
     of.empty.parent = of.ob
     of.empty.parent_type = 'VERTEX'
     of.empty.parent_vertices[0] = 0
-    of.is_carried = True  # by what it moves itself, which the status says
+    of.is_carried = True  # it is moved by vertices that it moves itself, which the status reports
 
 
 @kind("empty by a driver that fails", about='empty')
@@ -123,7 +123,7 @@ def _bone(of):
     of.empty.parent, of.empty.parent_type, of.empty.parent_bone = armature, 'BONE', "Bone"
 
 
-# Shape keys
+# ---- shape keys
 
 def _keyed(of):
     if of.ob.data.shape_keys:
@@ -135,7 +135,7 @@ def _keyed(of):
         raise DoesNotCombine
     key.data.foreach_get('co', values)
     values[2::3] += 0.1 * of.size
-    key.value = 0  # 5.2 makes it with 1
+    key.value = 0  # Blender 5.2 adds keys with the value 1
     key.data.foreach_set('co', values)
     return key
 
@@ -208,10 +208,10 @@ def _basis_nan(of):
 def _key_group(of):
     key = _keyed(of)
     key.value, key.vertex_group = 1, 'right'
-    of.is_carried = True  # what it starts from is for test_start.py
+    of.is_carried = True  # leaves handles unchecked: the start by masked keys isn't computed here
 
 
-# Modifiers
+# ---- modifiers
 
 MODIFIERS = {
     'SUBSURF': {}, 'MIRROR': {}, 'ARRAY': {}, 'DECIMATE': {'ratio': 0.5}, 'WELD': {'merge_threshold': 0.01},
@@ -233,7 +233,7 @@ def _modifier(kind_, settings, before):
             bpy.context.view_layer.objects.active = of.ob
             bpy.ops.object.modifier_move_to_index(modifier=made.name, index=0)
         of.shows_own_faults = True
-        of.is_carried |= kind_ == 'MIRROR'  # vertices at its plane stay there
+        of.is_carried |= kind_ == 'MIRROR'  # vertices on its plane don't follow their handle off it
     return make
 
 
@@ -254,7 +254,7 @@ def _removed(of):
     of.ob.modifiers.clear()
 
 
-# Whose it is, and where
+# ---- shared, copied and linked meshes, modes and visibility
 
 @kind("mesh of two objects", about='owner')
 def _shared(of):

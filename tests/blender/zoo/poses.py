@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kinds of things that happen to what is bound: motions out of bounds, edits, loss."""
+"""Kinds of changes of a bound object: extreme motions, edits, and lost data."""
 
 import tempfile
 from pathlib import Path
@@ -90,11 +90,11 @@ def _group_empty(of):
 
 
 def _settle():
-    """Who edits groups by script leaves it to the next update to notice."""
+    """Updates, as an edit of groups by a script is noticed only then."""
     try:
         bpy.ops.object.detail_deform_update()
     except RuntimeError:
-        pass  # the status has it
+        pass  # the refusal is in the status too
 
 
 @kind("then the handles are gone", about='edit')
@@ -124,7 +124,7 @@ def _enter_edit_mode(of):
 def _edited(of):
     _enter_edit_mode(of)
     bpy.ops.mesh.select_all(action='SELECT')
-    bpy.ops.mesh.duplicate()  # Subdivide would crash Blender 5.2 where faces are there twice
+    bpy.ops.mesh.duplicate()  # not Subdivide, which crashes Blender 5.2 on duplicate faces
     bpy.ops.object.mode_set(mode='OBJECT')
 
 
@@ -159,7 +159,7 @@ def _bound_again(of):
     try:
         bpy.ops.object.detail_deform_bind(wait=True, keep_rest=True)
     except RuntimeError:
-        pass  # the status has it
+        pass  # the refusal is in the status too
 
 
 @kind("then it is bound anew", about='edit')

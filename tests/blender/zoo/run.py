@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drives the zoo through the add-on, in child processes that may crash, and prints a table of what came of it.
+"""Drives the zoo through the add-on, in child processes that may crash, and prints a table of the outcomes.
 
     python3 tests/blender/zoo/run.py                            each kind alone, with all methods
-    python3 tests/blender/zoo/run.py --pairs [--only TEXT]      each kind with each other; those with TEXT in their name
+    python3 tests/blender/zoo/run.py --pairs [--only TEXT]      all pairs of kinds, or those with TEXT in their name
     python3 tests/blender/zoo/run.py FILE...                    meshes and .blend files: .blend .obj .ply .stl .off .glb
 
---blender COMMAND: Blender (default: blender), or the Python of an environment that has bpy. --share N: of the pairs one
-in so many, as there are 30,000. --all: print each case.
-Needs a release build. Ends with status 1 where anything is neither a result nor a sentence.
+--blender COMMAND: Blender (default: blender), or the Python of an environment that has bpy. --share N: one in N of the
+pairs, of which there are 30,000. --all: prints each case.
+Needs a release build. The exit status is 1 if there is a failure.
 """
 import argparse
 import json
@@ -21,11 +21,11 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parents[2]
 MANUAL = REPOSITORY / 'addon' / 'MANUAL.md'
-_SECONDS, _SECONDS_OF_FILE = 120, 900  # for one case, at most
+_SECONDS, _SECONDS_OF_FILE = 120, 900  # limits for one case and for one file
 
 
 def cases(arguments):
-    """{name: what drives it}, in Blender."""
+    """{name of a case: function of the manual's rows that drives it}. Runs in Blender."""
     from zoo import files, kinds
     from zoo.driver import drive
     if arguments.files:
@@ -37,7 +37,8 @@ def cases(arguments):
 
 
 def child(arguments):
-    """In Blender: writes a line for each case that is begun, and one for what came of it."""
+    """Runs in Blender: drives the cases that the log doesn't have yet. Writes a line when a case begins, and one with
+    its outcome."""
     sys.path[:0] = [str(HERE.parent), str(REPOSITORY / 'addon')]
     import detail_deform
 
@@ -53,7 +54,7 @@ def child(arguments):
             start = time.perf_counter()
             try:
                 outcome = drive(rows)
-            except Exception as error:  # of the zoo itself, or of Blender
+            except Exception as error:  # in the zoo's own code, or by Blender
                 import traceback
                 outcome = ('failure', f"{error!r} {traceback.format_exc()[-1500:]}")
             kind, text = outcome or ('none', "")
@@ -76,7 +77,7 @@ def is_python(command):
 
 
 def drive_all(arguments):
-    """The outcomes: lines of all that was begun, in the order in which it was."""
+    """Runs child processes until all cases are driven; returns the log's lines of outcomes."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder, 'log')
         log.touch()
@@ -96,7 +97,7 @@ def drive_all(arguments):
 
 
 def run_child(command, log, seconds):
-    """Until it ends, or is silent for too long."""
+    """Runs a process until it ends, or kills it after so many seconds without a new line in the log."""
     with open(log.with_name('console'), 'w') as console, \
             subprocess.Popen(command, stdout=console, stderr=subprocess.STDOUT) as process:
         while process.poll() is None:
@@ -106,7 +107,7 @@ def run_child(command, log, seconds):
 
 
 def table(lines, kinds_of):
-    """(kind, results, sentences, failures) for each kind that is in a case's name."""
+    """(kind, results, sentences, failures) for each kind. kinds_of: gives the kinds in the name of a case."""
     counts = {}
     for line in lines:
         for kind in kinds_of(line['name']):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kinds of settings at their ends, and base objects."""
+"""Kinds of extreme settings, base objects and examples."""
 
 import bpy
 import numpy as np
@@ -45,7 +45,7 @@ def _free(of):
 @kind("a handle that mirrors the other", about='handles')
 def _mirrors(of):
     ob = of.ob
-    if not len(ob.data.vertices) or ob.mode == 'EDIT':  # where groups can't be written to
+    if not len(ob.data.vertices) or ob.mode == 'EDIT':  # vertex groups can't be written in Edit Mode
         raise DoesNotCombine
     of.add_handle("Mirrored", [0])
     ob.detail_deform.handles[-1].mirrors = of.handle.name
@@ -56,7 +56,7 @@ def _mirrors_itself(of):
     of.handle.mirrors = of.handle.name
 
 
-# Base objects
+# ---- base objects
 
 def _based(of, base):
     of.ob.detail_deform.base = 'OBJECT'
@@ -125,7 +125,7 @@ def _masked(of):
     of.ob.detail_deform.base_object.modifiers.new("Build", 'BUILD').frame_start = 1000
 
 
-# Examples
+# ---- examples
 
 @kind("an example of the mesh at rest", about='examples')
 def _example(of):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The healthy mesh that defects are made on, and the object in Blender that is made of it."""
+"""The healthy mesh that defects are made on, and its object in Blender."""
 
 import bpy
 import numpy as np
@@ -11,7 +11,7 @@ REGION, RIGHT = 'region', 'right'
 
 
 class DoesNotCombine(Exception):
-    """A kind that can't be made on what is there, such as a hole in a mesh without faces."""
+    """A kind can't be made on the present specimen, such as a hole in a mesh without faces."""
 
 
 class Sheet:
@@ -27,13 +27,13 @@ class Sheet:
         self.regroup()
 
     def become(self, positions, faces, edges=()):
-        """Another mesh altogether."""
+        """Replaces the whole mesh."""
         self.positions = np.asarray(positions, float).reshape(-1, 3)
         self.faces, self.edges = [tuple(map(int, face)) for face in faces], [tuple(map(int, e)) for e in edges]
         self.regroup()
 
     def regroup(self):
-        """Fixed is what lies left along x, in the handle what lies right."""
+        """Groups the vertices anew: the left end along x is fixed, the right end is the handle."""
         if not len(self.positions):
             self.region, self.right = set(), set()
             return
@@ -43,8 +43,8 @@ class Sheet:
         self.right = set(np.flatnonzero(share > 0.85).tolist())
 
     def add(self, positions, faces=(), edges=()):
-        """More of it, all in the region; numbers below 0 in faces and edges count from the first new vertex: -1 is that
-        one, -2 the next. Returns the first one's number."""
+        """Adds vertices, which are in the region, faces and edges; returns the first new vertex's number. Negative
+        numbers in faces and edges are new vertices: -1 is the first, -2 the next."""
         first = len(self.positions)
         self.positions = np.vstack([self.positions, np.reshape(positions, (-1, 3))])
 
@@ -57,8 +57,8 @@ class Sheet:
         return first
 
     def duplicate(self, faces):
-        """Gives these faces vertices of their own, at the same places and in the same groups. Returns the numbers by
-        those that they had."""
+        """Gives these faces new vertices in the same places and groups, which they share with no other face. Returns
+        {old number: new number}."""
         old = sorted({v for f in faces for v in self.faces[f]})
         region, right = self.region.copy(), self.right.copy()
         first = self.add(self.positions[old])
@@ -78,7 +78,7 @@ class Sheet:
         return inside[start:start + count]
 
     def inner_faces(self):
-        """Of which no vertex is held."""
+        """Numbers of faces with only free vertices."""
         found = [f for f, face in enumerate(self.faces) if all(v in self.region and v not in self.right for v in face)]
         if not found:
             raise DoesNotCombine
@@ -90,14 +90,14 @@ class Sheet:
 
 
 class Specimen:
-    """The object in Blender, found by its name: undo and loading take references away."""
+    """The object in Blender, found by its name, because undo and loading invalidate references."""
 
     def __init__(self, name, size):
         self.name, self.size = name, size
-        # What kinds tell the checks, which can't know it.
-        self.is_carried = False  # its handles are where bones or mirrors have them
+        # Set by kinds for the checks.
+        self.is_carried = False  # the places of handles don't depend on their empties alone, and aren't checked
         self.is_free_to_turn = False
-        self.shows_own_faults = False  # a modifier of the user's may show what is not finite
+        self.shows_own_faults = False  # a modifier or a shape key of the user's may display vertices that aren't finite
         self.shows_base = self.shows_a_share = False
         self.kept_start = None
 
@@ -119,7 +119,7 @@ class Specimen:
 
     @classmethod
     def of(cls, ob):
-        """One that is there."""
+        """The Specimen of an existing object."""
         extent = np.ptp(checks.own(ob), axis=0).max() if len(ob.data.vertices) else 1.0
         return cls(ob.name, float(extent))
 
@@ -128,7 +128,7 @@ class Specimen:
         return bpy.data.objects[self.name]
 
     def start(self):
-        """(n, 3): what the deformation starts from: the mesh's own coordinates, or what shape keys made of them."""
+        """(n, 3): the shape that the binding starts from: the mesh's own coordinates, or the mix of its shape keys."""
         return checks.own(self.ob) if self.kept_start is None else self.kept_start
 
     @property
@@ -144,7 +144,7 @@ class Specimen:
         return self.handle.target
 
     def weights(self, name, members, weight=1.0):
-        """Makes these the group's vertices, none but these; members: numbers, or {number: weight}. Returns it."""
+        """Sets a group's members, and returns the group. members: numbers, or {number: weight}."""
         group = self.ob.vertex_groups.get(name) or self.ob.vertex_groups.new(name=name)
         group.remove(range(len(self.ob.data.vertices)))
         if isinstance(members, dict):
@@ -155,7 +155,7 @@ class Specimen:
         return group
 
     def add_handle(self, name, members, at=None):
-        """A second handle by its own group, without the add-on's operators. Returns its empty."""
+        """Adds a handle with a new group without the add-on's operators; returns its empty."""
         empty = bpy.data.objects.new(name, None)
         bpy.context.scene.collection.objects.link(empty)
         members = [int(v) for v in members]
