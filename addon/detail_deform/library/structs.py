@@ -80,11 +80,18 @@ class NativeError(Exception):
 
 
 def numbers(name, values, dtype, *of_each):
-    """values as a contiguous array whose last dimensions are of_each; raises NativeError if they aren't."""
-    values = np.asarray(values)
+    """values as a contiguous array whose last dimensions are of_each. Raises NativeError if they aren't, or if numbers
+    that count something aren't whole or too large."""
+    values, dtype = np.asarray(values), np.dtype(dtype)
     if values.ndim <= len(of_each) or values.shape[values.ndim - len(of_each):] != of_each:
         each = ' × '.join(map(str, of_each)) or 'one number'
         raise NativeError(f"{name} has the shape {values.shape}, which is not {each} for each.")
+    if dtype.kind == 'i' and values.dtype != dtype and values.size:
+        if values.dtype.kind not in 'iub':
+            raise NativeError(f"{name} has numbers of the type {values.dtype}, where whole ones are needed.")
+        limits = np.iinfo(dtype)
+        if values.min() < limits.min or values.max() > limits.max:
+            raise NativeError(f"{name} has a number that doesn't fit into {limits.bits} bits.")
     return np.ascontiguousarray(values, dtype)
 
 
@@ -120,9 +127,15 @@ class Struct(ctypes.Structure):
     def fill(self, **values):
         self._alive = []
         for name, value in values.items():
+            if name not in self.kinds:
+                raise TypeError(f"{type(self).__name__} has no field '{name}'")
             if value is not None:
                 self._set(name, value)
         return self
+
+    def __repr__(self):
+        fields = ', '.join(f'{name}={getattr(self, name)}' for name, _ in self._fields_ if name != 'struct_size')
+        return f'{type(self).__name__}({fields})'
 
     def _set(self, name, value):
         kind = self.kinds[name]
