@@ -6,7 +6,7 @@ from bpy.app.handlers import persistent
 
 from . import session
 from .follow import auto_bind, drag, edits, life, registry
-from .ui import known_markers, preview
+from .ui import marker_cache, preview
 
 # While nothing is bound, neither of the next two handlers iterates over a scene's objects or over the updates.
 
@@ -14,11 +14,11 @@ from .ui import known_markers, preview
 @persistent
 def _depsgraph_updated(scene, depsgraph):
     members = registry.members()
-    if members or preview.is_in_use() or known_markers.is_in_use():
+    if members or preview.is_in_use() or marker_cache.is_in_use():
         edited = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
         if edited:
             preview.forget(edited)
-            known_markers.forget(edited)
+            marker_cache.forget(edited)
         members = registry.of_scene(depsgraph)
         if edited:
             edits.note(members, edited)
@@ -28,7 +28,7 @@ def _depsgraph_updated(scene, depsgraph):
 
 @persistent
 def _frame_changed(scene, depsgraph):
-    known_markers.forget_shapes()
+    marker_cache.forget_shapes()
     _show_whole(depsgraph)
 
 

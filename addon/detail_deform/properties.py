@@ -13,7 +13,7 @@ from .scene import outside_base
 from .ui import preview
 
 
-def _input_changed(self, context):
+def _content_changed(self, context):
     life.check(self.id_data)
 
 
@@ -61,16 +61,16 @@ def _influence_changed(self, context):
 
 def _method_changed(self, context):
     life.check(self.id_data)  # examples are content of one method only
-    _look_changed(self, context)
+    _result_changed(self, context)
 
 
-def _look_changed(self, context):
+def _result_changed(self, context):
     life.refresh(self.id_data, context.evaluated_depsgraph_get())
 
 
 def _example_changed(self, context):
     life.check(self.id_data)
-    _look_changed(self, context)
+    _result_changed(self, context)
 
 
 def _weights_by_changed(self, context):
@@ -79,7 +79,7 @@ def _weights_by_changed(self, context):
         found = [(example, example.found_weight) for example in self.examples if example.enabled]
         for example, weight in found:
             example.weight = weight
-    _look_changed(self, context)
+    _result_changed(self, context)
 
 
 AXES = [(letter, letter, f"Across the plane through the object's origin at right angles to its {letter} axis")
@@ -89,14 +89,14 @@ AXES = [(letter, letter, f"Across the plane through the object's origin at right
 class DetailDeformHandle(bpy.types.PropertyGroup):
     name: StringProperty(name="Name", description="Name of this handle", default="Handle", update=_name_changed)
     vertex_group: StringProperty(
-        name="Vertices", update=_input_changed,
+        name="Vertices", update=_content_changed,
         description="Vertex group that moves as one piece with the empty: the vertices with a weight over 0.5")
     reach: StringProperty(
-        name="Reach", update=_input_changed,
+        name="Reach", update=_content_changed,
         description="Vertex group of what this handle moves, beside its own vertices: nothing else follows it, and "
                     "those of other handles stay. Empty: it moves the region, together with other handles that do")
     falloff: EnumProperty(
-        name="Falloff", update=_input_changed, items=options.FALLOFFS, options=set(),
+        name="Falloff", update=_content_changed, items=options.FALLOFFS, options=set(),
         description="How what this handle's reach holds falls off from the handle to the border. Of handles that share "
                     "a reach the first one's counts")
     target: PointerProperty(
@@ -110,14 +110,14 @@ class DetailDeformHandle(bpy.types.PropertyGroup):
         name="Axis", update=_target_changed, items=AXES,
         description="Axis of the object across which the motion is mirrored")
     symmetric: EnumProperty(
-        name="Symmetric", update=_look_changed, items=AXES, options={'ENUM_FLAG'},
+        name="Symmetric", update=_result_changed, items=AXES, options={'ENUM_FLAG'},
         description="Keep the motion of these vertices its own mirror image across these planes of the object: they "
                     "stay on the plane, as with Edit Mode's symmetry")
     turns: EnumProperty(
-        name="Turns", update=_look_changed, items=options.HANDLE_TURNS, options=set(),
+        name="Turns", update=_result_changed, items=options.HANDLE_TURNS, options=set(),
         description="What turns the vertices of this handle")
     enabled: BoolProperty(
-        name="Enabled", default=True, update=_input_changed,
+        name="Enabled", default=True, update=_content_changed,
         description="Let this handle hold and move its vertices. Without it they follow the others like the rest of "
                     "the region. Takes effect at the next Bind")
     rest_matrix: FloatVectorProperty(
@@ -160,16 +160,16 @@ class DetailDeformExample(bpy.types.PropertyGroup):
         name="Enabled", default=True, update=_example_changed,
         description="Take this example into account. Takes effect at the next Bind")
     weight: FloatProperty(
-        name="Weight", soft_min=0.0, soft_max=1.0, min=-10.0, max=10.0, update=_look_changed,
+        name="Weight", soft_min=0.0, soft_max=1.0, min=-10.0, max=10.0, update=_result_changed,
         description="How much of this example the pose has, where weights are set by sliders")
     limited: BoolProperty(
-        name="Limit Weight", default=False, update=_look_changed,
+        name="Limit Weight", default=False, update=_result_changed,
         description="Keep the weight that handles ask for between Least and Largest")
     least_weight: FloatProperty(
-        name="Least", default=0.0, min=-10.0, max=0.0, soft_min=-1.0, update=_look_changed,
+        name="Least", default=0.0, min=-10.0, max=0.0, soft_min=-1.0, update=_result_changed,
         description="Least weight that handles give this example, below which they exaggerate its opposite")
     largest_weight: FloatProperty(
-        name="Largest", default=1.0, min=0.0, max=10.0, soft_max=2.0, update=_look_changed,
+        name="Largest", default=1.0, min=0.0, max=10.0, soft_max=2.0, update=_result_changed,
         description="Largest weight that handles give this example, beyond which they exaggerate it")
     found_weight: FloatProperty(
         name="Weight", get=lambda self: status.example_weight(self.id_data, self),
@@ -200,7 +200,7 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     own_region: StringProperty(options={'HIDDEN'})
     pulled_region: BoolProperty(options={'HIDDEN'})  # whether Pull made the region, and may change it
     join_split: BoolProperty(
-        name="Join Split Vertices", default=True, update=_input_changed,
+        name="Join Split Vertices", default=True, update=_content_changed,
         description="Take vertices for one where two borders of the mesh lie on one another, as importers split it "
                     "along seams of UVs and normals. Off: the surface may open there. Takes effect at the next Bind")
     handles: CollectionProperty(
@@ -276,18 +276,18 @@ class DetailDeformSettings(bpy.types.PropertyGroup):
     problem: StringProperty(options={'HIDDEN'})
     render_problem: StringProperty(options={'HIDDEN'})
     cache_modifier: StringProperty(options={'HIDDEN'})
-    cached_points: StringProperty(options={'HIDDEN'})  # carried.points() when its cache began to play
+    cached_points: StringProperty(options={'HIDDEN'})  # carried.sample_points() when its cache began to play
     baked_file: StringProperty(options={'HIDDEN'})
     dependency: FloatProperty(
         name="Dependency", options={'HIDDEN', 'ANIMATABLE'},
         description="Its driver keeps the empties evaluated where they are hidden; the value is of no use")
 
 
-_HEARD = {'method': _method_changed, 'weights_by': _weights_by_changed, 'base': _base_changed,
-          'preview': _preview_changed, 'soft_border': _look_changed}
-_HEARD_BY_STRUCT = {options.BIND: _input_changed, **dict.fromkeys(options.OF_UPDATE, _look_changed)}
+_UPDATE_CALLBACKS = {'method': _method_changed, 'weights_by': _weights_by_changed, 'base': _base_changed,
+          'preview': _preview_changed, 'soft_border': _result_changed}
+_UPDATE_CALLBACKS_BY_STRUCT = {options.BIND: _content_changed, **dict.fromkeys(options.OF_UPDATE, _result_changed)}
 declare(DetailDeformSettings, options.SETTINGS,
-        lambda option: _HEARD.get(option.name, _HEARD_BY_STRUCT.get(option.struct)))
+        lambda option: _UPDATE_CALLBACKS.get(option.name, _UPDATE_CALLBACKS_BY_STRUCT.get(option.struct)))
 
 CLASSES = (DetailDeformHandle, DetailDeformExample, DetailDeformMissingExample, DetailDeformExpression,
            DetailDeformSettings)

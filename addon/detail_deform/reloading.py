@@ -8,7 +8,7 @@ from importlib import reload
 from pathlib import Path
 
 
-def again(package, folder):
+def reload_modules(package, folder):
     """Reloads each loaded module after those that its present file imports, so that names imported from a module are of
     the new version. New modules are loaded by their importers; removed ones have none."""
     for parts in _in_order(Path(folder)):
@@ -18,7 +18,7 @@ def again(package, folder):
 
 
 def _in_order(folder):
-    """The modules below a folder, ('scene', 'reach') for scene/reach.py, each after those that it imports: depth-first,
+    """The modules below a folder, ('scene', 'reach') for scene/attribute_reaches.py, each after those that it imports: depth-first,
     in post-order."""
     paths = {_parts(path.relative_to(folder)): path for path in sorted(folder.rglob('*.py'))}
     begun, order = {()}, []

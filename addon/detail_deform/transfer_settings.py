@@ -55,8 +55,8 @@ class DetailDeformTransfer(bpy.types.PropertyGroup):
     problem: StringProperty(options={'HIDDEN'})
 
 
-_READ_AT_THE_START = {'filepath', 'pairs_of'}  # only when following or a transfer starts: no update callback
+_WITHOUT_CALLBACK = {'filepath', 'pairs_of'}  # only when following or a transfer starts: no update callback
 declare(DetailDeformTransfer, TRANSFER_SETTINGS,
-        lambda option: None if option.name in _READ_AT_THE_START else _changed)
+        lambda option: None if option.name in _WITHOUT_CALLBACK else _changed)
 
 register, unregister = bpy.utils.register_classes_factory((DetailDeformTransferFailure, DetailDeformTransfer))

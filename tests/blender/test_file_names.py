@@ -86,7 +86,7 @@ def test_baking_again_without_playing_writes_over_the_same_file(tmp_path):
 
 
 def test_a_list_belongs_to_the_object_that_has_its_name(tmp_path, part):
-    list_in = part('setup.matching').list_in
+    list_in = part('setup.matching').list_file
     (tmp_path / 'A_B.txt').write_text("0 0\n", encoding='ascii')
     named, alike = make_strip(5, "A_B"), make_strip(5, "A:B")
     assert list_in(str(tmp_path), named)[0] == str(tmp_path / 'A_B.txt')

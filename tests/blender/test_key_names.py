@@ -39,7 +39,7 @@ def test_spellings_of_different_names(part):
 
 
 def test_which_key_goes_where(part):
-    places = part('results.key_names').places
+    places = part('results.key_names').target_names
     names = ["eyeBlinkLeft", "eyeBlink_L", "jawOpen", "smile"]
     assert places(names, ["EyeBlinkL", "Jaw Open", "jaw_open"], {}, False) == {name: name for name in names}
     assert places(names, ["EyeBlinkL", "Jaw Open", "jaw_open", "smile", "Smile"], {}, True) == {

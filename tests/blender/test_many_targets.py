@@ -375,7 +375,7 @@ def work(part, source, targets):
     transfer, table_of = part('results.transfer'), part('results.transfer_table')
 
     def begin(*obs, what='ALL_KEYS'):
-        wanted = transfer.Wanted(
+        wanted = transfer.TransferRequest(
             what=what, correspondence='AUTOMATIC', filepath="", pairs_of='TRIANGLES', rotation_only=False,
             placing='VERTICES', keep_outside=True, gap=0.0, anchor='SOURCE', anchor_group="", formulation='SURFACE',
             pattern="*", replace=False, drivers=False, names={}, alike_names=False, bake_as='CACHE', start=1, end=5,

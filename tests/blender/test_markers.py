@@ -216,7 +216,7 @@ def test_the_stance_of_a_source_is_a_rotation_and_a_scale(part):
     def stance(of_source, of_target):
         source.matrix_world, target.matrix_world = of_source, of_target
         update()
-        return proportions.stance(source, target)
+        return proportions.relative_transform(source, target)
 
     turned = Matrix.Translation((1, 2, 3)) @ Euler((0.3, 1, -0.2)).to_matrix().to_4x4()
     apart = Matrix.Translation((-5, 0, 2)) @ Matrix.Scale(4, 4)
@@ -328,7 +328,7 @@ def test_a_wrong_marker_is_named_in_the_panel_until_it_is_corrected(part):
     mark(target, 33, False)
     target.vertex_groups.remove(target.vertex_groups["Marker 1"])
     group(target, "Marker 1", [33 * 20 + 25])
-    known = part('ui.known_markers')
+    known = part('ui.marker_cache')
     assert known.doubts(source, target) == ()
     while known._search_on() is not None:
         pass
@@ -379,7 +379,7 @@ def test_markers_behind_the_surface_are_hidden(part):
     ball = bpy.context.active_object
     update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    hidden = part('ui.known_markers').is_hidden
+    hidden = part('ui.marker_cache').is_hidden
     eye = Vector((2, -20, 0))
     places = [ball.matrix_world @ v.co for v in ball.data.vertices]
     front, back = min(places, key=lambda p: p.y), max(places, key=lambda p: p.y)
@@ -395,7 +395,7 @@ def test_markers_behind_the_surface_are_hidden(part):
 
 def test_a_source_knows_its_targets(part):
     source, first, second = raw_strip("Source"), raw_strip("First"), raw_strip("Second")
-    known = part('ui.known_markers')
+    known = part('ui.marker_cache')
     assert known.followers(source) == []
     for target in (first, second):
         target.detail_deform.transfer.source = source
@@ -413,17 +413,17 @@ def test_a_marker_empty_that_is_moved_marks_another_vertex(part):
     ob = raw_strip("Strip")
     empty = add_empty("Marker 4", own(ob)[9], parent=ob)
     update()
-    known = part('ui.known_markers')
-    assert known.of(ob) == {4: 9}
+    known = part('ui.marker_cache')
+    assert known.markers_of(ob) == {4: 9}
     empty.location = own(ob)[70]
     update()
-    assert known.of(ob) == {4: 70}
+    assert known.markers_of(ob) == {4: 70}
 
 
 def test_a_source_that_is_no_mesh_any_more_has_no_markers(part):
     curve = bpy.data.objects.new("Curve", bpy.data.curves.new("Curve", 'CURVE'))
     bpy.context.scene.collection.objects.link(curve)
-    assert part('ui.known_markers').of(curve) == {}
+    assert part('ui.marker_cache').markers_of(curve) == {}
 
 
 def test_markers_in_one_place_are_in_no_doubt(part):

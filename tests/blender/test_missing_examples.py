@@ -92,7 +92,7 @@ def test_nothing_is_coloured_where_no_errors_are_known(searched, part):
     preview, settings = part('ui.preview'), searched.detail_deform
     settings.show_error = True
     assert preview.vertex_colours(searched) is not None
-    part('results.missing_examples').forget()  # called when another file is opened
+    part('session').ended(part('session').Until.LOADED)
     assert preview.vertex_colours(searched) is None
     settings.preview = True
     assert preview.vertex_colours(searched) is not None

@@ -244,7 +244,7 @@ def test_groups_at_once_where_it_takes_less(part, monkeypatch):
     assert not is_at_once()
     monkeypatch.setattr(columns, '_VERTICES_A_GROUP', 0)
     assert is_at_once()
-    monkeypatch.setattr(columns, '_MOST_GROUPS', len(ob.vertex_groups) - 1)
+    monkeypatch.setattr(columns, '_MAX_GROUPS', len(ob.vertex_groups) - 1)
     assert not is_at_once()
 
 

@@ -85,20 +85,20 @@ def test_asking_again_whose_an_empty_is_does_not_go_through_the_scene(module, pa
         ob = bind(make_strip())
         mine = handle(ob)
         activate(foreign)
-        assert not bpy.ops.object.detail_deform_mesh_activate.poll() and owners.of(foreign) == (None, -1)
+        assert not bpy.ops.object.detail_deform_mesh_activate.poll() and owners.handle_of(foreign) == (None, -1)
         with steps_of(module) as count:
             for _ in range(20):
-                assert owners.of(foreign) == (None, -1)
+                assert owners.handle_of(foreign) == (None, -1)
         counts.append(count[0])
         # A change of any handle's empty is noticed at once.
         ob.detail_deform.handles[0].target = foreign
-        assert owners.of(foreign) == (ob, 0) and owners.of(mine)[0] is None
+        assert owners.handle_of(foreign) == (ob, 0) and owners.handle_of(mine)[0] is None
         ob.detail_deform.handles[0].target = mine
-        assert owners.of(foreign)[0] is None and owners.of(mine) == (ob, 0)
+        assert owners.handle_of(foreign)[0] is None and owners.handle_of(mine) == (ob, 0)
         ob.name = "Renamed"
-        assert owners.of(mine) == (ob, 0)
+        assert owners.handle_of(mine) == (ob, 0)
         ob.detail_deform.handles.clear()
-        assert owners.of(mine)[0] is None
+        assert owners.handle_of(mine)[0] is None
     assert counts[0] == counts[1]
 
 

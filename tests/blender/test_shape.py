@@ -246,7 +246,7 @@ def test_with_the_papers_settings_the_addon_shows_the_librarys_result_to_the_bit
     rest = own(bar).astype(np.float32)
     roles = np.where(members(bar, 'held'), 0, np.where(members(bar, 'region'), native.ROLE_FREE, native.ROLE_FIXED))
     bound = native.Bind(rest, part('scene.mesh_data').triangles(bar.data), roles, 1).finish()
-    places = matrices.local_places(bar, bpy.context.evaluated_depsgraph_get())
+    places = matrices.local_transforms(bar, bpy.context.evaluated_depsgraph_get())
     offsets = bound.offsets(matrices.motions(bar.detail_deform, places), refine=0, rim_smoothing=0,
                             base_deformer='LINEAR')
     assert np.array_equal(part('scene.offset_attribute').read(bar.data), offsets.reshape(-1, 3))

@@ -213,7 +213,7 @@ def test_small_cracks_of_transfers_are_closed_and_real_openings_kept(part):
     points, faces = grid()
     parted, own_faces, origin = split(points, faces, along)
     ob = add("Split", parted, own_faces)
-    joined = part('scene.split').Joined(ob)
+    joined = part('scene.split').WeldedMesh(ob)
     side = parted[own_faces[along(points, faces) == 1]]
     is_second = np.isin(np.arange(len(parted)), own_faces[along(points, faces) == 1])
     moved = np.tile((0.1, 0.2, 0.3), (len(parted), 1)) + 0.002 * is_second[:, None]

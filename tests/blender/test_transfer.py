@@ -713,4 +713,4 @@ def test_the_record_of_many_keys_is_read_and_written_once(pair, part, monkeypatc
         assert transfer(source="Source", what='ALL_KEYS') == {'FINISHED'}
         assert calls.count('dumps') == 1 and calls.count('made_keys') < 5
         assert len(target.data.shape_keys.key_blocks) == len(source.data.shape_keys.key_blocks)
-    assert set(transferred.made_keys(target)) == {key.name for key in source.data.shape_keys.key_blocks[1:]}
+    assert set(transferred.transferred_keys(target)) == {key.name for key in source.data.shape_keys.key_blocks[1:]}

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..library import native
 from ..scene import (carried, dependency, group_columns, handle_matrices, handle_owners, mesh_data, node_group,
-                     offset_attribute, outside_base, proportions, renamed, seen, split, stack, start)
+                     offset_attribute, outside_base, proportions, renamed_groups, displayed, split, stack, start)
 from ..scene.mesh_data import MeshProblem
 from . import bound, content, hints, life, registry
 
@@ -28,17 +28,17 @@ def bind(ob, depsgraph, wait, keep_rest):
         raise MeshProblem(f"'{ob.name}' follows '{settings.transfer.source.name if settings.transfer.source else ''}': "
                           "press Follow to stop that (Detail Deform: Transfer) before you bind it to handles.")
     offset_attribute.check_name(ob)
-    start.forget_strange(ob)
+    start.forget_foreign(ob)
     if keep_rest:
         bound.carry_along(ob, depsgraph)
     topology = mesh_data.topology_signature(ob.data)
-    joined = split.Joined(ob, topology)
-    renamed.follow(ob)
-    renamed.note(ob)
+    joined = split.WeldedMesh(ob, topology)
+    renamed_groups.update_names(ob)
+    renamed_groups.store_names(ob)
     known = content.roles_of(ob, group_columns.entries, joined)
     roles = known.of_all
     poses = _poses(ob, roles, depsgraph, only_new=keep_rest)
-    places = handle_matrices.local_places(ob, depsgraph, poses)
+    places = handle_matrices.local_transforms(ob, depsgraph, poses)
     # The checks up to bound.refuse() leave the present binding when they raise.
     if not keep_rest or _has_come(settings):
         handle_matrices.check_rest(settings, places)
@@ -60,13 +60,13 @@ def bind(ob, depsgraph, wait, keep_rest):
         outside_base.forget_rest(settings)
     settings.proportions = proportions.of(ob).ravel().tolist()
     for number, pose in poses.items():
-        handle_matrices.set_pose(handle_matrices.enabled_handles(settings)[number], pose)
-    _find_start(ob, places, keep_rest, handle_matrices.rest_places(ob, places, roles, depsgraph))
+        handle_matrices.set_pose_matrix(handle_matrices.enabled_handles(settings)[number], pose)
+    _find_start(ob, places, keep_rest, handle_matrices.rest_transforms(ob, places, roles, depsgraph))
     handle_matrices.motions(settings, places)  # raises if a rest place is singular
 
     signature = content.signature(content.shape_signature(ob, topology), known, options)
     life.start(bound, signature, lambda: bound.begin(ob, signature, known, options, joined))
-    settings.signature, settings.bound_points = signature, carried.points(ob.data)
+    settings.signature, settings.bound_points = signature, carried.sample_points(ob.data)
     hints.of_region(ob, known, joined)  # memoized while the roles are at hand: reading groups is slow
     bound.note_handles(settings)
     settings.begun_as = ob.name
@@ -82,15 +82,15 @@ def bind(ob, depsgraph, wait, keep_rest):
 
 
 def _poses(ob, roles, depsgraph, only_new):
-    """{number: handle_matrices.pose_through()} of the handles with empties; only_new: those without a rest place."""
+    """{number: handle_matrices.pose_matrix_beside_bone()} of the handles with empties; only_new: those without a rest place."""
     chosen = {number: handle.target for number, handle in enumerate(handle_matrices.enabled_handles(ob.detail_deform))
               if handle.target and not handle.mirrors and not (only_new and handle_matrices.has_rest(handle))}
-    if not chosen or not seen.needs_measuring(ob) or ob.detail_deform.base == 'OBJECT':
+    if not chosen or not displayed.needs_measuring(ob) or ob.detail_deform.base == 'OBJECT':
         return dict.fromkeys(chosen)
     order = np.argsort(roles, kind='stable')
     begins, ends = (np.searchsorted(roles[order], list(chosen), side) for side in ('left', 'right'))
-    motions = seen.motions(ob, [order[begin:end] for begin, end in zip(begins, ends)], depsgraph)
-    return {number: handle_matrices.pose_through(ob, empty, motion, depsgraph)
+    motions = displayed.similarities(ob, [order[begin:end] for begin, end in zip(begins, ends)], depsgraph)
+    return {number: handle_matrices.pose_matrix_beside_bone(ob, empty, motion, depsgraph)
             for (number, empty), motion in zip(chosen.items(), motions)}
 
 
@@ -100,9 +100,9 @@ def _find_start(ob, places, keep_rest, rest_places):
     if settings.base == 'OBJECT' or not keep_rest:
         start.forget(ob.data)
     if settings.base == 'COMPUTED':
-        start.take_keys(ob)
-        if keep_rest and _has_come(settings) and start.take_deformation(ob):
-            handle_matrices.start_here(settings, places)
+        start.store_key_offsets(ob)
+        if keep_rest and _has_come(settings) and start.store_previous_offsets(ob):
+            handle_matrices.make_present_rest(settings, places)
             return
     handle_matrices.store_rest(settings, rest_places, only_new=keep_rest)
 
@@ -111,8 +111,8 @@ def go_home(ob, depsgraph, wait):
     """Makes the undeformed mesh the start again, by a new bind, if the start was deformed or a handle was added. To be
     called when all handles are back at their home places."""
     settings = ob.detail_deform
-    if settings.signature and (start.forget_deformation(ob.data) or _has_come(settings)):
-        handle_matrices.go_home(settings)
+    if settings.signature and (start.forget_previous_offsets(ob.data) or _has_come(settings)):
+        handle_matrices.reset_rests_to_homes(settings)
         offset_attribute.remove(ob.data)  # else bind() would take the shown deformation as the start
         bind(ob, depsgraph, wait, keep_rest=True)
 
@@ -155,13 +155,13 @@ def _need_base(ob):
 
 
 _STATE = ('signature', 'stale', 'problem', 'bound_points', 'compared_handles', 'proportions')
-_OF_MESHES = (offset_attribute.KEPT, offset_attribute.KEYED)
+_OF_MESHES = (offset_attribute.PREVIOUS_OFFSETS, offset_attribute.SHAPE_KEY_OFFSETS)
 
 
 class Kept(NamedTuple):
     """The state of a binding, to be restored if the bind that replaces it is cancelled."""
     state: list  # values of _STATE
-    places: list  # values of handle_matrices.KEPT, for each handle
+    places: list  # values of handle_matrices.BINDING_PROPERTIES, for each handle
     attributes: list  # vectors of the attributes _OF_MESHES; None for each that the mesh lacks
 
 
@@ -169,7 +169,7 @@ def kept(ob):
     """The present Kept, for restore()."""
     settings = ob.detail_deform
     return Kept([getattr(settings, name) for name in _STATE],
-                [[getattr(handle, name)[:] for name in handle_matrices.KEPT] for handle in settings.handles],
+                [[getattr(handle, name)[:] for name in handle_matrices.BINDING_PROPERTIES] for handle in settings.handles],
                 [offset_attribute.read(ob.data, name) if offset_attribute.find(ob.data, name) else None
                  for name in _OF_MESHES])
 
@@ -177,11 +177,11 @@ def kept(ob):
 def restore(ob, present):
     settings = ob.detail_deform
     for handle, places in zip(settings.handles, present.places):
-        for name, place in zip(handle_matrices.KEPT, places):
+        for name, place in zip(handle_matrices.BINDING_PROPERTIES, places):
             setattr(handle, name, place)
     for name, vectors in zip(_OF_MESHES, present.attributes):
         if vectors is None:
-            offset_attribute.take_away(ob.data, name)
+            offset_attribute.remove_attribute(ob.data, name)
         else:
             offset_attribute.put(ob.data, name, vectors.ravel())
     for name, value in zip(_STATE, present.state):
@@ -200,7 +200,7 @@ def cancel(ob):
 
 def unbind(ob, keep_rest=False):
     """Removes the binding; the mesh shows its rest shape. keep_rest: the handles keep their home places as rest."""
-    homes = [handle_matrices.kept_home(handle) for handle in ob.detail_deform.handles] if keep_rest else ()
+    homes = [handle_matrices.home_to_store(handle) for handle in ob.detail_deform.handles] if keep_rest else ()
     life.end(bound, ob)
     for handle, kept in zip(ob.detail_deform.handles, homes):
         handle.rest_matrix, handle.rest_euler, handle.rest_order = kept
@@ -212,7 +212,7 @@ def make_base_object(ob):
     entry = bound.cache.find(settings.signature)
     if entry is None or settings.stale or settings.base == 'OBJECT':
         raise MeshProblem("Set Base to Computed and press Bind first: that base is what becomes an object.")
-    if start.is_deformed(ob.data):
+    if start.has_previous_offsets(ob.data):
         raise MeshProblem("A handle was added to the deformed surface, and a base is made of the mesh without "
                           "deformation: put all handles back to rest first (All Back to Rest).")
     rest = native.at_rest(entry.made.info.handle_count)

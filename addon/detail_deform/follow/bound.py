@@ -8,7 +8,7 @@ import numpy as np
 
 from ..library import native
 from ..scene import (carried, dependency, handle_matrices, mesh_data, mirror_plane, node_group, offset_attribute,
-                     outside_base, proportions, renamed, split, start)
+                     outside_base, proportions, renamed_groups, split, start)
 from ..scene.mesh_data import MeshProblem
 from ..scene.window import redraw_panels
 from . import content, look, made, placed, shown, slow_results
@@ -73,19 +73,19 @@ def carry_along(ob, depsgraph):
     """Transforms all that is stored in the object's space after Set Origin or Apply has changed that space, so that the
     next Bind keeps the pose."""
     of = ob.detail_deform
-    motion = carried.motion_since(ob.data, of.bound_points) if of.bound_points else None
+    motion = carried.space_change(ob.data, of.bound_points) if of.bound_points else None
     if motion is None:
         return
     try:
-        now = carried.places(ob, depsgraph)
+        now = carried.transforms(ob, depsgraph)
     except MeshProblem:
         return  # the next update reports it
     record = shown.by(ob.data)
-    before = record.places if record and record.places is not None else carried.rest_places(of)
-    if len(before) == len(now) and carried.went_along(motion, before, now):
+    before = record.places if record and record.places is not None else carried.rest_transforms(of)
+    if len(before) == len(now) and carried.moved_with_space(motion, before, now):
         carried.carry(ob, motion)
     else:
-        of.bound_points = carried.points(ob.data)  # the user moved all vertices: later motions are relative to this
+        of.bound_points = carried.sample_points(ob.data)  # the user moved all vertices: later motions are relative to this
 
 
 def _show_whole(ob):
@@ -136,7 +136,7 @@ def is_for(ob, entry):
 # Made and lost
 
 def begin(ob, signature, roles, options, joined):
-    """Starts to bind, and returns the job. roles: content.Roles. joined: the object's split.Joined."""
+    """Starts to bind, and returns the job. roles: content.Roles. joined: the object's split.WeldedMesh."""
     of, triangles = ob.detail_deform, mesh_data.triangles(ob.data)
     hung = content.hung(ob, roles.of_all, triangles)
     placed.know(ob, signature, joined, triangles, hung)
@@ -159,7 +159,7 @@ def _has_draft(vertex_count):
 
 def with_free(asked, of):
     """The options of an update, with those for free handles if there are any."""
-    free = handle_matrices.free(of)
+    free = handle_matrices.are_free(of)
     if not free.any():
         return asked
     pivots = proportions.bound(of).to(handle_matrices.pivots(of))
@@ -167,7 +167,7 @@ def with_free(asked, of):
 
 
 def job(ob):
-    joined = split.Joined(ob)
+    joined = split.WeldedMesh(ob)
     return begin(ob, content_of(ob), content.roles_of(ob, joined=joined), content.options(ob), joined)
 
 
@@ -186,7 +186,7 @@ def forget(ob):
     of = ob.detail_deform
     _forget(of)
     for handle in of.handles:
-        for name in handle_matrices.KEPT:
+        for name in handle_matrices.BINDING_PROPERTIES:
             handle.property_unset(name)
     start.forget(ob.data)
     outside_base.forget_rest(of)
@@ -200,7 +200,7 @@ def check_frame(ob):
     try:
         content.check_groups(ob)
     except MeshProblem:
-        if not renamed.follow(ob):
+        if not renamed_groups.update_names(ob):
             raise
         check_frame(ob)  # another group may be missing
 
@@ -213,23 +213,23 @@ class Frame:
         self._ob, self._deformer, self.is_draft = ob, deformer, deformer.is_draft
         self._handles = [handle.name for handle in handle_matrices.enabled_handles(of)]
         record = shown.by(ob.data)
-        places = handle_matrices.local_places(ob, depsgraph, last=record and record.places)
+        places = handle_matrices.local_transforms(ob, depsgraph, last=record and record.places)
         motions, space = handle_matrices.motions(of, places), proportions.bound(of)
-        self._only_moved = handle_matrices.only_move(motions)
+        self._only_moved = handle_matrices.are_translations(motions)
         self._motions, self._base = space.motions(motions), None
         own = [not handle.mirrors for handle in handle_matrices.enabled_handles(of)]
         self._places = None if of.base == 'OBJECT' else places[own]
         self._asked = look.asked(of)
-        self._free = handle_matrices.free(of)
+        self._free = handle_matrices.are_free(of)
         self.key = (of.signature, self._motions.tobytes(), self._asked.copy(), self._free.tobytes(),
-                    mirror_plane.key(ob), look.soft_border(of))
+                    mirror_plane.signature(ob), look.soft_border(of))
         self._asked = with_free(self._asked, of)
         self._turns = np.zeros((len(self._motions), 3))
         if of.base == 'OBJECT':
             self._base = space.to(outside_base.deformed_positions(ob, depsgraph))
             self.key += (self._base.tobytes(),)
         elif look.knows_whole_turns(of):
-            self._turns = handle_matrices.turns(of, places, depsgraph, space.linear)
+            self._turns = handle_matrices.turn_vectors(of, places, depsgraph, space.linear)
             self.key += (self._turns.tobytes(),)
 
     def by(self, deformer):

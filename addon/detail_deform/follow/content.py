@@ -88,8 +88,8 @@ def roles(ob, entries=None, joined=None):
 
 def roles_of(ob, entries=None, joined=None):
     """The object's Roles. entries: the function that reads groups, as for mesh_data.roles. joined: the object's
-    split.Joined, if the caller has one. Raises MeshProblem naming the group or handle."""
-    settings, joined = ob.detail_deform, joined or split.Joined(ob)
+    split.WeldedMesh, if the caller has one. Raises MeshProblem naming the group or handle."""
+    settings, joined = ob.detail_deform, joined or split.WeldedMesh(ob)
     check_groups(ob)
     names = reaches_of(settings)
     of_all = mesh_data.roles(ob, _region(settings, names), handle_groups(settings), settings.base == 'COMPUTED',
@@ -106,7 +106,7 @@ def roles_of(ob, entries=None, joined=None):
     reaches, inside = [reaches[place] for place in order], [inside[place] for place in order]
     part_of = np.array([reaches.index(name) for name in names])[np.maximum(of_all, 0)]
     enabled = handle_matrices.enabled_handles(settings)
-    parts, moves, edges = [], np.zeros(len(of_all), bool), joined.between(mesh_data.edges(ob.data))
+    parts, moves, edges = [], np.zeros(len(of_all), bool), joined.representatives(mesh_data.edges(ob.data))
     for place, (name, free) in enumerate(zip(reaches, inside)):
         free = free[(of_all[free] < 0) | (part_of[free] > place)]
         numbers = np.flatnonzero([other == name for other in names])
@@ -161,9 +161,9 @@ def _text(value):
 
 
 def parts_to_bind(ob, known, joined, triangles, hung_ones):
-    """[reaches.Part] of the object, in proportions.bound(). known: Roles. joined: the object's split.Joined. triangles:
+    """[reaches.Part] of the object, in proportions.bound(). known: Roles. joined: the object's split.WeldedMesh. triangles:
     of its mesh. hung_ones: of hung(); these vertices are fixed here, and follow the deformed surface (placed.py)."""
-    positions, triangles = proportions.bound(ob.detail_deform).to(start.shape(ob)), joined.between(triangles)
+    positions, triangles = proportions.bound(ob.detail_deform).to(start.shape(ob)), joined.representatives(triangles)
     surface, found = reaches.Surface(positions, triangles), []
     for part in known.parts:
         hung = hung_ones if part.is_whole else hung_ones[part.vertices]
@@ -201,7 +201,7 @@ def difference(ob):
     if shape[0] != positions:
         return VERTICES_MOVED
     try:
-        current = signature(shape, roles_of(ob, joined=split.Joined(ob, topology)), options(ob)).split('.', 3)
+        current = signature(shape, roles_of(ob, joined=split.WeldedMesh(ob, topology)), options(ob)).split('.', 3)
     except MeshProblem as problem:
         return str(problem)
     if current[2] != bound_roles:

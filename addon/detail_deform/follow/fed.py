@@ -69,7 +69,7 @@ def content(source, ob, to_keep=None):
     of = ob.detail_deform.transfer
     how, kept, worn = of.correspondence, correspondence.digest(ob), correspondence.is_by_nearest(ob)
     if to_keep:
-        how, kept, worn = 'STORED', correspondence.digest_of(to_keep), to_keep.stance is not None
+        how, kept, worn = 'STORED', correspondence.digest_of(to_keep), to_keep.relative_transform is not None
     by = 'TOPOLOGY' if how == 'TOPOLOGY' else f"STORED.{kept}"
     return prepared.content(source, ob, by, prepared.How.of(of), worn)
 
@@ -84,7 +84,7 @@ def check(ob):
     """Computes the signature of the present meshes and settings, and stores it as that of the transfer needed."""
     of = ob.detail_deform.transfer
     if of.source is not None and of.source.type == 'MESH':
-        correspondence.carry_stance(of.source, ob)
+        correspondence.carry_relative_transform(of.source, ob)
         needed = content(of.source, ob)
         if of.prepared_for != needed:
             of.prepared_for = needed
@@ -187,13 +187,13 @@ class Frame:
         of = ob.detail_deform.transfer
         self._ob, self._transfer, self._rotation_only = ob, transfer, of.rotation_only
         self._pose = _pose(of.source, depsgraph, transfer.wide)
-        self.key = (of.prepared_for, self._pose.tobytes(), of.rotation_only, mirror_plane.key(ob))
+        self.key = (of.prepared_for, self._pose.tobytes(), of.rotation_only, mirror_plane.signature(ob))
 
     is_hurried = is_draft = False
 
     def offsets(self, share):
         moved = self._transfer.apply(self._pose, self._rotation_only)
-        return placed.followed(self._ob, self.key[0], (moved - mesh_data.rest(self._ob.data)).ravel())
+        return placed.followed(self._ob, self.key[0], (moved - mesh_data.rest_positions(self._ob.data)).ravel())
 
     def written(self, record, wait):
         pass

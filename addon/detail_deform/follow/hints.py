@@ -5,7 +5,7 @@ import numpy as np
 
 from .. import session
 from ..library import native
-from ..scene import components, examples, handle_matrices, mesh_data, split, way_back
+from ..scene import components, examples, handle_matrices, mesh_data, split, feedback
 from ..scene.mesh_data import MeshProblem
 from . import content, misshapen, registry
 
@@ -19,13 +19,13 @@ _of_regions = session.Memo(_MOST)  # {(signature, method): sentences}, as readin
 
 def of_region(ob, roles=None, joined=None):
     """Warnings about the region and the examples of a bound object; memoized. roles: its content.Roles, joined: its
-    split.Joined, if the caller has them."""
+    split.WeldedMesh, if the caller has them."""
     key = (ob.detail_deform.signature, ob.detail_deform.method)
     if key not in _of_regions:
         try:
-            joined = joined or split.Joined(ob)
+            joined = joined or split.WeldedMesh(ob)
             roles = roles or content.roles_of(ob, joined=joined)
-            found = list(_of_region(ob, roles, joined.between(mesh_data.edges(ob.data))))
+            found = list(_of_region(ob, roles, joined.representatives(mesh_data.edges(ob.data))))
         except MeshProblem:  # the object is stale, or about to be
             return ()
         return _of_regions.put(key, found)
@@ -75,7 +75,7 @@ def _around(part, edges):
 def _move_as_a_whole(roles, edges):
     """Numbers of the handles that are alone on a connected component with free vertices and without fixed ones."""
     inside = roles != native.ROLE_FIXED
-    parts = components.least(len(roles), edges[inside[edges].all(axis=1)])
+    parts = components.labels(len(roles), edges[inside[edges].all(axis=1)])
     is_held = np.zeros(len(roles), bool)  # by a component's number: whether a fixed vertex is beside it
     is_held[parts[inside & _beside(edges, ~inside)]] = True
     follows = np.zeros(len(roles), bool)
@@ -95,7 +95,7 @@ def _beside(edges, chosen):
 
 
 def _of_examples(ob, region, border):
-    rest, chosen = mesh_data.rest(ob.data), examples.enabled(ob.detail_deform)
+    rest, chosen = mesh_data.rest_positions(ob.data), examples.enabled(ob.detail_deform)
     if not chosen:
         return
     flaw_of = misshapen.Flaws(rest, mesh_data.triangles(ob.data), region).of
@@ -115,9 +115,9 @@ def _of_examples(ob, region, border):
 
 def goes_by_its_mesh(ob):
     """(name, reason) of a handle whose empty depends on vertices that it moves (a feedback loop), or None."""
-    search = way_back.Search(ob)
+    search = feedback.FeedbackSearch(ob)
     for handle in handle_matrices.with_empties(ob.detail_deform):
-        why = handle.target and search.of_place(handle.target)
+        why = handle.target and search.through_transform(handle.target)
         if why:
             return handle.name, why
     return None
@@ -125,9 +125,9 @@ def goes_by_its_mesh(ob):
 
 def gone_empties(ob, depsgraph):
     """Names of handles whose empties were deleted."""
-    whereabouts = handle_matrices.Whereabouts(depsgraph)
+    whereabouts = handle_matrices.ObjectPresence(depsgraph)
     return [handle.name for handle in handle_matrices.with_empties(ob.detail_deform)
-            if whereabouts.is_gone(handle.target)]
+            if whereabouts.is_deleted(handle.target)]
 
 
 def is_posed_alike(ob, other):

@@ -12,7 +12,7 @@ import bpy
 
 from .. import session, timers
 from ..library import native
-from ..scene import node_group, offset_attribute, reach, renamed
+from ..scene import node_group, offset_attribute, attribute_reaches, renamed_groups
 from ..scene.window import redraw_panels
 from . import bound, drag, fed, problem_vertices, registry, shown, slow_results, words
 from .kind import Kind
@@ -69,7 +69,7 @@ def refresh(ob, depsgraph, force=False):
         kind.check_frame(ob)
         entry = _made(kind, ob, depsgraph, wait)
         if entry:
-            problem = _show(kind, ob, entry, depsgraph, force, wait) or reach.why_not(ob, depsgraph)
+            problem = _show(kind, ob, entry, depsgraph, force, wait) or attribute_reaches.why_not(ob, depsgraph)
         elif not kind.has(ob):  # check() has ended it, and stored why
             return
     except words.TOLD as error:
@@ -191,8 +191,8 @@ def check(ob):
     """Compares the object's content with the one that was bound, and stores the difference in its settings."""
     kind = kind_of(ob)
     try:
-        renamed.follow(ob)
-        renamed.note(ob)
+        renamed_groups.update_names(ob)
+        renamed_groups.store_names(ob)
         lost = kind and kind.check(ob)
     except MemoryError:
         return  # the next update reports it

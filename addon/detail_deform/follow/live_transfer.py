@@ -4,9 +4,9 @@
 import bpy
 
 from ..library.options import NEAREST
-from ..scene import below, correspondence, node_group, offset_attribute, reach, source_pose, stack, transferred
+from ..scene import partial_evaluation, correspondence, node_group, offset_attribute, attribute_reaches, source_pose, stack, transferred
 from ..scene.mesh_data import MeshProblem
-from ..scene.start import forget_strange
+from ..scene.start import forget_foreign
 from . import binding, fed, life, registry
 
 
@@ -43,7 +43,7 @@ def start(context, ob, source, matched=None):
         correspondence.store(matched, source, ob)
         if matched.pairs_of != NEAREST:  # nearest points are found anew at each start
             settings.correspondence = 'STORED'
-    forget_strange(ob)
+    forget_foreign(ob)
     modifier = stack.ensure_modifier(ob)
     if settings.source != source:
         settings.source = source
@@ -86,11 +86,11 @@ def state(ob):
         return settings.problem or fed.GONE
     # The depsgraph as it is: this is drawn, and drawing must not evaluate the scene.
     depsgraph = bpy.context.view_layer.depsgraph
-    left_out = below.left_out(settings.source, depsgraph) if depsgraph else ""
+    left_out = partial_evaluation.left_out(settings.source, depsgraph) if depsgraph else ""
     entry = fed.cache.find(settings.prepared_for)
     unfollowed = entry.made.unfollowed if entry else ""
     return ' '.join(filter(None, (f"Follows '{settings.source.name}'.", left_out, unfollowed,
-                                  ob.detail_deform.render_problem, reach.influence_gone(ob), stack.why_not_here(ob))))
+                                  ob.detail_deform.render_problem, attribute_reaches.influence_gone(ob), stack.why_misplaced(ob))))
 
 
 def is_preparing(ob):

@@ -19,8 +19,8 @@ def _memo():
 
 # By the signature of the content:
 _seams = _memo()  # mirror_plane.Seams
-_ways = _memo()  # of soft_border.ways
-_joined = _memo()  # split.Joined
+_ways = _memo()  # of soft_border.border_fractions
+_joined = _memo()  # split.WeldedMesh
 _hanging = _memo()  # _Hanging
 _closings = _memo()  # Closing, by the signature of the transfer
 
@@ -30,18 +30,18 @@ def offsets(ob, computed, has_faded):
     proportions.bound(). has_faded: whether the soft border has been applied to them."""
     width, signature = look.soft_border(ob.detail_deform), ob.detail_deform.signature
     if width and not has_faded:
-        ways = _ways.of(signature, lambda: soft_border.of(ob, content.roles(ob)))
-        computed = computed * np.repeat(soft_border.shares(ways, width), 3)
+        ways = _ways.of(signature, lambda: soft_border.border_fractions_of(ob, content.roles(ob)))
+        computed = computed * np.repeat(soft_border.fade_weights(ways, width), 3)
     space = proportions.bound(ob.detail_deform)
-    computed = _joined.of(signature, lambda: split.Joined(ob)).copied(computed)
+    computed = _joined.of(signature, lambda: split.WeldedMesh(ob)).spread(computed)
     computed = _hanging.of(signature, lambda: _find_hanging(ob), lambda hanging: hanging.fits(ob)).placed(computed)
     computed = space.back(computed.reshape(-1, 3)).ravel()
-    return _closed(ob, signature, start.with_kept(ob.data, computed))
+    return _closed(ob, signature, start.with_previous_offsets(ob.data, computed))
 
 
 def followed(ob, made_for, computed):
     """(3 n,) float32: the offsets to write, of a mesh that follows a source. made_for: signature of its transfer."""
-    key = mirror_plane.key(ob)
+    key = mirror_plane.signature(ob)
     return _closings.of(made_for, lambda: Closing(ob), lambda closing: closing.key == key).of(computed)
 
 
@@ -49,7 +49,7 @@ class Closing:
     """Keeps seams of a transfer's target closed: those of its Mirror modifiers, and those between split vertices."""
 
     def __init__(self, ob):
-        self.key, self._joined = mirror_plane.key(ob), split.Joined(ob)
+        self.key, self._joined = mirror_plane.signature(ob), split.WeldedMesh(ob)
         self._seams = mirror_plane.Seams(ob) if self.key else None
 
     def of(self, offsets):
@@ -58,7 +58,7 @@ class Closing:
 
 
 def _closed(ob, made_for, result):
-    key = mirror_plane.key(ob)
+    key = mirror_plane.signature(ob)
     if not key:
         return result
     return _seams.of(made_for, lambda: mirror_plane.Seams(ob, content.roles(ob)),
@@ -82,7 +82,7 @@ class _Hanging:
     def __init__(self, ob, triangles, hung):
         self._edge_count = len(ob.data.edges)  # the signature doesn't contain loose edges
         self._shape = proportions.bound(ob.detail_deform).to(start.shape(ob)) if hung.any() else None
-        self._loose = hung.any() and loose.Loose(self._shape, triangles, mesh_data.edges(ob.data), chosen=hung)
+        self._loose = hung.any() and loose.LooseVertices(self._shape, triangles, mesh_data.edges(ob.data), chosen=hung)
 
     def fits(self, ob):
         return len(ob.data.edges) == self._edge_count

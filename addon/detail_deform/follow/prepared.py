@@ -7,27 +7,27 @@ import bpy
 import numpy as np
 
 from ..library import native
-from ..scene import mesh_data, proportions, wider
-from ..scene.loose import Loose
+from ..scene import mesh_data, proportions, mirrored_source
+from ..scene.loose import LooseVertices
 from ..scene.mesh_data import MeshProblem
 
 
 def _spaces(source, target, stance):
-    """[proportions.Space] of source and target. With a stance, (4, 4) from the source's space to the target's, the
+    """[proportions.ProportionalSpace] of source and target. With a stance, (4, 4) from the source's space to the target's, the
     source is placed relative to the target; else each space only has the object's proportions."""
-    own = [proportions.Space(proportions.of(ob)) for ob in (source, target)]
+    own = [proportions.ProportionalSpace(proportions.of(ob)) for ob in (source, target)]
     if stance is None:
         return own
     linear = own[1].linear
-    return [proportions.Space(linear @ stance[:3, :3], linear @ stance[:3, 3]), own[1]]
+    return [proportions.ProportionalSpace(linear @ stance[:3, :3], linear @ stance[:3, 3]), own[1]]
 
 
 class Prepared:
     """A factored transfer between two objects, computed in the proportions that they have in the scene."""
 
     def __init__(self, transfer, source, target, worn, loose, wide, unfollowed):
-        """source, target: the proportions.Space of each. worn: whether the correspondence is by nearest points. loose:
-        the target's Loose. wide: the source's wider.Wider, or None. unfollowed: of wider.unfollowed()."""
+        """source, target: the proportions.ProportionalSpace of each. worn: whether the correspondence is by nearest points. loose:
+        the target's Loose. wide: the source's mirrored_source.MirroredSource, or None. unfollowed: of mirrored_source.unfollowed()."""
         self.info, self.worn, self.wide, self.unfollowed = transfer.info, worn, wide, unfollowed
         self._transfer, self._source, self._target, self._loose = transfer, source, target, loose
 
@@ -67,16 +67,16 @@ class Preparation:
 
     def __init__(self, source, target, matched, how, precision='DOUBLE'):
         """how: a How. Raises MeshProblem or native.NativeError."""
-        self._spaces, self._worn = _spaces(source, target, matched.stance), matched.stance is not None
-        shapes = [mesh_data.rest(ob.data) for ob in (source, target)]
+        self._spaces, self._worn = _spaces(source, target, matched.relative_transform), matched.relative_transform is not None
+        shapes = [mesh_data.rest_positions(ob.data) for ob in (source, target)]
         sides = [matched.source_triangles, matched.target_triangles]
-        self._wide, self._unfollowed = wider.find(source) if self._worn else None, ""
+        self._wide, self._unfollowed = mirrored_source.find(source) if self._worn else None, ""
         if self._wide:
             shapes[0], sides[0] = self._wide.of(shapes[0]), self._wide.triangles
         if self._worn:
-            self._unfollowed = _unfollowed(source, (shapes[0], sides[0]), shapes[1], matched.stance)
+            self._unfollowed = _unfollowed(source, (shapes[0], sides[0]), shapes[1], matched.relative_transform)
         meshes = [[space.to(shape), triangles] for space, shape, triangles in zip(self._spaces, shapes, sides)]
-        self._loose = Loose(meshes[1][0], mesh_data.triangles(target.data), mesh_data.edges(target.data),
+        self._loose = LooseVertices(meshes[1][0], mesh_data.triangles(target.data), mesh_data.edges(target.data),
                             meshes[0][0] if matched.is_by_topology else None)
         more = {}
         if self._worn:
@@ -106,7 +106,7 @@ class Preparation:
 def _unfollowed(source, followed, shape, stance):
     back = np.linalg.inv(stance)
     points = shape @ back[:3, :3].T + back[:3, 3]
-    return wider.unfollowed(source, followed, points, bpy.context.evaluated_depsgraph_get())
+    return mirrored_source.unfollowed(source, followed, points, bpy.context.evaluated_depsgraph_get())
 
 
 def content(source, target, by, how, worn):
@@ -115,11 +115,11 @@ def content(source, target, by, how, worn):
     anchors = ""
     if how.anchor_group in target.vertex_groups and how.anchor in {'VERTICES', 'PINNED'}:
         anchors = mesh_data.signature(mesh_data.members(target, how.anchor_group))
-    meshes = [mesh_data.signature(mesh_data.rest(side.data)) + mesh_data.topology_signature(side.data)
+    meshes = [mesh_data.signature(mesh_data.rest_positions(side.data)) + mesh_data.topology_signature(side.data)
               for side in (source, target)]
     scales = [proportions.signature(side) for side in (source, target)]
     return '.'.join([*meshes, by, how.anchor, anchors, how.formulation, how.placing, f"{how.least_gap:.5g}",
-                     *scales, wider.key(source) if worn else "", str(len(target.data.edges))])
+                     *scales, mirrored_source.signature(source) if worn else "", str(len(target.data.edges))])
 
 
 def _anchors(target, how):

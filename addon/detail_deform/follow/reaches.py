@@ -107,9 +107,9 @@ class Part:
         return functions, np.linalg.pinv(weighted @ functions, rcond=_LEAST_VARIATION, hermitian=True) @ weighted
 
     def shares_of_way(self):
-        """(k,): as soft_border.ways."""
+        """(k,): as soft_border.border_fractions."""
         if self._ways is None:
-            self._ways = soft_border.ways(self.roles, lambda chosen: native.distances(
+            self._ways = soft_border.border_fractions(self.roles, lambda chosen: native.distances(
                 self.positions, self.triangles, chosen))
         return self._ways
 
@@ -136,7 +136,7 @@ class Part:
         offsets = offsets.reshape(-1, 3)
         if not width:
             return offsets
-        return offsets * soft_border.shares(self.shares_of_way(), width)[:, None]
+        return offsets * soft_border.fade_weights(self.shares_of_way(), width)[:, None]
 
     def vertex(self, number):
         """The index in the whole mesh of a vertex of the part."""

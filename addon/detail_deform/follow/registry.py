@@ -38,7 +38,7 @@ def _is_there(ob):
 
 def members():
     """All objects of this file that are bound or follow a source."""
-    known, uses = _known.members, node_group.uses()
+    known, uses = _known.members, node_group.user_count()
     if known is None or uses != _known.uses or not all(map(_is_there, known)):
         known = [ob for ob in bpy.data.objects if _is_member(ob)]
         _known.members, _known.uses = known, uses

@@ -76,8 +76,8 @@ def show_rest(mesh):
 
 def show_start(mesh):
     """Removes the offsets, except for the deformation that the binding started from."""
-    if start.is_deformed(mesh):
-        show(mesh, start.with_kept(mesh, np.zeros(3 * len(mesh.vertices), np.float32)), None)
+    if start.has_previous_offsets(mesh):
+        show(mesh, start.with_previous_offsets(mesh, np.zeros(3 * len(mesh.vertices), np.float32)), None)
     else:
         show_rest(mesh)
 

@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..scene import carried, examples, handle_matrices, node_group, offset_attribute, posers, proportions, reach, stack
+from ..scene import carried, examples, handle_matrices, node_group, offset_attribute, posers, proportions, attribute_reaches, stack
 from . import bound, hints, look, shown, slow_results, words
 
 
@@ -130,10 +130,10 @@ def _remarks(ob, info):
     """Generator of sentences: what may surprise the user about this mesh or this method."""
     modifier = node_group.find_modifier(ob)
     is_hidden = modifier is not None and not modifier.show_viewport
-    plays_keys = is_hidden and ob.detail_deform.method == 'EXAMPLES' and examples.are_keyed(ob)
+    plays_keys = is_hidden and ob.detail_deform.method == 'EXAMPLES' and examples.are_animated(ob)
     if node_group.find_cache(ob):
         yield "A baked cache is played in its place: press Go Live to follow the handles again."
-        if ob.detail_deform.cached_points not in {"", carried.points(ob.data)}:
+        if ob.detail_deform.cached_points not in {"", carried.sample_points(ob.data)}:
             yield ("The mesh's vertices have moved or changed since then, and the cache plays the places of before: "
                    "press Go Live, and Bake again.")
     elif modifier is None:
@@ -145,7 +145,7 @@ def _remarks(ob, info):
     if proportions.changed_since(ob) > _UNEVEN:
         yield (f"'{ob.name}' is scaled along other directions than when it was bound, so that details that turn are "
                "sheared: press Re-bind.")
-    yield from filter(None, (ob.detail_deform.render_problem, reach.influence_gone(ob), stack.why_not_here(ob)))
+    yield from filter(None, (ob.detail_deform.render_problem, attribute_reaches.influence_gone(ob), stack.why_misplaced(ob)))
     if info.resting_count:
         yield (f"{_count(info.resting_component_count, 'loose part', 'loose parts')} of the region "
                f"({_count(info.resting_count, 'vertex', 'vertices')}, such as vertex "
@@ -214,7 +214,7 @@ def _remarks(ob, info):
         keys = examples.shown_keys(ob)
         if keys and not plays_keys:
             yield f"Shape keys that are examples are shown too, as {_names(keys[:3])}: set their values to 0."
-        twice = posers.twice(ob)
+        twice = posers.applied_twice(ob)
         if twice:
             yield f"{_names(twice)} poses the result once more, of whose poses there are examples: switch it off."
     if settings.method == 'GRADIENT' and settings.base == 'OBJECT':

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from ..follow import registry
-from ..results import alembic, bake, keyed_weights, point_cache
+from ..results import alembic, bake, keyframed_weights, point_cache
 from ..scene import mesh_data, node_group
 from .operator_base import PATH_OPTIONS, LongOperator, MeshOperator
 
@@ -18,7 +18,7 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_bake'
     bl_label = "Bake Detail Deform"
     bl_description = "Keep the deformation of a range of frames, so that it plays without the add-on. Esc cancels"
-    doing = "Baking Detail Deform"
+    task = "Baking Detail Deform"
 
     mode: EnumProperty(
         name="As", default='CACHE', description="What the frames are kept as",
@@ -80,20 +80,20 @@ class OBJECT_OT_detail_deform_bake(LongOperator, bpy.types.Operator):
         if self.mode == 'ALEMBIC':
             alembic.write(context, ob, start, end, path[:-4] + '.abc' if path.lower().endswith('.pc2') else path)
             return None
-        by_weights = {'SLIDERS': keyed_weights.to_sliders, 'KEY_VALUES': keyed_weights.to_key_values}
+        by_weights = {'SLIDERS': keyframed_weights.to_sliders, 'KEY_VALUES': keyframed_weights.to_key_values}
         if self.mode in by_weights:
             work = self._watched(ob, by_weights[self.mode](context, ob, start, end,
                                                            lambda said: self.report({'WARNING'}, said)))
         elif self.mode == 'SHAPE_KEYS':
             work = bake.to_shape_keys(context, ob, start, end)
         else:
-            whole = (self.given('cache_start', start), self.given('cache_end', end))
+            whole = (self.value_or('cache_start', start), self.value_or('cache_end', end))
             work = self._cache(context, ob, start, end, path, whole)
         return self.start(context, work)
 
     def _watched(self, ob, work):
         for done in work:
-            self.keeps_part = ob.detail_deform.weights_by == 'SLIDERS'  # keyed by now; what follows compares
+            self.keeps_partial_work = ob.detail_deform.weights_by == 'SLIDERS'  # keyed by now; what follows compares
             yield done
 
     def _cache(self, context, ob, start, end, path, whole):

@@ -9,7 +9,7 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty
 from ..scene import selection
 from ..setup import handle_setup
 from . import edit_again
-from .operator_base import HandOperator
+from .operator_base import HandleEmptyOperator
 from .pull_operator import FALLOFF, RADIUS, PullOperator
 
 
@@ -29,7 +29,7 @@ class OBJECT_OT_detail_deform_pull_begin(PullOperator, bpy.types.Operator):
         return {'CANCELLED'}
 
     def execute(self, context):
-        edit_again.note(context)
+        edit_again.remember_edit_mode(context)
         try:
             return bpy.ops.object.detail_deform_pull(radius=self.radius, falloff=self.falloff)
         except RuntimeError as problem:
@@ -37,7 +37,7 @@ class OBJECT_OT_detail_deform_pull_begin(PullOperator, bpy.types.Operator):
             return {'CANCELLED'}
 
 
-class OBJECT_OT_detail_deform_handle_take(HandOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_handle_take(HandleEmptyOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_handle_take'
     bl_label = "Take Handle"
     bl_description = "Select the empty of a handle alone, also from another handle's empty"
@@ -48,8 +48,8 @@ class OBJECT_OT_detail_deform_handle_take(HandOperator, bpy.types.Operator):
     def run(self, context, ob):
         empty = handle_setup.empty_of(ob, self.index)
         ob.detail_deform.handle_index = self.index
-        edit_again.note(context)
-        if edit_again.is_noted():
+        edit_again.remember_edit_mode(context)
+        if edit_again.began_in_edit_mode():
             selection.change_mode(ob, 'OBJECT')
         selection.activate(context, empty)
 

@@ -9,7 +9,7 @@ _edited = []  # names of the objects that were in Edit Mode, the active one firs
 _window = None  # in which they were
 
 
-def note(context):
+def remember_edit_mode(context):
     """Stores the window and the objects in Edit Mode at the beginning of a drag."""
     global _window
     active, _window = context.active_object, context.window
@@ -17,7 +17,7 @@ def note(context):
     _edited[:] = sorted(names, key=lambda name: name != active.name)
 
 
-def is_noted():
+def began_in_edit_mode():
     return bool(_edited)
 
 

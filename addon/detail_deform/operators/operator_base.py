@@ -52,7 +52,7 @@ class MeshOperator:
         """Raises MeshProblem if the operator must not change this object."""
         mesh_data.check_editable(ob)
 
-    def given(self, name, otherwise):
+    def value_or(self, name, otherwise):
         """The property's value if the caller has set it, else `otherwise`."""
         return getattr(self, name) if self.properties.is_property_set(name) else otherwise
 
@@ -65,12 +65,12 @@ class MeshOperator:
         return True
 
 
-class HandOperator(MeshOperator):
+class HandleEmptyOperator(MeshOperator):
     """Base of operators that also work while a handle's empty is active, on the mesh that it moves."""
 
     @classmethod
     def object_of(cls, context):
-        return handle_owners.of(context.active_object)[0] or context.active_object
+        return handle_owners.handle_of(context.active_object)[0] or context.active_object
 
 
 class Progress:
@@ -81,9 +81,9 @@ class Progress:
         context.window_manager.progress_begin(0, 1)
 
     @staticmethod
-    def tell(context, doing, done):
+    def show(context, task, done):
         """Shows the fraction done, and returns the status text."""
-        text = f"{doing}, {100 * done:.0f}%. Esc: cancel"
+        text = f"{task}, {100 * done:.0f}%. Esc: cancel"
         context.window_manager.progress_update(done)
         context.workspace.status_text_set(text)
         return text
@@ -97,15 +97,15 @@ class Progress:
 class LongOperator(MeshOperator):
     """Base of operators whose work is a generator that yields the fraction done. If interactive, it runs modally, with
     progress and Esc; else it runs to its end at once."""
-    doing = ""  # text for the status bar
+    task = ""  # text for the status bar
     interactive = False
-    keeps_part = False  # whether cancelling keeps a part of the work: then the operator finishes, with an undo step
+    keeps_partial_work = False  # whether cancelling keeps a part of the work: then the operator finishes, with an undo step
     _work = _progress = None
 
     def frame_range(self, context):
         """(first, last) frame: frame_start and frame_end of the operator where given, else of the scene."""
-        return (self.given('frame_start', context.scene.frame_start),
-                self.given('frame_end', context.scene.frame_end))
+        return (self.value_or('frame_start', context.scene.frame_start),
+                self.value_or('frame_end', context.scene.frame_end))
 
     def start(self, context, work):
         """Starts the work. Returns the result for run()."""
@@ -127,7 +127,7 @@ class LongOperator(MeshOperator):
         try:
             while time.monotonic() < until:
                 done = next(self._work)
-            self._progress.tell(context, self.doing, done)
+            self._progress.show(context, self.task, done)
         except StopIteration:
             return self._end(context, {'FINISHED'})
         except words.TOLD as problem:
@@ -151,4 +151,4 @@ class LongOperator(MeshOperator):
             self._progress.end(context)
             self._work = self._progress = None
         self.interactive = False  # a repeat calls execute() without invoke()
-        return result or ({'FINISHED'} if self.keeps_part else {'CANCELLED'})
+        return result or ({'FINISHED'} if self.keeps_partial_work else {'CANCELLED'})

@@ -9,7 +9,7 @@ from ..library.options import SETTINGS
 from ..results import bake
 from ..scene import apply_result, correspondence, mesh_data, node_group, offset_attribute, selection, stack
 from ..setup import at_rest, handle_setup, region_setup
-from .operator_base import HandOperator, MeshOperator
+from .operator_base import HandleEmptyOperator, MeshOperator
 
 
 class OBJECT_OT_detail_deform_add(MeshOperator, bpy.types.Operator):
@@ -29,7 +29,7 @@ class OBJECT_OT_detail_deform_add(MeshOperator, bpy.types.Operator):
         stack.ensure_modifier(ob)
 
 
-class OBJECT_OT_detail_deform_place(HandOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_place(HandleEmptyOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_place'
     bl_label = "Move to Its Place"
     bl_description = ("Move Detail Deform in the modifier stack to where it gives the right result: before all that "
@@ -37,13 +37,13 @@ class OBJECT_OT_detail_deform_place(HandOperator, bpy.types.Operator):
 
     @classmethod
     def poll_object(cls, ob):
-        if not stack.is_wrong(ob):
+        if not stack.is_misplaced(ob):
             cls.poll_message_set("No modifier before Detail Deform should stand behind it")
             return False
         return True
 
     def run(self, context, ob):
-        stack.place(ob)
+        stack.move_to_its_place(ob)
 
 
 class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
@@ -64,7 +64,7 @@ class OBJECT_OT_detail_deform_remove(MeshOperator, bpy.types.Operator):
         ob.property_unset('detail_deform')
 
 
-class OBJECT_OT_detail_deform_bind(HandOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_bind(HandleEmptyOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_bind'
     bl_label = "Bind"
     bl_description = ("Attach the region to its handles: the empties' present places are the rest. From "
@@ -84,7 +84,7 @@ class OBJECT_OT_detail_deform_bind(HandOperator, bpy.types.Operator):
             self.report({'WARNING'}, ob.detail_deform.problem)
 
 
-class OBJECT_OT_detail_deform_bind_cancel(HandOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_bind_cancel(HandleEmptyOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_bind_cancel'
     bl_label = "Cancel"
     bl_description = "Stop what is under way: the bind, or the slow result"
@@ -95,7 +95,7 @@ class OBJECT_OT_detail_deform_bind_cancel(HandOperator, bpy.types.Operator):
         slow_results.cancel(offset_attribute.token(ob.data))
 
 
-class OBJECT_OT_detail_deform_unbind(HandOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_unbind(HandleEmptyOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_unbind'
     bl_label = "Unbind"
     bl_description = ("Detach the surface from its handles and show its rest shape. Settings stay, and until the next "
@@ -107,7 +107,7 @@ class OBJECT_OT_detail_deform_unbind(HandOperator, bpy.types.Operator):
         live_transfer.stop(ob)
 
 
-class OBJECT_OT_detail_deform_update(HandOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_update(HandleEmptyOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_update'
     bl_label = "Update"
     bl_description = "Bring the surface up to date with its handles now"
@@ -136,7 +136,7 @@ def _settle_what_is_seen(ob):
     life.settle(ob)
 
 
-class OBJECT_OT_detail_deform_save_key(HandOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_save_key(HandleEmptyOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_save_key'
     bl_label = "Save as Shape Key"
     bl_description = ("Keep what is shown as a new shape key, put all handles back to rest, and go on: an expression "

@@ -54,7 +54,7 @@ class OBJECT_OT_detail_deform_examples_from_poses(_OfPoses, bpy.types.Operator):
     bl_label = "Examples from Poses"
     bl_description = ("Make shape keys and examples of poses that this mesh has by its armature, or by what else moves "
                       "its vertices. Esc cancels")
-    doing = "Going through the poses"
+    task = "Going through the poses"
 
     frames: EnumProperty(
         name="Poses", default='DIFFERENT', description="Which poses become examples",
@@ -97,7 +97,7 @@ class OBJECT_OT_detail_deform_examples_find_missing(_OfPoses, bpy.types.Operator
     bl_label = "Find Missing Examples"
     bl_description = ("Show poses of the armature to the handles alone, and list where what the examples make of them "
                       "differs most from the poses. Esc cancels")
-    doing = "Comparing with the poses"
+    task = "Comparing with the poses"
 
     frames: EnumProperty(name="Poses", description="Which poses are compared", items=_FRAMES)
 
@@ -115,8 +115,8 @@ class OBJECT_OT_detail_deform_examples_find_missing(_OfPoses, bpy.types.Operator
 
     def _find(self, context, ob, poses):
         found, of_each = yield from missing_examples.find(context, ob, poses)
-        missing_examples.tell(ob, found, of_each)
-        worst = max(found, key=lambda missed: missed.usual)
+        missing_examples.store_list(ob, found, of_each)
+        worst = max(found, key=lambda missed: missed.rms)
         self.report({'INFO'}, f"'{worst.pose.name}' is met worst: {100 * worst.mean:.2g}% of the mesh's size in the "
                               f"mean, {100 * worst.largest:.2g}% at most"
                               + ("" if of_each else ". No example is missing"))
@@ -153,7 +153,7 @@ class OBJECT_OT_detail_deform_posers_off(MeshOperator, bpy.types.Operator):
 
     @classmethod
     def poll_object(cls, ob):
-        if not posers.twice(ob):
+        if not posers.applied_twice(ob):
             cls.poll_message_set("Nothing poses the mesh whose poses are examples")
             return False
         return True

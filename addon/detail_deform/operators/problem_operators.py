@@ -6,10 +6,10 @@ import numpy as np
 
 from ..follow import problem_vertices
 from ..scene import mesh_data, selection
-from .operator_base import HandOperator
+from .operator_base import HandleEmptyOperator
 
 
-class OBJECT_OT_detail_deform_select_problem(HandOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_select_problem(HandleEmptyOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_select_problem'
     bl_label = "Select Problem Vertices"
     bl_description = ("Select in Edit Mode all vertices that the message is about, not only the one that it names, and "

@@ -33,7 +33,7 @@ class PullOperator(MeshOperator):
 
     @classmethod
     def poll(cls, context):
-        return handle_owners.of(context.active_object)[0] is not None or super().poll(context)
+        return handle_owners.handle_of(context.active_object)[0] is not None or super().poll(context)
 
     @classmethod
     def poll_object(cls, ob):
@@ -67,7 +67,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         activate(context, pull.empty)
         for remark in pull.remarks:
             self.report({'WARNING'}, remark)
-        behind = stack.comes_before(ob) if pull.made_modifier else ()
+        behind = stack.names_kept_after(ob) if pull.made_modifier else ()
         self.report({'INFO'}, message + (f". Detail Deform stands before {', '.join(behind)}" if behind else ""))
 
     # In the window
@@ -77,14 +77,14 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
             return self.execute(context)
         ob = self._ob = context.active_object
         self._view = _view(context)
-        edit_again.note(context)
+        edit_again.remember_edit_mode(context)
         try:
             mesh_data.check_editable(ob)
             _check_mode(ob)
-            if self._view and not self.radius and pulling.asks_for_reach(ob):
+            if self._view and not self.radius and pulling.may_set_region(ob):
                 self._choice = ReachChoice(
                     context, self._view, ob, pulling.selected_surroundings(ob),
-                    pulling.others(ob, len(ob.detail_deform.handles)), event, self.stay, self.falloff)
+                    pulling.earlier_handles(ob, len(ob.detail_deform.handles)), event, self.stay, self.falloff)
             else:
                 self._begin(context, ob)
         except words.TOLD as problem:
@@ -95,14 +95,14 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
         return {'RUNNING_MODAL'}
 
     def _begin(self, context, ob):
-        around = self._choice.around if self._choice else None
+        around = self._choice.surface if self._choice else None
         self._pull = pulling.Pull(context, ob, self.radius, around, self.falloff)
         self._stages = self._pull.stages(wait=False, watch=True)
         self._progress = Progress(context)
         self._tell(context, 0.0)
 
     def _tell(self, context, done):
-        text = self._progress.tell(context, "Preparing", done)
+        text = self._progress.show(context, "Preparing", done)
         if self._view:
             self._view.area.header_text_set(text)
 
@@ -121,7 +121,7 @@ class OBJECT_OT_detail_deform_pull(PullOperator, bpy.types.Operator):
             raise
 
     def _choose(self, context, event):
-        answer = self._choice.hear(context, event)
+        answer = self._choice.handle_event(context, event)
         if answer == 'CANCEL':
             return self._end(context, {'CANCELLED'})
         if answer == 'CONFIRM':

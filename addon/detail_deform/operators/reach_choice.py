@@ -12,7 +12,7 @@ from ..library.options import FALLOFF_ORDERS, FALLOFFS
 from .reach_drawing import ReachDrawing
 
 _WHEEL, _FINE = 1.1, 0.1  # factor of the radius for a notch of the wheel; speed while Shift is held
-_LEAST = 1e-3  # least radius / first guess; safety: the wheel couldn't enlarge 0, and the shader divides by it
+_MIN_RADIUS = 1e-3  # least radius / first guess; safety: the wheel couldn't enlarge 0, and the shader divides by it
 _KEYS = "Mouse, wheel: reach    Shift: finely    0-9: type it    Enter, click: pull    Esc, right click: cancel"
 _TAB = {False: "    Tab: afterwards (Object Mode)", True: "    Tab: afterwards (Edit Mode)"}  # by ReachChoice.stay
 _SHARED = ", with what the handles move that it reaches"
@@ -25,40 +25,40 @@ class View(NamedTuple):
 
 
 class ReachChoice:
-    """Pass the window's events to hear() until it returns an answer, then call close()."""
+    """Pass the window's events to handle_event() until it returns an answer, then call close()."""
 
-    def __init__(self, context, view, ob, around, others, event, stay=False, falloff='MESH'):
-        """around: a region_setup.Around, whose distances are computed once. others: [pulling.Other]. stay: return to
+    def __init__(self, context, view, ob, surface, earlier, event, stay=False, falloff='MESH'):
+        """surface: a region_setup.SurfaceDistances, whose distances are computed once. earlier: [pulling.EarlierHandles]. stay: return to
         Edit Mode afterwards; Tab toggles it. falloff: one of FALLOFFS; S cycles through them."""
-        self.stay, self.falloff, self._of_mesh = stay, falloff, ob.detail_deform.smoothness
-        self.around, self._view, self._units = around, view, context.scene.unit_settings
-        self._guessed = self._moved = around.first_guess()
+        self.stay, self.falloff, self._mesh_smoothness = stay, falloff, ob.detail_deform.smoothness
+        self.surface, self._view, self._units = surface, view, context.scene.unit_settings
+        self._guessed = self._mouse_radius = surface.suggested_radius()
         self._typed = ""
-        places = around.as_seen(ob, context.evaluated_depsgraph_get())
-        chosen = places[around.chosen].astype(np.float64)
+        positions = surface.displayed_positions(ob, context.evaluated_depsgraph_get())
+        chosen = positions[surface.chosen].astype(np.float64)
         middle = chosen.mean(0)
         self._extent = float(np.linalg.norm(chosen - middle, axis=1).max())
-        self._middle = Vector(middle + around.origin)
-        self._mouse, self._is_near = self._place_of(event), False
-        self._shared_from = [around.distances[other.held].min(initial=np.inf) for other in others]
-        self._drawing = ReachDrawing(self, around, places, [other.moves for other in others])
+        self._middle = Vector(middle + surface.origin)
+        self._mouse, self._is_near = self._mouse_of(event), False
+        self._sharing_distances = [surface.distances[other.held].min(initial=np.inf) for other in earlier]
+        self._drawing = ReachDrawing(self, surface, positions, [other.moved for other in earlier])
         self._show(context)
 
     @property
     def radius(self):
         """The chosen radius, in world units."""
-        return max(self._typed_length() or self._moved, _LEAST * self._guessed)
+        return max(self._typed_length() or self._mouse_radius, _MIN_RADIUS * self._guessed)
 
     @property
-    def shared(self):
+    def sharing_indices(self):
         """Indices of the others within the radius, whose reach is shared."""
-        return [number for number, distance in enumerate(self._shared_from) if self.radius >= distance]
+        return [number for number, distance in enumerate(self._sharing_distances) if self.radius >= distance]
 
     @property
     def smoothness(self):
         """The order of the base energy, 1 to 3, which determines the falloff."""
-        if self.falloff == 'MESH' or self.shared:
-            return self._of_mesh
+        if self.falloff == 'MESH' or self.sharing_indices:
+            return self._mesh_smoothness
         return FALLOFF_ORDERS[self.falloff]
 
     def circle(self, region):
@@ -68,7 +68,7 @@ class ReachChoice:
         middle, unit = self._on_screen()
         return middle and (middle, (self._extent + self.radius) / unit)
 
-    def hear(self, context, event):
+    def handle_event(self, context, event):
         """Handles an event. Returns 'CONFIRM', 'CANCEL', or None to go on."""
         if event.type in {'ESC', 'RIGHTMOUSE'} and event.value == 'PRESS':
             return 'CANCEL'
@@ -80,9 +80,9 @@ class ReachChoice:
             self._move(event)
         elif event.type in {'WHEELUPMOUSE', 'WHEELDOWNMOUSE'} and event.value == 'PRESS':
             step = _WHEEL ** (_FINE if event.shift else 1)
-            self._moved = self.radius * (step if event.type == 'WHEELUPMOUSE' else 1 / step)
+            self._mouse_radius = self.radius * (step if event.type == 'WHEELUPMOUSE' else 1 / step)
             self._typed = ""
-        elif event.type == 'S' and event.value == 'PRESS' and not self.shared:
+        elif event.type == 'S' and event.value == 'PRESS' and not self.sharing_indices:
             self.falloff = FALLOFFS[self.smoothness % (len(FALLOFFS) - 1) + 1][0]
         elif event.type == 'TAB' and event.value == 'PRESS':
             self.stay = not self.stay
@@ -98,7 +98,7 @@ class ReachChoice:
         self._view.area.tag_redraw()
         context.workspace.status_text_set(None)
 
-    def _place_of(self, event):
+    def _mouse_of(self, event):
         return Vector((event.mouse_x - self._view.region.x, event.mouse_y - self._view.region.y))
 
     def _on_screen(self):
@@ -113,7 +113,7 @@ class ReachChoice:
     def _move(self, event):
         """Changes the radius as the mouse's distance from the centre changes. It decreases only once the mouse has been
         within the circle: before, the mouse is on its way back from the menu or the panel that was clicked."""
-        before, self._mouse = self._mouse, self._place_of(event)
+        before, self._mouse = self._mouse, self._mouse_of(event)
         middle, unit = self._on_screen()
         if self._typed or middle is None:
             return
@@ -121,7 +121,7 @@ class ReachChoice:
         self._is_near |= (self._mouse - middle).length <= (self._extent + self.radius) / unit
         if away < 0 and not self._is_near:
             return
-        self._moved = max(self._moved + unit * away * (_FINE if event.shift else 1), _LEAST * self._guessed)
+        self._mouse_radius = max(self._mouse_radius + unit * away * (_FINE if event.shift else 1), _MIN_RADIUS * self._guessed)
 
     def _type(self, event):
         if event.type == 'BACK_SPACE':
@@ -144,9 +144,9 @@ class ReachChoice:
     def _show(self, context):
         length = (f"{self.radius:.4g}" if self._units.system == 'NONE' else bpy.utils.units.to_string(
             self._units.system, 'LENGTH', self.radius * self._units.scale_length, precision=4))
-        shape = "" if self.shared else f"    S: falloff ({FALLOFFS[self.smoothness][1].lower()})"
+        shape = "" if self.sharing_indices else f"    S: falloff ({FALLOFFS[self.smoothness][1].lower()})"
         keys = _KEYS + shape + _TAB[self.stay]
         self._view.area.header_text_set(f"Reach: {f'[{self._typed}|] = ' if self._typed else ''}{length}"
-                                        f"{_SHARED * bool(self.shared)}    {keys}")
+                                        f"{_SHARED * bool(self.sharing_indices)}    {keys}")
         context.workspace.status_text_set(keys)
         self._view.area.tag_redraw()

@@ -54,10 +54,10 @@ def _make_shader():
 class ReachDrawing:
     """Draws into every 3D view until close(). The buffers are made once; another radius is another uniform."""
 
-    def __init__(self, choice, around, places, others):
-        """places: (n, 3) float32, the displayed positions of the vertices of around, in world units from the object's
+    def __init__(self, choice, surface, positions, others):
+        """positions: (n, 3) float32, the displayed positions of the vertices of around, in world units from the object's
         origin. others: [vertices], what each of the choice's others moves."""
-        self._choice, self._around, self._places, self._others = choice, around, places, others
+        self._choice, self._surface, self._positions, self._others = choice, surface, positions, others
         self._shader = self._batch = self._batches = None
         self._handles = [bpy.types.SpaceView3D.draw_handler_add(draw, (), 'WINDOW', kind)
                          for draw, kind in ((self._draw_surface, 'POST_VIEW'), (self._draw_circle, 'POST_PIXEL'))]
@@ -71,18 +71,18 @@ class ReachDrawing:
     def _prepare(self):
         self._shader = _make_shader()
         # Unreachable vertices are infinitely far, but the shader needs finite numbers.
-        away = np.where(np.isfinite(self._around.distances), self._around.distances, np.float32(1e30))
-        self._batch = self._batch_of(away, self._around.triangles)
+        away = np.where(np.isfinite(self._surface.distances), self._surface.distances, np.float32(1e30))
+        self._batch = self._batch_of(away, self._surface.triangles)
         self._batches = []
         for moves in self._others:
-            away = np.full(len(self._places), 2)
+            away = np.full(len(self._positions), 2)
             away[moves] = 0
-            near = self._around.triangles[(away[self._around.triangles] == 0).any(axis=1)]
+            near = self._surface.triangles[(away[self._surface.triangles] == 0).any(axis=1)]
             self._batches.append(self._batch_of(away, near))
 
     def _batch_of(self, away, triangles):
         from gpu_extras.batch import batch_for_shader
-        content = {'position': self._places, 'distance_over_surface': away.astype(np.float32)}
+        content = {'position': self._positions, 'distance_over_surface': away.astype(np.float32)}
         return batch_for_shader(self._shader, 'TRIS', content, indices=triangles)
 
     def _draw_surface(self):
@@ -90,13 +90,13 @@ class ReachDrawing:
         if self._batch is None:
             self._prepare()
         self._shader.bind()
-        placed = bpy.context.region_data.perspective_matrix @ Matrix.Translation(self._around.origin)
+        placed = bpy.context.region_data.perspective_matrix @ Matrix.Translation(self._surface.origin)
         for name, value in (('placed', placed), ('border_colour', _BORDER_COLOUR), ('nearer', _NEARER),
                             ('sharp', float(self._choice.smoothness == 1))):
             self._shader.uniform_float(name, value)
         gpu.state.blend_set('ALPHA')
         gpu.state.depth_test_set('LESS_EQUAL')
-        shown = [(self._batches[number], _BORDER_COLOUR, 1.0) for number in self._choice.shared]
+        shown = [(self._batches[number], _BORDER_COLOUR, 1.0) for number in self._choice.sharing_indices]
         for batch, near, reach in (*shown, (self._batch, _NEAR_COLOUR, self._choice.radius)):
             self._shader.uniform_float('near_colour', near)
             self._shader.uniform_float('reach', reach)

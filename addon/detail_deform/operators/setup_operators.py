@@ -8,7 +8,7 @@ from ..follow import hints, life
 from ..scene import handle_matrices, handle_owners, mesh_data
 from ..scene.selection import activate, go_to
 from ..setup import at_rest, handle_setup, mirroring, own_empties, region_setup
-from .operator_base import HandOperator, MeshOperator
+from .operator_base import HandleEmptyOperator, MeshOperator
 from ..properties import AXES
 
 
@@ -25,7 +25,7 @@ class _HandleOperator(MeshOperator):
             return False
         return True
 
-    def number(self, ob):
+    def chosen_index(self, ob):
         settings = ob.detail_deform
         index = settings.handle_index if self.index < 0 else self.index
         if not 0 <= index < len(settings.handles):
@@ -33,7 +33,7 @@ class _HandleOperator(MeshOperator):
         return index
 
     def handle(self, ob):
-        return ob.detail_deform.handles[self.number(ob)]
+        return ob.detail_deform.handles[self.chosen_index(ob)]
 
 
 class OBJECT_OT_detail_deform_handle_add(MeshOperator, bpy.types.Operator):
@@ -72,7 +72,7 @@ class OBJECT_OT_detail_deform_handle_remove(_HandleOperator, bpy.types.Operator)
     bl_description = "Remove a handle, and the vertex group and the empty if they were made for it"
 
     def run(self, context, ob):
-        settings, index = ob.detail_deform, self.number(ob)
+        settings, index = ob.detail_deform, self.chosen_index(ob)
         handle_setup.remove_handles(ob, [index])
         settings.handle_index = max(0, min(index, len(settings.handles) - 1))
         life.check(ob)
@@ -120,7 +120,7 @@ class OBJECT_OT_detail_deform_handle_mirror(_HandleOperator, bpy.types.Operator)
             self.report({'WARNING'}, remark)
 
 
-class OBJECT_OT_detail_deform_handle_reset(HandOperator, _HandleOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_handle_reset(HandleEmptyOperator, _HandleOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_handle_reset'
     bl_label = "Back to Rest"
     bl_description = "Put the handle's empty back where its vertices are on the mesh without deformation"
@@ -138,19 +138,19 @@ class OBJECT_OT_detail_deform_handle_reset(HandOperator, _HandleOperator, bpy.ty
         if self.everything:
             at_rest.all_to_rest(context, ob)
         else:
-            owner, number = handle_owners.of(context.active_object)
+            owner, number = handle_owners.handle_of(context.active_object)
             if owner == ob and self.index < 0:
                 self.index = number
             at_rest.to_rest(context, ob, [self.handle(ob)])
 
 
-class OBJECT_OT_detail_deform_handle_activate(HandOperator, _HandleOperator, bpy.types.Operator):
+class OBJECT_OT_detail_deform_handle_activate(HandleEmptyOperator, _HandleOperator, bpy.types.Operator):
     bl_idname = 'object.detail_deform_handle_activate'
     bl_label = "Select Empty"
     bl_description = "Select the handle's empty alone, to move it"
 
     def run(self, context, ob):
-        go_to(context, ob, handle_setup.empty_of(ob, self.number(ob)))
+        go_to(context, ob, handle_setup.empty_of(ob, self.chosen_index(ob)))
 
 
 class OBJECT_OT_detail_deform_bring_back(MeshOperator, bpy.types.Operator):
@@ -197,11 +197,11 @@ class OBJECT_OT_detail_deform_mesh_activate(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        ob, _ = handle_owners.of(context.active_object)
+        ob, _ = handle_owners.handle_of(context.active_object)
         return ob is not None and ob.name in context.view_layer.objects
 
     def execute(self, context):
-        ob, number = handle_owners.of(context.active_object)
+        ob, number = handle_owners.handle_of(context.active_object)
         ob.detail_deform.handle_index = number
         activate(context, ob)
         if self.edit and not (ob.hide_viewport or mesh_data.why_not_editable(ob)):
@@ -249,11 +249,11 @@ class OBJECT_OT_detail_deform_region_around(MeshOperator, bpy.types.Operator):
         self.layout.prop(self, 'radius' if self.by == 'DISTANCE' else 'steps')
 
     def run(self, context, ob):
-        start = region_setup.sources(ob)
+        start = region_setup.starting_vertices(ob)
         if self.by == 'EDGES':
             members = region_setup.grown(ob, start, self.steps)
         else:
-            self.radius = self.radius or region_setup.usual_radius(ob)
+            self.radius = self.radius or region_setup.default_radius(ob)
             members = region_setup.within(ob, start, self.radius)
         region_setup.set_region(ob, members)
 

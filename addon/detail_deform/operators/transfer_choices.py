@@ -59,14 +59,14 @@ class TransferChoices(LongOperator):
             column.prop(self, 'alike_names')
             column.prop(self, 'names_file')
 
-    def wanted(self, context, source, **others):
-        """The transfer.Wanted of these properties and the given other fields. Raises MeshProblem."""
+    def request(self, context, source, **others):
+        """The transfer.TransferRequest of these properties and the given other fields. Raises MeshProblem."""
         names = {}
         if self.names_file and self.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
             names = key_names.read(bpy.path.abspath(self.names_file))
             self._tell_unknown(source, names)
         start, end = self.frame_range(context)
-        return transfer.Wanted(
+        return transfer.TransferRequest(
             what=self.what, pattern=self.pattern, replace=self.replace, drivers=self.drivers, names=names,
             alike_names=self.alike_names, bake_as=self.bake_as, start=start, end=end, **others)
 

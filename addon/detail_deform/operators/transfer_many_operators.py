@@ -60,7 +60,7 @@ class OBJECT_OT_detail_deform_transfer_many(TransferChoices, bpy.types.Operator)
     def run(self, context, source):
         mesh_data.check_left_edit_mode(source)
         rows = self._targets(context, source)
-        common = self.wanted(context, source, **dict.fromkeys(_OF_TARGET), correspondence=self.correspondence,
+        common = self.request(context, source, **dict.fromkeys(_OF_TARGET), correspondence=self.correspondence,
                              lists=self.lists, cache_path="")
         transfer.check(source, common)
         if self.what == 'ANIMATION' and self.bake_as == 'CACHE':
@@ -84,14 +84,14 @@ class OBJECT_OT_detail_deform_transfer_many(TransferChoices, bpy.types.Operator)
         return dataclasses.replace(common, **{name: getattr(settings, name) for name in _OF_TARGET})
 
     def _tell(self, target):
-        self.doing = f"Transferring to {target}"
+        self.task = f"Transferring to {target}"
 
     def _reported(self, work, rows):
         try:
             yield from work
         finally:
-            self.keeps_part = transfer_table.any_begun(rows)
-            if self.keeps_part:
+            self.keeps_partial_work = transfer_table.any_begun(rows)
+            if self.keeps_partial_work:
                 kind, said = transfer_table.summary(rows)
                 self.report({kind}, f"{said}. See the text '{transfer_table.text().name}'")
 

@@ -28,7 +28,7 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
     bl_idname = 'object.detail_deform_transfer'
     bl_label = "Transfer Deformation"
     bl_description = "Deform this mesh as another one is deformed. Esc cancels"
-    doing = "Transferring the deformation"
+    task = "Transferring the deformation"
 
     source: StringProperty(
         name="Source", options={'SKIP_SAVE'},
@@ -74,14 +74,14 @@ class OBJECT_OT_detail_deform_transfer(TransferChoices, bpy.types.Operator):
 
     def run(self, context, ob):
         source = _source_of(ob, self.source)
-        wanted = self.wanted(context, source, **self._as_in_panel(ob.detail_deform.transfer),
+        wanted = self.request(context, source, **self._as_in_panel(ob.detail_deform.transfer),
                              cache_path=self.cache_path)
         factored.begin_run()
         return self.start(context, self._reported(source, ob, transfer.begin(context, source, ob, wanted)))
 
     def _as_in_panel(self, settings):
         """{name: value} of all transfer settings: the operator's where given, else the panel's."""
-        return {option.name: self.given(option.name, getattr(settings, option.name)) for option in TRANSFER_SETTINGS}
+        return {option.name: self.value_or(option.name, getattr(settings, option.name)) for option in TRANSFER_SETTINGS}
 
     def _reported(self, source, ob, work):
         outcome = yield from work
@@ -99,7 +99,7 @@ class OBJECT_OT_detail_deform_transfer_match(LongOperator, bpy.types.Operator):
     bl_label = "Find Match"
     bl_description = ("Fit the source to this mesh, by the markers on both if there are any, and save which faces "
                       "correspond with this mesh, to be used again. Esc cancels")
-    doing = "Looking for what corresponds"
+    task = "Looking for what corresponds"
 
     source: StringProperty(
         name="Source", options={'SKIP_SAVE'},
@@ -229,7 +229,7 @@ class OBJECT_OT_detail_deform_transfer_live(LongOperator, bpy.types.Operator):
     bl_label = "Follow Source"
     bl_description = ("Let this mesh follow the source's deformation from now on, or stop it. What shapes or a "
                       "list say is found first and saved with this mesh. Esc cancels")
-    doing = "Looking for what corresponds"
+    task = "Looking for what corresponds"
 
     source: StringProperty(
         name="Source", options={'SKIP_SAVE'},
@@ -254,7 +254,7 @@ class OBJECT_OT_detail_deform_transfer_live(LongOperator, bpy.types.Operator):
     def _follow(self, context, source, ob):
         """Generator of the fraction done."""
         settings, matched = ob.detail_deform.transfer, None
-        if matching.must_be_found(settings.correspondence):
+        if matching.needs_search(settings.correspondence):
             matched = yield from matching.find(settings.correspondence, source, ob, settings.filepath,
                                                settings.pairs_of)
         live_transfer.start(context, ob, source, matched)

@@ -34,7 +34,7 @@ def write(context, ob, start, end, path):
     except RuntimeError as error:
         raise MeshProblem(f"'{path}' can't be written: {str(error).strip()}") from error
     finally:
-        files.take_away(unfinished)
+        files.remove_unfinished(unfinished)
 
 
 def _bytes_a_frame(ob, context):

@@ -2,12 +2,12 @@
 """Bakes the deformation of a range of frames to a cache or shape keys, which play without the add-on."""
 
 from ..follow import life
-from ..scene import below, carried, mesh_data, node_group, offset_attribute, stack
+from ..scene import partial_evaluation, carried, mesh_data, node_group, offset_attribute, stack
 from ..scene.mesh_data import MeshProblem
-from . import frames, keyed_keys, point_cache
+from . import frames, keyframed_shape_keys, point_cache
 
 
-class _ShownUpTo:
+class _StackUpTo:
     """Context in which the viewport shows the object's modifier stack up to this modifier only."""
 
     def __init__(self, ob, modifier):
@@ -60,7 +60,7 @@ def to_cache(context, ob, start, end, path, whole=None):
         raise MeshProblem(f"Frames {start} to {end} are not within the cache's {first} to {last}: choose others.")
     modifier = modifier_of(ob)
     earlier = list(ob.modifiers)[:list(ob.modifiers).index(modifier)]
-    for other in below.unlike_in_renders(ob, context.scene):
+    for other in partial_evaluation.differing_in_renders(ob, context.scene):
         if other in earlier and getattr(other, 'levels', 0) != getattr(other, 'render_levels', 0):
             raise MeshProblem(f"Modifier '{other.name}' before Detail Deform makes other vertices in renders (level "
                               f"{other.render_levels}) than in the viewport (level {other.levels}), and a cache holds "
@@ -76,7 +76,7 @@ def to_cache(context, ob, start, end, path, whole=None):
 def _evaluated(context, ob, modifier, start, end):
     """Generator of (n, 3) float32: the positions in each frame, evaluated with the modifiers up to this one."""
     count = None
-    with _ShownUpTo(ob, modifier):
+    with _StackUpTo(ob, modifier):
         for frame in over_frames(context, ob, start, end):
             positions = mesh_data.positions(ob.evaluated_get(context.evaluated_depsgraph_get()).data)
             if count not in {None, len(positions)}:
@@ -101,8 +101,8 @@ def use_cache(ob, path, start):
     if cache is None:
         cache = ob.modifiers.new(node_group.CACHE_NAME, 'MESH_CACHE')
         ob.detail_deform.cache_modifier = cache.name
-    ob.detail_deform.cached_points = carried.points(ob.data)
-    stack.move_behind(ob, cache, modifier)  # first: at the end of the stack its file may not fit the vertex count
+    ob.detail_deform.cached_points = carried.sample_points(ob.data)
+    stack.move_after(ob, cache, modifier)  # first: at the end of the stack its file may not fit the vertex count
     node_group.set_up_cache(cache, path, start)
     # A hidden modifier is not updated: this saves its time.
     _show(modifier, False)
@@ -126,13 +126,13 @@ def to_shape_keys(context, ob, start, end):
     if earlier != modifier:
         raise MeshProblem(f"Modifier '{earlier.name}' stands before Detail Deform, and shape keys act before both: "
                           "move Detail Deform to the top, or bake a cache.")
-    keyed_keys.check(ob)
-    yield from keyed_keys.add(ob, _offsets(context, ob, modifier, start, end), start, end)
+    keyframed_shape_keys.check(ob)
+    yield from keyframed_shape_keys.add(ob, _offsets(context, ob, modifier, start, end), start, end)
     _show(modifier, False)
 
 
 def _offsets(context, ob, modifier, start, end):
     """Generator of (n, 3): the offsets in each frame, as far as Factor and Influence show them."""
-    with _ShownUpTo(ob, modifier):
+    with _StackUpTo(ob, modifier):
         for _ in over_frames(context, ob, start, end):
-            yield offset_attribute.read(ob.data) * node_group.amount(ob, modifier)
+            yield offset_attribute.read(ob.data) * node_group.display_weights(ob, modifier)

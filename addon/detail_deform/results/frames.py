@@ -29,14 +29,14 @@ def walk(context, ob, start, end):
     """Generator of the frames from start to end, with scene and object updated to each. Restores the scene's frame at
     the end."""
     check_range(start, end)
-    with Present(context.scene):
+    with RestoredFrame(context.scene):
         for frame in range(start, end + 1):
             context.scene.frame_set(frame)
             settle(context, ob)
             yield frame
 
 
-class Present:
+class RestoredFrame:
     """Context that restores the scene's frame at its end."""
 
     def __init__(self, scene):

@@ -6,7 +6,7 @@ import re
 from ..scene import files
 from ..scene.mesh_data import MeshProblem
 
-_PARTED_BY = ('\t', '->', ',')  # in this order, the first that occurs in a line
+_SEPARATORS = ('\t', '->', ',')  # in this order, the first that occurs in a line
 _SIDES = {'l': 'l', 'left': 'l', 'r': 'r', 'right': 'r'}
 _WORDS = re.compile(r'(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[0-9])(?=[^\W0-9])|(?<=[^\W0-9])(?=[0-9])')
 _NO_LETTERS = re.compile(r'[\W_]+')
@@ -28,7 +28,7 @@ def read(path):
 
 
 def _add(names, path, number, line):
-    parting = next((mark for mark in _PARTED_BY if mark in line), None)
+    parting = next((mark for mark in _SEPARATORS if mark in line), None)
     of_source, of_target = (part.strip() for part in line.split(parting, 1)) if parting else ("", "")
     if not (of_source and of_target):
         raise MeshProblem(f"'{path}', line {number}: '{line.strip()[:40]}' is not a pair of names: part them by a tab, "
@@ -52,7 +52,7 @@ def form(name):
     return (whole, "") if whole else None
 
 
-def places(names, of_target, mapping, alike):
+def target_names(names, of_target, mapping, alike):
     """{source's name: target's name}, or None where another key goes to that name. names: the source's keys. of_target:
     the target's. mapping: of read(), comes first. alike: whether names of the same form() match."""
     of_target, of_source = dict.fromkeys(of_target), set(names)
@@ -65,7 +65,7 @@ def places(names, of_target, mapping, alike):
         if name in found:
             continue
         candidates = [] if name in of_target else same_form.get(form(name), [])
-        place = candidates.pop() if len(candidates) == 1 else name
-        found[name] = None if place in taken else place
-        taken.add(place)
+        target_name = candidates.pop() if len(candidates) == 1 else name
+        found[name] = None if target_name in taken else target_name
+        taken.add(target_name)
     return found

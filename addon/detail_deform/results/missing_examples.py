@@ -18,19 +18,19 @@ from . import pose_frames, posed_examples
 from .pose_samples import Samples, size
 
 MOST = 10  # poses that are listed
-_LEAST = 1e-3  # root mean square error of a listed pose at least, as a fraction of the mesh's size
-_SHARE = 0.8  # fraction of the progress that is the first pass, over all poses; the second is over the chosen ones
+_MIN_RMS = 1e-3  # root mean square error of a listed pose at least, as a fraction of the mesh's size
+_FIRST_PASS = 0.8  # fraction of the progress that is the first pass, over all poses; the second is over the chosen ones
 
 # {mark of a list's row: (n,) float32}: a mark stays the same when the object or the row is renamed
 _errors = session.kept({}, session.Until.LOADED)
 
 
-class Missed(NamedTuple):
+class PoseError(NamedTuple):
     """Errors of a reconstructed pose, as fractions of the mesh's size. usual: the root mean square."""
     pose: pose_frames.Pose
     mean: float
     largest: float
-    usual: float
+    rms: float
 
 
 def find(context, ob, poses):
@@ -47,13 +47,13 @@ def find(context, ob, poses):
         for pose, positions in zip(poses, walk):
             samples.add(positions)
             errors = by_handles.errors(positions) / whole
-            found.append(Missed(pose, errors.mean(), errors.max(), np.sqrt(np.square(errors).mean())))
-            yield _SHARE * len(found) / len(poses)
-    chosen, of_each = _apart(samples, found, whole), {}
+            found.append(PoseError(pose, errors.mean(), errors.max(), np.sqrt(np.square(errors).mean())))
+            yield _FIRST_PASS * len(found) / len(poses)
+    chosen, of_each = _distinct(samples, found, whole), {}
     with contextlib.closing(pose_frames.walk(context, ob, [poses[number] for number in chosen])) as walk:
         for number, positions in zip(chosen, walk):
-            of_each[number] = by_handles.everywhere(by_handles.errors(positions) / whole)
-            yield _SHARE + (1 - _SHARE) * len(of_each) / len(chosen)
+            of_each[number] = by_handles.on_all_vertices(by_handles.errors(positions) / whole)
+            yield _FIRST_PASS + (1 - _FIRST_PASS) * len(of_each) / len(chosen)
     return found, of_each
 
 
@@ -67,14 +67,14 @@ def check(ob):
     posers.of(ob)
 
 
-def _apart(samples, found, whole):
+def _distinct(samples, found, whole):
     chosen, served = [], np.zeros(len(found), bool)
-    for number in sorted(range(len(found)), key=lambda k: -found[k].usual):
-        if len(chosen) == MOST or found[number].usual < _LEAST:
+    for number in sorted(range(len(found)), key=lambda k: -found[k].rms):
+        if len(chosen) == MOST or found[number].rms < _MIN_RMS:
             break
         if not served[number]:
             chosen.append(number)
-            served |= samples.distances(number) / whole < [missed.usual for missed in found]
+            served |= samples.distances(number) / whole < [missed.rms for missed in found]
     return chosen
 
 
@@ -87,26 +87,26 @@ class _ByHandles:
         roles = content.roles(ob)
         self._parts = [np.flatnonzero(roles == number)
                        for number in range(len(handle_matrices.enabled_handles(settings)))]
-        self._free, self._is_free = handle_matrices.free(settings), roles == native.ROLE_FREE
-        asked = look.asked(settings)
-        asked.pop('example_weights', None)
-        self._asked = bound.with_free(look.quick(asked), settings)
+        self._free, self._is_free = handle_matrices.are_free(settings), roles == native.ROLE_FREE
+        arguments = look.asked(settings)
+        arguments.pop('example_weights', None)
+        self._update_arguments = bound.with_free(look.quick(arguments), settings)
         if self._deformer.fades:
-            self._asked['soft_border'] = look.soft_border(settings)
-        self._bound, self._rest = start.shape(ob).astype(np.float64), start.shape_at_rest(ob)
+            self._update_arguments['soft_border'] = look.soft_border(settings)
+        self._bound, self._rest = start.shape(ob).astype(np.float64), start.undeformed_shape(ob)
 
     def errors(self, positions):
         """(k,) distances of the free vertices, as reconstructed, from a pose. positions: (n, 3), the pose."""
-        motions = np.array([motion[:3] for motion in start.motions_to(self._ob, self._parts, positions)])
+        motions = np.array([motion[:3] for motion in start.rigid_motions_to(self._ob, self._parts, positions)])
         for number in np.flatnonzero(self._free):  # free handles: translations only
             part = self._parts[number]
             motions[number] = np.eye(4)[:3]
             motions[number, :, 3] = positions[part].mean(axis=0) - self._bound[part].mean(axis=0)
         motions = proportions.bound(self._ob.detail_deform).motions(motions)
-        found = placed.offsets(self._ob, self._deformer.offsets(motions, **self._asked), self._deformer.fades)
+        found = placed.offsets(self._ob, self._deformer.offsets(motions, **self._update_arguments), self._deformer.fades)
         return np.linalg.norm(self._rest + found.reshape(-1, 3) - positions, axis=1)[self._is_free]
 
-    def everywhere(self, errors):
+    def on_all_vertices(self, errors):
         """(n,) float32: the errors of the free vertices, and 0 for all others."""
         result = np.zeros(len(self._is_free), np.float32)
         result[self._is_free] = errors
@@ -127,7 +127,7 @@ def is_old(ob):
     return ob.detail_deform.missing_of != ob.detail_deform.signature
 
 
-def tell(ob, found, of_each):
+def store_list(ob, found, of_each):
     """Replaces the object's list by the result of find()."""
     rows = ob.detail_deform.missing_examples
     for row in rows:

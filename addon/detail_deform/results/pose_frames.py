@@ -27,7 +27,7 @@ def at_keys(ob):
     """[Pose] at the keyframes of the objects that its posing modifiers refer to, or else of its own. Raises MeshProblem
     if there are none."""
     carriers = list(dict.fromkeys(m.object for m in posers.of(ob) if getattr(m, 'object', None)))
-    found = sorted({time for carrier in carriers for time in actions.times(carrier)}) or actions.times(ob)
+    found = sorted({time for carrier in carriers for time in actions.keyframe_times(carrier)}) or actions.keyframe_times(ob)
     if not found:
         names = ', '.join(f"'{carrier.name}'" for carrier in (*carriers, ob))
         raise MeshProblem(f"No action of {names} has keys: choose a range of frames, or those that differ most.")
@@ -45,7 +45,7 @@ def at_markers(scene):
 def in_library(ob):
     """[Pose] of the file's actions that are one pose of its armatures. Raises MeshProblem if there are none."""
     found = [Pose(action.name, frame, action.name) for rig in posers.rigs(ob)
-             for action, frame in actions.poses(bpy.data.actions, rig)]
+             for action, frame in actions.single_pose_actions(bpy.data.actions, rig)]
     if not found:
         raise MeshProblem(f"This file has no action with one pose of what poses '{ob.name}': make poses in the pose "
                           "library, or choose a range of frames.")
@@ -57,11 +57,11 @@ def walk(context, ob, poses):
     Restores frame, poses, selection and modifiers at the end. Raises MeshProblem."""
     rigs, taken = posers.rigs(ob), [_action(pose) for pose in poses if pose.action]
     try:
-        with (actions.Unkeyed(context.scene, rigs, taken) as unkeyed, actions.Unselected(rigs),
-              frames.Present(context.scene), posers.Alone(ob) as alone):
+        with (actions.RestoredPose(context.scene, rigs, taken) as unkeyed, actions.DeselectedBones(rigs),
+              frames.RestoredFrame(context.scene), posers.OnlyPosers(ob) as alone):
             for pose in poses:
                 if pose.action:
-                    unkeyed.put_back()  # removes what the pose before has set
+                    unkeyed.restore()  # removes what the pose before has set
                 _go_to(context, pose, rigs)
                 positions = alone.pose(context.evaluated_depsgraph_get())
                 if not np.isfinite(positions).all():
@@ -86,6 +86,6 @@ def _go_to(context, pose, rigs):
         context.scene.frame_set(whole, subframe=min(pose.frame - whole, 0.999))
         return
     for rig in rigs:
-        actions.reset(rig)
+        actions.reset_pose(rig)
         rig.pose.apply_pose_from_action(_action(pose), evaluation_time=pose.frame)
     context.view_layer.update()

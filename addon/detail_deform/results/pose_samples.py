@@ -5,32 +5,32 @@ import numpy as np
 
 from ..scene import mesh_data
 
-_MOST_POINTS = 2000  # sample points
-_MOST_NUMBERS = 4_000_000  # sample points of all poses together: 48 MB; a pose has 50 at least
+_MAX_POINTS = 2000  # sample points
+_MAX_POINTS_OF_ALL = 4_000_000  # sample points of all poses together: 48 MB; a pose has 50 at least
 
 
 class Samples:
     """Sample points, spread evenly over the surface, in up to count poses."""
 
     def __init__(self, ob, count):
-        self._of = _spread(ob.data, min(_MOST_POINTS, max(50, _MOST_NUMBERS // max(count, 1))))
-        self._taken = np.empty((count, len(self._of), 3), np.float32)
+        self._vertices = _spread(ob.data, min(_MAX_POINTS, max(50, _MAX_POINTS_OF_ALL // max(count, 1))))
+        self._poses = np.empty((count, len(self._vertices), 3), np.float32)
         self.count = 0
 
     def add(self, positions):
         """Adds a pose. positions: (n, 3), of all vertices."""
-        points = positions[self._of]
-        self._taken[self.count] = points - points.mean(axis=0)
+        points = positions[self._vertices]
+        self._poses[self.count] = points - points.mean(axis=0)
         self.count += 1
 
     def distances(self, number):
         """(count,) float64: root mean square distance of each pose from this one, after the best rigid alignment
         (Kabsch). With H = Σ p qᵀ about the centres, min over rotations of Σ |R p − q|² is Σ |p|² + |q|² − 2 tr(Σ'). Σ'
         are the singular values of H, the last one negated if det H < 0."""
-        other = self._taken[number].astype(np.float64)
+        other = self._poses[number].astype(np.float64)
         result = np.empty(self.count)
         for begin in range(0, self.count, 64):
-            part = self._taken[begin:min(begin + 64, self.count)].astype(np.float64)
+            part = self._poses[begin:min(begin + 64, self.count)].astype(np.float64)
             across = part.transpose(0, 2, 1) @ other
             values = np.linalg.svd(across, compute_uv=False)
             values[:, 2] *= np.sign(np.linalg.det(across))
@@ -62,4 +62,4 @@ def _spread(mesh, count):
 
 def size(ob):
     """The diagonal of the mesh's bounding box at rest."""
-    return float(np.linalg.norm(np.ptp(mesh_data.rest(ob.data), axis=0))) if len(ob.data.vertices) else 0.0
+    return float(np.linalg.norm(np.ptp(mesh_data.rest_positions(ob.data), axis=0))) if len(ob.data.vertices) else 0.0

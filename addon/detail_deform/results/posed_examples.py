@@ -51,7 +51,7 @@ def _is_same(positions, other, least):
 
 def _known(ob):
     """[(n, 3)] positions of the rest, and of the examples whose shape key or object exists."""
-    result = [mesh_data.rest(ob.data)]
+    result = [mesh_data.rest_positions(ob.data)]
     for example in ob.detail_deform.examples:
         with contextlib.suppress(MeshProblem):
             result.append(examples.positions_of(ob, example))
@@ -64,7 +64,7 @@ def make(ob, name, positions):
     keys = ob.data.shape_keys
     key = keys and keys.key_blocks.get(name)
     if not key or not _is_same(mesh_data.key_shape(ob, key), positions, _SAME * size(ob)):
-        key = apply_result.add_key(ob, name, positions - mesh_data.rest(ob.data))
+        key = apply_result.add_key(ob, name, positions - mesh_data.rest_positions(ob.data))
     ob.detail_deform.examples.add().name = key.name
     posers.remember(ob)
     return key.name
@@ -72,7 +72,7 @@ def make(ob, name, positions):
 
 def _most_different(context, ob, poses, count):
     samples = Samples(ob, len(poses) + 1)
-    samples.add(mesh_data.rest(ob.data))
+    samples.add(mesh_data.rest_positions(ob.data))
     with contextlib.closing(pose_frames.walk(context, ob, poses)) as walk:
         for positions in walk:
             samples.add(positions)

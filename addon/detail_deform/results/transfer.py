@@ -6,10 +6,10 @@ import time
 
 from ..follow import factored, placed, prepared
 from ..library.options import CORRESPONDENCES
-from ..scene import below, correspondence, mesh_data, source_pose, transferred
+from ..scene import partial_evaluation, correspondence, mesh_data, source_pose, transferred
 from ..scene.mesh_data import MeshProblem
 from ..setup import matching
-from . import frames, keyed_keys, point_cache, transferred_keys
+from . import frames, keyframed_shape_keys, point_cache, transferred_keys
 from .outcome import Outcome
 
 _SHARE_OF_SEARCH, _SHARE_OF_FACTOR = 0.8, 0.3  # fractions of the progress: of the whole, and of the rest
@@ -17,7 +17,7 @@ _TITLES = {name: title for name, title, _ in CORRESPONDENCES}
 
 
 @dataclasses.dataclass
-class Wanted:
+class TransferRequest:
     """What is carried over, and how: the operator's properties, or the panel's settings where these are not given."""
     what: str
     correspondence: str  # or 'AUTOMATIC'
@@ -47,15 +47,15 @@ def usual_path(ob):
     return point_cache.usual_path(ob, transferred.find_cache(ob))
 
 
-def check(source, wanted):
+def check(source, request):
     """Raises MeshProblem for faults of the options that don't depend on the target."""
-    if wanted.what == 'ANIMATION':
-        frames.check_range(wanted.start, wanted.end)
-    elif wanted.what != 'POSE':
-        transferred_keys.chosen(source, wanted.what == 'ACTIVE_KEY', wanted.pattern)
+    if request.what == 'ANIMATION':
+        frames.check_range(request.start, request.end)
+    elif request.what != 'POSE':
+        transferred_keys.chosen(source, request.what == 'ACTIVE_KEY', request.pattern)
 
 
-def begin(context, source, target, wanted):
+def begin(context, source, target, request):
     """Checks the options at once, and returns a generator that does the work, yields the fraction done and returns the
     Outcome. It changes the target only after all results are computed. Both raise MeshProblem or native.NativeError.
     """
@@ -65,52 +65,52 @@ def begin(context, source, target, wanted):
     if settings.live:
         raise MeshProblem(f"'{target.name}' follows '{settings.source.name if settings.source else ''}' already, "
                           "which would be doubled: press Follow to stop that first.")
-    check(source, wanted)
-    if wanted.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
-        keys = transferred_keys.chosen(source, wanted.what == 'ACTIVE_KEY', wanted.pattern)
-    if wanted.what == 'ANIMATION':
+    check(source, request)
+    if request.what in {'ACTIVE_KEY', 'ALL_KEYS'}:
+        keys = transferred_keys.chosen(source, request.what == 'ACTIVE_KEY', request.pattern)
+    if request.what == 'ANIMATION':
         frames.check_time(context.scene)
-        if wanted.bake_as == 'SHAPE_KEYS':
-            keyed_keys.check(target)
+        if request.bake_as == 'SHAPE_KEYS':
+            keyframed_shape_keys.check(target)
         else:
-            wanted = dataclasses.replace(wanted, cache_path=wanted.cache_path or usual_path(target))
-            point_cache.absolute(wanted.cache_path)
+            request = dataclasses.replace(request, cache_path=request.cache_path or usual_path(target))
+            point_cache.absolute(request.cache_path)
     else:
         transferred_keys.check(target)
-    if wanted.correspondence == 'AUTOMATIC':
-        how, path, pairs_of = matching.automatic(source, target, wanted.lists)
-        wanted = dataclasses.replace(wanted, correspondence=how, filepath=path, pairs_of=pairs_of)
-    elif wanted.correspondence == 'LIST' and wanted.lists:
-        path, pairs_of = matching.list_in(wanted.lists, target)
-        wanted = dataclasses.replace(wanted, filepath=path, pairs_of=pairs_of)
-    return _all(context, source, target, keys, wanted)
+    if request.correspondence == 'AUTOMATIC':
+        how, path, pairs_of = matching.automatic(source, target, request.lists)
+        request = dataclasses.replace(request, correspondence=how, filepath=path, pairs_of=pairs_of)
+    elif request.correspondence == 'LIST' and request.lists:
+        path, pairs_of = matching.list_file(request.lists, target)
+        request = dataclasses.replace(request, filepath=path, pairs_of=pairs_of)
+    return _matched_and_carried(context, source, target, keys, request)
 
 
-def _all(context, source, target, keys, wanted):
+def _matched_and_carried(context, source, target, keys, request):
     started = time.perf_counter()
-    searched = _SHARE_OF_SEARCH if wanted.correspondence == 'MARKERS' else 0
+    searched = _SHARE_OF_SEARCH if request.correspondence == 'MARKERS' else 0
     factored_at = searched + _SHARE_OF_FACTOR * (1 - searched)
-    search = matching.find(wanted.correspondence, source, target, wanted.filepath, wanted.pairs_of)
-    matched = yield from share(search, 0, searched)
-    transfer = yield from share(factored.prepare(source, target, matched, prepared.How.of(wanted)), searched,
+    search = matching.find(request.correspondence, source, target, request.filepath, request.pairs_of)
+    matched = yield from subprogress(search, 0, searched)
+    transfer = yield from subprogress(factored.prepare(source, target, matched, prepared.How.of(request)), searched,
                                 factored_at)
-    outcome = yield from share(_carry(context, _Closed(transfer, target), source, target, keys, wanted), factored_at, 1)
-    if matching.must_be_found(wanted.correspondence):
+    outcome = yield from subprogress(_carry(context, _SeamClosingTransfer(transfer, target), source, target, keys, request), factored_at, 1)
+    if matching.needs_search(request.correspondence):
         correspondence.store(matched, source, target)
-    outcome.matched_by = _TITLES[wanted.correspondence]
+    outcome.matched_by = _TITLES[request.correspondence]
     outcome.remarks += prepared.remarks(transfer)
-    left_out = below.left_out(source, context.evaluated_depsgraph_get()) if keys is None else ""
+    left_out = partial_evaluation.left_out(source, context.evaluated_depsgraph_get()) if keys is None else ""
     if left_out:
         outcome.remarks.append(left_out)
     outcome.seconds = time.perf_counter() - started
     return outcome
 
 
-class _Closed:
+class _SeamClosingTransfer:
     """A prepared.Prepared whose results keep the target's seams closed (placed.Closing)."""
 
     def __init__(self, transfer, target):
-        self._transfer, self.wide, self._rest = transfer, transfer.wide, mesh_data.rest(target.data)
+        self._transfer, self.wide, self._rest = transfer, transfer.wide, mesh_data.rest_positions(target.data)
         self._closing = placed.Closing(target)
 
     def apply(self, pose, rotation_only):
@@ -121,7 +121,7 @@ class _Closed:
         return moved if closed is offsets else self._rest + closed.reshape(-1, 3)
 
 
-def share(work, begin, end):
+def subprogress(work, begin, end):
     """Generator: runs work, a generator of fractions, as the part from begin to end of a longer one; returns its
     result."""
     while True:
@@ -136,31 +136,31 @@ def share(work, begin, end):
             raise
 
 
-def _carry(context, transfer, source, target, keys, wanted):
+def _carry(context, transfer, source, target, keys, request):
     """Generator of the fraction done; returns the Outcome."""
-    if wanted.what == 'ANIMATION':
-        return (yield from _carry_animation(context, transfer, source, target, wanted))
+    if request.what == 'ANIMATION':
+        return (yield from _carry_animation(context, transfer, source, target, request))
     if keys is None:
-        return (yield from transferred_keys.from_pose(context, transfer, source, target, wanted))
-    return (yield from transferred_keys.from_keys(transfer, source, target, keys, wanted))
+        return (yield from transferred_keys.from_pose(context, transfer, source, target, request))
+    return (yield from transferred_keys.from_keys(transfer, source, target, keys, request))
 
 
-def _carry_animation(context, transfer, source, target, wanted):
+def _carry_animation(context, transfer, source, target, request):
     """As _carry()."""
-    outcome = Outcome(frames=wanted.end + 1 - wanted.start)
-    poses = _poses(context, transfer, source, wanted)
-    if wanted.bake_as == 'SHAPE_KEYS':
-        rest = mesh_data.rest(target.data)
+    outcome = Outcome(frames=request.end + 1 - request.start)
+    poses = _poses(context, transfer, source, request)
+    if request.bake_as == 'SHAPE_KEYS':
+        rest = mesh_data.rest_positions(target.data)
         offsets = (pose - rest for pose in poses)
-        outcome.names = yield from keyed_keys.add(target, offsets, wanted.start, wanted.end)
+        outcome.names = yield from keyframed_shape_keys.add(target, offsets, request.start, request.end)
     else:
-        yield from point_cache.write(wanted.cache_path, poses, wanted.start, wanted.end)
-        transferred.use_cache(target, wanted.cache_path, wanted.start)
+        yield from point_cache.write(request.cache_path, poses, request.start, request.end)
+        transferred.use_cache(target, request.cache_path, request.start)
     return outcome
 
 
-def _poses(context, transfer, source, wanted):
+def _poses(context, transfer, source, request):
     """Generator of (n, 3): the target's positions in each frame."""
-    for _ in frames.walk(context, source, wanted.start, wanted.end):
+    for _ in frames.walk(context, source, request.start, request.end):
         pose = source_pose.evaluated_pose(source, context.evaluated_depsgraph_get(), transfer.wide)
-        yield transfer.apply(pose, wanted.rotation_only)
+        yield transfer.apply(pose, request.rotation_only)

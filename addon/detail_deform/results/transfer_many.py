@@ -8,19 +8,19 @@ from ..scene.mesh_data import MeshProblem
 from . import transfer, transfer_table
 
 
-def begin(context, source, rows, wanted_of, heading, tell):
+def begin(context, source, rows, request_of, heading, tell):
     """Generator that does the work; yields the fraction done. A target whose transfer fails is left as it is. Closing
     the generator keeps the finished targets, and writes the table.
 
-    rows: transfer_table.Row of each target; outcome or failure is filled in. wanted_of: a function that returns the
+    rows: transfer_table.Row of each target; outcome or failure is filled in. request_of: a function that returns the
     Wanted of a target. heading: of the table. tell: called with the name and number of each target."""
     factored.begin_run()
     try:
         for number, row in enumerate(rows):
             tell(f"'{row.name}', {number + 1} of {len(rows)}")
-            work = _one(context, source, row, wanted_of)
+            work = _one(context, source, row, request_of)
             try:
-                row.outcome = yield from transfer.share(work, number / len(rows), (number + 1) / len(rows))
+                row.outcome = yield from transfer.subprogress(work, number / len(rows), (number + 1) / len(rows))
             except words.TOLD as problem:
                 row.failure = words.sentence(problem)
     finally:
@@ -28,9 +28,9 @@ def begin(context, source, rows, wanted_of, heading, tell):
             transfer_table.write(source, heading, rows)
 
 
-def _one(context, source, row, wanted_of):
+def _one(context, source, row, request_of):
     """Generator: as that of transfer.begin(), for the target of a row."""
     if row.target is None or row.target.type != 'MESH':
         raise MeshProblem(f"There is no mesh object '{row.name}' to transfer to: correct its name.")
-    with contextlib.closing(transfer.begin(context, source, row.target, wanted_of(row.target))) as work:
+    with contextlib.closing(transfer.begin(context, source, row.target, request_of(row.target))) as work:
         return (yield from work)

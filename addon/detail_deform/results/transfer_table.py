@@ -46,13 +46,13 @@ def write(source, heading, rows):
     cells = [_HEAD, *(row.cells() for row in rows)]
     widths = [max(len(row[column]) for row in cells) for column in range(len(_HEAD))]
     lines = ['  '.join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in cells]
-    kept = text()
-    if kept is None:
-        kept = bpy.data.texts.new(TEXT_NAME)
-        kept[_OURS] = kept.name
-    kept.clear()
-    kept.write('\n'.join([heading, summary(rows)[1] + ".", "", *lines, ""]))
-    kept.cursor_set(0)  # the Text Editor shows the text from there on
+    table = text()
+    if table is None:
+        table = bpy.data.texts.new(TEXT_NAME)
+        table[_OURS] = table.name
+    table.clear()
+    table.write('\n'.join([heading, summary(rows)[1] + ".", "", *lines, ""]))
+    table.cursor_set(0)  # the Text Editor shows the text from there on
     for row in rows:
         if row.outcome or row.failure:
             note(source, row.name, row.target, row.failure)

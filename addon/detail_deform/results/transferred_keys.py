@@ -40,78 +40,78 @@ def check(target):
 
 
 def _offset(prepared, target, pose, rotation_only):
-    return prepared.apply(pose, rotation_only) - mesh_data.rest(target.data)
+    return prepared.apply(pose, rotation_only) - mesh_data.rest_positions(target.data)
 
 
-def from_pose(context, prepared, source, target, wanted):
+def from_pose(context, prepared, source, target, request):
     """Generator: transfers the source's present pose as a shape key with the value 1; yields the fraction done and
     returns the Outcome."""
     frames.settle(context, source)
     pose = source_pose.evaluated_pose(source, context.evaluated_depsgraph_get(), prepared.wide)
-    offsets = _offset(prepared, target, pose, wanted.rotation_only)
+    offsets = _offset(prepared, target, pose, request.rotation_only)
     yield 1.0
     name = _POSE_NAME.format(source.name)
     origin = _origin(source, None, name)
-    of_target = transferred.Keys(target)
-    key, _ = of_target.put(origin, offsets, wanted.replace)
-    of_target.note(key, **origin)
+    of_target = transferred.KeyWriter(target)
+    key, _ = of_target.put(origin, offsets, request.replace)
+    of_target.record(key, **origin)
     of_target.finish()
     key.value = 1
     target.data.update_tag()
-    return Outcome([key.name], remarks=_beside(target, {name: key.name}))
+    return Outcome([key.name], remarks=_remarks_on_renamed(target, {name: key.name}))
 
 
 def _origin(source, key, name):
-    """The origin for transferred.Keys.put(). key: None for a pose."""
+    """The origin for transferred.KeyWriter.put(). key: None for a pose."""
     return {'source': source.name, 'key': key and key.name, 'name': name}
 
 
-def from_keys(prepared, source, target, keys, wanted):
+def from_keys(prepared, source, target, keys, request):
     """Generator: transfers shape keys with their names, ranges and values; yields the fraction done and returns the
     Outcome. A present key that gets a new shape keeps its value, drivers and animation, and its range and group if the
     user has changed them. Nothing is changed before all shapes are computed."""
     present = target.data.shape_keys
     there = [key.name for key in present.key_blocks if key != present.reference_key] if present else []
-    places = key_names.places([key.name for key in keys], there, wanted.names, wanted.alike_names)
-    offsets, left_out = yield from _shapes(prepared, source, target, keys, places, wanted.rotation_only)
-    made, others, kept = {}, [], {'range': [], 'vertex group': []}
-    of_target = transferred.Keys(target)
+    target_names = key_names.target_names([key.name for key in keys], there, request.names, request.alike_names)
+    offsets, left_out = yield from _shapes(prepared, source, target, keys, target_names, request.rotation_only)
+    made, others, user_changes = {}, [], {'range': [], 'vertex group': []}
+    of_target = transferred.KeyWriter(target)
     try:
         for key in keys:
             if key.name not in offsets:
                 continue
-            name = places[key.name]
+            name = target_names[key.name]
             origin = _origin(source, key, name)
-            copy, given = of_target.put(origin, offsets[key.name], wanted.replace)
+            copy, given = of_target.put(origin, offsets[key.name], request.replace)
             if given and (given.get('source'), given.get('key')) != (source.name, key.name):
                 others.append(copy.name)
-            of_target.note(copy, **origin, **_settle(target, key, copy, given, kept))
-            if wanted.drivers:
+            of_target.record(copy, **origin, **_copy_settings(target, key, copy, given, user_changes))
+            if request.drivers:
                 _copy_drivers(source.data.shape_keys, key.name, target.data.shape_keys, copy.name,
                               keep=given is not None)
             made[name] = copy.name
     finally:
         of_target.finish()
     target.data.update_tag()
-    remarks = _beside(target, made)
+    remarks = _remarks_on_renamed(target, made)
     if others:
         remarks.append(f"Got another shape than before, of another key or source: {listed(others)}.")
-    remarks += [f"Kept as it was changed here: {what} of {listed(names)}." for what, names in kept.items() if names]
-    remarks += _elsewhere(source, target, offsets.keys(), set(made.values()))
-    if wanted.what == 'ALL_KEYS':
-        remarks += _gone(source, target)
+    remarks += [f"Kept as it was changed here: {what} of {listed(names)}." for what, names in user_changes.items() if names]
+    remarks += _remarks_on_left(source, target, offsets.keys(), set(made.values()))
+    if request.what == 'ALL_KEYS':
+        remarks += _remarks_on_orphans(source, target)
     return Outcome(list(made.values()), left_out=left_out, remarks=remarks)
 
 
-def _shapes(prepared, source, target, keys, places, rotation_only):
-    """Generator: yields the fraction done and returns ({key's name: offsets}, {key's name: why it has none}). places:
-    of key_names.places(). Raises MeshProblem if no key has offsets."""
+def _shapes(prepared, source, target, keys, target_names, rotation_only):
+    """Generator: yields the fraction done and returns ({key's name: offsets}, {key's name: why it has none}). target_names:
+    of key_names.target_names(). Raises MeshProblem if no key has offsets."""
     offsets, left_out = {}, {}
     # Only by groups that the target lacks: the others mask the target's key itself.
     masks = mesh_data.key_masks(source, [key for key in keys if key.vertex_group not in target.vertex_groups])
     for number, key in enumerate(keys, 1):
         try:
-            if places[key.name] is None:
+            if target_names[key.name] is None:
                 left_out[key.name] = "another key goes to the one of that name here"
             else:
                 shape = mesh_data.key_shape(source, key, masks)
@@ -125,7 +125,7 @@ def _shapes(prepared, source, target, keys, places, rotation_only):
     return offsets, left_out
 
 
-def _settle(target, key, copy, given, kept):
+def _copy_settings(target, key, copy, given, user_changes):
     """Sets a copy's range and vertex group, and a new copy's value and mute; returns the source's range and group.
     given: what the copy was given before; None for a new one. Range or group that differ from given are the user's:
     they stay, and the copy's name is added to kept."""
@@ -134,9 +134,9 @@ def _settle(target, key, copy, given, kept):
     ours = {'range': [copy.slider_min, copy.slider_max], 'vertex group': copy.vertex_group}
     for what in theirs:
         if given is None or ours[what] == given.get(what):
-            _FOLLOW[what](copy, theirs[what])
+            _SETTERS[what](copy, theirs[what])
         elif ours[what] != theirs[what]:
-            kept[what].append(copy.name)
+            user_changes[what].append(copy.name)
     if given is None:
         copy.value, copy.mute = key.value, key.mute
     return theirs
@@ -152,10 +152,10 @@ def _set_group(key, name):
     key.vertex_group = name
 
 
-_FOLLOW = {'range': _set_range, 'vertex group': _set_group}
+_SETTERS = {'range': _set_range, 'vertex group': _set_group}
 
 
-def _beside(target, made):
+def _remarks_on_renamed(target, made):
     """Remarks on keys that got another name, as a key of the target's own has theirs. made: {requested name: actual}"""
     there = set(target.data.shape_keys.key_blocks.keys()) - set(made.values())
     others = [f"'{made[name]}' beside '{name}'" for name in made if made[name] != name and name in there]
@@ -164,11 +164,11 @@ def _beside(target, made):
 
 def _of_source(source, target):
     """{name of the target's key: name of the source's} of the keys that were transferred from this source."""
-    return {name: given['key'] for name, given in transferred.made_keys(target).items()
+    return {name: given['key'] for name, given in transferred.transferred_keys(target).items()
             if given.get('source') == source.name and given.get('key')}
 
 
-def _elsewhere(source, target, keys, made):
+def _remarks_on_left(source, target, keys, made):
     """Remarks on keys that were transferred under other names before. keys: names of the source's that were
     transferred now. made: names of the target's that they went to."""
     left = [name for name, key in _of_source(source, target).items() if key in keys and name not in made]
@@ -176,7 +176,7 @@ def _elsewhere(source, target, keys, made):
             "set their values to 0."] if left else []
 
 
-def _gone(source, target):
+def _remarks_on_orphans(source, target):
     there = set(source.data.shape_keys.key_blocks.keys())
     gone = [name for name, key in _of_source(source, target).items() if key not in there]
     return [f"Left as they are, for '{source.name}' has them no more: {listed(gone)}."] if gone else []

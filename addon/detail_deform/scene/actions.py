@@ -25,27 +25,27 @@ def is_driven(owner, name):
     return bool(animation and animation.drivers.find(owner.path_from_id(name)))
 
 
-def is_keyed(owner, name):
+def is_animated(owner, name):
     """Whether the active action or that of an NLA strip of _strips() has an F-curve for this property."""
     animation, path = owner.id_data.animation_data, owner.path_from_id(name)
     found = [animation.action, *(strip.action for strip in _strips(animation))] if animation else ()
     return any(curve.data_path == path for action in found if action for curve in curves(action))
 
 
-def times(ob):
+def keyframe_times(ob):
     """[float], sorted: the frames, possibly fractional, of all keys in an object's active action and NLA strips."""
     animation = ob.animation_data
     if not animation:
         return []
     found = set()
     if animation.action:
-        found.update(_times(animation.action, getattr(animation, 'action_slot', None)))
+        found.update(_action_times(animation.action, getattr(animation, 'action_slot', None)))
     for strip in _strips(animation):
-        found.update(_times_in(strip, _times(strip.action, getattr(strip, 'action_slot', None))))
+        found.update(_scene_times(strip, _action_times(strip.action, getattr(strip, 'action_slot', None))))
     return sorted(found)
 
 
-def _times(action, slot):
+def _action_times(action, slot):
     return {round(float(key.co.x), 3) for curve in curves(action, slot) for key in curve.keyframe_points}
 
 
@@ -56,7 +56,7 @@ def _strips(animation):
     return [strip for track in tracks for strip in track.strips if strip.action and not strip.mute]
 
 
-def _times_in(strip, of_action):
+def _scene_times(strip, of_action):
     """Generator: the scene frames at which an NLA strip plays these key times of its action, with its repeats."""
     begin, end = strip.action_frame_start, strip.action_frame_end
     inside = [end + begin - time if strip.use_reverse else time for time in of_action if begin <= time <= end]
@@ -68,7 +68,7 @@ def _times_in(strip, of_action):
                 yield round(float(at), 3)
 
 
-def key(owner, name, start, values):
+def insert_keyframes(owner, name, start, values):
     """Inserts one key a frame from start, and replaces the keys in that range. The property itself isn't set, as each
     assignment would trigger its update callback."""
     owner.keyframe_insert(name, frame=start)  # creates animation data, action, slot and curve where missing
@@ -84,7 +84,7 @@ def key(owner, name, start, values):
     curve.update()
 
 
-def poses(actions, rig):
+def single_pose_actions(actions, rig):
     """Generator of (action, frame): the actions that key a single frame of bones, at least one of which rig has."""
     for action in actions:
         keyed = [curve for curve in curves(action) if curve.data_path.startswith('pose.bones["')]
@@ -93,16 +93,16 @@ def poses(actions, rig):
             yield action, frames.pop()
 
 
-class Unkeyed:
+class RestoredPose:
     """Context manager that saves transforms, pose channels and custom properties and restores them on exit, so that
     changes of frame and applied poses don't lose values without keys."""
 
-    def __init__(self, scene, rigs=(), taken=()):
-        """rigs: armature objects to save whether or not they are animated, beside all animated local objects. taken:
+    def __init__(self, scene, rigs=(), applied=()):
+        """rigs: armature objects to save whether or not they are animated, beside all animated local objects. applied:
         actions that will be applied to rigs; all properties that they key are saved too."""
         owners = {*rigs, *(ob for ob in scene.objects if ob.animation_data and not ob.library)}
         self._owners = [*owners, *(bone for ob in owners if ob.pose for bone in ob.pose.bones)]
-        paths = dict.fromkeys(curve.data_path for action in taken for curve in curves(action))
+        paths = dict.fromkeys(curve.data_path for action in applied for curve in curves(action))
         self._keyed = [found for rig in rigs for path in paths if (found := _property(rig, path))]
 
     def __enter__(self):
@@ -112,9 +112,9 @@ class Unkeyed:
         return self
 
     def __exit__(self, *_):
-        self.put_back()
+        self.restore()
 
-    def put_back(self):
+    def restore(self):
         for prop, value in zip(self._keyed, self._of_keyed):
             if prop.value() != value:
                 prop.set(value)
@@ -161,7 +161,7 @@ def _property(ob, path):
     return found
 
 
-class Unselected:
+class DeselectedBones:
     """Context manager that deselects all bones of these armature objects: Blender applies a pose to the selected bones,
     or to all if none is selected."""
 
@@ -182,7 +182,7 @@ def _selectable(rig):
     return rig.pose.bones if bpy.app.version >= (5, 0) else rig.data.bones
 
 
-def reset(rig):
+def reset_pose(rig):
     """Sets the pose channels of all bones to the rest pose."""
     for bone in rig.pose.bones:
         bone.location, bone.scale = (0, 0, 0), (1, 1, 1)

@@ -11,13 +11,13 @@ SHAPE_KEY_NAME = 'Detail Deform'
 def shown_offsets(ob):
     """(n, 3) float32: the offsets times the modifier's Factor and Influence weights."""
     modifier = node_group.find_modifier(ob)
-    return offset_attribute.read(ob.data) * (node_group.amount(ob, modifier) if modifier else 1.0)
+    return offset_attribute.read(ob.data) * (node_group.display_weights(ob, modifier) if modifier else 1.0)
 
 
 def save_key(ob, name):
     """Adds a shape key of value 0 that holds the displayed deformation. Returns its name. Raises MeshProblem."""
     offsets = shown_offsets(ob)
-    if mesh_data.is_nothing(ob.data, offsets):
+    if mesh_data.are_invisible(ob.data, offsets):
         raise mesh_data.MeshProblem("Nothing is deformed that could be saved: move a handle first.")
     return add_key(ob, name, offsets).name
 
@@ -45,7 +45,7 @@ def _move(points, offsets):
 def set_key(ob, key, offsets):
     """Overwrites an existing shape key: the rest shape plus offsets, (n, 3), relative to the reference key."""
     key.relative_key = ob.data.shape_keys.reference_key
-    key.data.foreach_set('co', (mesh_data.rest(ob.data) + offsets).ravel())
+    key.data.foreach_set('co', (mesh_data.rest_positions(ob.data) + offsets).ravel())
 
 
 def add_key(ob, name, offsets):

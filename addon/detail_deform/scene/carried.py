@@ -9,9 +9,9 @@ sample vertices whose positions are stored at Bind, as text that is saved and un
 import numpy as np
 
 from . import handle_matrices, mesh_data, offset_attribute, outside_base
-from .offset_attribute import KEPT, KEYED, NAME
+from .offset_attribute import PREVIOUS_OFFSETS, SHAPE_KEY_OFFSETS, DISPLAYED_OFFSETS
 
-_POINTS = 64  # sample vertices, evenly spaced by index; an affine map needs four in general position, more reveal edits
+_SAMPLES = 64  # sample vertices, evenly spaced by index; an affine map needs four in general position, more reveal edits
 # Fraction of the samples' largest extent (along an axis): residuals below it count as single-precision rounding of an
 # affine map, residuals above it as an edit.
 _EXACT = 1e-5
@@ -20,24 +20,24 @@ _EXACT = 1e-5
 _FLAT = 1e-5
 
 
-def points(mesh):
-    """The sample positions as hexadecimal text, for motion_since()."""
-    return _chosen(mesh).tobytes().hex()
+def sample_points(mesh):
+    """The sample positions as hexadecimal text, for space_change()."""
+    return _samples(mesh).tobytes().hex()
 
 
-def _chosen(mesh):
+def _samples(mesh):
     positions = mesh_data.positions(mesh)
-    return positions[np.linspace(0, len(positions) - 1, min(_POINTS, len(positions))).astype(np.intp)]
+    return positions[np.linspace(0, len(positions) - 1, min(_SAMPLES, len(positions))).astype(np.intp)]
 
 
-def motion_since(mesh, kept):
-    """(4, 4): the affine map from the positions in kept, of points(), to the present ones. None where that is the
-    identity up to rounding, where the vertices were edited, or where kept is unreadable or too flat to tell it."""
+def space_change(mesh, stored):
+    """(4, 4): the affine map from the positions in kept, of sample_points(), to the present ones. None where that is the
+    identity up to rounding, where the vertices were edited, or where stored is unreadable or too flat to tell it."""
     try:
-        before = np.frombuffer(bytes.fromhex(kept), np.float32).reshape(-1, 3).astype(np.float64)
+        before = np.frombuffer(bytes.fromhex(stored), np.float32).reshape(-1, 3).astype(np.float64)
     except (TypeError, ValueError):  # the file was modified by something else
         return None
-    after = _chosen(mesh).astype(np.float64)
+    after = _samples(mesh).astype(np.float64)
     if not len(before) or len(before) != len(after) or not (np.isfinite(before).all() and np.isfinite(after).all()):
         return None
     found = _affine(before, after)
@@ -54,72 +54,72 @@ def motion_since(mesh, kept):
 
 def _affine(before, after):
     """(4, 4): the least-squares affine map; None where the points are collinear or the map is singular."""
-    middle, there = before.mean(axis=0), after.mean(axis=0)
+    middle, image_middle = before.mean(axis=0), after.mean(axis=0)
     _, extents, axes = np.linalg.svd(before - middle, full_matrices=False)
     if len(extents) < 3 or extents[1] <= _FLAT * extents[0]:
         return None
     known = 3 if extents[2] > _FLAT * extents[0] else 2
     # In principal axes. For planar points the image of the normal is not determined: it is taken as the normal of the
     # image plane, scaled by the square root of the change of area in the plane.
-    moved = np.linalg.lstsq((before - middle) @ axes[:known].T, after - there, rcond=None)[0]
+    images = np.linalg.lstsq((before - middle) @ axes[:known].T, after - image_middle, rcond=None)[0]
     if known == 2:
-        normal = np.cross(*moved)
+        normal = np.cross(*images)
         size = np.linalg.norm(normal)
-        moved = np.vstack([moved, np.linalg.det(axes) * normal / np.sqrt(size or 1.0)])
+        images = np.vstack([images, np.linalg.det(axes) * normal / np.sqrt(size or 1.0)])
     result = np.eye(4)
-    result[:3, :3] = moved.T @ axes
-    result[:3, 3] = there - result[:3, :3] @ middle
+    result[:3, :3] = images.T @ axes
+    result[:3, 3] = image_middle - result[:3, :3] @ middle
     largest = np.linalg.norm(result[:3, :3], 2)
     return result if abs(np.linalg.det(result[:3, :3])) > (_FLAT * largest) ** 3 else None
 
 
-def went_along(motion, before, now):
+def moved_with_space(change, before, now):
     """Whether places moved with the vertices by motion, as after Set Origin, or stayed fixed in the object's space, as
     where all vertices were moved in Edit Mode. before, now: (k, 4, 4) places in the object's space."""
-    return np.linalg.norm(now - motion @ before) < np.linalg.norm(now - before)
+    return np.linalg.norm(now - change @ before) < np.linalg.norm(now - before)
 
 
-def carry(ob, motion):
-    """Transforms everything stored in the object's space by motion, (4, 4) of motion_since(), and takes new sample
+def carry(ob, change):
+    """Transforms everything stored in the object's space by change, (4, 4) of space_change(), and takes new sample
     points."""
-    settings, back = ob.detail_deform, np.linalg.inv(motion)
+    settings, back = ob.detail_deform, np.linalg.inv(change)
     for handle in settings.handles:
         if handle.mirrors or handle.symmetric:
             space = np.array(handle.mirror_space, np.float64).reshape(4, 4)
-            handle.mirror_space = (motion @ space if space.any() else motion).ravel().tolist()
+            handle.mirror_space = (change @ space if space.any() else change).ravel().tolist()
         for name in ('rest_matrix', 'home_matrix'):
-            place = np.array(getattr(handle, name), np.float64).reshape(4, 4)
-            if place.any():
-                # For a handle that mirrors another it is a motion, not a place: conjugated.
-                setattr(handle, name, (motion @ place @ (back if handle.mirrors else np.eye(4))).ravel().tolist())
+            transform = np.array(getattr(handle, name), np.float64).reshape(4, 4)
+            if transform.any():
+                # For a handle that mirrors another it is a motion, not a transform: conjugated.
+                setattr(handle, name, (change @ transform @ (back if handle.mirrors else np.eye(4))).ravel().tolist())
         if any(handle.pose_matrix):
-            handle.pose_matrix = (motion @ handle_matrices.pose_of(handle) @ back).ravel().tolist()
+            handle.pose_matrix = (change @ handle_matrices.pose_matrix_of(handle) @ back).ravel().tolist()
     if any(settings.base_rest_matrix):
-        place = np.array(settings.base_rest_matrix, np.float64).reshape(4, 4)
-        settings.base_rest_matrix = (motion @ place).ravel().tolist()
+        transform = np.array(settings.base_rest_matrix, np.float64).reshape(4, 4)
+        settings.base_rest_matrix = (change @ transform).ravel().tolist()
     if settings.base_rest_mesh:
-        positions = mesh_data.positions(settings.base_rest_mesh) @ motion[:3, :3].T + motion[:3, 3]
+        positions = mesh_data.positions(settings.base_rest_mesh) @ change[:3, :3].T + change[:3, 3]
         if settings.base_rest_mesh.users > 1:  # shared with a copy of the object
             settings.base_rest_mesh = settings.base_rest_mesh.copy()
         settings.base_rest_mesh.vertices.foreach_set('co', positions.astype(np.float32).ravel())
-    for name in (NAME, KEPT, KEYED):
+    for name in (DISPLAYED_OFFSETS, PREVIOUS_OFFSETS, SHAPE_KEY_OFFSETS):
         if offset_attribute.find(ob.data, name) is not None:
-            vectors = offset_attribute.read(ob.data, name) @ motion[:3, :3].T
+            vectors = offset_attribute.read(ob.data, name) @ change[:3, :3].T
             offset_attribute.put(ob.data, name, vectors.astype(np.float32).ravel())
     ob.data.update_tag()
-    settings.bound_points = points(ob.data)
+    settings.bound_points = sample_points(ob.data)
 
 
-def places(ob, depsgraph):
+def transforms(ob, depsgraph):
     """(k, 4, 4) float64: the present places, in the object's space, of the base object or of the empties of the enabled
     handles. Raises MeshProblem."""
     if ob.detail_deform.base == 'OBJECT':
-        return outside_base.place(ob, depsgraph)[None]
-    return handle_matrices.places_of(ob, handle_matrices.with_empties(ob.detail_deform), depsgraph)
+        return outside_base.transform(ob, depsgraph)[None]
+    return handle_matrices.transforms_of(ob, handle_matrices.with_empties(ob.detail_deform), depsgraph)
 
 
-def rest_places(settings):
+def rest_transforms(settings):
     """(k, 4, 4) float64: the rest places of the same."""
     if settings.base == 'OBJECT':
         return np.array(settings.base_rest_matrix, np.float64).reshape(1, 4, 4)
-    return np.array([handle_matrices.rest(handle) for handle in handle_matrices.with_empties(settings)])
+    return np.array([handle_matrices.rest_transform(handle) for handle in handle_matrices.with_empties(settings)])

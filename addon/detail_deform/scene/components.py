@@ -4,7 +4,7 @@
 import numpy as np
 
 
-def least(count, pairs):
+def labels(count, pairs):
     """(count,) intp: for each node the smallest node of its connected component. pairs: (p, 2), the edges."""
     result = np.arange(count)
     while True:

@@ -8,7 +8,7 @@ from mathutils import Euler, Quaternion
 _ORDERS = {'XYZ', 'XZY', 'YXZ', 'YZX', 'ZXY', 'ZYX'}
 
 
-def told(target):
+def local_euler(target):
     """(Euler angles in radians, their order) of the empty's local rotation, converted from its rotation mode."""
     if target.rotation_mode == 'QUATERNION':
         return target.rotation_quaternion.to_euler()[:], 'XYZ'

@@ -82,7 +82,7 @@ def add_objects(ob, others):
     if not others:
         raise MeshProblem(f"Select posed copies of '{ob.name}' first, and '{ob.name}' last: the copies become "
                           "examples.")
-    rest = mesh_data.rest(ob.data)
+    rest = mesh_data.rest_positions(ob.data)
     for other in others:
         if np.abs(_positions_of_object(ob, other) - rest).max() == 0:
             raise MeshProblem(f"The mesh of '{other.name}' is that of '{ob.name}' at rest: its modifiers and shape "
@@ -101,9 +101,9 @@ def _keys(ob):
     return [blocks[e.name] for e in enabled(ob.detail_deform) if e.object is None and e.name in blocks]
 
 
-def are_keyed(ob):
+def are_animated(ob):
     """Whether the value of an example's shape key is animated, as after a bake."""
-    return any(actions.is_keyed(key, 'value') for key in _keys(ob))
+    return any(actions.is_animated(key, 'value') for key in _keys(ob))
 
 
 def shown_keys(ob):

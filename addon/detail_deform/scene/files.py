@@ -10,11 +10,11 @@ import unicodedata
 _UNFINISHED = '.unfinished'
 # Limits of the systems: a file name has at most 255 UTF-16 code units on Windows, 255 bytes elsewhere.
 _UNITS = 'utf-16-le' if sys.platform == 'win32' else 'utf-8'
-_MOST = 2 * 255 if sys.platform == 'win32' else 255  # bytes in _UNITS
+_MAX_NAME_BYTES = 2 * 255 if sys.platform == 'win32' else 255  # bytes in _UNITS
 # Bytes of a data-block's name within a file name: leaves at least 55 for what is appended. Safety: a longer file name
 # is refused.
-_MOST_OF_A_NAME = 200
-_MOST_OF_A_PATH = 259  # characters: Windows' limit (MAX_PATH without the final zero) unless long paths are enabled
+_MAX_BLOCK_NAME_BYTES = 200
+_MAX_PATH = 259  # characters: Windows' limit (MAX_PATH without the final zero) unless long paths are enabled
 _DRIVE = re.compile(r'^([\\/]{2}[?.][\\/])?([A-Za-z]:)?')  # device prefix and drive, both optional
 _FORBIDDEN = '<>:"|?*'  # characters that Windows refuses in names
 _DEVICES = {'CON', 'PRN', 'AUX', 'NUL', *(f'{kind}{number}' for kind in ('COM', 'LPT') for number in range(1, 10))}
@@ -48,7 +48,7 @@ def unfinished(path, ending=''):
     if sys.platform == 'win32':
         _check_names(path)
     name = os.path.basename(path)
-    most = len(_beginning(name, _MOST - len((_UNFINISHED + ending).encode(_UNITS)), _UNITS))
+    most = len(_beginning(name, _MAX_NAME_BYTES - len((_UNFINISHED + ending).encode(_UNITS)), _UNITS))
     if most < len(name):
         raise OSError(0, f"its name has {len(name):,} characters, of which {most:,} would fit: choose a shorter one")
     return path + _UNFINISHED + ending
@@ -76,8 +76,8 @@ def _beginning(name, most, encoding='utf-8'):
 
 def reason(error, path):
     """The reason of an OSError, as part of a sentence for users."""
-    if sys.platform == 'win32' and isinstance(error, FileNotFoundError) and len(path) > _MOST_OF_A_PATH:
-        return (f"its path has {len(path):,} characters, and Windows takes {_MOST_OF_A_PATH} of them: choose a shorter "
+    if sys.platform == 'win32' and isinstance(error, FileNotFoundError) and len(path) > _MAX_PATH:
+        return (f"its path has {len(path):,} characters, and Windows takes {_MAX_PATH} of them: choose a shorter "
                 "one")
     return error.strerror or str(error)
 
@@ -85,7 +85,7 @@ def reason(error, path):
 def name_for(name):
     """A data-block's name made valid as a file name on every system."""
     name = ''.join('_' if letter in _FORBIDDEN + '\\/' or ord(letter) < 32 else letter for letter in name)
-    return _beginning('_' + name if _is_device(name) else name, _MOST_OF_A_NAME)
+    return _beginning('_' + name if _is_device(name) else name, _MAX_BLOCK_NAME_BYTES)
 
 
 def folded(path):
@@ -101,7 +101,7 @@ def name_on_disk(path):
     return name if name in names else next((each for each in names if folded(each) == folded(name)), "")
 
 
-def take_away(path):
+def remove_unfinished(path):
     """Removes an unfinished file. Errors are suppressed, so that the original error is reported."""
     with contextlib.suppress(OSError):
         os.remove(path)

@@ -14,7 +14,7 @@ from . import mesh_data, node_group
 # rebuilding the relations of the dependency graphs 100 vertices for each object of the file.
 _VERTICES_A_GROUP, _SCENE = 2000, 5
 _VERTICES_AN_OBJECT = 100
-_MOST_GROUPS = 64  # bounds the memory: n floats a group
+_MAX_GROUPS = 64  # bounds the memory: n floats a group
 _SAMPLES = 50  # about as many members of each group, and vertices of the mesh, are compared with Python's weights
 
 
@@ -35,7 +35,7 @@ def _pays(mesh, names):
     materials have drivers, which would be evaluated with all that they depend on. Not during a render job, which may
     hold the temporary data."""
     least = _VERTICES_A_GROUP * (len(names) + _SCENE) + _VERTICES_AN_OBJECT * len(bpy.data.objects)
-    if not 0 < len(names) <= _MOST_GROUPS or len(mesh.vertices) < least or mesh.is_editmode:
+    if not 0 < len(names) <= _MAX_GROUPS or len(mesh.vertices) < least or mesh.is_editmode:
         return False
     materials = [material for material in mesh.materials if material]
     blocks = [mesh, mesh.shape_keys, *materials, *(material.node_tree for material in materials)]
@@ -50,8 +50,8 @@ def _is_of(ob, name, members, weights):
         return False
     group, count = ob.vertex_groups[name].index, len(ob.data.vertices)
     chosen = np.union1d(np.arange(0, count, max(1, count // _SAMPLES)), members[::max(1, len(members) // _SAMPLES)])
-    places = np.searchsorted(members, chosen).clip(max=len(members) - 1)
-    copied = np.where(members[places] == chosen, weights[places], 0)
+    indices = np.searchsorted(members, chosen).clip(max=len(members) - 1)
+    copied = np.where(members[indices] == chosen, weights[indices], 0)
     return all(weight == next((element.weight for element in ob.data.vertices[vertex].groups
                                if element.group == group), 0.0)
                for vertex, weight in zip(chosen.tolist(), copied.tolist()))
@@ -73,7 +73,7 @@ def _columns(mesh, names):
         evaluated = ob.evaluated_get(depsgraph).data
         result, column = {}, np.empty(len(mesh.vertices), np.float32)
         for number, name in enumerate(names):
-            if len(evaluated.vertices) != len(column) or not mesh_data.copied(
+            if len(evaluated.vertices) != len(column) or not mesh_data.read_attribute_into(
                     evaluated, _copy_of(number), 'value', column):
                 return {}
             members = np.flatnonzero(column)

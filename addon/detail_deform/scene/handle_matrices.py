@@ -9,7 +9,7 @@ from .mesh_data import MeshProblem
 
 
 # The properties of a handle that a binding sets.
-KEPT = ('rest_matrix', 'rest_euler', 'rest_order', 'home_matrix', 'home_euler', 'home_order', 'mirror_space',
+BINDING_PROPERTIES = ('rest_matrix', 'rest_euler', 'rest_order', 'home_matrix', 'home_euler', 'home_order', 'mirror_space',
         'pose_matrix')
 
 
@@ -25,16 +25,16 @@ def with_empties(settings):
 def in_scene(ob, depsgraph):
     """Whether the object belongs to the depsgraph's scene and is evaluated there. An object that is only referred to is
     evaluated too, but its transform then is meaningless."""
-    return Whereabouts(depsgraph).has(ob)
+    return ObjectPresence(depsgraph).is_in_scene(ob)
 
 
-class Whereabouts:
+class ObjectPresence:
     """Whether objects are in the scene, or deleted. For many at once: sets of all objects are built once, if needed."""
 
     def __init__(self, depsgraph):
         self._depsgraph, self._in_scene, self._anywhere = depsgraph, None, None
 
-    def has(self, ob):
+    def is_in_scene(self, ob):
         """As in_scene()."""
         layer = self._depsgraph.view_layer
         if not ob.evaluated_get(self._depsgraph).is_evaluated:
@@ -46,11 +46,11 @@ class Whereabouts:
             self._in_scene = set(self._depsgraph.scene.objects)
         return ob in self._in_scene
 
-    def is_gone(self, empty):
+    def is_deleted(self, empty):
         """Whether an empty was deleted: from the file, or from all collections while references keep the data-block."""
         if empty is None:
             return True
-        if self.has(empty):
+        if self.is_in_scene(empty):
             return False
         if self._anywhere is None:
             collections = (*bpy.data.collections, *(scene.collection for scene in bpy.data.scenes))
@@ -62,12 +62,12 @@ def evaluated_world(ob, depsgraph, what):
     return _evaluated_worlds([(ob, what)], depsgraph)[0]
 
 
-def _evaluated_worlds(named, depsgraph, out=None):
-    """(k, 4, 4) float64: evaluated world matrices. named: [(object, what messages call it)]. out: (k,) bool, whether
+def _evaluated_worlds(named, depsgraph, is_absent=None):
+    """(k, 4, 4) float64: evaluated world matrices. named: [(object, what messages call it)]. is_absent: (k,) bool, whether
     each is not in_scene(), if known. Raises MeshProblem."""
     rows = []
     for number, (ob, what) in enumerate(named):
-        if out[number] if out is not None else not in_scene(ob, depsgraph):
+        if is_absent[number] if is_absent is not None else not in_scene(ob, depsgraph):
             raise MeshProblem(f"{what} '{ob.name}' is not in this scene, or is disabled or excluded so that "
                               "its place is not known: bring it back, or choose another one.")
         world = ob.evaluated_get(depsgraph).matrix_world
@@ -80,7 +80,7 @@ def _evaluated_worlds(named, depsgraph, out=None):
     return worlds
 
 
-def _flat(matrices):
+def _are_singular(matrices):
     """(...) bool: which of these have a singular linear part: |det| < 1e-30, as of a scale of 1e-10. Safety before
     an inverse; a scale of 1e-6 is a legal, if odd, unit."""
     with np.errstate(invalid='ignore'):  # NaN passes here: the result shows it
@@ -88,7 +88,7 @@ def _flat(matrices):
 
 
 def _inverse_or_refuse(matrix, sentence):
-    if _flat(matrix):
+    if _are_singular(matrix):
         raise MeshProblem(sentence)
     return np.linalg.inv(matrix)
 
@@ -99,69 +99,69 @@ def world_to_local(ob, depsgraph):
                               f"'{ob.name}' has a scale of zero: give it a size.")
 
 
-def local_places(ob, depsgraph, poses=None, last=None):
+def local_transforms(ob, depsgraph, pose_matrices=None, last=None):
     """(h, 4, 4) float32: the evaluated place of each enabled handle's empty in the object's local space, with the pose
-    of its bone and of modifiers undone. The identity for handles that mirror another. poses: {number: pose_through()},
-    replaces a handle's stored pose. last: as for places_of(). Raises MeshProblem that names the handle."""
+    of its bone and of modifiers undone. The identity for handles that mirror another. pose_matrices: {number: pose_matrix_beside_bone()},
+    replaces a handle's stored pose. last: as for transforms_of(). Raises MeshProblem that names the handle."""
     handles = enabled_handles(ob.detail_deform)
     own = [number for number, handle in enumerate(handles) if not handle.mirrors]
-    places = np.empty((len(handles), 4, 4), np.float32)
-    places[:] = np.eye(4)  # stays for handles that mirror another
+    transforms = np.empty((len(handles), 4, 4), np.float32)
+    transforms[:] = np.eye(4)  # stays for handles that mirror another
     posed = _of_enabled(ob.detail_deform, 'pose_matrix', 16).any(axis=1)
-    places[own] = places_of(ob, [handles[number] for number in own], depsgraph,
-                            [(poses or {}).get(number, _pose(handles[number]) if posed[number] else None)
+    transforms[own] = transforms_of(ob, [handles[number] for number in own], depsgraph,
+                            [(pose_matrices or {}).get(number, _stored_pose_matrix(handles[number]) if posed[number] else None)
                              for number in own],
                             last if last is not None and len(last) == len(own) else None)
-    return places
+    return transforms
 
 
-def local_place(ob, handle, depsgraph):
-    """(4, 4) float64: places_of() one handle."""
-    return places_of(ob, [handle], depsgraph)[0]
+def local_transform(ob, handle, depsgraph):
+    """(4, 4) float64: transforms_of() one handle."""
+    return transforms_of(ob, [handle], depsgraph)[0]
 
 
-def places_of(ob, handles, depsgraph, poses=None, last=None):
-    """(k, 4, 4) float64: local places of handles with empties, as of local_places(). A bound handle whose empty was
+def transforms_of(ob, handles, depsgraph, pose_matrices=None, last=None):
+    """(k, 4, 4) float64: local places of handles with empties, as of local_transforms(). A bound handle whose empty was
     deleted stays at the empty's last place.
 
-    poses: one (4, 4) or None for each handle, replaces the stored pose. last: the previous result, used for handles of
+    pose_matrices: one (4, 4) or None for each handle, replaces the stored pose. last: the previous result, used for handles of
     whose empty nothing is left; without it they are at rest. Raises MeshProblem."""
-    places, whereabouts = np.empty((len(handles), 4, 4)), Whereabouts(depsgraph)
-    out = [handle.target is None or not whereabouts.has(handle.target) for handle in handles]
-    gone = [is_out and has_rest(handle) and whereabouts.is_gone(handle.target) for is_out, handle in zip(out, handles)]
+    transforms, whereabouts = np.empty((len(handles), 4, 4)), ObjectPresence(depsgraph)
+    is_absent = [handle.target is None or not whereabouts.is_in_scene(handle.target) for handle in handles]
+    is_deleted = [is_out and has_rest(handle) and whereabouts.is_deleted(handle.target) for is_out, handle in zip(is_absent, handles)]
     for handle in handles:
         if handle.target is None and not has_rest(handle):
             raise MeshProblem(f"Handle '{handle.name}' has no empty, or its empty was deleted: choose "
                               "one in Empty (Handles).")
-    there = [number for number, is_out in enumerate(gone) if not is_out]
-    owners = _owners(ob, [handles[number] for number in there])
+    known = [number for number, is_out in enumerate(is_deleted) if not is_out]
+    owners = _space_owners(ob, [handles[number] for number in known])
     to_local = {owner: world_to_local(owner, depsgraph) for owner in {ob, *owners}}
     worlds = _evaluated_worlds([(handles[number].target, f"Handle '{handles[number].name}': empty")
-                                for number in there], depsgraph, [out[number] for number in there])
+                                for number in known], depsgraph, [is_absent[number] for number in known])
     if any(owner != ob for owner in owners):
-        places[there] = np.array([to_local[owner] for owner in owners]) @ worlds
+        transforms[known] = np.array([to_local[owner] for owner in owners]) @ worlds
     else:
-        places[there] = to_local[ob] @ worlds
-    for number in np.flatnonzero(gone):
-        world = _world_of_gone(handles[number].target, depsgraph)
+        transforms[known] = to_local[ob] @ worlds
+    for number in np.flatnonzero(is_deleted):
+        world = _world_of_deleted(handles[number].target, depsgraph)
         if world is None:
-            places[number] = rest(handles[number]) if last is None else last[number]
+            transforms[number] = rest_transform(handles[number]) if last is None else last[number]
             continue
-        there.append(number)
-        places[number] = to_local[ob] @ world
-    for number in there:
+        known.append(number)
+        transforms[number] = to_local[ob] @ world
+    for number in known:
         handle = handles[number]
         if handle.target.parent_type == 'BONE':
-            pose = skin.pose_of(ob, handle.target, depsgraph)
-            places[number] = _inverse_or_refuse(
-                pose, f"Handle '{handle.name}': the bone of its empty has a scale of zero.") @ places[number]
-        pose = poses[number] if poses is not None else _pose(handle)
-        if pose is not None:
-            places[number] = np.linalg.inv(pose) @ places[number]
-    return places
+            bone_motion = skin.bone_motion_of(ob, handle.target, depsgraph)
+            transforms[number] = _inverse_or_refuse(
+                bone_motion, f"Handle '{handle.name}': the bone of its empty has a scale of zero.") @ transforms[number]
+        bone_motion = pose_matrices[number] if pose_matrices is not None else _stored_pose_matrix(handle)
+        if bone_motion is not None:
+            transforms[number] = np.linalg.inv(bone_motion) @ transforms[number]
+    return transforms
 
 
-def _world_of_gone(empty, depsgraph):
+def _world_of_deleted(empty, depsgraph):
     """(4, 4): world matrix of a deleted empty whose data-block still exists, by its bone's present pose if it is
     parented to one; None where it can't be known."""
     if empty is None:
@@ -179,75 +179,75 @@ def _world_of_gone(empty, depsgraph):
     return np.linalg.multi_dot([np.array(part, np.float64) for part in parts])
 
 
-def _owners(ob, handles):
+def _space_owners(ob, handles):
     """[object]: for each handle the object in whose local space its empty's motion is measured. It is ob, except for a
     copy that still uses the empties made for, and parented to, the original mesh: then the original, so that the copy
     is posed alike wherever it stands."""
-    owners, kept = [ob] * len(handles), {}
+    owners, empties_of = [ob] * len(handles), {}
     for number, handle in enumerate(handles):
         parent = handle.target.parent
         if parent is None or parent == ob or parent.type != 'MESH' or handle.own_target != handle.target:
             continue
-        if parent not in kept:
-            kept[parent] = {h.target for h in parent.detail_deform.handles if h.target == h.own_target}
-        if handle.target in kept[parent]:
+        if parent not in empties_of:
+            empties_of[parent] = {h.target for h in parent.detail_deform.handles if h.target == h.own_target}
+        if handle.target in empties_of[parent]:
             owners[number] = parent
     return owners
 
 
-def _pose(handle):
-    """(4, 4): pose_through() from when the handle's empty was placed; None if there is none or it is malformed."""
+def _stored_pose_matrix(handle):
+    """(4, 4): pose_matrix_beside_bone() from when the handle's empty was placed; None if there is none or it is malformed."""
     if not any(handle.pose_matrix):
         return None
     pose = np.array(handle.pose_matrix, np.float64).reshape(4, 4)
     # The file may have been modified by something else.
-    return pose if np.isfinite(pose).all() and not _flat(pose) else None
+    return pose if np.isfinite(pose).all() and not _are_singular(pose) else None
 
 
-def pose_of(handle):
+def pose_matrix_of(handle):
     """(4, 4): the motion of the handle's vertices by modifiers when its empty was placed, without that of the empty's
     bone; the identity if none is stored."""
-    pose = _pose(handle)
+    pose = _stored_pose_matrix(handle)
     return np.eye(4) if pose is None else pose
 
 
-def pose_through(ob, empty, motion, depsgraph):
-    """(4, 4): the rest of a motion of seen.motions() after that of the bone that carries the empty, if any, is divided
+def pose_matrix_beside_bone(ob, empty, motion, depsgraph):
+    """(4, 4): the rest of a motion of displayed.similarities() after that of the bone that carries the empty, if any, is divided
     out: bone⁻¹ motion. None where motion is None or the bone's is singular. Raises MeshProblem."""
     if motion is None:
         return None
-    bone = skin.pose_of(ob, empty, depsgraph)
-    return None if _flat(bone) else np.linalg.inv(bone) @ motion
+    bone = skin.bone_motion_of(ob, empty, depsgraph)
+    return None if _are_singular(bone) else np.linalg.inv(bone) @ motion
 
 
-def set_pose(handle, pose):
-    """Stores a pose of pose_through(), or none."""
+def set_pose_matrix(handle, pose):
+    """Stores a pose of pose_matrix_beside_bone(), or none."""
     if pose is None:
         handle.property_unset('pose_matrix')
     else:
         handle.pose_matrix = pose.ravel().tolist()
 
 
-def rest_places(ob, places, roles, depsgraph):
+def rest_transforms(ob, transforms, roles, depsgraph):
     """(h, 4, 4) float32: rest places of the empties: their present ones, except on bones of a disabled armature, which
     no longer poses the mesh. There it is the present place or that with the bone at rest, whichever is nearer to the
     centroid of the handle's vertices. roles: (n,) of the binding."""
-    result, rest = places.copy(), None
+    result, rest = transforms.copy(), None
     for number, handle in enumerate(enabled_handles(ob.detail_deform)):
         if handle.mirrors or handle.target is None or handle.target.parent_type != 'BONE':
             continue
-        pose = skin.pose_that_was(ob, handle.target, depsgraph)
-        if _flat(pose) or np.array_equal(pose, np.eye(4)):
+        pose = skin.former_bone_motion_of(ob, handle.target, depsgraph)
+        if _are_singular(pose) or np.array_equal(pose, np.eye(4)):
             continue
         if rest is None:
-            rest = mesh_data.rest(ob.data)
-        centre, there = rest[roles == number].mean(axis=0), np.linalg.inv(pose) @ places[number]
-        if np.linalg.norm(there[:3, 3] - centre) < np.linalg.norm(places[number, :3, 3] - centre):
+            rest = mesh_data.rest_positions(ob.data)
+        centre, there = rest[roles == number].mean(axis=0), np.linalg.inv(pose) @ transforms[number]
+        if np.linalg.norm(there[:3, 3] - centre) < np.linalg.norm(transforms[number, :3, 3] - centre):
             result[number] = there
     return result
 
 
-def mirrored(handles):
+def mirror_sources(handles):
     """Generator of (number, number of its source) for the handles that mirror another one. Raises MeshProblem."""
     for number, handle in enumerate(handles):
         if not handle.mirrors:
@@ -269,7 +269,7 @@ def _reflection_of(handle):
     return _in_mirror_space(handle, reflection(handle.mirror_axis))
 
 
-def _planes_of(handle):
+def _reflections_of(handle):
     """[(4, 4)]: the reflections under which the handle's own motion is kept invariant."""
     return [_in_mirror_space(handle, reflection(letter)) for letter in sorted(handle.symmetric)]
 
@@ -279,31 +279,31 @@ def _in_mirror_space(handle, flip):
     if not any(handle.mirror_space):
         return flip
     space = np.array(handle.mirror_space, np.float64).reshape(4, 4)
-    if not np.isfinite(space).all() or _flat(space):  # the file was modified by something else
+    if not np.isfinite(space).all() or _are_singular(space):  # the file was modified by something else
         return flip
     return space @ flip @ np.linalg.inv(space)
 
 
-def motions(settings, places):
-    """(h, 3, 4) float64: affine motion of each enabled handle from rest to places, in the object's local space. places:
-    (h, 4, 4) float32 of local_places(). Raises MeshProblem.
+def motions(settings, transforms):
+    """(h, 3, 4) float64: affine motion of each enabled handle from rest to places, in the object's local space. transforms:
+    (h, 4, 4) float32 of local_transforms(). Raises MeshProblem.
 
     Both places are relative to the object, as for Blender's Hook modifier: moving the object together with its empties
     moves no vertex. Both are rounded to single precision, so that an empty that did not move gives the identity
     without any rounding error.
     """
-    rests = _rests(settings)
-    for number in np.flatnonzero(_flat(rests)):
+    rests = _rest_transforms(settings)
+    for number in np.flatnonzero(_are_singular(rests)):
         raise MeshProblem(f"Handle '{enabled_handles(settings)[number].name}': its empty had a scale of zero when it "
                           "was bound. Give it a size, then press Unbind and Bind.")
-    result = _with_mirrored(settings, places) @ np.linalg.inv(rests)
-    for number, handle in _symmetric(settings):
+    result = _with_mirrored(settings, transforms) @ np.linalg.inv(rests)
+    for number, handle in _symmetric_handles(settings):
         if not handle.mirrors:
-            result[number] = symmetric.motion(result[number], _planes_of(handle), rests[number, :3, 3])
+            result[number] = symmetric.motion(result[number], _reflections_of(handle), rests[number, :3, 3])
     return result[:, :3]
 
 
-def _symmetric(settings):
+def _symmetric_handles(settings):
     """[(number, handle)] of the enabled handles whose motion is kept its own mirror image."""
     flags = np.empty(len(settings.handles), np.int32)
     settings.handles.foreach_get('symmetric', flags)
@@ -319,45 +319,45 @@ def _of_enabled(settings, name, size):
     return values.reshape(-1, size)[enabled].astype(np.float64)
 
 
-def _rests(settings):
-    """(h, 4, 4) float64: rest() of each enabled handle, read in bulk."""
+def _rest_transforms(settings):
+    """(h, 4, 4) float64: rest_transform() of each enabled handle, read in bulk."""
     rests = _of_enabled(settings, 'rest_matrix', 16)
     rests[~rests.any(axis=1)] = np.eye(4).ravel()
     return rests.reshape(-1, 4, 4)
 
 
-def _with_mirrored(settings, places):
-    """(h, 4, 4) float64: the places, with those of handles that mirror another from _mirrored_place()."""
-    handles, result = enabled_handles(settings), places.astype(np.float64)
-    for number, source in mirrored(handles):
-        result[number] = _mirrored_place(handles[number], handles[source], result[source])
+def _with_mirrored(settings, transforms):
+    """(h, 4, 4) float64: the places, with those of handles that mirror another from _mirrored_transform()."""
+    handles, result = enabled_handles(settings), transforms.astype(np.float64)
+    for number, source in mirror_sources(handles):
+        result[number] = _mirrored_transform(handles[number], handles[source], result[source])
     return result
 
 
-def _mirrored_place(handle, source, place):
+def _mirrored_transform(handle, source, transform):
     """(4, 4): the source's motion from its home to place, mirrored; for a symmetric handle, made its own mirror image.
     It serves as the place of the mirroring handle, which has none of its own."""
     if not has_home(source):
         return np.eye(4)
-    motion = place @ np.linalg.inv(home(source))
+    motion = transform @ np.linalg.inv(home_transform(source))
     if handle.symmetric:
-        return symmetric.motion(motion, _planes_of(handle), home(source)[:3, 3])
+        return symmetric.motion(motion, _reflections_of(handle), home_transform(source)[:3, 3])
     flip = _reflection_of(handle)
     return flip @ motion @ flip
 
 
-def only_move(motions):
+def are_translations(motions):
     """(h,) bool: which of these (h, 3, 4) motions are non-zero translations: their linear part is the identity to 1e-5,
     some 100 float32 epsilons."""
     turned = np.abs(motions[:, :, :3] - np.eye(3)).max(axis=(1, 2), initial=0)
     return (turned < 1e-5) & motions[:, :, 3].any(axis=1)
 
 
-def free(settings):
+def are_free(settings):
     """(h,) bool: which enabled handles are free, that is, only place. Handles that mirror another one are as it is."""
     handles = enabled_handles(settings)
     result = np.array([handle.turns == 'FREE' for handle in handles], bool)
-    for number, source in mirrored(handles):
+    for number, source in mirror_sources(handles):
         result[number] = result[source]
     return result
 
@@ -365,44 +365,44 @@ def free(settings):
 def pivots(settings):
     """(h, 3) float64: pivots of the enabled handles: their empties' positions at Bind, in the object's local space."""
     handles = enabled_handles(settings)
-    result = _rests(settings)[:, :3, 3].copy()
+    result = _rest_transforms(settings)[:, :3, 3].copy()
     for number, handle in enumerate(handles):
         if handle.symmetric and not handle.mirrors:
-            result[number] = symmetric.point(result[number], _planes_of(handle))
-    for number, source in mirrored(handles):
-        handle, place = handles[number], home(handles[source])[:, 3]
-        image = (np.append(symmetric.point(place[:3], _planes_of(handle)), 1.0) if handle.symmetric else
-                 _reflection_of(handle) @ place)
-        result[number] = (rest(handle) @ image)[:3]
+            result[number] = symmetric.point(result[number], _reflections_of(handle))
+    for number, source in mirror_sources(handles):
+        handle, point = handles[number], home_transform(handles[source])[:, 3]
+        image = (np.append(symmetric.point(point[:3], _reflections_of(handle)), 1.0) if handle.symmetric else
+                 _reflection_of(handle) @ point)
+        result[number] = (rest_transform(handle) @ image)[:3]
     return result
 
 
-def hand_over(ob, empties):
+def convert_for_copies(ob, empties):
     """Converts the rests and homes of copies of the object that use these empties from the object's space to their own,
-    so that nothing moves when the object lets go of the empties. See _owners()."""
+    so that nothing moves when the object lets go of the empties. See _space_owners()."""
     for other in bpy.data.objects if empties else ():
         if other.type != 'MESH' or other == ob:
             continue
         handles = [handle for handle in other.detail_deform.handles
-                   if handle.target in empties and _owners(other, [handle])[0] == ob and has_rest(handle)]
+                   if handle.target in empties and _space_owners(other, [handle])[0] == ob and has_rest(handle)]
         for handle in handles:
             worlds = [np.array(each.matrix_world, np.float64) for each in (handle.target, ob, other)]
-            if any(map(_flat, worlds)):
+            if any(map(_are_singular, worlds)):
                 continue
-            empty, first, own = worlds
-            pose = pose_of(handle)
-            there, here = (np.linalg.inv(space @ pose) @ empty for space in (first, own))
+            empty, to_original, own = worlds
+            pose = pose_matrix_of(handle)
+            there, here = (np.linalg.inv(space @ pose) @ empty for space in (to_original, own))
             for name in ('rest_matrix', 'home_matrix'):
-                place = np.array(getattr(handle, name), np.float64).reshape(4, 4)
-                if place.any():  # changed so that the motion from there to the present place is the same
-                    setattr(handle, name, (place @ np.linalg.inv(there) @ here).ravel().tolist())
+                transform = np.array(getattr(handle, name), np.float64).reshape(4, 4)
+                if transform.any():  # changed so that the motion from there to the present transform is the same
+                    setattr(handle, name, (transform @ np.linalg.inv(there) @ here).ravel().tolist())
 
 
 def has_rest(handle):
     return any(handle.rest_matrix)
 
 
-def rest(handle):
+def rest_transform(handle):
     """(4, 4): the place relative to which the handle's motion is measured. For one that mirrors another: the motion of
     its vertices from home to the start of the binding. The identity if none is stored."""
     return np.array(handle.rest_matrix, np.float64).reshape(4, 4) if has_rest(handle) else np.eye(4)
@@ -412,63 +412,63 @@ def has_home(handle):
     return has_rest(handle) or any(handle.home_matrix)
 
 
-def home(handle):
-    """(4, 4): the handle's place on the undeformed mesh; rest(), unless it was bound to a deformed one."""
-    return np.array(handle.home_matrix, np.float64).reshape(4, 4) if any(handle.home_matrix) else rest(handle)
+def home_transform(handle):
+    """(4, 4): the handle's place on the undeformed mesh; rest_transform(), unless it was bound to a deformed one."""
+    return np.array(handle.home_matrix, np.float64).reshape(4, 4) if any(handle.home_matrix) else rest_transform(handle)
 
 
 def home_euler(handle, order):
     """The empty's local rotation at home, as Euler angles of this order."""
-    _, euler, own = _home(handle)
+    _, euler, own = _stored_home(handle)
     return euler_angles.in_order(euler, own, order)
 
 
-def _home(handle):
+def _stored_home(handle):
     """(flat matrix, Euler angles, their order): the home as stored."""
     if any(handle.home_matrix):
         return handle.home_matrix[:], handle.home_euler[:], handle.home_order
     return handle.rest_matrix[:], handle.rest_euler[:], handle.rest_order
 
 
-def kept_home(handle):
-    """As _home(); a matrix of zeros for handles that have no home or mirror another."""
+def home_to_store(handle):
+    """As _stored_home(); a matrix of zeros for handles that have no home or mirror another."""
     if handle.mirrors or not has_home(handle):
         return [0.0] * 16, (0.0, 0.0, 0.0), ''
-    return _home(handle)
+    return _stored_home(handle)
 
 
 def set_home(handle, matrix):
     """Stores the home, (4, 4), of a handle that is added to a deformed mesh."""
     handle.home_matrix = np.asarray(matrix, np.float32).ravel().tolist()
     if handle.target:
-        handle.home_euler, handle.home_order = euler_angles.told(handle.target)
+        handle.home_euler, handle.home_order = euler_angles.local_euler(handle.target)
 
 
-def check_rest(settings, places):
-    """Raises MeshProblem where one of these places is singular, so that it can't become a rest."""
+def check_rest(settings, transforms):
+    """Raises MeshProblem where one of these transforms is singular, so that it can't become a rest."""
     handles = enabled_handles(settings)
-    for number in np.flatnonzero(_flat(places.astype(np.float64))):
+    for number in np.flatnonzero(_are_singular(transforms.astype(np.float64))):
         if not handles[number].mirrors:
             raise MeshProblem(f"Handle '{handles[number].name}': its empty has a scale of zero. Give it a size, then "
                               "press Bind.")
 
 
-def store_rest(settings, places, only_new):
+def store_rest(settings, transforms, only_new):
     """Stores these places as rest and home. only_new: as rest of handles without one; homes are kept."""
-    for handle, place in zip(enabled_handles(settings), places):
+    for handle, transform in zip(enabled_handles(settings), transforms):
         if not only_new:
             handle.property_unset('home_matrix')
             handle.property_unset('mirror_space')
         if not (only_new and has_rest(handle)):
-            _set_rest(handle, place)
+            _set_rest(handle, transform)
 
 
-def start_here(settings, places):
+def make_present_rest(settings, transforms):
     """Stores these places as rest. Homes are kept; a handle without one keeps its previous rest as its home."""
-    found = dict(zip((handle.name for handle in enabled_handles(settings)), _with_mirrored(settings, places)))
+    found = dict(zip((handle.name for handle in enabled_handles(settings)), _with_mirrored(settings, transforms)))
     for handle in settings.handles:
         if has_rest(handle) and not handle.mirrors and not any(handle.home_matrix):
-            handle.home_matrix, handle.home_euler, handle.home_order = kept_home(handle)
+            handle.home_matrix, handle.home_euler, handle.home_order = home_to_store(handle)
     for handle in settings.handles:
         source = next((h for h in settings.handles if h.name == handle.mirrors), None)
         if handle.enabled:
@@ -476,39 +476,39 @@ def start_here(settings, places):
         elif not handle.mirrors:
             handle.property_unset('rest_matrix')  # when enabled again, its then present place becomes its rest
         elif source and source.name in found:
-            _set_rest(handle, _mirrored_place(handle, source, found[source.name]))
+            _set_rest(handle, _mirrored_transform(handle, source, found[source.name]))
 
 
-def start_from(ob, handle, depsgraph):
+def start_from_new_empty(ob, handle, depsgraph):
     """Makes the place of a handle's new empty its rest, in place of its earlier empty's, and converts its home."""
-    before, place = rest(handle), local_place(ob, handle, depsgraph)
+    before, transform = rest_transform(handle), local_transform(ob, handle, depsgraph)
     if any(handle.home_matrix):
-        set_home(handle, place @ np.linalg.inv(before) @ home(handle))
-    _set_rest(handle, place.astype(np.float32))
+        set_home(handle, transform @ np.linalg.inv(before) @ home_transform(handle))
+    _set_rest(handle, transform.astype(np.float32))
 
 
-def _set_rest(handle, place):
-    handle.rest_matrix = np.asarray(place).ravel().tolist()
+def _set_rest(handle, transform):
+    handle.rest_matrix = np.asarray(transform).ravel().tolist()
     if handle.target:
-        handle.rest_euler, handle.rest_order = euler_angles.told(handle.target)
+        handle.rest_euler, handle.rest_order = euler_angles.local_euler(handle.target)
 
 
-def go_home(settings):
+def reset_rests_to_homes(settings):
     """Resets the rest of every handle to its home."""
     for handle in settings.handles:
         if handle.mirrors:
             handle.property_unset('rest_matrix')
         elif any(handle.home_matrix):
-            handle.rest_matrix, handle.rest_euler, handle.rest_order = kept_home(handle)
+            handle.rest_matrix, handle.rest_euler, handle.rest_order = home_to_store(handle)
             handle.property_unset('home_matrix')
 
 
-def turns(settings, places, depsgraph, proportions):
+def turn_vectors(settings, transforms, depsgraph, proportions):
     """(h, 3) float64: rotation vector, with whole turns, of each handle since rest, in the object's space transformed
     by proportions, (3, 3). It is the sum of the changes of the empty's Euler channels, each about its present axis:
     exact where only one channel turns. Zero where the rotation comes from elsewhere, such as quaternions or a parent:
     whole turns can't be read from a matrix."""
-    result = np.zeros((len(places), 3))
+    result = np.zeros((len(transforms), 3))
     handles = enabled_handles(settings)
     rests = [tuple(rest) for rest in _of_enabled(settings, 'rest_euler', 3).tolist()]
     for number, handle in enumerate(handles):
@@ -525,19 +525,19 @@ def turns(settings, places, depsgraph, proportions):
             euler, euler_angles.in_order(rests[number], handle.rest_order, order), order,
             animated=target.animation_data is not None)
         basis = np.array(target.matrix_basis, np.float64)[:3, :3]
-        if _flat(basis):
+        if _are_singular(basis):
             continue  # singular: it has no rotation
         # From the empty's parent space to the object's. Axes of rotation are axial vectors: a reflection negates them.
-        space = proportions @ places[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis)
-        axes = np.sign(np.linalg.det(space)) * space @ euler_angles.channel_axes(euler, order)
+        to_object = proportions @ transforms[number][:3, :3].astype(np.float64) @ np.linalg.inv(basis)
+        axes = np.sign(np.linalg.det(to_object)) * to_object @ euler_angles.channel_axes(euler, order)
         result[number] = (change * axes / np.linalg.norm(axes, axis=0)).sum(axis=1)
     back = np.linalg.inv(proportions)
-    sources = dict(mirrored(handles))
+    sources = dict(mirror_sources(handles))
     for number, handle in enumerate(handles):
         given = result[sources.get(number, number)]
         if handle.symmetric:
-            planes = [proportions @ flip[:3, :3] @ back for flip in _planes_of(handle)]
-            result[number] = symmetric.turn(given, planes)
+            planes = [proportions @ flip[:3, :3] @ back for flip in _reflections_of(handle)]
+            result[number] = symmetric.turn_vector(given, planes)
         elif number in sources:
             result[number] = -(proportions @ _reflection_of(handle)[:3, :3] @ back) @ given  # axial, so negated
     return result

@@ -21,13 +21,13 @@ class _Known:
 _known = session.kept(_Known(), session.Until.REPLACED)
 
 
-def of(empty):
+def handle_of(empty):
     """(ob, number): the mesh object and the number of the handle that this empty moves; (None, -1) if there is none."""
     if empty is None or empty.type != 'EMPTY':
         return None, -1
-    number = _number(empty.parent, empty)  # the usual owner
-    if number >= 0:
-        return empty.parent, number
+    index = _index(empty.parent, empty)  # the usual owner
+    if index >= 0:
+        return empty.parent, index
     if _known.object_count != len(bpy.data.objects):
         forget()
         _known.object_count = len(bpy.data.objects)
@@ -36,9 +36,9 @@ def of(empty):
         if _known.owners[key] is None:
             return None, -1
         ob = bpy.data.objects.get(_known.owners[key])
-        number = _number(ob, empty)
-        if number >= 0:  # else it was renamed, or the handle is gone
-            return ob, number
+        index = _index(ob, empty)
+        if index >= 0:  # else it was renamed, or the handle is gone
+            return ob, index
     found = _searched(empty)
     _known.owners[key] = found[0].name if found[0] else None
     return found
@@ -51,15 +51,15 @@ def forget():
 
 def _searched(empty):
     for ob in bpy.data.objects:
-        number = _number(ob, empty)
-        if number >= 0:
-            return ob, number
+        index = _index(ob, empty)
+        if index >= 0:
+            return ob, index
     return None, -1
 
 
-def _number(ob, empty):
+def _index(ob, empty):
     if ob is not None and ob.type == 'MESH':
-        for number, handle in enumerate(ob.detail_deform.handles):
+        for index, handle in enumerate(ob.detail_deform.handles):
             if handle.target == empty:
-                return number
+                return index
     return -1

@@ -10,10 +10,10 @@ from . import components
 
 # Roots of one component of loose edges; with more it is taken to lie along the surface, and each of its vertices is
 # carried by the nearest face. It also bounds the time: each root takes a shortest-path search over the component.
-_MOST_ROOTS = 16
+_MAX_ROOTS = 16
 
 
-class Loose:
+class LooseVertices:
     """The loose vertices of a mesh at rest, and for each the faces that carry it."""
 
     def __init__(self, rest, triangles, edges, source_rest=None, chosen=None):
@@ -28,7 +28,7 @@ class Loose:
         rest = rest.astype(np.float64)
         rows, faces, weights = _anchors(rest, triangles, edges, in_face, self._vertices)
         self._rows, self._corners, self._weights = rows, triangles[faces], weights[:, None]
-        self._turns = _areas(rest, self._corners) > 0  # a face without area only translates
+        self._has_area = _areas(rest, self._corners) > 0  # a face without area only translates
         self._own = _in_frames(self._frames(rest), rest[self._vertices[rows]])
         self._source = None
         if source_rest is not None:
@@ -46,7 +46,7 @@ class Loose:
         along = _unit(b - a)
         normal = _unit(np.cross(b - a, c - a))
         axes = np.stack([along, np.cross(normal, along), normal], axis=2)
-        axes[~self._turns] = np.eye(3)
+        axes[~self._has_area] = np.eye(3)
         return (a + b + c) / 3, axes
 
     def place(self, positions, pose=None):
@@ -76,7 +76,7 @@ def roots(count, triangles, edges):
         return result
     result[~in_face] = -1
     at_root = in_face[edges].sum(axis=1) == 1
-    parts = components.least(count, edges[~in_face[edges].any(axis=1)])
+    parts = components.labels(count, edges[~in_face[edges].any(axis=1)])
     ones, ends = _sides(edges[at_root], in_face)
     of_part = np.full(count, -1)
     of_part[parts[ends]] = ones
@@ -107,37 +107,37 @@ def _in_frames(frames, points):
 def _anchors(rest, triangles, edges, in_face, vertices):
     """(rows, faces, weights): index into vertices, carrying face and weight. A vertex may have several rows; their
     weights add up to 1."""
-    number = np.full(len(rest), -1)
-    number[vertices] = np.arange(len(vertices))
-    edges = edges[(in_face[edges] | (number[edges] >= 0)).all(axis=1)]
-    parts = components.least(len(vertices), number[edges[~in_face[edges].any(axis=1)]])
+    index_of = np.full(len(rest), -1)
+    index_of[vertices] = np.arange(len(vertices))
+    edges = edges[(in_face[edges] | (index_of[edges] >= 0)).all(axis=1)]
+    parts = components.labels(len(vertices), index_of[edges[~in_face[edges].any(axis=1)]])
     at_root = in_face[edges].sum(axis=1) == 1
     roots, ends = _sides(edges[at_root], in_face)
     face_of = np.full(len(rest), -1)
     by_area = np.argsort(_areas(rest, triangles), kind='stable')  # the last assignment, the largest face, counts
     face_of[triangles[by_area]] = by_area[:, None]
-    root_parts = parts[number[ends]]
+    root_parts = parts[index_of[ends]]
     counts = np.bincount(np.unique(np.stack([root_parts, roots]), axis=1)[0].astype(int), minlength=len(vertices))
-    lying = (counts[parts] == 0) | (counts[parts] > _MOST_ROOTS)
-    rows, faces, weights = [np.flatnonzero(lying)], [_nearest_faces(rest, triangles, vertices[lying])], [
-        np.ones(lying.sum())]
-    hung = np.flatnonzero((counts > 0) & (counts <= _MOST_ROOTS))
-    hung_alone = counts[parts] == 1
-    if hung_alone.any():
+    follows_nearest_face = (counts[parts] == 0) | (counts[parts] > _MAX_ROOTS)
+    rows, faces, weights = [np.flatnonzero(follows_nearest_face)], [_nearest_faces(rest, triangles, vertices[follows_nearest_face])], [
+        np.ones(follows_nearest_face.sum())]
+    dangling = np.flatnonzero((counts > 0) & (counts <= _MAX_ROOTS))
+    dangles_from_one = counts[parts] == 1
+    if dangles_from_one.any():
         only = np.full(len(vertices), -1)
         only[root_parts] = roots
-        rows.append(np.flatnonzero(hung_alone))
-        faces.append(face_of[only[parts[hung_alone]]])
-        weights.append(np.ones(hung_alone.sum()))
-    for part in hung[counts[hung] > 1]:
+        rows.append(np.flatnonzero(dangles_from_one))
+        faces.append(face_of[only[parts[dangles_from_one]]])
+        weights.append(np.ones(dangles_from_one.sum()))
+    for part in dangling[counts[dangling] > 1]:
         of_part = np.flatnonzero(parts == part)
         each = np.unique(roots[root_parts == part])
-        away = np.array([_lengths(rest, edges, np.append(vertices[of_part], root), root)[:-1] for root in each])
-        shares = 1 / np.maximum(away, 1e-12 * away.max(initial=1e-300))**2
-        shares /= shares.sum(axis=0)
+        lengths = np.array([_path_lengths(rest, edges, np.append(vertices[of_part], root), root)[:-1] for root in each])
+        fractions = 1 / np.maximum(lengths, 1e-12 * lengths.max(initial=1e-300))**2
+        fractions /= fractions.sum(axis=0)
         rows.append(np.tile(of_part, len(each)))
         faces.append(np.repeat(face_of[each], len(of_part)))
-        weights.append(shares.ravel())
+        weights.append(fractions.ravel())
     return np.concatenate(rows), np.concatenate(faces), np.concatenate(weights)
 
 
@@ -147,21 +147,21 @@ def _sides(edges, in_face):
     return np.where(swapped, edges[:, 1], edges[:, 0]), np.where(swapped, edges[:, 0], edges[:, 1])
 
 
-def _lengths(rest, edges, chosen, root):
+def _path_lengths(rest, edges, chosen, root):
     """(k,): shortest path length along edges from root to each chosen vertex (Bellman-Ford); 1e300 if unreachable."""
-    number = np.full(len(rest), -1)
-    number[chosen] = np.arange(len(chosen))
-    ends = number[edges[(number[edges] >= 0).all(axis=1)]]
+    index_of = np.full(len(rest), -1)
+    index_of[chosen] = np.arange(len(chosen))
+    ends = index_of[edges[(index_of[edges] >= 0).all(axis=1)]]
     points = rest[chosen]
     lengths = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1)
-    away = np.full(len(chosen), np.inf)
-    away[number[root]] = 0
+    path_lengths = np.full(len(chosen), np.inf)
+    path_lengths[index_of[root]] = 0
     while True:
-        before = away.copy()
-        np.minimum.at(away, ends[:, 1], before[ends[:, 0]] + lengths)
-        np.minimum.at(away, ends[:, 0], before[ends[:, 1]] + lengths)
-        if (away == before).all():
-            return np.where(np.isfinite(away), away, 1e300)
+        before = path_lengths.copy()
+        np.minimum.at(path_lengths, ends[:, 1], before[ends[:, 0]] + lengths)
+        np.minimum.at(path_lengths, ends[:, 0], before[ends[:, 1]] + lengths)
+        if (path_lengths == before).all():
+            return np.where(np.isfinite(path_lengths), path_lengths, 1e300)
 
 
 def _nearest_faces(rest, triangles, vertices):

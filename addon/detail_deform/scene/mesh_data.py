@@ -10,7 +10,7 @@ import numpy as np
 from ..library import native
 
 MEMBER_WEIGHT = 0.5  # a vertex is a member of a group if its weight is larger; tooltips and messages say so
-_NOTHING = 1e-6  # fraction of the mesh's largest extent: offsets up to it count as none, too small to be seen
+_INVISIBLE = 1e-6  # fraction of the mesh's largest extent: offsets up to it count as none, too small to be seen
 
 
 class MeshProblem(Exception):
@@ -75,18 +75,18 @@ def check_left_edit_mode(ob):
 def positions(mesh):
     """(n, 3) float32"""
     values = np.empty(3 * len(mesh.vertices), np.float32)
-    if not copied(mesh, 'position', 'vector', values):
+    if not read_attribute_into(mesh, 'position', 'vector', values):
         mesh.vertices.foreach_get('co', values)
     return values.reshape(-1, 3)
 
 
-def rest(mesh):
+def rest_positions(mesh):
     """(n, 3) float32: the reference shape key, from which Blender evaluates keys, else the mesh's own vertices."""
     return key_positions(mesh.shape_keys.reference_key) if mesh.shape_keys else positions(mesh)
 
 
-def some_of_rest(mesh, count=16):
-    """(k, 3) float64: at most count points of rest(), evenly spaced by index, without reading all of them."""
+def sample_rest_positions(mesh, count=16):
+    """(k, 3) float64: at most count points of rest_positions(), evenly spaced by index, without reading all of them."""
     points = mesh.shape_keys.reference_key.data if mesh.shape_keys else mesh.vertices
     chosen = np.linspace(0, len(points) - 1, min(count, len(points))).astype(np.intp).tolist()
     return np.array([points[k].co for k in chosen]).reshape(-1, 3)
@@ -125,15 +125,15 @@ def key_change(key, masks):
 
 
 def key_shape(ob, key, masks=None):
-    """(n, 3) float32: rest() plus key_change() of this key, whatever key it is relative to. masks: as for key_change();
+    """(n, 3) float32: rest_positions() plus key_change() of this key, whatever key it is relative to. masks: as for key_change();
     None: they are read."""
-    return rest(ob.data) + key_change(key, key_masks(ob, [key]) if masks is None else masks)
+    return rest_positions(ob.data) + key_change(key, key_masks(ob, [key]) if masks is None else masks)
 
 
-def is_nothing(mesh, vectors):
-    """Whether these (n, 3) offsets are too small to be seen: at most _NOTHING."""
+def are_invisible(mesh, vectors):
+    """Whether these (n, 3) offsets are too small to be seen: at most _INVISIBLE."""
     largest = np.abs(vectors).max(initial=0)
-    return bool(not largest or largest <= _NOTHING * np.ptp(positions(mesh), axis=0).max())
+    return bool(not largest or largest <= _INVISIBLE * np.ptp(positions(mesh), axis=0).max())
 
 
 def key_mix(ob, without=()):
@@ -144,10 +144,10 @@ def key_mix(ob, without=()):
         return np.zeros((len(ob.data.vertices), 3), np.float32)
     if ob.show_only_shape_key and ob.active_shape_key and ob.active_shape_key.name not in without:
         pinned = ob.active_shape_key  # shown at full value, whatever key it is relative to
-        mix = rest(ob.data)
+        mix = rest_positions(ob.data)
         mix += (key_positions(pinned) - mix) * key_masks(ob, [pinned]).get(pinned.vertex_group, np.ones(1))[:, None]
     else:
-        mix = rest(ob.data)
+        mix = rest_positions(ob.data)
         shown = [key for key in keys.key_blocks
                  if key != keys.reference_key and not key.mute and key.value and key.name not in without]
         masks = key_masks(ob, shown)
@@ -171,7 +171,7 @@ def faces_of_triangles(mesh):
 def faces(mesh):
     """(corners,) int32 vertices at the corners of all faces, and (faces,) int32 index of each face's first corner."""
     corners = np.empty(len(mesh.loops), np.int32)
-    if not copied(mesh, '.corner_vert', 'value', corners):
+    if not read_attribute_into(mesh, '.corner_vert', 'value', corners):
         corners = _indices(mesh.loops, 'vertex_index')
     return corners, _indices(mesh.polygons, 'loop_start')
 
@@ -184,7 +184,7 @@ def _indices(items, name, each=1):
     return values.view(np.int32)
 
 
-def copied(mesh, name, field, values):
+def read_attribute_into(mesh, name, field, values):
     """Fills values from an attribute, in bulk; vertices and corners are read one by one. Returns False if there is
     none: 3.4 has no such attributes, and in Edit Mode they are empty."""
     attribute = mesh.attributes.get(name)
@@ -220,9 +220,9 @@ def group_entries(ob, names):
 
 def group_weights(ob, names):
     """(groups, n) float32: weights of all vertices in the named groups, 0 for non-members."""
-    vertices, places, weights = group_entries(ob, names)
+    vertices, indices, weights = group_entries(ob, names)
     result = np.zeros((len(names), len(ob.data.vertices)), np.float32)
-    result[places, vertices] = weights
+    result[indices, vertices] = weights
     return result
 
 
@@ -237,11 +237,11 @@ def members(ob, *names):
 def members_of_each(ob, groups, entries=None):
     """[vertices]: the members of each group; all vertices for ''. entries: as for handles_of_vertices()."""
     named = list(dict.fromkeys(filter(None, groups)))
-    vertices, places, weights = (entries or group_entries)(ob, named)
+    vertices, indices, weights = (entries or group_entries)(ob, named)
     is_member = weights > MEMBER_WEIGHT
-    vertices, places = vertices[is_member], places[is_member]
-    order = np.argsort(places, kind='stable')
-    ends = np.cumsum(np.bincount(places, minlength=len(named)))[:-1]
+    vertices, indices = vertices[is_member], indices[is_member]
+    order = np.argsort(indices, kind='stable')
+    ends = np.cumsum(np.bincount(indices, minlength=len(named)))[:-1]
     found = dict(zip(named, np.split(vertices[order], ends)))
     return [found[name] if name else np.arange(len(ob.data.vertices)) for name in groups]
 
@@ -250,18 +250,18 @@ def handles_of_vertices(ob, region, groups, entries=None):
     """(winner, inside, has_any). winner: (n,) index of the group of which the vertex is a member with the largest
     weight; -1 for none. inside: (n,) bool, members of the region; all if that is ''. has_any: (groups,) bool, whether a
     group has members. entries: the function that reads the groups, group_entries() by default."""
-    vertices, places, weights = (entries or group_entries)(ob, [*groups, *[region] * bool(region)])
+    vertices, indices, weights = (entries or group_entries)(ob, [*groups, *[region] * bool(region)])
     is_member = weights > MEMBER_WEIGHT
-    vertices, places, weights = vertices[is_member], places[is_member], weights[is_member]
-    in_handle = places < len(groups)
+    vertices, indices, weights = vertices[is_member], indices[is_member], weights[is_member]
+    in_handle = indices < len(groups)
     inside = np.full(len(ob.data.vertices), not region)
     inside[vertices[~in_handle]] = True
     has_any = np.zeros(len(groups), bool)
-    has_any[places[in_handle]] = True
+    has_any[indices[in_handle]] = True
     # The last assignment counts: the largest weight comes last, and of equal weights the first group.
-    order = np.lexsort((-places[in_handle], weights[in_handle]))
+    order = np.lexsort((-indices[in_handle], weights[in_handle]))
     winner = np.full(len(ob.data.vertices), -1)
-    winner[vertices[in_handle][order]] = places[in_handle][order]
+    winner[vertices[in_handle][order]] = indices[in_handle][order]
     return winner, inside, has_any
 
 
@@ -274,12 +274,12 @@ def check_groups(ob, region, handles):
     """Raises MeshProblem where the region or a handle refers to no vertex group of the object.
 
     region: group name, '' for the whole mesh. handles: [(handle name, group name)]."""
-    there = set(ob.vertex_groups.keys())  # a lookup in vertex_groups is linear in their number
+    present = set(ob.vertex_groups.keys())  # a lookup in vertex_groups is linear in their number
     for what, group in [("The region", region)] * bool(region) + [
             (f"Handle '{name}'", group) for name, group in handles]:
         if not group:
             raise MeshProblem(f"{what} has no vertex group: choose that of its vertices in Vertices (Handles).")
-        if group not in there:
+        if group not in present:
             raise MeshProblem(f"{what} refers to the vertex group '{group}', which '{ob.name}' does "
                               "not have: choose another group.")
 
@@ -336,7 +336,7 @@ def signature(array):
 
 # Corners of a face that is_same_topology() recognizes triangulated in the other mesh. Bounds the memory: all triples of
 # corners are listed, 220 for 12.
-_MOST_CORNERS = 12
+_MAX_CORNERS = 12
 
 
 def is_same_topology(mesh, other):
@@ -344,7 +344,7 @@ def is_same_topology(mesh, other):
     may be triangulated in one of the meshes."""
     if len(mesh.vertices) != len(other.vertices):
         return False
-    return topology_signature(mesh) == topology_signature(other) or _join_alike(mesh, other)
+    return topology_signature(mesh) == topology_signature(other) or _faces_correspond(mesh, other)
 
 
 def is_copy(mesh, other):
@@ -354,14 +354,14 @@ def is_copy(mesh, other):
     if len(mesh.vertices) != len(other.vertices):
         return False
     return topology_signature(mesh) == topology_signature(other) or (
-        _lie_alike(rest(mesh), rest(other)) and _join_alike(mesh, other))
+        _shapes_correspond(rest_positions(mesh), rest_positions(other)) and _faces_correspond(mesh, other))
 
 
-def _join_alike(mesh, other):
-    return _is_made_of(mesh, triangles(other)) or _is_made_of(other, triangles(mesh))
+def _faces_correspond(mesh, other):
+    return _is_triangulation_of(mesh, triangles(other)) or _is_triangulation_of(other, triangles(mesh))
 
 
-def _lie_alike(shape, other):
+def _shapes_correspond(shape, other):
     """Whether vertices with the same index are nearer to one another than to the centroid, in the root mean square,
     with both shapes centred and scaled to the same size."""
     sides = [side.astype(np.float64) - side.mean(axis=0) for side in (shape, other)]
@@ -369,11 +369,11 @@ def _lie_alike(shape, other):
     return np.linalg.norm(one - another) < 1
 
 
-def _is_made_of(mesh, parts):
+def _is_triangulation_of(mesh, parts):
     """Whether these (m, 3) triangles are a triangulation of the faces: k - 2 lie in each face of k corners."""
     corners, begins = faces(mesh)
     sizes = np.diff(begins, append=len(corners))
-    if not len(sizes) or sizes.max() > _MOST_CORNERS or (sizes - 2).sum() != len(parts):
+    if not len(sizes) or sizes.max() > _MAX_CORNERS or (sizes - 2).sum() != len(parts):
         return False
     triples, owners = [], []
     for size in np.unique(sizes):
@@ -382,8 +382,8 @@ def _is_made_of(mesh, parts):
         for chosen in itertools.combinations(range(size), 3):
             triples.append(each[:, chosen])
             owners.append(of_size)
-    keys = _keys_of_triples(np.concatenate([*triples, parts]), len(mesh.vertices))
-    of_faces, of_parts = keys[:-len(parts)], keys[-len(parts):]
+    labels = _triple_labels(np.concatenate([*triples, parts]), len(mesh.vertices))
+    of_faces, of_parts = labels[:-len(parts)], labels[-len(parts):]
     order = np.argsort(of_faces, kind='stable')
     at = np.minimum(np.searchsorted(of_faces, of_parts, sorter=order), len(of_faces) - 1)
     if (of_faces[order[at]] != of_parts).any():
@@ -392,7 +392,7 @@ def _is_made_of(mesh, parts):
     return bool((found == sizes - 2).all())
 
 
-def _keys_of_triples(triples, vertex_count):
+def _triple_labels(triples, vertex_count):
     """(m,) int64 keys, equal for the same three vertices in any order."""
     low, middle, high = np.sort(triples, axis=1).astype(np.int64).T
     _, ranks = np.unique(low * vertex_count + middle, return_inverse=True)  # so that ranks * n fits in 64 bits

@@ -12,12 +12,12 @@ from . import mesh_data, node_group, split, start
 
 # Seam vertices whose displacements, weighted by inverse squared distance, are averaged for another vertex. More are
 # smoother along the seam, and slower to find.
-_NEAREST = 4
+_NEIGHBOURS = 4
 
 
 def _mirrors(ob):
     """[modifier]: the shown Mirror modifiers after the deformation's."""
-    return [m for m in node_group.behind(ob) if m.type == 'MIRROR' and m.show_viewport]
+    return [m for m in node_group.after(ob) if m.type == 'MIRROR' and m.show_viewport]
 
 
 def is_mirrored(ob, axis):
@@ -42,7 +42,7 @@ def _planes(ob):
                 yield to_local[:3, 3], normal / np.linalg.norm(normal), 0.5 * modifier.merge_threshold
 
 
-def key(ob):
+def signature(ob):
     """A hashable key that is equal for equal planes up to rounding, as when mesh and mirror object move together."""
     return tuple((*np.round(point, 5).tolist(), *np.round(normal, 5).tolist(), distance)
                  for point, normal, distance in _planes(ob))
@@ -54,7 +54,7 @@ class Seam:
     def __init__(self, ob, roles, plane):
         """roles: (n,) of the binding. plane: of _planes()."""
         point, self._normal, distance = plane
-        shape = start.shape_at_rest(ob).astype(np.float64)
+        shape = start.undeformed_shape(ob).astype(np.float64)
         on_plane = np.abs((shape - point) @ self._normal) <= distance
         self._on_plane = np.flatnonzero(on_plane)
         if not len(self._on_plane):
@@ -62,18 +62,18 @@ class Seam:
         # Handles with a vertex on the plane take part in the correction; all other handles and fixed vertices don't.
         across = np.unique(roles[on_plane & (roles >= 0)])
         held = ~on_plane & (roles != native.ROLE_FREE) & ~np.isin(roles, across)
-        places, triangles, joined = shape.astype(np.float32), mesh_data.triangles(ob.data), split.Joined(ob)
-        to_plane = joined.distances(places, triangles, on_plane).astype(np.float64)
-        share = np.ones(len(shape))
+        positions, triangles, welded = shape.astype(np.float32), mesh_data.triangles(ob.data), split.WeldedMesh(ob)
+        to_plane = welded.distances(positions, triangles, on_plane).astype(np.float64)
+        weights = np.ones(len(shape))
         if held.any():
-            to_held = joined.distances(places, triangles, held).astype(np.float64)
+            to_held = welded.distances(positions, triangles, held).astype(np.float64)
             with np.errstate(invalid='ignore', divide='ignore'):
-                share = np.where(np.isfinite(to_held), to_held / (to_held + to_plane), 1.0)
-        share[~np.isfinite(to_plane)] = 0
-        share[held] = 0
-        share[on_plane] = 1
-        self._moved = np.flatnonzero(share)
-        self._share = (share**2 * (3 - 2 * share))[self._moved]
+                weights = np.where(np.isfinite(to_held), to_held / (to_held + to_plane), 1.0)
+        weights[~np.isfinite(to_plane)] = 0
+        weights[held] = 0
+        weights[on_plane] = 1
+        self._moved = np.flatnonzero(weights)
+        self._fade = (weights**2 * (3 - 2 * weights))[self._moved]
         self._sources, self._weights = self._nearest(shape)
 
     def _nearest(self, shape):
@@ -83,7 +83,7 @@ class Seam:
         for number, vertex in enumerate(self._on_plane.tolist()):
             tree.insert(shape[vertex], number)
         tree.balance()
-        count = min(_NEAREST, len(self._on_plane))
+        count = min(_NEIGHBOURS, len(self._on_plane))
         sources, distances = np.empty((len(self._moved), count), int), np.empty((len(self._moved), count))
         for row, vertex in enumerate(self._moved.tolist()):
             for column, (_, number, distance) in enumerate(tree.find_n(shape[vertex], count)):
@@ -95,8 +95,8 @@ class Seam:
         """Subtracts from offsets, (n, 3), in place, the displacement of the seam normal to the plane."""
         if not len(self._on_plane):
             return
-        left = offsets[self._on_plane] @ self._normal
-        offsets[self._moved] -= np.outer(self._share * (left[self._sources] * self._weights).sum(1), self._normal)
+        gap = offsets[self._on_plane] @ self._normal
+        offsets[self._moved] -= np.outer(self._fade * (gap[self._sources] * self._weights).sum(1), self._normal)
         offsets[self._on_plane] -= np.outer(offsets[self._on_plane] @ self._normal, self._normal)
 
 
@@ -104,7 +104,7 @@ class Seams:
     """The seams at all planes of an object. roles: (n,) of the binding; None: all are free, as of a follower."""
 
     def __init__(self, ob, roles=None):
-        self.key = key(ob)
+        self.key = signature(ob)
         if roles is None:
             roles = np.full(len(ob.data.vertices), native.ROLE_FREE, np.int32)
         self._seams = [Seam(ob, roles, plane) for plane in _planes(ob)]

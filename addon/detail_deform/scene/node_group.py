@@ -69,7 +69,7 @@ def _make_group():
         return made.outputs[0]
 
     offset, vector = attribute('FLOAT_VECTOR', -600, -200)
-    offset.inputs['Name'].default_value = offset_attribute.NAME
+    offset.inputs['Name'].default_value = offset_attribute.DISPLAYED_OFFSETS
     weights, weight = attribute('FLOAT', -1600, -400)
     link(source.outputs['Influence'], weights.inputs['Name'])
     # The weight, or 1 - weight if Invert is on; 1 where no group is named.
@@ -98,13 +98,13 @@ def find_modifier(ob):
     return None
 
 
-def behind(ob):
+def after(ob):
     """[modifier]: those after the deformation's in the stack; all if it has none yet."""
     modifiers, modifier = list(ob.modifiers), find_modifier(ob)
     return modifiers[modifiers.index(modifier) + 1:] if modifier else modifiers
 
 
-def uses():
+def user_count():
     """Number of users of the add-on's node groups in this file; it changes when modifiers come or go."""
     return sum(group.users for group in bpy.data.node_groups if _MARK in group)
 
@@ -167,7 +167,7 @@ def _inputs(modifier):
     return getattr(getattr(modifier, 'properties', None), 'inputs', None)
 
 
-def all_nodes(tree):
+def nodes_of(tree):
     """Generator: all nodes of a node tree, or none of None, and of the node groups in it; each tree once."""
     trees, seen = [tree] * (tree is not None), set()
     while trees:
@@ -232,7 +232,7 @@ def factor(modifier):
     return float(_get(modifier, 'Factor'))
 
 
-def amount(ob, modifier):
+def display_weights(ob, modifier):
     """The factor by which offsets are displayed: a number, or (n, 1) per vertex where there is an influence group."""
     name, invert = _get(modifier, 'Influence'), bool(_get(modifier, 'Invert'))
     if not name:

@@ -9,8 +9,8 @@ import numpy as np
 
 from .mesh_data import MeshProblem
 
-NAME = 'detail_deform_offset'  # the offsets that the modifier displays
-KEPT, KEYED = 'detail_deform_kept', 'detail_deform_keyed'  # see start.py
+DISPLAYED_OFFSETS = 'detail_deform_offset'  # the offsets that the modifier displays
+PREVIOUS_OFFSETS, SHAPE_KEY_OFFSETS = 'detail_deform_kept', 'detail_deform_keyed'  # see start.py
 _KIND = ('FLOAT_VECTOR', 'POINT')
 # Custom property of the mesh: a token unique to each write of offsets. It is copied, saved and undone together with the
 # attribute, so equal tokens mean equal offsets, whatever the names of objects and meshes are by now.
@@ -19,7 +19,7 @@ _session = uuid.uuid4().hex[:12]
 _numbers = itertools.count()
 
 
-def find(mesh, name=NAME):
+def find(mesh, name=DISPLAYED_OFFSETS):
     """The attribute of this name; None if there is none, or one of another type or domain, which is the user's."""
     attribute = mesh.attributes.get(name)
     return attribute if attribute is not None and (attribute.data_type, attribute.domain) == _KIND else None
@@ -29,7 +29,7 @@ def check_name(ob):
     """Raises MeshProblem where a group, UV map or other attribute of the user's has one of the add-on's names: it
     would be displayed as offsets, or overwritten."""
     mesh = ob.data
-    for name in (NAME, KEPT, KEYED):
+    for name in (DISPLAYED_OFFSETS, PREVIOUS_OFFSETS, SHAPE_KEY_OFFSETS):
         what = ""
         if name in ob.vertex_groups:
             what = "vertex group"
@@ -45,7 +45,7 @@ def check_name(ob):
 def write(mesh, offsets):
     """Writes the displayed offsets, (3 n,) float32, and creates the attribute if missing; the caller has called
     check_name(). Returns the token of this write."""
-    put(mesh, NAME, offsets)
+    put(mesh, DISPLAYED_OFFSETS, offsets)
     mesh[_TOKEN] = written = f"{_session}-{next(_numbers)}"
     mesh.update_tag()
     return written
@@ -62,7 +62,7 @@ def token(mesh):
     return mesh.get(_TOKEN) if find(mesh) is not None else None
 
 
-def read(mesh, name=NAME):
+def read(mesh, name=DISPLAYED_OFFSETS):
     """(n, 3) float32: the attribute of this name; zero if there is none."""
     attribute = find(mesh, name)
     if attribute is None:
@@ -81,11 +81,11 @@ def remove(mesh):
     """Removes the displayed offsets. A missing attribute reads as zero: the mesh shows its rest shape."""
     if _TOKEN in mesh:
         del mesh[_TOKEN]
-    if take_away(mesh, NAME):
+    if remove_attribute(mesh, DISPLAYED_OFFSETS):
         mesh.update_tag()
 
 
-def take_away(mesh, name):
+def remove_attribute(mesh, name):
     """Removes the attribute of this name. Returns whether there was one."""
     attribute = find(mesh, name)
     if attribute is not None:

@@ -6,11 +6,11 @@ import bmesh
 import bpy
 import numpy as np
 
-from . import below, handle_matrices, mesh_data, offset_attribute, start
+from . import partial_evaluation, handle_matrices, mesh_data, offset_attribute, start
 from .mesh_data import MeshProblem
 
 
-_MOST_LIVE = 50_000  # vertices of a cage that is followed in Edit Mode: reading them one by one takes 20 ms a frame
+_MAX_EDITED = 50_000  # vertices of a cage that is followed in Edit Mode: reading them one by one takes 20 ms a frame
 
 
 def _base_object(ob):
@@ -26,7 +26,7 @@ def _base_object(ob):
     return base
 
 
-def _moved(positions, matrix):
+def _transformed(positions, matrix):
     return (positions @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
 
 
@@ -34,20 +34,20 @@ def rest(ob):
     """{'base', 'base_triangles'}: arguments of native.Bind for the base at rest, in the object's local space at Bind:
     the kept rest mesh, or the base's own where that was deleted. base_triangles only if the base is no copy of the
     mesh, vertex for vertex and face for face."""
-    base, kept = _base_object(ob), ob.detail_deform.base_rest_mesh
-    if kept:
-        found = {'base': mesh_data.positions(kept)}
-        mesh = kept
+    base, rest_mesh = _base_object(ob), ob.detail_deform.base_rest_mesh
+    if rest_mesh:
+        found = {'base': mesh_data.positions(rest_mesh)}
+        mesh = rest_mesh
     else:
         matrix = np.array(ob.detail_deform.base_rest_matrix, np.float64).reshape(4, 4)
-        found = {'base': _moved(mesh_data.positions(base.data), matrix)}
+        found = {'base': _transformed(mesh_data.positions(base.data), matrix)}
         mesh = base.data
     if ob.detail_deform.base_rest_made or not mesh_data.is_copy(ob.data, mesh):
         found['base_triangles'] = mesh_data.triangles(mesh)
     return found
 
 
-def place(ob, depsgraph):
+def transform(ob, depsgraph):
     """(4, 4): from the base object's present local space to the object's."""
     world = handle_matrices.evaluated_world(_base_object(ob), depsgraph, "Base object")
     return handle_matrices.world_to_local(ob, depsgraph) @ world
@@ -56,30 +56,30 @@ def place(ob, depsgraph):
 def deformed_positions(ob, depsgraph):
     """(n, 3) float32: the base's present deformed positions in the object's local space. With all of its modifiers if
     their result was kept as rest at Bind, otherwise without those that change the vertex count. Raises MeshProblem."""
-    base, kept = _base_object(ob), ob.detail_deform.base_rest_mesh
+    base, rest_mesh = _base_object(ob), ob.detail_deform.base_rest_mesh
     evaluated = base.evaluated_get(depsgraph)
-    if kept and ob.detail_deform.base_rest_made:
+    if rest_mesh and ob.detail_deform.base_rest_made:
         if base.mode == 'EDIT' and not len(evaluated.data.vertices):
             raise MeshProblem(f"The base object '{base.name}' is in Edit Mode: leave it (Tab) to go on.")
-        _check_count(base, len(evaluated.data.vertices), len(kept.vertices))
-        return _moved(mesh_data.positions(evaluated.data), place(ob, depsgraph))
+        _check_count(base, len(evaluated.data.vertices), len(rest_mesh.vertices))
+        return _transformed(mesh_data.positions(evaluated.data), transform(ob, depsgraph))
     edited = _edited_positions(base)
     if edited is None:
-        with below.deformed(base, evaluated, depsgraph) as (mesh, _):
+        with partial_evaluation.deformed(base, evaluated, depsgraph) as (mesh, _):
             if mesh is None:
                 _check_count(base, len(evaluated.data.vertices), len(base.data.vertices))
             edited = mesh_data.positions(mesh)
-    if kept and len(edited) != len(kept.vertices):
+    if rest_mesh and len(edited) != len(rest_mesh.vertices):
         raise MeshProblem(f"The base object '{base.name}' has {len(edited):,} vertices, and had "
-                          f"{len(kept.vertices):,} when it was bound: press Re-bind to take it as it is.")
-    return _moved(edited, place(ob, depsgraph))
+                          f"{len(rest_mesh.vertices):,} when it was bound: press Re-bind to take it as it is.")
+    return _transformed(edited, transform(ob, depsgraph))
 
 
 def _edited_positions(base):
     """(n, 3) float32: positions of a base in Edit Mode that no modifier moves; None for others, and for more than
-    _MOST_LIVE vertices, which are read one by one."""
-    if base.mode != 'EDIT' or len(base.data.vertices) > _MOST_LIVE or any(
-            m.show_viewport and m.type in below.MOVERS for m in base.modifiers):
+    _MAX_EDITED vertices, which are read one by one."""
+    if base.mode != 'EDIT' or len(base.data.vertices) > _MAX_EDITED or any(
+            m.show_viewport and m.type in partial_evaluation.MOVERS for m in base.modifiers):
         return None
     mesh = bmesh.from_edit_mesh(base.data)
     return np.array([vertex.co for vertex in mesh.verts], np.float32).reshape(-1, 3)
@@ -100,38 +100,38 @@ def store_rest(ob, depsgraph, only_new):
     mesh = base.evaluated_get(depsgraph).data
     # Where renders have other vertices, the base is followed without the modifiers that change the count.
     makes_vertices = (len(mesh.vertices) != len(base.data.vertices)
-                      and not below.differs_in_renders(base, depsgraph.scene))
+                      and not partial_evaluation.differs_in_renders(base, depsgraph.scene))
     if only_new and any(settings.base_rest_matrix):
-        kept, count = settings.base_rest_mesh, len(mesh.vertices if makes_vertices else base.data.vertices)
-        if kept and settings.base_rest_made == makes_vertices and len(kept.vertices) == count:
+        rest_mesh, count = settings.base_rest_mesh, len(mesh.vertices if makes_vertices else base.data.vertices)
+        if rest_mesh and settings.base_rest_made == makes_vertices and len(rest_mesh.vertices) == count:
             return
-        if not kept and not makes_vertices:
-            _keep(settings, base, base.data, np.array(settings.base_rest_matrix, np.float64).reshape(4, 4), False)
+        if not rest_mesh and not makes_vertices:
+            _store_rest_mesh(settings, base, base.data, np.array(settings.base_rest_matrix, np.float64).reshape(4, 4), False)
             return
     if makes_vertices and not mesh.polygons:
         raise MeshProblem(f"The modifiers of the base object '{base.name}' leave no faces to follow.")
-    present = place(ob, depsgraph)
+    present = transform(ob, depsgraph)
     # Rounded to the single precision in which it is stored, so that both are the same.
     settings.base_rest_matrix = present = present.astype(np.float32).ravel().tolist()
-    forget_kept(settings)
-    _keep(settings, base, mesh if makes_vertices else base.data, np.array(present).reshape(4, 4), makes_vertices)
+    forget_rest_mesh(settings)
+    _store_rest_mesh(settings, base, mesh if makes_vertices else base.data, np.array(present).reshape(4, 4), makes_vertices)
 
 
-def _keep(settings, base, mesh, matrix, is_made):
+def _store_rest_mesh(settings, base, mesh, matrix, is_made):
     """Stores a copy of mesh as the base's rest. matrix: from the base's local space to the object's. is_made: whether
     mesh is the result of modifiers."""
-    settings.base_rest_mesh = _made_like(f"{base.name} Rest", mesh, _moved(mesh_data.positions(mesh), matrix))
+    settings.base_rest_mesh = _mesh_like(f"{base.name} Rest", mesh, _transformed(mesh_data.positions(mesh), matrix))
     settings.base_rest_made = is_made
 
 
-def _made_like(name, mesh, places):
-    """A new mesh with the faces of mesh and its vertices at places, (n, 3), without any other data."""
+def _mesh_like(name, mesh, positions):
+    """A new mesh with the faces of mesh and its vertices at positions, (n, 3), without any other data."""
     corners, begins = mesh_data.faces(mesh)
     made = bpy.data.meshes.new(name)
-    made.vertices.add(len(places))
+    made.vertices.add(len(positions))
     made.loops.add(len(corners))
     made.polygons.add(len(begins))
-    made.vertices.foreach_set('co', np.asarray(places, np.float32).ravel())
+    made.vertices.foreach_set('co', np.asarray(positions, np.float32).ravel())
     made.loops.foreach_set('vertex_index', corners)
     made.polygons.foreach_set('loop_start', begins)
     if bpy.app.version < (4, 0):  # from 4.0 on it is derived
@@ -143,16 +143,16 @@ def _made_like(name, mesh, places):
 def forget_rest(settings):
     """Removes the stored rest of the base; the next Bind stores a new one."""
     settings.property_unset('base_rest_matrix')
-    forget_kept(settings)
+    forget_rest_mesh(settings)
 
 
-def forget_kept(settings):
+def forget_rest_mesh(settings):
     """Removes the stored rest mesh, unless a copy of the object uses it."""
-    kept = settings.base_rest_mesh
+    rest_mesh = settings.base_rest_mesh
     settings.base_rest_mesh = None
     settings.property_unset('base_rest_made')
-    if kept and not kept.users:
-        bpy.data.meshes.remove(kept)
+    if rest_mesh and not rest_mesh.users:
+        bpy.data.meshes.remove(rest_mesh)
 
 
 def make(ob, positions):

@@ -99,4 +99,4 @@ class Writer:
         with contextlib.suppress(OSError):  # closing flushes, which fails again after a failed write
             self._file.close()
         if not self._part:
-            files.take_away(self._target)
+            files.remove_unfinished(self._target)

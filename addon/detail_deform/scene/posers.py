@@ -4,11 +4,11 @@ deforming modifiers. Example poses are evaluated with these alone; later modifie
 count, act on the result of the examples as they did on the pose."""
 
 from . import node_group, source_pose
-from .below import MOVERS
+from .partial_evaluation import MOVERS
 from .mesh_data import MeshProblem
 
 # Each of their copies of the mesh is posed differently, which one example mesh can't represent.
-_COPIERS = {'ARRAY', 'MIRROR', 'SCREW'}
+_COPY_MESH = {'ARRAY', 'MIRROR', 'SCREW'}
 
 
 def of(ob):
@@ -22,7 +22,7 @@ def of(ob):
                           "vertices, and show it in the viewport.")
     earlier = shown[:shown.index(found[-1]) + 1]
     for modifier in earlier:
-        if modifier.type in _COPIERS:
+        if modifier.type in _COPY_MESH:
             raise MeshProblem(f"'{modifier.name}' copies the mesh before '{found[-1].name}' poses it, so each copy has "
                               f"a pose of its own, which the mesh alone can't have: apply '{modifier.name}' first.")
     return [m for m in earlier if m in found or m.type in MOVERS]
@@ -61,7 +61,7 @@ def remember(ob):
     ob.detail_deform.posed_by = '\n'.join(f'{m.type} {m.name}' for m in of(ob))
 
 
-def twice(ob):
+def applied_twice(ob):
     """[str]: names of the shown modifiers from which examples were made: their pose is applied twice."""
     return [m.name for m in remembered(ob) if m.show_viewport] if ob.detail_deform.examples else []
 
@@ -74,7 +74,7 @@ def switch_off(ob):
     return [m.name for m in found]
 
 
-class Alone:
+class OnlyPosers:
     """Context manager: of the modifiers only those of of() are shown in the viewport; shape keys keep their values."""
 
     def __init__(self, ob):

@@ -29,30 +29,30 @@ def of(ob):
     return found.astype(np.float32) if np.round(found - one, _NOISE_DIGITS).any() else one
 
 
-class Space(NamedTuple):
+class ProportionalSpace(NamedTuple):
     """An affine map from an object's local space to one with the scene's proportions."""
     linear: np.ndarray  # (3, 3), float32 where shift is zero
     shift: np.ndarray = np.zeros(3, np.float32)  # (3,)
 
-    def is_own(self):
+    def is_identity(self):
         """Whether the map is the identity."""
         return not self.shift.any() and (self.linear == np.eye(3)).all()
 
     def to(self, points):
         """(n, 3) float32"""
-        if self.is_own():  # saves time in each frame
+        if self.is_identity():  # saves time in each frame
             return points
         return (points @ self.linear.T + self.shift).astype(np.float32, copy=False)
 
     def back(self, points):
         """(n, 3) float32"""
-        if self.is_own():
+        if self.is_identity():
             return points
         return ((points - self.shift) @ np.linalg.inv(self.linear).T).astype(np.float32, copy=False)
 
     def motions(self, motions):
         """(k, 3, 4) or (k, 4, 4) float64: motions of the object's local space, conjugated to this space."""
-        if self.is_own():
+        if self.is_identity():
             return motions
         into = np.eye(4)
         into[:3, :3], into[:3, 3] = self.linear, self.shift
@@ -64,7 +64,7 @@ def bound(settings):
     linear = np.array(settings.proportions, np.float32).reshape(3, 3)
     if not linear.any() or not np.isfinite(linear).all() or abs(np.linalg.det(linear)) < _FLAT**3:
         linear = np.eye(3, dtype=np.float32)  # modified by something else
-    return Space(linear)
+    return ProportionalSpace(linear)
 
 
 def changed_since(ob):
@@ -74,7 +74,7 @@ def changed_since(ob):
     return float(sizes[0] / sizes[2])
 
 
-def stance(source, target):
+def relative_transform(source, target):
     """(3, 4) float64: the similarity from the source's space to the target's, both in the scene's proportions; it
     includes a reflection where one of them is mirrored. None where one is flat or not finite."""
     worlds = [np.array(ob.matrix_world, np.float64) for ob in (source, target)]
@@ -96,4 +96,4 @@ def signature(ob):
 
 def shape(ob):
     """(n, 3) float32: the mesh at rest in the scene's proportions."""
-    return mesh_data.rest(ob.data) @ of(ob)
+    return mesh_data.rest_positions(ob.data) @ of(ob)

@@ -126,7 +126,7 @@ def new_group(ob, name, members):
 def islands(chosen, edges):
     """[vertices]: connected components of the chosen vertices through edges among them, ordered by their smallest
     vertex. chosen: (n,) bool."""
-    least = components.least(len(chosen), edges[chosen[edges].all(axis=1)])
+    least = components.labels(len(chosen), edges[chosen[edges].all(axis=1)])
     vertices = np.flatnonzero(chosen)
     order = np.argsort(least[vertices], kind='stable')
     return np.split(vertices[order], np.flatnonzero(np.diff(least[vertices][order])) + 1)

@@ -11,7 +11,7 @@ from .mesh_data import MeshProblem
 def _armatures(ob):
     """[modifier]: the Armature modifiers after the deformation, except those disabled in both viewport and renders, as
     after examples have been made of their poses."""
-    return [m for m in node_group.behind(ob) if m.type == 'ARMATURE' and m.object and m.use_vertex_groups
+    return [m for m in node_group.after(ob) if m.type == 'ARMATURE' and m.object and m.use_vertex_groups
             and (m.show_viewport or m.show_render)]
 
 
@@ -47,7 +47,7 @@ class Rigs:
         return {name: float(mean) for name, mean in zip(names, weights[:, chosen].mean(axis=1)) if mean > 0}
 
 
-def motion(ob, rig, bone, depsgraph):
+def bone_motion(ob, rig, bone, depsgraph):
     """(4, 4) float64: the motion of a bone from rest to its pose, in the object's local space."""
     evaluated = rig.evaluated_get(depsgraph)
     pose, rest = evaluated.pose.bones[bone].matrix, evaluated.data.bones[bone].matrix_local
@@ -56,29 +56,29 @@ def motion(ob, rig, bone, depsgraph):
     return space @ np.array(pose, np.float64) @ np.linalg.inv(np.array(rest, np.float64)) @ np.linalg.inv(space)
 
 
-def mean_motion(ob, rig, means, depsgraph):
+def mean_bone_motion(ob, rig, means, depsgraph):
     """(4, 4): the mean of the bones' motions by their weights (linear blend skinning). means: of Rigs.of()."""
     total = sum(means.values())
-    return sum(mean / total * motion(ob, rig, bone, depsgraph) for bone, mean in means.items())
+    return sum(mean / total * bone_motion(ob, rig, bone, depsgraph) for bone, mean in means.items())
 
 
-def pose_of(ob, empty, depsgraph):
+def bone_motion_of(ob, empty, depsgraph):
     """(4, 4) float64: the motion of the bone that carries this empty, if its armature poses the mesh; otherwise the
     identity. Raises MeshProblem if the bone no longer exists."""
-    return _pose_of(ob, empty, _armatures(ob), depsgraph)
+    return _bone_motion_by(ob, empty, _armatures(ob), depsgraph)
 
 
-def pose_that_was(ob, empty, depsgraph):
-    """pose_of() with the disabled armatures from whose poses examples were made."""
+def former_bone_motion_of(ob, empty, depsgraph):
+    """bone_motion_of() with the disabled armatures from whose poses examples were made."""
     shown = _armatures(ob)
-    return _pose_of(ob, empty, [m for m in posers.remembered(ob) if m.type == 'ARMATURE' and m not in shown], depsgraph)
+    return _bone_motion_by(ob, empty, [m for m in posers.remembered(ob) if m.type == 'ARMATURE' and m not in shown], depsgraph)
 
 
-def _pose_of(ob, empty, armatures, depsgraph):
+def _bone_motion_by(ob, empty, armatures, depsgraph):
     rig = empty.parent
     if empty.parent_type != 'BONE' or rig is None or all(m.object != rig for m in armatures):
         return np.eye(4)
     if empty.parent_bone not in rig.data.bones:
         raise MeshProblem(f"The bone '{empty.parent_bone}' of '{rig.name}', which carries the empty '{empty.name}', is "
                           "gone: parent the empty to another one, and bind again.")
-    return motion(ob, rig, empty.parent_bone, depsgraph)
+    return bone_motion(ob, rig, empty.parent_bone, depsgraph)

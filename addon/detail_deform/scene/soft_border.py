@@ -7,14 +7,14 @@ from ..library import native
 from . import mesh_data, proportions, split, start
 
 
-def of(ob, roles):
-    """ways() of an object. roles: (n,) of its binding."""
-    places = proportions.bound(ob.detail_deform).to(start.shape(ob))
-    joined, triangles = split.Joined(ob), mesh_data.triangles(ob.data)
-    return ways(roles, lambda chosen: joined.distances(places, triangles, chosen))
+def border_fractions_of(ob, roles):
+    """border_fractions() of an object. roles: (n,) of its binding."""
+    positions = proportions.bound(ob.detail_deform).to(start.shape(ob))
+    welded, triangles = split.WeldedMesh(ob), mesh_data.triangles(ob.data)
+    return border_fractions(roles, lambda chosen: welded.distances(positions, triangles, chosen))
 
 
-def ways(roles, distances):
+def border_fractions(roles, distances):
     """(n,) float32: d_fixed / (d_fixed + d_handle) by distances over the surface: 0 at the border, 1 at handles and
     where nothing is fixed. distances: function of (n,) bool that gives all vertices' distances from the chosen ones."""
     held = roles >= 0
@@ -28,7 +28,7 @@ def ways(roles, distances):
     return result
 
 
-def shares(ways, width):
-    """(n,) float32: smoothstep of ways() / width: 0 at the border, 1 from width on, with zero slope at both ends."""
-    eased = np.minimum(ways / np.float32(width), 1)
+def fade_weights(fractions, width):
+    """(n,) float32: smoothstep of border_fractions() / width: 0 at the border, 1 from width on, with zero slope at both ends."""
+    eased = np.minimum(fractions / np.float32(width), 1)
     return eased * eased * (3 - 2 * eased)

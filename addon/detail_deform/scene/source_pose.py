@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from . import below, mesh_data, node_group, offset_attribute
+from . import partial_evaluation, mesh_data, node_group, offset_attribute
 from .mesh_data import MeshProblem
 
 
@@ -15,13 +15,13 @@ _FARTHEST = 1e6
 def check_extent(source, pose):
     """Raises MeshProblem where a vertex of pose, (n, 3) of the source's own vertices, is farther than _FARTHEST from
     rest."""
-    some = mesh_data.some_of_rest(source.data)
+    some = mesh_data.sample_rest_positions(source.data)
     # A sufficient bound from a few points, as the mesh's size is at least theirs, and each rest point is within the
     # mesh's size of them. It nearly always decides, in a hundredth of the time of reading the whole rest in each frame.
     reach = np.abs(pose).max(initial=0) + np.abs(some).max(initial=0)
     if reach <= (_FARTHEST - 1) * np.ptp(some, axis=0).max(initial=0):
         return
-    rest = mesh_data.rest(source.data)
+    rest = mesh_data.rest_positions(source.data)
     moved = np.abs(pose - rest)
     size = np.ptp(rest, axis=0).max(initial=0)
     if moved.max(initial=0) > _FARTHEST * size > 0:  # NaN passes here: the library reports it
@@ -33,12 +33,12 @@ def check_extent(source, pose):
 
 def evaluated_pose(source, depsgraph, wide=None):
     """(n, 3) float32: present positions of the source's own vertices by its modifiers and shape keys. wide: the
-    source's wider.Wider, if any: then of the mirrored vertices too. Raises MeshProblem."""
+    source's mirrored_source.MirroredSource, if any: then of the mirrored vertices too. Raises MeshProblem."""
     evaluated = source.evaluated_get(depsgraph)
     if not evaluated.is_evaluated or evaluated == source:
         raise MeshProblem(f"'{source.name}' is hidden by its monitor icon, or in an excluded collection, so that its "
                           "pose is not known: show it.")
-    with below.deformed(source, evaluated, depsgraph) as (mesh, used):
+    with partial_evaluation.deformed(source, evaluated, depsgraph) as (mesh, used):
         if mesh is None:
             raise MeshProblem(
                 f"The modifiers of '{source.name}' make {len(evaluated.data.vertices):,} vertices of its "
@@ -46,7 +46,7 @@ def evaluated_pose(source, depsgraph, wide=None):
                 "vertices.")
         pose = mesh_data.positions(mesh) + _not_yet_shown(source, mesh, used)
     check_extent(source, pose)
-    return pose if wide is None else wide.posed(source, pose, used, depsgraph)
+    return pose if wide is None else wide.posed_with_reflections(source, pose, used, depsgraph)
 
 
 def _not_yet_shown(source, mesh, used):
@@ -59,4 +59,4 @@ def _not_yet_shown(source, mesh, used):
     change = offset_attribute.read(source.data) - offset_attribute.read(mesh)
     if not change.any():  # before amount(), which is slow with an influence group
         return np.float32(0)
-    return (change * node_group.amount(source, modifier)).astype(np.float32)
+    return (change * node_group.display_weights(source, modifier)).astype(np.float32)

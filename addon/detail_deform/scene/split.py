@@ -11,54 +11,54 @@ import numpy as np
 from ..library import native
 from . import components, mesh_data
 
-_APART = 1e-5  # fraction of the mesh's largest extent: a larger distance in a shape key is a separation, not rounding
+_SEPARATED = 1e-5  # fraction of the mesh's largest extent: a larger distance in a shape key is a separation, not rounding
 _FOLDED = -0.99  # cosine of the angle between the normals at a seam: below it the sides are front and back of a card
 # Largest deviation of the displacements at one place from their mean, as a fraction of the mean's length: up to _CRACK
-# it is a crack, which is closed; from _ANOTHER_WAY on the sides move apart on purpose, and are kept. Between, blended.
-_CRACK, _ANOTHER_WAY = 0.1, 0.3
-_MOST = 64  # results in the cache; bounds its memory
-_found = {}  # cache of _pairs() and _first(), by signatures of their input
+# it is a crack, which is closed; from _PARTING on the sides move apart on purpose, and are kept. Between, blended.
+_CRACK, _PARTING = 0.1, 0.3
+_MAX_CACHED = 64  # results in the cache; bounds its memory
+_cache = {}  # cache of _pairs() and _representatives(), by signatures of their input
 
 
-def _find(ob, topology):
+def _find_representatives(ob, topology):
     """(n,) intp: the representative of each vertex, the first of those welded with it. None if no vertices are
     welded."""
     mesh = ob.data
     positions = mesh_data.positions(mesh)
     content = mesh_data.signature(positions), topology or mesh_data.topology_signature(mesh)
-    pairs = _kept(content, lambda: _pairs(mesh, positions))
+    pairs = _cached(content, lambda: _pairs(mesh, positions))
     if not len(pairs):  # nearly always: avoids reading the keys
         return None
     keys = [mesh_data.key_positions(key) for key in (mesh.shape_keys.key_blocks if mesh.shape_keys else ())]
-    return _kept((*content, 'keys', *map(mesh_data.signature, keys)), lambda: _first(pairs, positions, keys))
+    return _cached((*content, 'keys', *map(mesh_data.signature, keys)), lambda: _representatives(pairs, positions, keys))
 
 
-def _kept(content, find):
-    if content not in _found:
-        while len(_found) >= _MOST:
-            del _found[next(iter(_found))]
-        _found[content] = find()
-    return _found[content]
+def _cached(content, find):
+    if content not in _cache:
+        while len(_cache) >= _MAX_CACHED:
+            del _cache[next(iter(_cache))]
+        _cache[content] = find()
+    return _cache[content]
 
 
 def forget():
-    _found.clear()
+    _cache.clear()
 
 
-def _first(pairs, positions, keys):
+def _representatives(pairs, positions, keys):
     size = np.ptp(positions, axis=0).max(initial=0)
-    for there in keys:
-        apart = np.abs(there[pairs[:, 0]] - there[pairs[:, 1]]).max(axis=1, initial=0)
-        pairs = pairs[apart <= _APART * size]
-    return components.least(len(positions), pairs) if len(pairs) else None
+    for shape in keys:
+        apart = np.abs(shape[pairs[:, 0]] - shape[pairs[:, 1]]).max(axis=1, initial=0)
+        pairs = pairs[apart <= _SEPARATED * size]
+    return components.labels(len(positions), pairs) if len(pairs) else None
 
 
-def _places(positions):
+def _position_labels(positions):
     """(n,) intp: labels, equal for vertices at exactly the same place; None if all differ or any is not finite."""
     if not len(positions) or not np.isfinite(positions).all():
         return None
     words = (positions + np.float32(0)).view(np.uint32).astype(np.uint64)  # turns -0 into 0
-    order = np.argsort(_mixed(words), kind='stable')
+    order = np.argsort(_row_hashes(words), kind='stable')
     same = (positions[order[1:]] == positions[order[:-1]]).all(axis=1)
     if not same.any():
         return None
@@ -70,28 +70,28 @@ def _places(positions):
 def _pairs(mesh, positions):
     """(p, 2): pairs of vertices to weld: the ends of two boundary edges that coincide and belong to consistently
     oriented faces."""
-    places = _places(positions)
-    if places is None:
+    labels = _position_labels(positions)
+    if labels is None:
         return np.empty((0, 2), int)
-    triangles, shared = mesh_data.triangles(mesh), np.bincount(places)[places] > 1
+    triangles, shared = mesh_data.triangles(mesh), np.bincount(labels)[labels] > 1
     chosen = np.flatnonzero(shared[triangles].sum(axis=1) >= 2)
-    near, at = triangles[chosen], _places_of_faces(places, mesh)[mesh_data.faces_of_triangles(mesh)[chosen]]
+    near, at = triangles[chosen], _face_hashes(labels, mesh)[mesh_data.faces_of_triangles(mesh)[chosen]]
     edges = np.concatenate([near[:, [k, (k + 1) % 3]] for k in range(3)])
     owners = np.tile(np.arange(len(near)), 3)
-    chosen = shared[edges].all(axis=1) & (places[edges[:, 0]] != places[edges[:, 1]])
+    chosen = shared[edges].all(axis=1) & (labels[edges[:, 0]] != labels[edges[:, 1]])
     edges, owners = edges[chosen].astype(np.int64), owners[chosen]
-    edges, owners = _that_come(1, edges, edges, owners)
-    seams, owners = _that_come(2, places[edges], edges, owners)
+    edges, owners = _occurring(1, edges, edges, owners)
+    seams, owners = _occurring(2, labels[edges], edges, owners)
     # Coinciding edges are adjacent rows. With consistent orientation one runs in the opposite direction.
     one, other = seams[::2], seams[1::2, ::-1]
     sides = owners[::2], owners[1::2]
     normals = [_normals(positions.astype(np.float64), near[side]) for side in sides]
     is_card = (np.einsum('ij,ij->i', *normals) < _FOLDED) | (at[sides[0]] == at[sides[1]])
-    is_seam = (places[one] == places[other]).all(axis=1) & ~is_card
+    is_seam = (labels[one] == labels[other]).all(axis=1) & ~is_card
     return np.concatenate([np.stack([one[is_seam, k], other[is_seam, k]], axis=1) for k in range(2)])
 
 
-def _that_come(times, ends, edges, owners):
+def _occurring(times, ends, edges, owners):
     """(edges, owners) of the edges whose ends, in either order, occur exactly times times; equal ones are adjacent."""
     low, high = ends.min(axis=1), ends.max(axis=1)
     keys = low * (int(ends.max(initial=0)) + 1) + high
@@ -101,13 +101,13 @@ def _that_come(times, ends, edges, owners):
     return edges[chosen], owners[chosen]
 
 
-def _places_of_faces(places, mesh):
+def _face_hashes(labels, mesh):
     """(faces,) uint64: hash of each face's corner places, independent of their order."""
     corners, begins = mesh_data.faces(mesh)
-    return np.add.reduceat(_mixed(places[corners].astype(np.uint64)[:, None]), begins) if len(begins) else begins
+    return np.add.reduceat(_row_hashes(labels[corners].astype(np.uint64)[:, None]), begins) if len(begins) else begins
 
 
-def _mixed(words):
+def _row_hashes(words):
     """(k,) uint64: a hash of each row of words, (k, w) uint64 with w up to 3."""
     factors = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)[:words.shape[1]]
     mixed = words @ factors
@@ -120,28 +120,28 @@ def _normals(positions, triangles):
     return crosses / np.maximum(np.linalg.norm(crosses, axis=1), 1e-300)[:, None]
 
 
-class Joined:
+class WeldedMesh:
     """An object's mesh with split vertices welded. All methods leave their input unchanged if none are, or if the
     object's setting join_split is off."""
 
     def __init__(self, ob, topology=None):
         """topology: mesh_data.topology_signature() of the mesh, if known."""
-        self._first = _find(ob, topology) if ob.detail_deform.join_split else None
+        self._first = _find_representatives(ob, topology) if ob.detail_deform.join_split else None
         if self._first is not None:
             self._split = np.flatnonzero(np.bincount(self._first, minlength=len(self._first))[self._first] > 1)
             _, self._numbers = np.unique(self._first[self._split], return_inverse=True)  # labels of welded places
 
-    def between(self, vertices):
+    def representatives(self, vertices):
         """int32: vertex indices, as of triangles or edges, replaced by their representatives."""
         return vertices if self._first is None else self._first.astype(np.int32)[vertices]
 
-    def distances(self, places, triangles, chosen):
+    def distances(self, positions, triangles, chosen):
         """(n,) float32: native.distances() over the welded surface. triangles: of the mesh. chosen: (n,) bool."""
         if self._first is None:
-            return native.distances(places, triangles, chosen)
+            return native.distances(positions, triangles, chosen)
         start = np.zeros(len(chosen), bool)
         start[self._first[chosen]] = True
-        return native.distances(places, self.between(triangles), start)[self._first]
+        return native.distances(positions, self.representatives(triangles), start)[self._first]
 
     def roles(self, of_vertices):
         """(n,) roles for the welded mesh. A representative is in a handle if a vertex welded with it is, else fixed if
@@ -155,7 +155,7 @@ class Joined:
         result[first != np.arange(len(first))] = native.ROLE_FIXED
         return result
 
-    def copied(self, offsets):
+    def spread(self, offsets):
         """(3 n,) offsets: each vertex gets that of its representative."""
         return offsets if self._first is None else offsets.reshape(-1, 3)[self._first].ravel()
 
@@ -172,6 +172,6 @@ class Joined:
         apart, far = np.linalg.norm(ours - means, axis=1), np.linalg.norm(means, axis=1)
         worst = np.zeros(len(counts))
         np.maximum.at(worst, numbers, apart / np.maximum(far, 1e-300))
-        share = np.clip((_ANOTHER_WAY - worst) / (_ANOTHER_WAY - _CRACK), 0, 1)[numbers, None]
+        share = np.clip((_PARTING - worst) / (_PARTING - _CRACK), 0, 1)[numbers, None]
         result[self._split] = ours + share * (means - ours)
         return result.ravel()

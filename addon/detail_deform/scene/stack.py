@@ -9,14 +9,14 @@ import bpy
 from . import node_group
 
 # Read positions from a file.
-_BRINGERS = {'MESH_CACHE', 'MESH_SEQUENCE_CACHE'}
+_FILE_READERS = {'MESH_CACHE', 'MESH_SEQUENCE_CACHE'}
 # Modifiers that can't come after Geometry Nodes, and the consequence for users.
-_FIXED = {'MULTIRES': "what was sculpted only moves along and doesn't turn: apply it first, or pull before you sculpt",
+_MUST_PRECEDE = {'MULTIRES': "what was sculpted only moves along and doesn't turn: apply it first, or pull before you sculpt",
           'SOFT_BODY': "it doesn't feel the deformation: apply that first"}
 # What goes wrong if the deformation comes after a modifier of this type.
 _DEFORMERS = {'ARMATURE', 'CAST', 'CORRECTIVE_SMOOTH', 'CURVE', 'DISPLACE', 'HOOK', 'LAPLACIANDEFORM', 'LATTICE',
               'MESH_DEFORM', 'SIMPLE_DEFORM', 'SURFACE_DEFORM', 'WARP', 'WAVE'}
-_WRONG = {'MIRROR': "its mirrored half moves the wrong way",
+_HARM_BEFORE = {'MIRROR': "its mirrored half moves the wrong way",
           'SUBSURF': "what is pulled isn't smoothed by it",
           **dict.fromkeys(_DEFORMERS, "the shape breaks where it bends or turns the mesh")}
 
@@ -31,11 +31,11 @@ def overwrites(modifier):
         return bool(modifier.filepath) and modifier.deform_mode == 'OVERWRITE' and modifier.factor == 1
     if modifier.type == 'MESH_SEQUENCE_CACHE':
         return modifier.cache_file is not None
-    return modifier.type == 'NODES' and any(map(_sets_positions, node_group.all_nodes(modifier.node_group)))
+    return modifier.type == 'NODES' and any(map(_sets_positions, node_group.nodes_of(modifier.node_group)))
 
 
 # Nodes that pass on the vertices of their first input.
-_HAND_ON = {'GeometryNodeSetPosition', 'GeometryNodeStoreNamedAttribute', 'GeometryNodeCaptureAttribute',
+_PASS_VERTICES_ON = {'GeometryNodeSetPosition', 'GeometryNodeStoreNamedAttribute', 'GeometryNodeCaptureAttribute',
             'GeometryNodeRemoveAttribute', 'GeometryNodeSetShadeSmooth', 'GeometryNodeSetMaterial', 'NodeReroute'}
 
 
@@ -46,17 +46,17 @@ def _sets_positions(node):
             or not node.inputs['Position'].is_linked):
         return False
     sources = {link.to_socket.as_pointer(): link.from_node for link in node.id_data.links}
-    return _is_of_input(node, sources) and not _comes_of_positions(
+    return _is_of_input(node, sources) and not _depends_on_positions(
         sources[node.inputs['Position'].as_pointer()], sources, set())
 
 
 def _is_of_input(node, sources):
-    while node is not None and node.bl_idname in _HAND_ON:
+    while node is not None and node.bl_idname in _PASS_VERTICES_ON:
         node = sources.get(node.inputs[0].as_pointer())
     return node is not None and node.bl_idname == 'NodeGroupInput'
 
 
-def _comes_of_positions(node, sources, seen):
+def _depends_on_positions(node, sources, seen):
     """Whether this node, or one upstream of it, outputs the vertices' own positions, or may, as a node group."""
     if node.bl_idname == 'GeometryNodeInputPosition' or getattr(node, 'node_tree', None) is not None:
         return True
@@ -64,7 +64,7 @@ def _comes_of_positions(node, sources, seen):
         return True
     seen.add(node.name)
     before = filter(None, (sources.get(socket.as_pointer()) for socket in node.inputs))
-    return any(node.name not in seen and _comes_of_positions(node, sources, seen) for node in before)
+    return any(node.name not in seen and _depends_on_positions(node, sources, seen) for node in before)
 
 
 def move_to(ob, modifier, index):
@@ -72,28 +72,28 @@ def move_to(ob, modifier, index):
         bpy.ops.object.modifier_move_to_index(modifier=modifier.name, index=index)
 
 
-def move_behind(ob, modifier, other):
+def move_after(ob, modifier, other):
     """Moves a modifier directly after another one."""
     modifiers = list(ob.modifiers)
     at, behind = modifiers.index(modifier), modifiers.index(other)
     move_to(ob, modifier, behind + (at > behind))
 
 
-def place_of(ob):
+def index_of_its_place(ob):
     """The number of other modifiers that belong before the deformation's."""
     own = node_group.find_modifier(ob), node_group.find_cache(ob)
     others = [other for other in ob.modifiers if other not in own]
-    last = max((k for k, other in enumerate(others) if other.type in _FIXED or overwrites(other)), default=-1)
-    first_user = next((k for k, other in enumerate(others) if other.type not in _BRINGERS), len(others))
+    last = max((k for k, other in enumerate(others) if other.type in _MUST_PRECEDE or overwrites(other)), default=-1)
+    first_user = next((k for k, other in enumerate(others) if other.type not in _FILE_READERS), len(others))
     return max(last + 1, first_user)
 
 
-def place(ob):
+def move_to_its_place(ob):
     """Moves the deformation's modifier to its place in the stack, and its baked cache directly after it."""
     modifier, cache = node_group.find_modifier(ob), node_group.find_cache(ob)
-    move_to(ob, modifier, place_of(ob))
+    move_to(ob, modifier, index_of_its_place(ob))
     if cache:
-        move_behind(ob, cache, modifier)
+        move_after(ob, cache, modifier)
 
 
 def _shown_before(ob, types):
@@ -102,47 +102,47 @@ def _shown_before(ob, types):
     return [other for other in earlier if other.type in types and other.show_viewport]
 
 
-def before(ob):
-    """[modifier]: those before the deformation's that belong after it. [] if a modifier of _FIXED prevents moving
+def misplaced_before(ob):
+    """[modifier]: those before the deformation's that belong after it. [] if a modifier of _MUST_PRECEDE prevents moving
     it."""
-    if _shown_before(ob, _FIXED):
+    if _shown_before(ob, _MUST_PRECEDE):
         return []
-    found = _shown_before(ob, _WRONG)
+    found = _shown_before(ob, _HARM_BEFORE)
     modifiers = list(ob.modifiers)
     last = max((k for k, other in enumerate(modifiers) if other.show_viewport and overwrites(other)), default=-1)
     return [other for other in found if modifiers.index(other) > last]
 
 
-def hiding(ob):
+def overwriting_after(ob):
     """[modifier]: the shown ones after the deformation's that overwrite its result."""
     cache = node_group.find_cache(ob)
-    return [other for other in node_group.behind(ob) if other != cache and other.show_viewport and overwrites(other)]
+    return [other for other in node_group.after(ob) if other != cache and other.show_viewport and overwrites(other)]
 
 
-def is_wrong(ob):
+def is_misplaced(ob):
     """Whether the deformation's modifier is in the wrong place and can be moved."""
-    return bool(before(ob) or hiding(ob))
+    return bool(misplaced_before(ob) or overwriting_after(ob))
 
 
-def why_not_here(ob):
+def why_misplaced(ob):
     """A sentence on what is wrong with the place of the deformation's modifier, or ''."""
-    over = hiding(ob)
+    over = overwriting_after(ob)
     if over:
         return (f"'{over[-1].name}' comes behind Detail Deform in the modifier stack and sets positions whatever it "
                 "gets, so nothing is seen: press Move to Its Place.")
-    fixed = _shown_before(ob, _FIXED)
+    fixed = _shown_before(ob, _MUST_PRECEDE)
     if fixed:
-        return f"'{fixed[-1].name}' has to come before Detail Deform, so {_FIXED[fixed[-1].type]}."
-    found = before(ob)
+        return f"'{fixed[-1].name}' has to come before Detail Deform, so {_MUST_PRECEDE[fixed[-1].type]}."
+    found = misplaced_before(ob)
     if not found:
         return ""
-    return (f"'{found[-1].name}' comes before Detail Deform in the modifier stack, so {_WRONG[found[-1].type]}: press "
+    return (f"'{found[-1].name}' comes before Detail Deform in the modifier stack, so {_HARM_BEFORE[found[-1].type]}: press "
             "Move to Its Place.")
 
 
-def comes_before(ob):
+def names_kept_after(ob):
     """[str]: names of the modifiers after the deformation's that must not come before it."""
-    return [other.name for other in node_group.behind(ob) if other.type in _WRONG]
+    return [other.name for other in node_group.after(ob) if other.type in _HARM_BEFORE]
 
 
 def ensure_modifier(ob):
@@ -150,5 +150,5 @@ def ensure_modifier(ob):
     is_new = node_group.find_modifier(ob) is None
     modifier = node_group.ensure_modifier(ob)
     if is_new and len(ob.modifiers) > 1:
-        place(ob)
+        move_to_its_place(ob)
     return modifier

@@ -9,84 +9,84 @@ attributes of the mesh, copied, saved and undone with it, and present only where
 import numpy as np
 
 from . import examples, handle_matrices, mesh_data, node_group, offset_attribute, proportions
-from .offset_attribute import KEPT, KEYED
+from .offset_attribute import PREVIOUS_OFFSETS, SHAPE_KEY_OFFSETS
 
 
 # Least scale of a similarity, and inverse of the largest: outside of that the vertices have collapsed, or were
 # collapsed, and the scale is taken as 1. Safety: the similarity is inverted.
-_LEAST_SIZE = 1e-3
+_MIN_SCALE = 1e-3
 
 
 def shape(ob):
     """(n, 3) float32: the start, in local space."""
-    result = shape_at_rest(ob)
-    if is_deformed(ob.data):
-        result += offset_attribute.read(ob.data, KEPT)
+    result = undeformed_shape(ob)
+    if has_previous_offsets(ob.data):
+        result += offset_attribute.read(ob.data, PREVIOUS_OFFSETS)
     return result
 
 
-def shape_at_rest(ob):
+def undeformed_shape(ob):
     """(n, 3) float32: the start without the offsets of the previous binding."""
     result = mesh_data.positions(ob.data)
-    if offset_attribute.find(ob.data, KEYED) is not None:
-        result += offset_attribute.read(ob.data, KEYED)
+    if offset_attribute.find(ob.data, SHAPE_KEY_OFFSETS) is not None:
+        result += offset_attribute.read(ob.data, SHAPE_KEY_OFFSETS)
     return result
 
 
-def is_deformed(mesh):
-    return offset_attribute.find(mesh, KEPT) is not None
+def has_previous_offsets(mesh):
+    return offset_attribute.find(mesh, PREVIOUS_OFFSETS) is not None
 
 
-def with_kept(mesh, offsets):
+def with_previous_offsets(mesh, offsets):
     """(3 n,) float32: offsets from the start, (3 n,), plus those of the previous binding."""
-    return offsets + offset_attribute.read(mesh, KEPT).ravel() if is_deformed(mesh) else offsets
+    return offsets + offset_attribute.read(mesh, PREVIOUS_OFFSETS).ravel() if has_previous_offsets(mesh) else offsets
 
 
-def visible(ob):
+def deformed_positions(ob):
     """(n, 3) float32: displayed positions before other modifiers: with shape keys and offsets, in any mode."""
-    return mesh_data.positions(ob.data) + mesh_data.key_mix(ob) + _seen(ob)
+    return mesh_data.positions(ob.data) + mesh_data.key_mix(ob) + _displayed_offsets(ob)
 
 
-def _seen(ob):
+def _displayed_offsets(ob):
     """(n, 3) float32: the offsets times Factor and Influence; zero if the modifier is hidden."""
     modifier = node_group.find_modifier(ob)
     if not modifier or not modifier.show_viewport:
         return np.zeros((len(ob.data.vertices), 3), np.float32)
-    return offset_attribute.read(ob.data) * np.asarray(node_group.amount(ob, modifier), np.float32)
+    return offset_attribute.read(ob.data) * np.asarray(node_group.display_weights(ob, modifier), np.float32)
 
 
-def motion(ob, chosen, by=offset_attribute.NAME):
+def rigid_motion(ob, chosen, by=offset_attribute.DISPLAYED_OFFSETS):
     """(4, 4): the nearest rigid motion of the chosen vertices by the displayed offsets, or by the attribute KEPT. Fewer
     than three vertices are extended by their neighbours. chosen: (n,) bool."""
-    return next(motions(ob, [np.flatnonzero(chosen)], by))
+    return next(rigid_motions(ob, [np.flatnonzero(chosen)], by))
 
 
-def motions(ob, parts, by=offset_attribute.NAME):
-    """Generator of motion() for each array of vertices in parts."""
-    moved = offset_attribute.read(ob.data, by) if by == KEPT else _seen(ob)
+def rigid_motions(ob, parts, by=offset_attribute.DISPLAYED_OFFSETS):
+    """Generator of rigid_motion() for each array of vertices in parts."""
+    moved = offset_attribute.read(ob.data, by) if by == PREVIOUS_OFFSETS else _displayed_offsets(ob)
     if not moved.any():
         yield from (np.eye(4) for _ in parts)
         return
-    before = shape_at_rest(ob).astype(np.float64)
-    yield from _motions(ob, parts, before, before + moved)
+    before = undeformed_shape(ob).astype(np.float64)
+    yield from _fitted_maps(ob, parts, before, before + moved)
 
 
-def motions_to(ob, parts, positions):
+def rigid_motions_to(ob, parts, positions):
     """Generator: the nearest rigid motion of each array of vertices in parts from the start to positions, (n, 3)."""
-    yield from _motions(ob, parts, shape(ob).astype(np.float64), positions.astype(np.float64))
+    yield from _fitted_maps(ob, parts, shape(ob).astype(np.float64), positions.astype(np.float64))
 
 
 def similarities(ob, parts, before, after):
     """Generator of (4, 4): the nearest similarity of each array of vertices in parts from before to after, (n, 3)
     each."""
-    yield from _motions(ob, parts, before.astype(np.float64), after.astype(np.float64), scaled=True)
+    yield from _fitted_maps(ob, parts, before.astype(np.float64), after.astype(np.float64), scaled=True)
 
 
-def _motions(ob, parts, before, after, scaled=False):
+def _fitted_maps(ob, parts, before, after, scaled=False):
     both_ways = None  # made for the first part that needs it
     # Rigid in the scene's proportions.
     linear = proportions.of(ob).astype(np.float64)
-    before, after, space = before @ linear, after @ linear, proportions.Space(np.linalg.inv(linear))
+    before, after, space = before @ linear, after @ linear, proportions.ProportionalSpace(np.linalg.inv(linear))
     for part in parts:
         if len(part) < 3:
             if both_ways is None:
@@ -95,10 +95,10 @@ def _motions(ob, parts, before, after, scaled=False):
                 both_ways = both_ways[np.argsort(both_ways[:, 0])]
             low, high = (np.searchsorted(both_ways[:, 0], part, side) for side in ('left', 'right'))
             part = np.unique(np.concatenate([part, *(both_ways[b:e, 1] for b, e in zip(low, high))]))
-        yield space.motions(_nearest(before[part], after[part], scaled)[None])[0]
+        yield space.motions(_fit(before[part], after[part], scaled)[None])[0]
 
 
-def _nearest(before, after, scaled):
+def _fit(before, after, scaled):
     """(4, 4): least-squares rigid motion of points (Kabsch), or similarity if scaled (Umeyama)."""
     middle, there = before.mean(0), after.mean(0)
     left, sizes, right = np.linalg.svd((after - there).T @ (before - middle))
@@ -109,36 +109,36 @@ def _nearest(before, after, scaled):
     if scaled:
         spread = ((before - middle) ** 2).sum()
         size = (sizes[:2].sum() + handed * sizes[2]) / (spread or 1.0)
-        result[:3, :3] *= size if _LEAST_SIZE < size < 1 / _LEAST_SIZE else 1.0
+        result[:3, :3] *= size if _MIN_SCALE < size < 1 / _MIN_SCALE else 1.0
     result[:3, 3] = there - result[:3, :3] @ middle
     return result
 
 
-def take_keys(ob):
+def store_key_offsets(ob):
     """Stores the present offsets by shape keys as part of the start, except by keys that are examples, whose weights
     the method solves for."""
-    _put(ob, KEYED, mesh_data.key_mix(ob, examples.shown_keys(ob)))
+    _put(ob, SHAPE_KEY_OFFSETS, mesh_data.key_mix(ob, examples.shown_keys(ob)))
 
 
-def take_deformation(ob):
+def store_previous_offsets(ob):
     """Stores the present offset attribute as part of the start. Returns whether any is large enough to be seen."""
-    return _put(ob, KEPT, offset_attribute.read(ob.data))
+    return _put(ob, PREVIOUS_OFFSETS, offset_attribute.read(ob.data))
 
 
 def _put(ob, name, vectors):
-    if mesh_data.is_nothing(ob.data, vectors):
-        offset_attribute.take_away(ob.data, name)
+    if mesh_data.are_invisible(ob.data, vectors):
+        offset_attribute.remove_attribute(ob.data, name)
         return False
     offset_attribute.put(ob.data, name, vectors.ravel())
     return True
 
 
-def forget_deformation(mesh):
+def forget_previous_offsets(mesh):
     """Removes the previous binding's offsets from the start. Returns whether there were any."""
-    return offset_attribute.take_away(mesh, KEPT)
+    return offset_attribute.remove_attribute(mesh, PREVIOUS_OFFSETS)
 
 
-def forget_strange(ob):
+def forget_foreign(ob):
     """Removes attributes that came with another object's data, as by Join, if this object is not and never was
     bound."""
     settings = ob.detail_deform
@@ -149,5 +149,5 @@ def forget_strange(ob):
 
 def forget(mesh):
     """Removes KEPT and KEYED: the start is then the mesh's own vertices."""
-    forget_deformation(mesh)
-    offset_attribute.take_away(mesh, KEYED)
+    forget_previous_offsets(mesh)
+    offset_attribute.remove_attribute(mesh, SHAPE_KEY_OFFSETS)

@@ -13,22 +13,22 @@ def motion(given, flips, pivot):
     for flip in flips:
         point = (point + flip @ point) / 2
         other = flip @ result @ flip
-        there = (result @ point + other @ point) / 2
-        linear = _middle(result[:3, :3], other[:3, :3])
+        image = (result @ point + other @ point) / 2
+        linear = _mean_linear(result[:3, :3], other[:3, :3])
         result = np.eye(4)
         result[:3, :3] = linear
-        result[:3, 3] = there[:3] - linear @ point[:3]
+        result[:3, 3] = image[:3] - linear @ point[:3]
     return result
 
 
-def _middle(one, other):
+def _mean_linear(one, other):
     """(3, 3): the mean rotation of two linear maps times their mean stretch, by polar decomposition."""
     if np.array_equal(one, other):
         return one
     rotations, stretches = zip(*map(_polar, (one, other)))
     left, _, right = np.linalg.svd(rotations[0] + rotations[1])
-    turn = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
-    return turn @ (stretches[0] + stretches[1]) / 2
+    rotation = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
+    return rotation @ (stretches[0] + stretches[1]) / 2
 
 
 def _polar(linear):
@@ -38,7 +38,7 @@ def _polar(linear):
     return rotation, rotation.T @ linear
 
 
-def turn(given, flips):
+def turn_vector(given, flips):
     """(3,): the mean of a rotation vector, with whole turns, and its mirror images. flips: (3, 3) reflections."""
     for flip in flips:
         given = (given - flip @ given) / 2  # axial vectors are reflected to -flip @ v

@@ -7,13 +7,13 @@ from . import apply_result, node_group, stack
 from .mesh_data import MeshProblem
 
 CACHE_NAME = "Detail Deform Transfer"
-_MADE_KEYS = 'detail_deform_transferred_keys'  # custom property of the mesh: JSON {key name: what note() recorded}
+_RECORDS = 'detail_deform_transferred_keys'  # custom property of the mesh: JSON {key name: what record() recorded}
 _LONGEST_NAME = 63  # bytes of UTF-8: Blender's limit, to which it truncates names
 
 
-def made_keys(target):
+def transferred_keys(target):
     """{name: {what: value}}: records of Keys.note() for the keys made by transfers that still exist."""
-    text, keys = target.data.get(_MADE_KEYS), target.data.shape_keys
+    text, keys = target.data.get(_RECORDS), target.data.shape_keys
     if not isinstance(text, str) or not keys:
         return {}
     try:
@@ -25,26 +25,26 @@ def made_keys(target):
             if name in there and isinstance(given, dict)} if isinstance(known, dict) else {}
 
 
-class Keys:
+class KeyWriter:
     """Writes many shape keys of a target: names, which Blender searches linearly, are looked up once, and the records
     of the keys are written once, by finish()."""
 
     def __init__(self, target):
-        self._target, self._made, self._done, self._last = target, made_keys(target), set(), None
+        self._target, self._made, self._done, self._last = target, transferred_keys(target), set(), None
         keys = target.data.shape_keys
         self._blocks = {key.name: key for key in keys.key_blocks if key != keys.reference_key} if keys else {}
         self._of_origin = {}
         for name, given in self._made.items():
-            self._of_origin.setdefault(_told(given), []).append(name)
+            self._of_origin.setdefault(_hashable(given), []).append(name)
 
     def put(self, origin, offsets, replace):
         """Writes offsets, (n, 3), to a shape key with the requested name. A key of that name that no transfer made is
         overwritten only if replace is true; otherwise the transferred key of the same origin is overwritten, or a new
         one added. No key is written twice. Returns (key, its previous record or None for a new key). The caller must
-        note() its new record, including the origin.
+        record() its new record, including the origin.
 
         origin: {'source', 'key', 'name'}: object and key that the shape is from, and the requested name."""
-        name = _as_kept(origin['name'])
+        name = _truncated(origin['name'])
         key = self._present(name, origin, replace)
         given = self._made.get(key.name, {}) if key else None
         if key:
@@ -58,28 +58,28 @@ class Keys:
 
     def _present(self, name, origin, replace):
         """The existing key to overwrite; None: a new one is needed."""
-        for other in [name] * replace + self._of_origin.get(_told(origin), []) + [name] * (name in self._made):
+        for other in [name] * replace + self._of_origin.get(_hashable(origin), []) + [name] * (name in self._made):
             if other in self._blocks and other not in self._done:
                 return self._blocks[other]
         return None
 
-    def note(self, key, /, **given):
+    def record(self, key, /, **given):
         """Records that a transfer made this key, and from what."""
         self._made[key.name] = given
 
     def finish(self):
         """Writes the records to the mesh, and makes the last written key active."""
         if self._last is not None:
-            self._target.data[_MADE_KEYS] = json.dumps(self._made, ensure_ascii=False)
+            self._target.data[_RECORDS] = json.dumps(self._made, ensure_ascii=False)
             self._target.active_shape_key_index = self._target.data.shape_keys.key_blocks.find(self._last)
 
 
-def _told(given):
+def _hashable(given):
     """A hashable key of an origin, also of malformed records in files modified by something else."""
     return tuple(repr(given.get(what)) for what in ('source', 'key', 'name'))
 
 
-def _as_kept(name):
+def _truncated(name):
     return name.encode()[:_LONGEST_NAME].decode(errors='ignore')
 
 
@@ -102,7 +102,7 @@ def check_not_shown(target):
     """Raises MeshProblem where a transferred cache or key is shown, as following live would apply it twice."""
     if find_cache(target):
         raise MeshProblem(f"'{target.name}' plays a transferred animation: remove its modifier '{CACHE_NAME}' first.")
-    made = made_keys(target)
+    made = transferred_keys(target)
     shown = [key.name for key in target.data.shape_keys.key_blocks
              if key.name in made and key.value and not key.mute] if target.data.shape_keys else []
     if shown:

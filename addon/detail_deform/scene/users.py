@@ -17,7 +17,7 @@ def needed_groups(ob, names):
     for modifier in modifiers:
         if modifier.type == 'NODES':
             found |= node_group.texts(modifier)
-            found.update(socket.default_value for node in node_group.all_nodes(modifier.node_group)
+            found.update(socket.default_value for node in node_group.nodes_of(modifier.node_group)
                          for socket in node.inputs if socket.type == 'STRING')
     for other in bpy.data.objects:
         for owner in (other, *(other.pose.bones if other.pose else ())):

@@ -6,30 +6,30 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 from ..follow import binding, life
-from ..scene import handle_matrices, mesh_data, seen, skin
+from ..scene import handle_matrices, mesh_data, displayed, skin
 from . import empties
 
 
 def bring_back(context, ob):
     """Restores the deleted empties of an object's handles: links those that still exist in the file, and makes new ones
     for the others."""
-    whereabouts = handle_matrices.Whereabouts(context.evaluated_depsgraph_get())
+    whereabouts = handle_matrices.ObjectPresence(context.evaluated_depsgraph_get())
     lost = [handle for handle in handle_matrices.with_empties(ob.detail_deform)
-            if whereabouts.is_gone(handle.target)]
+            if whereabouts.is_deleted(handle.target)]
     for empty in {handle.target for handle in lost if handle.target}:
         empties.collection_of(context, ob).objects.link(empty)
-    _make_anew(context, ob, [handle for handle in lost if handle.target is None])
-    empties.stand(context, ob, [(handle.target, None) for handle in lost])
+    _make_empties(context, ob, [handle for handle in lost if handle.target is None])
+    empties.put_in_place(context, ob, [(handle.target, None) for handle in lost])
     binding.targets_changed(ob)
     life.refresh(ob, context.evaluated_depsgraph_get(), force=True)
 
 
-def _make_anew(context, ob, handles):
+def _make_empties(context, ob, handles):
     """Gives handles new empties at their rest places, where their motions are the identity."""
     parts = _parts_of(ob, handles)
-    placed = empties.places(ob, list(filter(len, parts)), align=False)
+    placed = empties.placements(ob, list(filter(len, parts)), align=False)
     for handle, part in zip(handles, parts):
-        place = ob.matrix_world @ Matrix((handle_matrices.pose_of(handle) @ handle_matrices.rest(handle)).tolist())
+        place = ob.matrix_world @ Matrix((handle_matrices.pose_matrix_of(handle) @ handle_matrices.rest_transform(handle)).tolist())
         extent = next(placed)[1] if len(part) else 0.05 * max(ob.dimensions)
         size = max(extent, 1e-3)
         empty, _ = empties.make(context, ob, handle.name, empties.without_shear(place, Vector((1, 1, 1))), size, ob)
@@ -37,7 +37,7 @@ def _make_anew(context, ob, handles):
     context.view_layer.update()
     depsgraph = context.evaluated_depsgraph_get()
     for handle in handles:
-        handle_matrices.start_from(ob, handle, depsgraph)
+        handle_matrices.start_from_new_empty(ob, handle, depsgraph)
 
 
 def _parts_of(ob, handles):
@@ -51,7 +51,7 @@ def to_rest(context, ob, handles):
     """Moves the handles' empties to their homes, where the surface is undeformed. Does nothing to handles without a
     home or an empty."""
     movable = [h for h in handles if h.target and handle_matrices.has_home(h)]
-    _pose_anew(context, ob, [h for h in movable if not h.target.animation_data])
+    _measure_poses(context, ob, [h for h in movable if not h.target.animation_data])
     by_depth = {}
     for handle in movable:
         by_depth.setdefault(_depth(handle.target), []).append(handle)
@@ -63,8 +63,8 @@ def to_rest(context, ob, handles):
 
 
 def _put_home(ob, handle, depsgraph):
-    pose = skin.pose_of(ob, handle.target, depsgraph) @ handle_matrices.pose_of(handle)
-    place = ob.matrix_world @ Matrix((pose @ handle_matrices.home(handle)).tolist())
+    pose = skin.bone_motion_of(ob, handle.target, depsgraph) @ handle_matrices.pose_matrix_of(handle)
+    place = ob.matrix_world @ Matrix((pose @ handle_matrices.home_transform(handle)).tolist())
     handle.target.matrix_world = empties.without_shear(place) if any(handle.pose_matrix) else place
     mode = handle.target.rotation_mode
     if mode not in {'QUATERNION', 'AXIS_ANGLE'}:  # a matrix has no whole turns: take those of home
@@ -72,16 +72,16 @@ def _put_home(ob, handle, depsgraph):
         handle.target.rotation_euler = handle.target.rotation_euler.to_matrix().to_euler(mode, home)
 
 
-def _pose_anew(context, ob, handles):
+def _measure_poses(context, ob, handles):
     """Measures and stores anew how other modifiers move the handles' vertices, as the empties are about to be placed
     there."""
-    if not seen.needs_measuring(ob):
+    if not displayed.needs_measuring(ob):
         return
     depsgraph = context.evaluated_depsgraph_get()
     parts = _parts_of(ob, handles)
     handles = [handle for handle, part in zip(handles, parts) if len(part)]
-    for handle, motion in zip(handles, seen.motions(ob, list(filter(len, parts)), depsgraph)):
-        empties.set_pose(ob, handle, motion, depsgraph)
+    for handle, motion in zip(handles, displayed.similarities(ob, list(filter(len, parts)), depsgraph)):
+        empties.store_pose_matrix(ob, handle, motion, depsgraph)
 
 
 def all_to_rest(context, ob):

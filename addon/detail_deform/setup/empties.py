@@ -34,19 +34,19 @@ def _normals(triangles, points, parts):
     return sums / np.where(points_somewhere, lengths, 1)[:, None]
 
 
-def places(ob, parts, align):
+def placements(ob, parts, align):
     """Yields (place, extent) for each part, an array of vertices: a world matrix at the mean of their displayed
     positions, with Z along the mean normal if align is set, and half the diagonal of their bounding box."""
-    visible = start.visible(ob)
+    visible = start.deformed_positions(ob)
     normals = _normals(mesh_data.triangles(ob.data), visible, parts) if align else np.zeros((len(parts), 3))
-    turned = ob.matrix_world.to_3x3().inverted_safe().transposed()
+    normal_matrix = ob.matrix_world.to_3x3().inverted_safe().transposed()
     for part, normal in zip(parts, normals):
         points = visible[part]
         low, high, middle = (ob.matrix_world @ Vector(p) for p in (points.min(0), points.max(0), points.mean(0)))
-        place = Matrix.Translation(middle)
+        world = Matrix.Translation(middle)
         if normal.any():
-            place = place @ (turned @ Vector(normal)).to_track_quat('Z', 'Y').to_matrix().to_4x4()
-        yield place, 0.5 * (high - low).length
+            world = world @ (normal_matrix @ Vector(normal)).to_track_quat('Z', 'Y').to_matrix().to_4x4()
+        yield world, 0.5 * (high - low).length
 
 
 def collection_of(context, ob):
@@ -73,8 +73,8 @@ def _shown_collections(layer):
         yield from _shown_collections(child)
 
 
-def make(context, ob, name, place, size, parent, bone=""):
-    """Creates an empty. Returns (empty, place): place is the world matrix that stand() has yet to set, or None if it is
+def make(context, ob, name, world, size, parent, bone=""):
+    """Creates an empty. Returns (empty, place): world is the world matrix that put_in_place() has yet to set, or None if it is
     set already. bone: name of the parent's bone, if the parent is an armature."""
     empty = bpy.data.objects.new(f"{ob.name} {name}", None)
     empty.empty_display_type = 'ARROWS'
@@ -85,46 +85,46 @@ def make(context, ob, name, place, size, parent, bone=""):
         empty.parent = parent
         if bone:
             empty.parent_type, empty.parent_bone = 'BONE', bone
-            return empty, place
+            return empty, world
         empty.matrix_parent_inverse = parent.matrix_world.inverted_safe()
-    empty.matrix_basis = place
+    empty.matrix_basis = world
     return empty, None
 
 
-def stand(context, ob, made):
+def put_in_place(context, ob, made):
     """Places the empties that are parented to bones, whose matrices are known only after an update, and adds all of
     them to the views in which the object is in Local View. made: the results of make()."""
-    waiting = [(empty, place) for empty, place in made if place is not None]
+    waiting = [(empty, world) for empty, world in made if world is not None]
     views = window.local_views(ob, context.evaluated_depsgraph_get())
     if waiting or views:
         context.view_layer.update()
-    for empty, place in waiting:
-        empty.matrix_world = place
+    for empty, world in waiting:
+        empty.matrix_world = world
     for view in views:
         for empty, _ in made:
             empty.local_view_set(view, True)
 
 
-def make_on_skin(context, ob, name, place, size, posed_by, motion, depsgraph, parented=True):
-    """As make(), but where other modifiers display the handle's vertices. place: the world matrix before these
-    modifiers. posed_by: result of skin.Rigs.of(). motion: from seen.motions(). parented: make the empty a child of the
+def make_on_skin(context, ob, name, world, size, posed_by, motion, depsgraph, parented=True):
+    """As make(), but where other modifiers display the handle's vertices. world: the world matrix before these
+    modifiers. posed_by: result of skin.Rigs.of(). motion: from displayed.similarities(). parented: make the empty a child of the
     object, or of the bone with the largest mean weight on the vertices."""
     rig, means = posed_by
     if motion is None and means:
-        motion = skin.mean_motion(ob, rig, means, depsgraph)
+        motion = skin.mean_bone_motion(ob, rig, means, depsgraph)
     if motion is not None:
-        posed = ob.matrix_world @ Matrix(motion.tolist()) @ ob.matrix_world.inverted_safe() @ place
-        place = without_shear(posed, place.to_scale())
+        posed = ob.matrix_world @ Matrix(motion.tolist()) @ ob.matrix_world.inverted_safe() @ world
+        world = without_shear(posed, world.to_scale())
     if not (means and parented):
-        return make(context, ob, name, place, size, ob if parented else None)
-    return make(context, ob, name, place, size, rig, max(means, key=means.get))
+        return make(context, ob, name, world, size, ob if parented else None)
+    return make(context, ob, name, world, size, rig, max(means, key=means.get))
 
 
-def without_shear(place, scale=None):
+def without_shear(matrix, scale=None):
     """The matrix without its shear, which an object's transform can't represent. scale: replaces its own scale."""
-    where, turn, size = place.decompose()
+    where, turn, size = matrix.decompose()
     return Matrix.LocRotScale(where, turn, scale or size)
 
 
-def set_pose(ob, handle, motion, depsgraph):
-    handle_matrices.set_pose(handle, handle_matrices.pose_through(ob, handle.target, motion, depsgraph))
+def store_pose_matrix(ob, handle, motion, depsgraph):
+    handle_matrices.set_pose_matrix(handle, handle_matrices.pose_matrix_beside_bone(ob, handle.target, motion, depsgraph))

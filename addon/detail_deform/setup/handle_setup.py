@@ -7,12 +7,12 @@ import numpy as np
 from mathutils import Matrix
 
 from ..follow import life
-from ..scene import handle_matrices, mesh_data, seen, selection, skin, start, users
+from ..scene import handle_matrices, mesh_data, displayed, selection, skin, start, users
 from ..scene.mesh_data import MeshProblem
 from . import empties
 
 _GROUP_NAME = "Handle"
-_MOST_AT_ONCE = 1000  # handles; safety: each gets an empty, and more empties are too many to work with
+_MAX_AT_ONCE = 1000  # handles; safety: each gets an empty, and more empties are too many to work with
 SELECT_FOR_HANDLE = "select those that the handle should move"
 
 
@@ -55,18 +55,18 @@ def add_handles(context, ob, group_name="", each='SELECTION', parented=True, ali
     # Least display size of an empty: 5% of the object's largest dimension, and less for ten or more, which are close.
     least = max(0.05 * max(ob.dimensions) / max(1.0, len(parts) ** 0.5 / 3), 1e-3)
     rigs, made, depsgraph = skin.Rigs(ob), [], context.evaluated_depsgraph_get()
-    motions = seen.motions(ob, parts, depsgraph)
-    for name, part, motion, (place, extent) in zip(names, parts, motions, empties.places(ob, parts, align)):
+    motions = displayed.similarities(ob, parts, depsgraph)
+    for name, part, motion, (place, extent) in zip(names, parts, motions, empties.placements(ob, parts, align)):
         made.append(empties.make_on_skin(context, ob, name, place, max(extent, least), rigs.of(part), motion, depsgraph,
                                          parented))
-    empties.stand(context, ob, made)
+    empties.put_in_place(context, ob, made)
     first = len(ob.detail_deform.handles)
     for name, (empty, _) in zip(names, made):
         append(ob, name, empty).own_group = name if from_selection else ""
     handles, depsgraph = ob.detail_deform.handles[first:], context.evaluated_depsgraph_get()
     for handle, motion in zip(handles, motions):
-        empties.set_pose(ob, handle, motion, depsgraph)
-    note_homes(context, ob, handles, parts)
+        empties.store_pose_matrix(ob, handle, motion, depsgraph)
+    store_homes(context, ob, handles, parts)
     return ob.detail_deform.handles[first]
 
 
@@ -77,21 +77,21 @@ def _selected_parts(ob, each):
     if each == 'SELECTION':
         return [np.flatnonzero(chosen)]
     parts = selection.islands(chosen, mesh_data.edges(ob.data) if each == 'ISLAND' else np.empty((0, 2), int))
-    if len(parts) > _MOST_AT_ONCE:
+    if len(parts) > _MAX_AT_ONCE:
         raise MeshProblem(f"{len(parts):,} handles at once, each with an empty of its own, are too many to work with: "
-                          f"select fewer, {_MOST_AT_ONCE:,} at most.")
+                          f"select fewer, {_MAX_AT_ONCE:,} at most.")
     return parts
 
 
-def note_homes(context, ob, handles, parts):
+def store_homes(context, ob, handles, parts):
     """Stores the homes of new handles: the places on the undeformed surface of their empties, which stand on the
     deformed one. parts: the vertices of each handle."""
     if not ob.detail_deform.signature:
         return
     context.view_layer.update()  # evaluates the matrices of the new empties
-    places = handle_matrices.places_of(ob, handles, context.evaluated_depsgraph_get())
-    for handle, place, motion in zip(handles, places, start.motions(ob, parts)):
-        home = Matrix((np.linalg.inv(motion) @ place).tolist())
+    transforms = handle_matrices.transforms_of(ob, handles, context.evaluated_depsgraph_get())
+    for handle, transform, motion in zip(handles, transforms, start.rigid_motions(ob, parts)):
+        home = Matrix((np.linalg.inv(motion) @ transform).tolist())
         home = ob.matrix_world.inverted_safe() @ empties.without_shear(ob.matrix_world @ home)
         handle_matrices.set_home(handle, np.array(home))
 
@@ -112,7 +112,7 @@ def remove_handles(ob, indices):
     handles = [ob.detail_deform.handles[index] for index in indices]
     groups = users.needed_groups(ob, [name for handle in handles for name in (handle.own_group, handle.own_reach)])
     needed = users.needed_empties(ob, filter(None, (handle.own_target for handle in handles)))
-    handle_matrices.hand_over(ob, needed)
+    handle_matrices.convert_for_copies(ob, needed)
     for index in sorted(indices, reverse=True):
         _remove_handle(ob, index, groups, needed)
 

@@ -17,8 +17,8 @@ from ..library import native
 from ..scene import mesh_data, proportions
 from . import markers
 
-_FEWEST = 6  # markers for the model; k leave k (k − 3) / 2 degrees of freedom, and fewer fit nearly anything
-_FEWEST_BY_SHAPE = 3
+_MIN_MARKERS = 6  # markers for the model; k leave k (k − 3) / 2 degrees of freedom, and fewer fit nearly anything
+_MIN_MARKERS_BY_SHAPE = 3
 # Distances of a marker from its fitted place, as fractions of the diagonal of the target's box: up to _NEAR it is
 # right, beyond _FAR wrong, and in between the fit is in doubt.
 _NEAR, _FAR = 0.18, 0.3
@@ -38,55 +38,55 @@ def doubtful(source, target):
     """The rows in doubt: one that is misplaced, two that are exchanged, or none. source, target: (k, k) distances
     between the same markers on either mesh."""
     count = len(source)
-    if count < _FEWEST:
+    if count < _MIN_MARKERS:
         return ()
     if min(np.median(source), np.median(target)) <= 0:  # most markers coincide
         return ()
     caution = max(1.0, _SURE_FROM / count)
-    there, here = _logarithm(source), _logarithm(target)
-    factors = here - there
-    left = _unexplained(factors)
-    present = _mean_square(left)
-    removed = [_mean_square(_unexplained(np.delete(np.delete(factors, k, 0), k, 1))) for k in range(count)]
+    log_source, log_target = _logarithm(source), _logarithm(target)
+    factors = log_target - log_source
+    residuals = _residuals(factors)
+    present = _mean_square(residuals)
+    removed = [_mean_square(_residuals(np.delete(np.delete(factors, k, 0), k, 1))) for k in range(count)]
     worst = int(np.argmin(removed))
-    mended = removed[worst]
-    exchanged, pair = _best_exchange(there, here, (left ** 2).sum(0))
-    if present + _NOISE > _EXCHANGED * caution * (exchanged + _NOISE) and exchanged < mended:
+    without_worst = removed[worst]
+    exchanged, pair = _best_exchange(log_source, log_target, (residuals ** 2).sum(0))
+    if present + _NOISE > _EXCHANGED * caution * (exchanged + _NOISE) and exchanged < without_worst:
         return pair
-    error = max(present - mended, 0) * count / 2  # mean square residual that the worst one adds to its own pairs
-    return (worst,) if error > (_MISPLACED * caution) ** 2 * (mended + _NOISE) else ()
+    error = max(present - without_worst, 0) * count / 2  # mean square residual that the worst one adds to its own pairs
+    return (worst,) if error > (_MISPLACED * caution) ** 2 * (without_worst + _NOISE) else ()
 
 
 def _logarithm(distances):
     return np.log(distances + _CLOSE * np.median(distances[~np.eye(len(distances), dtype=bool)]))
 
 
-def _unexplained(factors):
+def _residuals(factors):
     """(k, k): the residuals of the model a_i + a_j, fitted by least squares off the diagonal; the diagonal is zero."""
     count = len(factors)
-    beside = ~np.eye(count, dtype=bool)
-    sums = np.where(beside, factors, 0).sum(1)
+    off_diagonal = ~np.eye(count, dtype=bool)
+    sums = np.where(off_diagonal, factors, 0).sum(1)
     of_place = (sums - sums.sum() / (2 * (count - 1))) / (count - 2)
-    return np.where(beside, factors - of_place[:, None] - of_place, 0)
+    return np.where(off_diagonal, factors - of_place[:, None] - of_place, 0)
 
 
-def _mean_square(left):
-    count = len(left)
-    return (left ** 2).sum() / (count * (count - 3))
+def _mean_square(residuals):
+    count = len(residuals)
+    return (residuals ** 2).sum() / (count * (count - 3))
 
 
-def _best_exchange(there, here, errors):
+def _best_exchange(log_source, log_target, errors):
     """(residual, rows): the least mean square residual after an exchange of two rows, and these. errors: (k,) sums of
     squared residuals by row, for _CANDIDATES."""
     rows = np.sort(np.argsort(errors)[-_CANDIDATES:])
     best, pair = np.inf, ()
     for number, i in enumerate(rows):
         for j in rows[number + 1:]:
-            order = np.arange(len(here))
+            order = np.arange(len(log_target))
             order[[i, j]] = j, i
-            left = _mean_square(_unexplained(here[np.ix_(order, order)] - there))
-            if left < best:
-                best, pair = left, (int(i), int(j))
+            error = _mean_square(_residuals(log_target[np.ix_(order, order)] - log_source))
+            if error < best:
+                best, pair = error, (int(i), int(j))
     return best, pair
 
 
@@ -105,26 +105,26 @@ def _distances(ob, vertices):
     return np.where(np.isfinite(found), 0.5 * (found + found.T), straight)
 
 
-def doubtful_by_shape(apart):
-    """The rows in doubt, as doubtful(). apart: (k, k) distances from marker i on the target to the fitted place of
+def doubtful_by_shape(distances):
+    """The rows in doubt, as doubtful(). distances: (k, k) distances from marker i on the target to the fitted place of
     marker j of the source, as fractions of the diagonal of the target's box."""
-    own, count = np.diag(apart), len(apart)
+    own, count = np.diag(distances), len(distances)
     wrong = np.flatnonzero(own > _FAR)
     if (own > _NEAR).sum() > len(wrong):  # some are neither near nor far: the fit is in doubt
         return ()
     if len(wrong) == 1 and count > 2:
         return (int(wrong[0]),)
-    if len(wrong) == 2 and count > 2 and max(apart[wrong[0], wrong[1]], apart[wrong[1], wrong[0]]) < _NEAR:
+    if len(wrong) == 2 and count > 2 and max(distances[wrong[0], wrong[1]], distances[wrong[1], wrong[0]]) < _NEAR:
         return tuple(wrong.tolist())
     return ()
 
 
-def _fitted_apart(source, target, of_source, of_target):
+def _fitted_distances(source, target, of_source, of_target):
     """Generator: yields the fraction done and returns the argument of doubtful_by_shape(), by a registration without
     markers."""
-    there, here = proportions.shape(source), proportions.shape(target)
-    match = native.Match((there, mesh_data.triangles(source.data)), (here, mesh_data.triangles(target.data)),
-                         stages=2, rounds=1, stance=proportions.stance(source, target))
+    source_shape, target_shape = proportions.shape(source), proportions.shape(target)
+    match = native.Match((source_shape, mesh_data.triangles(source.data)), (target_shape, mesh_data.triangles(target.data)),
+                         stages=2, rounds=1, stance=proportions.relative_transform(source, target))
     try:
         running = True
         while running:
@@ -135,8 +135,8 @@ def _fitted_apart(source, target, of_source, of_target):
         fitted = match.finish()[2]
     finally:
         match.close()
-    box = max(float(np.linalg.norm(np.ptp(here, axis=0))), 1e-30)
-    return np.linalg.norm(here[of_target][:, None] - fitted[of_source], axis=2) / box
+    box = max(float(np.linalg.norm(np.ptp(target_shape, axis=0))), 1e-30)
+    return np.linalg.norm(target_shape[of_target][:, None] - fitted[of_source], axis=2) / box
 
 
 def search(source, target, of_source=None, of_target=None):
@@ -144,12 +144,12 @@ def search(source, target, of_source=None, of_target=None):
     {number: vertex}, if they are known. Raises MeshProblem or native.NativeError."""
     of_source, of_target = of_source or markers.of(source), of_target or markers.of(target)
     both = sorted(of_source.keys() & of_target.keys())
-    if len(both) < _FEWEST_BY_SHAPE:
+    if len(both) < _MIN_MARKERS_BY_SHAPE:
         return ()
-    if len(both) < _FEWEST:
-        apart = yield from _fitted_apart(source, target, *([of[number] for number in both]
+    if len(both) < _MIN_MARKERS:
+        distances = yield from _fitted_distances(source, target, *([of[number] for number in both]
                                                            for of in (of_source, of_target)))
-        return tuple(both[row] for row in doubtful_by_shape(apart))
+        return tuple(both[row] for row in doubtful_by_shape(distances))
     found = []
     for ob, of in ((source, of_source), (target, of_target)):
         parts = _distances(ob, [of[number] for number in both])

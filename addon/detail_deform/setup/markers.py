@@ -10,7 +10,7 @@ from ..scene.mesh_data import MeshProblem
 
 NAME = "Marker {}"
 _NUMBERED = re.compile(r'marker[\s._-]*(\d+)', re.IGNORECASE)  # "Marker 3", "marker.003", "Marker 3.001"
-FEWEST = 3  # common markers for Automatic, where nobody confirms the match; fewer can't be checked (marker_check)
+MIN_COMMON = 3  # common markers for Automatic, where nobody confirms the match; fewer can't be checked (marker_check)
 
 
 def _number(name):
@@ -73,8 +73,8 @@ def _numbers(ob):
 
 
 def are_enough(source, target):
-    """Whether source and target have at least FEWEST numbers in common, by names alone."""
-    return counts(target, source)[2] >= FEWEST
+    """Whether source and target have at least MIN_COMMON numbers in common, by names alone."""
+    return counts(target, source)[2] >= MIN_COMMON
 
 
 def pairs(source, target):

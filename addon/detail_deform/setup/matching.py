@@ -13,14 +13,14 @@ from ..scene import correspondence, files, mesh_data, proportions
 from ..scene.mesh_data import MeshProblem
 from . import marker_check, markers, pair_lists
 
-_last = ((), b'', None)  # memoized for transfers with other settings: (searched_for, standing, Matched)
-_FITS = 0.5  # mean confidence above which a match is kept though an object moved: saves a search, may miss a better fit
+_cached_match = ((), b'', None)  # memoized for transfers with other settings: (searched_for, standing, Matched)
+_REUSE_CONFIDENCE = 0.5  # mean confidence above which a match is kept though an object moved: saves a search, may miss a better fit
 
 _WHERE_IT_IS_RIGHT = "If it is right, press Find Match, which takes it as it is."
 _WHERE_THEY_ARE_RIGHT = "If they are right, press Find Match, which takes them as they are."
 
 
-def _standing(shapes, stance):
+def _placement_key(shapes, stance):
     """Key of the source's placement: the corners of its box in the target's space, in units of the diagonal of the
     target's box, rounded to 4 digits; b'' without a stance."""
     if stance is None:
@@ -33,15 +33,15 @@ def _standing(shapes, stance):
 def search(source, target):
     """Generator: yields the fraction done and returns the Matched, found by the shapes of both objects and the markers
     that they have in common. Raises MeshProblem or native.NativeError."""
-    global _last
+    global _cached_match
     sides, pairs = (source, target), markers.pairs(source, target)
-    shapes, stance = [proportions.shape(ob) for ob in sides], proportions.stance(source, target)
+    shapes, stance = [proportions.shape(ob) for ob in sides], proportions.relative_transform(source, target)
     searched_for = (*map(mesh_data.signature, shapes), *(mesh_data.topology_signature(ob.data) for ob in sides),
                     pairs.tobytes())
-    standing = _standing(shapes, stance)
-    if _last[0] == searched_for and (_last[1] == standing or _last[2].confidence.mean() > _FITS):
-        return _last[2]
-    matched = correspondence.Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
+    placement = _placement_key(shapes, stance)
+    if _cached_match[0] == searched_for and (_cached_match[1] == placement or _cached_match[2].confidence.mean() > _REUSE_CONFIDENCE):
+        return _cached_match[2]
+    matched = correspondence.Correspondence(mesh_data.triangles(source.data), mesh_data.triangles(target.data), None, None)
     match = native.Match((shapes[0], matched.source_triangles), (shapes[1], matched.target_triangles), pairs,
                          stance=stance)
     try:
@@ -51,7 +51,7 @@ def search(source, target):
         matched.ambiguous, matched.mirrored = bool(match.info.ambiguous), bool(match.info.mirrored)
     finally:
         match.close()
-    _last = (searched_for, standing, matched)
+    _cached_match = (searched_for, placement, matched)
     return matched
 
 
@@ -61,7 +61,7 @@ def ambiguity(source, target):
             "(Add Transfer Marker, in Edit Mode), where front and back or left and right differ.")
 
 
-def must_be_found(how):
+def needs_search(how):
     """Whether this way searches or reads the correspondence, rather than deriving it from equal topology or taking the
     match saved with the target."""
     return how in {'MARKERS', 'LIST', NEAREST}
@@ -80,22 +80,22 @@ def automatic(source, target, folder):
     if mesh_data.is_copy(source.data, target.data):
         return 'TOPOLOGY', "", settings.pairs_of
     if settings.correspondence == 'LIST' and settings.filepath:
-        return 'LIST', *list_in("", target)
+        return 'LIST', *list_file("", target)
     if correspondence.fits(source, target):
         return 'STORED', "", settings.pairs_of
     if markers.are_enough(source, target):
         return 'MARKERS', "", settings.pairs_of
-    path, pairs_of = list_in(folder, target)
+    path, pairs_of = list_file(folder, target)
     if path and os.path.exists(path):
         return 'LIST', path, pairs_of
-    kept = correspondence.stored_for(target)
-    match = f"a Saved Match for '{kept}' as it was" if kept else "no Saved Match"
+    stored_source = correspondence.stored_for(target)
+    match = f"a Saved Match for '{stored_source}' as it was" if stored_source else "no Saved Match"
     raise MeshProblem(f"'{target.name}' has other vertices or faces than '{source.name}', {match}, fewer than "
-                      f"{markers.FEWEST} markers with the same numbers, and no list: set markers on both, or press "
+                      f"{markers.MIN_COMMON} markers with the same numbers, and no list: set markers on both, or press "
                       "Find Match there.")
 
 
-def list_in(folder, target):
+def list_file(folder, target):
     """(path, pairs_of) of a target's list file: in the folder, or the one in its panel if there is no folder. Raises
     MeshProblem if the file is another object's."""
     settings = target.detail_deform.transfer
@@ -106,7 +106,7 @@ def list_in(folder, target):
     if owner not in {None, target} and owner.type == 'MESH':  # file systems may ignore case, Blender doesn't
         raise MeshProblem(f"'{path}' is the list of '{owner.name}', and that of '{target.name}' would be called alike: "
                           "rename one of these objects.")
-    return path, pair_lists.kind_of(path, settings.pairs_of)
+    return path, pair_lists.pairs_of_file(path, settings.pairs_of)
 
 
 def find(how, source, target, path, pairs_of):

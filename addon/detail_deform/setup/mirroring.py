@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, kdtree
 
-from ..scene import handle_matrices, mesh_data, seen, selection, skin, start
+from ..scene import handle_matrices, mesh_data, displayed, selection, skin, start
 from ..scene.mesh_data import MeshProblem
 from . import empties, handle_setup, region_setup
 
@@ -48,19 +48,19 @@ def _mirrored_empty(context, ob, handle, axis, name, image):
     source = handle.target
     depsgraph = context.evaluated_depsgraph_get()
     # A bound handle may be posed: its home is mirrored, which gives the home of the image.
-    local = (handle_matrices.home(handle) if handle_matrices.has_rest(handle) else
-             handle_matrices.local_place(ob, handle, depsgraph))
+    local = (handle_matrices.home_transform(handle) if handle_matrices.has_rest(handle) else
+             handle_matrices.local_transform(ob, handle, depsgraph))
     flip = handle_matrices.reflection('XYZ'[axis])
-    place = ob.matrix_world @ Matrix((start.motion(ob, image) @ flip @ local @ flip).tolist())
+    place = ob.matrix_world @ Matrix((start.rigid_motion(ob, image) @ flip @ local @ flip).tolist())
     size = source.empty_display_size
     if source.parent_type == 'BONE' or source.parent == ob:
-        motion = seen.motions(ob, [np.flatnonzero(image)], depsgraph)[0]
+        motion = displayed.similarities(ob, [np.flatnonzero(image)], depsgraph)[0]
         made = empties.make_on_skin(context, ob, name, empties.without_shear(place), size, skin.Rigs(ob).of(image),
                                     motion, depsgraph)
     else:
         motion = None
         made = empties.make(context, ob, name, place, size, source.parent if source.parent_type == 'OBJECT' else None)
-    empties.stand(context, ob, [made])
+    empties.put_in_place(context, ob, [made])
     empty = made[0]
     empty.empty_display_type = source.empty_display_type
     return empty, motion
@@ -112,8 +112,8 @@ def _split_middle(ob, handle, letter, chosen, image):
     made = handle_setup.append(ob, group_name, None)
     made.own_group = group_name
     made.mirrors, made.symmetric = name, {letter}
-    if start.is_deformed(ob.data):
-        made.rest_matrix = start.motion(ob, middle, start.KEPT).ravel().tolist()
+    if start.has_previous_offsets(ob.data):
+        made.rest_matrix = start.rigid_motion(ob, middle, start.PREVIOUS_OFFSETS).ravel().tolist()
     return middle
 
 
@@ -156,11 +156,11 @@ def mirror(context, ob, handle, axis, symmetric, reaches=True):
         _mirror_region(ob, image, axis)
     if symmetric:
         made.mirrors, made.mirror_axis = name, letter
-        if start.is_deformed(ob.data):  # motion of its vertices from home, where its own motion starts
-            made.rest_matrix = start.motion(ob, image, start.KEPT).ravel().tolist()
+        if start.has_previous_offsets(ob.data):  # motion of its vertices from home, where its own motion starts
+            made.rest_matrix = start.rigid_motion(ob, image, start.PREVIOUS_OFFSETS).ravel().tolist()
     else:
-        empties.set_pose(ob, made, motion, context.evaluated_depsgraph_get())
-        handle_setup.note_homes(context, ob, [made], [np.flatnonzero(image)])
+        empties.store_pose_matrix(ob, made, motion, context.evaluated_depsgraph_get())
+        handle_setup.store_homes(context, ob, [made], [np.flatnonzero(image)])
     if not missing:
         return ""
     return (f"{len(missing):,} of {chosen.sum():,} vertices of '{name}' (such as vertex {missing[0]}) have no "

@@ -15,12 +15,12 @@ def make(context, ob):
         shared = {handle.target for handle in other.detail_deform.handles}
         copies = {empty: _copy(context, ob, empty)
                   for empty in {handle.target for handle in settings.handles if handle.target} & shared}
-        instead = {other: ob, **copies}
+        replacements = {other: ob, **copies}
         for empty, copy in copies.items():
             place = ob.matrix_world @ other.matrix_world.inverted_safe() @ empty.matrix_world
-            if empty.parent not in instead:  # else the animated local transform is kept
+            if empty.parent not in replacements:  # else the animated local transform is kept
                 copy.matrix_world = place
-            _lead_to(copy, instead)
+            _redirect_references(copy, replacements)
         for handle in settings.handles:
             if handle.target in copies:
                 handle.target = handle.own_target = copies[handle.target]
@@ -41,16 +41,16 @@ def _copy(context, ob, empty):
     return copy
 
 
-def _lead_to(copy, instead):
-    """Redirects the copy's parent, constraints and drivers. instead: {original: replacement}."""
-    if copy.parent in instead:
-        copy.parent = instead[copy.parent]
+def _redirect_references(copy, replacements):
+    """Redirects the copy's parent, constraints and drivers. replacements: {original: replacement}."""
+    if copy.parent in replacements:
+        copy.parent = replacements[copy.parent]
     for constraint in copy.constraints:
         for user in (constraint, *getattr(constraint, 'targets', ())):
-            if getattr(user, 'target', None) in instead:
-                user.target = instead[user.target]
+            if getattr(user, 'target', None) in replacements:
+                user.target = replacements[user.target]
     for curve in copy.animation_data.drivers if copy.animation_data else ():
         for variable in curve.driver.variables:
             for target in variable.targets:
-                if target.id in instead:
-                    target.id = instead[target.id]
+                if target.id in replacements:
+                    target.id = replacements[target.id]

@@ -9,7 +9,7 @@ import numpy as np
 from ..scene import correspondence, files, mesh_data
 from ..scene.mesh_data import MeshProblem
 
-_SAYS = {'TRIANGLES': "pairs of triangles", 'VERTICES': "pairs of vertices"}  # in the header of write_pairs()
+_HEADERS = {'TRIANGLES': "pairs of triangles", 'VERTICES': "pairs of vertices"}  # in the header of write_pairs()
 
 
 def read_pairs(path, pairs_of):
@@ -22,9 +22,9 @@ def read_pairs(path, pairs_of):
         raise MeshProblem("There is no list yet: choose a file in List, or another way in Match By.")
     try:
         for number, line in enumerate(files.read_lines(path), 1):
-            said = next((kind for kind in _SAYS if _SAYS[kind] in line), pairs_of)
-            if said != pairs_of:
-                raise MeshProblem(f"'{path}' says that it holds pairs of {said.lower()}: choose that (Pairs of).")
+            in_header = next((kind for kind in _HEADERS if _HEADERS[kind] in line), pairs_of)
+            if in_header != pairs_of:
+                raise MeshProblem(f"'{path}' says that it holds pairs of {in_header.lower()}: choose that (Pairs of).")
             words = line.split('#')[0].replace(',', ' ').replace(';', ' ').replace(':', ' ').split()
             if not words or (len(words) == 1 and not pairs and words[0].isdigit()):
                 continue
@@ -43,14 +43,14 @@ def read_pairs(path, pairs_of):
     return np.array(pairs, np.int32)
 
 
-def kind_of(path, otherwise):
+def pairs_of_file(path, otherwise):
     """The pairs_of that the header of a file by write_pairs() names; `otherwise` for any other file."""
     try:
         with contextlib.closing(files.read_lines(path)) as lines:
             first = next(lines, "")
     except OSError:  # read_pairs() reports it
         return otherwise
-    return next((kind for kind in _SAYS if _SAYS[kind] in first), otherwise)
+    return next((kind for kind in _HEADERS if _HEADERS[kind] in first), otherwise)
 
 
 def write_pairs(path, matched):
@@ -61,16 +61,16 @@ def write_pairs(path, matched):
     unfinished = ""
     try:
         unfinished = files.unfinished(path)
-        np.savetxt(unfinished, matched.pairs, fmt='%d', header=f"{_SAYS[matched.pairs_of]}, source and target, from 0")
+        np.savetxt(unfinished, matched.pairs, fmt='%d', header=f"{_HEADERS[matched.pairs_of]}, source and target, from 0")
         os.replace(unfinished, path)
     except OSError as error:
-        files.take_away(unfinished)
+        files.remove_unfinished(unfinished)
         raise MeshProblem(f"'{path}' can't be written: {files.reason(error, path)}.") from error
 
 
 def by_list(source, target, path, pairs_of):
     """The Matched of a file of pairs. Raises MeshProblem, also for numbers out of range."""
-    matched = correspondence.Matched(mesh_data.triangles(source.data), mesh_data.triangles(target.data),
+    matched = correspondence.Correspondence(mesh_data.triangles(source.data), mesh_data.triangles(target.data),
                                      read_pairs(path, pairs_of), None)
     counts = {'TRIANGLES': (len(matched.source_triangles), len(matched.target_triangles)),
               'VERTICES': (len(source.data.vertices), len(target.data.vertices))}[pairs_of]

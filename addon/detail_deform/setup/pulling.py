@@ -13,29 +13,29 @@ from ..scene.mesh_data import MeshProblem
 from . import handle_setup, mirroring, region_setup
 
 
-def asks_for_reach(ob):
+def may_set_region(ob):
     """Whether Pull may set the region: there is none, or Pull made it. One that the user chose is left unchanged."""
     return not ob.detail_deform.region or ob.detail_deform.pulled_region
 
 
 def selected_surroundings(ob):
-    """The region_setup.Around of the selected vertices and of their mirror images by Edit Mode's symmetry. Raises
+    """The region_setup.SurfaceDistances of the selected vertices and of their mirror images by Edit Mode's symmetry. Raises
     MeshProblem."""
     chosen = selection.selected(ob)
     if not chosen.any():
         raise MeshProblem(f"No vertex is selected: {handle_setup.SELECT_FOR_HANDLE}.")
     images = [mirroring.mirror_image(ob, chosen, axis)[0] for axis in _symmetric_axes(ob)]
-    return region_setup.Around(ob, np.logical_or.reduce([chosen, *images]), chosen)
+    return region_setup.SurfaceDistances(ob, np.logical_or.reduce([chosen, *images]), chosen)
 
 
-class Other(NamedTuple):
+class EarlierHandles(NamedTuple):
     """Earlier handles with one reach. A Pull whose radius includes any of their vertices shares their reach."""
     reach: str  # name of the group; '': they move the region
     held: Any  # numbers of the handles' vertices
-    moves: Any  # numbers of the vertices of the reach or region, with or without those of the handles
+    moved: Any  # numbers of the vertices of the reach or region, with or without those of the handles
 
 
-def others(ob, count):
+def earlier_handles(ob, count):
     """[Other] of the first count handles, one for each reach; empty if the region was not made by Pull."""
     settings, found = ob.detail_deform, []
     handles = [h for h in list(settings.handles)[:count] if h.enabled and h.vertex_group in ob.vertex_groups]
@@ -45,9 +45,9 @@ def others(ob, count):
     reaches = [r for r in dict.fromkeys(h.reach for h in handles) if (r or settings.region) in there]
     groups = [h.vertex_group for h in handles]
     members = mesh_data.members_of_each(ob, [*groups, *(reach or settings.region for reach in reaches)])
-    for reach, moves in zip(reaches, members[len(groups):]):
+    for reach, moved in zip(reaches, members[len(groups):]):
         held = [vertices for handle, vertices in zip(handles, members) if handle.reach == reach]
-        found.append(Other(reach, np.concatenate(held), moves))
+        found.append(EarlierHandles(reach, np.concatenate(held), moved))
     return found
 
 
@@ -78,11 +78,11 @@ class Pull:
             yield 0.0
             bpy.ops.object.mode_set(mode='OBJECT')
             yield 0.0
-            region, earlier = region_setup.kept(ob), binding.kept(ob)
+            region, earlier = region_setup.snapshot(ob), binding.kept(ob)
             registry.check_mesh(ob)
             self._mirror()
             yield 0.0
-            if asks_for_reach(ob):
+            if may_set_region(ob):
                 self._set_region()
                 yield 0.0
             self._context.view_layer.update()  # evaluates the new empty's matrix
@@ -90,7 +90,7 @@ class Pull:
             if watch:
                 yield from self._until_bound()
         except BaseException:
-            self._take_back(region, earlier)
+            self._undo(region, earlier)
             raise
         settings.handle_index = self._count
 
@@ -120,27 +120,27 @@ class Pull:
         """Sets what the new handles move: the region, if no handles share with this Pull or one within the radius moves
         the region; else a reach, shared with those within the radius."""
         ob, settings = self._ob, self._ob.detail_deform
-        before = others(ob, self._count)
+        earlier = earlier_handles(ob, self._count)
         handles = settings.handles[self._count:]
         new = mesh_data.group_weights(ob, [h.vertex_group for h in handles]) > mesh_data.MEMBER_WEIGHT
-        start = new.any(axis=0) if before or not self._count else region_setup.sources(ob)
+        start = new.any(axis=0) if earlier or not self._count else region_setup.starting_vertices(ob)
         around = self._around
         if around is None or not np.array_equal(around.start, start):
-            around = region_setup.Around(ob, start, chosen=new[0])
-        self.radius = self.radius or around.first_guess()
+            around = region_setup.SurfaceDistances(ob, start, chosen=new[0])
+        self.radius = self.radius or around.suggested_radius()
         members = around.within(self.radius)
-        reached, all_of_it = [other for other in before if members[other.held].any()], members.copy()
-        for other in reached:
-            all_of_it[other.moves] = True
-        sharing = [h for h in settings.handles if h.reach and h.reach in {other.reach for other in reached}]
-        if before and not any(other.reach == "" for other in reached):
-            region_setup.set_reach(ob, [*sharing, *handles], all_of_it)
+        within_radius, moved = [other for other in earlier if members[other.held].any()], members.copy()
+        for other in within_radius:
+            moved[other.moved] = True
+        sharing = [h for h in settings.handles if h.reach and h.reach in {other.reach for other in within_radius}]
+        if earlier and not any(other.reach == "" for other in within_radius):
+            region_setup.set_reach(ob, [*sharing, *handles], moved)
             for handle in handles:
                 handle.falloff = sharing[0].falloff if sharing else self._falloff
             return
         for handle in sharing:
             handle.reach = ""
-        region_setup.set_region(ob, all_of_it)
+        region_setup.set_region(ob, moved)
         settings.pulled_region = True
         if not self._count and self._falloff != 'MESH':
             settings.smoothness = FALLOFF_ORDERS[self._falloff]
@@ -153,14 +153,14 @@ class Pull:
         if settings.signature != content or bound.cache.find(content) is None:
             raise MeshProblem(settings.problem)
 
-    def _take_back(self, region, earlier):
+    def _undo(self, region, earlier):
         """Undoes the stages. region, earlier: the states to restore; None if they are unchanged."""
         try:
-            self._restore(region, earlier)
+            self._undo_changes(region, earlier)
         except ReferenceError:
             pass  # the object was deleted meanwhile
 
-    def _restore(self, region, earlier):
+    def _undo_changes(self, region, earlier):
         ob, settings = self._ob, self._ob.detail_deform
         if earlier:
             if settings.signature not in earlier.state:  # this Pull has begun to bind

@@ -5,17 +5,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..scene import handle_matrices, loose, mesh_data, seen, selection, split, users
+from ..scene import handle_matrices, loose, mesh_data, displayed, selection, split, users
 from ..scene.mesh_data import MeshProblem
-from ..scene.start import visible
+from ..scene.start import deformed_positions
 
 _GROUP_NAME, _REACH_NAME = "Region", "Reach"
 # Default radius of the region, as a fraction of the diagonal of the mesh's box.
-_USUAL_RADIUS = 0.25
+_DEFAULT_RADIUS = 0.25
 # First guess of the radius around a selection: _DISK_RADII times the radius of a disk of its area, and at most the
-# default radius, which alone took half a head along with an ear. But at least _LEAST_OF_SIZE of the box's diagonal and
-# _LEAST_EDGES mean edge lengths, so that something follows a single vertex.
-_DISK_RADII, _LEAST_OF_SIZE, _LEAST_EDGES = 2.0, 0.04, 2.0
+# default radius, which alone took half a head along with an ear. But at least _MIN_SIZE_FRACTION of the box's diagonal and
+# _MIN_EDGES mean edge lengths, so that something follows a single vertex.
+_DISK_RADII, _MIN_SIZE_FRACTION, _MIN_EDGES = 2.0, 0.04, 2.0
 
 
 def set_region(ob, members):
@@ -38,7 +38,7 @@ def set_reach(ob, handles, members):
         handle.reach = name
 
 
-class Kept(NamedTuple):
+class RegionState(NamedTuple):
     """The settings of the region and of reaches, the mesh's falloff, and the vertices of the groups that were made for
     them."""
     region: str
@@ -49,7 +49,7 @@ class Kept(NamedTuple):
     members: dict  # {group name: its vertices}
 
 
-def kept(ob):
+def snapshot(ob):
     """The present state, for restore()."""
     settings = ob.detail_deform
     reaches = [(handle.reach, handle.own_reach) for handle in settings.handles]
@@ -57,24 +57,24 @@ def kept(ob):
     if groups and ob.mode == 'EDIT':
         ob.update_from_editmode()
     members = dict(zip(groups, mesh_data.members_of_each(ob, groups)))
-    return Kept(settings.region, settings.own_region, settings.pulled_region, settings.smoothness, reaches, members)
+    return RegionState(settings.region, settings.own_region, settings.pulled_region, settings.smoothness, reaches, members)
 
 
-def restore(ob, present):
+def restore(ob, state):
     settings = ob.detail_deform
-    if settings.own_region != present.own_region:
+    if settings.own_region != state.own_region:
         remove_own(ob)
-    settings.own_region, settings.region = present.own_region, present.region
-    settings.pulled_region = present.pulled_region
-    if settings.smoothness != present.smoothness:
-        settings.smoothness = present.smoothness
-    for handle, (reach, own) in zip(settings.handles, present.reaches):
+    settings.own_region, settings.region = state.own_region, state.region
+    settings.pulled_region = state.pulled_region
+    if settings.smoothness != state.smoothness:
+        settings.smoothness = state.smoothness
+    for handle, (reach, own) in zip(settings.handles, state.reaches):
         if handle.own_reach != own and handle.own_reach in ob.vertex_groups:
             ob.vertex_groups.remove(ob.vertex_groups[handle.own_reach])
         handle.own_reach = own
         if handle.reach != reach:
             handle.reach = reach
-    for name, vertices in present.members.items():
+    for name, vertices in state.members.items():
         members = np.zeros(len(ob.data.vertices), bool)
         members[vertices] = True
         selection.fill_group(ob, ob.vertex_groups[name], members)
@@ -94,7 +94,7 @@ def from_selection(ob):
     set_region(ob, chosen)
 
 
-def sources(ob):
+def starting_vertices(ob):
     """(n,) bool: the vertices selected in Edit Mode, or else those of all enabled handles. Raises MeshProblem if there
     are none."""
     if ob.mode == 'EDIT':
@@ -109,9 +109,9 @@ def sources(ob):
     return chosen
 
 
-def usual_radius(ob):
+def default_radius(ob):
     """Default radius of the region, in world units."""
-    return _USUAL_RADIUS * float(np.linalg.norm(ob.dimensions))
+    return _DEFAULT_RADIUS * float(np.linalg.norm(ob.dimensions))
 
 
 def _from_origin(ob, positions):
@@ -119,7 +119,7 @@ def _from_origin(ob, positions):
     return (positions @ np.array(ob.matrix_world, np.float64)[:3, :3].T).astype(np.float32)
 
 
-class Around:
+class SurfaceDistances:
     """Distances from some vertices along the surface as it is displayed before other modifiers, in world units."""
 
     def __init__(self, ob, start, chosen=None):
@@ -127,47 +127,47 @@ class Around:
         all of the start if not given."""
         self.start, self.chosen = start, start if chosen is None else chosen
         self.origin = np.array(ob.matrix_world, np.float64)[:3, 3]
-        self.places = _from_origin(ob, visible(ob))
+        self.positions = _from_origin(ob, deformed_positions(ob))
         self.triangles = mesh_data.triangles(ob.data)
-        self.distances = _with_loose(ob, self.triangles, split.Joined(ob).distances(self.places, self.triangles, start))
+        self.distances = _with_loose(ob, self.triangles, split.WeldedMesh(ob).distances(self.positions, self.triangles, start))
 
-    def as_seen(self, ob, depsgraph):
+    def displayed_positions(self, ob, depsgraph):
         """(n, 3) float32: as places, with the other modifiers applied where vertices can be followed through them."""
-        posed = seen.positions(ob, depsgraph)
-        return self.places if posed is None else _from_origin(ob, posed)
+        posed = displayed.positions(ob, depsgraph)
+        return self.positions if posed is None else _from_origin(ob, posed)
 
     def within(self, radius):
         """(n,) bool: the vertices at a distance of at most radius."""
         return self.distances <= radius
 
-    def first_guess(self):
+    def suggested_radius(self):
         """Suggested radius of the region around the chosen vertices, by their area: see _DISK_RADII."""
         near = self.triangles[self.chosen[self.triangles].any(axis=1)]
-        corners = self.places[near].astype(np.float64)
+        corners = self.positions[near].astype(np.float64)
         sides = corners - np.roll(corners, 1, axis=1)
         # Lumped: a vertex has a third of each triangle of its one-ring, so that a line of vertices has an area too.
         area = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) @ self.chosen[near].mean(axis=1)
-        size = float(np.linalg.norm(np.ptp(self.places, axis=0)))
+        size = float(np.linalg.norm(np.ptp(self.positions, axis=0)))
         edge = float(np.linalg.norm(sides, axis=2).mean()) if len(near) else 0.0
-        by_area = min(_DISK_RADII * np.sqrt(area / np.pi), _USUAL_RADIUS * size)
-        return float(max(by_area, _LEAST_OF_SIZE * size, _LEAST_EDGES * edge))
+        by_area = min(_DISK_RADII * np.sqrt(area / np.pi), _DEFAULT_RADIUS * size)
+        return float(max(by_area, _MIN_SIZE_FRACTION * size, _MIN_EDGES * edge))
 
 
 def _with_loose(ob, triangles, distances):
     """(n,) float32: the distances, with vertices in no face no farther than the face's vertex to which edges connect
     them."""
-    hung = loose.roots(len(distances), triangles, mesh_data.edges(ob.data))
-    return np.where(hung >= 0, np.minimum(distances, distances[hung]), distances)
+    root_of = loose.roots(len(distances), triangles, mesh_data.edges(ob.data))
+    return np.where(root_of >= 0, np.minimum(distances, distances[root_of]), distances)
 
 
 def within(ob, start, radius):
     """(n,) bool: the vertices whose distance over the surface is at most radius, in the world's unit."""
-    return Around(ob, start).within(radius)
+    return SurfaceDistances(ob, start).within(radius)
 
 
 def grown(ob, start, steps):
     """(n,) bool: the start and the vertices within so many edges of it (that number of one-rings)."""
-    a, b = split.Joined(ob).between(mesh_data.edges(ob.data)).T
+    a, b = split.WeldedMesh(ob).representatives(mesh_data.edges(ob.data)).T
     reached = start.copy()
     for _ in range(steps):
         before = reached.copy()

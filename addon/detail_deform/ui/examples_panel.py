@@ -5,10 +5,10 @@ import bpy
 
 from ..results import missing_examples
 from ..scene import examples, posers
-from .parts import ModifierPanel, Switched, draw_options
+from .parts import ModifierPanel, ToggleListMixin, draw_options
 
 
-class OBJECT_UL_detail_deform_examples(Switched, bpy.types.UIList):
+class OBJECT_UL_detail_deform_examples(ToggleListMixin, bpy.types.UIList):
     @staticmethod
     def draw_content(row, settings, example):
         row.label(text=examples.title(example), icon='OBJECT_DATA' if example.object else 'SHAPEKEY_DATA')
@@ -32,7 +32,7 @@ class OBJECT_PT_detail_deform_examples(ModifierPanel, bpy.types.Panel):
         row.operator('object.detail_deform_examples_from_keys', text="Add Shape Keys", icon='SHAPEKEY_DATA')
         row.operator('object.detail_deform_examples_from_objects', text="Add Selected Objects", icon='OBJECT_DATA')
         layout.operator('object.detail_deform_examples_from_poses', text="Add Poses", icon='ARMATURE_DATA')
-        if posers.twice(ob):
+        if posers.applied_twice(ob):
             layout.operator('object.detail_deform_posers_off', icon='HIDE_ON')
         if 0 <= settings.example_index < len(settings.examples):
             example = settings.examples[settings.example_index]

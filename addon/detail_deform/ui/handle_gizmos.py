@@ -4,7 +4,7 @@
 import bpy
 from mathutils import Matrix, Vector
 
-from ..scene import handle_owners, raised
+from ..scene import handle_owners, key_shifts
 from . import tool
 from .preview import handle_colour
 
@@ -17,7 +17,7 @@ def handles(context):
     active = context.active_object
     if active is None or not (active.mode == 'OBJECT' or active.mode == 'EDIT' and tool.is_active(context)):
         return None, []
-    ob = active if active.type == 'MESH' else handle_owners.of(active)[0]
+    ob = active if active.type == 'MESH' else handle_owners.handle_of(active)[0]
     if ob is None or not ob.detail_deform.signature:
         return None, []
     found = [(number, handle.target) for number, handle in enumerate(ob.detail_deform.handles) if handle.enabled]
@@ -30,7 +30,7 @@ def places(ob, found):
     Bind."""
     if ob is None:
         return []
-    shifts = raised.shifts(ob, [ob.detail_deform.handles[number] for number, _ in found])
+    shifts = key_shifts.shifts(ob, [ob.detail_deform.handles[number] for number, _ in found])
     return [empty.matrix_world.translation + Vector(shift) for (_, empty), shift in zip(found, shifts)]
 
 

@@ -3,7 +3,7 @@
 
 import bpy
 
-from . import known_markers
+from . import marker_cache
 from .preview import Drawing
 
 _BOTH_COLOUR, _ONE_COLOUR = (1.0, 0.85, 0.1, 1.0), (1.0, 0.25, 0.2, 1.0)
@@ -13,7 +13,7 @@ _TEXT_SIZE = 14  # pixels, at an interface scale of 1
 
 def pairs(ob):
     """[(source, target)]: the transfers whose markers are shown while this mesh, as source or target, is active."""
-    targets = known_markers.followers(ob)
+    targets = marker_cache.followers(ob)
     if ob.detail_deform.transfer.source or not targets:
         targets.insert(0, ob)
     found = [(target.detail_deform.transfer.source, target) for target in targets]
@@ -26,18 +26,18 @@ def labels(ob, depsgraph):
     shown = {}
     for source, target in pairs(ob):
         sides = [side for side in (target, source) if side is not None and side.type == 'MESH']
-        both = set.intersection(*(set(known_markers.of(side)) for side in sides))
-        doubts = known_markers.doubts(source, target) if len(sides) == 2 else ()
+        both = set.intersection(*(set(marker_cache.markers_of(side)) for side in sides))
+        doubts = marker_cache.doubts(source, target) if len(sides) == 2 else ()
         for side in sides:
-            points = _seen_points(side, depsgraph)
-            for number, vertex in known_markers.of(side).items():
+            points = _displayed_points(side, depsgraph)
+            for number, vertex in marker_cache.markers_of(side).items():
                 if vertex < len(points):
                     colour = _DOUBT_COLOUR if number in doubts else _BOTH_COLOUR if number in both else _ONE_COLOUR
                     shown[side, number] = (number, side.matrix_world @ points[vertex].co, colour)
     return list(shown.values())
 
 
-def _seen_points(ob, depsgraph):
+def _displayed_points(ob, depsgraph):
     """The evaluated vertices, or the mesh's own if modifiers change their number."""
     seen = ob.evaluated_get(depsgraph).data
     return seen.vertices if len(seen.vertices) == len(ob.data.vertices) else ob.data.vertices
@@ -61,7 +61,7 @@ def _draw():
     solid = _solid(context, ob)
     for number, place, colour in found:
         at = location_3d_to_region_2d(context.region, context.region_data, place)
-        if at is None or known_markers.is_hidden(place, _eye(context.region_data, place), solid, depsgraph):
+        if at is None or marker_cache.is_hidden(place, _eye(context.region_data, place), solid, depsgraph):
             continue
         blf.color(0, *colour)
         blf.position(0, at.x - size / 6, at.y - size / 3, 0)

@@ -7,7 +7,7 @@ from ..declared import COMPARED
 from ..follow import bound, hints, look, problem_vertices, shown, slow_results, status
 from ..scene import handle_owners, node_group, offset_attribute, stack
 from . import examples_panel
-from .parts import ModifierPanel, Switched, draw_options, draw_text
+from .parts import ModifierPanel, ToggleListMixin, draw_options, draw_text
 from .registration import registration
 
 
@@ -16,7 +16,7 @@ _WORKS_AT_REST = {'EDIT': "You edit the mesh without its deformation.",
                   'SCULPT': "Brushes work on the mesh without its deformation."}
 
 
-class OBJECT_UL_detail_deform_handles(Switched, bpy.types.UIList):
+class OBJECT_UL_detail_deform_handles(ToggleListMixin, bpy.types.UIList):
     @staticmethod
     def draw_content(row, settings, handle):
         row.prop(handle, 'name', text="", emboss=False, icon='EMPTY_AXIS')
@@ -34,7 +34,7 @@ def draw_state(layout, context, ob):
     if problem_vertices.need_a_look(ob):
         box.operator('object.detail_deform_select_problem', icon='RESTRICT_SELECT_OFF')
 
-    if stack.is_wrong(ob):
+    if stack.is_misplaced(ob):
         layout.operator('object.detail_deform_place', icon='SORT_DESC')
     if settings.signature and hints.shares_empties_with(ob):
         layout.operator('object.detail_deform_own_empties', icon='DUPLICATE')
@@ -247,11 +247,11 @@ class HandlePanel:
     @classmethod
     def poll(cls, context):
         empty = context.object
-        return empty is not None and empty.type == 'EMPTY' and handle_owners.of(empty)[0] is not None
+        return empty is not None and empty.type == 'EMPTY' and handle_owners.handle_of(empty)[0] is not None
 
     def draw(self, context):
         layout = self.layout
-        ob, number = handle_owners.of(context.object)
+        ob, number = handle_owners.handle_of(context.object)
         settings = ob.detail_deform
         draw_text(layout, context, f"Handle '{settings.handles[number].name}' of '{ob.name}'. {status.urgent(ob)}",
                    'ERROR' if settings.stale or settings.problem else 'EMPTY_AXIS')

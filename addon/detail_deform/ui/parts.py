@@ -6,7 +6,7 @@ import textwrap
 from ..library import options
 
 
-class Switched:
+class ToggleListMixin:
     """Mixin of lists whose items have a check box for enabled."""
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_propname, index=0):

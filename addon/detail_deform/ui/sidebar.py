@@ -48,7 +48,7 @@ class VIEW3D_PT_detail_deform(bpy.types.Panel):
 def _mesh(context):
     """The active mesh, or the one that the active empty pulls."""
     active = context.active_object
-    return active if active and active.type == 'MESH' else handle_owners.of(active)[0]
+    return active if active and active.type == 'MESH' else handle_owners.handle_of(active)[0]
 
 
 _register_class, _unregister_class = bpy.utils.register_classes_factory([VIEW3D_PT_detail_deform])

@@ -9,7 +9,7 @@ from ..library.options import TRANSFER_SETTINGS
 from ..results import transfer_table
 from ..scene import correspondence, mesh_data
 from ..setup import marker_check, markers
-from . import known_markers
+from . import marker_cache
 from .parts import ModifierPanel, draw_options, draw_text
 from .registration import registration
 
@@ -74,7 +74,7 @@ def _markers(count):
 
 def _draw_doubts(layout, context, source, target):
     """Draws the sentence about the markers in doubt, and returns their numbers."""
-    doubts = known_markers.doubts(source, target)
+    doubts = marker_cache.doubts(source, target)
     if doubts:
         draw_text(layout, context, marker_check.sentence(doubts, source, target), 'ERROR')
     return doubts
@@ -83,7 +83,7 @@ def _draw_doubts(layout, context, source, target):
 def _draw_markers(layout, ob, doubts):
     """Draws a button for each marker, red if it is in doubt."""
     flow = layout.grid_flow(row_major=True, columns=6, even_columns=True, align=True)
-    for number in sorted(known_markers.of(ob)):
+    for number in sorted(marker_cache.markers_of(ob)):
         button = flow.row(align=True)
         button.alert = number in doubts
         button.operator('object.detail_deform_marker_select', text=str(number)).number = number
@@ -103,7 +103,7 @@ class OBJECT_PT_detail_deform_source(ModifierPanel, bpy.types.Panel):
     @classmethod
     def poll(cls, context):
         return super().poll(context) and bool(
-            known_markers.followers(context.object) or context.object.detail_deform.transfer.failed or
+            marker_cache.followers(context.object) or context.object.detail_deform.transfer.failed or
             _others_selected(context))
 
     def draw_settings(self, context, layout, ob, all_settings):
@@ -113,12 +113,12 @@ class OBJECT_PT_detail_deform_source(ModifierPanel, bpy.types.Panel):
         row.operator_menu_enum('object.detail_deform_transfer_many', 'what', text=f"Transfer to {others:,} Selected")
         if all_settings.transfer.failed:
             self._draw_failed(context, layout.box().column(), all_settings.transfer.failed)
-        followers, doubts = known_markers.followers(ob), set()
+        followers, doubts = marker_cache.followers(ob), set()
         if not followers:
             return
         for target in followers:
             doubts |= set(self._draw_target(context, layout.box().column(), ob, target))
-        draw_text(layout, context, f"{_markers(len(known_markers.of(ob)))} here", 'EMPTY_AXIS')
+        draw_text(layout, context, f"{_markers(len(marker_cache.markers_of(ob)))} here", 'EMPTY_AXIS')
         _draw_markers(layout, ob, doubts)
         layout.operator('object.detail_deform_marker_add', icon='ADD')
 

@@ -21,16 +21,16 @@ def transferring():
         bpy.ops.view3d.view_selected()
     yield from settle()
     screenshot('markers')
-    from detail_deform.ui import known_markers
+    from detail_deform.ui import marker_cache
     calf, pair = bpy.data.objects["Calf"], ("Calf", "Giraffe")
-    yield from wait_until(lambda: pair in known_markers._doubts)
-    check("good markers are in no doubt", known_markers.doubts(calf, giraffe) == ())
+    yield from wait_until(lambda: pair in marker_cache._doubts)
+    check("good markers are in no doubt", marker_cache.doubts(calf, giraffe) == ())
     groups = giraffe.vertex_groups
     for name, other in (("Marker 1", "."), ("Marker 16", "Marker 1"), (".", "Marker 16")):  # muzzle and tail
         groups[name].name = other
     activate(calf)
-    yield from wait_until(lambda: known_markers.doubts(calf, giraffe))
-    check("exchanged ones are named, also while the source is active", known_markers.doubts(calf, giraffe) == (1, 16))
+    yield from wait_until(lambda: marker_cache.doubts(calf, giraffe))
+    check("exchanged ones are named, also while the source is active", marker_cache.doubts(calf, giraffe) == (1, 16))
     yield from settle()
     screenshot('doubts')
     for name, other in (("Marker 1", "."), ("Marker 16", "Marker 1"), (".", "Marker 16")):

@@ -2,22 +2,22 @@
 """Detects renamed vertex groups and updates the settings that refer to them by name. Blender sends no notification, but
 a renamed group keeps its index, so the last known names are stored with the object."""
 
-_APART = '\n'  # separator: no name in Blender contains it
+_SEPARATOR = '\n'  # separator: no name in Blender contains it
 
 
-def note(ob):
+def store_names(ob):
     """Stores the present names of the vertex groups, if they have changed."""
-    names = _APART.join(group.name for group in ob.vertex_groups)
+    names = _SEPARATOR.join(group.name for group in ob.vertex_groups)
     if ob.detail_deform.known_groups != names:
         ob.detail_deform.known_groups = names
 
 
-def follow(ob):
+def update_names(ob):
     """Replaces names of renamed groups in region, influence, anchors and handles. Returns whether any was replaced."""
     settings = ob.detail_deform
     if not settings.known_groups:
         return False
-    known, now = settings.known_groups.split(_APART), [group.name for group in ob.vertex_groups]
+    known, now = settings.known_groups.split(_SEPARATOR), [group.name for group in ob.vertex_groups]
     if known == now or len(known) != len(now):  # groups were added or removed
         return False
     there = set(now)
@@ -25,9 +25,9 @@ def follow(ob):
     renamed = {old: new for old, new in zip(known, now) if old != new and old not in there and new not in known}
     if not renamed:
         return False
-    settings.known_groups = _APART.join(now)
+    settings.known_groups = _SEPARATOR.join(now)
     was_pulled = settings.pulled_region
-    namers = [(owner, name, renamed[getattr(owner, name)]) for owner, name in _namers(settings)
+    namers = [(owner, name, renamed[getattr(owner, name)]) for owner, name in _name_properties(settings)
               if getattr(owner, name) in renamed]
     for owner, name, new in namers:
         setattr(owner, name, new)
@@ -35,7 +35,7 @@ def follow(ob):
     return bool(namers)
 
 
-def _namers(settings):
+def _name_properties(settings):
     """Generator of (owner, property name) for all settings that name a vertex group."""
     yield from ((settings, name) for name in ('region', 'own_region', 'influence'))
     yield settings.transfer, 'anchor_group'

@@ -11,7 +11,7 @@ from ..scene.mesh_data import MeshProblem
 from . import bake, frames, pose_samples
 
 _SAMPLES = 1000  # vertices, at most, at which frames are compared
-_SAID = 0.01  # error above which the user is told, as a fraction of the mesh's size, its box's diagonal
+_NOTABLE_ERROR = 0.01  # error above which the user is told, as a fraction of the mesh's size, its box's diagonal
 
 
 def check(ob, of_keys=False):
@@ -41,20 +41,20 @@ def to_sliders(context, ob, start, end, tell):
     fraction done. tell: called with a sentence if the result differs from that of the handles."""
     check(ob)
     frames.check_time(context.scene)
-    found, seen = [], []
+    found, shapes = [], []
     for weights, shape in _over_frames(context, ob, start, end):
         found.append(weights)
-        seen.append(shape)
+        shapes.append(shape)
         yield len(found) / (2 * (end + 1 - start))
     chosen = examples.enabled(ob.detail_deform)
     ob.detail_deform.weights_by = 'SLIDERS'
     for example, weights in zip(chosen, zip(*found)):
-        actions.key(example, 'weight', start, weights)
-    off = []
-    for (_, shape), before in zip(_over_frames(context, ob, start, end), seen):
-        off.append(_farthest(shape, before))
-        yield 0.5 + len(off) / (2 * (end + 1 - start))
-    _tell(ob, off, start, "weights alone hold nothing", tell)
+        actions.insert_keyframes(example, 'weight', start, weights)
+    errors = []
+    for (_, shape), before in zip(_over_frames(context, ob, start, end), shapes):
+        errors.append(_farthest(shape, before))
+        yield 0.5 + len(errors) / (2 * (end + 1 - start))
+    _warn_of_error(ob, errors, start, "weights alone hold nothing", tell)
     context.scene.frame_set(context.scene.frame_current, subframe=context.scene.frame_subframe)
 
 
@@ -63,22 +63,22 @@ def to_key_values(context, ob, start, end, tell):
     the fraction done. tell: as for to_sliders()."""
     check(ob, of_keys=True)
     frames.check_time(context.scene)
-    keys = [_of_samples(examples.positions_of(ob, e) - mesh_data.rest(ob.data))
+    keys = [_of_samples(examples.positions_of(ob, e) - mesh_data.rest_positions(ob.data))
             for e in examples.enabled(ob.detail_deform)]
-    found, off = [], []
+    found, errors = [], []
     for weights, shape in _over_frames(context, ob, start, end):
         found.append(weights)
-        off.append(_farthest(np.tensordot(weights, keys, 1), shape))
+        errors.append(_farthest(np.tensordot(weights, keys, 1), shape))
         yield len(found) / (end + 1 - start)
     blocks = ob.data.shape_keys.key_blocks
     for example, weights in zip(examples.enabled(ob.detail_deform), zip(*found)):
         key = blocks[example.name]
         key.mute = False
         key.slider_min, key.slider_max = min(key.slider_min, *weights), max(key.slider_max, *weights)
-        actions.key(key, 'value', start, weights)
+        actions.insert_keyframes(key, 'value', start, weights)
     modifier = bake.modifier_of(ob)
     modifier.show_viewport = modifier.show_render = False
-    _tell(ob, off, start, "shape keys hold nothing and mix along straight lines", tell)
+    _warn_of_error(ob, errors, start, "shape keys hold nothing and mix along straight lines", tell)
     context.scene.frame_set(context.scene.frame_current, subframe=context.scene.frame_subframe)
 
 
@@ -97,10 +97,10 @@ def _farthest(a, b):
     return float(np.linalg.norm(a - b, axis=1).max())
 
 
-def _tell(ob, off, start, why, tell):
-    worst = int(np.argmax(off))
-    share = off[worst] / pose_samples.size(ob)
-    if share > _SAID:
+def _warn_of_error(ob, errors, start, why, tell):
+    worst = int(np.argmax(errors))
+    share = errors[worst] / pose_samples.size(ob)
+    if share > _NOTABLE_ERROR:
         tell(f"In frame {start + worst} '{ob.name}' is up to {100 * share:.1f}% of its size from where its handles had "
              f"it, as {why}: keep out of the region what should stay, add an example near that frame, or bake a Mesh "
              "Cache.")

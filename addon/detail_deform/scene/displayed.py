@@ -6,18 +6,18 @@ empty is placed. With a single armature the motion of the empty's bone is used i
 
 import numpy as np
 
-from . import below, mesh_data, node_group, skin, stack, start
+from . import partial_evaluation, mesh_data, node_group, skin, stack, start
 
 # These add displacements of their own to the positions, so a pull keeps its direction through them. All others map
 # positions to positions, and so rotate a pull too.
-_ADDERS = {'CORRECTIVE_SMOOTH', 'DISPLACE', 'LAPLACIANSMOOTH', 'SHRINKWRAP', 'SMOOTH', 'CLOTH', 'SOFT_BODY'}
+_ADD_DISPLACEMENTS = {'CORRECTIVE_SMOOTH', 'DISPLACE', 'LAPLACIANSMOOTH', 'SHRINKWRAP', 'SMOOTH', 'CLOTH', 'SOFT_BODY'}
 
 
 def _movers(ob):
     """[int]: indices of the shown modifiers that may move vertices, without the deformation's own."""
     own = node_group.find_modifier(ob)
     return [k for k, m in enumerate(ob.modifiers)
-            if m.show_viewport and m != own and (m.type in below.MOVERS or m.type == 'NODES')]
+            if m.show_viewport and m != own and (m.type in partial_evaluation.MOVERS or m.type == 'NODES')]
 
 
 def needs_measuring(ob):
@@ -30,36 +30,36 @@ def positions(ob, depsgraph):
     """(n, 3) float32: displayed positions of the mesh's own vertices, in local space; None if the modifiers change the
     vertex count in a way that can't be followed."""
     if not _movers(ob):
-        return start.visible(ob)
-    with below.deformed(ob, ob.evaluated_get(depsgraph), depsgraph) as (mesh, _):
+        return start.deformed_positions(ob)
+    with partial_evaluation.deformed(ob, ob.evaluated_get(depsgraph), depsgraph) as (mesh, _):
         return None if mesh is None else mesh_data.positions(mesh)
 
 
-def motions(ob, parts, depsgraph):
-    """[(4, 4) float64]: for each array of vertices in parts the similarity from start.visible() to the displayed
+def similarities(ob, parts, depsgraph):
+    """[(4, 4) float64]: for each array of vertices in parts the similarity from start.deformed_positions() to the displayed
     positions. [None, …] where they are the same, a bone's motion is used instead, or it can't be measured."""
     unknown = [None] * len(parts)
     if not needs_measuring(ob):
         return unknown
-    with below.deformed(ob, ob.evaluated_get(depsgraph), depsgraph) as (mesh, used):
+    with partial_evaluation.deformed(ob, ob.evaluated_get(depsgraph), depsgraph) as (mesh, used):
         if mesh is None or not any(used[k] for k in _movers(ob)):
             return unknown
         after = mesh_data.positions(mesh)
     # Before the first pull the deformation has no modifier: take the index at which it will be added.
     modifiers, own = list(ob.modifiers), node_group.find_modifier(ob)
-    end = modifiers.index(own) + 1 if own else stack.place_of(ob)
-    adders = [use and k >= end and m.type in _ADDERS for k, (m, use) in enumerate(zip(modifiers, used))]
-    before = below.by(ob, depsgraph, [use and k < end for k, use in enumerate(used)])
-    mapped = below.by(ob, depsgraph, np.array(used) & ~np.array(adders)) if any(adders) else after
+    end = modifiers.index(own) + 1 if own else stack.index_of_its_place(ob)
+    adders = [use and k >= end and m.type in _ADD_DISPLACEMENTS for k, (m, use) in enumerate(zip(modifiers, used))]
+    before = partial_evaluation.positions_with(ob, depsgraph, [use and k < end for k, use in enumerate(used)])
+    mapped = partial_evaluation.positions_with(ob, depsgraph, np.array(used) & ~np.array(adders)) if any(adders) else after
     if before is None or mapped is None or not np.isfinite([before, mapped, after]).all():
         return unknown
-    visible = start.visible(ob)
-    return [_through(similarity, visible[part].mean(axis=0), after[part].mean(axis=0))
+    visible = start.deformed_positions(ob)
+    return [_mapping_point(similarity, visible[part].mean(axis=0), after[part].mean(axis=0))
             for part, similarity in zip(parts, start.similarities(ob, parts, before, mapped))]
 
 
-def _through(motion, place, there):
+def _mapping_point(similarity, point, image):
     """(4, 4): the linear part of motion, with the translation that takes place to there."""
-    result = motion.copy()
-    result[:3, 3] = there - motion[:3, :3] @ place
+    result = similarity.copy()
+    result[:3, 3] = image - similarity[:3, :3] @ point
     return result

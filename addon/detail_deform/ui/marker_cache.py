@@ -45,7 +45,7 @@ def forget_shapes():
     _trees.clear()
 
 
-def of(ob):
+def markers_of(ob):
     """As markers.of(), memoized until groups or empties change; {} while the markers are invalid, which the search
     reports."""
     if ob.type != 'MESH':  # it was converted to another type
@@ -73,7 +73,7 @@ def followers(ob):
 
 def doubts(source, target):
     """Numbers of the markers in doubt. Starts a search in the background if need be; () until it has ended."""
-    of_source, of_target = of(source), of(target)
+    of_source, of_target = markers_of(source), markers_of(target)
     made_of = tuple((number, of_source[number], of_target[number]) for number in of_source if number in of_target)
     pair = (source.name, target.name)
     known = _doubts.get(pair)
@@ -121,9 +121,9 @@ def is_hidden(place, eye, obs, depsgraph):
     for ob in obs:
         to_local = ob.matrix_world.inverted_safe()
         start = to_local @ eye
-        way = to_local @ place - start
+        direction = to_local @ place - start
         # The ray ends 0.5% of the object's largest dimension before the place, whose own faces don't occlude it.
-        reach = way.length - 0.005 * max(ob.dimensions) / max(max(ob.matrix_world.to_scale()), 1e-9)
-        if reach > 0 and _tree(ob, depsgraph).ray_cast(start, way, reach)[0] is not None:
+        length = direction.length - 0.005 * max(ob.dimensions) / max(max(ob.matrix_world.to_scale()), 1e-9)
+        if length > 0 and _tree(ob, depsgraph).ray_cast(start, direction, length)[0] is not None:
             return True
     return False

@@ -6,13 +6,13 @@ are told where a target lies over it."""
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from . import below, mesh_data, node_group
+from . import partial_evaluation, mesh_data, node_group
 
 _COPIERS = {'ARRAY', 'SCREW', 'NODES'}  # add surface whose correspondence to the source's vertices is unknown
 _SAMPLES = 500  # vertices of the target that are tested; bounds the time
-_MANY = 0.02  # fraction of the samples that must lie over unfollowed surface for a message
+_NOTABLE_FRACTION = 0.02  # fraction of the samples that must lie over unfollowed surface for a message
 # Ratio of distances: a sample lies over unfollowed surface if that is less than half as far as the followed one.
-_NEARER = 0.5
+_MUCH_NEARER = 0.5
 
 
 def reflections(source):
@@ -36,33 +36,33 @@ def reflections(source):
     return found
 
 
-def key(source):
+def signature(source):
     """A hash of the rounded reflections as short text; '' without any."""
     found = reflections(source)
     return mesh_data.signature(np.round([[*flip.ravel(), near] for flip, near in found], 5)) if found else ""
 
 
-class Wider:
+class MirroredSource:
     """A source's own vertices followed by the mirrored ones, in Blender's order."""
 
     def __init__(self, source):
-        rest, triangles = mesh_data.rest(source.data).astype(np.float64), mesh_data.triangles(source.data)
+        rest, triangles = mesh_data.rest_positions(source.data).astype(np.float64), mesh_data.triangles(source.data)
         own, copies, of_copy = np.arange(len(rest)), [np.eye(4)], np.zeros(len(rest), int)
-        for flip, near in reflections(source):
-            there = rest @ flip[:3, :3].T + flip[:3, 3]
-            kept = np.linalg.norm(there - rest, axis=1) >= near
-            numbers = np.where(kept, len(rest) + np.cumsum(kept) - 1, np.arange(len(rest)))
-            mirrored = numbers[triangles[kept[triangles].any(axis=1)]][:, ::-1]
+        for flip, merge_distance in reflections(source):
+            reflected = rest @ flip[:3, :3].T + flip[:3, 3]
+            is_separate = np.linalg.norm(reflected - rest, axis=1) >= merge_distance
+            new_indices = np.where(is_separate, len(rest) + np.cumsum(is_separate) - 1, np.arange(len(rest)))
+            mirrored = new_indices[triangles[is_separate[triangles].any(axis=1)]][:, ::-1]
             triangles = np.concatenate([triangles, mirrored])
-            rest = np.concatenate([rest, there[kept]])
-            own, of_copy = np.concatenate([own, own[kept]]), np.concatenate([of_copy, of_copy[kept] + len(copies)])
+            rest = np.concatenate([rest, reflected[is_separate]])
+            own, of_copy = np.concatenate([own, own[is_separate]]), np.concatenate([of_copy, of_copy[is_separate] + len(copies)])
             copies += [flip @ copy for copy in copies]
         self.triangles, self.count = np.ascontiguousarray(triangles, np.int32), len(rest)
         self._copies, self._own_count = copies[1:], len(source.data.vertices)
         self._own = [own[of_copy == number] for number in range(1, len(copies))]
         self._rows = [np.flatnonzero(of_copy == number) for number in range(1, len(copies))]
 
-    def of(self, points):
+    def with_reflections(self, points):
         """(m, 3) float32: points of the source's own vertices, (n, 3), with their reflections; (m, 3) is returned as it
         is."""
         if len(points) == self.count:
@@ -73,22 +73,22 @@ class Wider:
             result[rows] = points[own] @ copy[:3, :3].T + copy[:3, 3]
         return result
 
-    def posed(self, source, pose, used, depsgraph):
-        """(m, 3) float32: of() a pose, (n, 3). If modifiers after Mirror, such as an armature, pose each half
+    def posed_with_reflections(self, source, pose, used, depsgraph):
+        """(m, 3) float32: with_reflections() a pose, (n, 3). If modifiers after Mirror, such as an armature, pose each half
         differently, they are evaluated on both halves. used: (k,) bool, the modifiers that produced the pose."""
         mirrors = [m.type == 'MIRROR' and m.show_viewport for m in source.modifiers]
         if True not in mirrors or not any(used[mirrors.index(True):]):
-            return self.of(pose)  # also if Mirror has been hidden since: key() notices that later
-        found = below.by(source, depsgraph, np.array(used) | np.array(mirrors), self.count)
+            return self.with_reflections(pose)  # also if Mirror has been hidden since: signature() notices that later
+        found = partial_evaluation.positions_with(source, depsgraph, np.array(used) | np.array(mirrors), self.count)
         if found is None:  # in this pose Mirror merges other vertices than at rest
-            return self.of(pose)
+            return self.with_reflections(pose)
         found[:self._own_count] = pose
         return found
 
 
 def find(source):
     """The source's Wider; None if no Mirror modifier adds surface."""
-    return Wider(source) if reflections(source) else None
+    return MirroredSource(source) if reflections(source) else None
 
 
 def unfollowed(source, followed, points, depsgraph):
@@ -100,8 +100,8 @@ def unfollowed(source, followed, points, depsgraph):
         return ""
     shown = [use or (m.type == 'MIRROR' and m.show_viewport) for use, m in zip(copiers, source.modifiers)]
     some = points[np.linspace(0, len(points) - 1, min(_SAMPLES, len(points))).astype(int)].tolist()
-    away, nearer = (_distances(some, *surface) for surface in (followed, below.surface(source, depsgraph, shown)))
-    if (nearer < _NEARER * away).mean() < _MANY:
+    followed_distances, all_distances = (_distances(some, *surface) for surface in (followed, partial_evaluation.surface_with(source, depsgraph, shown)))
+    if (all_distances < _MUCH_NEARER * followed_distances).mean() < _NOTABLE_FRACTION:
         return ""
     names = ', '.join(repr(m.name) for m, use in zip(source.modifiers, copiers) if use)
     return (f"What {names} of '{source.name}' adds to its own mesh is not followed, and this mesh lies over some of "

@@ -4,7 +4,7 @@
 _VERTEX_PARENTS = {'VERTEX', 'VERTEX_3'}
 
 
-class Search:
+class FeedbackSearch:
     """A search from empties through parents, constraints and modifiers to the vertices of the mesh. Each object is
     visited once, however many empties depend on it."""
 
@@ -18,40 +18,40 @@ class Search:
         self._seen.add(key)
         return True
 
-    def of_place(self, other):
+    def through_transform(self, other):
         """A phrase that names the dependency of an object's place on the vertices of the mesh; '' if there is none, or
         the object was visited before. The mesh's own place is no dependency, as handles are relative to it."""
         if other == self._ob or not self._is_new(other, 'place'):
             return ""
         bones = other.pose.bones if other.pose else ()
-        return (self._of_parent(other) or self._of_constraints(other, other.constraints)
-                or next(filter(None, (self._of_constraints(other, bone.constraints) for bone in bones)), ""))
+        return (self._through_parent(other) or self._through_constraints(other, other.constraints)
+                or next(filter(None, (self._through_constraints(other, bone.constraints) for bone in bones)), ""))
 
-    def _of_parent(self, other):
+    def _through_parent(self, other):
         if other.parent is None:
             return ""
         if other.parent_type in _VERTEX_PARENTS:
-            return self._shape(other.parent, f"'{other.name}' is parented to vertices")
-        return self.of_place(other.parent)
+            return self._through_vertices(other.parent, f"'{other.name}' is parented to vertices")
+        return self.through_transform(other.parent)
 
-    def _of_constraints(self, owner, constraints):
+    def _through_constraints(self, owner, constraints):
         for constraint in constraints:
             target = getattr(constraint, 'target', None)
             if target is None or constraint.mute or not constraint.influence:
                 continue
             by_shape = constraint.type == 'SHRINKWRAP' or (
                 target.type == 'MESH' and getattr(constraint, 'subtarget', ""))
-            said = f"constraint '{constraint.name}' of '{owner.name}'"
-            found = self._shape(target, said) if by_shape else self.of_place(target)
+            phrase = f"constraint '{constraint.name}' of '{owner.name}'"
+            found = self._through_vertices(target, phrase) if by_shape else self.through_transform(target)
             if found:
                 return found
         return ""
 
-    def _shape(self, other, said):
+    def _through_vertices(self, other, phrase):
         """said, the phrase for a dependency on other's vertices, if these depend on those of the mesh; otherwise ''."""
-        return said if self._is_shaped(other) else ""
+        return phrase if self._depends_on_mesh(other) else ""
 
-    def _is_shaped(self, other):
+    def _depends_on_mesh(self, other):
         """Whether the vertices of an object depend on those of the mesh; False if visited before."""
         if other == self._ob:
             return True
@@ -61,12 +61,12 @@ class Search:
         followed = settings.transfer.source if settings.transfer.live else None
         if settings.signature and settings.base == 'OBJECT':
             followed = settings.base_object
-        if followed is not None and self._is_shaped(followed):
+        if followed is not None and self._depends_on_mesh(followed):
             return True
         for modifier in other.modifiers:
             for prop in modifier.bl_rna.properties:
                 if prop.type == 'POINTER':
                     used = getattr(modifier, prop.identifier)
-                    if hasattr(used, 'modifiers') and (self._is_shaped(used) or self.of_place(used)):
+                    if hasattr(used, 'modifiers') and (self._depends_on_mesh(used) or self.through_transform(used)):
                         return True
         return False

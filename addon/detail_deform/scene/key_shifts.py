@@ -7,9 +7,9 @@ import numpy as np
 from . import mesh_data, offset_attribute
 
 # Sampled vertices a handle, and of all handles together (but at least one a handle): bound the time of a redraw.
-_VERTICES = 4
-_ALL_VERTICES = 256
-_MOST = 8  # bindings whose samples are cached; the oldest is dropped
+_SAMPLES_A_HANDLE = 4
+_SAMPLES_OF_ALL = 256
+_MAX_BINDINGS = 8  # bindings whose samples are cached; the oldest is dropped
 _samples = {}  # {signature of the binding: {group: [vertex]}}
 
 
@@ -19,16 +19,16 @@ def shifts(ob, handles):
     if ob.mode == 'EDIT' or ob.detail_deform.stale:  # no attributes to read, or indices out of date
         return result
     shown = [key for key in keys.key_blocks if key.value and not key.mute and key != key.relative_key] if keys else []
-    kept = offset_attribute.find(ob.data, offset_attribute.KEYED)
-    if not shown and kept is None:
+    at_bind = offset_attribute.find(ob.data, offset_attribute.SHAPE_KEY_OFFSETS)
+    if not shown and at_bind is None:
         return result
     for number, vertices in enumerate(_samples_of(ob, [handle.vertex_group for handle in handles])):
         for vertex in vertices:
             for key in shown:
                 weight = key.value * _weight(ob, key.vertex_group, vertex)
                 result[number] += weight * np.subtract(key.data[vertex].co, key.relative_key.data[vertex].co)
-            if kept is not None:
-                result[number] -= kept.data[vertex].vector
+            if at_bind is not None:
+                result[number] -= at_bind.data[vertex].vector
         result[number] /= max(len(vertices), 1)
     return result @ np.array(ob.matrix_world, np.float64)[:3, :3].T
 
@@ -37,14 +37,14 @@ def _samples_of(ob, groups):
     """[[vertex]]: the samples of each of these groups; [] if the group no longer exists."""
     known = _samples.get(ob.detail_deform.signature)
     if known is None:
-        while len(_samples) >= _MOST:
+        while len(_samples) >= _MAX_BINDINGS:
             del _samples[next(iter(_samples))]
         known = _samples[ob.detail_deform.signature] = {}
     new = [group for group in dict.fromkeys(groups) if group not in known and group in ob.vertex_groups]
     if new:
-        most = min(_VERTICES, max(1, _ALL_VERTICES // len(groups)))
+        count = min(_SAMPLES_A_HANDLE, max(1, _SAMPLES_OF_ALL // len(groups)))
         for group, vertices in zip(new, mesh_data.members_of_each(ob, new)):
-            chosen = np.linspace(0, len(vertices) - 1, min(most, len(vertices))).astype(int)
+            chosen = np.linspace(0, len(vertices) - 1, min(count, len(vertices))).astype(int)
             known[group] = vertices[chosen].tolist()
     return [known.get(group, []) for group in groups]
 
